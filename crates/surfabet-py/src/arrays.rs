@@ -1,0 +1,136 @@
+//! numpy arrays of any shape, type and layout into checked Rust columns.
+
+use numpy::{
+    PyArrayDescrMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use crate::errors::invalid_input;
+
+/// Rows of three in the precision they came in.
+pub enum Rows3 {
+    /// Single precision or less.
+    F32(Vec<[f32; 3]>),
+    /// Everything else.
+    F64(Vec<[f64; 3]>),
+}
+
+impl Rows3 {
+    /// The rows rounded to single precision.
+    pub fn into_f32(self) -> Vec<[f32; 3]> {
+        match self {
+            Self::F32(rows) => rows,
+            Self::F64(rows) => rows.into_iter().map(|r| r.map(|c| c as f32)).collect(),
+        }
+    }
+
+    /// The rows in double precision.
+    pub fn into_f64(self) -> Vec<[f64; 3]> {
+        match self {
+            Self::F32(rows) => rows.into_iter().map(|r| r.map(f64::from)).collect(),
+            Self::F64(rows) => rows,
+        }
+    }
+}
+
+/// `obj` as a numpy array with its kind ('f', 'u', 'i') and item size, refused when not of real numbers.
+fn as_real_array<'py>(
+    name: &str,
+    obj: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyUntypedArray>, String, usize)> {
+    let array = obj.py().import("numpy")?.call_method1("asarray", (obj,))?;
+    let array = array.cast_into::<PyUntypedArray>()?;
+    let kind: String = array.dtype().getattr("kind")?.extract()?;
+    if !matches!(kind.as_str(), "f" | "i" | "u") {
+        let dtype = array.dtype().str()?;
+        return Err(PyTypeError::new_err(format!(
+            "{name} has dtype {dtype}; give an array of floating-point or integer numbers"
+        )));
+    }
+    let size = array.dtype().itemsize();
+    Ok((array, kind, size))
+}
+
+/// The same numbers as a C-ordered, native-endian, aligned array of `dtype`; no copy where it is one already.
+fn contiguous<'py>(array: &Bound<'py, PyUntypedArray>, dtype: &str) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = array.py().import("numpy")?;
+    numpy.call_method1("require", (array, dtype, ("C", "A")))
+}
+
+fn check_rows(name: &str, array: &Bound<'_, PyUntypedArray>, columns: usize) -> PyResult<()> {
+    if array.ndim() == 2 && array.shape()[1] == columns {
+        return Ok(());
+    }
+    Err(invalid_input(format!("{name} has shape {:?}, expected (n, {columns})", array.shape())))
+}
+
+fn rows_of<T: numpy::Element + Copy>(array: &Bound<'_, PyAny>) -> PyResult<Vec<[T; 3]>> {
+    let array: PyReadonlyArray2<'_, T> = array.extract()?;
+    Ok(array.as_slice().map_err(invalid_input)?.as_chunks::<3>().0.to_vec())
+}
+
+/// An (n, 3) array of real numbers.
+pub fn rows3(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Rows3> {
+    let (array, kind, size) = as_real_array(name, obj)?;
+    check_rows(name, &array, 3)?;
+    if kind == "f" && size <= 4 {
+        Ok(Rows3::F32(rows_of::<f32>(&contiguous(&array, "float32")?)?))
+    } else {
+        Ok(Rows3::F64(rows_of::<f64>(&contiguous(&array, "float64")?)?))
+    }
+}
+
+/// An (n,) array of real numbers in single precision.
+pub fn column_f32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
+    let (array, _, _) = as_real_array(name, obj)?;
+    if array.ndim() != 1 {
+        return Err(invalid_input(format!("{name} has shape {:?}, expected (n,)", array.shape())));
+    }
+    let array: PyReadonlyArray1<'_, f32> = contiguous(&array, "float32")?.extract()?;
+    array.as_slice().map(<[f32]>::to_vec).map_err(invalid_input)
+}
+
+/// An (n,) array of non-negative integers below 2^32.
+pub fn column_u32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<u32>> {
+    let (array, kind, _) = as_real_array(name, obj)?;
+    if array.ndim() != 1 || kind == "f" {
+        let dtype = array.dtype().str()?;
+        return Err(invalid_input(format!(
+            "{name} has shape {:?} and dtype {dtype}, expected (n,) integers",
+            array.shape()
+        )));
+    }
+    // uint64 values past i64 become negative here and are refused with the rest.
+    let array: PyReadonlyArray1<'_, i64> = contiguous(&array, "int64")?.extract()?;
+    let column: Result<Vec<u32>, _> =
+        array.as_slice().map_err(invalid_input)?.iter().map(|&v| u32::try_from(v)).collect();
+    column.map_err(|_| invalid_input(format!("{name} must lie between 0 and {}", u32::MAX)))
+}
+
+/// (n, 3) colours: uint8 as they are, uint16 scaled from 0..65535, floats from 0..1.
+pub fn colors(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<[u8; 3]>> {
+    let (array, kind, size) = as_real_array(name, obj)?;
+    check_rows(name, &array, 3)?;
+    match (kind.as_str(), size) {
+        ("u", 1) => rows_of::<u8>(&contiguous(&array, "uint8")?),
+        ("u", 2) => {
+            let rows = rows_of::<u16>(&contiguous(&array, "uint16")?)?;
+            Ok(rows.iter().map(|r| r.map(|c| ((u32::from(c) + 128) / 257) as u8)).collect())
+        }
+        ("f", _) => {
+            let rows = rows_of::<f32>(&contiguous(&array, "float32")?)?;
+            if let Some(bad) = rows.iter().flatten().find(|c| !(0.0..=1.0).contains(*c)) {
+                return Err(invalid_input(format!(
+                    "{name} are floating-point and hold {bad}; floats must lie in 0..1, \
+                     use uint8 for 0..255"
+                )));
+            }
+            Ok(rows.iter().map(|r| r.map(|c| (c * 255.0).round() as u8)).collect())
+        }
+        _ => Err(PyTypeError::new_err(format!(
+            "{name} have dtype {}; use uint8 (0..255), uint16 (0..65535) or floats (0..1)",
+            array.dtype().str()?
+        ))),
+    }
+}

@@ -1,0 +1,249 @@
+//! `surfabet.PointCloud`.
+
+use numpy::ndarray::{ArrayView1, ArrayView2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Viewpoints};
+
+use crate::arrays::{self, Rows3};
+use crate::errors::{IntoPyErr, invalid_input};
+use crate::view::{FrozenOwner, read_only_view};
+
+/// Points in metres with what the scanner knew of them; immutable.
+#[pyclass(name = "PointCloud", module = "surfabet", frozen)]
+pub struct PyPointCloud {
+    pub(crate) cloud: PointCloud,
+}
+
+impl FrozenOwner for PyPointCloud {}
+
+impl From<PointCloud> for PyPointCloud {
+    fn from(cloud: PointCloud) -> Self {
+        Self { cloud }
+    }
+}
+
+fn rows<T, const N: usize>(values: &[[T; N]]) -> ArrayView2<'_, T> {
+    ArrayView2::from(values)
+}
+
+fn warn_dropped(py: Python<'_>, dropped: DroppedValues, total: usize) -> PyResult<()> {
+    if dropped == DroppedValues::default() {
+        return Ok(());
+    }
+    let mut parts = Vec::new();
+    if dropped.points > 0 {
+        parts.push(format!(
+            "dropped {} of {total} points with NaN or infinite coordinates",
+            dropped.points
+        ));
+    }
+    if dropped.attributes > 0 {
+        parts.push(format!(
+            "set {} normals, ranges or intensities that were not finite to zero (unknown)",
+            dropped.attributes
+        ));
+    }
+    let category = py.import("surfabet.errors")?.getattr("DroppedPointsWarning")?;
+    py.import("warnings")?.call_method1("warn", (parts.join("; "), category, 2))?;
+    Ok(())
+}
+
+#[pymethods]
+impl PyPointCloud {
+    #[new]
+    #[pyo3(signature = (points, *, colors=None, intensities=None, normals=None, ranges=None,
+                        viewpoints=None, viewpoint_index=None, origin=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        colors: Option<&Bound<'_, PyAny>>,
+        intensities: Option<&Bound<'_, PyAny>>,
+        normals: Option<&Bound<'_, PyAny>>,
+        ranges: Option<&Bound<'_, PyAny>>,
+        viewpoints: Option<&Bound<'_, PyAny>>,
+        viewpoint_index: Option<&Bound<'_, PyAny>>,
+        origin: Option<[f64; 3]>,
+    ) -> PyResult<Self> {
+        let (origin, positions) = match (arrays::rows3("points", points)?, origin) {
+            (rows, Some(origin)) => (origin, rows.into_f32()),
+            (Rows3::F64(world), None) => PointCloud::split_origin(&world),
+            (Rows3::F32(local), None) => {
+                let far = local.iter().flatten().any(|c| c.is_finite() && c.abs() > 1000.0);
+                if far {
+                    PointCloud::split_origin(&Rows3::F32(local).into_f64())
+                } else {
+                    ([0.0; 3], local)
+                }
+            }
+        };
+        let total = positions.len();
+        let viewpoints = match (viewpoints, viewpoint_index) {
+            (None, None) => None,
+            (None, Some(_)) => {
+                return Err(invalid_input("viewpoint_index needs viewpoints, an (m, 3) array"));
+            }
+            (Some(origins), index) => {
+                let origins = arrays::rows3("viewpoints", origins)?.into_f64();
+                let index = match index {
+                    Some(index) => arrays::column_u32("viewpoint_index", index)?,
+                    None if origins.len() == 1 => vec![0; total],
+                    None if origins.len() == total => (0..total).map(|i| i as u32).collect(),
+                    None => {
+                        return Err(invalid_input(format!(
+                            "{} viewpoints for {total} points: give one, one per point, or \
+                             viewpoint_index",
+                            origins.len()
+                        )));
+                    }
+                };
+                Some(Viewpoints { origins, index })
+            }
+        };
+        let parts = CloudParts {
+            origin,
+            positions,
+            colors: colors.map(|c| arrays::colors("colors", c)).transpose()?,
+            intensities: intensities.map(|c| arrays::column_f32("intensities", c)).transpose()?,
+            normals: normals.map(|c| arrays::rows3("normals", c)).transpose()?.map(Rows3::into_f32),
+            ranges: ranges.map(|c| arrays::column_f32("ranges", c)).transpose()?,
+            viewpoints,
+        };
+        let (cloud, dropped) = PointCloud::from_parts(parts).map_err(IntoPyErr::into_py_err)?;
+        warn_dropped(py, dropped, total)?;
+        Ok(Self { cloud })
+    }
+
+    #[getter]
+    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let world: Vec<f64> = (0..self.cloud.len()).flat_map(|i| self.cloud.world(i)).collect();
+        world.into_pyarray(py).reshape([self.cloud.len(), 3])
+    }
+
+    #[getter]
+    fn local_points<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyArray2<f32>> {
+        read_only_view(slf, |c| rows(c.cloud.positions()))
+    }
+
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.cloud.origin()
+    }
+
+    #[getter]
+    fn colors<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray2<u8>>> {
+        slf.get().cloud.colors()?;
+        Some(read_only_view(slf, |c| rows(c.cloud.colors().unwrap_or_default())))
+    }
+
+    #[getter]
+    fn intensities<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f32>>> {
+        slf.get().cloud.intensities()?;
+        Some(read_only_view(slf, |c| ArrayView1::from(c.cloud.intensities().unwrap_or_default())))
+    }
+
+    #[getter]
+    fn normals<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray2<f32>>> {
+        slf.get().cloud.normals()?;
+        Some(read_only_view(slf, |c| rows(c.cloud.normals().unwrap_or_default())))
+    }
+
+    #[getter]
+    fn ranges<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f32>>> {
+        slf.get().cloud.ranges()?;
+        Some(read_only_view(slf, |c| ArrayView1::from(c.cloud.ranges().unwrap_or_default())))
+    }
+
+    #[getter]
+    fn viewpoints<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray2<f64>>> {
+        slf.get().cloud.viewpoints()?;
+        Some(read_only_view(slf, |c| {
+            rows(c.cloud.viewpoints().map(|v| &v.origins[..]).unwrap_or_default())
+        }))
+    }
+
+    #[getter]
+    fn viewpoint_index<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<u32>>> {
+        slf.get().cloud.viewpoints()?;
+        Some(read_only_view(slf, |c| {
+            ArrayView1::from(c.cloud.viewpoints().map(|v| &v.index[..]).unwrap_or_default())
+        }))
+    }
+
+    #[getter]
+    fn bounds(&self) -> Option<([f64; 3], [f64; 3])> {
+        self.cloud.bounds()
+    }
+
+    #[getter]
+    fn attributes(&self) -> Vec<&'static str> {
+        let present = [
+            ("colors", self.cloud.colors().is_some()),
+            ("intensities", self.cloud.intensities().is_some()),
+            ("normals", self.cloud.normals().is_some()),
+            ("ranges", self.cloud.ranges().is_some()),
+            ("viewpoints", self.cloud.viewpoints().is_some()),
+        ];
+        present.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect()
+    }
+
+    /// Points at integer indices or where a boolean mask is true.
+    fn select(&self, py: Python<'_>, which: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let numpy = py.import("numpy")?;
+        let array = numpy.call_method1("asarray", (which,))?;
+        let dtype: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        let index = if dtype == "b" {
+            let n: usize = array.len()?;
+            if n != self.cloud.len() {
+                return Err(invalid_input(format!(
+                    "the mask has {n} values for {} points",
+                    self.cloud.len()
+                )));
+            }
+            numpy.call_method1("flatnonzero", (&array,))?
+        } else {
+            array
+        };
+        let index = arrays::column_u32("index", &index)?;
+        let index: Vec<usize> = index.into_iter().map(|i| i as usize).collect();
+        self.cloud.select(&index).map(Self::from).map_err(IntoPyErr::into_py_err)
+    }
+
+    #[staticmethod]
+    fn concat(clouds: Vec<PyRef<'_, Self>>) -> (Self, Vec<&'static str>) {
+        let clouds: Vec<PointCloud> = clouds.iter().map(|c| c.cloud.clone()).collect();
+        let (cloud, lost) = PointCloud::concat(&clouds);
+        (cloud.into(), lost)
+    }
+
+    fn __len__(&self) -> usize {
+        self.cloud.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let extent = self.cloud.bounds().map_or_else(
+            || "empty".to_owned(),
+            |(low, high)| {
+                format!(
+                    "{:.2} x {:.2} x {:.2} m",
+                    high[0] - low[0],
+                    high[1] - low[1],
+                    high[2] - low[2]
+                )
+            },
+        );
+        let attributes = self.attributes();
+        let attributes = if attributes.is_empty() {
+            String::new()
+        } else {
+            format!(", {}", attributes.join(", "))
+        };
+        format!("PointCloud({} points, {extent}{attributes})", self.cloud.len())
+    }
+}
+
+/// Adds this file's classes to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyPointCloud>()
+}

@@ -1,0 +1,136 @@
+//! Long work: interpreter lock released, progress shown, Ctrl-C heard, threads bounded.
+
+use std::panic::AssertUnwindSafe;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, RwLock, mpsc};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use rayon::ThreadPool;
+use surfabet_geom::Progress;
+
+use crate::errors::{IntoPyErr, internal, invalid_input};
+
+/// How often the waiting thread looks for signals and passes on progress.
+const POLL: Duration = Duration::from_millis(50);
+
+/// The pool set by [`set_num_threads`]; the global pool of rayon (all cores) when `None`.
+static POOL: RwLock<Option<Arc<ThreadPool>>> = RwLock::new(None);
+
+struct Monitor {
+    cancelled: AtomicBool,
+    latest: Mutex<Option<(&'static str, f32)>>,
+}
+
+impl Progress for Monitor {
+    fn update(&self, stage: &'static str, fraction: f32) {
+        *self.latest.lock().unwrap_or_else(PoisonError::into_inner) = Some((stage, fraction));
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+}
+
+impl Monitor {
+    /// Passes the newest state to `callback` and lets Python handle its signals.
+    fn poll(&self, callback: Option<&Py<PyAny>>) -> PyResult<()> {
+        let latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner).take();
+        Python::attach(|py| {
+            py.check_signals()?;
+            if let (Some(callback), Some((stage, fraction))) = (callback, latest) {
+                callback.call1(py, (stage, fraction))?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Runs `work` on a thread of its own without the interpreter lock and waits for it.
+///
+/// `callback` is called as `callback(stage: str, fraction: float)` from the calling thread. When it raises, or
+/// a signal handler does, the work is cancelled and that exception is raised here.
+pub fn run<T, E>(
+    py: Python<'_>,
+    callback: Option<Py<PyAny>>,
+    work: impl FnOnce(&dyn Progress) -> Result<T, E> + Send,
+) -> PyResult<T>
+where
+    T: Send,
+    E: IntoPyErr + Send,
+{
+    let monitor = Monitor { cancelled: AtomicBool::new(false), latest: Mutex::new(None) };
+    let pool = POOL.read().unwrap_or_else(PoisonError::into_inner).clone();
+    py.detach(|| {
+        std::thread::scope(|scope| {
+            let (done, is_done) = mpsc::channel();
+            let monitor = &monitor;
+            let worker = scope.spawn(move || {
+                let result = std::panic::catch_unwind(AssertUnwindSafe(|| match pool {
+                    Some(pool) => pool.install(|| work(monitor)),
+                    None => work(monitor),
+                }));
+                // The receiver lives until this thread is joined.
+                let _ = done.send(());
+                result
+            });
+            let mut interrupted = None;
+            while is_done.recv_timeout(POLL).is_err() {
+                if interrupted.is_none()
+                    && let Err(error) = monitor.poll(callback.as_ref())
+                {
+                    interrupted = Some(error);
+                    monitor.cancelled.store(true, Ordering::Relaxed);
+                }
+            }
+            let outcome = worker.join().unwrap_or_else(Err);
+            if let Some(error) = interrupted {
+                return Err(error);
+            }
+            match outcome {
+                Ok(Ok(value)) => monitor.poll(callback.as_ref()).map(|()| value),
+                Ok(Err(error)) => Err(error.into_py_err()),
+                Err(panic) => {
+                    let message = panic
+                        .downcast_ref::<String>()
+                        .map(String::as_str)
+                        .or_else(|| panic.downcast_ref::<&str>().copied())
+                        .unwrap_or("a worker thread ended early");
+                    Err(internal(message))
+                }
+            }
+        })
+    })
+}
+
+/// Bounds the threads that surfabet uses from now on; `None` gives back all cores. Results do not depend on it.
+#[pyfunction]
+#[pyo3(signature = (n_threads))]
+fn set_num_threads(n_threads: Option<usize>) -> PyResult<()> {
+    let pool = match n_threads {
+        None => None,
+        Some(n) if (1..=1024).contains(&n) => {
+            let built = rayon::ThreadPoolBuilder::new().num_threads(n).build();
+            Some(Arc::new(built.map_err(internal)?))
+        }
+        Some(n) => return Err(invalid_input(format!("n_threads is {n}, but must be 1 to 1024"))),
+    };
+    *POOL.write().unwrap_or_else(PoisonError::into_inner) = pool;
+    Ok(())
+}
+
+/// The number of threads that surfabet uses.
+#[pyfunction]
+fn get_num_threads() -> usize {
+    POOL.read()
+        .unwrap_or_else(PoisonError::into_inner)
+        .as_ref()
+        .map_or_else(rayon::current_num_threads, |pool| pool.current_num_threads())
+}
+
+/// Adds this file's functions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(get_num_threads, module)?)?;
+    Ok(())
+}
