@@ -195,6 +195,22 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// Checks the size of a file before it is read.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] above `max_bytes`.
+    pub fn check_size(&self, bytes: u64) -> Result<()> {
+        if bytes <= self.max_bytes {
+            return Ok(());
+        }
+        Err(Error::TooLarge {
+            what: "size of the file",
+            value: bytes,
+            limit: self.max_bytes,
+            remedy: "raise max_bytes if you trust the file",
+        })
+    }
+
     /// Checks a number of items of which each will take `bytes_each` bytes of memory, before it is allocated.
     ///
     /// # Errors
