@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use numpy::ndarray::{Array2, Array3, ArrayView2, ArrayView3};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
+use numpy::ndarray::{Array2, Array3, ArrayView2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use surfabet::{DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches};
@@ -136,19 +136,20 @@ impl PyPatchModel {
     }
 
     #[getter]
-    fn axes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
-        let axes: Vec<[[f32; 3]; 3]> = self
+    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let axes: Vec<f32> = self
             .model
             .levels()
             .iter()
             .flat_map(|l| {
                 l.poses.iter().map(|p| {
                     let frame = p.frame(l.steps.position as f32);
-                    [frame.x, frame.y, frame.z]
+                    [frame.x, frame.y, frame.z].into_iter().flatten()
                 })
             })
+            .flatten()
             .collect();
-        ArrayView3::from(&axes[..]).to_owned().into_pyarray(py)
+        axes.into_pyarray(py).reshape([self.model.len(), 3, 3])
     }
 
     /// Bitmasks of the patches of one level, (m, n, n).
