@@ -730,6 +730,41 @@ mod tests {
         }
 
         #[test]
+        fn hostile_headers_with_right_checksums_do_no_harm(
+            fixed in prop::array::uniform3(0..6_u8),
+            features in prop_oneof![0..4_u64, any::<u64>()],
+            count in prop_oneof![0..6_u64, any::<u64>()],
+            table in prop::collection::vec(
+                (
+                    prop::array::uniform4(0x1e_u8..0x24),
+                    prop_oneof![0..9_u64, any::<u64>()],
+                    prop_oneof![Just(0), any::<u32>()],
+                ),
+                0..6,
+            ),
+            body in prop::collection::vec(any::<u8>(), 0..30),
+        ) {
+            let mut header = ByteWriter::new();
+            header.bytes(&MAGIC);
+            header.u8(CONTAINER_VERSION);
+            header.bytes(&fixed);
+            header.varint(features);
+            header.varint(count);
+            for (tag, len, checksum) in &table {
+                header.bytes(tag);
+                header.varint(*len);
+                header.u32(*checksum);
+            }
+            let mut file = header.finish();
+            file.extend(crc32c::crc32c(&file).to_le_bytes());
+            file.extend(body);
+            if let Ok(container) = parse(&file) {
+                let inside: usize = container.sections().iter().map(|s| s.bytes.len()).sum();
+                prop_assert_eq!(container.overhead() + inside, file.len());
+            }
+        }
+
+        #[test]
         fn garbage_is_refused(bytes: Vec<u8>) {
             let mut file = MAGIC.to_vec();
             file.push(CONTAINER_VERSION);
