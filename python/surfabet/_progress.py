@@ -20,8 +20,8 @@ Progress = bool | ProgressCallback | None
 def progress_callback(progress: Progress) -> Iterator[ProgressCallback | None]:
     """The callable that `progress` stands for, for the time of a `with` block.
 
-    With True it is a bar on stderr, drawn by rich where that is installed and as a plain line where not;
-    the bar is taken away at the end of the block, whichever way it is left.
+    With True it is a bar on stderr, drawn by rich where that is installed and as a plain line where
+    not; the bar is taken away at the end of the block, whichever way it is left.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Pictures of what a model keeps: the original and the decoded cloud from one camera, and their errors."""
+"""Pictures of what a model keeps: both clouds from one camera, and their errors."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +15,19 @@ from surfabet.errors import InvalidInputError, MissingDependencyError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["PICTURE_SUFFIXES", "Camera", "choose_camera", "draw_comparison", "render"]
+__all__ = [
+    "PICTURE_SUFFIXES",
+    "Camera",
+    "choose_camera",
+    "draw_comparison",
+    "point_spacing",
+    "render",
+]
 
 PICTURE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".pdf", ".svg", ".webp"})
 
 BACKGROUND = 255
+EMPTY = np.uint64(2**64 - 1)
 # Points are projected in pieces of this many, so that memory stays small beside the cloud itself.
 CHUNK = 1 << 20
 # Points looked at to place the camera and to learn spacing, height and intensity ranges.
@@ -33,12 +41,13 @@ class Camera:
     Attributes
     ----------
     eye, target, up
-        Position, the point looked at, and the direction that is upwards in the picture; metres, world frame.
+        Position, the point looked at, and the direction that is upwards in the picture; metres,
+        world frame.
     field_of_view
         Horizontal opening in degrees.
     keep
-        Half spaces `(normal, limit)`: a point p is drawn only where `normal . p <= limit` for each. They cut
-        away a ceiling or a wall that would hide a room seen from outside.
+        Half spaces `(normal, limit)`: a point p is drawn only where `normal . p <= limit` for each.
+        They cut away a ceiling or a wall that would hide a room seen from outside.
     """
 
     eye: NDArray[np.float64]
@@ -61,6 +70,7 @@ def render(
     camera: Camera,
     rgb: NDArray[np.uint8],
     *,
+    spacing: float,
     width: int = 960,
     height: int = 720,
 ) -> NDArray[np.uint8]:
@@ -74,6 +84,8 @@ def render(
         From where.
     rgb
         (n, 3) colours of the points.
+    spacing
+        Side of the squares in metres, see `point_spacing`.
     width, height
         Size of the picture in pixels.
 
@@ -84,50 +96,68 @@ def render(
     """
     rotation = camera.rotation()
     focal = 0.5 * width / np.tan(np.radians(camera.field_of_view) / 2)
-    spacing = _spacing(cloud)
-    # One 64-bit word per pixel: depth in the upper half, index in the lower, so the minimum is the front.
-    # A positive float's bits sort as the float does.
-    front = np.full(height * width, np.iinfo(np.uint64).max, np.uint64)
-    local = cloud.local_points
-    # Differences to the camera are taken in f64: clouds in map coordinates lose their detail in f32.
+    # One 64-bit word per pixel: depth in the upper half, index in the lower, so the minimum is the
+    # front. A positive float's bits sort as the float does.
+    front = np.full(height * width, EMPTY)
+    # Differences to the camera are taken in f64: clouds in map coordinates lose their detail in
+    # f32.
     offset = np.asarray(cloud.origin) - camera.eye
     for start in range(0, len(cloud), CHUNK):
-        world = local[start : start + CHUNK] + offset
-        kept = np.ones(len(world), bool)
+        ray = cloud.local_points[start : start + CHUNK] + offset
+        x, y, depth = rotation @ ray.T
+        kept = depth > 1e-3
         for normal, limit in camera.keep:
-            kept &= world @ normal <= limit - camera.eye @ normal
-        x, y, depth = rotation @ world.T
-        kept &= depth > 1e-3
+            kept &= ray @ normal <= limit - camera.eye @ normal
         index = np.flatnonzero(kept)
         depth = depth[index]
         column = np.floor(focal * x[index] / depth + width / 2)
         row = np.floor(focal * y[index] / depth + height / 2)
         inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        index, depth = index[inside], depth[inside]
-        column, row = column[inside].astype(np.int64), row[inside].astype(np.int64)
-        size = np.clip(np.ceil(focal * spacing / depth), 1, 7).astype(np.int64)
-        bits = depth.astype(np.float32).view(np.uint32).astype(np.uint64)
-        key = (bits << np.uint64(32)) | (index + start).astype(np.uint64)
-        for side in range(1, int(size.max(initial=0)) + 1):
-            chosen = size == side
-            for dy in range(side):
-                for dx in range(side):
-                    r = np.clip(row[chosen] + dy - side // 2, 0, height - 1)
-                    c = np.clip(column[chosen] + dx - side // 2, 0, width - 1)
-                    np.minimum.at(front, r * width + c, key[chosen])
+        pixel = row[inside].astype(np.int64) * width + column[inside].astype(np.int64)
+        bits = depth[inside].astype(np.float32).view(np.uint32).astype(np.uint64)
+        key = (bits << np.uint64(32)) | (index[inside] + start).astype(np.uint64)
+        np.minimum.at(front, pixel, key)
 
-    drawn = front != np.iinfo(np.uint64).max
-    picture = np.full((height * width, 3), BACKGROUND, np.uint8)
-    z = np.full(height * width, np.inf)
-    z[drawn] = (front[drawn] >> np.uint64(32)).astype(np.uint32).view(np.float32)
-    shade = _eye_dome(z.reshape(height, width)).ravel()[drawn]
+    # Only points that are in front of their own pixel are widened to squares.
+    pixel = np.flatnonzero(front != EMPTY)
+    key = front[pixel]
+    row, column = np.divmod(pixel, width)
+    sides = np.clip(np.ceil(focal * spacing / _depth(key)), 1, 9).astype(np.int64)
+    for side in np.unique(sides):
+        chosen = sides == side
+        for dy in range(side):
+            for dx in range(side):
+                r = np.clip(row[chosen] + dy - side // 2, 0, height - 1)
+                c = np.clip(column[chosen] + dx - side // 2, 0, width - 1)
+                np.minimum.at(front, r * width + c, key[chosen])
+
+    drawn = front != EMPTY
+    depth_image = np.full(height * width, np.inf)
+    depth_image[drawn] = _depth(front[drawn])
+    shade = _eye_dome(depth_image.reshape(height, width)).ravel()[drawn]
     nearest = (front[drawn] & np.uint64(0xFFFFFFFF)).astype(np.int64)
+    picture = np.full((height * width, 3), BACKGROUND, np.uint8)
     picture[drawn] = rgb[nearest] * shade[:, None]
     return picture.reshape(height, width, 3)
 
 
+def point_spacing(cloud: PointCloud, tree: KdTree) -> float:
+    """Side in metres of a square that closes the gaps between most points and their neighbours.
+
+    It is 1.5 times the median distance to the third neighbour, of a sample; `tree` holds the
+    cloud's points.
+    """
+    sample = cloud.points[_sample(len(cloud), 5_000)]
+    distances, _ = tree.query(sample, k=min(4, len(cloud)))
+    return float(1.5 * np.median(distances[:, -1]))
+
+
+def _depth(key: NDArray[np.uint64]) -> NDArray[np.float32]:
+    return (key >> np.uint64(32)).astype(np.uint32).view(np.float32)
+
+
 def _eye_dome(depth: NDArray[np.float64], strength: float = 8.0) -> NDArray[np.float64]:
-    """Shade in 0..1 that darkens a pixel by how far its neighbours lie before it (eye-dome lighting)."""
+    """Eye-dome lighting: shade in 0..1, the darker the farther a pixel's neighbours lie before it."""
     log = np.log(depth, out=np.full(depth.shape, np.inf), where=np.isfinite(depth))
     padded = np.pad(log, 1, mode="edge")
     rows, columns = depth.shape
@@ -139,26 +169,19 @@ def _eye_dome(depth: NDArray[np.float64], strength: float = 8.0) -> NDArray[np.f
     return np.exp(-strength * response / 4)
 
 
-def _sample(n: int) -> NDArray[np.int64]:
-    return np.linspace(0, n - 1, min(n, SAMPLE)).astype(np.int64)
-
-
-def _spacing(cloud: PointCloud) -> float:
-    """Side of a square that closes the gaps between most points and their neighbours."""
-    if len(cloud) < 2:
-        return 0.01
-    tree = KdTree(cloud)
-    sample = cloud.select(_sample(len(cloud))[:: max(1, SAMPLE // 5_000)])
-    distances, _ = tree.query(sample.points, k=min(4, len(cloud)))
-    return float(1.5 * np.median(distances[:, -1]))
+def _sample(n: int, at_most: int = SAMPLE) -> NDArray[np.int64]:
+    """Indices spread evenly over n points."""
+    return np.linspace(0, n - 1, min(n, at_most)).astype(np.int64)
 
 
 def choose_camera(cloud: PointCloud) -> Camera:
-    """A camera that shows most of a cloud: from one of its sensor positions where known, else from outside.
+    """A camera that shows most of a cloud.
 
-    From outside, faces of the bounding box that are turned to the camera and closed, as ceilings and walls of
-    a room are, are cut away. Upwards is z, unless the sensor moved over a space that is thin along another
-    axis, as hand-held cameras in their own frame do.
+    It stands at one of the cloud's sensor positions where they are known, else outside.
+
+    From outside, faces of the bounding box that are turned to the camera and closed, as ceilings
+    and walls of a room are, are cut away. Upwards is z, unless the sensor moved over a space that
+    is thin along another axis, as hand-held cameras in their own frame do.
     """
     if len(cloud) == 0:
         raise InvalidInputError("the cloud is empty; there is nothing to look at")
@@ -181,7 +204,8 @@ def _upwards(
     if viewpoints is not None and len(viewpoints) >= 8:
         spread = viewpoints.std(axis=0)
         if spread.min() > 0:
-            # Who carries a sensor moves it sideways more than up and down, and above most of what it sees.
+            # Who carries a sensor moves it sideways more than up and down, and above most of what
+            # it sees.
             axis = int(np.argmin(spread))
             below = np.median(points[:, axis]) <= np.median(viewpoints[:, axis])
             sign = 1.0 if below else -1.0
@@ -235,13 +259,27 @@ def _outside_view(
         limit = (side * (high if side > 0 else low))[axis] - 0.12 * extent[axis]
         if _is_closed(np.delete(points, axis, axis=1), along > limit):
             keep.append((side * np.eye(3)[axis], float(limit)))
-    center = (low + high) / 2
-    distance = 1.0 * float(np.linalg.norm(extent))
-    return Camera(center + distance * toward_eye, center, up, 55.0, tuple(keep))
+    camera = Camera((low + high) / 2 + toward_eye, (low + high) / 2, up, 50.0, tuple(keep))
+    seen = points[np.all((points >= low) & (points <= high), axis=1)]
+    for normal, limit in keep:
+        seen = seen[seen @ normal <= limit]
+    return _fit(camera, seen if len(seen) else points, aspect=0.75)
+
+
+def _fit(camera: Camera, points: NDArray[np.float64], aspect: float) -> Camera:
+    """The same direction of view, centred on the points and as near as shows them all."""
+    rotation = camera.rotation()
+    x, y, z = rotation @ (points - camera.target).T
+    half = np.tan(np.radians(camera.field_of_view) / 2)
+    shift = [(side.max() + side.min()) / 2 for side in (x, y)]
+    wide = np.maximum(np.abs(x - shift[0]), np.abs(y - shift[1]) / aspect)
+    distance = max(1.05 * float(np.max(wide / half - z)), 0.01)
+    target = camera.target + shift[0] * rotation[0] + shift[1] * rotation[1]
+    return replace(camera, eye=target - distance * rotation[2], target=target)
 
 
 def _is_closed(plane: NDArray[np.float64], in_slab: NDArray[np.bool_], cells: int = 24) -> bool:
-    """True when the points in the slab cover most of what all points cover, seen along the slab's normal."""
+    """True when the points in the slab cover most of what all points do, seen along its normal."""
     low = plane.min(axis=0)
     scale = cells / np.maximum(np.ptp(plane, axis=0), 1e-9)
     cell = np.minimum((plane - low) * scale, cells - 1).astype(np.int64) @ np.array([cells, 1])
@@ -263,7 +301,8 @@ def draw_comparison(
     path
         File to write; the name tells the format, see `PICTURE_SUFFIXES`.
     reference, decoded
-        Both clouds. They are drawn in their colours; where one has none, by intensity or else by height.
+        Both clouds. They are drawn in their colours; where one has none, by intensity or else by
+        height.
     quality
         What `surfabet.evaluate` said of them, for the titles.
     camera
@@ -277,6 +316,8 @@ def draw_comparison(
         When a cloud is empty.
     """
     try:
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingDependencyError(
@@ -287,24 +328,29 @@ def draw_comparison(
             f"the clouds have {len(reference)} and {len(decoded)} points; there is nothing to draw"
         )
     camera = choose_camera(reference) if camera is None else camera
-    forward = KdTree(reference).query(decoded.points, k=1)[0].ravel()
-    backward_sample = reference.select(_sample(len(reference)))
-    backward = KdTree(decoded).query(backward_sample.points, k=1)[0].ravel()
+    tree, decoded_tree = KdTree(reference), KdTree(decoded)
+    forward = tree.query(decoded.points, k=1)[0].ravel()
+    sample = reference.points[_sample(len(reference))]
+    backward = decoded_tree.query(sample, k=1)[0].ravel()
     limit = max(float(np.percentile(forward, 99)), 1e-6)
+    spacing = point_spacing(reference, tree)
+    decoded_spacing = point_spacing(decoded, decoded_tree)
+    rgb, decoded_rgb = _colors(reference, decoded, camera.up)
+    error_rgb = _colormap(forward, 0.0, limit, "inferno")
 
     figure = Figure(figsize=(14, 11), layout="constrained")
-    panels = figure.subplots(2, 2)
-    rgb_reference, rgb_decoded = _colors(reference, decoded, camera.up)
-    _show(panels[0, 0], render(reference, camera, rgb_reference), f"original: {len(reference):,} points")
-    _show(panels[0, 1], render(decoded, camera, rgb_decoded), _decoded_title(decoded, quality))
-    errors = _colormap(forward, 0.0, limit, "inferno")
-    _show(panels[1, 0], render(decoded, camera, errors), "distance of decoded points to the original")
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
+    (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
+    picture = render(reference, camera, rgb, spacing=spacing)
+    _show(top_left, picture, f"original: {len(reference):,} points")
+    picture = render(decoded, camera, decoded_rgb, spacing=decoded_spacing)
+    _show(top_right, picture, _decoded_title(decoded, quality))
+    picture = render(decoded, camera, error_rgb, spacing=decoded_spacing)
+    _show(bottom_left, picture, "distance of the decoded points to the original, mm")
     scale = ScalarMappable(Normalize(0, 1000 * limit), "inferno")
-    figure.colorbar(scale, ax=panels[1, 0], location="bottom", shrink=0.6, label="mm")
-    _histogram(panels[1, 1], forward, backward, limit, quality)
+    figure.colorbar(
+        scale, cax=bottom_left.inset_axes((0.2, -0.06, 0.6, 0.03)), orientation="horizontal"
+    )
+    _histogram(bottom_right, forward, backward, limit, quality)
     figure.savefig(path, dpi=110)
 
 

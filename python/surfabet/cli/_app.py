@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from cyclopts import App, CycloptsError
 
 import surfabet
-from surfabet.cli._options import COMMON, Common, UsageError
+from surfabet.cli._options import COMMON, UsageError
 from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
@@ -25,8 +25,8 @@ app = App(
     name="surfabet",
     help="""Compact 3D models of point clouds, learned from what recurs in them.
 
-    A scan goes in (ply, pcd, las, laz, e57, npz, xyz, KITTI bin or a folder of RGB-D frames), a small
-    `.sfb` file comes out, and from that a cloud again at any point spacing:
+    A scan goes in (ply, pcd, las, laz, e57, npz, xyz, KITTI bin or a folder of RGB-D frames), a
+    small `.sfb` file comes out, and from that a cloud again at any point spacing:
 
         surfabet compress room.ply room.sfb --resolution 0.01
         surfabet decompress room.sfb again.ply
@@ -57,9 +57,13 @@ def run(argv: Sequence[str]) -> int:
             command(*bound.args, **bound.kwargs)
             sys.stdout.flush()
         return OK
-    except (CycloptsError, UsageError) as error:
-        _say_error(error)
-        print("surfabet --help tells how to use it", file=sys.stderr)
+    except CycloptsError as error:
+        # The library's own formatting would be a frame of several lines.
+        chain = " ".join(["surfabet", *(error.command_chain or ()), "--help"])
+        _say_error(f"{error} See {chain}.")
+        return USAGE
+    except UsageError as error:
+        _say_error(str(error))
         return USAGE
     except KeyboardInterrupt:
         print("surfabet: interrupted", file=sys.stderr)
@@ -71,18 +75,20 @@ def run(argv: Sequence[str]) -> int:
     except Exception as error:
         if common.debug:
             traceback.print_exc()
-        _say_error(error)
+        _say_error(_message(error))
         return FAILED
 
 
-def _say_error(error: Exception) -> None:
-    if isinstance(error, OSError) and error.strerror and error.filename:
-        message = f"{error.filename}: {error.strerror}"
-    elif isinstance(error, MemoryError):
-        message = f"out of memory {error}".rstrip()
-    else:
-        message = str(error) or type(error).__name__
+def _say_error(message: str) -> None:
     print("surfabet: error:", " ".join(message.split()), file=sys.stderr)
+
+
+def _message(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        return f"out of memory {error}".rstrip()
+    return str(error) or type(error).__name__
 
 
 @contextmanager

@@ -11,8 +11,14 @@ from pathlib import Path
 import surfabet
 from surfabet._progress import ProgressCallback
 from surfabet.cli._options import ReadOptions, UsageError
+from surfabet.io import formats
 
 MODEL_SUFFIX = ".sfb"
+
+
+def cloud_suffixes() -> frozenset[str]:
+    """The endings of file names that clouds can be written to."""
+    return frozenset(suffix for known in formats() if known.writer for suffix in known.suffixes)
 
 
 def check_output(path: Path, suffixes: frozenset[str], *inputs: Path) -> None:
@@ -40,18 +46,17 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.replace(path)
 
 
-def read_cloud(
-    path: Path, options: ReadOptions, progress: ProgressCallback
-) -> surfabet.PointCloud:
+def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> surfabet.PointCloud:
     """The cloud of any readable file or RGB-D folder."""
-    given = options.given()
-    if given and not path.is_dir():
-        names = ", ".join(f"--{name.replace('_', '-')}" for name in given)
-        raise UsageError(f"{names}: only for folders of RGB-D frames, and {path} is none")
     if path.suffix.lower() == MODEL_SUFFIX:
-        raise UsageError(f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it")
+        raise UsageError(
+            f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
+        )
+    if options.changed() and path.is_file():
+        names = ", ".join(options.changed())
+        raise UsageError(f"{names}: only for folders of RGB-D frames, and {path} is a file")
     progress(f"read {path.name}", 0.0)
-    return surfabet.read(path, **given)
+    return surfabet.read(path, **(options.for_folder() if path.is_dir() else {}))
 
 
 def load_model(path: Path, progress: ProgressCallback) -> surfabet.PatchModel:

@@ -12,26 +12,27 @@ from cyclopts.validators import Number
 import surfabet
 from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_disk, whole_file
 from surfabet.cli._format import bytes_text, millimetres, print_json, raw_bytes
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, ReadOptions
+from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
 
 
 def compress(
     input_: Annotated[Path, Parameter(name="IN")],
-    output: Annotated[Path, Parameter(name="OUT.sfb")],
+    output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
     model: Literal["patches"] = "patches",
     resolution: Annotated[float, Parameter(validator=Number(gt=0))] = 0.01,
     levels: Annotated[int, Parameter(validator=Number(gte=1))] = 1,
     random_state: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
-    evaluate: Annotated[bool, Parameter(negative="--no-evaluate")] = True,
-    json: Annotated[bool, Parameter(negative=())] = False,
+    evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
+    json: Flag = False,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
     """Learn a small model of a scan and write it to a file.
 
-    At the end the file is decoded and held against the input; the last line tells sizes, error and seconds.
+    At the end the file is decoded and held against the input; the last line tells sizes, error and
+    seconds.
 
         surfabet compress room.ply room.sfb
         surfabet compress room.ply room.sfb --resolution 0.005
@@ -40,7 +41,8 @@ def compress(
     Parameters
     ----------
     input_
-        The scan: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, KITTI bin, or a folder of RGB-D frames.
+        The scan: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, KITTI bin, or a folder of RGB-D
+        frames.
     output
         The model file to write.
     model
@@ -52,7 +54,7 @@ def compress(
     random_state
         Seed; the same seed, input and options give the same bytes.
     evaluate
-        Decode the file and measure its error against the input.
+        Decode the file and measure its error against the input (default), or do not.
     json
         Print one JSON object instead of a line.
     """
@@ -114,7 +116,9 @@ def compress(
             f"ratio {n_raw / n_bytes:.3g}, "
         )
         if quality:
-            line += f"rmse {millimetres(quality.rmse)} (pooled {millimetres(quality.rmse_pooled)}), "
+            line += (
+                f"rmse {millimetres(quality.rmse)} (pooled {millimetres(quality.rmse_pooled)}), "
+            )
             if quality.color_rmse is not None:
                 line += f"colour rmse {quality.color_rmse:.3g}, "
         print(line + f"{encode_seconds:.1f} s")

@@ -9,10 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import surfabet
-from surfabet.cli._files import check_output, read_cloud, size_on_disk, whole_file
+from surfabet.cli._files import check_output, cloud_suffixes, read_cloud, size_on_disk
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, ReadOptions
-from surfabet.io import WRITABLE_SUFFIXES
+from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
 
 
 def convert(
@@ -20,7 +19,7 @@ def convert(
     output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
-    json: Annotated[bool, Parameter(negative=())] = False,
+    json: Flag = False,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
@@ -34,19 +33,19 @@ def convert(
     Parameters
     ----------
     input_
-        The cloud: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, KITTI bin, or a folder of RGB-D frames.
+        The cloud: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, KITTI bin, or a folder of RGB-D
+        frames.
     output
         The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
     json
         Print one JSON object instead of a line.
     """
-    check_output(output, WRITABLE_SUFFIXES, input_)
+    check_output(output, cloud_suffixes(), input_)
     started = time.perf_counter()
     with common.progress() as progress:
         cloud = read_cloud(input_, read, progress)
         progress(f"write {output.name}", 0.0)
-        with whole_file(output) as temporary:
-            surfabet.write(temporary, cloud)
+        surfabet.write(output, cloud)
     seconds = time.perf_counter() - started
 
     n_bytes = size_on_disk(output)
@@ -64,7 +63,8 @@ def convert(
             }
         )
     elif not common.quiet:
-        attributes = ", ".join(["points", *cloud.attributes])
+        attributes = ", ".join(["positions", *cloud.attributes])
         print(
-            f"{output}: {len(cloud):,} points ({attributes}), {bytes_text(n_bytes)}, {seconds:.1f} s"
+            f"{output}: {len(cloud):,} points ({attributes}), "
+            f"{bytes_text(n_bytes)}, {seconds:.1f} s"
         )

@@ -10,19 +10,18 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import surfabet
-from surfabet.cli._files import check_output, load_model, size_on_disk, whole_file
+from surfabet.cli._files import check_output, cloud_suffixes, load_model, size_on_disk
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, Common
-from surfabet.io import WRITABLE_SUFFIXES
+from surfabet.cli._options import COMMON, Common, Flag
 
 
 def decompress(
-    input_: Annotated[Path, Parameter(name="IN.sfb")],
+    input_: Annotated[Path, Parameter(name="IN")],
     output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
     resolution: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
-    json: Annotated[bool, Parameter(negative=())] = False,
+    json: Flag = False,
     common: Common = COMMON,
 ) -> None:
     """Make a point cloud of a model file.
@@ -41,7 +40,7 @@ def decompress(
     json
         Print one JSON object instead of a line.
     """
-    check_output(output, WRITABLE_SUFFIXES, input_)
+    check_output(output, cloud_suffixes(), input_)
     seconds: dict[str, float] = {}
     with common.progress() as progress:
         started = time.perf_counter()
@@ -50,8 +49,7 @@ def decompress(
 
         started = time.perf_counter()
         progress(f"write {output.name}", 0.0)
-        with whole_file(output) as temporary:
-            surfabet.write(temporary, cloud)
+        surfabet.write(output, cloud)
         seconds["write"] = time.perf_counter() - started
 
     n_bytes = size_on_disk(output)

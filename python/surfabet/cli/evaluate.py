@@ -20,7 +20,7 @@ from surfabet.cli._files import (
     whole_file,
 )
 from surfabet.cli._format import print_json
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, ReadOptions
+from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
 
 
 def evaluate(
@@ -30,7 +30,7 @@ def evaluate(
     *,
     sigma: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
     picture: Path | None = None,
-    json: Annotated[bool, Parameter(negative=())] = False,
+    json: Flag = False,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
@@ -45,10 +45,11 @@ def evaluate(
     reference
         The original: any readable cloud or a folder of RGB-D frames.
     decoded
-        The cloud to judge, from any codec; a model file is decoded, and then its bytes are counted too.
+        The cloud to judge, from any codec; a model file is decoded, and then its bytes are counted
+        too.
     sigma
-        Distance in metres within which a point counts as found; by default the expected depth error where the
-        original knows its ranges.
+        Distance in metres within which a point counts as found; by default the expected depth error
+        where the original knows its ranges.
     picture
         Draw both clouds and the histogram of errors into this file: png, jpg, pdf, svg or webp.
     json
@@ -66,9 +67,7 @@ def evaluate(
             judged = load_model(decoded, progress).decode(progress=progress)
         else:
             judged = read_cloud(decoded, READ_OPTIONS, progress)
-        quality = surfabet.evaluate(
-            original, judged, sigma=sigma, bytes=n_bytes, progress=progress
-        )
+        quality = surfabet.evaluate(original, judged, sigma=sigma, bytes=n_bytes, progress=progress)
         if picture is not None:
             progress("draw the picture", 0.0)
             with whole_file(picture) as temporary:
@@ -77,3 +76,10 @@ def evaluate(
         print_json({"reference": str(reference), "decoded": str(decoded), **quality.as_dict()})
     elif not common.quiet:
         _print_table(quality)
+
+
+def _print_table(quality: surfabet.Quality) -> None:
+    table = Table("measure", "value", box=None, header_style="bold")
+    for name, value in quality.as_dict().items():
+        table.add_row(name, str(value))
+    Console(highlight=False).print(table)

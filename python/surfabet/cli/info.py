@@ -12,14 +12,14 @@ from rich.table import Table
 import surfabet
 from surfabet.cli._files import size_on_disk
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, Common
+from surfabet.cli._options import COMMON, Common, Flag
 
 
 def info(
-    file: Annotated[Path, Parameter(name="FILE.sfb")],
+    file: Annotated[Path, Parameter(name="FILE")],
     /,
     *,
-    json: Annotated[bool, Parameter(negative=())] = False,
+    json: Flag = False,
     common: Common = COMMON,
 ) -> None:
     """Tell what a model file holds: family, options that made it, and bytes by part.
