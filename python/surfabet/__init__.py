@@ -10,6 +10,7 @@ from surfabet.errors import (
     LostAttributeWarning,
     MissingDependencyError,
 )
+from surfabet.io import read, write
 
 __all__ = [
     "DroppedPointsWarning",
@@ -20,5 +21,7 @@ __all__ = [
     "PointCloud",
     "__version__",
     "get_num_threads",
+    "read",
     "set_num_threads",
+    "write",
 ]

@@ -6,6 +6,7 @@
 
 mod cloud;
 mod error;
+pub mod octahedral;
 mod progress;
 
 pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};

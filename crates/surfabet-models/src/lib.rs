@@ -1,1 +1,12 @@
-//! placeholder
+//! Compact models of point clouds, learned from what recurs in them: a folder per family, a file per verb.
+//!
+//! | family | learns | paper |
+//! |---|---|---|
+//! | [`patches`] | sparse-coded surface patches | M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
+
+mod error;
+pub mod patches;
+mod report;
+
+pub use error::{Error, Result};
+pub use report::{Report, Stage};

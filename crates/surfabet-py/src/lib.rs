@@ -6,6 +6,7 @@
 mod arrays;
 mod cloud;
 mod errors;
+mod lzf;
 mod run;
 mod view;
 
@@ -16,5 +17,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     run::register(module)?;
     cloud::register(module)?;
+    lzf::register(module)?;
     Ok(())
 }

@@ -1,0 +1,70 @@
+//! The one error type of this crate.
+
+use surfabet_geom::Cancelled;
+
+/// Shorthand for results of this crate.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What can go wrong when a model is learned or decoded.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A parameter is outside its domain.
+    #[error("{name} is {value}, but must be {requirement}")]
+    InvalidParameter {
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value given, as text.
+        value: String,
+        /// What it has to satisfy.
+        requirement: &'static str,
+    },
+    /// There is nothing to learn from.
+    #[error("the cloud is empty; a model needs at least one point")]
+    EmptyCloud,
+    /// The scene is too large for the lattice that positions are stored on.
+    #[error(
+        "the cloud spans {extent} m, more than {limit} m at resolution {resolution} m; use a coarser \
+         resolution or split the cloud"
+    )]
+    TooLarge {
+        /// Largest side of the bounding box, metres.
+        extent: f64,
+        /// Largest side that can be stored, metres.
+        limit: f64,
+        /// The resolution asked for, metres.
+        resolution: f64,
+    },
+    /// Decoding would produce more points than the caller allows.
+    #[error(
+        "decoding at {resolution} m gives up to {points} points, more than the limit of {limit}; use a \
+         coarser resolution or raise the limit"
+    )]
+    TooManyPoints {
+        /// The spacing asked for, metres.
+        resolution: f64,
+        /// Upper bound of the points it gives.
+        points: u64,
+        /// The limit in force.
+        limit: u64,
+    },
+    /// The parts of a model contradict each other.
+    #[error("inconsistent model: {0}")]
+    Inconsistent(String),
+    /// From the geometry below.
+    #[error(transparent)]
+    Geometry(#[from] surfabet_geom::Error),
+    /// From the sparse coding below.
+    #[error(transparent)]
+    Sparse(#[from] surfabet_sparse::Error),
+    /// The caller asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl Error {
+    /// A parameter outside its domain, with its value spelled out.
+    pub fn invalid(name: &'static str, value: impl std::fmt::Display, requirement: &'static str) -> Self {
+        Self::InvalidParameter { name, value: value.to_string(), requirement }
+    }
+}

@@ -1,0 +1,216 @@
+//! A dictionary per channel by wK-SVD, and the sparse codes of all patches in it (section III-B, eq. 1).
+
+use surfabet_geom::Progress;
+use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
+
+use super::model::Codes;
+use crate::error::{Error, Result};
+use crate::report::Report;
+
+/// Step of a stored dictionary value. Entries have unit norm, so the values of an 8 x 8 patch are about an
+/// eighth: this keeps each to a few percent, well below what the codes' own quantisation does.
+const ENTRY_STEP: f32 = 1.0 / 64.0;
+
+/// wK-SVD learns from at most this many patches, those with most energy; more change the dictionary little.
+const MAX_TRAINING_SIGNALS: usize = 6000;
+
+/// Dictionary entries in 8-bit integers. An entry stands for its integers scaled to unit norm.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct QuantizedDictionary {
+    n_features: usize,
+    values: Vec<i8>,
+}
+
+impl QuantizedDictionary {
+    /// A dictionary of entries with `n_features` values each, entry after entry.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] when the values do not divide into entries, there are more than 65 536 entries,
+    /// or one is all zero.
+    pub fn new(n_features: usize, values: Vec<i8>) -> Result<Self> {
+        if n_features == 0 || values.len() % n_features != 0 {
+            return Err(Error::Inconsistent(format!(
+                "{} dictionary values do not divide into entries of {n_features}",
+                values.len()
+            )));
+        }
+        if values.len() / n_features > 65_536 {
+            return Err(Error::Inconsistent(format!(
+                "a dictionary of {} entries, more than 65536",
+                values.len() / n_features
+            )));
+        }
+        if values.chunks(n_features).any(|entry| entry.iter().all(|&v| v == 0)) {
+            return Err(Error::Inconsistent("a dictionary entry is all zero".to_owned()));
+        }
+        Ok(Self { n_features, values })
+    }
+
+    /// Values per entry.
+    pub fn n_features(&self) -> usize {
+        self.n_features
+    }
+
+    /// Number of entries.
+    pub fn n_atoms(&self) -> usize {
+        if self.n_features == 0 { 0 } else { self.values.len() / self.n_features }
+    }
+
+    /// All values, entry after entry.
+    pub fn values(&self) -> &[i8] {
+        &self.values
+    }
+
+    /// The entries that the integers stand for, scaled to unit norm, entry after entry.
+    pub fn atoms(&self) -> Vec<f32> {
+        let mut atoms = Vec::with_capacity(self.values.len());
+        for entry in self.values.chunks(self.n_features.max(1)) {
+            let norm = entry.iter().map(|&v| i64::from(v) * i64::from(v)).sum::<i64>() as f64;
+            let scale = 1.0 / norm.sqrt();
+            atoms.extend(entry.iter().map(|&v| (f64::from(v) * scale) as f32));
+        }
+        atoms
+    }
+
+    /// The nearest storable dictionary; entries that vanish are left out.
+    fn quantize(dictionary: &Dictionary) -> Self {
+        let n_features = dictionary.n_features();
+        let mut values = Vec::with_capacity(dictionary.n_atoms() * n_features);
+        for k in 0..dictionary.n_atoms() {
+            let entry: Vec<i8> = dictionary
+                .atom(k)
+                .iter()
+                .map(|v| (v / ENTRY_STEP).round().clamp(-127.0, 127.0) as i8)
+                .collect();
+            if entry.iter().any(|&v| v != 0) {
+                values.extend(entry);
+            }
+        }
+        Self { n_features, values }
+    }
+}
+
+/// How one channel is learned and coded.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ChannelOptions {
+    pub name: &'static str,
+    pub n_atoms: usize,
+    pub sparsity: usize,
+    pub tolerance: f32,
+    pub code_step: f32,
+    pub iterations: usize,
+    pub random_state: u64,
+}
+
+fn root_mean_square(values: &[f32], weights: &[f32]) -> f32 {
+    let (mut sum, mut count) = (0.0_f64, 0.0_f64);
+    for (v, w) in values.iter().zip(weights) {
+        sum += f64::from(w * v * v);
+        count += f64::from(*w);
+    }
+    (sum / count.max(1.0)).sqrt() as f32
+}
+
+/// Learns a dictionary from `signals` (patch after patch, means removed) and codes all of them in it.
+///
+/// Patches within the tolerance of zero need no code and teach nothing. The dictionary is quantised before the
+/// final coding, so that codes are chosen for the entries that the decoder will use.
+pub(super) fn learn_channel(
+    n_features: usize,
+    values: &[f32],
+    weights: &[f32],
+    options: ChannelOptions,
+    report: &mut Report,
+    progress: &dyn Progress,
+) -> Result<(QuantizedDictionary, Codes)> {
+    let stop = || progress.is_cancelled();
+    let n_signals = values.len() / n_features;
+    let energy: Vec<f32> = (values.chunks(n_features).zip(weights.chunks(n_features)))
+        .map(|(v, w)| root_mean_square(v, w))
+        .collect();
+    let mut rich: Vec<usize> =
+        (0..n_signals).filter(|&i| energy[i] > options.tolerance).collect();
+    if rich.is_empty() {
+        let offsets = vec![0; n_signals + 1];
+        let dictionary = QuantizedDictionary { n_features, values: Vec::new() };
+        return Ok((dictionary, Codes { offsets, ..Codes::default() }));
+    }
+    let coded = rich.clone();
+    if rich.len() > MAX_TRAINING_SIGNALS {
+        rich.sort_by(|&a, &b| energy[b].total_cmp(&energy[a]).then(a.cmp(&b)));
+        rich.truncate(MAX_TRAINING_SIGNALS);
+        rich.sort_unstable();
+    }
+    let gather = |chosen: &[usize]| {
+        let pick = |from: &[f32]| -> Vec<f32> {
+            chosen.iter().flat_map(|&i| &from[i * n_features..(i + 1) * n_features]).copied().collect()
+        };
+        (pick(values), pick(weights))
+    };
+
+    let (train_values, train_weights) = gather(&rich);
+    let training = Signals::new(n_features, &train_values, Some(&train_weights))?;
+    let ksvd_options = KsvdOptions {
+        n_atoms: options.n_atoms,
+        max_atoms: options.sparsity,
+        tolerance: options.tolerance,
+        iterations: options.iterations,
+        random_state: options.random_state,
+        ..KsvdOptions::default()
+    };
+    let learned = ksvd(&training, &ksvd_options, &stop, &mut |iteration, _| {
+        progress.update(options.name, iteration as f32 / options.iterations as f32);
+    })?;
+    report.iterations += learned.objective.len();
+    report.objectives.push((options.name, learned.objective));
+    let dictionary = QuantizedDictionary::quantize(&learned.dictionary);
+
+    let (coded_values, coded_weights) = gather(&coded);
+    let signals = Signals::new(n_features, &coded_values, Some(&coded_weights))?;
+    let entries = Dictionary::new(n_features, dictionary.atoms())?;
+    let omp_options = OmpOptions { max_atoms: options.sparsity, tolerance: options.tolerance };
+    let sparse = omp(&entries, &signals, &omp_options, &stop)?;
+    Ok(crop(dictionary, &quantize_codes(&sparse, &coded, n_signals, options.code_step)))
+}
+
+/// Coefficients in steps, entries in growing order, empty codes for the signals that were not coded.
+fn quantize_codes(sparse: &SparseCodes, coded: &[usize], n_signals: usize, step: f32) -> Codes {
+    let mut codes = Codes { offsets: Vec::with_capacity(n_signals + 1), ..Codes::default() };
+    codes.offsets.push(0);
+    let mut next = 0;
+    for signal in 0..n_signals {
+        if coded.get(next) == Some(&signal) {
+            let (atoms, coefficients) = sparse.code(next);
+            let mut code: Vec<(u16, i32)> = atoms
+                .iter()
+                .zip(coefficients)
+                .map(|(&a, &c)| (a as u16, (c / step).round() as i32))
+                .filter(|&(_, c)| c != 0)
+                .collect();
+            code.sort_unstable_by_key(|&(a, _)| a);
+            codes.atoms.extend(code.iter().map(|&(a, _)| a));
+            codes.coefficients.extend(code.iter().map(|&(_, c)| c));
+            next += 1;
+        }
+        codes.offsets.push(codes.atoms.len() as u32);
+    }
+    codes
+}
+
+/// Leaves out entries that no code uses.
+fn crop(dictionary: QuantizedDictionary, codes: &Codes) -> (QuantizedDictionary, Codes) {
+    let n = dictionary.n_features;
+    let mut new_index = vec![None; dictionary.n_atoms()];
+    codes.atoms.iter().for_each(|&a| new_index[usize::from(a)] = Some(0));
+    let mut values = Vec::new();
+    for (old, slot) in new_index.iter_mut().enumerate() {
+        if slot.is_some() {
+            *slot = Some((values.len() / n) as u16);
+            values.extend_from_slice(&dictionary.values[old * n..(old + 1) * n]);
+        }
+    }
+    // Every entry that a code uses was given its new index above.
+    let atoms = codes.atoms.iter().filter_map(|&a| new_index[usize::from(a)]).collect();
+    let codes = Codes { atoms, ..codes.clone() };
+    (QuantizedDictionary { n_features: n, values }, codes)
+}

@@ -1,0 +1,36 @@
+//! Sparse-coded surface patches: local depth and colour images, described with few dictionary entries each.
+//!
+//! One level is the Sparse Coded Surface Model (SCSM), several are the Hierarchical one (HSCSM) of M. Ruhnke,
+//! L. Bo, D. Fox, W. Burgard: *Hierarchical Sparse Coded Surface Models*, ICRA 2014. A cloud runs through the
+//! files of this folder in this order:
+//!
+//! | file | step | paper |
+//! |---|---|---|
+//! | `options` | what to learn | |
+//! | `sensor` | weight of a point from the depth error of its sensor | III, ref. 15 |
+//! | `samples` | points merged to half a pixel | III-A, the sub-sampled cloud P' |
+//! | `frame` | pose of a patch: normal and two global axes | III-A |
+//! | `placement` | where patches go, and which patch owns which sample | III-A |
+//! | `images` | depth, colour and bitmask of a patch | III, fig. 2 |
+//! | `dictionary` | wK-SVD per channel, sparse codes | III-B, eq. 1 |
+//! | `model` | the result, in the integers that a file stores | III |
+//! | `decode` | back to a cloud at any spacing | III-B, eq. 2 and 3 |
+
+mod decode;
+mod dictionary;
+mod frame;
+mod images;
+mod learn;
+mod model;
+mod options;
+mod placement;
+mod samples;
+mod sensor;
+
+pub use decode::DecodeOptions;
+pub use dictionary::QuantizedDictionary;
+pub use frame::{Frame, PatchPose};
+pub use learn::learn;
+pub use model::{Channel, Codes, Level, PatchModel, PatchModelParts, Steps};
+pub use options::PatchOptions;
+pub use sensor::Sensor;

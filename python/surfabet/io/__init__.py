@@ -1,0 +1,205 @@
+"""Point cloud files: a module per format, `read` and `write` for all of them."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from surfabet._core import PointCloud
+from surfabet.errors import InvalidInputError
+from surfabet.io._files import format_error
+from surfabet.io.pcd import read_pcd, write_pcd
+from surfabet.io.ply import read_ply, write_ply
+from surfabet.io.rgbd import is_rgbd, read_rgbd
+
+__all__ = ["Format", "formats", "read", "read_rgbd", "write"]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: how its files are called and begin, and what reads and writes them."""
+
+    name: str
+    """Short name, as in `read(path, format=name)`."""
+    suffixes: tuple[str, ...]
+    """Endings of its file names, in lower case."""
+    magic: tuple[bytes, ...]
+    """The bytes that its files begin with; none for formats without a mark."""
+    reader: Callable[..., PointCloud] | None
+    """Takes a `Path` and the format's options; `None` where we only write."""
+    writer: Callable[..., None] | None
+    """Takes a `Path`, a cloud and the format's options; `None` where we only read."""
+
+
+_FORMATS = (
+    Format("ply", (".ply",), (b"ply\n", b"ply\r"), read_ply, write_ply),
+    Format("pcd", (".pcd",), (b"# .PCD", b"VERSION", b"FIELDS"), read_pcd, write_pcd),
+    Format("rgbd", (), (), read_rgbd, None),
+)
+
+
+def formats() -> tuple[Format, ...]:
+    """The known formats."""
+    return _FORMATS
+
+
+def _named(name: str) -> Format:
+    for known in _FORMATS:
+        if known.name == name.lower():
+            return known
+    raise InvalidInputError(
+        f"unknown format {name!r}; known are {', '.join(known.name for known in _FORMATS)}"
+    )
+
+
+def _suffixes(which: str) -> str:
+    return ", ".join(s for known in _FORMATS if getattr(known, which) for s in known.suffixes)
+
+
+def _detect(path: Path) -> Format:
+    """The format of an existing file or folder, by its suffix and by its first bytes."""
+    if path.is_dir():
+        if not is_rgbd(path):
+            raise format_error(
+                path,
+                "no RGB-D frames in this folder: expected frame-*.depth.png with .pose.txt, or "
+                "rgb.txt, depth.txt and groundtruth.txt",
+            )
+        return _named("rgbd")
+    with path.open("rb") as file:
+        start = file.read(16)
+    if not start:
+        raise format_error(path, "the file is empty", byte=0)
+    named = next((f for f in _FORMATS if path.suffix.lower() in f.suffixes), None)
+    marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
+    if named is None and marked is None:
+        raise format_error(
+            path,
+            f"unknown suffix {path.suffix!r}; known are {_suffixes('reader')}, and folders of "
+            "RGB-D frames; name the format with format=",
+        )
+    if named is None or marked is named:
+        assert marked is not None
+        return marked
+    if marked is not None:
+        raise format_error(
+            path,
+            f"the suffix says {named.name}, but the first bytes say {marked.name}; rename the "
+            f"file or read it with format={marked.name!r}",
+            byte=0,
+        )
+    return named
+
+
+def _check_options(function: Callable[..., Any], name: str, options: dict[str, Any]) -> None:
+    known = [
+        p.name
+        for p in inspect.signature(function).parameters.values()
+        if p.kind is inspect.Parameter.KEYWORD_ONLY
+    ]
+    for option in options:
+        if option not in known:
+            raise InvalidInputError(
+                f"unknown option {option!r} for {name}; known are {', '.join(known) or 'none'}"
+            )
+
+
+def read(path: str | os.PathLike[str], format: str | None = None, **options: Any) -> PointCloud:
+    """Reads a point cloud from a file, or from a folder of RGB-D frames.
+
+    Parameters
+    ----------
+    path
+        The file or folder.
+    format
+        The name of the format; by default the suffix and the first bytes of the file tell it.
+    **options
+        Options of the format's reader, such as `frame_stride` for RGB-D folders: see `formats()`
+        and the readers' own documentation.
+
+    Returns
+    -------
+    PointCloud
+        What the file holds, in world coordinates, metres unless the file says otherwise.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    FormatError
+        The file is not what it claims to be: truncated, corrupt or of another format. The message
+        names the file and the byte or line.
+    InvalidInputError
+        An unknown format or option.
+    MissingDependencyError
+        The format needs a package that is not installed; the message says which.
+
+    Warns
+    -----
+    DroppedPointsWarning
+        Points or attributes that are not finite were left out; the message counts them.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"there is no file {path}")
+    chosen = _detect(path) if format is None else _named(format)
+    if chosen.reader is None:
+        raise InvalidInputError(f"surfabet writes {chosen.name} files, but does not read them")
+    if path.is_dir() != (chosen.name == "rgbd"):
+        what = "a folder" if path.is_dir() else "a file"
+        raise InvalidInputError(f"{path} is {what}, which the format {chosen.name} does not read")
+    _check_options(chosen.reader, chosen.name, options)
+    if options.get("fused") is False:
+        raise InvalidInputError("read() gives one cloud; surfabet.io.read_rgbd gives one per frame")
+    return chosen.reader(path, **options)
+
+
+def write(
+    path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None, **options: Any
+) -> None:
+    """Writes a point cloud to a file, replacing an old one only when the new one is complete.
+
+    Parameters
+    ----------
+    path
+        The file. Its suffix tells the format.
+    cloud
+        What to write, in world coordinates.
+    format
+        The name of the format, where the suffix is another.
+    **options
+        Options of the format's writer, such as `ascii=True` for PLY: see `formats()` and the
+        writers' own documentation.
+
+    Raises
+    ------
+    InvalidInputError
+        An unknown suffix, format or option.
+    MissingDependencyError
+        The format needs a package that is not installed; the message says which.
+
+    Warns
+    -----
+    LostAttributeWarning
+        The format cannot hold an attribute of the cloud; the message names it.
+    """
+    path = Path(path)
+    if format is not None:
+        chosen = _named(format)
+    else:
+        found = next((f for f in _FORMATS if path.suffix.lower() in f.suffixes), None)
+        if found is None:
+            raise InvalidInputError(
+                f"unknown suffix {path.suffix!r} of {path}; known are {_suffixes('writer')}"
+            )
+        chosen = found
+    if chosen.writer is None:
+        raise InvalidInputError(
+            f"surfabet reads {chosen.name}, but does not write it; known are {_suffixes('writer')}"
+        )
+    _check_options(chosen.writer, chosen.name, options)
+    chosen.writer(path, cloud, **options)

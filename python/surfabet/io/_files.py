@@ -1,0 +1,109 @@
+"""Files: errors that say where, writing in one piece, packages asked for only when needed."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import secrets
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from surfabet.errors import FormatError, MissingDependencyError
+
+# No line of a header or of a table of numbers comes near this.
+LONGEST_LINE = 1 << 16
+
+
+def format_error(
+    path: Path, problem: str, *, byte: int | None = None, line: int | None = None
+) -> FormatError:
+    """The error for a file that is not what it claims to be, with the place where that shows."""
+    place = f", byte {byte}" if byte is not None else f", line {line}" if line is not None else ""
+    return FormatError(f"{path}{place}: {problem}")
+
+
+def warn(message: str, category: type[Warning]) -> None:
+    """Warns at the line of the caller outside this package."""
+    level = 1
+    frame = inspect.currentframe()
+    while frame is not None and frame.f_globals.get("__name__", "").startswith("surfabet.io"):
+        frame = frame.f_back
+        level += 1
+    warnings.warn(message, category, stacklevel=level)
+
+
+def optional_module(name: str, requirement: str, purpose: str) -> Any:
+    """Imports `name`, or says which package to install for `purpose`."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{purpose} needs the package {name}: pip install '{requirement}' "
+            "(or all formats at once: pip install 'surfabet[io]')"
+        ) from error
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its place if the block succeeds, else goes."""
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise IsADirectoryError(f"{path} is a directory; give the name of a file")
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{target.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+class Lines:
+    """The lines of an open file from its position on, numbered and bounded in length."""
+
+    def __init__(self, path: Path, file: BinaryIO, number: int = 0) -> None:
+        self.path = path
+        self.file = file
+        self.number = number
+
+    def next(self) -> bytes | None:
+        """The next line without its end, or `None` at the end of the file."""
+        line = self.file.readline(LONGEST_LINE + 1)
+        if not line:
+            return None
+        self.number += 1
+        if len(line) > LONGEST_LINE:
+            raise format_error(
+                self.path, f"the line is longer than {LONGEST_LINE} bytes", line=self.number
+            )
+        return line.rstrip(b"\r\n")
+
+    def text(self) -> str | None:
+        """The next line as ASCII text, for headers."""
+        line = self.next()
+        if line is None:
+            return None
+        try:
+            return line.decode("utf-8")
+        except UnicodeDecodeError:
+            raise format_error(
+                self.path, "the header holds bytes that are not text", line=self.number
+            ) from None
+
+    def filled(self, count: int) -> Iterator[str]:
+        """The next `count` lines that are not blank."""
+        while count > 0:
+            line = self.next()
+            if line is None:
+                return
+            if not line.isspace() and line:
+                count -= 1
+                yield line.decode("latin-1")
+
+
+def remaining(file: BinaryIO) -> int:
+    """Bytes between the position of an open file and its end."""
+    return os.fstat(file.fileno()).st_size - file.tell()

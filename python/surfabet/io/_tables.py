@@ -1,0 +1,111 @@
+"""Tables of numbers as text: the bodies of ASCII PLY and PCD files, and plain text files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfabet.io._columns import Column
+from surfabet.io._files import Lines, format_error
+
+_ROWS_AT_A_TIME = 65_536
+
+
+def check_count(lines: Lines, found: int, expected: int) -> None:
+    """Refuses a file that ended before all its rows."""
+    if found < expected:
+        raise format_error(
+            lines.path, f"the file ends after {found} of {expected} rows", line=lines.number
+        )
+
+
+def parse_rows(
+    lines: Lines, rows: Iterable[str], n_columns: int, delimiter: str | None = None
+) -> NDArray[np.float64]:
+    """Rows of `n_columns` numbers each; an error names the line. `nan` and `inf` are numbers."""
+    stopped: list[BaseException] = []
+
+    def watched() -> Iterator[str]:
+        try:
+            yield from rows
+        except Exception as error:
+            stopped.append(error)
+            raise
+
+    source = watched()
+    first = next(source, None)
+    if first is None:
+        return np.empty((0, n_columns))
+
+    def chained() -> Iterator[str]:
+        yield first
+        yield from source
+
+    try:
+        table = np.loadtxt(
+            chained(), np.float64, comments=None, delimiter=delimiter, ndmin=2, encoding=None
+        )
+    except (ValueError, OverflowError) as error:
+        if stopped:
+            raise stopped[0] from None
+        raise format_error(
+            lines.path, f"cannot read a row of {n_columns} numbers: {error}", line=lines.number
+        ) from None
+    if table.shape[1] != n_columns:
+        raise format_error(
+            lines.path,
+            f"rows have {table.shape[1]} values where {n_columns} are due",
+            line=lines.number,
+        )
+    return table
+
+
+def load_table(lines: Lines, count: int, n_columns: int) -> NDArray[np.float64]:
+    """The next `count` rows that are not blank, separated by white space."""
+    table = parse_rows(lines, lines.filled(count), n_columns)
+    check_count(lines, len(table), count)
+    return table
+
+
+def typed_columns(
+    lines: Lines, table: NDArray[np.float64], fields: Iterable[tuple[str, str]]
+) -> dict[str, Column]:
+    """The columns in the types that a header gives them; integers must fit theirs."""
+    columns: dict[str, Column] = {}
+    for i, (name, type_) in enumerate(fields):
+        column = table[:, i]
+        dtype = np.dtype(type_)
+        if dtype.kind in "iu" and len(column):
+            limits = np.iinfo(dtype)
+            if not ((column >= limits.min) & (column <= limits.max)).all():
+                raise format_error(
+                    lines.path,
+                    f"column {name!r:.40} has values that are not integers from {limits.min} to "
+                    f"{limits.max}, above this line",
+                    line=lines.number,
+                )
+            # The limits of 64 bits are no doubles.
+            column = np.clip(column, -(2.0**53), 2.0**53)
+        with np.errstate(over="ignore"):
+            columns[name] = column.astype(dtype)
+    return columns
+
+
+def save_table(file: BinaryIO, rows: Column, delimiter: str = " ") -> None:
+    """Writes a structured array as text, with the digits it takes to read back the same numbers."""
+    for start in range(0, len(rows), _ROWS_AT_A_TIME):
+        part = rows[start : start + _ROWS_AT_A_TIME]
+        columns: list[list[Any]] = [_words(part[name]) for name in part.dtype.names or ()]
+        text = "\n".join(map(delimiter.join, zip(*columns, strict=True)))
+        file.write(text.encode("ascii") + b"\n")
+
+
+def _words(column: Column) -> list[str]:
+    if column.dtype.kind != "f":
+        return list(map(str, column.tolist()))
+    # Shortest text that a parser of that very precision reads back; tolist() would widen float32.
+    words: list[str] = column.astype(f"U{32}").tolist()
+    return words

@@ -1,0 +1,356 @@
+"""PCD, the format of the Point Cloud Library: ASCII, binary and LZF-compressed.
+
+Fields are found by name: x y z, normal_x normal_y normal_z, intensity, packed rgb or rgba, range,
+and vp_x vp_y vp_z (the sensor position of each point). `VIEWPOINT` becomes the viewpoint of all
+points unless it is the default `0 0 0 1 0 0 0`, which every tool writes when it knows nothing.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Literal
+
+import numpy as np
+
+from surfabet._core import PointCloud, lzf_compress, lzf_decompress
+from surfabet.errors import InvalidInputError
+from surfabet.io._columns import (
+    Column,
+    cloud_from_columns,
+    columns_from_cloud,
+    records,
+    viewpoint_columns,
+)
+from surfabet.io._files import Lines, format_error, remaining, written_whole
+from surfabet.io._tables import load_table, save_table, typed_columns
+
+Encoding = Literal["binary", "ascii", "binary_compressed"]
+_ENCODINGS = ("ascii", "binary", "binary_compressed")
+_TYPES = {"I": "i", "U": "u", "F": "f"}
+_SIZES = {"I": (1, 2, 4, 8), "U": (1, 2, 4, 8), "F": (4, 8)}
+_MOST_HEADER_LINES = 1_000
+_LARGEST_COUNT = 1 << 20
+_LARGEST_N_POINTS = 10**15
+_LARGEST_COMPRESSED = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class _Field:
+    name: str
+    dtype: str
+    count: int
+
+
+@dataclass(frozen=True)
+class _Header:
+    fields: list[_Field]
+    n_points: int
+    viewpoint: tuple[float, float, float] | None
+    encoding: str
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        # Padding is called "_" any number of times, so fields go by their place.
+        return np.dtype(
+            [
+                (str(i), "<" + f.dtype, (f.count,)) if f.count != 1 else (str(i), "<" + f.dtype)
+                for i, f in enumerate(self.fields)
+            ]
+        )
+
+    def columns(self, by_place: dict[str, Column]) -> dict[str, Column]:
+        """The fields of one value per point, the first of each name."""
+        columns: dict[str, Column] = {}
+        for i, f in enumerate(self.fields):
+            if f.count == 1 and f.name != "_":
+                columns.setdefault(f.name.lower(), by_place[str(i)])
+        return columns
+
+
+def _integers(lines: Lines, name: str, words: list[str], most: int) -> list[int]:
+    for word in words:
+        if not (word.isascii() and word.isdigit() and len(word) < 19 and int(word) <= most):
+            raise format_error(
+                lines.path,
+                f"{name} is {word!r:.40}; it must be an integer from 0 to {most}",
+                line=lines.number,
+            )
+    return [int(word) for word in words]
+
+
+def _viewpoint(lines: Lines, words: list[str]) -> tuple[float, float, float] | None:
+    try:
+        x, y, z, *rotation = (float(word) for word in words)
+        if len(rotation) != 4 or not np.isfinite([x, y, z, *rotation]).all():
+            raise ValueError
+    except ValueError:
+        raise format_error(
+            lines.path,
+            "VIEWPOINT must be seven finite numbers (position and quaternion)",
+            line=lines.number,
+        ) from None
+    return None if [x, y, z, *rotation] == [0, 0, 0, 1, 0, 0, 0] else (x, y, z)
+
+
+def _read_entries(lines: Lines) -> dict[str, tuple[list[str], int]]:
+    """The header's lines by their first word, with their line numbers, up to and with DATA."""
+    entries: dict[str, tuple[list[str], int]] = {}
+    while lines.number < _MOST_HEADER_LINES:
+        text = lines.text()
+        if text is None:
+            raise format_error(lines.path, "the file ends inside the header", line=lines.number)
+        words = text.split()
+        if not words or words[0].startswith("#"):
+            continue
+        name = "FIELDS" if words[0] == "COLUMNS" else words[0]
+        if name not in _ENTRIES:
+            raise format_error(
+                lines.path,
+                f"not a PCD header: unknown entry {name!r:.40}; known are {', '.join(_ENTRIES)}",
+                line=lines.number,
+            )
+        entries[name] = words[1:], lines.number
+        if name == "DATA":
+            return entries
+    raise format_error(lines.path, f"the header has more than {_MOST_HEADER_LINES} lines")
+
+
+_ENTRIES = (
+    "VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"
+)  # fmt: skip
+
+
+def _parse_header(lines: Lines) -> _Header:
+    path = lines.path
+    entries = _read_entries(lines)
+
+    def words(name: str, how_many: int, default: list[str] | None = None) -> list[str]:
+        found, line = entries.get(name, (default, lines.number))
+        if found is None:
+            raise format_error(path, f"the header has no {name}", line=line)
+        if len(found) != how_many:
+            raise format_error(
+                path, f"{name} has {len(found)} values where {how_many} are due", line=line
+            )
+        return found
+
+    names = entries.get("FIELDS", ([], 0))[0]
+    n = len(names)
+    types = words("TYPE", n)
+    sizes = _integers(lines, "SIZE", words("SIZE", n), 8)
+    counts = _integers(lines, "COUNT", words("COUNT", n, ["1"] * n), _LARGEST_COUNT)
+    for type_, size in zip(types, sizes, strict=True):
+        if type_ not in _TYPES or size not in _SIZES[type_]:
+            raise format_error(
+                path,
+                f"no type {type_!r:.40} of size {size} in PCD; it has I and U of 1, 2, 4 or 8 "
+                "bytes and F of 4 or 8",
+                line=entries["TYPE"][1],
+            )
+    by_points = entries["POINTS"][0] if "POINTS" in entries else None
+    (width,) = _integers(lines, "WIDTH", words("WIDTH", 1, by_points), _LARGEST_N_POINTS)
+    (height,) = _integers(lines, "HEIGHT", words("HEIGHT", 1, ["1"]), _LARGEST_N_POINTS)
+    product = [str(width * height)]
+    (n_points,) = _integers(lines, "POINTS", words("POINTS", 1, product), _LARGEST_N_POINTS)
+    if n_points != width * height:
+        raise format_error(
+            path,
+            f"POINTS is {n_points}, but WIDTH x HEIGHT is {width} x {height}",
+            line=lines.number,
+        )
+    viewpoint = None
+    if "VIEWPOINT" in entries:
+        viewpoint = _viewpoint(lines, entries["VIEWPOINT"][0])
+    (encoding,) = words("DATA", 1)
+    if encoding not in _ENCODINGS:
+        raise format_error(
+            path,
+            f"DATA is {encoding!r:.40}; known are {', '.join(_ENCODINGS)}",
+            line=lines.number,
+        )
+    fields = [
+        _Field(name, f"{_TYPES[type_]}{size}", count)
+        for name, type_, size, count in zip(names, types, sizes, counts, strict=True)
+    ]
+    return _Header(fields, n_points, viewpoint, encoding)
+
+
+def _check_room(path: Path, file: BinaryIO, what: str, needed: int) -> None:
+    if needed > (left := remaining(file)):
+        raise format_error(
+            path, f"{what} {needed} bytes, but the file has {left} left", byte=file.tell()
+        )
+
+
+def _read_ascii(lines: Lines, header: _Header) -> dict[str, Column]:
+    n_columns = sum(f.count for f in header.fields)
+    _check_room(
+        lines.path, lines.file, f"{header.n_points} points take at least",
+        header.n_points * 2 * n_columns - 1,
+    )  # fmt: skip
+    table = load_table(lines, header.n_points, n_columns)
+    columns: dict[str, Column] = {}
+    at = 0
+    for i, f in enumerate(header.fields):
+        if f.count == 1:
+            part = table[:, at : at + 1]
+            if f.dtype[0] in "iu":
+                # Where there is no depth, "nan" stands in every column.
+                part = np.where(np.isnan(part), 0, part)
+            columns |= typed_columns(lines, part, [(str(i), f.dtype)])
+        at += f.count
+    return columns
+
+
+def _read_binary(path: Path, file: BinaryIO, header: _Header) -> dict[str, Column]:
+    dtype = header.dtype
+    _check_room(path, file, f"{header.n_points} points take", header.n_points * dtype.itemsize)
+    rows = np.fromfile(file, dtype, header.n_points)
+    return {name: rows[name] for name in dtype.names or ()}
+
+
+def _read_compressed(path: Path, file: BinaryIO, header: _Header) -> dict[str, Column]:
+    size = header.n_points * header.dtype.itemsize
+    start = file.tell()
+    _check_room(path, file, "the sizes of compressed data take", 8)
+    packed_size, unpacked_size = struct.unpack("<II", file.read(8))
+    if unpacked_size != size:
+        raise format_error(
+            path,
+            f"the compressed data is said to expand to {unpacked_size} bytes, but "
+            f"{header.n_points} points take {size}",
+            byte=start + 4,
+        )
+    _check_room(path, file, "the compressed data takes", packed_size)
+    try:
+        data = lzf_decompress(file.read(packed_size), size)
+    except InvalidInputError as error:
+        raise format_error(path, str(error), byte=start + 8) from None
+    columns: dict[str, Column] = {}
+    at = 0
+    for i, f in enumerate(header.fields):
+        n_values = header.n_points * f.count
+        column = np.frombuffer(data, "<" + f.dtype, n_values, at)
+        at += column.nbytes
+        columns[str(i)] = column
+    return columns
+
+
+def _unpack_rgb(columns: dict[str, Column]) -> None:
+    """Splits a packed colour, in the bits of an integer or of a float, into its channels."""
+    packed = next((columns[n] for n in ("rgb", "rgba") if n in columns), None)
+    if packed is None or packed.dtype.itemsize != 4:
+        return
+    bits = np.ascontiguousarray(packed).view(np.uint32)
+    for name, shift in (("red", 16), ("green", 8), ("blue", 0)):
+        columns[name] = (bits >> shift).astype(np.uint8)
+
+
+def read_pcd(path: Path) -> PointCloud:
+    """Reads a PCD file.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    PointCloud
+        Positions, and where the file has them: normals, colours, intensity, range (if
+        floating-point) and viewpoints. Points with NaN coordinates, which fill the gaps of
+        organised clouds, are dropped with a warning that counts them. Other fields are left aside.
+
+    Raises
+    ------
+    FormatError
+        The file is not PCD, is truncated or contradicts its own header.
+    """
+    with path.open("rb") as file:
+        lines = Lines(path, file)
+        header = _parse_header(lines)
+        if header.n_points and not sum(f.count for f in header.fields):
+            raise format_error(path, "the header names no fields", line=lines.number)
+        if header.n_points == 0:
+            by_place = {str(i): np.empty(0, f.dtype) for i, f in enumerate(header.fields)}
+        elif header.encoding == "ascii":
+            by_place = _read_ascii(lines, header)
+        elif header.encoding == "binary":
+            by_place = _read_binary(path, file, header)
+        else:
+            by_place = _read_compressed(path, file, header)
+    columns = header.columns(by_place)
+    _unpack_rgb(columns)
+    viewpoints = None if header.viewpoint is None else np.array([header.viewpoint])
+    return cloud_from_columns(path, columns, viewpoints=viewpoints)
+
+
+def _write_columns(cloud: PointCloud) -> tuple[dict[str, Column], str]:
+    columns = columns_from_cloud(cloud)
+    for axis in "xyz":
+        if (normal := columns.pop(f"n{axis}", None)) is not None:
+            columns[f"normal_{axis}"] = normal
+    if (red := columns.pop("red", None)) is not None:
+        green, blue = (columns.pop(name).astype(np.uint32) for name in ("green", "blue"))
+        columns["rgb"] = red.astype(np.uint32) << 16 | green << 8 | blue
+    table = cloud.viewpoints
+    if table is not None and len(table) == 1 and table.any():
+        return columns, " ".join(repr(float(c)) for c in table[0]) + " 1 0 0 0"
+    return columns | viewpoint_columns(cloud), "0 0 0 1 0 0 0"
+
+
+def write_pcd(path: Path, cloud: PointCloud, *, encoding: Encoding = "binary") -> None:
+    """Writes a PCD file, version 0.7; it holds every attribute.
+
+    Parameters
+    ----------
+    path
+        The file, replaced in one piece.
+    cloud
+        What to write. World coordinates are doubles (F 8) where the cloud has an origin, else
+        floats. One viewpoint goes into `VIEWPOINT`, several (or one at exactly 0 0 0, which means
+        "unknown" there) into the fields vp_x, vp_y and vp_z.
+    encoding
+        "binary", "ascii" or "binary_compressed" (LZF, at most 2^31 - 1 bytes of points).
+
+    Raises
+    ------
+    InvalidInputError
+        The encoding is unknown, or the points are too many for "binary_compressed".
+    """
+    if encoding not in _ENCODINGS:
+        raise InvalidInputError(f"encoding is {encoding!r}; PCD has {', '.join(_ENCODINGS)}")
+    columns, viewpoint = _write_columns(cloud)
+    rows = records(columns)
+    if encoding == "binary_compressed" and rows.nbytes > _LARGEST_COMPRESSED:
+        raise InvalidInputError(
+            f"{rows.nbytes} bytes of points are more than the {_LARGEST_COMPRESSED} that "
+            "binary_compressed can hold; use encoding='binary'"
+        )
+    types = [rows.dtype[name] for name in columns]
+    header = [
+        "# .PCD v0.7 - Point Cloud Data file format",
+        "VERSION 0.7",
+        f"FIELDS {' '.join(columns)}",
+        f"SIZE {' '.join(str(t.itemsize) for t in types)}",
+        f"TYPE {' '.join(t.kind.upper() for t in types)}",
+        f"COUNT {' '.join('1' for _ in types)}",
+        f"WIDTH {len(rows)}",
+        "HEIGHT 1",
+        f"VIEWPOINT {viewpoint}",
+        f"POINTS {len(rows)}",
+        f"DATA {encoding}",
+        "",
+    ]
+    with written_whole(path) as temporary, temporary.open("xb") as file:
+        file.write("\n".join(header).encode("ascii"))
+        if encoding == "ascii":
+            save_table(file, rows)
+        elif encoding == "binary":
+            rows.tofile(file)
+        else:
+            data = b"".join(rows[name].tobytes() for name in columns)
+            packed = lzf_compress(data)
+            file.write(struct.pack("<II", len(packed), len(data)) + packed)
