@@ -22,8 +22,8 @@ def is_allowed(expression: str, allowed: set[str]) -> bool:
 def main() -> int:
     with Path("deny.toml").open("rb") as file:
         allowed = set(tomllib.load(file)["licenses"]["allow"])
-    command = ["cargo", "metadata", "--format-version", "1", "--locked"]
-    metadata = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    command = ["cargo", "metadata", "--format-version", "1"]
+    metadata = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
     refused = [
         f"{package['name']} {package['version']}: {package['license'] or 'no licence named'}"
         for package in metadata["packages"]

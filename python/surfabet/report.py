@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from surfabet import KdTree, PointCloud, Quality
 from surfabet.errors import InvalidInputError, MissingDependencyError
@@ -122,7 +122,7 @@ def render(
     pixel = np.flatnonzero(front != EMPTY)
     key = front[pixel]
     row, column = np.divmod(pixel, width)
-    sides = np.clip(np.ceil(focal * spacing / _depth(key)), 1, 9).astype(np.int64)
+    sides = np.clip(np.ceil(focal * spacing / _depth(key)), 1, 15).astype(np.int64)
     for side in np.unique(sides):
         chosen = sides == side
         for dy in range(side):
@@ -157,7 +157,7 @@ def _depth(key: NDArray[np.uint64]) -> NDArray[np.float32]:
 
 
 def _eye_dome(depth: NDArray[np.float64], strength: float = 8.0) -> NDArray[np.float64]:
-    """Eye-dome lighting: shade in 0..1, the darker the farther a pixel's neighbours lie before it."""
+    """Eye-dome lighting: shade in 0..1, darker where neighbours lie farther before a pixel."""
     log = np.log(depth, out=np.full(depth.shape, np.inf), where=np.isfinite(depth))
     padded = np.pad(log, 1, mode="edge")
     rows, columns = depth.shape
@@ -174,27 +174,42 @@ def _sample(n: int, at_most: int = SAMPLE) -> NDArray[np.int64]:
     return np.linspace(0, n - 1, min(n, at_most)).astype(np.int64)
 
 
-def choose_camera(cloud: PointCloud) -> Camera:
+def choose_camera(cloud: PointCloud, up: ArrayLike | None = None) -> Camera:
     """A camera that shows most of a cloud.
 
     It stands at one of the cloud's sensor positions where they are known, else outside.
 
     From outside, faces of the bounding box that are turned to the camera and closed, as ceilings
-    and walls of a room are, are cut away. Upwards is z, unless the sensor moved over a space that
-    is thin along another axis, as hand-held cameras in their own frame do.
+    and walls of a room are, are cut away.
+
+    Parameters
+    ----------
+    cloud
+        What to look at.
+    up
+        The coordinate axis that points upwards, such as (0, -1, 0). By default z, unless the sensor
+        moved over a space that is thin along another axis, as hand-held cameras in their own frame
+        do.
+
+    Raises
+    ------
+    InvalidInputError
+        When the cloud is empty or `up` is no coordinate axis.
     """
     if len(cloud) == 0:
         raise InvalidInputError("the cloud is empty; there is nothing to look at")
     sample = cloud.select(_sample(len(cloud)))
     points = sample.points
-    up = _upwards(points, sample.viewpoints)
+    upwards = _upwards(points, sample.viewpoints) if up is None else np.asarray(up, np.float64)
+    if sorted(np.abs(upwards).tolist()) != [0, 0, 1]:
+        raise InvalidInputError(f"up is {up}, but must be a coordinate axis such as (0, 0, 1)")
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
     if sample.viewpoints is not None and sample.viewpoint_index is not None:
         seen_from = sample.viewpoints
         inside = np.all((seen_from >= low) & (seen_from <= high), axis=1)
         if inside.any():
-            return _inside_view(points, seen_from[inside], up)
-    return _outside_view(points, low, high, up)
+            return _inside_view(points, seen_from[inside], upwards)
+    return _outside_view(points, low, high, upwards)
 
 
 def _upwards(
@@ -257,7 +272,9 @@ def _outside_view(
         side = np.sign(toward_eye[axis])
         along = side * points[:, axis]
         limit = (side * (high if side > 0 else low))[axis] - 0.12 * extent[axis]
-        if _is_closed(np.delete(points, axis, axis=1), along > limit):
+        # A cloud that is thin along the axis has no inside that a face could hide.
+        thick = extent[axis] > 0.1 * extent.max()
+        if thick and _is_closed(np.delete(points, axis, axis=1), along > limit):
             keep.append((side * np.eye(3)[axis], float(limit)))
     camera = Camera((low + high) / 2 + toward_eye, (low + high) / 2, up, 50.0, tuple(keep))
     seen = points[np.all((points >= low) & (points <= high), axis=1)]
@@ -376,7 +393,7 @@ def _histogram(
     limit: float,
     quality: Quality,
 ) -> None:
-    bins = np.linspace(0, 1000 * max(limit, float(np.percentile(backward, 99))), 80)
+    bins = np.linspace(0, 1000 * max(limit, float(np.percentile(backward, 99))), 80).tolist()
     for distances, label in (
         (forward, f"decoded to original, rmse {1000 * quality.rmse_forward:.2f} mm"),
         (backward, f"original to decoded, rmse {1000 * quality.rmse_backward:.2f} mm"),
@@ -414,4 +431,5 @@ def _colormap(
 
     scaled = np.clip((values - low) / max(high - low, 1e-9), 0, 1)
     table = (255 * colormaps[name](np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)
-    return table[(255 * scaled).astype(np.uint8)]
+    rgb: NDArray[np.uint8] = table[(255 * scaled).astype(np.uint8)]
+    return rgb
