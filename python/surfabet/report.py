@@ -296,11 +296,15 @@ def _fit(camera: Camera, points: NDArray[np.float64], aspect: float) -> Camera:
 
 
 def _is_closed(plane: NDArray[np.float64], in_slab: NDArray[np.bool_], cells: int = 24) -> bool:
-    """True when the points in the slab cover most of what all points do, seen along its normal."""
+    """True when the points in the slab cover an area, and most of what all points do.
+
+    `plane` holds the points as seen along the slab's normal, (n, 2).
+    """
     low = plane.min(axis=0)
     scale = cells / np.maximum(np.ptp(plane, axis=0), 1e-9)
     cell = np.minimum((plane - low) * scale, cells - 1).astype(np.int64) @ np.array([cells, 1])
-    return len(np.unique(cell[in_slab])) > 0.6 * len(np.unique(cell))
+    n_covered = len(np.unique(cell))
+    return n_covered > cells**2 / 4 and len(np.unique(cell[in_slab])) > 0.6 * n_covered
 
 
 def draw_comparison(
