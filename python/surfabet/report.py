@@ -30,6 +30,8 @@ BACKGROUND = 255
 EMPTY = np.uint64(2**64 - 1)
 # Points are projected in pieces of this many, so that memory stays small beside the cloud itself.
 CHUNK = 1 << 20
+# From as many sensor positions on, a cloud is taken for the work of a moving sensor.
+MANY_VIEWPOINTS = 8
 # Points looked at to place the camera and to learn spacing, height and intensity ranges.
 SAMPLE = 100_000
 
@@ -177,9 +179,8 @@ def _sample(n: int, at_most: int = SAMPLE) -> NDArray[np.int64]:
 def choose_camera(cloud: PointCloud, up: ArrayLike | None = None) -> Camera:
     """A camera that shows most of a cloud.
 
-    It stands at one of the cloud's sensor positions where they are known, else outside.
-
-    From outside, faces of the bounding box that are turned to the camera and closed, as ceilings
+    For a cloud that a moving sensor took, with known positions, it stands at one of them, else
+    outside. From outside, faces of the bounding box that are turned to the camera and closed, as ceilings
     and walls of a room are, are cut away.
 
     Parameters
@@ -204,8 +205,8 @@ def choose_camera(cloud: PointCloud, up: ArrayLike | None = None) -> Camera:
     if sorted(np.abs(upwards).tolist()) != [0, 0, 1]:
         raise InvalidInputError(f"up is {up}, but must be a coordinate axis such as (0, 0, 1)")
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
-    if sample.viewpoints is not None and sample.viewpoint_index is not None:
-        seen_from = sample.viewpoints
+    seen_from = sample.viewpoints
+    if seen_from is not None and len(seen_from) >= MANY_VIEWPOINTS:
         inside = np.all((seen_from >= low) & (seen_from <= high), axis=1)
         if inside.any():
             return _inside_view(points, seen_from[inside], upwards)
@@ -216,7 +217,7 @@ def _upwards(
     points: NDArray[np.float64], viewpoints: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
     axis, sign = 2, 1.0
-    if viewpoints is not None and len(viewpoints) >= 8:
+    if viewpoints is not None and len(viewpoints) >= MANY_VIEWPOINTS:
         spread = viewpoints.std(axis=0)
         if spread.min() > 0:
             # Who carries a sensor moves it sideways more than up and down, and above most of what

@@ -100,11 +100,13 @@ def test_a_closed_room_is_opened_to_show_its_inside() -> None:
     assert ((picture[..., 0] > 50) & (picture[..., 2] < 50)).sum() > 1_000
 
 
-def test_a_sensor_inside_looks_from_its_place() -> None:
+def test_a_sensor_that_moved_inside_looks_from_its_place() -> None:
     points = room()
-    eye = np.array([[2.0, 1.5, 1.2]])
-    cloud = sb.PointCloud(points, viewpoints=eye, viewpoint_index=np.zeros(len(points), np.uint32))
-    np.testing.assert_allclose(choose_camera(cloud).eye, eye[0])
+    eyes = np.linspace([1.0, 1.0, 1.2], [3.0, 2.0, 1.3], 20)
+    index = np.arange(len(points), dtype=np.uint32) % 20
+    camera = choose_camera(sb.PointCloud(points, viewpoints=eyes, viewpoint_index=index))
+    assert np.linalg.norm(eyes - camera.eye, axis=1).min() < 1e-9
+    np.testing.assert_array_equal(camera.up, [0, 0, 1])
 
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, -1, 0), (1, 0, 0)])
