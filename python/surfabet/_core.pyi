@@ -1,17 +1,19 @@
 """Stubs of the compiled module; `stubtest` holds them against the binary."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__version__: str
+from surfabet._progress import ProgressCallback
 
-ProgressCallback = Callable[[str, float], object]
+__version__: str
 
 def set_num_threads(n_threads: int | None) -> None: ...
 def get_num_threads() -> int: ...
 
+@final
 class PointCloud:
     def __new__(
         cls,

@@ -12,9 +12,14 @@ from typing import Any
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
 from surfabet.io._files import format_error
+from surfabet.io.e57 import read_e57, write_e57
+from surfabet.io.kitti import read_kitti
+from surfabet.io.las import read_las, write_las
+from surfabet.io.npz import read_npy, read_npz, write_npz
 from surfabet.io.pcd import read_pcd, write_pcd
 from surfabet.io.ply import read_ply, write_ply
 from surfabet.io.rgbd import is_rgbd, read_rgbd
+from surfabet.io.text import read_text, write_text
 
 __all__ = ["Format", "formats", "read", "read_rgbd", "write"]
 
@@ -38,6 +43,12 @@ class Format:
 _FORMATS = (
     Format("ply", (".ply",), (b"ply\n", b"ply\r"), read_ply, write_ply),
     Format("pcd", (".pcd",), (b"# .PCD", b"VERSION", b"FIELDS"), read_pcd, write_pcd),
+    Format("las", (".las", ".laz"), (b"LASF",), read_las, write_las),
+    Format("e57", (".e57",), (b"ASTM-E57",), read_e57, write_e57),
+    Format("npz", (".npz",), (b"PK\x03\x04",), read_npz, write_npz),
+    Format("npy", (".npy",), (b"\x93NUMPY",), read_npy, None),
+    Format("xyz", (".xyz", ".txt", ".asc", ".csv"), (), read_text, write_text),
+    Format("kitti", (".bin",), (), read_kitti, None),
     Format("rgbd", (), (), read_rgbd, None),
 )
 

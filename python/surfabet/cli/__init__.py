@@ -1,0 +1,32 @@
+"""The command `surfabet`; a file per verb."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+__all__ = ["main"]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command line `argv`, by default that of the process.
+
+    Returns
+    -------
+    int
+        0: done; 1: the job failed, as with a corrupt file; 2: the command line makes no sense;
+        130: interrupted by Ctrl-C.
+    """
+    try:
+        import cyclopts  # noqa: F401
+        import rich  # noqa: F401
+    except ImportError as error:
+        print(
+            f"surfabet: error: the command line needs the package {error.name}: "
+            "pip install 'surfabet[cli]'",
+            file=sys.stderr,
+        )
+        return 1
+    from surfabet.cli._app import run
+
+    return run(sys.argv[1:] if argv is None else list(argv))

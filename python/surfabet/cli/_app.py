@@ -1,0 +1,102 @@
+"""The verbs put together, and how each kind of failure leaves the process."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from cyclopts import App, CycloptsError
+
+import surfabet
+from surfabet.cli._options import COMMON, UsageError
+from surfabet.cli.compress import compress
+from surfabet.cli.convert import convert
+from surfabet.cli.decompress import decompress
+from surfabet.cli.evaluate import evaluate
+from surfabet.cli.info import info
+
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+app = App(
+    name="surfabet",
+    help="""Compact 3D models of point clouds, learned from what recurs in them.
+
+    A scan goes in (ply, pcd, las, laz, e57, npz, xyz, KITTI bin or a folder of RGB-D frames), a
+    small `.sfb` file comes out, and from that a cloud again at any point spacing:
+
+        surfabet compress room.ply room.sfb --resolution 0.01
+        surfabet decompress room.sfb again.ply
+        surfabet evaluate room.ply room.sfb
+
+    `surfabet VERB --help` tells the options of a verb. All lengths are metres.
+    """,
+    help_format="markdown",
+    version=surfabet.__version__,
+    suppress_keyboard_interrupt=False,
+    print_error=False,
+    exit_on_error=False,
+    result_action="return_value",
+)
+for verb in (compress, decompress, info, evaluate, convert):
+    app.command(verb)
+
+
+def run(argv: Sequence[str]) -> int:
+    """Parses and runs one command line; see `surfabet.cli.main` for what it returns."""
+    common = COMMON
+    try:
+        command, bound, _ = app.parse_args(argv)
+        common = bound.arguments.get("common", COMMON)
+        with _one_line_warnings():
+            if common.threads is not None:
+                surfabet.set_num_threads(common.threads)
+            command(*bound.args, **bound.kwargs)
+            sys.stdout.flush()
+        return OK
+    except CycloptsError as error:
+        # The library's own formatting would be a frame of several lines.
+        chain = " ".join(["surfabet", *(error.command_chain or ()), "--help"])
+        _say_error(f"{error} See {chain}.")
+        return USAGE
+    except UsageError as error:
+        _say_error(str(error))
+        return USAGE
+    except KeyboardInterrupt:
+        print("surfabet: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read the output has left; the interpreter must not try to flush the rest at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        if common.debug:
+            traceback.print_exc()
+        _say_error(_message(error))
+        return FAILED
+
+
+def _say_error(message: str) -> None:
+    print("surfabet: error:", " ".join(message.split()), file=sys.stderr)
+
+
+def _message(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        return f"out of memory {error}".rstrip()
+    return str(error) or type(error).__name__
+
+
+@contextmanager
+def _one_line_warnings() -> Iterator[None]:
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        print("surfabet: warning:", " ".join(str(message).split()), file=sys.stderr)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = show
+        yield

@@ -1,0 +1,72 @@
+"""Files in and out: refused before the work where they must fail, never left half written."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import surfabet
+from surfabet._progress import ProgressCallback
+from surfabet.cli._options import ReadOptions, UsageError
+from surfabet.io import formats
+
+MODEL_SUFFIX = ".sfb"
+
+
+def cloud_suffixes() -> frozenset[str]:
+    """The endings of file names that clouds can be written to."""
+    return frozenset(suffix for known in formats() if known.writer for suffix in known.suffixes)
+
+
+def check_output(path: Path, suffixes: frozenset[str], *inputs: Path) -> None:
+    """Refuses an output that cannot be written, before any time goes into it."""
+    if path.suffix.lower() not in suffixes:
+        known = ", ".join(sorted(suffixes))
+        raise UsageError(f"{path}: cannot write this format; the name must end in one of {known}")
+    if path.is_dir():
+        raise UsageError(f"{path}: is a folder; name a file to write")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK):
+        raise UsageError(f"{path}: no permission to write in {path.parent}")
+    for source in inputs:
+        if path.exists() and source.exists() and path.samefile(source):
+            raise UsageError(f"{path}: is the input too; write to another file")
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A temporary name beside `path` that becomes `path` only when the block succeeds."""
+    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+        temporary = Path(folder) / path.name
+        yield temporary
+        temporary.replace(path)
+
+
+def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> surfabet.PointCloud:
+    """The cloud of any readable file or RGB-D folder."""
+    if path.suffix.lower() == MODEL_SUFFIX:
+        raise UsageError(
+            f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
+        )
+    if options.changed() and path.is_file():
+        names = ", ".join(options.changed())
+        raise UsageError(f"{names}: only for folders of RGB-D frames, and {path} is a file")
+    progress(f"read {path.name}", 0.0)
+    return surfabet.read(path, **(options.for_folder() if path.is_dir() else {}))
+
+
+def load_model(path: Path, progress: ProgressCallback) -> surfabet.PatchModel:
+    """The model in a `.sfb` file."""
+    progress(f"load {path.name}", 0.0)
+    return surfabet.load(path)
+
+
+def size_on_disk(path: Path) -> int:
+    """Bytes of a file, or of all files of a folder."""
+    if path.is_dir():
+        return sum(entry.stat().st_size for entry in path.iterdir() if entry.is_file())
+    return path.stat().st_size

@@ -1,0 +1,45 @@
+"""Numbers for people, and the JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from typing import Any
+
+RAW_BYTES_PER_POINT = 12
+RAW_BYTES_PER_COLOR = 3
+
+
+def raw_bytes(n_points: int, has_colors: bool) -> int:
+    """Size of the points as plain f32 coordinates, with one byte per channel for colours."""
+    return n_points * (RAW_BYTES_PER_POINT + RAW_BYTES_PER_COLOR * has_colors)
+
+
+def bytes_text(n: int) -> str:
+    """As `1.25 MB`, decimal multiples."""
+    for limit, unit in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if n >= limit:
+            return f"{n / limit:.3g} {unit}" if n < 999.5 * limit else f"{n / limit:.0f} {unit}"
+    return f"{n} bytes"
+
+
+def millimetres(metres: float) -> str:
+    """As `8.31 mm`; metres from one metre on."""
+    return f"{metres:.3g} m" if abs(metres) >= 1 else f"{metres * 1000:.3g} mm"
+
+
+def print_json(value: dict[str, Any]) -> None:
+    """One JSON object on stdout; not-a-number and infinities become null, which JSON can hold."""
+    json.dump(_plain(value), sys.stdout, indent=2)
+    print()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

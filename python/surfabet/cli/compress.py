@@ -1,0 +1,124 @@
+"""`surfabet compress`: cloud in, model file out."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+import surfabet
+from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_disk, whole_file
+from surfabet.cli._format import bytes_text, millimetres, print_json, raw_bytes
+from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
+
+
+def compress(
+    input_: Annotated[Path, Parameter(name="IN")],
+    output: Annotated[Path, Parameter(name="OUT")],
+    /,
+    *,
+    model: Literal["patches"] = "patches",
+    resolution: Annotated[float, Parameter(validator=Number(gt=0))] = 0.01,
+    levels: Annotated[int, Parameter(validator=Number(gte=1))] = 1,
+    random_state: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
+    evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
+    json: Flag = False,
+    read: ReadOptions = READ_OPTIONS,
+    common: Common = COMMON,
+) -> None:
+    """Learn a small model of a scan and write it to a file.
+
+    At the end the file is decoded and held against the input; the last line tells sizes, error and
+    seconds.
+
+        surfabet compress room.ply room.sfb
+        surfabet compress room.ply room.sfb --resolution 0.005
+        surfabet compress frames/ room.sfb --frame-stride 2 --depth-max 4
+
+    Parameters
+    ----------
+    input_
+        The scan: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, KITTI bin, or a folder of RGB-D
+        frames.
+    output
+        The model file to write.
+    model
+        The family of models. This version knows surface patches only.
+    resolution
+        Spacing of the model's pixels in metres: what is smaller is lost.
+    levels
+        Levels of detail of the patches.
+    random_state
+        Seed; the same seed, input and options give the same bytes.
+    evaluate
+        Decode the file and measure its error against the input (default), or do not.
+    json
+        Print one JSON object instead of a line.
+    """
+    check_output(output, frozenset({MODEL_SUFFIX}), input_)
+    seconds: dict[str, float] = {}
+    quality = None
+    with common.progress() as progress:
+        started = time.perf_counter()
+        cloud = read_cloud(input_, read, progress)
+        seconds["read"] = time.perf_counter() - started
+
+        started = time.perf_counter()
+        learned = surfabet.learn_patches(
+            cloud,
+            resolution=resolution,
+            levels=levels,
+            random_state=random_state,
+            progress=progress,
+        )
+        seconds["learn"] = time.perf_counter() - started
+
+        started = time.perf_counter()
+        progress(f"write {output.name}", 0.0)
+        with whole_file(output) as temporary:
+            learned.save(temporary)
+        seconds["write"] = time.perf_counter() - started
+        n_bytes = size_on_disk(output)
+
+        if evaluate:
+            started = time.perf_counter()
+            decoded = surfabet.load(output).decode(progress=progress)
+            seconds["decode"] = time.perf_counter() - started
+            started = time.perf_counter()
+            quality = surfabet.evaluate(cloud, decoded, bytes=n_bytes, progress=progress)
+            seconds["evaluate"] = time.perf_counter() - started
+
+    n_raw = raw_bytes(len(cloud), cloud.colors is not None)
+    encode_seconds = seconds["read"] + seconds["learn"] + seconds["write"]
+    if json:
+        print_json(
+            {
+                "input": {
+                    "path": str(input_),
+                    "points": len(cloud),
+                    "raw_bytes": n_raw,
+                    "bytes_on_disk": size_on_disk(input_),
+                },
+                "output": {"path": str(output), "bytes": n_bytes},
+                "ratio": n_raw / n_bytes,
+                "bits_per_point": 8 * n_bytes / len(cloud),
+                "quality": quality and quality.as_dict(),
+                "seconds": seconds,
+                "report": learned.report.as_dict(),
+            }
+        )
+    elif not common.quiet:
+        line = (
+            f"{output}: {len(cloud):,} points, {bytes_text(n_raw)} -> {bytes_text(n_bytes)}, "
+            f"ratio {n_raw / n_bytes:.3g}, "
+        )
+        if quality:
+            line += (
+                f"rmse {millimetres(quality.rmse)} (pooled {millimetres(quality.rmse_pooled)}), "
+            )
+            if quality.color_rmse is not None:
+                line += f"colour rmse {quality.color_rmse:.3g}, "
+        print(line + f"{encode_seconds:.1f} s")

@@ -1,0 +1,67 @@
+"""`surfabet decompress`: model file in, cloud out."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+import surfabet
+from surfabet.cli._files import check_output, cloud_suffixes, load_model, size_on_disk
+from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._options import COMMON, Common, Flag
+
+
+def decompress(
+    input_: Annotated[Path, Parameter(name="IN")],
+    output: Annotated[Path, Parameter(name="OUT")],
+    /,
+    *,
+    resolution: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    json: Flag = False,
+    common: Common = COMMON,
+) -> None:
+    """Make a point cloud of a model file.
+
+        surfabet decompress room.sfb room.ply
+        surfabet decompress room.sfb fine.laz --resolution 0.005
+
+    Parameters
+    ----------
+    input_
+        The model file.
+    output
+        The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
+    resolution
+        Spacing of the points in metres, by default that of the model.
+    json
+        Print one JSON object instead of a line.
+    """
+    check_output(output, cloud_suffixes(), input_)
+    seconds: dict[str, float] = {}
+    with common.progress() as progress:
+        started = time.perf_counter()
+        cloud = load_model(input_, progress).decode(resolution=resolution, progress=progress)
+        seconds["decode"] = time.perf_counter() - started
+
+        started = time.perf_counter()
+        progress(f"write {output.name}", 0.0)
+        surfabet.write(output, cloud)
+        seconds["write"] = time.perf_counter() - started
+
+    n_bytes = size_on_disk(output)
+    if json:
+        print_json(
+            {
+                "input": {"path": str(input_), "bytes": size_on_disk(input_)},
+                "output": {"path": str(output), "bytes": n_bytes, "points": len(cloud)},
+                "seconds": seconds,
+            }
+        )
+    elif not common.quiet:
+        print(
+            f"{output}: {len(cloud):,} points, {bytes_text(n_bytes)}, {sum(seconds.values()):.1f} s"
+        )

@@ -1,0 +1,61 @@
+"""`surfabet info`: what is in a model file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+import surfabet
+from surfabet.cli._files import size_on_disk
+from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._options import COMMON, Common, Flag
+
+
+def info(
+    file: Annotated[Path, Parameter(name="FILE")],
+    /,
+    *,
+    json: Flag = False,
+    common: Common = COMMON,
+) -> None:
+    """Tell what a model file holds: family, options that made it, and bytes by part.
+
+        surfabet info room.sfb
+        surfabet info room.sfb --json
+
+    Parameters
+    ----------
+    file
+        The model file.
+    json
+        Print one JSON object instead of tables.
+    """
+    found = surfabet.inspect(file)
+    n_bytes = size_on_disk(file)
+    if json:
+        print_json({"path": str(file), "bytes": n_bytes, **found.as_dict()})
+        return
+    if common.quiet:
+        return
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(
+        f"{file}: {found.family}, format {found.version}, {bytes_text(n_bytes)}, "
+        f"made from {found.n_points:,} points",
+        markup=False,
+    )
+    options = Table("option", "value", box=None, header_style="bold")
+    for name, value in found.options.items():
+        options.add_row(name, str(value))
+    console.print(options)
+    parts = Table("part", "bytes", "share", box=None, header_style="bold")
+    for column in parts.columns[1:]:
+        column.justify = "right"
+    # What no section holds is the file's own frame: magic, table of sections, checksums.
+    frame = n_bytes - sum(found.sections.values())
+    for name, part in [*found.sections.items(), ("file header", frame)]:
+        parts.add_row(name, f"{part:,}", f"{part / n_bytes:.1%}")
+    console.print(parts)

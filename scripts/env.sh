@@ -1,0 +1,71 @@
+# Sourced by the other scripts: finds Python and Rust, keeps .venv, builds the package into it.
+
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1
+
+fail() {
+    echo "error: $*" >&2
+    exit 1
+}
+
+heading() {
+    printf '\n== %s\n' "$*"
+}
+
+is_new_enough() {
+    "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1
+}
+
+# Prints the first Python of at least 3.11: $PYTHON if set, else the usual names.
+find_python() {
+    local candidate
+    if [[ -n "${PYTHON:-}" ]]; then
+        is_new_enough "$PYTHON" || fail "PYTHON=$PYTHON is not a Python of at least 3.11"
+        echo "$PYTHON"
+        return
+    fi
+    for candidate in python3 python3.14 python3.13 python3.12 python3.11 python; do
+        if is_new_enough "$candidate"; then
+            echo "$candidate"
+            return
+        fi
+    done
+    fail "no Python of at least 3.11 found; install one, or name it: PYTHON=/path/to/python $0"
+}
+
+check_rust() {
+    local wanted found
+    if ! command -v cargo >/dev/null && [[ -x "$HOME/.cargo/bin/cargo" ]]; then
+        export PATH="$HOME/.cargo/bin:$PATH"
+    fi
+    command -v cargo >/dev/null || fail "cargo not found; install Rust from https://rustup.rs"
+    wanted=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+    found=$(rustc --version | cut -d ' ' -f 2)
+    if [[ "$(printf '%s\n%s\n' "$wanted" "$found" | sort -V | head -n 1)" != "$wanted" ]]; then
+        fail "Rust $found is too old, $wanted is needed; with rustup: rustup update stable"
+    fi
+    echo "Rust $found"
+}
+
+ensure_venv() {
+    local python
+    if [[ -d .venv ]] && is_new_enough .venv/bin/python; then
+        return
+    fi
+    python=$(find_python)
+    "$python" -c 'import ensurepip, venv' 2>/dev/null \
+        || fail "$python cannot create environments; on Debian or Ubuntu: apt-get install python3-venv"
+    rm -rf .venv
+    "$python" -m venv .venv
+}
+
+# Builds the package in release mode into .venv, with the extras named in $1; quick when nothing changed.
+install_surfabet() {
+    ensure_venv
+    .venv/bin/python --version
+    check_rust
+    .venv/bin/pip install --quiet 'maturin>=1.9,<2'
+    .venv/bin/maturin develop --release --quiet --extras "$1"
+    echo "installed into .venv: $(.venv/bin/surfabet --version)"
+}

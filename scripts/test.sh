@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# Installs what the tests need and runs every check; stops at the first that fails and names it.
+
+source "$(dirname "${BASH_SOURCE[0]}")/env.sh"
+
+current="start"
+passed=0
+finish() {
+    local status=$?
+    if [[ $status -eq 0 ]]; then
+        printf '\nAll %d checks passed in %d min %02d s.\n' "$passed" $((SECONDS / 60)) $((SECONDS % 60))
+    else
+        printf '\nFAILED: %s (after %d passed checks)\n' "$current" "$passed" >&2
+    fi
+}
+trap finish EXIT
+
+step() {
+    current=$1
+    shift
+    heading "$current"
+    local began=$SECONDS
+    "$@"
+    passed=$((passed + 1))
+    echo "-- $current: passed in $((SECONDS - began)) s"
+}
+
+build_docs() {
+    RUSTDOCFLAGS="-D warnings" cargo doc --quiet --workspace --no-deps
+}
+
+step "Build and install" install_surfabet test
+step "Rust format" cargo fmt --all --check
+step "Rust lints" cargo clippy --quiet --workspace --all-targets -- -D warnings
+step "Licences of dependencies" .venv/bin/python scripts/check_licenses.py
+step "Rust tests" cargo test --quiet --workspace
+step "Rust documentation" build_docs
+step "Rust benchmarks build" cargo bench --quiet --workspace --no-run
+if [[ -f examples/embed/Cargo.toml ]]; then
+    step "Example of embedding" cargo run --quiet --manifest-path examples/embed/Cargo.toml
+fi
+step "Python lints" .venv/bin/ruff check python tests/python benches
+step "Python types" .venv/bin/mypy
+step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt
+step "Python tests" .venv/bin/pytest --quiet

@@ -1,0 +1,302 @@
+"""The command line: what it prints where, its exit codes, and that nothing half written stays."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import surfabet as sb
+from surfabet.cli import main
+
+VERBS = ["compress", "decompress", "info", "evaluate", "convert"]
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    """Two coloured walls and a floor, 2 m long, sampled at 1 cm with 1 mm of noise."""
+    random = np.random.default_rng(0)
+    u, v = (side.ravel() for side in np.meshgrid(np.arange(0, 2, 0.01), np.arange(0, 2, 0.01)))
+    zero = np.zeros_like(u)
+    points = np.concatenate([np.stack(p, 1) for p in ((u, v, zero), (zero, u, v), (u, zero, v))])
+    colors = np.clip(points * 100 + 20, 0, 255).astype(np.uint8)
+    return sb.PointCloud(points + random.normal(0, 0.001, points.shape), colors=colors)
+
+
+@pytest.fixture(scope="module")
+def ply(cloud: sb.PointCloud, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("clouds") / "corner.ply"
+    sb.write(path, cloud)
+    return path
+
+
+@pytest.fixture(scope="module")
+def sfb(ply: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("models") / "corner.sfb"
+    assert main(["compress", str(ply), str(path), "--resolution", "0.02", "--quiet"]) == 0
+    return path
+
+
+def parsed(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    value = json.loads(captured.out)
+    assert isinstance(value, dict)
+    return value
+
+
+def error_line(capsys: pytest.CaptureFixture[str]) -> str:
+    """The error message, which must be one line on stderr with nothing on stdout."""
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("surfabet: error: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_shows_an_example(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "--help"]) == 0
+    captured = capsys.readouterr()
+    assert f"surfabet {verb} " in captured.out
+    assert captured.err == ""
+
+
+def test_help_names_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    out = capsys.readouterr().out
+    assert all(verb in out for verb in VERBS)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"{sb.__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["compres"], "compress"),
+        (["compress", "a.ply"], "OUT"),
+        (["compress", "a.ply", "b.sfb", "--model", "gas"], "patches"),
+        (["compress", "a.ply", "b.sfb", "--resolution", "0"], "> 0"),
+        (["compress", "a.ply", "b.sfb", "--resolution", "fine"], "float"),
+        (["compress", "a.ply", "b.sfb", "--colour"], "--colour"),
+        (["compress", "a.ply", "b.ply"], ".sfb"),
+        (["convert", "a.ply", "b.docx"], ".ply"),
+        (["convert", "a.ply", "no/such/folder/b.ply"], "no folder"),
+        (["info", "a.sfb", "--threads", "0"], ">= 1"),
+    ],
+)
+def test_usage_errors(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 2
+    assert said in error_line(capsys)
+
+
+def test_output_must_not_be_the_input(ply: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = ply.read_bytes()
+    assert main(["convert", str(ply), str(ply)]) == 2
+    assert "input" in error_line(capsys)
+    assert ply.read_bytes() == before
+
+
+def test_folder_options_need_a_folder(ply: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = str(ply.with_suffix(".pcd"))
+    assert main(["convert", str(ply), output, "--depth-max", "3"]) == 2
+    assert "--depth-max" in error_line(capsys)
+
+
+def test_missing_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["convert", str(tmp_path / "nothing.ply"), str(tmp_path / "out.ply")]) == 1
+    assert "nothing.ply" in error_line(capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("verb", ["info", "decompress"])
+@pytest.mark.parametrize("content", [b"", b"SFB", b"ply\nformat ascii 1.0\n" * 20])
+def test_not_a_model(
+    verb: str, content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = tmp_path / "wrong.sfb"
+    wrong.write_bytes(content)
+    output = [str(tmp_path / "out.ply")] if verb == "decompress" else []
+    assert main([verb, str(wrong), *output]) == 1
+    error_line(capsys)
+    assert list(tmp_path.iterdir()) == [wrong]
+
+
+def test_truncated_model(sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cut = tmp_path / "cut.sfb"
+    cut.write_bytes(sfb.read_bytes()[:-1])
+    assert main(["decompress", str(cut), str(tmp_path / "out.ply")]) == 1
+    error_line(capsys)
+    assert list(tmp_path.iterdir()) == [cut]
+
+
+def test_debug_shows_the_traceback(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = tmp_path / "wrong.ply"
+    wrong.write_bytes(b"no cloud")
+    assert main(["convert", str(wrong), str(tmp_path / "out.ply"), "--debug"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_convert_keeps_points_and_colors(
+    ply: Path, cloud: sb.PointCloud, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "corner.npz"
+    assert main(["convert", str(ply), str(output), "--json"]) == 0
+    said = parsed(capsys)["output"]
+    assert said["points"] == len(cloud)
+    assert said["bytes"] == output.stat().st_size
+    again = sb.read(output)
+    np.testing.assert_allclose(again.points, cloud.points, atol=1e-6)
+    np.testing.assert_array_equal(again.colors, cloud.colors)
+
+
+def test_convert_says_what_is_lost(
+    ply: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", str(ply), str(tmp_path / "corner.ply"), "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+    cloud = sb.PointCloud(np.eye(3), normals=np.eye(3))
+    sb.write(tmp_path / "normals.npz", cloud)
+    assert main(["convert", str(tmp_path / "normals.npz"), str(tmp_path / "n.las"), "-q"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.startswith("surfabet: warning: ")
+    assert "normals" in captured.err
+
+
+def test_evaluate_of_a_shifted_cloud(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    grid = np.stack(np.meshgrid(*[np.arange(5.0)] * 3), -1).reshape(-1, 3)
+    sb.write(tmp_path / "a.ply", sb.PointCloud(grid))
+    sb.write(tmp_path / "b.ply", sb.PointCloud(grid + np.array([0, 0, 0.25])))
+    command = ["evaluate", str(tmp_path / "a.ply"), str(tmp_path / "b.ply"), "--sigma", "0.1"]
+    assert main([*command, "--json"]) == 0
+    said = parsed(capsys)
+    for name in ("rmse_forward", "rmse_backward", "rmse", "rmse_pooled"):
+        assert said[name] == pytest.approx(0.25, rel=1e-6)
+    assert said["inliers"] == 0
+    assert said["outliers"] == 1
+    assert main(command) == 0
+    assert "250 mm" in capsys.readouterr().out
+
+
+def test_compress_says_what_it_did(
+    ply: Path, cloud: sb.PointCloud, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "corner.sfb"
+    command = ["compress", str(ply), str(output), "--resolution", "0.02"]
+    assert main([*command, "--json"]) == 0
+    said = parsed(capsys)
+    n_bytes = output.stat().st_size
+    assert said["input"]["points"] == len(cloud)
+    assert said["input"]["raw_bytes"] == 15 * len(cloud)
+    assert said["output"]["bytes"] == n_bytes
+    assert said["ratio"] == pytest.approx(15 * len(cloud) / n_bytes)
+    again = sb.evaluate(cloud, sb.load(output).decode())
+    assert said["quality"]["rmse"] == pytest.approx(again.rmse, rel=1e-3)
+
+    assert main(command) == 0
+    line = capsys.readouterr().out
+    assert line.count("\n") == 1
+    for word in ("points", "ratio", "rmse", " s\n"):
+        assert word in line
+
+    assert main([*command, "--no-evaluate"]) == 0
+    assert "rmse" not in capsys.readouterr().out
+    assert main([*command, "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_same_bytes_for_any_number_of_threads(ply: Path, sfb: Path, tmp_path: Path) -> None:
+    output = tmp_path / "corner.sfb"
+    command = ["compress", str(ply), str(output), "--resolution", "0.02", "--no-evaluate", "-q"]
+    try:
+        for threads in ("1", "3"):
+            assert main([*command, "--threads", threads]) == 0
+            assert output.read_bytes() == sfb.read_bytes()
+    finally:
+        sb.set_num_threads(None)
+
+
+def test_decompress(sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    coarse, fine = tmp_path / "coarse.ply", tmp_path / "fine.ply"
+    assert main(["decompress", str(sfb), str(coarse), "--json"]) == 0
+    n_coarse = parsed(capsys)["output"]["points"]
+    assert n_coarse == len(sb.read(coarse)) == len(sb.load(sfb).decode())
+    assert main(["decompress", str(sfb), str(fine), "--resolution", "0.01", "--json"]) == 0
+    assert parsed(capsys)["output"]["points"] > 2 * n_coarse
+
+
+def test_info_accounts_for_every_byte(sfb: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(sfb), "--json"]) == 0
+    said = parsed(capsys)
+    assert said["family"] == "patches"
+    assert said["bytes"] == sfb.stat().st_size
+    assert 0 < sum(said["sections"].values()) <= said["bytes"]
+    assert main(["info", str(sfb)]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in said["sections"])
+
+
+def test_evaluate_of_a_model_counts_its_bytes_and_draws(
+    ply: Path, sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "corner.png"
+    assert main(["evaluate", str(ply), str(sfb), "--picture", str(picture), "--json"]) == 0
+    assert parsed(capsys)["bytes"] == sfb.stat().st_size
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert list(tmp_path.iterdir()) == [picture]
+
+
+def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out.sfb"
+    # At this resolution the work takes far longer than the wait.
+    command = [sys.executable, "-m", "surfabet.cli", "compress", str(ply), str(output)]
+    process = subprocess.Popen(
+        [*command, "--resolution", "0.0005"], stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(2.0)
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert err == "surfabet: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_reader_of_the_output_may_leave(ply: Path, tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as closed:
+        process = subprocess.run(
+            [sys.executable, "-m", "surfabet.cli", "convert", str(ply), str(tmp_path / "c.ply")],
+            stdout=closed,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert process.stderr == ""
+
+
+def test_missing_extra_is_one_line() -> None:
+    code = (
+        "import sys; sys.modules['cyclopts'] = None\n"
+        "from surfabet.cli import main; sys.exit(main(['--version']))"
+    )
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert process.returncode == 1
+    assert process.stdout == ""
+    assert "pip install 'surfabet[cli]'" in process.stderr
+    assert process.stderr.count("\n") == 1
