@@ -88,8 +88,8 @@ def check_chunks(
         if coding.chunk_size != _VARIABLE and n_chunks != expected:
             raise format_error(
                 path,
-                f"{n_points} points in chunks of {coding.chunk_size} make {expected} chunks, but the "
-                f"chunk table has {n_chunks}",
+                f"{n_points} points in chunks of {coding.chunk_size} make {expected} chunks, but "
+                f"the chunk table has {n_chunks}",
                 byte=table_at + 4,
             )
         at = points_at + 8
