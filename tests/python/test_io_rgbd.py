@@ -269,7 +269,7 @@ def test_truncated_images(tmp_path: Path) -> None:
         try:
             cloud = sb.read(folder)
         except sb.FormatError as error:
-            assert "frame-000000.depth.png" in str(error)
+            assert "frame-000000.depth.png" in str(error)  # noqa: PT017
             n_errors += 1
         else:
             # All pixels are there; only checksums and the end mark may be missing.
