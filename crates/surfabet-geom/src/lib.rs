@@ -6,8 +6,18 @@
 
 mod cloud;
 mod error;
+mod kdtree;
+mod moments;
+mod normals;
+mod pose;
 mod progress;
+mod voxel_grid;
 
 pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
 pub use error::{Error, Result};
+pub use kdtree::{KdTree, Neighbor, Neighborhoods};
+pub use moments::{FittedPlane, Moments, PrincipalAxes};
+pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal};
+pub use pose::Pose;
 pub use progress::{Cancelled, Progress, Silent};
+pub use voxel_grid::VoxelGrid;
