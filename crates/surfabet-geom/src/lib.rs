@@ -7,6 +7,7 @@
 mod cloud;
 mod error;
 mod kdtree;
+mod metrics;
 mod moments;
 mod normals;
 mod pose;
@@ -16,6 +17,7 @@ mod voxel_grid;
 pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
 pub use error::{Error, Result};
 pub use kdtree::{KdTree, Neighbor, Neighborhoods};
+pub use metrics::{DirectedErrors, EvaluateOptions, Quality, Tolerance, evaluate};
 pub use moments::{FittedPlane, Moments, PrincipalAxes};
 pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal};
 pub use pose::Pose;
