@@ -27,7 +27,7 @@ _NO_MEASUREMENT = 65535
 # Poses further out than this get an origin of their own, as everywhere in the package.
 _LARGEST_UNSHIFTED = 1000.0
 # Images larger than this on a side are no depth cameras'.
-_LARGEST_SIDE = 1 << 14
+_LARGEST_SIDE = 1 << 13
 _TUM_INTRINSICS = {
     "freiburg1": (517.3, 516.5, 318.6, 255.3),
     "freiburg2": (520.9, 521.0, 325.1, 249.7),
