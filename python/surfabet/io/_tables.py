@@ -160,8 +160,8 @@ def save_table(file: BinaryIO, rows: Column, delimiter: str = " ") -> None:
 
 
 def _words(column: Column) -> list[str]:
-    if column.dtype.kind != "f":
-        return list(map(str, column.tolist()))
+    if column.dtype != np.float32:
+        return list(map(repr, column.tolist()))
     # Shortest text that a parser of that very precision reads back; tolist() would widen float32.
-    words: list[str] = column.astype(f"U{32}").tolist()
+    words: list[str] = column.astype("U32").tolist()
     return words

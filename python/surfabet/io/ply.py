@@ -104,7 +104,7 @@ def _parse_property(lines: Lines, words: list[str], element: _Element | None) ->
 
 def _parse_header(lines: Lines) -> tuple[str, list[_Element]]:
     path = lines.path
-    if lines.text() != "ply":
+    if (lines.text() or "").strip() != "ply":
         raise format_error(path, "not a PLY file: its first line must be 'ply'", line=1)
     order: str | None = None
     elements: list[_Element] = []

@@ -6,6 +6,7 @@ registered cameras give them. A depth of 0 or of the largest 16-bit value is no 
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,7 +27,7 @@ _NO_MEASUREMENT = 65535
 # Poses further out than this get an origin of their own, as everywhere in the package.
 _LARGEST_UNSHIFTED = 1000.0
 # Images larger than this on a side are no depth cameras'.
-_LARGEST_SIDE = 1 << 14
+_LARGEST_SIDE = 1 << 13
 _TUM_INTRINSICS = {
     "freiburg1": (517.3, 516.5, 318.6, 255.3),
     "freiburg2": (520.9, 521.0, 325.1, 249.7),
@@ -228,7 +229,7 @@ def _load_image(
 
 
 class _Projector:
-    """Turns frames into points; keeps the rays of the camera's pixels."""
+    """Turns frames into points."""
 
     def __init__(
         self,
@@ -244,45 +245,42 @@ class _Projector:
         self.pixel_stride = pixel_stride
         self.origin = origin
         # In the unit of the images, so that the limits are sharp; both are included.
-        self.nearest, self.farthest = (limit * depth_scale for limit in depth_limits)
-        self._rays: dict[tuple[int, int], NDArray[np.float32]] = {}
+        nearest, farthest = (limit * depth_scale for limit in depth_limits)
+        self.nearest = max(1, math.ceil(min(nearest, _NO_MEASUREMENT)))
+        self.farthest = min(_NO_MEASUREMENT - 1, math.floor(min(farthest, _NO_MEASUREMENT)))
 
-    def rays(self, height: int, width: int) -> NDArray[np.float32]:
-        """x/z, y/z and length of the ray through each pixel that is read, (3, pixels)."""
-        if (height, width) not in self._rays:
-            camera, stride = self.camera, self.pixel_stride
-            x = (np.arange(0, width, stride) - camera.cx) / camera.fx
-            y = (np.arange(0, height, stride) - camera.cy) / camera.fy
-            x, y = (a.ravel() for a in np.meshgrid(x, y))
-            rays = np.stack([x, y, np.sqrt(x * x + y * y + 1)])
-            self._rays[height, width] = rays.astype(np.float32)
-        return self._rays[height, width]
+    def rays(
+        self, height: int, width: int
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float32]]:
+        """x/z by column, y/z by row, and length/z, of the rays through the pixels that are read."""
+        camera, stride = self.camera, self.pixel_stride
+        x = (np.arange(0, width, stride) - camera.cx) / camera.fx
+        y = (np.arange(0, height, stride) - camera.cy) / camera.fy
+        length = np.sqrt(x**2 + (y**2 + 1)[:, None])
+        return x, y, length.astype(np.float32)
 
     def points(self, frame: _Frame) -> _Points:
         depth = _load_image(self.pillow, frame.depth, ("I;16", "I;16L", "I;16B", "I", "L"), None)
         height, width = depth.shape
         stride = self.pixel_stride
-        depth = np.ascontiguousarray(depth[::stride, ::stride]).ravel()
-        seen = np.flatnonzero(
-            (depth >= self.nearest)
-            & (depth <= self.farthest)
-            & (depth > 0)
-            & (depth < _NO_MEASUREMENT)
-        )
-        z = depth[seen].astype(np.float32) / np.float32(self.depth_scale)
-        x, y, length = self.rays(height, width)[:, seen]
-        x *= z
-        y *= z
-        rotation = frame.pose[:3, :3].astype(np.float32)
+        depth = depth[::stride, ::stride]
+        # Taking rows by index is six times as fast as by mask.
+        seen = np.flatnonzero((depth >= self.nearest) & (depth <= self.farthest))
+        z = depth.astype(np.float32)
+        z /= np.float32(self.depth_scale)
+        x, y, length = self.rays(height, width)
+        rotation = frame.pose[:3, :3]
         shift = (frame.pose[:3, 3] - self.origin).astype(np.float32)
-        positions = np.empty((len(seen), 3), np.float32)
+        # A ray turned into the world is a sum of a part by column and a part by row. Element by
+        # element: unlike a matrix product, the same on every machine and thread.
+        by_column = (rotation[:, :1] * x).astype(np.float32)
+        by_row = (rotation[:, 1:2] * y + rotation[:, 2:]).astype(np.float32)
+        positions = np.empty((*depth.shape, 3), np.float32)
         for axis in range(3):
-            # Element by element: unlike a matrix product, the same on every machine and thread.
-            column = rotation[axis, 0] * x
-            column += rotation[axis, 1] * y
-            column += rotation[axis, 2] * z
-            column += shift[axis]
-            positions[:, axis] = column
+            plane = by_row[axis][:, None] + by_column[axis]
+            plane *= z
+            plane += shift[axis]
+            positions[:, :, axis] = plane
         colors = None
         if frame.color is not None:
             image = _load_image(self.pillow, frame.color, ("RGB", "RGBA", "L", "P"), "RGB")
@@ -292,8 +290,11 @@ class _Projector:
                     f"the colour image has {image.shape[1]} x {image.shape[0]} pixels, the depth "
                     f"image {width} x {height}; resample one to the other first",
                 )
-            colors = image[::stride, ::stride].reshape(-1, 3)[seen]
-        return _Points(positions, colors, length * z)
+            colors = image[::stride, ::stride].reshape(-1, 3).take(seen, axis=0)
+        length *= z
+        return _Points(
+            positions.reshape(-1, 3).take(seen, axis=0), colors, length.ravel().take(seen)
+        )
 
 
 def _decode(projector: _Projector, frames: Sequence[_Frame]) -> Iterator[_Points]:
