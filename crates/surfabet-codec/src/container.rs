@@ -195,6 +195,22 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// Checks the size of a file before it is read.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] above `max_bytes`.
+    pub fn check_size(&self, bytes: u64) -> Result<()> {
+        if bytes <= self.max_bytes {
+            return Ok(());
+        }
+        Err(Error::TooLarge {
+            what: "size of the file",
+            value: bytes,
+            limit: self.max_bytes,
+            remedy: "raise max_bytes if you trust the file",
+        })
+    }
+
     /// Checks a number of items of which each will take `bytes_each` bytes of memory, before it is allocated.
     ///
     /// # Errors
@@ -451,6 +467,325 @@ impl<'a> Container<'a> {
                 Err(Error::UnknownSection { section: *tag, needed: self.needed })
             }
             None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const ONE: Tag = Tag::new(b"ONE1");
+    const TWO: Tag = Tag::new(b"TWO2");
+    const NOTE: Tag = Tag::new(b"note");
+
+    fn writer() -> ContainerWriter {
+        ContainerWriter::new(Family::Patches, Features::NONE)
+            .section(ONE, vec![1, 2, 3])
+            .section(TWO, vec![])
+            .section(NOTE, (0..200).collect())
+    }
+
+    fn parse(file: &[u8]) -> Result<Container<'_>> {
+        Container::parse(file, &Limits::default())
+    }
+
+    #[test]
+    fn sections_come_back_in_order() {
+        let file = writer().finish().unwrap();
+        let container = parse(&file).unwrap();
+        assert_eq!(container.family(), Family::Patches);
+        assert_eq!(container.features(), Features::NONE);
+        assert_eq!(container.needed_version(), Version::FIRST);
+        let tags: Vec<Tag> = container.sections().iter().map(|section| section.tag).collect();
+        assert_eq!(tags, [ONE, TWO, NOTE]);
+        assert_eq!(container.require(ONE), Ok(&[1, 2, 3][..]));
+        assert_eq!(container.section(TWO), Some(&[][..]));
+        let missing = Tag::new(b"NONE");
+        assert_eq!(container.section(missing), None);
+        assert_eq!(container.require(missing), Err(Error::MissingSection { section: missing }));
+        assert_eq!(container.overhead() + 203, file.len());
+    }
+
+    #[test]
+    fn overhead_is_small() {
+        let empty = ContainerWriter::new(Family::Gas, Features::NONE).finish().unwrap();
+        assert_eq!(empty.len(), 14);
+        // 9 bytes per section, one more from 128 bytes on.
+        assert_eq!(writer().finish().unwrap().len(), 14 + 3 * 9 + 1 + 203);
+    }
+
+    #[test]
+    fn the_bytes_are_those_of_the_format() {
+        let file = ContainerWriter::new(Family::Patches, Features::SHARED_DICTIONARY)
+            .section(ONE, b"123456789".to_vec())
+            .finish()
+            .unwrap();
+        // CRC-32C of "123456789" is the check value of the catalogues, 0xe3069283.
+        let mut expected = b"\x89SFB\x01\x00\x01\x02\x01\x01ONE1\x09\x83\x92\x06\xe3".to_vec();
+        let checksum = crc32c::crc32c(&expected).to_le_bytes();
+        expected.extend(checksum);
+        expected.extend(b"123456789");
+        assert_eq!(file, expected);
+    }
+
+    #[test]
+    fn every_cut_is_an_error() {
+        let file = writer().finish().unwrap();
+        for len in 0..file.len() {
+            let error = parse(&file[..len]).unwrap_err();
+            let right = match len {
+                0 => matches!(error, Error::NotSfb { .. }),
+                _ => matches!(error, Error::Truncated { .. } | Error::TooLarge { .. }),
+            };
+            assert!(right, "cut to {len}: {error}");
+        }
+    }
+
+    #[test]
+    fn every_flipped_bit_is_an_error() {
+        let file = writer().finish().unwrap();
+        for bit in 0..8 * file.len() {
+            let mut flipped = file.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            assert!(parse(&flipped).is_err(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn a_flip_in_a_section_names_it() {
+        let mut file = writer().finish().unwrap();
+        *file.last_mut().unwrap() ^= 1;
+        assert_eq!(parse(&file), Err(Error::ChecksumMismatch { section: NOTE }));
+    }
+
+    #[test]
+    fn trailing_bytes_are_an_error() {
+        let mut file = writer().finish().unwrap();
+        file.extend([0; 5]);
+        let expected = Error::TrailingBytes { section: Tag::HEADER, count: 5 };
+        assert_eq!(parse(&file), Err(expected));
+    }
+
+    #[test]
+    fn other_files_are_told_apart() {
+        for file in [&b""[..], b"ply\nformat", b"\x89PNG\r\n", b"\x88SFB"] {
+            assert!(matches!(parse(file), Err(Error::NotSfb { .. })), "{file:?}");
+        }
+        let message = parse(b"ply\nformat").unwrap_err().to_string();
+        assert!(message.contains("[70, 6c, 79, 0a]"), "{message}");
+    }
+
+    /// A file whose header says what `change` makes of the writer.
+    fn changed(change: impl Fn(&mut ContainerWriter)) -> Vec<u8> {
+        let mut writer = writer();
+        change(&mut writer);
+        writer.finish().unwrap()
+    }
+
+    #[test]
+    fn unknown_features_name_the_version_needed() {
+        let needed = Version { major: 3, minor: 7 };
+        let file = changed(|writer| {
+            writer.features = Features(Features::SHARED_DICTIONARY.0 | 1 << 40);
+            writer.needed = needed;
+        });
+        let error = parse(&file).unwrap_err();
+        assert_eq!(error, Error::UnknownFeature { bits: 1 << 40, needed });
+        let message = error.to_string();
+        assert!(message.contains("surfabet 3.7 or newer"), "{message}");
+        assert!(message.contains("surfabet 0.1;"), "{message}");
+    }
+
+    #[test]
+    fn unknown_families_and_layouts_name_the_version_needed() {
+        let needed = Version { major: 2, minor: 0 };
+        let file = changed(|writer| {
+            writer.family = 200;
+            writer.needed = needed;
+        });
+        assert_eq!(parse(&file), Err(Error::UnknownFamily { found: 200, needed }));
+        let mut file = file;
+        file[4] = 9;
+        let error = parse(&file).unwrap_err();
+        assert_eq!(error, Error::UnsupportedVersion { found: 9, supported: 1, needed });
+        assert!(error.to_string().contains("surfabet 2.0 or newer"), "{error}");
+    }
+
+    #[test]
+    fn families_are_checked() {
+        let file = writer().finish().unwrap();
+        let container = parse(&file).unwrap();
+        assert_eq!(container.expect_family(Family::Patches), Ok(()));
+        let error = container.expect_family(Family::Gas).unwrap_err();
+        assert_eq!(error, Error::WrongFamily { expected: Family::Gas, found: Family::Patches });
+        for family in Family::ALL {
+            assert_eq!(Family::from_number(family as u8), Some(family));
+        }
+    }
+
+    #[test]
+    fn unknown_sections_are_refused_unless_skippable() {
+        let file = writer().finish().unwrap();
+        let container = parse(&file).unwrap();
+        assert_eq!(container.expect_only(&[ONE, TWO]), Ok(()));
+        let needed = Version::FIRST;
+        let expected = Error::UnknownSection { section: TWO, needed };
+        assert_eq!(container.expect_only(&[ONE, NOTE]), Err(expected));
+    }
+
+    #[test]
+    fn duplicate_sections_are_refused_on_both_sides() {
+        for tag in [ONE, NOTE, Tag::HEADER] {
+            let again = if tag == NOTE { ONE } else { tag };
+            let error = writer().section(again, vec![9]).finish().unwrap_err();
+            assert_eq!(error, Error::DuplicateSection { section: again });
+        }
+        // The writer makes none, so rename a section in the table and mend the checksum.
+        let mut file = writer().finish().unwrap();
+        let (first, second) = (10, 10 + 9);
+        assert_eq!(&file[first..first + 4], b"ONE1");
+        assert_eq!(&file[second..second + 4], b"TWO2");
+        file.copy_within(first..first + 4, second);
+        mend(&mut file, 10 + 3 * 9 + 1);
+        assert_eq!(parse(&file), Err(Error::DuplicateSection { section: ONE }));
+    }
+
+    /// Sets the checksum of the header, whose table ends at `table_end`.
+    fn mend(file: &mut [u8], table_end: usize) {
+        let checksum = crc32c::crc32c(&file[..table_end]).to_le_bytes();
+        file[table_end..table_end + 4].copy_from_slice(&checksum);
+    }
+
+    #[test]
+    fn lengths_that_lie_are_refused_before_anything_is_read() {
+        let mut header = ByteWriter::new();
+        header.bytes(&MAGIC);
+        header.bytes(&[CONTAINER_VERSION, 0, 1, 2, 0, 1]);
+        header.bytes(b"ONE1");
+        header.varint(u64::MAX);
+        header.u32(0);
+        let mut file = header.finish();
+        let checksum = crc32c::crc32c(&file);
+        file.extend(checksum.to_le_bytes());
+        let expected = Error::Truncated { section: ONE, needed: u64::MAX, available: 0 };
+        assert_eq!(parse(&file), Err(expected));
+
+        let mut header = ByteWriter::new();
+        header.bytes(&MAGIC);
+        header.bytes(&[CONTAINER_VERSION, 0, 1, 2, 0]);
+        header.varint(1 << 60);
+        let file = header.finish();
+        assert!(matches!(parse(&file), Err(Error::TooLarge { value, .. }) if value == 1 << 60));
+    }
+
+    #[test]
+    fn limits_hold() {
+        let file = writer().finish().unwrap();
+        let limits = Limits { max_bytes: 100, max_items: 10 };
+        let error = Container::parse(&file, &limits).unwrap_err();
+        assert!(matches!(error, Error::TooLarge { limit: 100, .. }));
+        assert_eq!(limits.check("points", 10, 10), Ok(10));
+        assert!(limits.check("points", 10, 11).is_err());
+        assert!(limits.check("points", 11, 0).is_err());
+        let message = limits.check("points", 11, 1).unwrap_err().to_string();
+        assert!(message.contains("points is 11, above the limit of 10"), "{message}");
+        assert!(limits.check("points", u64::MAX, u64::MAX).is_err());
+    }
+
+    #[test]
+    fn too_many_sections_are_refused() {
+        let mut writer = ContainerWriter::new(Family::Planes, Features::NONE);
+        for i in 0..257_u32 {
+            let hex = format!("{i:04x}");
+            let mut tag = [0; 4];
+            tag.copy_from_slice(hex.as_bytes());
+            writer = writer.section(Tag(tag), vec![]);
+        }
+        assert!(matches!(writer.finish(), Err(Error::TooLarge { value: 257, limit: 256, .. })));
+    }
+
+    #[test]
+    fn this_version_is_that_of_the_package() {
+        let package = [env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR")].join(".");
+        assert_eq!(Version::CURRENT.to_string(), package);
+        let known = Features::KNOWN.iter().map(|(_, _, since)| *since);
+        assert!(known.max().is_none_or(|since| since <= Version::CURRENT));
+    }
+
+    #[test]
+    fn features_have_names() {
+        assert_eq!(Features::NONE.names().count(), 0);
+        let features = Features::NONE.with(Features::SHARED_DICTIONARY);
+        assert!(features.contains(Features::SHARED_DICTIONARY));
+        assert_eq!(features.names().collect::<Vec<_>>(), ["shared dictionary"]);
+    }
+
+    proptest! {
+        #[test]
+        fn any_sections_round_trip(
+            sections in prop::collection::btree_map(
+                prop::array::uniform4(0x21_u8..0x7f).prop_filter("no header", |t| t != b"HEAD"),
+                prop::collection::vec(any::<u8>(), 0..300),
+                0..20,
+            ),
+        ) {
+            let mut writer = ContainerWriter::new(Family::Alphabet, Features::NONE);
+            for (tag, bytes) in &sections {
+                writer = writer.section(Tag(*tag), bytes.clone());
+            }
+            let file = writer.finish()?;
+            let container = parse(&file)?;
+            prop_assert_eq!(container.sections().len(), sections.len());
+            for (section, (tag, bytes)) in container.sections().iter().zip(&sections) {
+                prop_assert_eq!(section.tag, Tag(*tag));
+                prop_assert_eq!(section.bytes, &bytes[..]);
+            }
+        }
+
+        #[test]
+        fn hostile_headers_with_right_checksums_do_no_harm(
+            fixed in prop::array::uniform3(0..6_u8),
+            features in prop_oneof![0..4_u64, any::<u64>()],
+            count in prop_oneof![0..6_u64, any::<u64>()],
+            table in prop::collection::vec(
+                (
+                    prop::array::uniform4(0x1e_u8..0x24),
+                    prop_oneof![0..9_u64, any::<u64>()],
+                    prop_oneof![Just(0), any::<u32>()],
+                ),
+                0..6,
+            ),
+            body in prop::collection::vec(any::<u8>(), 0..30),
+        ) {
+            let mut header = ByteWriter::new();
+            header.bytes(&MAGIC);
+            header.u8(CONTAINER_VERSION);
+            header.bytes(&fixed);
+            header.varint(features);
+            header.varint(count);
+            for (tag, len, checksum) in &table {
+                header.bytes(tag);
+                header.varint(*len);
+                header.u32(*checksum);
+            }
+            let mut file = header.finish();
+            file.extend(crc32c::crc32c(&file).to_le_bytes());
+            file.extend(body);
+            if let Ok(container) = parse(&file) {
+                let inside: usize = container.sections().iter().map(|s| s.bytes.len()).sum();
+                prop_assert_eq!(container.overhead() + inside, file.len());
+            }
+        }
+
+        #[test]
+        fn garbage_is_refused(bytes: Vec<u8>) {
+            let mut file = MAGIC.to_vec();
+            file.push(CONTAINER_VERSION);
+            file.extend(bytes);
+            prop_assert!(parse(&file).is_err());
         }
     }
 }

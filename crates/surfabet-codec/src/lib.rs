@@ -35,6 +35,7 @@ mod entropy;
 mod error;
 mod hash;
 pub mod models;
+pub mod patches;
 pub mod quantize;
 
 pub use container::{Container, ContainerWriter, Family, Features, Limits, Section, Tag, Version};

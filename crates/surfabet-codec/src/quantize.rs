@@ -177,3 +177,152 @@ impl Octahedral {
         [away(self.half - v.abs(), u), away(self.half - u.abs(), v), z]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn uniform_error_is_bounded(
+            value in -1e6_f64..1e6,
+            step in 1e-3_f32..1e3,
+            rounding in 0.0..=0.5_f64,
+        ) {
+            let quantizer = Uniform::new(step)?.with_rounding(rounding)?;
+            let index = quantizer.quantize(value)?;
+            let decoded = quantizer.dequantize(index);
+            prop_assert!((value - decoded).abs() <= quantizer.max_error() + 1e-9 * value.abs());
+            prop_assert_eq!(quantizer.quantize(-value)?, -index);
+            if rounding == 0.5 {
+                prop_assert!((value - decoded).abs() <= 0.5 * f64::from(step) + 1e-9 * value.abs());
+            }
+        }
+
+        #[test]
+        fn uniform_keeps_what_it_decoded(index: i32, exponent in -20..20) {
+            // Powers of two make the product exact.
+            let quantizer = Uniform::new(2.0_f32.powi(exponent))?;
+            prop_assume!(index != i32::MIN);
+            prop_assert_eq!(quantizer.quantize(quantizer.dequantize(index))?, index);
+        }
+
+        #[test]
+        fn octahedral_error_is_bounded(
+            vector in prop::array::uniform3(-1.0_f32..1.0),
+            bits in 3_u32..=16,
+        ) {
+            prop_assume!(vector.iter().any(|c| c.abs() > 1e-6));
+            let quantizer = Octahedral::new(bits)?;
+            let code = quantizer.quantize(vector)?;
+            let decoded = quantizer.dequantize(code)?;
+            prop_assert!(angle(vector, decoded) <= quantizer.max_error() + 1e-6);
+            let length: f64 = decoded.iter().map(|c| f64::from(*c).powi(2)).sum();
+            prop_assert!((length - 1.0).abs() < 1e-6);
+        }
+    }
+
+    /// The angle between two vectors, by the sine where the cosine is flat.
+    fn angle(a: [f32; 3], b: [f32; 3]) -> f64 {
+        let [a, b] = [a, b].map(|v| v.map(f64::from));
+        let cross =
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let dot: f64 = a.iter().zip(&b).map(|(x, y)| x * y).sum();
+        cross.iter().map(|c| c * c).sum::<f64>().sqrt().atan2(dot)
+    }
+
+    #[test]
+    fn uniform_zero_interval_widens() {
+        let nearest = Uniform::new(1.0).unwrap();
+        let dead_zone = nearest.with_rounding(0.25).unwrap();
+        let quantize = |quantizer: Uniform| {
+            [0.49, 0.51, 0.74, 0.76, 1.74, 1.76, -0.74, -0.76]
+                .map(|x| quantizer.quantize(x).unwrap())
+        };
+        assert_eq!(quantize(nearest), [0, 1, 1, 1, 2, 2, -1, -1]);
+        assert_eq!(quantize(dead_zone), [0, 0, 0, 1, 1, 2, 0, -1]);
+    }
+
+    #[test]
+    fn uniform_refuses_what_has_no_integer() {
+        for step in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-40] {
+            assert!(Uniform::new(step).is_err(), "{step}");
+        }
+        let quantizer = Uniform::new(1.0).unwrap();
+        assert!(quantizer.with_rounding(0.6).is_err());
+        assert!(quantizer.with_rounding(f64::NAN).is_err());
+        assert_eq!(quantizer.quantize(f64::from(i32::MAX)), Ok(i32::MAX));
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 2.0_f64.powi(31)] {
+            assert!(quantizer.quantize(value).is_err(), "{value}");
+        }
+    }
+
+    #[test]
+    fn every_octahedral_code_decodes_to_its_own_direction() {
+        for bits in 3..=7 {
+            let quantizer = Octahedral::new(bits).unwrap();
+            let half = quantizer.half();
+            for u in -half..=half {
+                for v in -half..=half {
+                    let vector = quantizer.dequantize([u, v]).unwrap();
+                    let again = quantizer.quantize(vector).unwrap();
+                    // Codes on the square's rim come in pairs of the same direction.
+                    assert_eq!(quantizer.dequantize(again).unwrap(), vector, "{u} {v}");
+                    if u.abs() < half && v.abs() < half {
+                        assert_eq!(again, [u, v]);
+                    }
+                }
+            }
+            assert!(quantizer.dequantize([half + 1, 0]).is_err());
+            assert!(quantizer.dequantize([0, i32::MIN]).is_err());
+        }
+    }
+
+    #[test]
+    fn axes_are_exact() {
+        let quantizer = Octahedral::new(6).unwrap();
+        for axis in 0..3 {
+            for sign in [1.0, -1.0] {
+                let mut vector = [0.0; 3];
+                vector[axis] = 7.0 * sign;
+                let decoded = quantizer.dequantize(quantizer.quantize(vector).unwrap()).unwrap();
+                assert_eq!(decoded, vector.map(|c| c / 7.0));
+            }
+        }
+    }
+
+    #[test]
+    fn octahedral_refuses_what_has_no_direction() {
+        assert!(Octahedral::new(2).is_err());
+        assert!(Octahedral::new(17).is_err());
+        let quantizer = Octahedral::new(8).unwrap();
+        assert!(quantizer.quantize([0.0; 3]).is_err());
+        assert!(quantizer.quantize([f32::NAN, 0.0, 1.0]).is_err());
+        assert!(quantizer.quantize([f32::INFINITY, 0.0, 1.0]).is_err());
+        // No overflow or underflow on the way.
+        for size in [f32::MAX, f32::MIN_POSITIVE, 1e-44] {
+            let decoded = quantizer.dequantize(quantizer.quantize([0.0, size, 0.0]).unwrap());
+            assert_eq!(decoded, Ok([0.0, 1.0, 0.0]));
+        }
+    }
+
+    #[test]
+    fn the_octahedral_bound_is_tight() {
+        // Near the middle of a face the error comes close to the bound, so it is not a loose one.
+        let quantizer = Octahedral::new(10).unwrap();
+        let mut worst = 0.0_f64;
+        for i in 0..200 {
+            for j in 0..200 {
+                let u = 0.33 + 1e-4 * f64::from(i);
+                let v = 0.33 + 1e-4 * f64::from(j);
+                let vector = [u as f32, v as f32, (1.0 - u - v) as f32];
+                let decoded = quantizer.dequantize(quantizer.quantize(vector).unwrap()).unwrap();
+                worst = worst.max(angle(vector, decoded));
+            }
+        }
+        assert!(worst > 0.9 * quantizer.max_error(), "{worst} {}", quantizer.max_error());
+        assert!(worst <= quantizer.max_error());
+    }
+}

@@ -6,9 +6,17 @@
 
 mod cloud;
 mod error;
+mod kdtree;
+mod moments;
+mod normals;
 pub mod octahedral;
+mod pose;
 mod progress;
 
 pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
 pub use error::{Error, Result};
+pub use kdtree::{KdTree, Neighbor, Neighborhoods};
+pub use moments::{Moments, PrincipalAxes};
+pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal};
+pub use pose::Pose;
 pub use progress::{Cancelled, Progress, Silent};

@@ -1,6 +1,6 @@
 //! Rust errors as the Python exceptions of `surfabet.errors`.
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 
 fn raise(class: &str, message: String) -> PyErr {
@@ -35,8 +35,48 @@ pub trait IntoPyErr {
 impl IntoPyErr for surfabet_geom::Error {
     fn into_py_err(self) -> PyErr {
         match self {
-            Self::Cancelled(_) => pyo3::exceptions::PyKeyboardInterrupt::new_err(()),
+            Self::Cancelled(_) => cancelled(),
             other => invalid_input(other),
+        }
+    }
+}
+
+fn cancelled() -> PyErr {
+    pyo3::exceptions::PyKeyboardInterrupt::new_err(())
+}
+
+/// `surfabet.errors.FormatError`, an `OSError` and a `ValueError`.
+fn format_error(message: impl std::fmt::Display) -> PyErr {
+    raise("FormatError", message.to_string())
+}
+
+impl IntoPyErr for surfabet_models::Error {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Geometry(error) => error.into_py_err(),
+            Self::Cancelled(_) => cancelled(),
+            Self::Sparse(surfabet_sparse::Error::Cancelled) => cancelled(),
+            other => invalid_input(other),
+        }
+    }
+}
+
+impl IntoPyErr for surfabet::Error {
+    fn into_py_err(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            // The system's own error keeps its kind: FileNotFoundError, PermissionError, ...
+            Self::Io { path, source } => {
+                let number = source.raw_os_error();
+                match number {
+                    Some(number) => PyOSError::new_err((number, source.to_string(), path)),
+                    None => PyOSError::new_err(message),
+                }
+            }
+            Self::File { .. } | Self::Codec(_) => format_error(message),
+            Self::Model(error) => error.into_py_err(),
+            Self::Geometry(error) => error.into_py_err(),
+            _ => internal(message),
         }
     }
 }

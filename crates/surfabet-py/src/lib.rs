@@ -7,6 +7,7 @@ mod arrays;
 mod cloud;
 mod errors;
 mod lzf;
+mod patches;
 mod run;
 mod view;
 
@@ -17,6 +18,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     run::register(module)?;
     cloud::register(module)?;
+    patches::register(module)?;
     lzf::register(module)?;
     Ok(())
 }

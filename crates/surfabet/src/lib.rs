@@ -1,3 +1,33 @@
 //! Compact 3D models of point clouds, learned from what recurs in them.
+//!
+//! This crate is what other programs embed: it re-exports the types of the crates below and adds [`Model`], the
+//! model in a `.sfb` file whatever its family.
+//!
+//! ```
+//! use surfabet::{Limits, Model, PatchOptions, PointCloud, Silent, patches};
+//!
+//! // A square of 0.3 m, a point every 5 mm.
+//! let points = (0..3600).map(|i| [(i % 60) as f32 * 0.005, (i / 60) as f32 * 0.005, 1.0]).collect();
+//! let (cloud, _) = PointCloud::from_positions(points);
+//!
+//! let options = PatchOptions { resolution: 0.01, ..PatchOptions::default() };
+//! let model = Model::from(patches::learn(&cloud, &options, &Silent)?);
+//! let file = model.to_bytes()?;
+//! assert!(file.len() < 400);
+//!
+//! let again = Model::from_bytes(&file, &Limits::default())?.decode(Some(0.005), &Silent)?;
+//! assert!(again.positions().iter().all(|p| (p[2] - 1.0).abs() < 0.002));
+//! # Ok::<(), surfabet::Error>(())
+//! ```
+
+mod error;
+mod model;
+
+pub use error::{Error, Result};
+pub use model::Model;
+pub use surfabet_codec::{Container, Family, Limits};
 pub use surfabet_geom as geom;
+pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
+pub use surfabet_models::patches::{self, DecodeOptions, PatchModel, PatchOptions, Sensor};
+pub use surfabet_models::{Report, Stage};
 pub use surfabet_sparse as sparse;

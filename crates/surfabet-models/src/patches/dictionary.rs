@@ -158,8 +158,8 @@ pub(super) fn learn_channel(
         random_state: options.random_state,
         ..KsvdOptions::default()
     };
-    let learned = ksvd(&training, &ksvd_options, &stop, &mut |iteration, _| {
-        progress.update(options.name, iteration as f32 / options.iterations as f32);
+    let learned = ksvd(&training, &ksvd_options, &stop, &mut |step| {
+        progress.update(options.name, step.iteration as f32 / options.iterations as f32);
     })?;
     report.iterations += learned.objective.len();
     report.objectives.push((options.name, learned.objective));
@@ -168,7 +168,11 @@ pub(super) fn learn_channel(
     let (coded_values, coded_weights) = gather(&coded);
     let signals = Signals::new(n_features, &coded_values, Some(&coded_weights))?;
     let entries = Dictionary::new(n_features, dictionary.atoms())?;
-    let omp_options = OmpOptions { max_atoms: options.sparsity, tolerance: options.tolerance };
+    let omp_options = OmpOptions {
+        max_atoms: options.sparsity,
+        tolerance: options.tolerance,
+        ..OmpOptions::default()
+    };
     let sparse = omp(&entries, &signals, &omp_options, &stop)?;
     Ok(crop(dictionary, &quantize_codes(&sparse, &coded, n_signals, options.code_step)))
 }

@@ -5,8 +5,7 @@
 
 use surfabet_geom::octahedral;
 
-/// Bits per octahedral coordinate of a normal: about half a degree between codes, so 0.3 mm at the rim of an 8 cm
-/// patch, which the depth image then measures away.
+/// Bits per octahedral coordinate of a normal: at most 1.3 degrees off, so 0.9 mm at the rim of an 8 cm patch, which the depth image then measures away.
 pub const NORMAL_BITS: u32 = 7;
 
 /// A pose as the file stores it.
@@ -15,7 +14,7 @@ pub struct PatchPose {
     /// Centre, in steps of the position lattice from the model's origin.
     pub position: [i32; 3],
     /// Octahedral code of the normal.
-    pub normal: [u16; 2],
+    pub normal: [i16; 2],
 }
 
 /// A pose in numbers to compute with: centre and axes relative to the model's origin.
@@ -53,14 +52,14 @@ impl PatchPose {
     pub fn quantize(center: [f32; 3], normal: [f32; 3], position_step: f32) -> Self {
         Self {
             position: center.map(|c| (c / position_step).round() as i32),
-            normal: octahedral::encode(normal, NORMAL_BITS).map(|c| c as u16),
+            normal: octahedral::encode(normal, NORMAL_BITS).map(|c| c as i16),
         }
     }
 
     /// The frame that this pose stands for.
     pub fn frame(&self, position_step: f32) -> Frame {
         let center = self.position.map(|c| (f64::from(c) * f64::from(position_step)) as f32);
-        let z = octahedral::decode(self.normal.map(u32::from), NORMAL_BITS);
+        let z = octahedral::decode(self.normal.map(i32::from), NORMAL_BITS);
         Frame::new(center, z)
     }
 }

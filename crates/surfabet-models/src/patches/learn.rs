@@ -8,6 +8,7 @@ use super::dictionary::{ChannelOptions, learn_channel};
 use super::images::{Images, project};
 use super::model::{Channel, Level, MAX_POSITION, PatchModel, PatchModelParts, Steps};
 use super::options::PatchOptions;
+use super::order::{steps_per_cell, storing_order};
 use super::placement::{Grid, Placed, place};
 use super::samples::Samples;
 use crate::error::{Error, Result};
@@ -40,9 +41,8 @@ pub fn learn(
 
     progress.update("merging points", 0.0);
     let samples = report.time("merging points", || Samples::merge(cloud, options, progress))?;
-    let mut placed = report.time("placing patches", || place(&samples, grid, progress))?;
-    // Neighbours in space become neighbours in the file, where they predict each other.
-    placed.sort_by_cached_key(|p| (morton(p.pose.position, options.patch_pixels), p.pose));
+    let placed = report.time("placing patches", || place(&samples, grid, progress))?;
+    let placed = in_storing_order(placed, options);
     let images = report.time("projecting patches", || project(&samples, &placed, grid));
     progress.check()?;
     describe(&mut report, cloud, &samples, &placed, &images);
@@ -78,8 +78,9 @@ fn check_extent(cloud: &PointCloud, options: &PatchOptions) -> Result<()> {
     let extent = (0..3)
         .map(|a| (low[a] - origin[a]).abs().max((high[a] - origin[a]).abs()))
         .fold(0.0, f64::max);
-    // Single precision must still resolve a tenth of a pixel at the far end.
-    let precise = options.resolution * 0.1 * f64::from(1 << 23);
+    // Single precision must still resolve a twentieth of a pixel at the far end, which also bounds the number of
+    // half-pixel cells along an axis by 2^21.
+    let precise = options.resolution * 0.05 * f64::from(1 << 23);
     let limit = precise.min(POSITION_STEP * options.resolution * f64::from(MAX_POSITION));
     if extent > limit {
         return Err(Error::TooLarge { extent, limit, resolution: options.resolution });
@@ -87,14 +88,12 @@ fn check_extent(cloud: &PointCloud, options: &PatchOptions) -> Result<()> {
     Ok(())
 }
 
-/// Interleaved bits of the patch cell that a lattice position falls into.
-fn morton(position: [i32; 3], patch_pixels: u32) -> u128 {
-    let steps_per_patch = (f64::from(patch_pixels) / POSITION_STEP) as i32;
-    let cell = position.map(|c| (c.div_euclid(steps_per_patch) + MAX_POSITION) as u128);
-    (0..32).fold(0, |key, bit| {
-        let triple = (0..3).fold(0, |t, a| t | ((cell[a] >> bit) & 1) << a);
-        key | triple << (3 * bit)
-    })
+fn in_storing_order(placed: Vec<Placed>, options: &PatchOptions) -> Vec<Placed> {
+    let poses: Vec<_> = placed.iter().map(|p| p.pose).collect();
+    let position_step = POSITION_STEP * options.resolution;
+    let side = steps_per_cell(options.resolution, options.patch_pixels, position_step);
+    let mut placed: Vec<Option<Placed>> = placed.into_iter().map(Some).collect();
+    storing_order(&poses, side).into_iter().filter_map(|i| placed[i].take()).collect()
 }
 
 /// Quantiser steps at which rounding all coefficients of a full code costs about half of the tolerance.

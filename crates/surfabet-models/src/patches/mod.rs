@@ -13,6 +13,7 @@
 //! | `placement` | where patches go, and which patch owns which sample | III-A |
 //! | `images` | depth, colour and bitmask of a patch | III, fig. 2 |
 //! | `dictionary` | wK-SVD per channel, sparse codes | III-B, eq. 1 |
+//! | `order` | patches along a space-filling curve | |
 //! | `model` | the result, in the integers that a file stores | III |
 //! | `decode` | back to a cloud at any spacing | III-B, eq. 2 and 3 |
 
@@ -23,6 +24,7 @@ mod images;
 mod learn;
 mod model;
 mod options;
+pub mod order;
 mod placement;
 mod samples;
 mod sensor;
@@ -31,6 +33,8 @@ pub use decode::DecodeOptions;
 pub use dictionary::QuantizedDictionary;
 pub use frame::{Frame, PatchPose};
 pub use learn::learn;
-pub use model::{Channel, Codes, Level, PatchModel, PatchModelParts, Steps};
+pub use model::{
+    Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchModel, PatchModelParts, Steps,
+};
 pub use options::PatchOptions;
 pub use sensor::Sensor;

@@ -4,12 +4,17 @@
 //! it is read back.
 
 use super::dictionary::QuantizedDictionary;
-use super::frame::PatchPose;
+use super::frame::{NORMAL_BITS, PatchPose};
+use surfabet_geom::octahedral;
+
 use crate::error::{Error, Result};
 use crate::report::Report;
 
 /// Largest absolute lattice coordinate of a patch centre.
 pub const MAX_POSITION: i32 = 1 << 28;
+
+/// Most dictionary entries in one patch's code.
+pub const MAX_SPARSITY: usize = 64;
 
 /// What the integers of a level are multiplied with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +58,9 @@ impl Codes {
             || self.offsets.windows(2).any(|w| w[0] > w[1])
         {
             return Err(format!("codes of {patches} patches do not line up"));
+        }
+        if let Some(w) = self.offsets.windows(2).find(|w| (w[1] - w[0]) as usize > MAX_SPARSITY) {
+            return Err(format!("a code of {} entries, more than {MAX_SPARSITY}", w[1] - w[0]));
         }
         let n_atoms = dictionary.n_atoms();
         match self.atoms.iter().find(|&&a| usize::from(a) >= n_atoms) {
@@ -157,6 +165,10 @@ impl Level {
             .find(|c| !(-MAX_POSITION..=MAX_POSITION).contains(c))
         {
             return Err(format!("a patch centre at lattice coordinate {p} is out of range"));
+        }
+        let half = octahedral::half(NORMAL_BITS) as u16;
+        if self.poses.iter().flat_map(|p| p.normal).any(|c| c.unsigned_abs() > half) {
+            return Err(format!("a normal's code is beyond {half}"));
         }
         self.depth.check("depth", n, area, 1)?;
         self.color.as_ref().map_or(Ok(()), |c| c.check("colour", n, area, 3))

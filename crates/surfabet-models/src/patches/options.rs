@@ -1,5 +1,6 @@
 //! What to learn, checked before anything is computed.
 
+use super::model::MAX_SPARSITY;
 use super::sensor::Sensor;
 use crate::error::{Error, Result};
 
@@ -85,7 +86,7 @@ impl PatchOptions {
         for (name, value) in
             [("depth_sparsity", self.depth_sparsity), ("color_sparsity", self.color_sparsity)]
         {
-            if !(1..=64).contains(&value) {
+            if !(1..=MAX_SPARSITY as u32).contains(&value) {
                 return Err(Error::invalid(name, value, "1 to 64"));
             }
         }

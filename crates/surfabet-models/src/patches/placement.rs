@@ -36,6 +36,9 @@ const GROWTH_SIGMAS: f32 = 2.5;
 /// An aligned position is taken when at least this fraction of its pixels would be set.
 const ALIGNED_COVERAGE: f32 = 0.5;
 
+/// Samples whose second variance is below this fraction of the first lie on a line.
+const LINE: f64 = 1e-6;
+
 /// Pixel grid of a patch.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
@@ -289,8 +292,12 @@ impl Placer<'_> {
             for &(d, _, i) in local.iter().filter(|l| keep(l)) {
                 moments.add(d.map(f64::from), f64::from(self.samples.weights[i as usize]));
             }
-            let plane = moments.plane()?;
-            let mut normal = plane.normal.map(|c| c as f32);
+            let axes = moments.principal_axes()?;
+            // Points on a line, or one point, have no plane.
+            if axes.variances[1] <= LINE * axes.variances[2] {
+                return None;
+            }
+            let mut normal = axes.normal().map(|c| c as f32);
             let flip = match toward_sensor {
                 Some(v) => dot(v, normal) < 0.0,
                 // Without a viewpoint both signs are as good: the last non-zero coordinate is made positive.
@@ -299,11 +306,11 @@ impl Placer<'_> {
             if flip {
                 normal = normal.map(|c| -c);
             }
-            let mean = plane.mean.map(|c| c as f32);
+            let mean = moments.mean().map(|c| c as f32);
             Some(Plane {
                 normal,
                 seed_offset: -dot(mean, normal),
-                scatter: plane.thickness as f32,
+                scatter: axes.variances[0].sqrt() as f32,
             })
         };
         let mut best: Option<(usize, Plane)> = None;

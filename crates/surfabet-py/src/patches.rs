@@ -1,0 +1,318 @@
+//! `surfabet.PatchModel` and how it is learned.
+
+use std::path::PathBuf;
+
+use numpy::ndarray::{Array2, Array3, ArrayView2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use surfabet::{DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches};
+
+use crate::cloud::PyPointCloud;
+use crate::errors::{IntoPyErr, invalid_input};
+use crate::run::run;
+
+/// A cloud as sparse-coded surface patches; immutable.
+#[pyclass(name = "PatchModel", module = "surfabet", frozen)]
+pub struct PyPatchModel {
+    model: PatchModel,
+}
+
+/// Learns surface patches; documented in `surfabet.patches`.
+#[pyfunction]
+#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, depth_atoms, color_atoms, depth_sparsity,
+                    color_sparsity, depth_tolerance, color_tolerance, iterations, sensor, random_state,
+                    progress))]
+#[allow(clippy::too_many_arguments)]
+fn learn_patches(
+    py: Python<'_>,
+    cloud: &Bound<'_, PyPointCloud>,
+    resolution: f64,
+    patch_pixels: u32,
+    levels: u32,
+    depth_atoms: u32,
+    color_atoms: u32,
+    depth_sparsity: u32,
+    color_sparsity: u32,
+    depth_tolerance: Option<f64>,
+    color_tolerance: f64,
+    iterations: u32,
+    sensor: &str,
+    random_state: u64,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<PyPatchModel> {
+    let sensor = match sensor {
+        "structured-light" => Sensor::StructuredLight,
+        "constant" => Sensor::Constant,
+        other => {
+            return Err(invalid_input(format!(
+                "sensor is {other:?}, but must be \"structured-light\" or \"constant\""
+            )));
+        }
+    };
+    let options = PatchOptions {
+        resolution,
+        patch_pixels,
+        levels,
+        depth_atoms,
+        color_atoms,
+        depth_sparsity,
+        color_sparsity,
+        depth_tolerance,
+        color_tolerance,
+        iterations,
+        sensor,
+        random_state,
+    };
+    let cloud = &cloud.get().cloud;
+    let model = run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?;
+    Ok(PyPatchModel { model })
+}
+
+#[pymethods]
+impl PyPatchModel {
+    #[pyo3(signature = (resolution=None, *, normals=false, max_points=2_000_000_000, progress=None))]
+    fn decode(
+        slf: &Bound<'_, Self>,
+        resolution: Option<f64>,
+        normals: bool,
+        max_points: u64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyPointCloud> {
+        let model = &slf.get().model;
+        let options = DecodeOptions { resolution, normals, max_points };
+        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
+        Ok(cloud.into())
+    }
+
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes = py.detach(|| Model::from(self.model.clone()).to_bytes());
+        Ok(PyBytes::new(py, &bytes.map_err(IntoPyErr::into_py_err)?))
+    }
+
+    /// Writes the file and returns its size in bytes.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
+        let saved = py.detach(|| Model::from(self.model.clone()).save(path));
+        saved.map_err(IntoPyErr::into_py_err)
+    }
+
+    #[getter]
+    fn n_points(&self) -> u64 {
+        self.model.n_points()
+    }
+
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.model.origin()
+    }
+
+    #[getter]
+    fn has_color(&self) -> bool {
+        self.model.has_color()
+    }
+
+    /// `(pixel_size, pixels, patches)` of each level, coarsest first.
+    #[getter]
+    fn levels(&self) -> Vec<(f64, u32, usize)> {
+        self.model.levels().iter().map(|l| (l.pixel_size, l.pixels, l.len())).collect()
+    }
+
+    #[getter]
+    fn centers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let origin = self.model.origin();
+        let centers: Vec<[f64; 3]> = self
+            .model
+            .levels()
+            .iter()
+            .flat_map(|l| {
+                l.poses.iter().map(move |p| {
+                    std::array::from_fn(|a| {
+                        origin[a] + f64::from(p.position[a]) * l.steps.position
+                    })
+                })
+            })
+            .collect();
+        ArrayView2::from(&centers[..]).to_owned().into_pyarray(py)
+    }
+
+    #[getter]
+    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let axes: Vec<f32> = self
+            .model
+            .levels()
+            .iter()
+            .flat_map(|l| {
+                l.poses.iter().map(|p| {
+                    let frame = p.frame(l.steps.position as f32);
+                    [frame.x, frame.y, frame.z].into_iter().flatten()
+                })
+            })
+            .flatten()
+            .collect();
+        axes.into_pyarray(py).reshape([self.model.len(), 3, 3])
+    }
+
+    /// Bitmasks of the patches of one level, (m, n, n).
+    fn masks<'py>(&self, py: Python<'py>, level: usize) -> PyResult<Bound<'py, PyArray3<bool>>> {
+        let level = self.level(level)?;
+        let n = level.pixels as usize;
+        let masks = Array3::from_shape_fn((level.len(), n, n), |(i, row, column)| {
+            level.mask(i)[row * n + column] != 0
+        });
+        Ok(masks.into_pyarray(py))
+    }
+
+    /// Dictionary entries of one channel of one level, unit norm, (k, n * n) or (k, 3 * n * n).
+    fn dictionary<'py>(
+        &self,
+        py: Python<'py>,
+        level: usize,
+        channel: &str,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let dictionary = &self.channel(level, channel)?.0.dictionary;
+        let shape = (dictionary.n_atoms(), dictionary.n_features());
+        let atoms = Array2::from_shape_vec(shape, dictionary.atoms()).map_err(invalid_input)?;
+        Ok(atoms.into_pyarray(py))
+    }
+
+    /// Sparse codes of one channel of one level as CSR columns `(offsets, entries, coefficients)`.
+    #[allow(clippy::type_complexity)]
+    fn codes<'py>(
+        &self,
+        py: Python<'py>,
+        level: usize,
+        channel: &str,
+    ) -> PyResult<(
+        Bound<'py, PyArray1<u32>>,
+        Bound<'py, PyArray1<u16>>,
+        Bound<'py, PyArray1<f64>>,
+    )> {
+        let (channel, step) = self.channel(level, channel)?;
+        let codes = &channel.codes;
+        let coefficients: Vec<f64> =
+            codes.coefficients.iter().map(|&c| f64::from(c) * step).collect();
+        Ok((
+            codes.offsets.clone().into_pyarray(py),
+            codes.atoms.clone().into_pyarray(py),
+            coefficients.into_pyarray(py),
+        ))
+    }
+
+    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
+    #[getter]
+    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let report = self.model.report();
+        let dict = PyDict::new(py);
+        let stages = PyDict::new(py);
+        for stage in &report.stages {
+            stages.set_item(stage.name, stage.seconds)?;
+        }
+        dict.set_item("stages", stages)?;
+        let figures = PyDict::new(py);
+        for (name, value) in &report.figures {
+            figures.set_item(name, value)?;
+        }
+        dict.set_item("figures", figures)?;
+        let objectives = PyDict::new(py);
+        for (name, trace) in &report.objectives {
+            objectives.set_item(name, trace)?;
+        }
+        dict.set_item("objectives", objectives)?;
+        dict.set_item("iterations", report.iterations)?;
+        dict.set_item("stop_reason", report.stop_reason)?;
+        dict.set_item("not_kept", &report.not_kept)?;
+        Ok(dict)
+    }
+
+    fn __len__(&self) -> usize {
+        self.model.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let levels: Vec<String> = self
+            .model
+            .levels()
+            .iter()
+            .map(|l| {
+                let atoms = l.color.as_ref().map_or(String::new(), |c| {
+                    format!(" + {} colour", c.dictionary.n_atoms())
+                });
+                format!(
+                    "{} patches of {} x {} pixels of {} m, {} depth{atoms} entries",
+                    l.len(),
+                    l.pixels,
+                    l.pixels,
+                    l.pixel_size,
+                    l.depth.dictionary.n_atoms()
+                )
+            })
+            .collect();
+        format!("PatchModel({} points as {})", self.model.n_points(), levels.join("; "))
+    }
+}
+
+impl PyPatchModel {
+    fn level(&self, level: usize) -> PyResult<&patches::Level> {
+        let levels = self.model.levels();
+        levels.get(level).ok_or_else(|| {
+            invalid_input(format!("level is {level}, but the model has {}", levels.len()))
+        })
+    }
+
+    fn channel(&self, level: usize, channel: &str) -> PyResult<(&patches::Channel, f64)> {
+        let level = self.level(level)?;
+        match channel {
+            "depth" => Ok((&level.depth, level.steps.depth_code)),
+            "color" => match &level.color {
+                Some(color) => Ok((color, level.steps.color_code)),
+                None => Err(invalid_input("this model has no colour")),
+            },
+            other => Err(invalid_input(format!(
+                "channel is {other:?}, but must be \"depth\" or \"color\""
+            ))),
+        }
+    }
+}
+
+/// The model in the bytes of an `.sfb` file.
+#[pyfunction]
+#[pyo3(signature = (data, *, max_items, max_bytes))]
+fn from_bytes(
+    py: Python<'_>,
+    data: &[u8],
+    max_items: u64,
+    max_bytes: u64,
+) -> PyResult<PyPatchModel> {
+    let limits = Limits { max_items, max_bytes };
+    let model = py.detach(|| Model::from_bytes(data, &limits)).map_err(IntoPyErr::into_py_err)?;
+    wrap(model)
+}
+
+/// The model in an `.sfb` file.
+#[pyfunction]
+#[pyo3(signature = (path, *, max_items, max_bytes))]
+fn load(
+    py: Python<'_>,
+    path: PathBuf,
+    max_items: u64,
+    max_bytes: u64,
+) -> PyResult<PyPatchModel> {
+    let limits = Limits { max_items, max_bytes };
+    let model = py.detach(|| Model::open(path, &limits)).map_err(IntoPyErr::into_py_err)?;
+    wrap(model)
+}
+
+fn wrap(model: Model) -> PyResult<PyPatchModel> {
+    match model {
+        Model::Patches(model) => Ok(PyPatchModel { model }),
+        other => Err(invalid_input(format!("models of family {} have no class yet", other.family()))),
+    }
+}
+
+/// Adds this file's names to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyPatchModel>()?;
+    module.add_function(wrap_pyfunction!(learn_patches, module)?)?;
+    module.add_function(wrap_pyfunction!(from_bytes, module)?)?;
+    module.add_function(wrap_pyfunction!(load, module)?)
+}

@@ -1,0 +1,363 @@
+//! Weighted K-SVD: learns the dictionary `D` and the codes `X` of HSCSM eq. 1 (section III-B) together.
+//!
+//! K-SVD (Aharon, Elad, Bruckstein 2006) alternates sparse coding with an update of one atom at a time, each
+//! with the coefficients of the signals that use it. Both halves here minimise the weighted error, so that
+//! values which were not observed neither shape atoms nor codes.
+
+use rayon::prelude::*;
+
+use crate::codes::{SparseCodes, squared_errors};
+use crate::dictionary::Dictionary;
+use crate::error::{Error, Result};
+use crate::omp::{OmpOptions, Selection, omp};
+use crate::rank_one::{self, Convergence, Group};
+use crate::replacement::{duplicates, initial_dictionary, replace_atoms};
+use crate::signals::Signals;
+
+/// What to learn and for how long.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KsvdOptions {
+    /// Most atoms of the dictionary; the number of signals limits it too.
+    pub n_atoms: usize,
+    /// Most atoms in a code: `k` of HSCSM eq. 1.
+    pub max_atoms: usize,
+    /// Weighted root mean square error at which a code is complete, as [`OmpOptions::tolerance`].
+    pub tolerance: f32,
+    /// How atoms are chosen for a code.
+    pub selection: Selection,
+    /// Most iterations.
+    pub iterations: usize,
+    /// Least relative decrease of the objective for another iteration; 0 to take all of them.
+    pub convergence: f64,
+    /// Seeds the choice of the signals that become the first atoms.
+    pub random_state: u64,
+    /// Of two atoms whose absolute cosine exceeds this, one is replaced.
+    pub max_coherence: f32,
+    /// Most alternations in an update of an atom from weighted signals.
+    pub update_iterations: usize,
+    /// Least relative gain for another alternation.
+    pub update_tolerance: f64,
+}
+
+impl Default for KsvdOptions {
+    fn default() -> Self {
+        Self {
+            n_atoms: 256,
+            max_atoms: 5,
+            tolerance: 0.0,
+            selection: Selection::default(),
+            iterations: 20,
+            convergence: 1e-3,
+            random_state: 0,
+            max_coherence: 0.99,
+            update_iterations: 10,
+            update_tolerance: 1e-4,
+        }
+    }
+}
+
+impl KsvdOptions {
+    fn omp_options(&self) -> OmpOptions {
+        OmpOptions {
+            max_atoms: self.max_atoms,
+            tolerance: self.tolerance,
+            selection: self.selection,
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        self.omp_options().check()?;
+        if self.n_atoms == 0 {
+            return Err(Error::invalid("n_atoms", 0, "at least 1"));
+        }
+        if !(0.0..1.0).contains(&self.convergence) {
+            return Err(Error::invalid("convergence", self.convergence, "from 0 to below 1"));
+        }
+        if !(self.max_coherence > 0.0 && self.max_coherence <= 1.0) {
+            return Err(Error::invalid("max_coherence", self.max_coherence, "above 0, at most 1"));
+        }
+        if !(0.0..1.0).contains(&self.update_tolerance) {
+            let given = self.update_tolerance;
+            return Err(Error::invalid("update_tolerance", given, "from 0 to below 1"));
+        }
+        Ok(())
+    }
+}
+
+/// Why learning ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopReason {
+    /// All iterations were made.
+    Iterations,
+    /// The objective fell by less than [`KsvdOptions::convergence`] asks.
+    Converged,
+}
+
+/// How an iteration went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KsvdIteration {
+    /// Number of the iteration, from 1.
+    pub iteration: usize,
+    /// Weighted squared error after it.
+    pub objective: f64,
+    /// Atoms replaced by badly represented signals.
+    pub replaced: usize,
+}
+
+/// What was learned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ksvd {
+    /// The atoms that are in use.
+    pub dictionary: Dictionary,
+    /// One code per signal.
+    pub codes: SparseCodes,
+    /// `Σ w (s − D x)²` over all signals: of the first dictionary, then after every iteration. Never rises
+    /// when the tolerance is 0 (but for rounding); otherwise a shorter code within the tolerance may raise it.
+    pub objective: Vec<f64>,
+    /// Iterations made.
+    pub iterations: usize,
+    /// Unused and duplicate atoms replaced by badly represented signals, over all iterations.
+    pub replaced: usize,
+    /// Atoms dropped at the end because no code uses them.
+    pub cropped: usize,
+    /// Why learning ended.
+    pub stop_reason: StopReason,
+}
+
+/// Learns a dictionary for `signals`, and their codes: `min Σ w (s − D x)²` with at most `max_atoms` entries
+/// in a code. With weights of 0 and 1 that is HSCSM eq. 1; without weights it is plain K-SVD.
+///
+/// Starts from signals chosen by `random_state`. After each round of atom updates, atoms that no code uses
+/// and those that repeat another give way to the worst represented signals; a replacement that would raise
+/// the objective is undone. In sparse coding a signal keeps its code where the new one is worse. At the end
+/// unused atoms are cropped, so the dictionary can be smaller than asked for.
+///
+/// An entry of an atom that none of its signals observes is 0. With few observations per entry the exact
+/// minimum can still be wild there: small positive weights on filled-in values tame it.
+///
+/// Deterministic: the result does not depend on the number of threads. `on_iteration` hears of every
+/// iteration; `stop` is asked every few milliseconds whether to give up.
+///
+/// # Errors
+/// Options out of range, or [`Error::Cancelled`].
+pub fn ksvd(
+    signals: &Signals<'_>,
+    options: &KsvdOptions,
+    stop: &(dyn Fn() -> bool + Sync),
+    on_iteration: &mut dyn FnMut(&KsvdIteration),
+) -> Result<Ksvd> {
+    options.check()?;
+    let dictionary = initial_dictionary(signals, options.n_atoms, options.random_state)?;
+    let codes = omp(&dictionary, signals, &options.omp_options(), stop)?;
+    let errors = squared_errors(&dictionary, signals, &codes)?;
+    let weights = unit_weights(signals);
+    let mut learner = Learner {
+        signals,
+        options,
+        stop,
+        weights,
+        budgets: budgets(signals, options.tolerance),
+        dictionary,
+        codes,
+        errors,
+    };
+    let mut objective = vec![learner.objective()];
+    let (mut replaced, mut stop_reason) = (0, StopReason::Iterations);
+    for iteration in 1..=options.iterations {
+        learner.update_atoms()?;
+        let newly_replaced = learner.code()?;
+        replaced += newly_replaced;
+        let (before, after) = (objective[iteration - 1], learner.objective());
+        objective.push(after);
+        on_iteration(&KsvdIteration { iteration, objective: after, replaced: newly_replaced });
+        if options.convergence > 0.0 && before - after <= options.convergence * before {
+            stop_reason = StopReason::Converged;
+            break;
+        }
+    }
+    let (dictionary, codes, cropped) = crop(&learner.dictionary, learner.codes);
+    let iterations = objective.len() - 1;
+    Ok(Ksvd { dictionary, codes, objective, iterations, replaced, cropped, stop_reason })
+}
+
+/// The weights scaled so that the largest of all is 1.
+fn unit_weights(signals: &Signals<'_>) -> Option<Vec<f32>> {
+    let all = || (0..signals.len()).filter_map(|i| signals.weights(i)).flatten().copied();
+    let largest = all().fold(0.0, f32::max);
+    signals.has_weights().then(|| {
+        let scale = if largest > 0.0 { 1.0 / f64::from(largest) } else { 0.0 };
+        all().map(|w| (f64::from(w) * scale) as f32).collect()
+    })
+}
+
+/// The weighted squared error within which each signal meets `tolerance`.
+fn budgets(signals: &Signals<'_>, tolerance: f32) -> Vec<f64> {
+    let squared = f64::from(tolerance).powi(2);
+    let total = |i| match signals.weights(i) {
+        None => signals.n_features() as f64,
+        Some(weights) => weights.iter().map(|&w| f64::from(w)).sum(),
+    };
+    (0..signals.len()).map(|i| squared * total(i)).collect()
+}
+
+struct Learner<'a> {
+    signals: &'a Signals<'a>,
+    options: &'a KsvdOptions,
+    stop: &'a (dyn Fn() -> bool + Sync),
+    weights: Option<Vec<f32>>,
+    budgets: Vec<f64>,
+    dictionary: Dictionary,
+    codes: SparseCodes,
+    /// Weighted squared error of every signal.
+    errors: Vec<f64>,
+}
+
+impl Learner<'_> {
+    fn objective(&self) -> f64 {
+        self.errors.iter().sum()
+    }
+
+    /// Updates every atom in turn, with the coefficients of the codes that use it.
+    fn update_atoms(&mut self) -> Result<()> {
+        let n = self.signals.n_features();
+        let convergence = Convergence {
+            iterations: self.options.update_iterations,
+            tolerance: self.options.update_tolerance,
+        };
+        let (mut residuals, mut weights) = (Vec::new(), Vec::new());
+        for (atom, uses) in uses(&self.codes, self.dictionary.n_atoms()).iter().enumerate() {
+            if uses.is_empty() {
+                continue;
+            }
+            if (self.stop)() {
+                return Err(Error::Cancelled);
+            }
+            residuals.resize(uses.len() * n, 0.0);
+            residuals.par_chunks_exact_mut(n).with_min_len(32).zip(uses).for_each(|(row, used)| {
+                self.residual_without(used, row);
+            });
+            if let Some(all) = &self.weights {
+                weights.clear();
+                weights.extend(uses.iter().flat_map(|u| &all[u.signal * n..][..n]));
+            }
+            let group = Group {
+                n_features: n,
+                residuals: &residuals,
+                weights: self.weights.is_some().then_some(&weights[..]),
+            };
+            let mut coefficients: Vec<f32> =
+                uses.iter().map(|u| self.codes.coefficients()[u.entry]).collect();
+            let improved = self.dictionary.atom_mut(atom);
+            rank_one::update(&group, improved, &mut coefficients, &convergence, self.stop)?;
+            let all = self.codes.coefficients_mut();
+            for (used, x) in uses.iter().zip(coefficients) {
+                all[used.entry] = x;
+            }
+        }
+        self.errors = squared_errors(&self.dictionary, self.signals, &self.codes)?;
+        Ok(())
+    }
+
+    /// The residual of a signal but for one entry of its code.
+    fn residual_without(&self, used: &Use, row: &mut [f32]) {
+        row.copy_from_slice(self.signals.values(used.signal));
+        let start = self.codes.offsets()[used.signal];
+        let (atoms, coefficients) = self.codes.code(used.signal);
+        for (entry, (&atom, &x)) in (start..).zip(atoms.iter().zip(coefficients)) {
+            if entry != used.entry {
+                for (r, &d) in row.iter_mut().zip(self.dictionary.atom(atom as usize)) {
+                    *r -= x * d;
+                }
+            }
+        }
+    }
+
+    /// Replaces what does not earn its place and codes all signals again; returns how many atoms were replaced.
+    fn code(&mut self) -> Result<usize> {
+        let usage = self.codes.usage(self.dictionary.n_atoms());
+        let unused: Vec<bool> = usage.iter().map(|&u| u == 0).collect();
+        let repeats = duplicates(&self.dictionary, &usage, self.options.max_coherence, self.stop)?;
+        let either: Vec<bool> = unused.iter().zip(&repeats).map(|(u, r)| *u || *r).collect();
+        let before = self.objective();
+        let (dictionary, codes, errors, replaced) = self.replace_and_code(&either)?;
+        let after: f64 = errors.iter().sum();
+        // Codes that used a duplicate may miss it more than the others gain from its successor.
+        let undo = after > before && either != unused && self.options.tolerance == 0.0;
+        let (dictionary, codes, errors, replaced) = if undo {
+            self.replace_and_code(&unused)?
+        } else {
+            (dictionary, codes, errors, replaced)
+        };
+        (self.dictionary, self.codes, self.errors) = (dictionary, codes, errors);
+        Ok(replaced)
+    }
+
+    /// Dictionary, codes and errors after replacing the marked atoms, and how many of them were replaced.
+    fn replace_and_code(
+        &self,
+        replace: &[bool],
+    ) -> Result<(Dictionary, SparseCodes, Vec<f64>, usize)> {
+        let mut dictionary = self.dictionary.clone();
+        let coherence = self.options.max_coherence;
+        let replaced = replace_atoms(
+            &mut dictionary,
+            replace,
+            self.signals,
+            &self.codes,
+            &self.errors,
+            coherence,
+            self.stop,
+        )?;
+        let fresh = omp(&dictionary, self.signals, &self.options.omp_options(), self.stop)?;
+        let fresh_errors = squared_errors(&dictionary, self.signals, &fresh)?;
+        let mut codes = SparseCodes::default();
+        let mut errors = Vec::with_capacity(fresh_errors.len());
+        for (i, &fresh_error) in fresh_errors.iter().enumerate() {
+            let (old, new) = (self.codes.code(i), fresh.code(i));
+            let lost = old.0.iter().any(|&a| replaced[a as usize]);
+            let shorter = fresh_error <= self.budgets[i] && new.0.len() < old.0.len();
+            if lost || shorter || fresh_error <= self.errors[i] {
+                codes.push(new.0, new.1);
+                errors.push(fresh_error);
+            } else {
+                codes.push(old.0, old.1);
+                errors.push(self.errors[i]);
+            }
+        }
+        let count = replaced.iter().filter(|r| **r).count();
+        Ok((dictionary, codes, errors, count))
+    }
+}
+
+/// An entry of a code.
+struct Use {
+    signal: usize,
+    /// Where among the coefficients of all codes.
+    entry: usize,
+}
+
+/// For every atom, the codes that use it.
+fn uses(codes: &SparseCodes, n_atoms: usize) -> Vec<Vec<Use>> {
+    let mut uses: Vec<Vec<Use>> = Vec::new();
+    uses.resize_with(n_atoms, Vec::new);
+    for signal in 0..codes.len() {
+        let start = codes.offsets()[signal];
+        for (entry, &atom) in (start..).zip(codes.code(signal).0) {
+            uses[atom as usize].push(Use { signal, entry });
+        }
+    }
+    uses
+}
+
+/// Drops the atoms that no code uses; returns how many.
+fn crop(dictionary: &Dictionary, codes: SparseCodes) -> (Dictionary, SparseCodes, usize) {
+    let used: Vec<bool> = codes.usage(dictionary.n_atoms()).iter().map(|&u| u > 0).collect();
+    let mut new_index = Vec::with_capacity(used.len());
+    let mut kept = 0u32;
+    for &is_used in &used {
+        new_index.push(kept);
+        kept += u32::from(is_used);
+    }
+    let cropped = used.len() - kept as usize;
+    (dictionary.retain(&used), codes.renumbered(&new_index), cropped)
+}

@@ -1,0 +1,109 @@
+//! A model of any family, to and from `.sfb` bytes and files.
+
+use std::fs;
+use std::path::Path;
+
+use surfabet_codec::{Container, Family, Limits};
+use surfabet_geom::{PointCloud, Progress};
+use surfabet_models::patches::{DecodeOptions, PatchModel};
+
+use crate::error::{Error, Result};
+
+/// A model of any family.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Model {
+    /// Sparse-coded surface patches.
+    Patches(PatchModel),
+}
+
+impl From<PatchModel> for Model {
+    fn from(model: PatchModel) -> Self {
+        Self::Patches(model)
+    }
+}
+
+impl Model {
+    /// The family that this model belongs to.
+    pub fn family(&self) -> Family {
+        match self {
+            Self::Patches(_) => Family::Patches,
+        }
+    }
+
+    /// The bytes of an `.sfb` file with this model; the same model gives the same bytes.
+    ///
+    /// # Errors
+    /// When the container cannot hold the model.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        match self {
+            Self::Patches(model) => Ok(surfabet_codec::patches::write(model)?),
+        }
+    }
+
+    /// Reads the bytes of an `.sfb` file, which need not be trusted.
+    ///
+    /// # Errors
+    /// [`Error::Codec`] when anything is wrong with them.
+    pub fn from_bytes(bytes: &[u8], limits: &Limits) -> Result<Self> {
+        let container = Container::parse(bytes, limits)?;
+        match container.family() {
+            Family::Patches => {
+                Ok(Self::Patches(surfabet_codec::patches::read(&container, limits)?))
+            }
+            other => Err(surfabet_codec::Error::UnknownFamily {
+                found: other as u8,
+                needed: container.needed_version(),
+            }
+            .into()),
+        }
+    }
+
+    /// Writes an `.sfb` file; an existing one is replaced only when the new one is complete. Returns its size.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
+        let path = path.as_ref();
+        let bytes = self.to_bytes()?;
+        let io = |source| Error::Io { path: path.to_owned(), source };
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(format!(".{}.part", std::process::id()));
+        let written = fs::write(&partial, &bytes).and_then(|()| fs::rename(&partial, path));
+        if written.is_err() {
+            // The first error is the one to tell; a leftover that cannot be removed adds nothing to it.
+            let _ = fs::remove_file(&partial);
+        }
+        written.map_err(io)?;
+        Ok(bytes.len() as u64)
+    }
+
+    /// Reads an `.sfb` file, which need not be trusted.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::File`], both naming the file.
+    pub fn open(path: impl AsRef<Path>, limits: &Limits) -> Result<Self> {
+        let path = path.as_ref();
+        let io = |source| Error::Io { path: path.to_owned(), source };
+        let size = fs::metadata(path).map_err(io)?.len();
+        let named = |error| match error {
+            Error::Codec(source) => Error::File { path: path.to_owned(), source },
+            other => other,
+        };
+        limits.check_size(size).map_err(|e| named(e.into()))?;
+        Self::from_bytes(&fs::read(path).map_err(io)?, limits).map_err(named)
+    }
+
+    /// The model as a cloud with points about `resolution` metres apart; `None` leaves the spacing to the model.
+    ///
+    /// # Errors
+    /// [`Error::Model`] for an impossible spacing or when the caller asks to stop.
+    pub fn decode(&self, resolution: Option<f64>, progress: &dyn Progress) -> Result<PointCloud> {
+        match self {
+            Self::Patches(model) => {
+                let options = DecodeOptions { resolution, ..DecodeOptions::default() };
+                Ok(model.decode(options, progress)?)
+            }
+        }
+    }
+}
