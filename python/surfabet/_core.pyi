@@ -56,3 +56,130 @@ class PointCloud:
 
 def lzf_compress(data: bytes) -> bytes: ...
 def lzf_decompress(data: bytes, size: int) -> bytes: ...
+
+# The scan simulator: crates/surfabet-py/src/sim.rs
+
+@final
+class Instance:
+    @property
+    def id(self) -> int: ...
+    @property
+    def class_name(self) -> str: ...
+    @property
+    def model(self) -> int: ...
+    @property
+    def pose(self) -> NDArray[np.float64]: ...
+    @property
+    def extent(self) -> tuple[list[float], list[float]]: ...
+    @property
+    def bounds(self) -> tuple[list[float], list[float]]: ...
+
+@final
+class Surface:
+    @property
+    def id(self) -> int: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def instance(self) -> int: ...
+    @property
+    def direction(self) -> list[float]: ...
+    @property
+    def offset(self) -> float: ...
+
+@final
+class GroundTruth:
+    @property
+    def points(self) -> NDArray[np.float32]: ...
+    @property
+    def normals(self) -> NDArray[np.float32]: ...
+    @property
+    def instances(self) -> NDArray[np.uint32]: ...
+    @property
+    def surfaces(self) -> NDArray[np.uint32]: ...
+    def __len__(self) -> int: ...
+
+@final
+class Frame:
+    @property
+    def cloud(self) -> PointCloud: ...
+    @property
+    def ground_truth(self) -> GroundTruth: ...
+    @property
+    def pose(self) -> NDArray[np.float64]: ...
+    @property
+    def true_pose(self) -> NDArray[np.float64]: ...
+    @property
+    def depth(self) -> NDArray[np.float32] | None: ...
+    @property
+    def color(self) -> NDArray[np.uint8] | None: ...
+    @property
+    def intrinsics(self) -> NDArray[np.float64] | None: ...
+
+@final
+class Scene:
+    @staticmethod
+    def room(
+        *,
+        seed: int,
+        size: Sequence[float],
+        n_chairs: int,
+        n_shelves: int,
+        n_doors: int,
+    ) -> Scene: ...
+    @property
+    def instances(self) -> list[Instance]: ...
+    @property
+    def surfaces(self) -> list[Surface]: ...
+    @property
+    def interior(self) -> tuple[list[float], list[float]]: ...
+    def default_poses(self, n: int) -> NDArray[np.float64]: ...
+    def default_lidar_poses(self, n: int) -> NDArray[np.float64]: ...
+    def distance(self, points: ArrayLike) -> NDArray[np.float64]: ...
+    def closest_points(
+        self, points: ArrayLike
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.uint32],
+        NDArray[np.uint32],
+    ]: ...
+    def visible(
+        self, points: ArrayLike, normals: ArrayLike, viewpoints: ArrayLike
+    ) -> NDArray[np.bool_]: ...
+    def sample_surface(self, spacing: float) -> tuple[NDArray[np.float64], GroundTruth]: ...
+    def scan_rgbd(
+        self,
+        poses: ArrayLike,
+        *,
+        width: int,
+        height: int,
+        intrinsics: Sequence[float] | None,
+        depth_limits: tuple[float, float],
+        depth_noise: float,
+        quantize_disparity: bool,
+        max_incidence: float,
+        dropout: float,
+        color_noise: float,
+        translation_std: float,
+        rotation_std: float,
+        seed: int,
+        progress: ProgressCallback | None,
+    ) -> tuple[PointCloud, GroundTruth, list[Frame]]: ...
+    def scan_lidar(
+        self,
+        poses: ArrayLike,
+        *,
+        elevation_limits: tuple[float, float],
+        elevation_step: float,
+        azimuth_step: float,
+        range_limits: tuple[float, float],
+        range_noise: float,
+        dropout: float,
+        color_noise: float,
+        translation_std: float,
+        rotation_std: float,
+        seed: int,
+        progress: ProgressCallback | None,
+    ) -> tuple[PointCloud, GroundTruth, list[Frame]]: ...

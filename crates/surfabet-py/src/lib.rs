@@ -9,6 +9,7 @@ mod errors;
 mod lzf;
 mod patches;
 mod run;
+mod sim;
 mod view;
 
 use pyo3::prelude::*;
@@ -20,5 +21,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     cloud::register(module)?;
     patches::register(module)?;
     lzf::register(module)?;
+    sim::register(module)?;
     Ok(())
 }

@@ -1,0 +1,510 @@
+//! The scan simulator: `surfabet.datasets` builds on these.
+
+use std::sync::Arc;
+
+use numpy::ndarray::{ArrayView1, ArrayView2, ArrayView3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use surfabet_sim::{
+    GroundTruth, Intrinsics, LidarOptions, Pose, PoseError, RgbdFrame, RgbdOptions, RoomOptions,
+    Scan, Scene, SurfaceKind,
+};
+
+use crate::arrays;
+use crate::cloud::PyPointCloud;
+use crate::errors::{IntoPyErr, invalid_input};
+use crate::run;
+use crate::view::{FrozenOwner, read_only_view};
+
+/// A simulated room, known exactly.
+#[pyclass(name = "Scene", module = "surfabet.datasets", frozen)]
+pub struct PyScene {
+    scene: Arc<Scene>,
+}
+
+/// A thing in a simulated room.
+#[pyclass(name = "Instance", module = "surfabet.datasets", frozen, get_all)]
+pub struct PyInstance {
+    /// Row in `Scene.instances`.
+    id: u32,
+    /// `chair`, `door`, ...
+    class_name: &'static str,
+    /// Congruent instances share it.
+    model: u32,
+    /// From the model's frame to the world.
+    pose: Py<PyArray2<f64>>,
+    /// Box in the model's frame.
+    extent: ([f64; 3], [f64; 3]),
+    /// Box in the world.
+    bounds: ([f64; 3], [f64; 3]),
+}
+
+#[pymethods]
+impl PyInstance {
+    fn __repr__(&self) -> String {
+        let (low, high) = self.bounds;
+        let size = std::array::from_fn::<f64, 3, _>(|a| high[a] - low[a]);
+        format!(
+            "Instance({} {}, {:.2} x {:.2} x {:.2} m)",
+            self.class_name, self.id, size[0], size[1], size[2]
+        )
+    }
+}
+
+/// A smooth piece of a scene's surface.
+#[pyclass(name = "Surface", module = "surfabet.datasets", frozen, get_all)]
+pub struct PySurface {
+    /// Row in `Scene.surfaces`.
+    id: u32,
+    /// `plane`, `cylinder` or `sphere`.
+    kind: &'static str,
+    /// Row in `Scene.instances`.
+    instance: u32,
+    /// Normal of a plane, axis of a cylinder.
+    direction: [f64; 3],
+    /// Of a plane along its normal.
+    offset: f64,
+}
+
+#[pymethods]
+impl PySurface {
+    fn __repr__(&self) -> String {
+        format!("Surface({} {}, instance {})", self.kind, self.id, self.instance)
+    }
+}
+
+/// The truth of every point of a cloud.
+#[pyclass(name = "GroundTruth", module = "surfabet.datasets", frozen)]
+pub struct PyGroundTruth {
+    truth: GroundTruth,
+}
+
+impl FrozenOwner for PyGroundTruth {}
+
+fn rows<T, const N: usize>(values: &[[T; N]]) -> ArrayView2<'_, T> {
+    ArrayView2::from(values)
+}
+
+#[pymethods]
+impl PyGroundTruth {
+    #[getter]
+    fn points<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyArray2<f32>> {
+        read_only_view(slf, |t| rows(&t.truth.points))
+    }
+
+    #[getter]
+    fn normals<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyArray2<f32>> {
+        read_only_view(slf, |t| rows(&t.truth.normals))
+    }
+
+    #[getter]
+    fn instances<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyArray1<u32>> {
+        read_only_view(slf, |t| ArrayView1::from(&t.truth.instances))
+    }
+
+    #[getter]
+    fn surfaces<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyArray1<u32>> {
+        read_only_view(slf, |t| ArrayView1::from(&t.truth.surfaces))
+    }
+
+    fn __len__(&self) -> usize {
+        self.truth.points.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("GroundTruth({} points)", self.truth.points.len())
+    }
+}
+
+/// One scan: a turn of a laser or a frame of an RGB-D camera.
+#[pyclass(name = "Frame", module = "surfabet.datasets", frozen)]
+pub struct PyFrame {
+    scan: Scan,
+    image: Option<Image>,
+}
+
+struct Image {
+    intrinsics: Intrinsics,
+    depth: Vec<f32>,
+    color: Vec<[u8; 3]>,
+}
+
+impl FrozenOwner for PyFrame {}
+
+fn matrix<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let values: Vec<f64> = pose.iter().flatten().copied().collect();
+    values.into_pyarray(py).reshape([4, 4])
+}
+
+impl Image {
+    fn shape(&self) -> (usize, usize) {
+        (self.intrinsics.height as usize, self.intrinsics.width as usize)
+    }
+}
+
+#[pymethods]
+impl PyFrame {
+    #[getter]
+    fn cloud(&self) -> PyPointCloud {
+        self.scan.cloud.clone().into()
+    }
+
+    #[getter]
+    fn ground_truth(&self) -> PyGroundTruth {
+        PyGroundTruth { truth: self.scan.truth.clone() }
+    }
+
+    #[getter]
+    fn pose<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.scan.pose)
+    }
+
+    #[getter]
+    fn true_pose<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.scan.true_pose)
+    }
+
+    #[getter]
+    fn depth<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray2<f32>>> {
+        slf.get().image.as_ref()?;
+        Some(read_only_view(slf, |f| {
+            let Some(image) = &f.image else { return ArrayView2::from(&[] as &[[f32; 1]]) };
+            ArrayView2::from_shape(image.shape(), &image.depth)
+                .unwrap_or_else(|_| ArrayView2::from(&[] as &[[f32; 1]]))
+        }))
+    }
+
+    #[getter]
+    fn color<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray3<u8>>> {
+        slf.get().image.as_ref()?;
+        Some(read_only_view(slf, |f| {
+            let Some(image) = &f.image else { return ArrayView3::from(&[] as &[[[u8; 3]; 1]]) };
+            let (height, width) = image.shape();
+            ArrayView3::from_shape((height, width, 3), image.color.as_flattened())
+                .unwrap_or_else(|_| ArrayView3::from(&[] as &[[[u8; 3]; 1]]))
+        }))
+    }
+
+    /// The 3 x 3 matrix of the pinhole.
+    #[getter]
+    fn intrinsics<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let Some(image) = &self.image else { return Ok(None) };
+        let k = image.intrinsics;
+        let values = vec![k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0];
+        values.into_pyarray(py).reshape([3, 3]).map(Some)
+    }
+
+    fn __repr__(&self) -> String {
+        let points = self.scan.cloud.len();
+        self.image.as_ref().map_or_else(
+            || format!("Frame({points} points)"),
+            |i| format!("Frame({} x {}, {points} points)", i.intrinsics.width, i.intrinsics.height),
+        )
+    }
+}
+
+/// (n, 4, 4) poses.
+fn poses_of(poses: &Bound<'_, PyAny>) -> PyResult<Vec<Pose>> {
+    let numpy = poses.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (poses, "float64"))?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if shape.len() != 3 || shape[1..] != [4, 4] {
+        return Err(invalid_input(format!("poses has shape {shape:?}, expected (n, 4, 4)")));
+    }
+    let flat = array.call_method1("reshape", (-1,))?;
+    let flat: Vec<f64> = flat.call_method0("tolist")?.extract()?;
+    let poses = flat.as_chunks::<16>().0.iter();
+    Ok(poses.map(|p| std::array::from_fn(|r| std::array::from_fn(|c| p[4 * r + c]))).collect())
+}
+
+fn stack<'py>(py: Python<'py>, poses: &[Pose]) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let values: Vec<f64> = poses.iter().flatten().flatten().copied().collect();
+    values.into_pyarray(py).reshape([poses.len(), 4, 4])
+}
+
+#[pymethods]
+impl PyScene {
+    #[staticmethod]
+    #[pyo3(signature = (*, seed, size, n_chairs, n_shelves, n_doors))]
+    fn room(
+        seed: u64,
+        size: [f64; 3],
+        n_chairs: usize,
+        n_shelves: usize,
+        n_doors: usize,
+    ) -> PyResult<Self> {
+        let options = RoomOptions { seed, size, n_chairs, n_shelves, n_doors };
+        let scene = Scene::room(&options).map_err(IntoPyErr::into_py_err)?;
+        Ok(Self { scene: Arc::new(scene) })
+    }
+
+    #[getter]
+    fn instances(&self, py: Python<'_>) -> PyResult<Vec<PyInstance>> {
+        let instances = self.scene.instances().iter().enumerate();
+        instances
+            .map(|(id, i)| {
+                Ok(PyInstance {
+                    id: id as u32,
+                    class_name: i.class,
+                    model: i.model,
+                    pose: matrix(py, &i.pose)?.unbind(),
+                    extent: i.extent,
+                    bounds: i.bounds,
+                })
+            })
+            .collect()
+    }
+
+    #[getter]
+    fn surfaces(&self) -> Vec<PySurface> {
+        let kind = |kind| match kind {
+            SurfaceKind::Plane => "plane",
+            SurfaceKind::Cylinder => "cylinder",
+            SurfaceKind::Sphere => "sphere",
+        };
+        let surfaces = self.scene.surfaces().iter().enumerate();
+        surfaces
+            .map(|(id, s)| PySurface {
+                id: id as u32,
+                kind: kind(s.kind),
+                instance: s.instance,
+                direction: s.direction,
+                offset: s.offset,
+            })
+            .collect()
+    }
+
+    #[getter]
+    fn interior(&self) -> ([f64; 3], [f64; 3]) {
+        self.scene.interior()
+    }
+
+    fn default_poses<'py>(
+        &self,
+        py: Python<'py>,
+        n: usize,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        stack(py, &self.scene.default_poses(n).map_err(IntoPyErr::into_py_err)?)
+    }
+
+    fn default_lidar_poses<'py>(
+        &self,
+        py: Python<'py>,
+        n: usize,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        stack(py, &self.scene.default_lidar_poses(n).map_err(IntoPyErr::into_py_err)?)
+    }
+
+    fn distance<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let points = arrays::rows3("points", points)?.into_f64();
+        let scene = self.scene.clone();
+        let distances = run::run(py, None, move |progress| {
+            points
+                .par_iter()
+                .with_min_len(256)
+                .map(|p| progress.check().map(|()| scene.distance(*p)))
+                .collect::<Result<Vec<f64>, _>>()
+                .map_err(surfabet_geom::Error::from)
+        })?;
+        Ok(distances.into_pyarray(py))
+    }
+
+    /// Distances (n,), closest points (n, 3), normals (n, 3), instance and surface ids (n,).
+    #[allow(clippy::type_complexity)]
+    fn closest_points<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+    ) -> PyResult<(
+        Bound<'py, PyArray1<f64>>,
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray1<u32>>,
+        Bound<'py, PyArray1<u32>>,
+    )> {
+        let points = arrays::rows3("points", points)?.into_f64();
+        let scene = self.scene.clone();
+        let found = run::run(py, None, move |progress| {
+            let closest = |(i, p): (usize, &[f64; 3])| {
+                progress.check()?;
+                scene.closest_point(*p).ok_or_else(|| {
+                    surfabet_geom::Error::invalid("points", format!("{p:?} in row {i}"), "finite")
+                })
+            };
+            points.par_iter().enumerate().map(closest).collect::<surfabet_geom::Result<Vec<_>>>()
+        })?;
+        let three = |f: &dyn Fn(&surfabet_sim::ClosestPoint) -> [f64; 3]| {
+            let flat: Vec<f64> = found.iter().flat_map(f).collect();
+            flat.into_pyarray(py).reshape([found.len(), 3])
+        };
+        Ok((
+            found.iter().map(|c| c.distance).collect::<Vec<_>>().into_pyarray(py),
+            three(&|c| c.point)?,
+            three(&|c| c.normal)?,
+            found.iter().map(|c| c.instance).collect::<Vec<_>>().into_pyarray(py),
+            found.iter().map(|c| c.surface).collect::<Vec<_>>().into_pyarray(py),
+        ))
+    }
+
+    fn visible<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        normals: &Bound<'py, PyAny>,
+        viewpoints: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let points = arrays::rows3("points", points)?.into_f64();
+        let normals = arrays::rows3("normals", normals)?.into_f64();
+        let viewpoints = arrays::rows3("viewpoints", viewpoints)?.into_f64();
+        if points.len() != normals.len() {
+            return Err(invalid_input(format!(
+                "normals has {} rows for {} points; give one per point",
+                normals.len(),
+                points.len()
+            )));
+        }
+        let scene = self.scene.clone();
+        let seen = run::run(py, None, move |progress| {
+            let is_seen = |(p, n): (&[f64; 3], &[f64; 3])| {
+                progress.check()?;
+                Ok(viewpoints.iter().any(|v| scene.is_visible(*p, *n, *v)))
+            };
+            points.par_iter().zip(&normals).map(is_seen).collect::<surfabet_geom::Result<Vec<_>>>()
+        })?;
+        Ok(seen.into_pyarray(py))
+    }
+
+    /// Points (n, 3) and their truth.
+    fn sample_surface<'py>(
+        &self,
+        py: Python<'py>,
+        spacing: f64,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, PyGroundTruth)> {
+        let scene = self.scene.clone();
+        let samples = run::run(py, None, move |_| scene.sample_surface(spacing))?;
+        let flat: Vec<f64> = samples.points.iter().flatten().copied().collect();
+        let truth = GroundTruth {
+            points: samples.points.iter().map(|p| p.map(|c| c as f32)).collect(),
+            normals: samples.normals,
+            instances: samples.instances,
+            surfaces: samples.surfaces,
+        };
+        let points = flat.into_pyarray(py).reshape([samples.points.len(), 3])?;
+        Ok((points, PyGroundTruth { truth }))
+    }
+
+    #[pyo3(signature = (poses, *, width, height, intrinsics, depth_limits, depth_noise,
+                        quantize_disparity, max_incidence, dropout, color_noise, translation_std,
+                        rotation_std, seed, progress))]
+    #[allow(clippy::too_many_arguments)]
+    fn scan_rgbd(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        width: u32,
+        height: u32,
+        intrinsics: Option<[f64; 4]>,
+        depth_limits: [f64; 2],
+        depth_noise: f64,
+        quantize_disparity: bool,
+        max_incidence: f64,
+        dropout: f64,
+        color_noise: f64,
+        translation_std: f64,
+        rotation_std: f64,
+        seed: u64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(PyPointCloud, PyGroundTruth, Vec<PyFrame>)> {
+        let poses = poses_of(poses)?;
+        let intrinsics = intrinsics.map_or_else(
+            || Intrinsics::kinect(width, height),
+            |[fx, fy, cx, cy]| Intrinsics { width, height, fx, fy, cx, cy },
+        );
+        let options = RgbdOptions {
+            intrinsics,
+            depth_limits,
+            depth_noise,
+            quantize_disparity,
+            max_incidence,
+            dropout,
+            color_noise,
+            pose_error: PoseError { translation_std, rotation_std },
+            seed,
+        };
+        let scene = self.scene.clone();
+        let (frames, fused) = run::run(py, progress, move |progress| {
+            let frames = surfabet_sim::scan_rgbd(&scene, &poses, &options, progress)?;
+            let fused = surfabet_sim::fuse(frames.iter().map(|f| &f.scan));
+            Ok::<_, surfabet_geom::Error>((frames, fused))
+        })?;
+        let frame = |RgbdFrame { scan, intrinsics, depth, color }| PyFrame {
+            scan,
+            image: Some(Image { intrinsics, depth, color }),
+        };
+        let truth = PyGroundTruth { truth: fused.1 };
+        Ok((fused.0.into(), truth, frames.into_iter().map(frame).collect()))
+    }
+
+    #[pyo3(signature = (poses, *, elevation_limits, elevation_step, azimuth_step, range_limits,
+                        range_noise, dropout, color_noise, translation_std, rotation_std, seed,
+                        progress))]
+    #[allow(clippy::too_many_arguments)]
+    fn scan_lidar(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        elevation_limits: [f64; 2],
+        elevation_step: f64,
+        azimuth_step: f64,
+        range_limits: [f64; 2],
+        range_noise: f64,
+        dropout: f64,
+        color_noise: f64,
+        translation_std: f64,
+        rotation_std: f64,
+        seed: u64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(PyPointCloud, PyGroundTruth, Vec<PyFrame>)> {
+        let poses = poses_of(poses)?;
+        let options = LidarOptions {
+            elevation_limits,
+            elevation_step,
+            azimuth_step,
+            range_limits,
+            range_noise,
+            dropout,
+            color_noise,
+            pose_error: PoseError { translation_std, rotation_std },
+            seed,
+        };
+        let scene = self.scene.clone();
+        let (scans, fused) = run::run(py, progress, move |progress| {
+            let scans = surfabet_sim::scan_lidar(&scene, &poses, &options, progress)?;
+            let fused = surfabet_sim::fuse(&scans);
+            Ok::<_, surfabet_geom::Error>((scans, fused))
+        })?;
+        let frames = scans.into_iter().map(|scan| PyFrame { scan, image: None }).collect();
+        Ok((fused.0.into(), PyGroundTruth { truth: fused.1 }, frames))
+    }
+
+    fn __repr__(&self) -> String {
+        let (low, high) = self.scene.interior();
+        let size = std::array::from_fn::<f64, 3, _>(|a| high[a] - low[a]);
+        let things = self.scene.instances().len();
+        format!("Scene({:.1} x {:.1} x {:.1} m, {things} instances)", size[0], size[1], size[2])
+    }
+}
+
+/// Adds this file's classes to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyScene>()?;
+    module.add_class::<PyInstance>()?;
+    module.add_class::<PySurface>()?;
+    module.add_class::<PyGroundTruth>()?;
+    module.add_class::<PyFrame>()
+}
