@@ -7,16 +7,20 @@
 mod cloud;
 mod error;
 mod kdtree;
+mod metrics;
 mod moments;
 mod normals;
 pub mod octahedral;
 mod pose;
 mod progress;
+mod voxel_grid;
 
 pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
 pub use error::{Error, Result};
 pub use kdtree::{KdTree, Neighbor, Neighborhoods};
-pub use moments::{Moments, PrincipalAxes};
+pub use metrics::{DirectedErrors, EvaluateOptions, Quality, Tolerance, evaluate};
+pub use moments::{FittedPlane, Moments, PrincipalAxes};
 pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal};
 pub use pose::Pose;
 pub use progress::{Cancelled, Progress, Silent};
+pub use voxel_grid::VoxelGrid;

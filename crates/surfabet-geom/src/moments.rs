@@ -17,6 +17,22 @@ pub struct Moments {
     scatter: [f64; 6],
 }
 
+/// Points on a line spread across it by less than this share of their length.
+const NARROWEST: f64 = 1e-6;
+
+/// The least-squares plane of a point set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FittedPlane {
+    /// Weighted mean of the points, metres.
+    pub mean: [f64; 3],
+    /// Unit normal; its sign carries no meaning.
+    pub normal: [f64; 3],
+    /// Root of the weighted mean squared distance of the points from the plane, metres.
+    pub standard_deviation: f64,
+    /// Surface variation, see [`PrincipalAxes::curvature`].
+    pub curvature: f64,
+}
+
 /// Axes of a point set: standard deviations squared along orthonormal directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PrincipalAxes {
@@ -129,6 +145,22 @@ impl Moments {
         self.scatter().map(|row| row.map(|s| s / self.weight))
     }
 
+    /// The plane through the mean with the least weighted sum of squared distances, in metres.
+    ///
+    /// `None` when the points span none: a single place or a line, as closely as coordinates with a rounding error
+    /// of `rounding` metres can tell (zero for exact ones), or when [`Moments::principal_axes`] is `None`. Two
+    /// points are on a line always.
+    pub fn plane(&self, rounding: f64) -> Option<FittedPlane> {
+        let axes = self.principal_axes()?;
+        let narrow = (NARROWEST * NARROWEST * axes.variances[2]).max(rounding * rounding);
+        (axes.variances[1] > narrow).then(|| FittedPlane {
+            mean: self.mean,
+            normal: axes.normal(),
+            standard_deviation: axes.variances[0].sqrt(),
+            curvature: axes.curvature(),
+        })
+    }
+
     /// Eigenvalues and eigenvectors of the covariance.
     ///
     /// `None` without points, where a moment is not finite, or where the iteration does not converge within its
@@ -194,6 +226,24 @@ mod tests {
         let axes = m.principal_axes().unwrap();
         assert!(axes.normal()[2].abs() > 1.0 - 1e-9);
         assert!(close(m.scatter()[0][0], 2.0 / 3.0 * 1e-6, 1e-9));
+    }
+
+    #[test]
+    fn a_plane_by_hand() {
+        // Two layers, 0.2 apart, of a square.
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let points: Vec<_> =
+            square.iter().flat_map(|&[x, y]| [([x, y, 2.9], 1.0), ([x, y, 3.1], 1.0)]).collect();
+        let plane = of(&points).plane(0.0).unwrap();
+        assert!(plane.normal[2].abs() > 1.0 - 1e-12);
+        assert!(close(plane.standard_deviation, 0.1, 1e-12));
+        for (m, e) in plane.mean.iter().zip([0.5, 0.5, 3.0]) {
+            assert!(close(*m, e, 1e-12));
+        }
+        assert!(of(&points[..2]).plane(0.0).is_none());
+        let line: Vec<_> =
+            (0..9).map(|i| ([0.1, 0.2, 0.3].map(|c| c * f64::from(i)), 1.0)).collect();
+        assert!(of(&line).plane(0.0).is_none());
     }
 
     #[test]

@@ -11,9 +11,6 @@ use crate::progress::Progress;
 /// Points per unit of parallel work.
 const BATCH: usize = 1024;
 
-/// Neighbours lie on a line when they spread across it by less than this share of their length.
-const NARROWEST: f64 = 1e-6;
-
 /// Which points around a point, itself included, its plane is fitted to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Neighborhood {
@@ -73,15 +70,9 @@ pub fn fit_normal(
     center: [f32; 3],
     points: impl IntoIterator<Item = [f32; 3]>,
 ) -> Option<([f64; 3], f64)> {
-    let moments = Moments::about(center, points);
-    if moments.weight() < 3.0 {
-        return None;
-    }
-    let axes = moments.principal_axes()?;
-    let magnitude = center.iter().fold(0.0_f64, |m, c| m.max(f64::from(c.abs())));
-    let rounding = f64::from(f32::EPSILON) * magnitude;
-    let narrow = (NARROWEST * NARROWEST * axes.variances[2]).max(rounding * rounding);
-    (axes.variances[1] > narrow).then(|| (axes.normal(), axes.curvature()))
+    let magnitude = center.iter().fold(0.0_f32, |m, c| m.max(c.abs()));
+    let plane = Moments::about(center, points).plane(f64::from(f32::EPSILON * magnitude))?;
+    Some((plane.normal, plane.curvature))
 }
 
 /// Estimates the normal of each point from its neighbours, in parallel.

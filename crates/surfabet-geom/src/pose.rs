@@ -39,7 +39,8 @@ impl Pose {
         if translation.iter().any(|t| !t.is_finite()) {
             return Err(Error::invalid("translation", format!("{translation:?}"), "finite"));
         }
-        let near = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+        let rough = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+        let near = UnitQuaternion::new_normalize(rough.into_inner());
         let rotation = UnitQuaternion::from_matrix_eps(&matrix, f64::EPSILON, 100, near);
         let translation = Translation3::from(Vector3::from(translation));
         Ok(Self { isometry: Isometry3::from_parts(translation, rotation) })

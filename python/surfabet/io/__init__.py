@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
@@ -119,7 +121,35 @@ def _check_options(function: Callable[..., Any], name: str, options: dict[str, A
             )
 
 
-def read(path: str | os.PathLike[str], format: str | None = None, **options: Any) -> PointCloud:
+def _seen_from(cloud: PointCloud, viewpoint: Sequence[float]) -> PointCloud:
+    """The cloud with a viewpoint, and the ranges to it where it has none."""
+    center = np.asarray(viewpoint, np.float64)
+    if center.shape != (3,) or not np.isfinite(center).all():
+        raise InvalidInputError(f"viewpoint is {viewpoint!r}, but must be three finite coordinates")
+    if cloud.viewpoints is not None:
+        return cloud
+    ranges = cloud.ranges
+    if ranges is None:
+        ranges = np.linalg.norm(cloud.points - center, axis=1).astype(np.float32)
+    return PointCloud(
+        cloud.local_points,
+        origin=cloud.origin,
+        colors=cloud.colors,
+        intensities=cloud.intensities,
+        normals=cloud.normals,
+        ranges=ranges,
+        viewpoints=center[None],
+        viewpoint_index=np.zeros(len(cloud), np.uint32),
+    )
+
+
+def read(
+    path: str | os.PathLike[str],
+    format: str | None = None,
+    *,
+    viewpoint: Sequence[float] | None = None,
+    **options: Any,
+) -> PointCloud:
     """Reads a point cloud from a file, or from a folder of RGB-D frames.
 
     Parameters
@@ -128,6 +158,9 @@ def read(path: str | os.PathLike[str], format: str | None = None, **options: Any
         The file or folder.
     format
         The name of the format; by default the suffix and the first bytes of the file tell it.
+    viewpoint
+        Where the sensor stood (x, y, z in world coordinates), for single scans whose file does not
+        say; it gives them a viewpoint and ranges.
     **options
         Options of the format's reader, such as `frame_stride` for RGB-D folders: see `formats()`
         and the readers' own documentation.
@@ -166,7 +199,8 @@ def read(path: str | os.PathLike[str], format: str | None = None, **options: Any
     _check_options(chosen.reader, chosen.name, options)
     if options.get("fused") is False:
         raise InvalidInputError("read() gives one cloud; surfabet.io.read_rgbd gives one per frame")
-    return chosen.reader(path, **options)
+    cloud = chosen.reader(path, **options)
+    return cloud if viewpoint is None else _seen_from(cloud, viewpoint)
 
 
 def write(

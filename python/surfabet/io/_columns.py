@@ -62,8 +62,9 @@ def _stack(columns: tuple[Column, Column, Column], dtype: Any) -> Column:
 def colors_from(path: Path, channels: tuple[Column, Column, Column]) -> NDArray[np.uint8]:
     """Colours of any numeric type as (n, 3) uint8.
 
-    Integers count to 255, or to 65535 if any is larger than 255; floating-point values to 1, or to
-    255 if any is larger than 1. Values that are not finite become 0.
+    Integers count to 255, or to 65535 if any is larger than 255 (tools stretch by 257, or by 256);
+    floating-point values to 1, or to 255 if any is larger than 1. Values that are not finite become
+    0.
     """
     if all(c.dtype == np.uint8 for c in channels):
         return _stack(channels, np.uint8)
@@ -81,6 +82,8 @@ def colors_from(path: Path, channels: tuple[Column, Column, Column]) -> NDArray[
     if floating:
         scale = 255 if high <= 1 else 1
         rows = np.rint(rows * scale)
+    elif high > 255 and not (rows & 255).any():
+        rows = rows >> 8
     elif high > 255:
         rows = (rows.astype(np.uint32) + 128) // 257
     return rows.astype(np.uint8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -65,8 +66,10 @@ def parse_rows(
     except (ValueError, OverflowError) as error:
         if stopped:
             raise stopped[0] from None
+        # numpy counts rows, and advises on its own options.
+        reason = re.split(" at row |;", str(error))[0]
         raise format_error(
-            lines.path, f"cannot read a row of {n_columns} numbers: {error}", line=lines.number
+            lines.path, f"cannot read a row of {n_columns} numbers: {reason}", line=lines.number
         ) from None
     if table.shape[1] != n_columns:
         raise format_error(

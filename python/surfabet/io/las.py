@@ -21,8 +21,9 @@ from surfabet.io._columns import (
     warn_lost,
 )
 from surfabet.io._files import format_error, optional_module, warn, written_whole
+from surfabet.io._laz import check_chunks
 
-_POINTS_AT_A_TIME = 500_000
+_BYTES_AT_A_TIME = 1 << 24
 # LAZ packs real scans to a tenth; a claim of this much more is false.
 _LARGEST_COMPRESSION = 5_000
 _SMALLEST_HEADER = 227
@@ -34,6 +35,22 @@ _RANGE = "Range"
 def _laspy() -> Any:
     optional_module("lazrs", "laspy[lazrs]>=2.5", "reading and writing LAZ files")
     return optional_module("laspy", "laspy[lazrs]>=2.5", "reading and writing LAS and LAZ files")
+
+
+def _check_extended(path: Path, start: int, count: int) -> None:
+    """Walks the extended records, whose lengths are 64 bits wide."""
+    size = path.stat().st_size
+    at = start
+    with path.open("rb") as file:
+        for number in range(count):
+            file.seek(min(at, size))
+            header = file.read(60)
+            length = struct.unpack_from("<Q", header, 20)[0] if len(header) == 60 else size
+            if at + 60 + length > size:
+                raise format_error(
+                    path, f"extended record {number} of {count} does not fit into the file", byte=at
+                )
+            at += 60 + length
 
 
 def _check_header(path: Path) -> None:
@@ -61,10 +78,7 @@ def _check_header(path: Path) -> None:
             raise format_error(path, f"a header of {header_size} bytes is none of LAS 1.4", byte=94)
         extended_at, n_extended, n_points_64 = struct.unpack_from("<QIQ", header, 235)
         n_points = n_points_64 or n_points
-        if n_extended and (extended_at > size or n_extended * 60 > size - extended_at):
-            raise format_error(
-                path, f"{n_extended} extended records at byte {extended_at} do not fit", byte=235
-            )
+        _check_extended(path, extended_at, n_extended)
     room = size - points_at
     if format_id & 0xC0:
         room *= _LARGEST_COMPRESSION
@@ -74,6 +88,14 @@ def _check_header(path: Path) -> None:
             f"the header promises {n_points} points of {record_size} bytes, but the file has "
             f"{size - points_at} bytes left for them",
             byte=105,
+        )
+    if format_id & 0xC0:
+        check_chunks(
+            path,
+            header_size=header_size,
+            points_at=points_at,
+            n_records=n_records,
+            n_points=n_points,
         )
 
 
@@ -133,6 +155,7 @@ def _read_chunks(path: Path, laspy: Any) -> tuple[dict[str, Column], str | None]
         header = reader.header
         if not np.isfinite([*header.scales, *header.offsets]).all():
             raise format_error(path, "scale or offset are not finite", byte=131)
+        at_a_time = max(1, _BYTES_AT_A_TIME // header.point_format.size)
         names = set(header.point_format.dimension_names)
         # Lower-case names of what a cloud can hold, and the names in the file.
         extra = {
@@ -143,7 +166,7 @@ def _read_chunks(path: Path, laspy: Any) -> tuple[dict[str, Column], str | None]
         wanted = {name: name for name in ("x", "y", "z", "intensity")} | extra
         if {"red", "green", "blue"} <= names:
             wanted |= {name: name for name in ("red", "green", "blue")}
-        for points in reader.chunk_iterator(_POINTS_AT_A_TIME):
+        for points in reader.chunk_iterator(at_a_time):
             for name, dimension in wanted.items():
                 parts.setdefault(name, []).append(np.array(points[dimension]))
         found = sum(len(part) for part in parts.get("x", []))
