@@ -1,10 +1,11 @@
 """Simulated scans with exact ground truth: a furnished room seen by a depth camera or a laser.
 
-Nothing is downloaded: rooms are made from a seed and ray-cast. Equal arguments give equal results on
-any number of threads.
+Nothing is downloaded: rooms are made from a seed and ray-cast. Equal arguments give equal results
+on any number of threads.
 
-World frame: z up, floor at z = 0, the room's centre above the origin, metres. Camera frame: x right,
-y down, z forward. Laser frame: x forward, y left, z up. Poses are 4 x 4 matrices from sensor to world.
+World frame: z up, floor at z = 0, the room's centre above the origin, metres. Camera frame: x
+right, y down, z forward. Laser frame: x forward, y left, z up. Poses are 4 x 4 matrices from sensor
+to world.
 """
 
 from __future__ import annotations
@@ -44,10 +45,11 @@ class SimulatedScan:
 
     Attributes:
         scene: the room; ``scene.distance(points)`` is the exact distance to its surface.
-        cloud: all frames as one cloud, with colours, ranges and viewpoints (lasers: intensities too).
-        frames: one per pose, in order; each has its own ``cloud``, ``ground_truth``, ``pose`` (the one
-            the points were placed with), ``true_pose`` and, from a camera, ``depth``, ``color`` and
-            ``intrinsics``.
+        cloud: all frames as one cloud, with colours, ranges and viewpoints (lasers: intensities
+            too).
+        frames: one per pose, in order; each has its own ``cloud``, ``ground_truth``, ``pose`` (the
+            one the points were placed with), ``true_pose`` and, from a camera, ``depth``,
+            ``color`` and ``intrinsics``.
         ground_truth: for every point of ``cloud`` the exact surface point, normal, instance id and
             surface id.
     """
@@ -118,8 +120,8 @@ def scan_rgbd(
         intrinsics: fx, fy, cx, cy in pixels; by default a Kinect's 585, 585, 320, 240 at 640 x 480,
             scaled to the image.
         depth_limits: nearest and farthest depth, metres.
-        depth_noise: times the standard deviation that Nguyen, Izadi and Lovell (2012) measured for a
-            Kinect, 1.2 mm + 1.9 mm (z - 0.4)^2 and more at grazing angles; 0 for exact depth.
+        depth_noise: times the standard deviation that Nguyen, Izadi and Lovell (2012) measured for
+            a Kinect, 1.2 mm + 1.9 mm (z - 0.4)^2 and more at grazing angles; 0 for exact depth.
         quantize_disparity: depth in a Kinect's steps, 2.85 mm times the depth squared.
         max_incidence: largest angle between ray and normal that gives a depth, degrees; over the 15
             degrees before it more and more pixels are lost. At 90 none is.
@@ -267,7 +269,7 @@ def simulated_room(
 
 
 def load_demo(*, progress: Progress | None = None) -> SimulatedScan:
-    """The scan that examples run on: 18 noisy RGB-D frames of a furnished room, 1.3 million points."""
+    """The scan that examples run on: 18 noisy RGB-D frames of a room, over a million points."""
     return simulated_room(n_poses=18, progress=progress)
 
 
@@ -327,6 +329,7 @@ def _images(
     millimetres = np.rint(depth.astype(np.float64) * 1000.0)
     if millimetres.max(initial=0.0) > 65535.0:
         raise InvalidInputError(
-            f"frame {number} reaches {millimetres.max() / 1000.0:.1f} m; 16-bit depth ends at 65.535 m"
+            f"frame {number} reaches {millimetres.max() / 1000.0:.1f} m; "
+            "16-bit depth ends at 65.535 m"
         )
     return millimetres.astype(np.uint16), color, intrinsics

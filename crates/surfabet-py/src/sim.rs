@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use numpy::ndarray::{ArrayView1, ArrayView2, ArrayView3};
+use numpy::ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use surfabet_sim::{
 
 use crate::arrays;
 use crate::cloud::PyPointCloud;
-use crate::errors::{IntoPyErr, invalid_input};
+use crate::errors::{IntoPyErr, internal, invalid_input};
 use crate::run;
 use crate::view::{FrozenOwner, read_only_view};
 
@@ -121,26 +121,42 @@ impl PyGroundTruth {
 #[pyclass(name = "Frame", module = "surfabet.datasets", frozen)]
 pub struct PyFrame {
     scan: Scan,
-    image: Option<Image>,
-}
-
-struct Image {
-    intrinsics: Intrinsics,
-    depth: Vec<f32>,
-    color: Vec<[u8; 3]>,
+    /// `None` for a laser, whose images are empty.
+    intrinsics: Option<Intrinsics>,
+    depth: Array2<f32>,
+    color: Array3<u8>,
 }
 
 impl FrozenOwner for PyFrame {}
 
+impl From<Scan> for PyFrame {
+    fn from(scan: Scan) -> Self {
+        Self {
+            scan,
+            intrinsics: None,
+            depth: Array2::default((0, 0)),
+            color: Array3::default((0, 0, 3)),
+        }
+    }
+}
+
+impl PyFrame {
+    fn of_camera(frame: RgbdFrame) -> PyResult<Self> {
+        let RgbdFrame { scan, intrinsics, depth, color } = frame;
+        let (height, width) = (intrinsics.height as usize, intrinsics.width as usize);
+        Ok(Self {
+            scan,
+            intrinsics: Some(intrinsics),
+            depth: Array2::from_shape_vec((height, width), depth).map_err(internal)?,
+            color: Array3::from_shape_vec((height, width, 3), color.into_flattened())
+                .map_err(internal)?,
+        })
+    }
+}
+
 fn matrix<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let values: Vec<f64> = pose.iter().flatten().copied().collect();
     values.into_pyarray(py).reshape([4, 4])
-}
-
-impl Image {
-    fn shape(&self) -> (usize, usize) {
-        (self.intrinsics.height as usize, self.intrinsics.width as usize)
-    }
 }
 
 #[pymethods]
@@ -167,39 +183,29 @@ impl PyFrame {
 
     #[getter]
     fn depth<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray2<f32>>> {
-        slf.get().image.as_ref()?;
-        Some(read_only_view(slf, |f| {
-            let Some(image) = &f.image else { return ArrayView2::from(&[] as &[[f32; 1]]) };
-            ArrayView2::from_shape(image.shape(), &image.depth)
-                .unwrap_or_else(|_| ArrayView2::from(&[] as &[[f32; 1]]))
-        }))
+        slf.get().intrinsics?;
+        Some(read_only_view(slf, |f| f.depth.view()))
     }
 
     #[getter]
     fn color<'py>(slf: &Bound<'py, Self>) -> Option<Bound<'py, PyArray3<u8>>> {
-        slf.get().image.as_ref()?;
-        Some(read_only_view(slf, |f| {
-            let Some(image) = &f.image else { return ArrayView3::from(&[] as &[[[u8; 3]; 1]]) };
-            let (height, width) = image.shape();
-            ArrayView3::from_shape((height, width, 3), image.color.as_flattened())
-                .unwrap_or_else(|_| ArrayView3::from(&[] as &[[[u8; 3]; 1]]))
-        }))
+        slf.get().intrinsics?;
+        Some(read_only_view(slf, |f| f.color.view()))
     }
 
     /// The 3 x 3 matrix of the pinhole.
     #[getter]
     fn intrinsics<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let Some(image) = &self.image else { return Ok(None) };
-        let k = image.intrinsics;
+        let Some(k) = self.intrinsics else { return Ok(None) };
         let values = vec![k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0];
         values.into_pyarray(py).reshape([3, 3]).map(Some)
     }
 
     fn __repr__(&self) -> String {
         let points = self.scan.cloud.len();
-        self.image.as_ref().map_or_else(
+        self.intrinsics.map_or_else(
             || format!("Frame({points} points)"),
-            |i| format!("Frame({} x {}, {points} points)", i.intrinsics.width, i.intrinsics.height),
+            |i| format!("Frame({} x {}, {points} points)", i.width, i.height),
         )
     }
 }
@@ -280,11 +286,7 @@ impl PyScene {
         self.scene.interior()
     }
 
-    fn default_poses<'py>(
-        &self,
-        py: Python<'py>,
-        n: usize,
-    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    fn default_poses<'py>(&self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyArray3<f64>>> {
         stack(py, &self.scene.default_poses(n).map_err(IntoPyErr::into_py_err)?)
     }
 
@@ -442,12 +444,8 @@ impl PyScene {
             let fused = surfabet_sim::fuse(frames.iter().map(|f| &f.scan));
             Ok::<_, surfabet_geom::Error>((frames, fused))
         })?;
-        let frame = |RgbdFrame { scan, intrinsics, depth, color }| PyFrame {
-            scan,
-            image: Some(Image { intrinsics, depth, color }),
-        };
-        let truth = PyGroundTruth { truth: fused.1 };
-        Ok((fused.0.into(), truth, frames.into_iter().map(frame).collect()))
+        let frames = frames.into_iter().map(PyFrame::of_camera).collect::<PyResult<_>>()?;
+        Ok((fused.0.into(), PyGroundTruth { truth: fused.1 }, frames))
     }
 
     #[pyo3(signature = (poses, *, elevation_limits, elevation_step, azimuth_step, range_limits,
@@ -488,7 +486,7 @@ impl PyScene {
             let fused = surfabet_sim::fuse(&scans);
             Ok::<_, surfabet_geom::Error>((scans, fused))
         })?;
-        let frames = scans.into_iter().map(|scan| PyFrame { scan, image: None }).collect();
+        let frames = scans.into_iter().map(PyFrame::from).collect();
         Ok((fused.0.into(), PyGroundTruth { truth: fused.1 }, frames))
     }
 

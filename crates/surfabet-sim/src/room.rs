@@ -253,7 +253,7 @@ impl Scene {
             .chain(
                 west_doors
                     .iter()
-                    .map(|o| (west.at(o.middle, 0.0, 0.0), 1.0 + rng.random_range(0.0..0.35))),
+                    .map(|o| (west.at(o.middle, 0.0, 0.0), 1.2 + rng.random_range(0.0..0.35))),
             )
             .collect();
         let frames: Vec<Frame> = doorways.iter().map(|d| d.0).collect();
