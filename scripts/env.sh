@@ -66,6 +66,8 @@ install_surfabet() {
     .venv/bin/python --version
     check_rust
     .venv/bin/pip install --quiet 'maturin>=1.9,<2'
-    .venv/bin/maturin develop --release --quiet --extras "$1"
+    # Without isolation the build keeps its place in target/, so that the next one is quick. The build
+    # looks for maturin on the path.
+    PATH="$PWD/.venv/bin:$PATH" .venv/bin/pip install --quiet --no-build-isolation --editable ".[$1]"
     echo "installed into .venv: $(.venv/bin/surfabet --version)"
 }

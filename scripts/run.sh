@@ -27,7 +27,9 @@ if [[ -z "$input" ]]; then
     .venv/bin/python -c '
 import sys
 import surfabet as sb
-cloud = sb.datasets.load_demo()
+from surfabet import datasets
+
+cloud = datasets.load_demo().cloud
 print(cloud)
 sb.write(sys.argv[1], cloud)
 ' "$input"

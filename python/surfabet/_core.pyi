@@ -56,8 +56,10 @@ class PointCloud:
 
 def lzf_compress(data: bytes) -> bytes: ...
 def lzf_decompress(data: bytes, size: int) -> bytes: ...
+
 # The scan simulator: crates/surfabet-py/src/sim.rs
 
+@final
 class Instance:
     @property
     def id(self) -> int: ...
@@ -72,6 +74,7 @@ class Instance:
     @property
     def bounds(self) -> tuple[list[float], list[float]]: ...
 
+@final
 class Surface:
     @property
     def id(self) -> int: ...
@@ -84,6 +87,7 @@ class Surface:
     @property
     def offset(self) -> float: ...
 
+@final
 class GroundTruth:
     @property
     def points(self) -> NDArray[np.float32]: ...
@@ -95,6 +99,7 @@ class GroundTruth:
     def surfaces(self) -> NDArray[np.uint32]: ...
     def __len__(self) -> int: ...
 
+@final
 class Frame:
     @property
     def cloud(self) -> PointCloud: ...
@@ -111,6 +116,7 @@ class Frame:
     @property
     def intrinsics(self) -> NDArray[np.float64] | None: ...
 
+@final
 class Scene:
     @staticmethod
     def room(
