@@ -6,8 +6,14 @@
 mod arrays;
 mod cloud;
 mod errors;
+mod kdtree;
+mod metrics;
+mod normals;
+mod octree;
+mod range_image;
 mod run;
 mod view;
+mod voxel_grid;
 
 use pyo3::prelude::*;
 
@@ -16,5 +22,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     run::register(module)?;
     cloud::register(module)?;
+    kdtree::register(module)?;
+    metrics::register(module)?;
+    normals::register(module)?;
+    octree::register(module)?;
+    range_image::register(module)?;
+    voxel_grid::register(module)?;
     Ok(())
 }
