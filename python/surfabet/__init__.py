@@ -11,17 +11,37 @@ from surfabet.errors import (
     MissingDependencyError,
 )
 from surfabet.io import read, write
+from surfabet.geometry import (
+    KdTree,
+    NormalEstimate,
+    Octree,
+    RangeImage,
+    VoxelGrid,
+    estimate_normals,
+    voxel_downsample,
+)
+from surfabet.metrics import Quality, RangeSigma, evaluate
 
 __all__ = [
     "DroppedPointsWarning",
     "FormatError",
     "InvalidInputError",
+    "KdTree",
     "LostAttributeWarning",
     "MissingDependencyError",
+    "NormalEstimate",
+    "Octree",
     "PointCloud",
+    "Quality",
+    "RangeImage",
+    "RangeSigma",
+    "VoxelGrid",
     "__version__",
+    "estimate_normals",
+    "evaluate",
     "get_num_threads",
     "read",
     "set_num_threads",
     "write",
+    "voxel_downsample",
 ]

@@ -8,9 +8,15 @@ mod cloud;
 mod errors;
 mod lzf;
 mod patches;
+mod kdtree;
+mod metrics;
+mod normals;
+mod octree;
+mod range_image;
 mod run;
 mod sim;
 mod view;
+mod voxel_grid;
 
 use pyo3::prelude::*;
 
@@ -22,5 +28,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     patches::register(module)?;
     lzf::register(module)?;
     sim::register(module)?;
+    kdtree::register(module)?;
+    metrics::register(module)?;
+    normals::register(module)?;
+    octree::register(module)?;
+    range_image::register(module)?;
+    voxel_grid::register(module)?;
     Ok(())
 }

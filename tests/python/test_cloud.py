@@ -1,0 +1,134 @@
+"""Clouds are built from numpy without surprises and looked at without copies."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+
+import surfabet as sb
+
+POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0], [-6.0, 7.0, 8.5]])
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        POINTS,
+        POINTS.astype(np.float32),
+        POINTS.astype(np.float16),
+        POINTS.astype(">f8"),
+        POINTS.astype(">f4"),
+        np.asfortranarray(POINTS),
+        np.repeat(POINTS, 2, axis=0)[::2],
+        np.hstack([POINTS, POINTS])[:, :3],
+        POINTS[::-1][::-1],
+        POINTS.tolist(),
+    ],
+    ids=["f64", "f32", "f16", "be8", "be4", "fortran", "strided", "columns", "reversed", "list"],
+)
+def test_same_points_from_any_layout(points: object) -> None:
+    cloud = sb.PointCloud(points)
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    assert cloud.points.dtype == np.float64
+    assert cloud.local_points.dtype == np.float32
+    assert len(cloud) == 3
+
+
+def test_integers_and_read_only_arrays() -> None:
+    points = np.arange(6).reshape(2, 3)
+    points.flags.writeable = False
+    np.testing.assert_array_equal(sb.PointCloud(points).points, points)
+
+
+def test_input_is_copied() -> None:
+    points = POINTS.copy()
+    cloud = sb.PointCloud(points)
+    points[:] = 99.0
+    np.testing.assert_array_equal(cloud.points, POINTS)
+
+
+@pytest.mark.parametrize("shape", [(3,), (3, 2), (3, 4), (1, 3, 3)])
+def test_wrong_shapes_are_named(shape: tuple[int, ...]) -> None:
+    with pytest.raises(sb.InvalidInputError, match=r"points has shape .*expected \(n, 3\)"):
+        sb.PointCloud(np.zeros(shape))
+
+
+@pytest.mark.parametrize("dtype", ["complex128", "S3", "object", "bool"])
+def test_wrong_types_are_named(dtype: str) -> None:
+    with pytest.raises(TypeError, match="points has dtype"):
+        sb.PointCloud(np.zeros((2, 3)).astype(dtype))
+
+
+def test_nan_points_are_dropped_with_a_warning() -> None:
+    points = np.vstack([POINTS, [[np.nan, 0, 0], [0, np.inf, 0]]])
+    with pytest.warns(sb.DroppedPointsWarning, match="dropped 2 of 5 points"):
+        cloud = sb.PointCloud(points, intensities=np.arange(5))
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    np.testing.assert_array_equal(cloud.intensities, [0, 1, 2])
+
+
+def test_views_are_read_only_and_keep_their_owner() -> None:
+    cloud = sb.PointCloud(
+        POINTS, colors=np.full((3, 3), 7, np.uint8), ranges=[1.0, 2.0, 3.0], viewpoints=[[0, 0, 0]]
+    )
+    views = [cloud.local_points, cloud.colors, cloud.ranges, cloud.viewpoints]
+    copies = [np.array(v) for v in views]
+    for view in views:
+        assert view is not None
+        with pytest.raises(ValueError, match="read-only"):
+            view[0] = 1
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            view.flags.writeable = True
+    del cloud
+    gc.collect()
+    np.zeros((1000, 1000))
+    for view, copy in zip(views, copies, strict=True):
+        np.testing.assert_array_equal(view, copy)
+
+
+def test_colors_of_any_depth() -> None:
+    eight = np.array([[0, 128, 255]] * 3, np.uint8)
+    sixteen = eight.astype(np.uint16) * 257
+    for colors in (eight, sixteen, eight / 255.0):
+        np.testing.assert_array_equal(sb.PointCloud(POINTS, colors=colors).colors, eight)
+    with pytest.raises(sb.InvalidInputError, match=r"0\.\.1"):
+        sb.PointCloud(POINTS, colors=eight.astype(float))
+
+
+def test_columns_of_another_length_are_refused() -> None:
+    with pytest.raises(sb.InvalidInputError, match="ranges has 2 values for 3 points"):
+        sb.PointCloud(POINTS, ranges=[1.0, 2.0])
+    with pytest.raises(sb.InvalidInputError, match="viewpoint 3 is out of range"):
+        sb.PointCloud(POINTS, viewpoints=np.zeros((2, 3)), viewpoint_index=[0, 1, 3])
+    with pytest.raises(sb.InvalidInputError, match="2 viewpoints for 3 points"):
+        sb.PointCloud(POINTS, viewpoints=np.zeros((2, 3)))
+
+
+def test_utm_coordinates_survive() -> None:
+    world = np.add(POINTS, [448_262.123, 5_411_932.678, 512.345])
+    cloud = sb.PointCloud(world)
+    np.testing.assert_allclose(cloud.points, world, atol=1e-6)
+    assert np.abs(cloud.local_points).max() < 10
+
+
+def test_select_and_concat() -> None:
+    cloud = sb.PointCloud(POINTS, intensities=[1, 2, 3])
+    np.testing.assert_array_equal(cloud.select([2, 0]).points, POINTS[[2, 0]])
+    np.testing.assert_array_equal(cloud.select([True, False, True]).intensities, [1, 3])
+    with pytest.raises(sb.InvalidInputError, match="out of range"):
+        cloud.select([3])
+    with pytest.raises(sb.InvalidInputError, match="mask has 2 values"):
+        cloud.select([True, False])
+    joined, lost = sb.PointCloud.concat([cloud, sb.PointCloud(POINTS + 10.0)])
+    np.testing.assert_allclose(joined.points, np.vstack([POINTS, POINTS + 10.0]))
+    assert lost == ["intensities"]
+
+
+def test_empty() -> None:
+    cloud = sb.PointCloud(np.zeros((0, 3)))
+    assert len(cloud) == 0
+    assert cloud.bounds is None
+    assert cloud.points.shape == (0, 3)
+    assert "0 points" in repr(cloud)
