@@ -7,6 +7,7 @@ mod arrays;
 mod cloud;
 mod errors;
 mod run;
+mod sparse;
 mod view;
 
 use pyo3::prelude::*;
@@ -16,5 +17,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     run::register(module)?;
     cloud::register(module)?;
+    sparse::register(module)?;
     Ok(())
 }
