@@ -10,6 +10,7 @@ from surfabet.errors import (
     LostAttributeWarning,
     MissingDependencyError,
 )
+from surfabet.files import FileInfo, from_bytes, inspect, load
 from surfabet.io import read, write
 from surfabet.geometry import (
     KdTree,
@@ -21,8 +22,17 @@ from surfabet.geometry import (
     voxel_downsample,
 )
 from surfabet.metrics import Quality, RangeSigma, evaluate
+from surfabet.patches import LearningReport, PatchLevel, PatchModel, learn_patches
 
 __all__ = [
+    "FileInfo",
+    "from_bytes",
+    "inspect",
+    "load",
+    "LearningReport",
+    "PatchLevel",
+    "PatchModel",
+    "learn_patches",
     "DroppedPointsWarning",
     "FormatError",
     "InvalidInputError",

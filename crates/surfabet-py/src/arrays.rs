@@ -134,3 +134,16 @@ pub fn colors(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<[u8; 3]>> {
         ))),
     }
 }
+
+/// An (n, m) array of real numbers in single precision, row-major, with its shape.
+pub fn matrix_f32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<(Vec<f32>, [usize; 2])> {
+    let (array, _, _) = as_real_array(name, obj)?;
+    let &[rows, columns] = array.shape() else {
+        return Err(invalid_input(format!(
+            "{name} has shape {:?}, expected (n, m)",
+            array.shape()
+        )));
+    };
+    let array: PyReadonlyArray2<'_, f32> = contiguous(&array, "float32")?.extract()?;
+    Ok((array.as_slice().map(<[f32]>::to_vec).map_err(invalid_input)?, [rows, columns]))
+}

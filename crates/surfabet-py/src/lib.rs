@@ -15,6 +15,7 @@ mod octree;
 mod range_image;
 mod run;
 mod sim;
+mod sparse;
 mod view;
 mod voxel_grid;
 
@@ -34,5 +35,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     octree::register(module)?;
     range_image::register(module)?;
     voxel_grid::register(module)?;
+    sparse::register(module)?;
     Ok(())
 }

@@ -6,7 +6,7 @@ use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use surfabet::{DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches};
+use surfabet::{Container, DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::{IntoPyErr, invalid_input};
@@ -71,7 +71,7 @@ fn learn_patches(
 
 #[pymethods]
 impl PyPatchModel {
-    #[pyo3(signature = (resolution=None, *, normals=false, max_points=2_000_000_000, progress=None))]
+    #[pyo3(signature = (*, resolution, normals, max_points, progress))]
     fn decode(
         slf: &Bound<'_, Self>,
         resolution: Option<f64>,
@@ -111,10 +111,28 @@ impl PyPatchModel {
         self.model.has_color()
     }
 
-    /// `(pixel_size, pixels, patches)` of each level, coarsest first.
+    /// `(pixel_size, pixels, patches, depth entries, colour entries)` of each level, coarsest first.
     #[getter]
-    fn levels(&self) -> Vec<(f64, u32, usize)> {
-        self.model.levels().iter().map(|l| (l.pixel_size, l.pixels, l.len())).collect()
+    fn levels(&self) -> Vec<(f64, u32, usize, usize, usize)> {
+        let atoms = |c: &patches::Channel| c.dictionary.n_atoms();
+        let color = |l: &patches::Level| l.color.as_ref().map_or(0, atoms);
+        let levels = self.model.levels().iter();
+        levels.map(|l| (l.pixel_size, l.pixels, l.len(), atoms(&l.depth), color(l))).collect()
+    }
+
+    /// Means of one channel of the patches of one level: (m, 1) metres, or (m, 3) luma, orange, green chroma.
+    fn means<'py>(
+        &self,
+        py: Python<'py>,
+        level: usize,
+        channel: &str,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let of = self.level(level)?;
+        let (data, _) = self.channel(level, channel)?;
+        let step = if channel == "depth" { of.steps.depth_mean } else { of.steps.color_mean };
+        let means: Vec<f64> = data.means.iter().map(|&m| f64::from(m) * step).collect();
+        let planes = if channel == "depth" { 1 } else { 3 };
+        means.into_pyarray(py).reshape([of.len(), planes])
     }
 
     #[getter]
@@ -227,28 +245,6 @@ impl PyPatchModel {
     fn __len__(&self) -> usize {
         self.model.len()
     }
-
-    fn __repr__(&self) -> String {
-        let levels: Vec<String> = self
-            .model
-            .levels()
-            .iter()
-            .map(|l| {
-                let atoms = l.color.as_ref().map_or(String::new(), |c| {
-                    format!(" + {} colour", c.dictionary.n_atoms())
-                });
-                format!(
-                    "{} patches of {} x {} pixels of {} m, {} depth{atoms} entries",
-                    l.len(),
-                    l.pixels,
-                    l.pixels,
-                    l.pixel_size,
-                    l.depth.dictionary.n_atoms()
-                )
-            })
-            .collect();
-        format!("PatchModel({} points as {})", self.model.n_points(), levels.join("; "))
-    }
 }
 
 impl PyPatchModel {
@@ -302,6 +298,22 @@ fn load(
     wrap(model)
 }
 
+/// Family, oldest release that reads the file, and bytes by section, of the bytes of an `.sfb` file.
+#[pyfunction]
+#[pyo3(signature = (data, *, max_items, max_bytes))]
+fn inspect(
+    data: &[u8],
+    max_items: u64,
+    max_bytes: u64,
+) -> PyResult<(&'static str, String, Vec<(String, usize)>)> {
+    let limits = Limits { max_items, max_bytes };
+    let container = Container::parse(data, &limits)
+        .map_err(|error| surfabet::Error::from(error).into_py_err())?;
+    let sections =
+        container.sections().iter().map(|s| (s.tag.to_string(), s.bytes.len())).collect();
+    Ok((container.family().name(), container.needed_version().to_string(), sections))
+}
+
 fn wrap(model: Model) -> PyResult<PyPatchModel> {
     match model {
         Model::Patches(model) => Ok(PyPatchModel { model }),
@@ -314,5 +326,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPatchModel>()?;
     module.add_function(wrap_pyfunction!(learn_patches, module)?)?;
     module.add_function(wrap_pyfunction!(from_bytes, module)?)?;
-    module.add_function(wrap_pyfunction!(load, module)?)
+    module.add_function(wrap_pyfunction!(load, module)?)?;
+    module.add_function(wrap_pyfunction!(inspect, module)?)
 }

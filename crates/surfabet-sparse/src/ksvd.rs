@@ -14,6 +14,9 @@ use crate::rank_one::{self, Convergence, Group};
 use crate::replacement::{duplicates, initial_dictionary, replace_atoms};
 use crate::signals::Signals;
 
+/// Share of the signals' energy that single precision cannot tell from nothing.
+const ROUNDING: f64 = 1e-9;
+
 /// What to learn and for how long.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KsvdOptions {
@@ -49,7 +52,7 @@ impl Default for KsvdOptions {
             iterations: 20,
             convergence: 1e-3,
             random_state: 0,
-            max_coherence: 0.99,
+            max_coherence: 0.9,
             update_iterations: 10,
             update_tolerance: 1e-4,
         }
@@ -118,7 +121,7 @@ pub struct Ksvd {
     pub iterations: usize,
     /// Unused and duplicate atoms replaced by badly represented signals, over all iterations.
     pub replaced: usize,
-    /// Atoms dropped at the end because no code uses them.
+    /// Atoms dropped at the end: no code uses them, or others can stand in for them.
     pub cropped: usize,
     /// Why learning ended.
     pub stop_reason: StopReason,
@@ -130,7 +133,8 @@ pub struct Ksvd {
 /// Starts from signals chosen by `random_state`. After each round of atom updates, atoms that no code uses
 /// and those that repeat another give way to the worst represented signals; a replacement that would raise
 /// the objective is undone. In sparse coding a signal keeps its code where the new one is worse. At the end
-/// unused atoms are cropped, so the dictionary can be smaller than asked for.
+/// unused atoms are cropped, and duplicates if that does not raise the objective, so the dictionary can be
+/// smaller than asked for.
 ///
 /// An entry of an atom that none of its signals observes is 0. With few observations per entry the exact
 /// minimum can still be wild there: small positive weights on filled-in values tame it.
@@ -175,8 +179,12 @@ pub fn ksvd(
             break;
         }
     }
-    let (dictionary, codes, cropped) = crop(&learner.dictionary, learner.codes);
+    let n_atoms = learner.dictionary.n_atoms();
+    learner.drop_duplicates()?;
     let iterations = objective.len() - 1;
+    objective[iterations] = learner.objective();
+    let (dictionary, codes) = crop(&learner.dictionary, learner.codes);
+    let cropped = n_atoms - dictionary.n_atoms();
     Ok(Ksvd { dictionary, codes, objective, iterations, replaced, cropped, stop_reason })
 }
 
@@ -292,6 +300,26 @@ impl Learner<'_> {
         Ok(replaced)
     }
 
+    /// Codes the signals without duplicate atoms, and keeps to that if the objective stands it.
+    fn drop_duplicates(&mut self) -> Result<()> {
+        let usage = self.codes.usage(self.dictionary.n_atoms());
+        let unused: Vec<bool> = usage.iter().map(|&u| u == 0).collect();
+        let repeats = duplicates(&self.dictionary, &usage, self.options.max_coherence, self.stop)?;
+        if unused.iter().zip(&repeats).all(|(unused, repeats)| *unused || !*repeats) {
+            return Ok(());
+        }
+        let keep: Vec<bool> = repeats.iter().map(|r| !r).collect();
+        let dictionary = self.dictionary.retain(&keep);
+        let codes = omp(&dictionary, self.signals, &self.options.omp_options(), self.stop)?;
+        let errors = squared_errors(&dictionary, self.signals, &codes)?;
+        let after: f64 = errors.iter().sum();
+        let energy: f64 = (0..self.signals.len()).map(|i| self.signals.energy(i)).sum();
+        if after <= self.objective() + ROUNDING * energy {
+            (self.dictionary, self.codes, self.errors) = (dictionary, codes, errors);
+        }
+        Ok(())
+    }
+
     /// Dictionary, codes and errors after replacing the marked atoms, and how many of them were replaced.
     fn replace_and_code(
         &self,
@@ -349,8 +377,8 @@ fn uses(codes: &SparseCodes, n_atoms: usize) -> Vec<Vec<Use>> {
     uses
 }
 
-/// Drops the atoms that no code uses; returns how many.
-fn crop(dictionary: &Dictionary, codes: SparseCodes) -> (Dictionary, SparseCodes, usize) {
+/// Drops the atoms that no code uses.
+fn crop(dictionary: &Dictionary, codes: SparseCodes) -> (Dictionary, SparseCodes) {
     let used: Vec<bool> = codes.usage(dictionary.n_atoms()).iter().map(|&u| u > 0).collect();
     let mut new_index = Vec::with_capacity(used.len());
     let mut kept = 0u32;
@@ -358,6 +386,252 @@ fn crop(dictionary: &Dictionary, codes: SparseCodes) -> (Dictionary, SparseCodes
         new_index.push(kept);
         kept += u32::from(is_used);
     }
-    let cropped = used.len() - kept as usize;
-    (dictionary.retain(&used), codes.renumbered(&new_index), cropped)
+    (dictionary.retain(&used), codes.renumbered(&new_index))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{mask, never, noise, planted, random_dictionary, rng};
+
+    fn learn(signals: &Signals<'_>, options: &KsvdOptions) -> Ksvd {
+        ksvd(signals, options, &never, &mut |_| {}).unwrap()
+    }
+
+    /// Fraction of the true atoms that some learned atom matches up to sign.
+    fn recovered(truth: &Dictionary, learned: &Dictionary) -> f64 {
+        let matches = |t: usize| {
+            (0..learned.n_atoms()).any(|k| {
+                let pairs = truth.atom(t).iter().zip(learned.atom(k));
+                pairs.map(|(a, b)| f64::from(a * b)).sum::<f64>().abs() > 0.95
+            })
+        };
+        (0..truth.n_atoms()).filter(|&t| matches(t)).count() as f64 / truth.n_atoms() as f64
+    }
+
+    fn check_invariants(signals: &Signals<'_>, learned: &Ksvd, options: &KsvdOptions) {
+        let Ksvd { dictionary, codes, objective, .. } = learned;
+        Dictionary::new(dictionary.n_features(), dictionary.atoms().to_vec()).unwrap();
+        assert!(codes.usage(dictionary.n_atoms()).iter().all(|&u| u > 0));
+        assert_eq!(codes.len(), signals.len());
+        for i in 0..codes.len() {
+            let mut atoms = codes.code(i).0.to_vec();
+            assert!(atoms.len() <= options.max_atoms);
+            atoms.sort_unstable();
+            atoms.dedup();
+            assert_eq!(atoms.len(), codes.code(i).0.len());
+        }
+        let energy: f64 = (0..signals.len()).map(|i| signals.energy(i)).sum();
+        for pair in objective.windows(2) {
+            assert!(pair[1] <= pair[0] + 1e-8 * energy, "{objective:?}");
+        }
+        let errors = squared_errors(dictionary, signals, codes).unwrap();
+        let total: f64 = errors.iter().sum();
+        let last = objective[objective.len() - 1];
+        assert!((total - last).abs() <= 1e-9 * (1.0 + last));
+        assert!(dictionary.n_atoms() + learned.cropped <= options.n_atoms);
+    }
+
+    #[test]
+    fn planted_atoms_are_recovered_although_values_are_missing() {
+        let mut rng = rng(11);
+        let truth = random_dictionary(&mut rng, 32, 48);
+        let (clean, _) = planted(&mut rng, &truth, 1200, 3);
+        let options = KsvdOptions {
+            n_atoms: 32,
+            max_atoms: 3,
+            iterations: 40,
+            convergence: 0.0,
+            ..KsvdOptions::default()
+        };
+        for (missing, least) in [(0.0, 0.9), (0.2, 0.9), (0.5, 0.8)] {
+            let weights = mask(&mut rng, clean.len(), missing);
+            let zero_filled: Vec<f32> = clean.iter().zip(&weights).map(|(v, w)| v * w).collect();
+            let signals = Signals::new(48, &zero_filled, Some(&weights)).unwrap();
+            let weighted = learn(&signals, &options);
+            check_invariants(&signals, &weighted, &options);
+            let found = recovered(&truth, &weighted.dictionary);
+            assert!(found >= least, "{found} recovered with {missing} missing");
+            if missing > 0.0 {
+                let plain = learn(&Signals::new(48, &zero_filled, None).unwrap(), &options);
+                let unweighted = recovered(&truth, &plain.dictionary);
+                assert!(found > unweighted, "{found} against {unweighted}, {missing} missing");
+            }
+        }
+    }
+
+    #[test]
+    fn real_weights_keep_the_objective_falling() {
+        let mut rng = rng(12);
+        let values = noise(&mut rng, 20 * 200);
+        let weights: Vec<f32> = noise(&mut rng, values.len()).iter().map(|v| v * v).collect();
+        let signals = Signals::new(20, &values, Some(&weights)).unwrap();
+        for selection in [Selection::LeastSquares, Selection::Correlation] {
+            let options = KsvdOptions {
+                n_atoms: 40,
+                max_atoms: 4,
+                selection,
+                convergence: 0.0,
+                ..KsvdOptions::default()
+            };
+            let learned = learn(&signals, &options);
+            check_invariants(&signals, &learned, &options);
+            assert!(learned.objective[20] < 0.8 * learned.objective[0]);
+        }
+    }
+
+    #[test]
+    fn one_atom_without_weights_is_the_leading_singular_vector() {
+        // Singular values 6 and 2 along (3, 4) / 5 and (-4, 3) / 5.
+        let rows = [(6.0, 0.0, 0.6, 0.8), (0.0, 2.0, 0.0, 0.0)];
+        let mut values = Vec::new();
+        for (a, b, _, _) in rows {
+            let (x, y): (f32, f32) = (a * 0.6 - b * 0.8, a * 0.8 + b * 0.6);
+            values.extend([x, y]);
+        }
+        let options =
+            KsvdOptions { n_atoms: 1, max_atoms: 1, random_state: 1, ..KsvdOptions::default() };
+        let learned = learn(&Signals::new(2, &values, None).unwrap(), &options);
+        let atom = learned.dictionary.atom(0);
+        // From the other row as the first atom K-SVD cannot leave: that row is orthogonal to this one.
+        let product = (atom[0] * 0.6 + atom[1] * 0.8).abs();
+        assert!(product > 1.0 - 1e-6 || product < 1e-6);
+        let mixed = [3.6, 4.8, -1.6 + 0.06, 1.2 + 0.08];
+        let learned = learn(&Signals::new(2, &mixed, None).unwrap(), &options);
+        // The exact value for these rows by their 2 x 2 Gram matrix.
+        let (a, b, c) = (
+            mixed[0] * mixed[0] + mixed[2] * mixed[2],
+            mixed[0] * mixed[1] + mixed[2] * mixed[3],
+            mixed[1] * mixed[1] + mixed[3] * mixed[3],
+        );
+        let smaller = (a + c) / 2.0 - (((a - c) / 2.0).powi(2) + b * b).sqrt();
+        let last = *learned.objective.last().unwrap();
+        assert!((last - f64::from(smaller)).abs() < 1e-4, "{last} {smaller}");
+    }
+
+    #[test]
+    fn a_rank_one_matrix_with_holes_is_completed_exactly() {
+        let mut rng = rng(13);
+        let (rows, columns) = (noise(&mut rng, 40), noise(&mut rng, 30));
+        let values: Vec<f32> =
+            rows.iter().flat_map(|r| columns.iter().map(move |c| r * c)).collect();
+        let weights = mask(&mut rng, values.len(), 0.5);
+        let signals = Signals::new(30, &values, Some(&weights)).unwrap();
+        let options = KsvdOptions {
+            n_atoms: 1,
+            max_atoms: 1,
+            iterations: 50,
+            convergence: 0.0,
+            ..KsvdOptions::default()
+        };
+        let learned = learn(&signals, &options);
+        let model = crate::reconstruct(&learned.dictionary, &learned.codes).unwrap();
+        for (m, v) in model.iter().zip(&values) {
+            assert!((m - v).abs() < 1e-3 * (1.0 + v.abs()), "{m} {v}");
+        }
+    }
+
+    #[test]
+    fn an_entry_that_no_signal_observes_is_zero() {
+        let mut rng = rng(14);
+        let values = noise(&mut rng, 6 * 50);
+        let mut weights = mask(&mut rng, values.len(), 0.2);
+        weights.iter_mut().skip(2).step_by(6).for_each(|w| *w = 0.0);
+        let signals = Signals::new(6, &values, Some(&weights)).unwrap();
+        let options = KsvdOptions { n_atoms: 4, max_atoms: 2, ..KsvdOptions::default() };
+        let learned = learn(&signals, &options);
+        check_invariants(&signals, &learned, &options);
+        for k in 0..learned.dictionary.n_atoms() {
+            assert_eq!(learned.dictionary.atom(k)[2], 0.0);
+        }
+    }
+
+    #[test]
+    fn atoms_that_nobody_needs_are_cropped() {
+        let options = KsvdOptions { n_atoms: 50, max_atoms: 2, ..KsvdOptions::default() };
+        // Three directions in 60 signals.
+        let directions = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.6, 0.8, 0.0], [0.0, 0.0, 0.0, -1.0f32]];
+        let values: Vec<f32> =
+            (0..60).flat_map(|i| directions[i % 3].map(|v| v * (1.0 + i as f32))).collect();
+        let signals = Signals::new(4, &values, None).unwrap();
+        let learned = learn(&signals, &options);
+        check_invariants(&signals, &learned, &options);
+        assert_eq!((learned.dictionary.n_atoms(), learned.cropped), (3, 47));
+        assert!(*learned.objective.last().unwrap() < 1e-6);
+        // Fewer signals than atoms: each its own, nothing cropped but what repeats.
+        let mut rng = rng(15);
+        let values = noise(&mut rng, 4 * 3);
+        let learned = learn(&Signals::new(4, &values, None).unwrap(), &options);
+        assert_eq!(learned.dictionary.n_atoms() + learned.cropped, 3);
+        assert!(*learned.objective.last().unwrap() < 1e-6);
+    }
+
+    #[test]
+    fn nothing_to_learn_from_gives_an_empty_dictionary() {
+        let options = KsvdOptions::default();
+        for (values, weights) in
+            [(vec![], vec![]), (vec![0.0; 8], vec![1.0; 8]), (vec![3.0; 8], vec![0.0; 8])]
+        {
+            let signals = Signals::new(4, &values, Some(&weights)).unwrap();
+            let learned = learn(&signals, &options);
+            assert_eq!(learned.dictionary.n_atoms(), 0);
+            assert_eq!(learned.codes.len(), values.len() / 4);
+        }
+    }
+
+    #[test]
+    fn seed_and_not_threads_decide() {
+        let mut rng = rng(16);
+        let values = noise(&mut rng, 16 * 400);
+        let weights = mask(&mut rng, values.len(), 0.3);
+        let signals = Signals::new(16, &values, Some(&weights)).unwrap();
+        let options =
+            KsvdOptions { n_atoms: 24, max_atoms: 3, iterations: 5, ..KsvdOptions::default() };
+        let learned = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| ksvd(&signals, &options, &never, &mut |_| {}).unwrap())
+        };
+        let one = learned(1);
+        assert_eq!(one, learned(2));
+        assert_eq!(one, learned(8));
+        let other = learn(&signals, &KsvdOptions { random_state: 1, ..options });
+        assert_ne!(one.dictionary, other.dictionary);
+    }
+
+    #[test]
+    fn iterations_are_reported_and_cancelling_is_heard() {
+        let mut rng = rng(17);
+        let values = noise(&mut rng, 8 * 60);
+        let signals = Signals::new(8, &values, None).unwrap();
+        let options =
+            KsvdOptions { n_atoms: 10, iterations: 4, convergence: 0.0, ..KsvdOptions::default() };
+        let mut seen = Vec::new();
+        let learned = ksvd(&signals, &options, &never, &mut |i| seen.push(*i)).unwrap();
+        assert_eq!(seen.iter().map(|i| i.iteration).collect::<Vec<_>>(), [1, 2, 3, 4]);
+        assert_eq!(seen[3].objective, learned.objective[4]);
+        assert_eq!(seen.iter().map(|i| i.replaced).sum::<usize>(), learned.replaced);
+        assert_eq!(learned.stop_reason, StopReason::Iterations);
+        assert_eq!(ksvd(&signals, &options, &|| true, &mut |_| {}).unwrap_err(), Error::Cancelled);
+        let hasty = KsvdOptions { iterations: 100, convergence: 0.5, ..options };
+        let learned = learn(&signals, &hasty);
+        assert_eq!(learned.stop_reason, StopReason::Converged);
+        assert!(learned.iterations < 100);
+    }
+
+    #[test]
+    fn options_out_of_range_are_refused() {
+        let signals = Signals::new(1, &[1.0], None).unwrap();
+        let good = KsvdOptions::default();
+        for bad in [
+            KsvdOptions { n_atoms: 0, ..good },
+            KsvdOptions { max_atoms: 0, ..good },
+            KsvdOptions { tolerance: f32::NAN, ..good },
+            KsvdOptions { convergence: 1.0, ..good },
+            KsvdOptions { max_coherence: 0.0, ..good },
+            KsvdOptions { update_tolerance: -1.0, ..good },
+        ] {
+            let refused = ksvd(&signals, &bad, &never, &mut |_| {});
+            assert!(matches!(refused, Err(Error::InvalidParameter { .. })), "{bad:?}");
+        }
+    }
 }

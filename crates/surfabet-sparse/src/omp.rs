@@ -191,6 +191,9 @@ pub(crate) fn gram(
     const COLUMNS: usize = 64;
     let (k, n) = (dictionary.n_atoms(), dictionary.n_features());
     let mut gram = vec![0.0; k * k];
+    if k == 0 {
+        return Ok(gram);
+    }
     gram.par_chunks_mut(COLUMNS * k).zip(dictionary.atoms().par_chunks(COLUMNS * n)).try_for_each(
         |(out, atoms)| {
             if stop() {

@@ -14,15 +14,6 @@ use crate::signals::Signals;
 /// Share of a signal's energy that may be missing from its code for it to count as represented.
 const REPRESENTED: f64 = 1e-9;
 
-/// Weighted squared norm of signal `i`.
-fn energy(signals: &Signals<'_>, i: usize) -> f64 {
-    let squares = signals.values(i).iter().map(|&v| f64::from(v).powi(2));
-    match signals.weights(i) {
-        None => squares.sum(),
-        Some(weights) => squares.zip(weights).map(|(s, &w)| s * f64::from(w)).sum(),
-    }
-}
-
 /// True when something of signal `i` is observed and not zero.
 fn is_informative(signals: &Signals<'_>, i: usize) -> bool {
     let values = signals.values(i);
@@ -122,7 +113,7 @@ pub fn replace_atoms(
 ) -> Result<Vec<bool>> {
     let mut replaced = vec![false; dictionary.n_atoms()];
     let mut by_error: Vec<usize> =
-        (0..errors.len()).filter(|&i| errors[i] > REPRESENTED * energy(signals, i)).collect();
+        (0..errors.len()).filter(|&i| errors[i] > REPRESENTED * signals.energy(i)).collect();
     by_error.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]).then(a.cmp(&b)));
     let mut candidates = by_error.into_iter();
     let mut added: Vec<usize> = Vec::new();

@@ -75,6 +75,18 @@ impl<'a> Signals<'a> {
     pub fn weights(&self, i: usize) -> Option<&'a [f32]> {
         self.weights.map(|w| &w[i * self.n_features..][..self.n_features])
     }
+
+    /// Weighted squared norm of signal `i`, `Σ w s²`.
+    ///
+    /// # Panics
+    /// If `i` is not below [`Signals::len`].
+    pub fn energy(&self, i: usize) -> f64 {
+        let squares = self.values(i).iter().map(|&v| f64::from(v).powi(2));
+        match self.weights(i) {
+            None => squares.sum(),
+            Some(weights) => squares.zip(weights).map(|(s, &w)| s * f64::from(w)).sum(),
+        }
+    }
 }
 
 /// Refuses empty rows and buffers that are not whole rows.

@@ -1,0 +1,103 @@
+"""Model files: read them, and tell what is inside."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from surfabet import _core
+from surfabet.errors import FormatError
+from surfabet.patches import PatchModel
+
+__all__ = ["FileInfo", "from_bytes", "inspect", "load"]
+
+MAX_ITEMS = 500_000_000
+"""Most patches or other items that a file may ask for unless told otherwise."""
+MAX_BYTES = 8 << 30
+"""Most bytes that a file may make us allocate unless told otherwise."""
+
+SECTIONS = {
+    "META": "header",
+    "POSE": "poses",
+    "MASK": "masks",
+    "DICT": "dictionaries",
+    "DPTH": "depth",
+    "COLR": "colour",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """What a model file holds."""
+
+    family: str
+    """The model's family."""
+    version: str
+    """Oldest release of surfabet that reads the file."""
+    n_points: int
+    """Points of the cloud that the model was made from."""
+    sections: dict[str, int]
+    """Bytes of each part."""
+    options: dict[str, Any]
+    """Sizes and options of the model."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """All fields as plain dicts and numbers."""
+        return dataclasses.asdict(self)
+
+
+def load(
+    path: str | os.PathLike[str], *, max_items: int = MAX_ITEMS, max_bytes: int = MAX_BYTES
+) -> PatchModel:
+    """Reads a model file (`.sfb`), which need not be trusted.
+
+    Parameters
+    ----------
+    path
+        The file.
+    max_items, max_bytes
+        Refuse files that ask for more than this.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+    FormatError
+        When it is damaged, not a model, or needs a newer release; the message says which.
+    """
+    return PatchModel(_core.load(os.fspath(path), max_items=max_items, max_bytes=max_bytes))
+
+
+def from_bytes(data: bytes, *, max_items: int = MAX_ITEMS, max_bytes: int = MAX_BYTES) -> PatchModel:
+    """As `load`, from bytes as `PatchModel.to_bytes` gives them."""
+    return PatchModel(_core.from_bytes(data, max_items=max_items, max_bytes=max_bytes))
+
+
+def inspect(path: str | os.PathLike[str]) -> FileInfo:
+    """What a model file holds, with the bytes of each part.
+
+    Raises
+    ------
+    OSError, FormatError
+        As `load`.
+    """
+    data = Path(path).read_bytes()
+    try:
+        family, version, sections = _core.inspect(data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES)
+        model = from_bytes(data)
+    except FormatError as error:
+        raise FormatError(f"{os.fspath(path)}: {error}") from None
+    options: dict[str, Any] = {"levels": len(model.levels), "colour": model.has_color}
+    for level in model.levels:
+        options |= {
+            "resolution (m)": level.pixel_size,
+            "pixels per side": level.pixels,
+            "patches": level.patches,
+            "depth dictionary entries": level.depth_entries,
+            "colour dictionary entries": level.color_entries,
+        }
+    named = {SECTIONS.get(tag, tag): size for tag, size in sections}
+    return FileInfo(family, version, model.n_points, named, options)

@@ -1,0 +1,290 @@
+"""Surface patches: clouds as local depth and colour images, sparse-coded over learned dictionaries.
+
+One level is the Sparse Coded Surface Model (SCSM). The method is that of M. Ruhnke, L. Bo, D. Fox,
+W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014, section III.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from typing import Any, Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._progress import Progress, progress_callback
+
+__all__ = ["LearningReport", "PatchLevel", "PatchModel", "learn_patches"]
+
+Channel = Literal["depth", "color"]
+
+MAX_POINTS = 500_000_000
+"""Most points that `decode` makes unless told otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class LearningReport:
+    """How a model came about. A model read from a file has an empty one."""
+
+    stages: dict[str, float]
+    """Seconds of each stage, in order."""
+    figures: dict[str, float]
+    """Counts by name: points, samples, patches, set pixels, dictionary entries."""
+    objectives: dict[str, list[float]]
+    """What each channel's weighted K-SVD minimised (eq. 1), before and after every iteration."""
+    iterations: int
+    """Iterations of weighted K-SVD, over all channels."""
+    stop_reason: str
+    """Why learning ended."""
+    not_kept: tuple[str, ...]
+    """Attributes of the cloud that the model does not hold."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report as plain dicts, lists and numbers."""
+        return dataclasses.asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class PatchLevel:
+    """All patches of one size."""
+
+    pixel_size: float
+    """Side of a pixel, metres."""
+    pixels: int
+    """Pixels per side of a patch."""
+    patches: int
+    """Number of patches."""
+    depth_entries: int
+    """Entries of the depth dictionary."""
+    color_entries: int
+    """Entries of the colour dictionary; 0 without colour."""
+
+
+@final
+class PatchModel:
+    """A cloud as sparse-coded surface patches; immutable.
+
+    Made by `learn_patches` and `surfabet.load`. Everything in it is quantised already, so it decodes
+    to the same cloud before it is saved and after it is loaded.
+    """
+
+    __slots__ = ("_core",)
+
+    def __init__(self, core: _core.PatchModel) -> None:
+        self._core = core
+
+    def decode(
+        self,
+        resolution: float | None = None,
+        *,
+        normals: bool = False,
+        max_points: int = MAX_POINTS,
+        progress: Progress = None,
+    ) -> PointCloud:
+        """The model as a cloud (eq. 2 and 3), at any spacing: a patch is a surface, not a bag of points.
+
+        Parameters
+        ----------
+        resolution
+            Spacing of the points, metres; by default half a pixel.
+        normals
+            Give every point the unit normal of its patch surface.
+        max_points
+            Refuse to make more points than this.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Returns
+        -------
+        PointCloud
+            Points patch by patch; number and order are not those of the input.
+
+        Raises
+        ------
+        InvalidInputError
+            For a spacing that is not positive, or one that makes more than `max_points` points.
+        """
+        with progress_callback(progress) as callback:
+            return self._core.decode(
+                resolution=resolution, normals=normals, max_points=max_points, progress=callback
+            )
+
+    def to_bytes(self) -> bytes:
+        """The bytes of the model's file. The same model always gives the same bytes."""
+        return self._core.to_bytes()
+
+    def save(self, path: str | os.PathLike[str]) -> int:
+        """Writes the model to a file, usually `.sfb`, and returns its size in bytes.
+
+        An existing file is replaced only when the new one is complete.
+        """
+        return self._core.save(os.fspath(path))
+
+    @property
+    def report(self) -> LearningReport:
+        """How the model was learned."""
+        found = self._core.report_dict
+        return LearningReport(**{**found, "not_kept": tuple(found["not_kept"])})
+
+    @property
+    def n_points(self) -> int:
+        """Points of the cloud that the model was learned from."""
+        return self._core.n_points
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """World position that the model computes about, (3,), metres."""
+        return np.array(self._core.origin)
+
+    @property
+    def has_color(self) -> bool:
+        """Whether patches carry colour."""
+        return self._core.has_color
+
+    @property
+    def levels(self) -> tuple[PatchLevel, ...]:
+        """The levels of the hierarchy, coarsest first."""
+        return tuple(PatchLevel(*level) for level in self._core.levels)
+
+    @property
+    def centers(self) -> NDArray[np.float64]:
+        """World position of every patch, level by level, (m, 3), metres."""
+        return self._core.centers
+
+    @property
+    def axes(self) -> NDArray[np.float32]:
+        """x-axis, y-axis and normal of every patch as rows, (m, 3, 3)."""
+        return self._core.axes
+
+    def masks(self, level: int = 0) -> NDArray[np.bool_]:
+        """Which pixels of the patches of a level are set, (m, n, n)."""
+        return self._core.masks(level)
+
+    def means(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float64]:
+        """Mean of each patch of a level.
+
+        (m, 1) metres along the normal for depth; (m, 3) luma, orange and green chroma for colour.
+        """
+        return self._core.means(level, channel)
+
+    def dictionary(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float32]:
+        """Entries of a dictionary, unit norm.
+
+        (k, n * n) for depth, (k, 3 * n * n) with planes of red, green and blue for colour; row-major.
+        """
+        return self._core.dictionary(level, channel)
+
+    def codes(
+        self, level: int = 0, channel: Channel = "depth"
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint16], NDArray[np.float64]]:
+        """Sparse codes of the patches of a level as columns `(offsets, entries, coefficients)`.
+
+        Patch i uses `entries[offsets[i]:offsets[i + 1]]` times the coefficients at the same places;
+        metres for depth, 0..255 for colour.
+        """
+        return self._core.codes(level, channel)
+
+    def __len__(self) -> int:
+        return len(self._core)
+
+    def __repr__(self) -> str:
+        levels = "; ".join(
+            f"{level.patches} patches of {level.pixels} x {level.pixels} pixels of "
+            f"{level.pixel_size:g} m over {level.depth_entries} depth"
+            + (f" and {level.color_entries} colour" if level.color_entries else "")
+            + " entries"
+            for level in self.levels
+        )
+        return f"PatchModel({self.n_points} points as {levels})"
+
+
+def learn_patches(
+    cloud: PointCloud,
+    *,
+    resolution: float = 0.01,
+    patch_pixels: int = 8,
+    levels: int = 1,
+    depth_atoms: int = 128,
+    color_atoms: int = 256,
+    depth_sparsity: int = 6,
+    color_sparsity: int = 8,
+    depth_tolerance: float | None = None,
+    color_tolerance: float = 10.0,
+    iterations: int = 8,
+    sensor: Literal["structured-light", "constant"] = "structured-light",
+    random_state: int = 0,
+    progress: Progress = None,
+) -> PatchModel:
+    """Learns a model of sparse-coded surface patches (SCSM) from a cloud.
+
+    Parameters
+    ----------
+    cloud
+        What to describe. Colours are kept when present; ranges weight the points by the depth error of
+        their sensor; viewpoints tell the two sides of a thin wall apart.
+    resolution
+        Side of a pixel, metres: smaller detail is lost.
+    patch_pixels
+        Pixels per side of a patch, 2 to 32.
+    levels
+        Levels of the hierarchy; this version learns one.
+    depth_atoms, color_atoms
+        Most entries of the dictionaries; those that no patch uses are dropped.
+    depth_sparsity, color_sparsity
+        Most dictionary entries that describe one patch (k of eq. 1), 1 to 64.
+    depth_tolerance
+        Coding of a patch's depth ends at this root mean square error, metres; by default a fifth of
+        `resolution`.
+    color_tolerance
+        Coding of a patch's colour ends at this root mean square error, 0..255.
+    iterations
+        Most iterations of weighted K-SVD per dictionary.
+    sensor
+        How the error of a range measurement grows: "structured-light" (with the square of the distance,
+        as Kinects do) or "constant". Without ranges all points weigh the same.
+    random_state
+        Seed of the dictionaries' first entries.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Returns
+    -------
+    PatchModel
+        The same for the same cloud, options and seed, whatever the number of threads.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty cloud, options outside their domain, or a scene too large for its resolution.
+
+    Examples
+    --------
+    >>> import numpy as np, surfabet as sb
+    >>> u, v = np.meshgrid(np.arange(0, 1, 0.005), np.arange(0, 1, 0.005))
+    >>> wall = sb.PointCloud(np.stack([u.ravel(), np.zeros(u.size), v.ravel()], axis=1))
+    >>> model = sb.learn_patches(wall, resolution=0.01)
+    >>> bool(np.abs(model.decode().points[:, 1]).max() < 0.002)
+    True
+    """
+    with progress_callback(progress) as callback:
+        learned = _core.learn_patches(
+            cloud,
+            resolution=resolution,
+            patch_pixels=patch_pixels,
+            levels=levels,
+            depth_atoms=depth_atoms,
+            color_atoms=color_atoms,
+            depth_sparsity=depth_sparsity,
+            color_sparsity=color_sparsity,
+            depth_tolerance=depth_tolerance,
+            color_tolerance=color_tolerance,
+            iterations=iterations,
+            sensor=sensor,
+            random_state=random_state,
+            progress=callback,
+        )
+    return PatchModel(learned)

@@ -1,0 +1,243 @@
+"""Sparse coding of signals with missing values: matching pursuit and weighted K-SVD.
+
+Signals are rows of an array, with a weight per value: 0 (or ``False``) where nothing was observed,
+1 (or ``True``) where something was, anything between for what is less certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from surfabet import _core
+from surfabet._core import Ksvd, SparseCodes
+
+__all__ = ["Ksvd", "SparseCodes", "ksvd", "omp", "reconstruct", "squared_errors"]
+
+Selection = Literal["least_squares", "correlation"]
+
+
+def _as_weights(weights: ArrayLike | None) -> NDArray[Any] | None:
+    if weights is None:
+        return None
+    array = np.asarray(weights)
+    return array.astype(np.float32) if array.dtype == np.bool_ else array
+
+
+def omp(
+    dictionary: ArrayLike,
+    signals: ArrayLike,
+    *,
+    weights: ArrayLike | None = None,
+    max_atoms: int = 5,
+    tolerance: float = 0.0,
+    selection: Selection = "least_squares",
+) -> SparseCodes:
+    """Sparse codes of signals over a dictionary, by orthogonal matching pursuit.
+
+    Minimises ``sum(weights * (signals - codes @ dictionary)**2)`` greedily, signal by signal.
+
+    Parameters
+    ----------
+    dictionary : array_like of shape (n_atoms, n_features)
+        Atoms of norm 1.
+    signals : array_like of shape (n_signals, n_features)
+        Finite values; those of weight 0 are ignored.
+    weights : array_like of shape (n_signals, n_features), optional
+        A mask, or how much the error of each value counts. Default: all count 1.
+    max_atoms : int
+        Most atoms in a code.
+    tolerance : float
+        A code is complete when the root of the weighted mean of its squared errors falls to this.
+    selection : {"least_squares", "correlation"}
+        Take the atom that lowers the error most once all coefficients are solved for again, or
+        the one with the largest cosine with the residual (classical matching pursuit).
+
+    Returns
+    -------
+    SparseCodes
+        One code per signal, atoms in the order they were chosen. Signals that are zero, or of
+        which nothing is observed, have empty codes.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes do not fit, a number is not finite, or an atom is not of norm 1.
+
+    Notes
+    -----
+    Computed in single precision; the result does not depend on the number of threads.
+
+    Examples
+    --------
+    >>> import surfabet.sparse as sparse
+    >>> codes = sparse.omp([[1, 0, 0], [0, 0.6, 0.8]], [[3, 1.2, 99]], weights=[[1, 1, 0]])
+    >>> codes.to_dense(2).round(4)
+    array([[3., 2.]], dtype=float32)
+    """
+    return _core.sparse_omp(
+        dictionary, signals, _as_weights(weights), max_atoms, tolerance, selection
+    )
+
+
+def ksvd(
+    signals: ArrayLike,
+    *,
+    weights: ArrayLike | None = None,
+    n_atoms: int = 256,
+    max_atoms: int = 5,
+    tolerance: float = 0.0,
+    selection: Selection = "least_squares",
+    iterations: int = 20,
+    convergence: float = 1e-3,
+    random_state: int = 0,
+    max_coherence: float = 0.9,
+    update_iterations: int = 10,
+    update_tolerance: float = 1e-4,
+    progress: Callable[[str, float], object] | None = None,
+) -> Ksvd:
+    """Learn a dictionary and sparse codes over it, by weighted K-SVD.
+
+    Minimises ``sum(weights * (signals - codes @ dictionary)**2)`` over both, with at most
+    `max_atoms` entries in a code. With a mask as weights that is eq. 1 of Hierarchical Sparse
+    Coded Surface Models (Ruhnke, Bo, Fox, Burgard, 2014); without weights it is plain K-SVD.
+
+    Parameters
+    ----------
+    signals : array_like of shape (n_signals, n_features)
+        Finite values; those of weight 0 are ignored.
+    weights : array_like of shape (n_signals, n_features), optional
+        A mask, or how much the error of each value counts. Default: all count 1.
+    n_atoms : int
+        Most atoms of the dictionary; the number of signals limits it too.
+    max_atoms : int
+        Most atoms in a code.
+    tolerance : float
+        A code is complete when the root of the weighted mean of its squared errors falls to this.
+    selection : {"least_squares", "correlation"}
+        How atoms are chosen, see `omp`.
+    iterations : int
+        Most iterations.
+    convergence : float
+        Least relative decrease of the objective for another iteration; 0 to take all of them.
+    random_state : int
+        Seeds the choice of the signals that become the first atoms.
+    max_coherence : float
+        Of two atoms whose absolute cosine exceeds this, one is replaced.
+    update_iterations : int
+        Most alternations in the update of an atom from weighted signals.
+    update_tolerance : float
+        Least relative gain for another alternation.
+    progress : callable, optional
+        Called as ``progress("dictionary", fraction)``.
+
+    Returns
+    -------
+    Ksvd
+        Dictionary (atoms that are in use only), codes, objective of the first dictionary and after
+        every iteration, number of atoms replaced and cropped.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes do not fit, a number is not finite, or an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import surfabet.sparse as sparse
+    >>> rng = np.random.default_rng(0)
+    >>> signals = np.outer(rng.normal(size=50), rng.normal(size=8))
+    >>> seen = rng.random(signals.shape) < 0.7
+    >>> learned = sparse.ksvd(signals * seen, weights=seen, n_atoms=1, max_atoms=1, convergence=0)
+    >>> again = sparse.reconstruct(learned.dictionary, learned.codes)
+    >>> bool(np.allclose(again, signals, atol=1e-3))
+    True
+    """
+    return _core.sparse_ksvd(
+        signals,
+        _as_weights(weights),
+        n_atoms,
+        max_atoms,
+        tolerance,
+        selection,
+        iterations,
+        convergence,
+        random_state,
+        max_coherence,
+        update_iterations,
+        update_tolerance,
+        progress,
+    )
+
+
+def reconstruct(dictionary: ArrayLike, codes: SparseCodes) -> NDArray[np.float32]:
+    """Signals that codes stand for, ``codes.to_dense(n_atoms) @ dictionary``.
+
+    Parameters
+    ----------
+    dictionary : array_like of shape (n_atoms, n_features)
+        Atoms of norm 1.
+    codes : SparseCodes
+        Codes over it.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_features), float32
+
+    Raises
+    ------
+    InvalidInputError
+        A code uses an atom that the dictionary does not have.
+
+    Examples
+    --------
+    >>> import surfabet.sparse as sparse
+    >>> codes = sparse.SparseCodes([0, 1, 1], [1], [2.0])
+    >>> sparse.reconstruct([[1, 0], [0, 1]], codes)
+    array([[0., 2.],
+           [0., 0.]], dtype=float32)
+    """
+    return _core.sparse_reconstruct(dictionary, codes)
+
+
+def squared_errors(
+    dictionary: ArrayLike,
+    signals: ArrayLike,
+    codes: SparseCodes,
+    *,
+    weights: ArrayLike | None = None,
+) -> NDArray[np.float64]:
+    """Weighted squared error of every signal, ``sum(weights * (signals - again)**2, axis=1)``.
+
+    Parameters
+    ----------
+    dictionary : array_like of shape (n_atoms, n_features)
+        Atoms of norm 1.
+    signals : array_like of shape (n_signals, n_features)
+        Finite values.
+    codes : SparseCodes
+        One code per signal.
+    weights : array_like of shape (n_signals, n_features), optional
+        Default: all count 1.
+
+    Returns
+    -------
+    ndarray of shape (n_signals,), float64
+
+    Raises
+    ------
+    InvalidInputError
+        Dictionary, signals, weights and codes do not fit together.
+
+    Examples
+    --------
+    >>> import surfabet.sparse as sparse
+    >>> codes = sparse.SparseCodes([0, 1], [0], [2.0])
+    >>> sparse.squared_errors([[1, 0], [0, 1]], [[2, 3]], codes, weights=[[1, 0.5]])
+    array([4.5])
+    """
+    return _core.sparse_squared_errors(dictionary, signals, _as_weights(weights), codes)
