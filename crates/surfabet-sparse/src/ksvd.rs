@@ -501,7 +501,7 @@ mod tests {
         let atom = learned.dictionary.atom(0);
         // From the other row as the first atom K-SVD cannot leave: that row is orthogonal to this one.
         let product = (atom[0] * 0.6 + atom[1] * 0.8).abs();
-        assert!(product > 1.0 - 1e-6 || product < 1e-6);
+        assert!(!(1e-6..=1.0 - 1e-6).contains(&product));
         let mixed = [3.6, 4.8, -1.6 + 0.06, 1.2 + 0.08];
         let learned = learn(&Signals::new(2, &mixed, None).unwrap(), &options);
         // The exact value for these rows by their 2 x 2 Gram matrix.
