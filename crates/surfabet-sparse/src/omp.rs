@@ -356,6 +356,8 @@ fn best_atom(
 }
 
 #[cfg(test)]
+// Dense algebra reads best by its indices.
+#[allow(clippy::needless_range_loop)]
 mod tests {
     use proptest::prelude::*;
 

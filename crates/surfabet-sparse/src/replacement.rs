@@ -100,8 +100,8 @@ pub fn duplicates(
     Ok(repeats)
 }
 
-/// Puts the signals with the largest `errors` in the place of the atoms marked in `replace`, as far as there
-/// are signals that are not represented yet and unlike each other; returns which atoms were replaced.
+/// Puts the residuals of the signals with the largest `errors` in the place of the atoms marked in `replace`,
+/// as far as there are such signals and their residuals are unlike each other; returns which were replaced.
 pub fn replace_atoms(
     dictionary: &mut Dictionary,
     replace: &[bool],
@@ -111,6 +111,7 @@ pub fn replace_atoms(
     max_coherence: f32,
     stop: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<bool>> {
+    let before = dictionary.clone();
     let mut replaced = vec![false; dictionary.n_atoms()];
     let mut by_error: Vec<usize> =
         (0..errors.len()).filter(|&i| errors[i] > REPRESENTED * signals.energy(i)).collect();
@@ -122,7 +123,7 @@ pub fn replace_atoms(
             if stop() {
                 return Err(Error::Cancelled);
             }
-            let mut atom = completed(dictionary, signals, codes, i);
+            let mut atom = residual(&before, signals, codes, i);
             if !normalize(&mut atom) {
                 continue;
             }
@@ -139,27 +140,28 @@ pub fn replace_atoms(
     Ok(replaced)
 }
 
-/// Signal `i` with its missing values taken from its reconstruction, held to the range of the observed ones:
-/// a code knows nothing of what it was not fitted to.
-fn completed(
+/// What the code of signal `i` leaves of it; 0 where the signal is not observed, since nothing is known there.
+///
+/// The residual leads to a missing atom more directly than the signal, a mixture of it with atoms that are
+/// there already.
+fn residual(
     dictionary: &Dictionary,
     signals: &Signals<'_>,
     codes: &SparseCodes,
     i: usize,
 ) -> Vec<f32> {
-    let mut completed = signals.values(i).to_vec();
+    let mut residual = vec![0.0; signals.n_features()];
+    let (atoms, coefficients) = codes.code(i);
+    add_code(dictionary, atoms, coefficients, &mut residual);
+    for (r, &v) in residual.iter_mut().zip(signals.values(i)) {
+        *r = v - *r;
+    }
     if let Some(weights) = signals.weights(i) {
-        let mut model = vec![0.0; completed.len()];
-        let (atoms, coefficients) = codes.code(i);
-        add_code(dictionary, atoms, coefficients, &mut model);
-        let observed = completed.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(v, _)| *v);
-        let (low, high) =
-            observed.fold((f32::MAX, f32::MIN), |(low, high), v| (low.min(v), high.max(v)));
-        for ((c, &w), &m) in completed.iter_mut().zip(weights).zip(&model) {
+        for (r, &w) in residual.iter_mut().zip(weights) {
             if w == 0.0 {
-                *c = m.max(low).min(high);
+                *r = 0.0;
             }
         }
     }
-    completed
+    residual
 }
