@@ -3,7 +3,7 @@
     python benches/peers/voxel_normals.py [cloud file] [--threads 2] [--rounds 5] [--voxel 0.02]
 
 Both run in turn, in one process, with the same number of threads. A ratio is Open3D's time divided
-by surfabet's of the same round: above 1 surfabet is faster. The cloud is chosen as in neighbours.py.
+by surfabet's of the same round: above 1 surfabet is faster. Clouds are as in neighbours.py.
 """
 
 from __future__ import annotations

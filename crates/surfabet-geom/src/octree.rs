@@ -234,8 +234,8 @@ mod tests {
                 prop_assert_eq!(seen, (0..c.len() as u32).collect::<Vec<_>>());
                 for (node, center) in nodes.iter().zip(centers) {
                     for &i in *node {
-                        for a in 0..3 {
-                            let off = (c.positions()[i as usize][a] - center[a]).abs();
+                        for (p, c) in c.positions()[i as usize].iter().zip(center) {
+                            let off = (p - c).abs();
                             prop_assert!(f64::from(off) <= 0.5 * tree.node_size(level) + 1e-5);
                         }
                     }
