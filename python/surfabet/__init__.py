@@ -11,7 +11,6 @@ from surfabet.errors import (
     MissingDependencyError,
 )
 from surfabet.files import FileInfo, from_bytes, inspect, load
-from surfabet.io import read, write
 from surfabet.geometry import (
     KdTree,
     NormalEstimate,
@@ -21,26 +20,23 @@ from surfabet.geometry import (
     estimate_normals,
     voxel_downsample,
 )
+from surfabet.io import read, write
 from surfabet.metrics import Quality, RangeSigma, evaluate
 from surfabet.patches import LearningReport, PatchLevel, PatchModel, learn_patches
 
 __all__ = [
-    "FileInfo",
-    "from_bytes",
-    "inspect",
-    "load",
-    "LearningReport",
-    "PatchLevel",
-    "PatchModel",
-    "learn_patches",
     "DroppedPointsWarning",
+    "FileInfo",
     "FormatError",
     "InvalidInputError",
     "KdTree",
+    "LearningReport",
     "LostAttributeWarning",
     "MissingDependencyError",
     "NormalEstimate",
     "Octree",
+    "PatchLevel",
+    "PatchModel",
     "PointCloud",
     "Quality",
     "RangeImage",
@@ -49,9 +45,13 @@ __all__ = [
     "__version__",
     "estimate_normals",
     "evaluate",
+    "from_bytes",
     "get_num_threads",
+    "inspect",
+    "learn_patches",
+    "load",
     "read",
     "set_num_threads",
-    "write",
     "voxel_downsample",
+    "write",
 ]

@@ -1,9 +1,7 @@
 """Stubs of the compiled module; `stubtest` holds them against the binary."""
 
 from collections.abc import Sequence
-from typing import final
-from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -187,6 +185,7 @@ class Scene:
     ) -> tuple[PointCloud, GroundTruth, list[Frame]]: ...
 # Geometry
 
+@final
 class KdTree:
     def __new__(cls, points: PointCloud | ArrayLike) -> KdTree: ...
     def query(
@@ -205,6 +204,7 @@ class KdTree:
     ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.uint32]]: ...
     def __len__(self) -> int: ...
 
+@final
 class VoxelGrid:
     def __new__(
         cls, cloud: PointCloud, size: float, *, progress: ProgressCallback | None = None
@@ -222,6 +222,7 @@ class VoxelGrid:
     ) -> PointCloud: ...
     def __len__(self) -> int: ...
 
+@final
 class Octree:
     def __new__(
         cls, cloud: PointCloud, leaf_size: float, *, progress: ProgressCallback | None = None
@@ -234,6 +235,7 @@ class Octree:
     def centers(self, level: int | None = None) -> NDArray[np.float64]: ...
     def centroids(self, level: int | None = None) -> NDArray[np.float64]: ...
 
+@final
 class RangeImage:
     @staticmethod
     def spherical(
@@ -284,6 +286,7 @@ def evaluate(
     normal_neighbors: int | None,
     progress: ProgressCallback | None,
 ) -> dict[str, Any]: ...
+@final
 class SparseCodes:
     def __new__(
         cls, offsets: ArrayLike, atoms: ArrayLike, coefficients: ArrayLike
@@ -298,6 +301,7 @@ class SparseCodes:
     def __len__(self) -> int: ...
     def __getitem__(self, index: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
 
+@final
 class Ksvd:
     @property
     def dictionary(self) -> NDArray[np.float32]: ...

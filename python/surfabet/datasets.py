@@ -314,8 +314,11 @@ def write_rgbd_folder(
     for number, ((depth, color, _), frame) in enumerate(zip(images, frames, strict=True)):
         stem = f"frame-{number:06d}"
         Image.fromarray(depth).save(folder / f"{stem}.depth.png")
-        options = {"quality": 95, "subsampling": 0} if color_format == "jpg" else {}
-        Image.fromarray(color).save(folder / f"{stem}.color.{color_format}", **options)
+        picture = Image.fromarray(color)
+        if color_format == "jpg":
+            picture.save(folder / f"{stem}.color.jpg", quality=95, subsampling=0)
+        else:
+            picture.save(folder / f"{stem}.color.png")
         np.savetxt(folder / f"{stem}.pose.txt", frame.pose)
 
 

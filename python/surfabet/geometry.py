@@ -16,7 +16,7 @@ from surfabet import _core
 from surfabet._core import KdTree, Octree, PointCloud, RangeImage, VoxelGrid
 
 if TYPE_CHECKING:
-    from surfabet._core import ProgressCallback
+    from surfabet._progress import ProgressCallback
 
 __all__ = [
     "KdTree",

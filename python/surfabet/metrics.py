@@ -11,7 +11,7 @@ from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from surfabet._core import ProgressCallback
+    from surfabet._progress import ProgressCallback
 
 __all__ = ["Quality", "RangeSigma", "evaluate"]
 

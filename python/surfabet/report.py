@@ -149,7 +149,7 @@ def point_spacing(cloud: PointCloud, tree: KdTree) -> float:
     It is 1.5 times the median distance to the third neighbour, of a sample; `tree` holds the
     cloud's points.
     """
-    sample = cloud.points[_sample(len(cloud), 5_000)]
+    sample = cloud.select(_sample(len(cloud), 5_000))
     distances, _ = tree.query(sample, k=min(4, len(cloud)))
     return float(1.5 * np.median(distances[:, -1]))
 
@@ -180,8 +180,8 @@ def choose_camera(cloud: PointCloud, up: ArrayLike | None = None) -> Camera:
     """A camera that shows most of a cloud.
 
     For a cloud that a moving sensor took, with known positions, it stands at one of them, else
-    outside. From outside, faces of the bounding box that are turned to the camera and closed, as ceilings
-    and walls of a room are, are cut away.
+    outside. From outside, faces of the bounding box that are turned to the camera and closed, as
+    ceilings and walls of a room are, are cut away.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def choose_camera(cloud: PointCloud, up: ArrayLike | None = None) -> Camera:
     points = sample.points
     upwards = _upwards(points, sample.viewpoints) if up is None else np.asarray(up, np.float64)
     if sorted(np.abs(upwards).tolist()) != [0, 0, 1]:
-        raise InvalidInputError(f"up is {up}, but must be a coordinate axis such as (0, 0, 1)")
+        raise InvalidInputError(f"up is {upwards}, but must be a coordinate axis such as (0, 0, 1)")
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
     seen_from = sample.viewpoints
     if seen_from is not None and len(seen_from) >= MANY_VIEWPOINTS:
@@ -351,9 +351,9 @@ def draw_comparison(
         )
     camera = choose_camera(reference) if camera is None else camera
     tree, decoded_tree = KdTree(reference), KdTree(decoded)
-    forward = tree.query(decoded.points, k=1)[0].ravel()
-    sample = reference.points[_sample(len(reference))]
-    backward = decoded_tree.query(sample, k=1)[0].ravel()
+    forward = tree.query(decoded)[0].ravel()
+    sample = reference.select(_sample(len(reference)))
+    backward = decoded_tree.query(sample)[0].ravel()
     limit = max(float(np.percentile(forward, 99)), 1e-6)
     spacing = point_spacing(reference, tree)
     decoded_spacing = point_spacing(decoded, decoded_tree)
@@ -380,8 +380,8 @@ def _decoded_title(decoded: PointCloud, quality: Quality) -> str:
     title = f"decoded: {len(decoded):,} points"
     if quality.bytes is not None:
         title += f" from {quality.bytes:,} bytes"
-    if quality.color_rmse is not None:
-        title += f", colour rmse {quality.color_rmse:.1f}"
+    if quality.color_rmse_pooled is not None:
+        title += f", colour rmse {quality.color_rmse_pooled:.1f}"
     return title
 
 
@@ -393,8 +393,8 @@ def _show(axes: Axes, picture: NDArray[np.uint8], title: str) -> None:
 
 def _histogram(
     axes: Axes,
-    forward: NDArray[np.float64],
-    backward: NDArray[np.float64],
+    forward: NDArray[np.floating],
+    backward: NDArray[np.floating],
     limit: float,
     quality: Quality,
 ) -> None:

@@ -3,16 +3,54 @@
 from __future__ import annotations
 
 import time
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 import surfabet
-from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_disk, whole_file
+from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_disk
 from surfabet.cli._format import bytes_text, millimetres, print_json, raw_bytes
 from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
+
+PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
+
+
+@Parameter(name="*", group=Group("Patches", sort_key=1))
+@dataclass(frozen=True)
+class PatchOptions:
+    """Finer options of patches, as `surfabet.learn_patches` documents them; its defaults hold."""
+
+    patch_pixels: PositiveInt = None
+    """Pixels per side of a patch."""
+
+    depth_atoms: PositiveInt = None
+    """Most entries of the depth dictionary."""
+
+    color_atoms: PositiveInt = None
+    """Most entries of the colour dictionary."""
+
+    depth_sparsity: PositiveInt = None
+    """Most depth entries that describe one patch."""
+
+    color_sparsity: PositiveInt = None
+    """Most colour entries that describe one patch."""
+
+    iterations: PositiveInt = None
+    """Most iterations of dictionary learning."""
+
+    sensor: Literal["structured-light", "constant"] | None = None
+    """How the error of a range measurement grows."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+PATCH_OPTIONS = PatchOptions()
 
 
 def compress(
@@ -26,6 +64,7 @@ def compress(
     random_state: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
     json: Flag = False,
+    patches: PatchOptions = PATCH_OPTIONS,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
@@ -73,22 +112,31 @@ def compress(
             levels=levels,
             random_state=random_state,
             progress=progress,
+            **patches.given(),
         )
         seconds["learn"] = time.perf_counter() - started
 
         started = time.perf_counter()
         progress(f"write {output.name}", 0.0)
-        with whole_file(output) as temporary:
-            learned.save(temporary)
+        n_bytes = learned.save(output)
         seconds["write"] = time.perf_counter() - started
-        n_bytes = size_on_disk(output)
+        if learned.report.not_kept:
+            lost = ", ".join(learned.report.not_kept)
+            warnings.warn(
+                f"{output}: the model does not keep {lost}",
+                surfabet.LostAttributeWarning,
+                stacklevel=1,
+            )
 
         if evaluate:
             started = time.perf_counter()
             decoded = surfabet.load(output).decode(progress=progress)
             seconds["decode"] = time.perf_counter() - started
             started = time.perf_counter()
-            quality = surfabet.evaluate(cloud, decoded, bytes=n_bytes, progress=progress)
+            # Point-to-plane distances take long; the verb `evaluate` has them.
+            quality = surfabet.evaluate(
+                cloud, decoded, bytes=n_bytes, normal_neighbors=None, progress=progress
+            )
             seconds["evaluate"] = time.perf_counter() - started
 
     n_raw = raw_bytes(len(cloud), cloud.colors is not None)
@@ -119,6 +167,6 @@ def compress(
             line += (
                 f"rmse {millimetres(quality.rmse)} (pooled {millimetres(quality.rmse_pooled)}), "
             )
-            if quality.color_rmse is not None:
-                line += f"colour rmse {quality.color_rmse:.3g}, "
+            if quality.color_rmse_pooled is not None:
+                line += f"colour rmse {quality.color_rmse_pooled:.3g}, "
         print(line + f"{encode_seconds:.1f} s")

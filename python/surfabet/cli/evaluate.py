@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -19,8 +20,43 @@ from surfabet.cli._files import (
     size_on_disk,
     whole_file,
 )
-from surfabet.cli._format import print_json
+from surfabet.cli._format import bytes_text, millimetres, print_json
 from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
+
+
+def _percent(share: float) -> str:
+    return f"{share:.2%}"
+
+
+def _count(n: int) -> str:
+    return f"{n:,}"
+
+
+def _plain(value: float) -> str:
+    return f"{value:.4g}"
+
+
+DIRECTED = (
+    ("rmse", "rmse", millimetres),
+    ("mean", "mean", millimetres),
+    ("p95", "95th percentile", millimetres),
+    ("p99", "99th percentile", millimetres),
+    ("max", "maximum", millimetres),
+    ("plane_rmse", "rmse to planes", millimetres),
+    ("color_rmse", "colour rmse (0..255)", _plain),
+)
+SINGLE: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
+    ("reference_points", "original points", _count),
+    ("decoded_points", "decoded points", _count),
+    ("d1_psnr", "D1 PSNR (dB)", _plain),
+    ("d2_psnr", "D2 PSNR (dB)", _plain),
+    ("psnr_peak", "peak of the PSNR", millimetres),
+    ("inliers", "original within sigma", _percent),
+    ("outliers", "decoded beyond sigma", _percent),
+    ("bytes", "file", bytes_text),
+    ("ratio", "ratio", _plain),
+    ("bits_per_point", "bits per original point", _plain),
+)
 
 
 def evaluate(
@@ -48,8 +84,8 @@ def evaluate(
         The cloud to judge, from any codec; a model file is decoded, and then its bytes are counted
         too.
     sigma
-        Distance in metres within which a point counts as found; by default the expected depth error
-        where the original knows its ranges.
+        Distance in metres within which a point counts as found; without it inliers and outliers are
+        left out.
     picture
         Draw both clouds and the histogram of errors into this file: png, jpg, pdf, svg or webp.
     json
@@ -79,7 +115,23 @@ def evaluate(
 
 
 def _print_table(quality: surfabet.Quality) -> None:
-    table = Table("measure", "value", box=None, header_style="bold")
-    for name, value in quality.as_dict().items():
-        table.add_row(name, str(value))
-    Console(highlight=False).print(table)
+    values = quality.as_dict()
+    directed = Table("measure", "decoded to original", "original to decoded", "", box=None)
+    for column in directed.columns[1:3]:
+        column.justify = "right"
+    both = {
+        "rmse": f"larger {millimetres(quality.rmse)}, pooled {millimetres(quality.rmse_pooled)}",
+        "color_rmse": f"pooled {values['color_rmse_pooled'] or 0:.3g}",
+    }
+    for name, label, unit in DIRECTED:
+        forward, backward = values[f"{name}_forward"], values[f"{name}_backward"]
+        if forward is not None and backward is not None:
+            directed.add_row(label, unit(forward), unit(backward), both.get(name, ""))
+    single = Table("measure", "value", box=None)
+    for name, label, text in SINGLE:
+        if values[name] is not None:
+            single.add_row(label, text(values[name]))
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(directed)
+    console.print()
+    console.print(single)

@@ -43,8 +43,8 @@ def info(
         return
     console = Console(highlight=False, soft_wrap=True)
     console.print(
-        f"{file}: {found.family}, format {found.version}, {bytes_text(n_bytes)}, "
-        f"made from {found.n_points:,} points",
+        f"{file}: {found.family}, {bytes_text(n_bytes)}, made from {found.n_points:,} points, "
+        f"read by surfabet {found.version} and newer",
         markup=False,
     )
     options = Table("option", "value", box=None, header_style="bold")
@@ -56,6 +56,6 @@ def info(
         column.justify = "right"
     # What no section holds is the file's own frame: magic, table of sections, checksums.
     frame = n_bytes - sum(found.sections.values())
-    for name, part in [*found.sections.items(), ("file header", frame)]:
+    for name, part in [*found.sections.items(), ("frame of the file", frame)]:
         parts.add_row(name, f"{part:,}", f"{part / n_bytes:.1%}")
     console.print(parts)
