@@ -36,7 +36,7 @@ def decompress(
     output
         The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
     resolution
-        Spacing of the points in metres, by default that of the model.
+        Spacing of the points in metres, by default half a pixel of the model.
     json
         Print one JSON object instead of a line.
     """

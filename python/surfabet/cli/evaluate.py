@@ -43,7 +43,7 @@ DIRECTED = (
     ("p99", "99th percentile", millimetres),
     ("max", "maximum", millimetres),
     ("plane_rmse", "rmse to planes", millimetres),
-    ("color_rmse", "colour rmse (0..255)", _plain),
+    ("color_rmse", "colour rmse", _plain),
 )
 SINGLE: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     ("reference_points", "original points", _count),
@@ -116,21 +116,20 @@ def evaluate(
 
 def _print_table(quality: surfabet.Quality) -> None:
     values = quality.as_dict()
-    directed = Table("measure", "decoded to original", "original to decoded", "", box=None)
-    for column in directed.columns[1:3]:
+    directed = Table("measure", "decoded to original", "original to decoded", "pooled", box=None)
+    for column in directed.columns[1:]:
         column.justify = "right"
-    both = {
-        "rmse": f"larger {millimetres(quality.rmse)}, pooled {millimetres(quality.rmse_pooled)}",
-        "color_rmse": f"pooled {values['color_rmse_pooled'] or 0:.3g}",
-    }
-    for name, label, unit in DIRECTED:
+    for name, label, text in DIRECTED:
         forward, backward = values[f"{name}_forward"], values[f"{name}_backward"]
+        pooled = values.get(f"{name}_pooled")
         if forward is not None and backward is not None:
-            directed.add_row(label, unit(forward), unit(backward), both.get(name, ""))
+            directed.add_row(
+                label, text(forward), text(backward), "" if pooled is None else text(pooled)
+            )
     single = Table("measure", "value", box=None)
-    for name, label, text in SINGLE:
+    for name, label, text_of in SINGLE:
         if values[name] is not None:
-            single.add_row(label, text(values[name]))
+            single.add_row(label, text_of(values[name]))
     console = Console(highlight=False, soft_wrap=True)
     console.print(directed)
     console.print()
