@@ -26,12 +26,12 @@ const FIT_RADII: [f32; 4] = [0.7, 0.5, 0.35, 0.25];
 /// A sample counts for a plane within this distance, in pixels.
 const PLANE_GATE: f32 = 1.5;
 
-/// Bounds, in pixels, of the depth step that growth accepts between neighbouring pixels; within them it follows
-/// the scatter about the plane.
-const GROWTH_GATE: [f32; 2] = [1.5, 3.0];
+/// Largest depth step, in pixels, that growth accepts between neighbouring pixels. With one pixel, no pixel
+/// averages over more than twice its own width in depth; what lies beyond becomes a layer of its own.
+const GROWTH_GATE: f32 = 1.0;
 
-/// Growth accepts this many standard deviations of the scatter about the plane.
-const GROWTH_SIGMAS: f32 = 2.5;
+/// Samples that shape a plane, at most: more do not make it better, only slower.
+const FIT_SAMPLES: usize = 512;
 
 /// An aligned position is taken when at least this fraction of its pixels would be set.
 const ALIGNED_COVERAGE: f32 = 0.5;
@@ -84,8 +84,6 @@ struct Plane {
     normal: [f32; 3],
     /// Distance of the seed from the plane along the normal.
     seed_offset: f32,
-    /// Standard deviation of the samples about the plane.
-    scatter: f32,
 }
 
 struct Placer<'a> {
@@ -93,7 +91,10 @@ struct Placer<'a> {
     grid: Grid,
     cells: Cells,
     owned: Vec<bool>,
+    /// Samples about the place looked at; kept to save allocations.
     near: Vec<u32>,
+    /// Unowned samples and their depths in each pixel of the patch looked at; kept to save allocations.
+    by_pixel: Vec<Vec<(u32, f32)>>,
 }
 
 /// Samples by cell of one patch size.
@@ -176,7 +177,8 @@ pub(super) fn place(
         unowned.iter().enumerate().map(|(cell, &count)| (count, Reverse(cell as u32))).collect();
     let total = samples.len();
     let owned = vec![false; total];
-    let mut placer = Placer { samples, grid, cells, owned, near: Vec::new() };
+    let by_pixel = vec![Vec::new(); grid.n * grid.n];
+    let mut placer = Placer { samples, grid, cells, owned, near: Vec::new(), by_pixel };
     let mut placed: Vec<Placed> = Vec::new();
     let mut aligned: VecDeque<[f32; 3]> = VecDeque::new();
     let mut tried: HashSet<[i32; 3]> = HashSet::new();
@@ -287,6 +289,8 @@ impl Placer<'_> {
             })
             .filter(|&(_, d2, _)| d2 < FIT_RADII[0] * FIT_RADII[0] * size * size)
             .collect();
+        let every = local.len().div_ceil(FIT_SAMPLES).max(1);
+        let local: Vec<_> = local.into_iter().step_by(every).collect();
         let plane_of = |keep: &dyn Fn(&([f32; 3], f32, u32)) -> bool| {
             let mut moments = Moments::default();
             for &(d, _, i) in local.iter().filter(|l| keep(l)) {
@@ -310,7 +314,6 @@ impl Placer<'_> {
             Some(Plane {
                 normal,
                 seed_offset: -dot(mean, normal),
-                scatter: axes.variances[0].sqrt() as f32,
             })
         };
         let mut best: Option<(usize, Plane)> = None;
@@ -328,7 +331,7 @@ impl Placer<'_> {
         let Some((_, first)) = best else {
             // One or two samples, or a line of them: they look at the sensor, or up.
             let normal = toward_sensor.unwrap_or([0.0, 0.0, 1.0]);
-            return Plane { normal, seed_offset: 0.0, scatter: 0.0 };
+            return Plane { normal, seed_offset: 0.0 };
         };
         let refined = plane_of(&|(d, _, _)| dot(*d, first.normal).abs() < gate);
         match refined {
@@ -339,7 +342,7 @@ impl Placer<'_> {
 
     /// The patch that would describe the surface about `seed`, centred as near to `wanted` as the seed allows.
     fn trial(&mut self, seed: u32, wanted: [f32; 3]) -> Trial {
-        let Grid { pixel, n, position_step } = self.grid;
+        let Grid { pixel, position_step, .. } = self.grid;
         let size = self.grid.size();
         let p = self.samples.positions[seed as usize];
         let mut near = std::mem::take(&mut self.near);
@@ -360,7 +363,8 @@ impl Placer<'_> {
         let mut near = std::mem::take(&mut self.near);
         self.cells.gather(frame.center, 0.5 * size * 3.0_f32.sqrt(), &mut near);
         let half = 0.5 * size;
-        let mut by_pixel: Vec<Vec<(u32, f32)>> = vec![Vec::new(); n * n];
+        let mut by_pixel = std::mem::take(&mut self.by_pixel);
+        by_pixel.iter_mut().for_each(Vec::clear);
         for &i in &near {
             if self.owned[i as usize] {
                 continue;
@@ -373,11 +377,11 @@ impl Placer<'_> {
         }
         self.near = near;
 
-        let gate = (GROWTH_SIGMAS * plane.scatter)
-            .clamp(GROWTH_GATE[0] * pixel, GROWTH_GATE[1] * pixel);
+        let gate = GROWTH_GATE * pixel;
         let seed_local = frame.to_local(p);
         let (members, set_pixels) =
             self.grow(&by_pixel, self.grid.pixel_of(seed_local), seed_local[2], gate);
+        self.by_pixel = by_pixel;
         Trial { pose, frame, members, set_pixels }
     }
 
