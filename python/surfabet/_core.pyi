@@ -183,6 +183,7 @@ class Scene:
         seed: int,
         progress: ProgressCallback | None,
     ) -> tuple[PointCloud, GroundTruth, list[Frame]]: ...
+
 # Geometry
 
 @final
@@ -286,6 +287,7 @@ def evaluate(
     normal_neighbors: int | None,
     progress: ProgressCallback | None,
 ) -> dict[str, Any]: ...
+
 @final
 class SparseCodes:
     def __new__(
@@ -373,6 +375,7 @@ def load(path: str, *, max_items: int, max_bytes: int) -> PatchModel: ...
 def inspect(
     data: bytes, *, max_items: int, max_bytes: int
 ) -> tuple[str, str, list[tuple[str, int]]]: ...
+
 @final
 class PatchModel:
     def decode(

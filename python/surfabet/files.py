@@ -71,7 +71,9 @@ def load(
     return PatchModel(_core.load(os.fspath(path), max_items=max_items, max_bytes=max_bytes))
 
 
-def from_bytes(data: bytes, *, max_items: int = MAX_ITEMS, max_bytes: int = MAX_BYTES) -> PatchModel:
+def from_bytes(
+    data: bytes, *, max_items: int = MAX_ITEMS, max_bytes: int = MAX_BYTES
+) -> PatchModel:
     """As `load`, from bytes as `PatchModel.to_bytes` gives them."""
     return PatchModel(_core.from_bytes(data, max_items=max_items, max_bytes=max_bytes))
 

@@ -1,4 +1,4 @@
-"""Surface patches: clouds as local depth and colour images, sparse-coded over learned dictionaries.
+"""Surface patches: local depth and colour images, sparse-coded over learned dictionaries.
 
 One level is the Sparse Coded Surface Model (SCSM). The method is that of M. Ruhnke, L. Bo, D. Fox,
 W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014, section III.
@@ -68,8 +68,8 @@ class PatchLevel:
 class PatchModel:
     """A cloud as sparse-coded surface patches; immutable.
 
-    Made by `learn_patches` and `surfabet.load`. Everything in it is quantised already, so it decodes
-    to the same cloud before it is saved and after it is loaded.
+    Made by `learn_patches` and `surfabet.load`. Everything in it is quantised already, so it
+    decodes to the same cloud before it is saved and after it is loaded.
     """
 
     __slots__ = ("_core",)
@@ -85,7 +85,7 @@ class PatchModel:
         max_points: int = MAX_POINTS,
         progress: Progress = None,
     ) -> PointCloud:
-        """The model as a cloud (eq. 2 and 3), at any spacing: a patch is a surface, not a bag of points.
+        """The model as a cloud (eq. 2 and 3), at any spacing: patches are surfaces.
 
         Parameters
         ----------
@@ -174,7 +174,8 @@ class PatchModel:
     def dictionary(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float32]:
         """Entries of a dictionary, unit norm.
 
-        (k, n * n) for depth, (k, 3 * n * n) with planes of red, green and blue for colour; row-major.
+        (k, n * n) for depth, (k, 3 * n * n) with planes of red, green and blue for colour;
+        row-major.
         """
         return self._core.dictionary(level, channel)
 
@@ -224,8 +225,8 @@ def learn_patches(
     Parameters
     ----------
     cloud
-        What to describe. Colours are kept when present; ranges weight the points by the depth error of
-        their sensor; viewpoints tell the two sides of a thin wall apart.
+        What to describe. Colours are kept when present; ranges weight the points by the depth
+        error of their sensor; viewpoints tell the two sides of a thin wall apart.
     resolution
         Side of a pixel, metres: smaller detail is lost.
     patch_pixels
@@ -244,8 +245,8 @@ def learn_patches(
     iterations
         Most iterations of weighted K-SVD per dictionary.
     sensor
-        How the error of a range measurement grows: "structured-light" (with the square of the distance,
-        as Kinects do) or "constant". Without ranges all points weigh the same.
+        How the error of a range measurement grows: "structured-light" (with the square of the
+        distance, as Kinects do) or "constant". Without ranges all points weigh the same.
     random_state
         Seed of the dictionaries' first entries.
     progress

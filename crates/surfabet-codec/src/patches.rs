@@ -444,7 +444,7 @@ impl EntryModels {
     /// The model of the value after those in `before`, in an entry of planes of `side` x `side` values.
     fn at(&mut self, before: &[i8], side: usize) -> &mut SInt {
         let at = before.len();
-        let left = if at % side > 0 { i32::from(before[at - 1]) } else { 0 };
+        let left = if at.is_multiple_of(side) { 0 } else { i32::from(before[at - 1]) };
         let in_plane = at % (side * side);
         let above = if in_plane >= side { i32::from(before[at - side]) } else { 0 };
         let context = (left + above).clamp(-Self::REACH, Self::REACH) + Self::REACH;

@@ -308,7 +308,7 @@ impl PointCloud {
         let mut lost = Vec::new();
         fn join<T: Copy>(
             name: &'static str,
-            columns: Vec<Option<&[T]>>,
+            columns: &[Option<&[T]>],
             lost: &mut Vec<&'static str>,
         ) -> Option<Vec<T>> {
             let present: Vec<&[T]> = columns.iter().flatten().copied().collect();
@@ -320,11 +320,17 @@ impl PointCloud {
             }
             None
         }
-        let colors = join("colors", filled.iter().map(|c| c.colors()).collect(), &mut lost);
-        let intensities =
-            join("intensities", filled.iter().map(|c| c.intensities()).collect(), &mut lost);
-        let normals = join("normals", filled.iter().map(|c| c.normals()).collect(), &mut lost);
-        let ranges = join("ranges", filled.iter().map(|c| c.ranges()).collect(), &mut lost);
+        let colors =
+            join("colors", &filled.iter().map(|c| c.colors()).collect::<Vec<_>>(), &mut lost);
+        let intensities = join(
+            "intensities",
+            &filled.iter().map(|c| c.intensities()).collect::<Vec<_>>(),
+            &mut lost,
+        );
+        let normals =
+            join("normals", &filled.iter().map(|c| c.normals()).collect::<Vec<_>>(), &mut lost);
+        let ranges =
+            join("ranges", &filled.iter().map(|c| c.ranges()).collect::<Vec<_>>(), &mut lost);
         let known: Vec<&Viewpoints> = filled.iter().filter_map(|c| c.viewpoints()).collect();
         let viewpoints = if known.len() == filled.len() {
             let mut all = Viewpoints::default();
@@ -405,8 +411,8 @@ mod tests {
             PointCloud::from_parts(CloudParts { origin, positions, ..CloudParts::default() })
                 .unwrap();
         for (i, expected) in world.iter().enumerate() {
-            for axis in 0..3 {
-                assert!((cloud.world(i)[axis] - expected[axis]).abs() < 1e-4);
+            for (found, expected) in cloud.world(i).iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-4);
             }
         }
     }

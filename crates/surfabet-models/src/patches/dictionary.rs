@@ -28,7 +28,7 @@ impl QuantizedDictionary {
     /// [`Error::Inconsistent`] when the values do not divide into entries, there are more than 65 536 entries,
     /// or one is all zero.
     pub fn new(n_features: usize, values: Vec<i8>) -> Result<Self> {
-        if n_features == 0 || values.len() % n_features != 0 {
+        if n_features == 0 || !values.len().is_multiple_of(n_features) {
             return Err(Error::Inconsistent(format!(
                 "{} dictionary values do not divide into entries of {n_features}",
                 values.len()
@@ -53,7 +53,7 @@ impl QuantizedDictionary {
 
     /// Number of entries.
     pub fn n_atoms(&self) -> usize {
-        if self.n_features == 0 { 0 } else { self.values.len() / self.n_features }
+        self.values.len().checked_div(self.n_features).unwrap_or(0)
     }
 
     /// All values, entry after entry.
@@ -177,7 +177,7 @@ pub(super) fn learn_channel(
         ..OmpOptions::default()
     };
     let sparse = omp(&entries, &signals, &omp_options, &stop)?;
-    Ok(crop(dictionary, &quantize_codes(&sparse, &coded, n_signals, options.code_step)))
+    Ok(crop(&dictionary, &quantize_codes(&sparse, &coded, n_signals, options.code_step)))
 }
 
 /// Coefficients in steps, entries in growing order, empty codes for the signals that were not coded.
@@ -205,7 +205,7 @@ fn quantize_codes(sparse: &SparseCodes, coded: &[usize], n_signals: usize, step:
 }
 
 /// Leaves out entries that no code uses.
-fn crop(dictionary: QuantizedDictionary, codes: &Codes) -> (QuantizedDictionary, Codes) {
+fn crop(dictionary: &QuantizedDictionary, codes: &Codes) -> (QuantizedDictionary, Codes) {
     let n = dictionary.n_features;
     let mut new_index = vec![None; dictionary.n_atoms()];
     codes.atoms.iter().for_each(|&a| new_index[usize::from(a)] = Some(0));

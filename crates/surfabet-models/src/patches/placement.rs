@@ -81,6 +81,15 @@ struct Trial {
     set_pixels: usize,
 }
 
+/// A sample about a seed.
+struct Neighbour {
+    /// From the seed, metres.
+    offset: [f32; 3],
+    /// Its squared length.
+    squared: f32,
+    index: u32,
+}
+
 struct Plane {
     normal: [f32; 3],
     /// Distance of the seed from the plane along the normal.
@@ -192,7 +201,7 @@ pub(super) fn place(samples: &Samples, grid: Grid, progress: &dyn Progress) -> R
     let mut done = 0;
 
     loop {
-        if placed.len() % 64 == 0 {
+        if placed.len().is_multiple_of(64) {
             progress.check()?;
             progress.update("placing patches", done as f32 / total.max(1) as f32);
         }
@@ -285,21 +294,22 @@ impl Placer {
         let gate = PLANE_GATE * self.grid.pixel;
         // Only what was seen from the seed's side may shape the plane.
         let every = self.near.len().div_ceil(FIT_SAMPLES).max(1);
-        let local: Vec<([f32; 3], f32, u32)> = self
+        let local: Vec<Neighbour> = self
             .near
             .iter()
             .step_by(every)
             .filter(|&&i| toward_sensor.is_none_or(|v| self.faces(i, v)))
             .map(|&i| {
                 let d = sub(self.positions[i as usize], p);
-                (d, dot(d, d), i)
+                Neighbour { offset: d, squared: dot(d, d), index: i }
             })
-            .filter(|&(_, d2, _)| d2 < FIT_RADII[0] * FIT_RADII[0] * size * size)
+            .filter(|l| l.squared < FIT_RADII[0] * FIT_RADII[0] * size * size)
             .collect();
-        let plane_of = |keep: &dyn Fn(&([f32; 3], f32, u32)) -> bool| {
+        let plane_of = |keep: &dyn Fn(&Neighbour) -> bool| {
             let mut moments = Moments::default();
-            for &(d, _, i) in local.iter().filter(|l| keep(l)) {
-                moments.add(d.map(f64::from), f64::from(self.weights[i as usize]));
+            for l in local.iter().filter(|l| keep(l)) {
+                let weight = f64::from(self.weights[l.index as usize]);
+                moments.add(l.offset.map(f64::from), weight);
             }
             let axes = moments.principal_axes()?;
             // Points on a line, or one point, have no plane.
@@ -321,10 +331,12 @@ impl Placer {
         let mut best: Option<(usize, Plane)> = None;
         for radius in FIT_RADII {
             let limit = radius * radius * size * size;
-            let Some(plane) = plane_of(&|l| l.1 < limit) else { continue };
+            let Some(plane) = plane_of(&|l| l.squared < limit) else { continue };
             let explained = local
                 .iter()
-                .filter(|(d, _, i)| !self.owned[*i as usize] && dot(*d, plane.normal).abs() < gate)
+                .filter(|l| {
+                    !self.owned[l.index as usize] && dot(l.offset, plane.normal).abs() < gate
+                })
                 .count();
             if best.as_ref().is_none_or(|(most, _)| explained > *most) {
                 best = Some((explained, plane));
@@ -335,7 +347,7 @@ impl Placer {
             let normal = toward_sensor.unwrap_or([0.0, 0.0, 1.0]);
             return Plane { normal, seed_offset: 0.0 };
         };
-        let refined = plane_of(&|(d, _, _)| dot(*d, first.normal).abs() < gate);
+        let refined = plane_of(&|l| dot(l.offset, first.normal).abs() < gate);
         match refined {
             Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => plane,
             _ => Plane { seed_offset: 0.0, ..first },
