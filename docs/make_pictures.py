@@ -26,7 +26,7 @@ def main() -> None:
     scan = datasets.load_demo()
     cloud = scan.cloud
     camera = report.choose_camera(cloud)
-    for resolution in (0.04, 0.02, 0.01):
+    for resolution in (0.01,):
         model = sb.learn_patches(cloud, resolution=resolution)
         decoded = model.decode()
         print_figures(scan, model, decoded)
@@ -75,7 +75,7 @@ def colors_of(cloud: sb.PointCloud) -> NDArray[np.uint8]:
 
 
 def draw(cloud: sb.PointCloud, rgb: NDArray[np.uint8], camera: report.Camera) -> NDArray[np.uint8]:
-    spacing = report.point_spacing(cloud)
+    spacing = report.point_spacing(cloud, sb.KdTree(cloud))
     return report.render(cloud, camera, rgb, spacing=spacing, width=WIDTH, height=HEIGHT)
 
 

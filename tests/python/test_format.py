@@ -1,4 +1,4 @@
-"""An independent reader of family "patches", written from docs/format.md, against surfabet's own."""
+"""A second reader of the family "patches", written from docs/format.md, against surfabet's own."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Stream:
         self.point = int.from_bytes(data[:8].ljust(8, b"\0"), "big")
 
     def quantile(self) -> int:
-        value = ((self.point - self.lower) & MASK64) // (self.range >> 16)
+        value = int((self.point - self.lower) & MASK64) // (self.range >> 16)
         assert value < 2**16
         return value
 
@@ -215,18 +215,16 @@ def frame(pose: tuple[list[int], list[int]], step: float) -> tuple[Any, Any]:
     (u, v), half = pose[1], 63
     z = half - abs(u) - abs(v)
     if z < 0:
-        u, v = (
-            math.copysign(half - abs(v), u) if u else half - abs(v),
-            math.copysign(half - abs(u), v) if v else half - abs(u),
-        )
+        x, y = half - abs(v), half - abs(u)
+        u, v = (-x if u < 0 else x), (-y if v < 0 else y)
     normal = np.array([u, v, z], np.float64)
     normal /= np.linalg.norm(normal)
     nearest = int(np.argmax(np.abs(normal)))
     g = np.eye(3)[1 if nearest == 0 else 0]
-    x = g - (g @ normal) * normal
-    x /= np.linalg.norm(x)
+    along = g - (g @ normal) * normal
+    along /= np.linalg.norm(along)
     center = np.array(pose[0]) * float(np.float32(step))
-    return center, np.stack([x, np.cross(normal, x), normal])
+    return center, np.stack([along, np.cross(normal, along), normal])
 
 
 def read_masks(stream: Stream, level: dict[str, Any]) -> Any:
@@ -293,7 +291,7 @@ def bumpy_cloud(colors: bool) -> sb.PointCloud:
     wall = np.stack([u, v, 0.04 * np.sin(16 * u) * np.cos(13 * v)], axis=1)
     ball = rng.normal(size=(4000, 3))
     ball = 0.3 * ball / np.linalg.norm(ball, axis=1, keepdims=True) + [0.1, 0.2, 0.8]
-    points = np.concatenate([wall, ball]) + [500_000.0, 5_000_000.0, 100.0]
+    points = np.concatenate([wall, ball]) + np.array([500_000.0, 5_000_000.0, 100.0])
     rgb = np.clip(128 + 90 * np.sin(15 * (points - points[0])), 0, 255).astype(np.uint8)
     return sb.PointCloud(points, colors=rgb if colors else None)
 
@@ -328,11 +326,11 @@ def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: in
         assert found["COLR"] == b""
     for name, tag, planes, n_entries, mean_step, code_step in channels:
         entries = read_dictionary(dictionaries, n_entries, planes, n)
-        np.testing.assert_allclose(entries, model.dictionary(0, name), atol=1e-6)  # type: ignore[arg-type]
+        np.testing.assert_allclose(entries, model.dictionary(0, name), atol=1e-6)
         read = read_channel(Stream(found[tag]), level["m"], n_entries, planes)
         means, offsets, atoms, values = read
-        np.testing.assert_allclose(means * mean_step, model.means(0, name), rtol=1e-9)  # type: ignore[arg-type]
-        own = model.codes(0, name)  # type: ignore[arg-type]
+        np.testing.assert_allclose(means * mean_step, model.means(0, name), rtol=1e-9)
+        own = model.codes(0, name)
         np.testing.assert_array_equal(offsets, own[0])
         np.testing.assert_array_equal(atoms, own[1])
         np.testing.assert_allclose(np.array(values) * code_step, own[2], rtol=1e-9)
