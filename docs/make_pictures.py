@@ -9,13 +9,16 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps
 from numpy.typing import NDArray
 from PIL import Image
 
 import surfabet as sb
 from surfabet import datasets, report
 
-WIDTH, HEIGHT = 560, 420
+WIDTH, HEIGHT = 520, 390
+# Side of a drawn point, metres: one for all clouds, so that sparse ones do not look better or worse.
+SPACING = 0.012
 MARGIN = 8
 ENTRIES = 64
 
@@ -26,13 +29,13 @@ def main() -> None:
     scan = datasets.load_demo()
     cloud = scan.cloud
     camera = report.choose_camera(cloud)
-    for resolution in (0.01,):
+    for resolution in (0.04, 0.02, 0.01):
         model = sb.learn_patches(cloud, resolution=resolution)
         decoded = model.decode()
         print_figures(scan, model, decoded)
     # The last one, at 1 cm, is the embedded default of scripts/run.sh.
     views = [draw(cloud, colors_of(cloud), camera), draw(decoded, colors_of(decoded), camera)]
-    save(folder / "room.png", beside(views), colors=128)
+    save(folder / "room.png", beside(views), colors=80)
 
     exact = datasets.simulated_room(n_poses=18, noise=0, pose_error=0)
     model = sb.learn_patches(exact.cloud)
@@ -42,7 +45,7 @@ def main() -> None:
         draw(decoded, colors_of(decoded), camera),
         draw(decoded, patch_colors(model, decoded), camera),
     ]
-    save(folder / "patches.png", beside(views), colors=128)
+    save(folder / "patches.png", beside(views), colors=96)
     depth = entries_by_use(model, "depth")
     tiles = [colormapped(entry.reshape(8, 8)) for entry in depth[:ENTRIES]]
     save(folder / "depth_dictionary.png", mosaic(tiles), colors=256)
@@ -75,16 +78,16 @@ def colors_of(cloud: sb.PointCloud) -> NDArray[np.uint8]:
 
 
 def draw(cloud: sb.PointCloud, rgb: NDArray[np.uint8], camera: report.Camera) -> NDArray[np.uint8]:
-    spacing = report.point_spacing(cloud, sb.KdTree(cloud))
-    return report.render(cloud, camera, rgb, spacing=spacing, width=WIDTH, height=HEIGHT)
+    return report.render(cloud, camera, rgb, spacing=SPACING, width=WIDTH, height=HEIGHT)
 
 
 def patch_colors(model: sb.PatchModel, decoded: sb.PointCloud) -> NDArray[np.uint8]:
-    """One random colour per patch; `decoded` is `model.decode()`: four points per set pixel."""
+    """A random colour per patch; `decoded` is `model.decode()`: four points per set pixel."""
     points_per_patch = 4 * model.masks().sum(axis=(1, 2))
     assert points_per_patch.sum() == len(decoded)
-    palette = np.random.default_rng(0).integers(40, 245, size=(len(model), 3), dtype=np.uint8)
-    return np.repeat(palette, points_per_patch, axis=0)
+    palette = (255 * np.array(colormaps["tab20"].colors)).astype(np.uint8)
+    chosen = np.random.default_rng(0).integers(len(palette), size=len(model))
+    return np.repeat(palette[chosen], points_per_patch, axis=0)
 
 
 def entries_by_use(model: sb.PatchModel, channel: sb.patches.Channel) -> NDArray[np.float32]:
@@ -96,9 +99,7 @@ def entries_by_use(model: sb.PatchModel, channel: sb.patches.Channel) -> NDArray
 
 
 def colormapped(entry: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Depth from blue (behind the patch plane) through white to red (before it)."""
-    from matplotlib import colormaps
-
+    """Depth from blue through white (the mean) to red; the entry's sign is arbitrary."""
     scaled = 0.5 + 0.5 * entry / np.abs(entry).max()
     return (255 * colormaps["RdBu_r"](scaled)[..., :3]).astype(np.uint8)
 
