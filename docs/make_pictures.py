@@ -17,7 +17,7 @@ import surfabet as sb
 from surfabet import datasets, report
 
 WIDTH, HEIGHT = 520, 390
-# Side of a drawn point, metres: one for all clouds, so that sparse ones do not look better or worse.
+# Side of a drawn point, metres: one for all clouds, so that none looks denser than it is.
 SPACING = 0.012
 MARGIN = 8
 ENTRIES = 64
