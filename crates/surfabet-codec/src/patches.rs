@@ -161,8 +161,7 @@ fn read_meta(bytes: &[u8], limits: &Limits) -> Result<Meta> {
             color_code: input.f64()?,
         };
         let area = u64::from(pixels * pixels);
-        let patches =
-            limits.check("number of patches", input.varint()?, area + BYTES_PER_PATCH)?;
+        let patches = limits.check("number of patches", input.varint()?, area + BYTES_PER_PATCH)?;
         let depth_atoms = input.bounded("entries of a dictionary", 65_536)?;
         let color_atoms = input.bounded("entries of a dictionary", 65_537)?.checked_sub(1);
         levels.push(LevelMeta { pixel_size, pixels, steps, patches, depth_atoms, color_atoms });
@@ -318,8 +317,8 @@ fn read_poses(input: &mut Decoder<'_>, level: &LevelMeta) -> Result<Vec<PatchPos
                 let predicted = previous.position[a].rem_euclid(side);
                 let offset = (predicted + difference).rem_euclid(side);
                 // Cells are below 2^30 and within MAX_POSITION / side + 2 + 2^30 of zero; i64 holds them.
-                let at = (i64::from(low[a]) + i64::from(cell[a])) * i64::from(side)
-                    + i64::from(offset);
+                let at =
+                    (i64::from(low[a]) + i64::from(cell[a])) * i64::from(side) + i64::from(offset);
                 pose.position[a] = i32::try_from(at)
                     .ok()
                     .filter(|c| c.abs() <= MAX_POSITION)

@@ -39,11 +39,8 @@ pub fn encode(vector: [f32; 3], bits: u32) -> [i32; 2] {
         return [0, 0];
     }
     let [x, y, z] = [x / norm, y / norm, z / norm];
-    let (u, v) = if z < 0.0 {
-        ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y))
-    } else {
-        (x, y)
-    };
+    let (u, v) =
+        if z < 0.0 { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) } else { (x, y) };
     let corner = |t: f64| ((t * f64::from(half)).floor() as i32).clamp(-half, half - 1);
     let (u, v) = (corner(u), corner(v));
     let mut best = (f64::NEG_INFINITY, [u, v]);

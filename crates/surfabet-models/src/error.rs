@@ -64,7 +64,11 @@ pub enum Error {
 
 impl Error {
     /// A parameter outside its domain, with its value spelled out.
-    pub fn invalid(name: &'static str, value: impl std::fmt::Display, requirement: &'static str) -> Self {
+    pub fn invalid(
+        name: &'static str,
+        value: impl std::fmt::Display,
+        requirement: &'static str,
+    ) -> Self {
         Self::InvalidParameter { name, value: value.to_string(), requirement }
     }
 }

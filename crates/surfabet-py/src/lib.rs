@@ -6,12 +6,12 @@
 mod arrays;
 mod cloud;
 mod errors;
-mod lzf;
-mod patches;
 mod kdtree;
+mod lzf;
 mod metrics;
 mod normals;
 mod octree;
+mod patches;
 mod range_image;
 mod run;
 mod sim;

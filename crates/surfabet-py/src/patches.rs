@@ -6,7 +6,9 @@ use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use surfabet::{Container, DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches};
+use surfabet::{
+    Container, DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches,
+};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::{IntoPyErr, invalid_input};
@@ -144,9 +146,7 @@ impl PyPatchModel {
             .iter()
             .flat_map(|l| {
                 l.poses.iter().map(move |p| {
-                    std::array::from_fn(|a| {
-                        origin[a] + f64::from(p.position[a]) * l.steps.position
-                    })
+                    std::array::from_fn(|a| origin[a] + f64::from(p.position[a]) * l.steps.position)
                 })
             })
             .collect();
@@ -200,11 +200,8 @@ impl PyPatchModel {
         py: Python<'py>,
         level: usize,
         channel: &str,
-    ) -> PyResult<(
-        Bound<'py, PyArray1<u32>>,
-        Bound<'py, PyArray1<u16>>,
-        Bound<'py, PyArray1<f64>>,
-    )> {
+    ) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u16>>, Bound<'py, PyArray1<f64>>)>
+    {
         let (channel, step) = self.channel(level, channel)?;
         let codes = &channel.codes;
         let coefficients: Vec<f64> =
@@ -287,12 +284,7 @@ fn from_bytes(
 /// The model in an `.sfb` file.
 #[pyfunction]
 #[pyo3(signature = (path, *, max_items, max_bytes))]
-fn load(
-    py: Python<'_>,
-    path: PathBuf,
-    max_items: u64,
-    max_bytes: u64,
-) -> PyResult<PyPatchModel> {
+fn load(py: Python<'_>, path: PathBuf, max_items: u64, max_bytes: u64) -> PyResult<PyPatchModel> {
     let limits = Limits { max_items, max_bytes };
     let model = py.detach(|| Model::open(path, &limits)).map_err(IntoPyErr::into_py_err)?;
     wrap(model)
@@ -317,7 +309,9 @@ fn inspect(
 fn wrap(model: Model) -> PyResult<PyPatchModel> {
     match model {
         Model::Patches(model) => Ok(PyPatchModel { model }),
-        other => Err(invalid_input(format!("models of family {} have no class yet", other.family()))),
+        other => {
+            Err(invalid_input(format!("models of family {} have no class yet", other.family())))
+        }
     }
 }
 

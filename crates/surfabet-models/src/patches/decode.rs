@@ -208,7 +208,12 @@ impl<'a> LevelDecoder<'a> {
                     let at = |whole: usize, part: usize| {
                         whole as f32 + (part as f32 + 0.5) / m as f32 - 0.5
                     };
-                    self.emit(&pixels, &frame, [at(pixel % n, sub % m), at(pixel / n, sub / m)], points);
+                    self.emit(
+                        &pixels,
+                        &frame,
+                        [at(pixel % n, sub % m), at(pixel / n, sub / m)],
+                        points,
+                    );
                 }
             }
         } else {

@@ -128,8 +128,7 @@ pub(super) fn learn_channel(
     let energy: Vec<f32> = (values.chunks(n_features).zip(weights.chunks(n_features)))
         .map(|(v, w)| root_mean_square(v, w))
         .collect();
-    let mut rich: Vec<usize> =
-        (0..n_signals).filter(|&i| energy[i] > options.tolerance).collect();
+    let mut rich: Vec<usize> = (0..n_signals).filter(|&i| energy[i] > options.tolerance).collect();
     if rich.is_empty() {
         let offsets = vec![0; n_signals + 1];
         let dictionary = QuantizedDictionary { n_features, values: Vec::new() };
@@ -143,7 +142,11 @@ pub(super) fn learn_channel(
     }
     let gather = |chosen: &[usize]| {
         let pick = |from: &[f32]| -> Vec<f32> {
-            chosen.iter().flat_map(|&i| &from[i * n_features..(i + 1) * n_features]).copied().collect()
+            chosen
+                .iter()
+                .flat_map(|&i| &from[i * n_features..(i + 1) * n_features])
+                .copied()
+                .collect()
         };
         (pick(values), pick(weights))
     };

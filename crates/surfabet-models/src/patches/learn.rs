@@ -232,16 +232,16 @@ fn finish(
     let start = std::time::Instant::now();
     let (dictionary, codes) =
         learn_channel(n_features, &centred.rest, weights, options, report, progress)?;
-    report.stages.push(crate::report::Stage {
-        name: options.name,
-        seconds: start.elapsed().as_secs_f64(),
-    });
+    report
+        .stages
+        .push(crate::report::Stage { name: options.name, seconds: start.elapsed().as_secs_f64() });
     Ok(Channel { dictionary, means: centred.means, codes })
 }
 
 fn masked_mean(values: &[f32], mask: &[u8]) -> f64 {
     let set = mask.iter().filter(|&&m| m != 0).count();
-    let sum: f64 = values.iter().zip(mask).filter(|(_, m)| **m != 0).map(|(v, _)| f64::from(*v)).sum();
+    let sum: f64 =
+        values.iter().zip(mask).filter(|(_, m)| **m != 0).map(|(v, _)| f64::from(*v)).sum();
     sum / set.max(1) as f64
 }
 

@@ -42,9 +42,9 @@ impl Default for PatchOptions {
             depth_atoms: 128,
             color_atoms: 256,
             depth_sparsity: 6,
-            color_sparsity: 8,
+            color_sparsity: 12,
             depth_tolerance: None,
-            color_tolerance: 10.0,
+            color_tolerance: 7.0,
             iterations: 8,
             sensor: Sensor::default(),
             random_state: 0,
@@ -70,7 +70,11 @@ impl PatchOptions {
     pub fn check(&self) -> Result<()> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         if !positive(self.resolution) {
-            return Err(Error::invalid("resolution", self.resolution, "a positive number of metres"));
+            return Err(Error::invalid(
+                "resolution",
+                self.resolution,
+                "a positive number of metres",
+            ));
         }
         if !(2..=32).contains(&self.patch_pixels) {
             return Err(Error::invalid("patch_pixels", self.patch_pixels, "2 to 32"));
@@ -78,7 +82,8 @@ impl PatchOptions {
         if self.levels != 1 {
             return Err(Error::invalid("levels", self.levels, "1 in this version (SCSM)"));
         }
-        for (name, value) in [("depth_atoms", self.depth_atoms), ("color_atoms", self.color_atoms)] {
+        for (name, value) in [("depth_atoms", self.depth_atoms), ("color_atoms", self.color_atoms)]
+        {
             if !(1..=65_535).contains(&value) {
                 return Err(Error::invalid(name, value, "1 to 65535"));
             }
@@ -98,7 +103,11 @@ impl PatchOptions {
             ));
         }
         if !(positive(self.color_tolerance) && self.color_tolerance <= 255.0) {
-            return Err(Error::invalid("color_tolerance", self.color_tolerance, "above 0 and at most 255"));
+            return Err(Error::invalid(
+                "color_tolerance",
+                self.color_tolerance,
+                "above 0 and at most 255",
+            ));
         }
         if !(1..=1000).contains(&self.iterations) {
             return Err(Error::invalid("iterations", self.iterations, "1 to 1000"));

@@ -13,6 +13,7 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet, VecDeque};
 
+use rayon::prelude::*;
 use surfabet_geom::{Moments, Progress};
 
 use super::frame::{Frame, PatchPose, add_scaled, dot, sub};
@@ -26,12 +27,12 @@ const FIT_RADII: [f32; 4] = [0.7, 0.5, 0.35, 0.25];
 /// A sample counts for a plane within this distance, in pixels.
 const PLANE_GATE: f32 = 1.5;
 
-/// Bounds, in pixels, of the depth step that growth accepts between neighbouring pixels; within them it follows
-/// the scatter about the plane.
-const GROWTH_GATE: [f32; 2] = [1.5, 3.0];
+/// Largest depth step, in pixels, that growth accepts between neighbouring pixels. With one pixel, no pixel
+/// averages over more than twice its own width in depth; what lies beyond becomes a layer of its own.
+const GROWTH_GATE: f32 = 1.0;
 
-/// Growth accepts this many standard deviations of the scatter about the plane.
-const GROWTH_SIGMAS: f32 = 2.5;
+/// Samples about a seed that are looked at to find its plane, at most: more make it slower, not better.
+const FIT_SAMPLES: usize = 2048;
 
 /// An aligned position is taken when at least this fraction of its pixels would be set.
 const ALIGNED_COVERAGE: f32 = 0.5;
@@ -84,63 +85,64 @@ struct Plane {
     normal: [f32; 3],
     /// Distance of the seed from the plane along the normal.
     seed_offset: f32,
-    /// Standard deviation of the samples about the plane.
-    scatter: f32,
 }
 
-struct Placer<'a> {
-    samples: &'a Samples,
+struct Placer {
+    /// Positions, weights and views in the order of the cells, so that neighbours are close in memory; an index
+    /// of a sample in this file is its place in that order.
+    positions: Vec<[f32; 3]>,
+    weights: Vec<f32>,
+    views: Option<Vec<[f32; 3]>>,
     grid: Grid,
     cells: Cells,
     owned: Vec<bool>,
+    /// Samples about the place looked at; kept to save allocations.
     near: Vec<u32>,
+    /// Unowned samples and their depths in each pixel of the patch looked at; kept to save allocations.
+    by_pixel: Vec<Vec<(u32, f32)>>,
 }
 
 /// Samples by cell of one patch size.
 struct Cells {
     size: f32,
-    /// Sample indices, cell by cell.
-    order: Vec<u32>,
-    /// Range of each cell in `order`.
+    /// Samples of each cell, as a range of places.
     ranges: Vec<(u32, u32)>,
     by_key: HashMap<[i32; 3], u32>,
     keys: Vec<[i32; 3]>,
-    /// Cell of each sample.
-    of_sample: Vec<u32>,
+    /// Cell of each place.
+    of_place: Vec<u32>,
 }
 
 impl Cells {
-    fn new(positions: &[[f32; 3]], size: f32) -> Self {
+    /// The cells of `positions`, and the order of the samples that makes cells contiguous.
+    fn new(positions: &[[f32; 3]], size: f32) -> (Self, Vec<u32>) {
         let key = |p: &[f32; 3]| p.map(|c| (c / size).floor() as i32);
-        let mut order: Vec<u32> = (0..positions.len() as u32).collect();
-        rayon::slice::ParallelSliceMut::par_sort_by_cached_key(&mut order[..], |&i| {
-            (key(&positions[i as usize]), i)
-        });
+        let mut keyed: Vec<([i32; 3], u32)> =
+            positions.par_iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
+        keyed.par_sort_unstable();
         let mut cells = Self {
             size,
             ranges: Vec::new(),
             by_key: HashMap::new(),
             keys: Vec::new(),
-            of_sample: vec![0; positions.len()],
-            order,
+            of_place: Vec::with_capacity(positions.len()),
         };
-        for (at, &i) in cells.order.iter().enumerate() {
-            let k = key(&positions[i as usize]);
-            if cells.keys.last() != Some(&k) {
-                cells.by_key.insert(k, cells.keys.len() as u32);
-                cells.keys.push(k);
-                cells.ranges.push((at as u32, at as u32));
+        for (place, &(key, _)) in (0..).zip(&keyed) {
+            if cells.keys.last() != Some(&key) {
+                cells.by_key.insert(key, cells.keys.len() as u32);
+                cells.keys.push(key);
+                cells.ranges.push((place, place));
             }
             let cell = cells.keys.len() - 1;
-            cells.ranges[cell].1 = at as u32 + 1;
-            cells.of_sample[i as usize] = cell as u32;
+            cells.ranges[cell].1 = place + 1;
+            cells.of_place.push(cell as u32);
         }
-        cells
+        (cells, keyed.into_iter().map(|(_, i)| i).collect())
     }
 
-    fn samples(&self, cell: usize) -> &[u32] {
+    fn samples(&self, cell: usize) -> std::ops::Range<u32> {
         let (from, to) = self.ranges[cell];
-        &self.order[from as usize..to as usize]
+        from..to
     }
 
     fn center(&self, cell: usize) -> [f32; 3] {
@@ -156,7 +158,7 @@ impl Cells {
             for y in low[1]..=high[1] {
                 for z in low[2]..=high[2] {
                     if let Some(&cell) = self.by_key.get(&[x, y, z]) {
-                        into.extend_from_slice(self.samples(cell as usize));
+                        into.extend(self.samples(cell as usize));
                     }
                 }
             }
@@ -165,18 +167,25 @@ impl Cells {
 }
 
 /// Places patches until every sample is owned.
-pub(super) fn place(
-    samples: &Samples,
-    grid: Grid,
-    progress: &dyn Progress,
-) -> Result<Vec<Placed>> {
-    let cells = Cells::new(&samples.positions, grid.size());
+pub(super) fn place(samples: &Samples, grid: Grid, progress: &dyn Progress) -> Result<Vec<Placed>> {
+    let (cells, order) = Cells::new(&samples.positions, grid.size());
     let mut unowned: Vec<u32> = cells.ranges.iter().map(|(a, b)| b - a).collect();
     let mut heap: BinaryHeap<(u32, Reverse<u32>)> =
         unowned.iter().enumerate().map(|(cell, &count)| (count, Reverse(cell as u32))).collect();
     let total = samples.len();
     let owned = vec![false; total];
-    let mut placer = Placer { samples, grid, cells, owned, near: Vec::new() };
+    let by_pixel = vec![Vec::new(); grid.n * grid.n];
+    let in_order = |values: &[[f32; 3]]| order.iter().map(|&i| values[i as usize]).collect();
+    let mut placer = Placer {
+        positions: in_order(&samples.positions),
+        weights: order.iter().map(|&i| samples.weights[i as usize]).collect(),
+        views: samples.views.as_deref().map(in_order),
+        grid,
+        cells,
+        owned,
+        near: Vec::new(),
+        by_pixel,
+    };
     let mut placed: Vec<Placed> = Vec::new();
     let mut aligned: VecDeque<[f32; 3]> = VecDeque::new();
     let mut tried: HashSet<[i32; 3]> = HashSet::new();
@@ -211,7 +220,7 @@ pub(super) fn place(
         };
         for &i in &trial.members {
             placer.owned[i as usize] = true;
-            unowned[placer.cells.of_sample[i as usize] as usize] -= 1;
+            unowned[placer.cells.of_place[i as usize] as usize] -= 1;
         }
         done += trial.members.len();
         let Frame { center, x, y, .. } = trial.frame;
@@ -223,20 +232,21 @@ pub(super) fn place(
                 aligned.push_back(next);
             }
         }
-        placed.push(Placed { pose: trial.pose, members: trial.members });
+        let members = trial.members.iter().map(|&i| order[i as usize]).collect();
+        placed.push(Placed { pose: trial.pose, members });
     }
     Ok(placed)
 }
 
-impl Placer<'_> {
+impl Placer {
     /// The unowned sample of a cell nearest to the mean of its unowned samples: it lies on a surface, where
     /// the mean itself may lie between two.
     fn seed_of(&self, cell: usize) -> u32 {
-        let free = || self.cells.samples(cell).iter().filter(|&&i| !self.owned[i as usize]);
+        let free = || self.cells.samples(cell).filter(|&i| !self.owned[i as usize]);
         let mut sum = [0.0_f64; 3];
         let mut count = 0.0;
-        for &i in free() {
-            let p = self.samples.positions[i as usize];
+        for i in free() {
+            let p = self.positions[i as usize];
             (0..3).for_each(|a| sum[a] += f64::from(p[a]));
             count += 1.0;
         }
@@ -244,45 +254,44 @@ impl Placer<'_> {
         self.nearest_to(mean, free()).unwrap_or_default()
     }
 
-    fn nearest_to<'s>(
-        &self,
-        target: [f32; 3],
-        candidates: impl Iterator<Item = &'s u32>,
-    ) -> Option<u32> {
+    fn nearest_to(&self, target: [f32; 3], candidates: impl Iterator<Item = u32>) -> Option<u32> {
         let distance = |i: u32| {
-            let d = sub(self.samples.positions[i as usize], target);
+            let d = sub(self.positions[i as usize], target);
             dot(d, d)
         };
-        candidates.copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))
+        candidates.min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))
     }
 
     fn nearest_unowned(&mut self, center: [f32; 3], radius: f32) -> Option<u32> {
         let mut near = std::mem::take(&mut self.near);
         self.cells.gather(center, radius, &mut near);
-        let seed = self.nearest_to(center, near.iter().filter(|&&i| !self.owned[i as usize]));
+        let seed =
+            self.nearest_to(center, near.iter().copied().filter(|&i| !self.owned[i as usize]));
         self.near = near;
-        let d = sub(self.samples.positions[seed? as usize], center);
+        let d = sub(self.positions[seed? as usize], center);
         seed.filter(|_| dot(d, d) <= radius * radius)
     }
 
     /// True when sample `i` was seen from the side that `normal` points to, or nothing is known of it.
     fn faces(&self, i: u32, normal: [f32; 3]) -> bool {
-        self.samples.views.as_ref().is_none_or(|views| dot(views[i as usize], normal) > 0.0)
+        self.views.as_ref().is_none_or(|views| dot(views[i as usize], normal) > 0.0)
     }
 
     /// The plane about sample `seed` that most unowned samples lie on.
     fn fit(&self, seed: u32) -> Plane {
-        let p = self.samples.positions[seed as usize];
-        let toward_sensor = self.samples.views.as_ref().map(|v| v[seed as usize]);
+        let p = self.positions[seed as usize];
+        let toward_sensor = self.views.as_ref().map(|v| v[seed as usize]);
         let size = self.grid.size();
         let gate = PLANE_GATE * self.grid.pixel;
         // Only what was seen from the seed's side may shape the plane.
+        let every = self.near.len().div_ceil(FIT_SAMPLES).max(1);
         let local: Vec<([f32; 3], f32, u32)> = self
             .near
             .iter()
+            .step_by(every)
             .filter(|&&i| toward_sensor.is_none_or(|v| self.faces(i, v)))
             .map(|&i| {
-                let d = sub(self.samples.positions[i as usize], p);
+                let d = sub(self.positions[i as usize], p);
                 (d, dot(d, d), i)
             })
             .filter(|&(_, d2, _)| d2 < FIT_RADII[0] * FIT_RADII[0] * size * size)
@@ -290,7 +299,7 @@ impl Placer<'_> {
         let plane_of = |keep: &dyn Fn(&([f32; 3], f32, u32)) -> bool| {
             let mut moments = Moments::default();
             for &(d, _, i) in local.iter().filter(|l| keep(l)) {
-                moments.add(d.map(f64::from), f64::from(self.samples.weights[i as usize]));
+                moments.add(d.map(f64::from), f64::from(self.weights[i as usize]));
             }
             let axes = moments.principal_axes()?;
             // Points on a line, or one point, have no plane.
@@ -307,11 +316,7 @@ impl Placer<'_> {
                 normal = normal.map(|c| -c);
             }
             let mean = moments.mean().map(|c| c as f32);
-            Some(Plane {
-                normal,
-                seed_offset: -dot(mean, normal),
-                scatter: axes.variances[0].sqrt() as f32,
-            })
+            Some(Plane { normal, seed_offset: -dot(mean, normal) })
         };
         let mut best: Option<(usize, Plane)> = None;
         for radius in FIT_RADII {
@@ -328,7 +333,7 @@ impl Placer<'_> {
         let Some((_, first)) = best else {
             // One or two samples, or a line of them: they look at the sensor, or up.
             let normal = toward_sensor.unwrap_or([0.0, 0.0, 1.0]);
-            return Plane { normal, seed_offset: 0.0, scatter: 0.0 };
+            return Plane { normal, seed_offset: 0.0 };
         };
         let refined = plane_of(&|(d, _, _)| dot(*d, first.normal).abs() < gate);
         match refined {
@@ -339,9 +344,9 @@ impl Placer<'_> {
 
     /// The patch that would describe the surface about `seed`, centred as near to `wanted` as the seed allows.
     fn trial(&mut self, seed: u32, wanted: [f32; 3]) -> Trial {
-        let Grid { pixel, n, position_step } = self.grid;
+        let Grid { pixel, position_step, .. } = self.grid;
         let size = self.grid.size();
-        let p = self.samples.positions[seed as usize];
+        let p = self.positions[seed as usize];
         let mut near = std::mem::take(&mut self.near);
         self.cells.gather(p, FIT_RADII[0] * size, &mut near);
         self.near = near;
@@ -360,12 +365,13 @@ impl Placer<'_> {
         let mut near = std::mem::take(&mut self.near);
         self.cells.gather(frame.center, 0.5 * size * 3.0_f32.sqrt(), &mut near);
         let half = 0.5 * size;
-        let mut by_pixel: Vec<Vec<(u32, f32)>> = vec![Vec::new(); n * n];
+        let mut by_pixel = std::mem::take(&mut self.by_pixel);
+        by_pixel.iter_mut().for_each(Vec::clear);
         for &i in &near {
             if self.owned[i as usize] {
                 continue;
             }
-            let local = frame.to_local(self.samples.positions[i as usize]);
+            let local = frame.to_local(self.positions[i as usize]);
             let within = local.iter().all(|c| c.abs() <= half);
             if i == seed || (within && self.faces(i, frame.z)) {
                 by_pixel[self.grid.pixel_of(local)].push((i, local[2]));
@@ -373,11 +379,11 @@ impl Placer<'_> {
         }
         self.near = near;
 
-        let gate = (GROWTH_SIGMAS * plane.scatter)
-            .clamp(GROWTH_GATE[0] * pixel, GROWTH_GATE[1] * pixel);
+        let gate = GROWTH_GATE * pixel;
         let seed_local = frame.to_local(p);
         let (members, set_pixels) =
             self.grow(&by_pixel, self.grid.pixel_of(seed_local), seed_local[2], gate);
+        self.by_pixel = by_pixel;
         Trial { pose, frame, members, set_pixels }
     }
 
@@ -400,7 +406,7 @@ impl Placer<'_> {
             let (mut sum, mut weight) = (0.0_f64, 0.0_f64);
             for &(i, d) in &by_pixel[pixel] {
                 if (d - expected[pixel]).abs() <= gate {
-                    let w = f64::from(self.samples.weights[i as usize]);
+                    let w = f64::from(self.weights[i as usize]);
                     sum += w * f64::from(d);
                     weight += w;
                     members.push(i);
