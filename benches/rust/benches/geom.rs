@@ -19,7 +19,7 @@ fn room(points: usize, seed: u64) -> PointCloud {
         .map(|i| {
             let face = i * 6 / points;
             let mut p: [f32; 3] = std::array::from_fn(|a| rng.random_range(0.0..size[a]));
-            p[face / 2] = if face % 2 == 0 { 0.0 } else { size[face / 2] };
+            p[face / 2] = if face.is_multiple_of(2) { 0.0 } else { size[face / 2] };
             p[face / 2] += rng.random_range(-0.01_f32..0.01);
             p
         })
