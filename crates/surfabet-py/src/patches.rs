@@ -194,7 +194,6 @@ impl PyPatchModel {
     }
 
     /// Sparse codes of one channel of one level as CSR columns `(offsets, entries, coefficients)`.
-    #[allow(clippy::type_complexity)]
     fn codes<'py>(
         &self,
         py: Python<'py>,
