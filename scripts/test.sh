@@ -39,7 +39,7 @@ step "Rust benchmarks build" cargo bench --quiet --workspace --no-run
 if [[ -f examples/embed/Cargo.toml ]]; then
     step "Example of embedding" cargo run --quiet --manifest-path examples/embed/Cargo.toml
 fi
-step "Python lints" .venv/bin/ruff check python tests/python benches
+step "Python lints" .venv/bin/ruff check python tests/python benches docs
 step "Python types" .venv/bin/mypy
 step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt
 step "Python tests" .venv/bin/pytest --quiet

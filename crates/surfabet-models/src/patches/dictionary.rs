@@ -164,7 +164,7 @@ pub(super) fn learn_channel(
     let learned = ksvd(&training, &ksvd_options, &stop, &mut |step| {
         progress.update(options.name, step.iteration as f32 / options.iterations as f32);
     })?;
-    report.iterations += learned.objective.len();
+    report.iterations += learned.iterations;
     report.objectives.push((options.name, learned.objective));
     let dictionary = QuantizedDictionary::quantize(&learned.dictionary);
 
