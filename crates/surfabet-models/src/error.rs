@@ -53,13 +53,32 @@ pub enum Error {
     Inconsistent(String),
     /// From the geometry below.
     #[error(transparent)]
-    Geometry(#[from] surfabet_geom::Error),
+    Geometry(surfabet_geom::Error),
     /// From the sparse coding below.
     #[error(transparent)]
-    Sparse(#[from] surfabet_sparse::Error),
+    Sparse(surfabet_sparse::Error),
     /// The caller asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+// A cancelled run is [`Error::Cancelled`] whichever layer noticed it, so these two are written out.
+impl From<surfabet_geom::Error> for Error {
+    fn from(error: surfabet_geom::Error) -> Self {
+        match error {
+            surfabet_geom::Error::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Geometry(other),
+        }
+    }
+}
+
+impl From<surfabet_sparse::Error> for Error {
+    fn from(error: surfabet_sparse::Error) -> Self {
+        match error {
+            surfabet_sparse::Error::Cancelled => Self::Cancelled(Cancelled),
+            other => Self::Sparse(other),
+        }
+    }
 }
 
 impl Error {
