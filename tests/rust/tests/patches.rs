@@ -223,7 +223,8 @@ fn sheets_apart_by_more_than_two_pixels_need_no_viewpoints() {
     let model = learn(&input);
     assert_covered(&input, &model);
     let decoded = decode(&model, None);
-    let off = || decoded.positions().iter().map(|p| f64::from(p[2].abs().min((p[2] - 0.025).abs())));
+    let off =
+        || decoded.positions().iter().map(|p| f64::from(p[2].abs().min((p[2] - 0.025).abs())));
     let (rms, worst) = (root_mean_square(off()), largest(off()));
     let strays = off().filter(|d| *d > 0.0015).count() as f64 / decoded.len() as f64;
     // A mean of both sheets would be 12.5 mm away from either.
@@ -467,9 +468,8 @@ fn map_coordinates_keep_their_precision() {
 #[test]
 fn resolutions_from_huge_to_tiny_work_or_are_refused() {
     let input = points_of(&[tilted()], 0.01);
-    let at = |resolution| {
-        patches::learn(&input, &PatchOptions { resolution, ..options() }, &Silent)
-    };
+    let at =
+        |resolution| patches::learn(&input, &PatchOptions { resolution, ..options() }, &Silent);
     let huge = at(10.0).unwrap();
     assert_eq!(huge.len(), 1);
     assert_all_owned(&huge);
@@ -489,14 +489,16 @@ fn decoding_is_possible_at_any_resolution() {
     let input = colored_scene();
     let model = learn(&input);
     let mut counts = Vec::new();
-    for resolution in [0.002, 0.0035, 0.005, 0.01, 0.011, 0.02, 0.03, 0.079, 0.08, 0.2, 1.0, 100.0] {
+    for resolution in [0.002, 0.0035, 0.005, 0.01, 0.011, 0.02, 0.03, 0.079, 0.08, 0.2, 1.0, 100.0]
+    {
         let decoded = decode(&model, Some(resolution));
         let far = largest(nearest(input.positions(), decoded.positions()));
         assert!(far <= 1.5 * resolution + PIXEL, "{far} at {resolution}");
         assert_eq!(decoded.colors().unwrap().len(), decoded.len());
         counts.push(decoded.len());
         for max_points in [0, 1, decoded.len() as u64 - 1, decoded.len() as u64] {
-            let limited = DecodeOptions { resolution: Some(resolution), max_points, normals: false };
+            let limited =
+                DecodeOptions { resolution: Some(resolution), max_points, normals: false };
             match model.decode(limited, &Silent) {
                 Ok(points) => assert!(points.len() as u64 <= max_points),
                 Err(error) => assert!(

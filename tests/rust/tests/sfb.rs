@@ -54,7 +54,10 @@ fn small_file() -> Vec<u8> {
 }
 
 fn read(file: &[u8]) -> Result<PatchModel, surfabet::Error> {
-    Model::from_bytes(file, &LIMITS).map(|Model::Patches(model)| model)
+    match Model::from_bytes(file, &LIMITS)? {
+        Model::Patches(model) => Ok(model),
+        other => panic!("a model of family {}", other.family()),
+    }
 }
 
 fn codec_error(file: &[u8]) -> Error {
@@ -233,7 +236,10 @@ fn codes_beyond_the_dictionary_are_refused() {
     let mut all = sections(&bare(&SOUND));
     all.iter_mut().find(|(t, _)| *t == Tag::new(b"DPTH")).unwrap().1 = stream.finish();
     let error = codec_error(&put_together(&all));
-    assert!(matches!(&error, Error::Corrupt { section, .. } if *section == Tag::new(b"DPTH")), "{error:?}");
+    assert!(
+        matches!(&error, Error::Corrupt { section, .. } if *section == Tag::new(b"DPTH")),
+        "{error:?}"
+    );
     assert!(error.to_string().contains("a code of 3 in 0 entries"), "{error}");
 }
 
@@ -247,7 +253,10 @@ fn trailing_bytes_are_refused_everywhere() {
         let mut longer = bytes.clone();
         longer.extend([1; 16]);
         let error = codec_error(&with_section(&tag.as_bytes(), longer));
-        assert!(matches!(error, Error::TrailingBytes { section, .. } if section == tag), "{error:?}");
+        assert!(
+            matches!(error, Error::TrailingBytes { section, .. } if section == tag),
+            "{error:?}"
+        );
     }
 }
 
@@ -262,7 +271,9 @@ fn sections_must_be_the_ones_of_the_family() {
     let strange = Tag::new(b"WHAT");
     let mut more = all.clone();
     more.push((strange, vec![1, 2, 3]));
-    assert!(matches!(codec_error(&put_together(&more)), Error::UnknownSection { section, .. } if section == strange));
+    assert!(
+        matches!(codec_error(&put_together(&more)), Error::UnknownSection { section, .. } if section == strange)
+    );
     // A small first letter says that it may be skipped.
     let mut more = all.clone();
     more.push((Tag::new(b"what"), vec![1, 2, 3]));
@@ -289,11 +300,17 @@ fn other_families_features_and_versions_are_refused_by_name() {
         Error::WrongFamily { expected: Family::Patches, found: Family::Planes }
     );
     assert!(read(&planes).is_err());
-    assert!(matches!(codec_error(&with_header_byte(7, 99)), Error::UnknownFamily { found: 99, .. }));
+    assert!(matches!(
+        codec_error(&with_header_byte(7, 99)),
+        Error::UnknownFamily { found: 99, .. }
+    ));
     let feature = codec_error(&with_header_byte(8, 0x40));
     assert!(matches!(feature, Error::UnknownFeature { bits: 0x40, .. }), "{feature:?}");
     assert!(feature.to_string().contains("or newer"));
-    assert!(matches!(codec_error(&with_header_byte(4, 9)), Error::UnsupportedVersion { found: 9, .. }));
+    assert!(matches!(
+        codec_error(&with_header_byte(4, 9)),
+        Error::UnsupportedVersion { found: 9, .. }
+    ));
     assert!(matches!(codec_error(b"ply\nformat ascii 1.0"), Error::NotSfb { .. }));
 }
 
@@ -332,8 +349,13 @@ proptest! {
 /// Codes of `patches` patches in a dictionary of `n_atoms` entries.
 fn codes(patches: usize, n_atoms: usize) -> impl Strategy<Value = Codes> {
     let most = n_atoms.min(5);
-    let entry = (0..n_atoms.max(1) as u16, prop_oneof![-9..0, 1..10, Just(i32::MIN), Just(i32::MAX)]);
-    let code = prop::collection::btree_map(entry.clone().prop_map(|e| e.0), entry.prop_map(|e| e.1), 0..=most);
+    let entry =
+        (0..n_atoms.max(1) as u16, prop_oneof![-9..0, 1..10, Just(i32::MIN), Just(i32::MAX)]);
+    let code = prop::collection::btree_map(
+        entry.clone().prop_map(|e| e.0),
+        entry.prop_map(|e| e.1),
+        0..=most,
+    );
     prop::collection::vec(code, patches).prop_map(|all| {
         let mut codes = Codes { offsets: vec![0], ..Codes::default() };
         for code in all {
@@ -351,12 +373,18 @@ fn channel(patches: usize, area: usize, planes: usize) -> impl Strategy<Value = 
         let values = prop::collection::vec(prop_oneof![-9_i8..10, any::<i8>()], n_atoms * features)
             .prop_map(move |mut values| {
                 // No entry may be all zero.
-                values.chunks_mut(features).filter(|c| c.iter().all(|v| *v == 0)).for_each(|c| c[0] = 1);
+                values
+                    .chunks_mut(features)
+                    .filter(|c| c.iter().all(|v| *v == 0))
+                    .for_each(|c| c[0] = 1);
                 QuantizedDictionary::new(features, values).unwrap()
             });
         let means = prop::collection::vec(prop_oneof![-20..20, any::<i32>()], patches * planes);
-        (values, means, codes(patches, n_atoms))
-            .prop_map(|(dictionary, means, codes)| Channel { dictionary, means, codes })
+        (values, means, codes(patches, n_atoms)).prop_map(|(dictionary, means, codes)| Channel {
+            dictionary,
+            means,
+            codes,
+        })
     })
 }
 
@@ -365,28 +393,30 @@ fn level() -> impl Strategy<Value = Level> {
     let coordinate = prop_oneof![4 => -300..300, 1 => -far..=far];
     let pose = (prop::array::uniform3(coordinate), prop::array::uniform2(-63_i16..=63))
         .prop_map(|(position, normal)| PatchPose { position, normal });
-    (2_u32..7, prop::collection::vec(pose, 0..12), 0.001..1.0).prop_flat_map(|(pixels, poses, pixel_size)| {
-        let (area, n) = ((pixels * pixels) as usize, poses.len());
-        let color = prop::option::of(channel(n, area, 3));
-        let masks = prop::collection::vec(0_u8..2, n * area);
-        (masks, channel(n, area, 1), color).prop_map(move |(masks, depth, color)| {
-            let position = 0.25 * pixel_size;
-            let mut poses = poses.clone();
-            let side = order::steps_per_cell(pixel_size, pixels, position);
-            let (_, cells) = order::cells(&poses, side);
-            let mut keyed: Vec<_> = cells.into_iter().map(order::morton).zip(poses).collect();
-            keyed.sort();
-            poses = keyed.into_iter().map(|(_, pose)| pose).collect();
-            let steps = Steps {
-                position,
-                depth_mean: 0.002,
-                depth_code: 0.01,
-                color_mean: 5.0,
-                color_code: 50.0,
-            };
-            Level { pixel_size, pixels, steps, poses, masks, depth, color }
-        })
-    })
+    (2_u32..7, prop::collection::vec(pose, 0..12), 0.001..1.0).prop_flat_map(
+        |(pixels, poses, pixel_size)| {
+            let (area, n) = ((pixels * pixels) as usize, poses.len());
+            let color = prop::option::of(channel(n, area, 3));
+            let masks = prop::collection::vec(0_u8..2, n * area);
+            (masks, channel(n, area, 1), color).prop_map(move |(masks, depth, color)| {
+                let position = 0.25 * pixel_size;
+                let mut poses = poses.clone();
+                let side = order::steps_per_cell(pixel_size, pixels, position);
+                let (_, cells) = order::cells(&poses, side);
+                let mut keyed: Vec<_> = cells.into_iter().map(order::morton).zip(poses).collect();
+                keyed.sort();
+                poses = keyed.into_iter().map(|(_, pose)| pose).collect();
+                let steps = Steps {
+                    position,
+                    depth_mean: 0.002,
+                    depth_code: 0.01,
+                    color_mean: 5.0,
+                    color_code: 50.0,
+                };
+                Level { pixel_size, pixels, steps, poses, masks, depth, color }
+            })
+        },
+    )
 }
 
 proptest! {
@@ -441,9 +471,8 @@ fn files_of_release_0_1_stay_readable() {
     assert_eq!((model.levels().len(), model.levels()[0].pixels), (1, 6));
     assert_eq!(model.levels()[0].pixel_size, 0.02);
     let expected = std::fs::read_to_string(golden("patches_0_1.txt")).unwrap();
-    let numbers = |line: &str| -> Vec<f64> {
-        line.split(' ').map(|n| n.parse().unwrap()).collect()
-    };
+    let numbers =
+        |line: &str| -> Vec<f64> { line.split(' ').map(|n| n.parse().unwrap()).collect() };
     let found = listing(&model);
     assert_eq!(found.lines().count(), expected.lines().count());
     for (found, expected) in found.lines().zip(expected.lines()) {

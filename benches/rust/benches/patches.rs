@@ -1,0 +1,42 @@
+//! The road from a simulated frame to a file and back: `cargo bench -p surfabet-benches --bench patches`.
+#![allow(missing_docs)]
+
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use surfabet_codec::{Container, Limits, patches as file};
+use surfabet_geom::{PointCloud, Silent};
+use surfabet_models::patches::{DecodeOptions, PatchOptions, learn};
+use surfabet_sim::{Intrinsics, RgbdOptions, RoomOptions, Scene, scan_rgbd};
+
+/// One noisy frame of a furnished room, 320 x 240 pixels.
+fn frame() -> PointCloud {
+    let room = Scene::room(&RoomOptions::default()).expect("the default room stands");
+    let poses = room.default_poses(1).expect("one pose");
+    let camera = RgbdOptions { intrinsics: Intrinsics::kinect(320, 240), ..RgbdOptions::default() };
+    let mut frames = scan_rgbd(&room, &poses, &camera, &Silent).expect("a frame per pose");
+    frames.swap_remove(0).scan.cloud
+}
+
+fn road(criterion: &mut Criterion) {
+    let cloud = frame();
+    let options = PatchOptions { resolution: 0.02, iterations: 4, ..PatchOptions::default() };
+    let model = learn(&cloud, &options, &Silent).expect("a cloud with points");
+    let bytes = file::write(&model).expect("a model of our own");
+    let limits = Limits::default();
+
+    let mut group = criterion.benchmark_group("patches");
+    group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
+    group.bench_function("learn", |b| b.iter(|| learn(black_box(&cloud), &options, &Silent)));
+    group.bench_function("write", |b| b.iter(|| file::write(black_box(&model))));
+    group.bench_function("read", |b| {
+        b.iter(|| file::read(&Container::parse(black_box(&bytes), &limits)?, &limits));
+    });
+    group.bench_function("decode", |b| {
+        b.iter(|| black_box(&model).decode(DecodeOptions::default(), &Silent));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, road);
+criterion_main!(benches);
