@@ -1,4 +1,4 @@
-"""Surface patches from Python: arrays against decoded points, files, errors, threads and interrupts."""
+"""Surface patches from Python: arrays, files, errors, threads and interrupts."""
 
 from __future__ import annotations
 
@@ -164,7 +164,8 @@ def long_work(**options):
 
 
 @pytest.mark.skipif(
-    threading.current_thread() is not threading.main_thread(), reason="signals reach the main thread"
+    threading.current_thread() is not threading.main_thread(),
+    reason="signals reach the main thread",
 )
 def test_an_interrupt_ends_the_work():
     interrupted = []

@@ -7,8 +7,8 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use surfabet_codec::models::{Bit, SInt, Symbols, UInt};
-use surfabet_codec::quantize::Octahedral;
 use surfabet_codec::{Container, ContainerWriter, Decoder, Encoder, Family, Features, Limits, Tag};
+use surfabet_geom::octahedral;
 
 const BENCH: Tag = Tag::new(b"BNCH");
 const COUNT: usize = 1 << 18;
@@ -119,29 +119,20 @@ fn entropy(criterion: &mut Criterion) {
     );
 }
 
-fn octahedral(criterion: &mut Criterion) {
+fn unit_vectors(criterion: &mut Criterion) {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let vectors: Vec<[f32; 3]> =
         (0..COUNT).map(|_| std::array::from_fn(|_| random.random_range(-1.0..1.0))).collect();
-    let quantizer = Octahedral::new(10).expect("bits in range");
-    let codes: Vec<[i32; 2]> =
-        vectors.iter().map(|v| quantizer.quantize(*v).expect("not zero")).collect();
+    let codes: Vec<[i32; 2]> = vectors.iter().map(|v| octahedral::encode(*v, 10)).collect();
     let mut group = criterion.benchmark_group("octahedral");
     group.throughput(Throughput::Elements(COUNT as u64));
-    group.bench_function("quantize", |b| {
+    group.bench_function("encode", |b| {
         b.iter(|| {
-            let sum = |sum: i32, v: &[f32; 3]| {
-                sum.wrapping_add(quantizer.quantize(*v).expect("not zero")[0])
-            };
-            vectors.iter().fold(0, sum)
+            vectors.iter().fold(0_i32, |sum, v| sum.wrapping_add(octahedral::encode(*v, 10)[0]))
         });
     });
-    group.bench_function("dequantize", |b| {
-        b.iter(|| {
-            let sum =
-                |sum: f32, code: &[i32; 2]| sum + quantizer.dequantize(*code).expect("own code")[0];
-            codes.iter().fold(0.0, sum)
-        });
+    group.bench_function("decode", |b| {
+        b.iter(|| codes.iter().fold(0.0_f32, |sum, code| sum + octahedral::decode(*code, 10)[0]));
     });
     group.finish();
 }
@@ -160,5 +151,5 @@ fn container(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, entropy, octahedral, container);
+criterion_group!(benches, entropy, unit_vectors, container);
 criterion_main!(benches);

@@ -1,4 +1,4 @@
-//! Bytes of the `.sfb` file: container, quantisers, entropy coder and one section format per model family.
+//! Bytes of the `.sfb` file: container, entropy coder and one section format per model family.
 //!
 //! The layout of every byte is written down in `docs/format.md`. What is read from a file is never trusted:
 //! counts are bounded by the bytes that remain and by [`Limits`] before anything is allocated, every section
@@ -36,7 +36,6 @@ mod error;
 mod hash;
 pub mod models;
 pub mod patches;
-pub mod quantize;
 
 pub use container::{Container, ContainerWriter, Family, Features, Limits, Section, Tag, Version};
 pub use entropy::{Decoder, Encoder};

@@ -67,6 +67,11 @@ pub fn write(model: &PatchModel) -> Result<Vec<u8>> {
 /// Any error of reading: the content is checked like the container was.
 pub fn read(container: &Container<'_>, limits: &Limits) -> Result<PatchModel> {
     container.expect_family(Family::Patches)?;
+    if container.features().contains(Features::SHARED_DICTIONARY) {
+        let what = "the file relies on a shared dictionary, which models of this family have not in \
+                    this release; read it with a newer surfabet";
+        return Err(Error::corrupt(META, 0, what));
+    }
     container.expect_only(&[META, POSES, MASKS, DICTIONARIES, DEPTH, COLOR])?;
     let stream = |tag| container.require(tag).map(|bytes| Decoder::new(tag, bytes));
     let mut poses = stream(POSES)?;
