@@ -29,6 +29,17 @@ build_docs() {
     RUSTDOCFLAGS="-D warnings" cargo doc --quiet --workspace --no-deps
 }
 
+# A program outside the workspace, as others would write it, on a square of 0.5 m.
+embed_example() {
+    mkdir -p out
+    .venv/bin/python -c '
+for i in range(10_000):
+    print(i % 100 * 0.005, i // 100 * 0.005, 1.0)
+' > out/square.xyz
+    CARGO_TARGET_DIR=target/embed cargo run --quiet --manifest-path examples/embed/Cargo.toml -- \
+        out/square.xyz out/square.sfb
+}
+
 step "Build and install" install_surfabet test
 step "Rust format" cargo fmt --all --check
 step "Rust lints" cargo clippy --quiet --workspace --all-targets -- -D warnings
@@ -36,9 +47,7 @@ step "Licences of dependencies" .venv/bin/python scripts/check_licenses.py
 step "Rust tests" cargo test --quiet --workspace
 step "Rust documentation" build_docs
 step "Rust benchmarks build" cargo bench --quiet --workspace --no-run
-if [[ -f examples/embed/Cargo.toml ]]; then
-    step "Example of embedding" cargo run --quiet --manifest-path examples/embed/Cargo.toml
-fi
+step "Example of embedding" embed_example
 step "Python lints" .venv/bin/ruff check python tests/python benches docs
 step "Python types" .venv/bin/mypy
 step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt
