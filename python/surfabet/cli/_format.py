@@ -29,6 +29,17 @@ def millimetres(metres: float) -> str:
     return f"{metres:.3g} m" if abs(metres) >= 1 else f"{metres * 1000:.3g} mm"
 
 
+def peak_memory() -> int | None:
+    """Most memory that this process has held, bytes; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # macOS counts bytes, other systems kibibytes.
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
 def print_json(value: dict[str, Any]) -> None:
     """One JSON object on stdout; not-a-number and infinities become null, which JSON can hold."""
     json.dump(_plain(value), sys.stdout, indent=2)

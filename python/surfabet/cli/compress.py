@@ -13,7 +13,7 @@ from cyclopts.validators import Number
 
 import surfabet
 from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_disk
-from surfabet.cli._format import bytes_text, millimetres, print_json, raw_bytes
+from surfabet.cli._format import bytes_text, millimetres, peak_memory, print_json, raw_bytes
 from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
 
 PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
@@ -155,6 +155,7 @@ def compress(
                 "bits_per_point": 8 * n_bytes / len(cloud),
                 "quality": quality and quality.as_dict(),
                 "seconds": seconds,
+                "peak_memory_bytes": peak_memory(),
                 "report": learned.report.as_dict(),
             }
         )

@@ -94,6 +94,8 @@ impl QuantizedDictionary {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ChannelOptions {
     pub name: &'static str,
+    /// How the report calls the entries that were asked for and not needed.
+    pub cropped: &'static str,
     pub n_atoms: usize,
     pub sparsity: usize,
     pub tolerance: f32,
@@ -177,7 +179,11 @@ pub(super) fn learn_channel(
         ..OmpOptions::default()
     };
     let sparse = omp(&entries, &signals, &omp_options, &stop)?;
-    Ok(crop(&dictionary, &quantize_codes(&sparse, &coded, n_signals, options.code_step)))
+    let codes = quantize_codes(&sparse, &coded, n_signals, options.code_step);
+    let (used, codes) = crop(&dictionary, &codes);
+    let cropped = learned.cropped + learned.dictionary.n_atoms() - used.n_atoms();
+    report.figures.push((options.cropped, cropped as f64));
+    Ok((used, codes))
 }
 
 /// Coefficients in steps, entries in growing order, empty codes for the signals that were not coded.

@@ -168,6 +168,7 @@ fn learn_depth(
     let centred = Centred { means, rest };
     let channel = ChannelOptions {
         name: "learning depth",
+        cropped: "depth dictionary entries cropped",
         n_atoms: options.depth_atoms as usize,
         sparsity: options.depth_sparsity as usize,
         tolerance: options.depth_tolerance() as f32,
@@ -211,6 +212,7 @@ fn learn_color(
     let centred = Centred { means: means.into_flattened(), rest };
     let channel = ChannelOptions {
         name: "learning colour",
+        cropped: "colour dictionary entries cropped",
         n_atoms: options.color_atoms as usize,
         sparsity: options.color_sparsity as usize,
         tolerance: options.color_tolerance as f32,
