@@ -16,11 +16,9 @@ import time
 from pathlib import Path
 
 import numpy as np
-from peer_bench import load
+from peer_bench import ROOM, load
 
 import surfabet as sb
-
-ROOM = Path(__file__).resolve().parents[3] / "shared" / "data" / "rgbd_room"
 
 
 def parse() -> argparse.Namespace:

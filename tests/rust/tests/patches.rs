@@ -399,7 +399,7 @@ fn colors_come_back() {
         }
     }
 
-    // Colours that vary come back within the tolerance and what quantising the codes adds.
+    // The decoded points carry colours; how close they are is asserted on the constant colour above.
     let input = colored_scene();
     let generous = PatchOptions { color_sparsity: 32, iterations: 6, ..options() };
     let model = patches::learn(&input, &generous, &Silent).unwrap();
