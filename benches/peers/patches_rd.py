@@ -32,12 +32,10 @@ RESOLUTIONS = [0.006, 0.008, 0.010, 0.012, 0.015, 0.020, 0.025]
 DRACO_STEPS = [0.005, 0.007, 0.010, 0.015, 0.020, 0.030]
 OCTOMAP_STEPS = [0.007, 0.010, 0.015, 0.020, 0.030]
 LAZ_STEPS = [0.010, 0.020]
-GPCC_OCTREE = [
-    GpccSetting(step, 0, qp) for qp in (34, 46) for step in (0.007, 0.010, 0.015, 0.020)
-]
+GPCC_OCTREE = [GpccSetting(step, 0, qp) for qp in (34, 46) for step in (0.007, 0.010, 0.015, 0.020)]
 GPCC_TRISOUP = [
     GpccSetting(step, node_log2, qp)
-    for qp in (34, 40, 46)
+    for qp in (46, 40, 51)
     for step, node_log2 in ((0.005, 2), (0.007, 2), (0.005, 3), (0.007, 3), (0.010, 3))
 ]
 
@@ -183,21 +181,22 @@ def plot(rows: list[Row], path: Path) -> None:
         ("geometry_bytes", "rmse", 1e3, "error, larger of both directions (mm)", "geometry bytes"),
         ("bytes", "color_rmse", 1.0, "colour rmse, larger of both directions", "all bytes"),
     ]
-    palette = dict(zip(sorted({r["tool"] for r in rows}), plt.colormaps["tab10"].colors))
-    styles = {"34": "--", "40": "-.", "46": ":"}
+    tools = sorted({row["tool"] for row in rows})
+    palette = {tool: plt.colormaps["tab10"](i) for i, tool in enumerate(tools)}
+    styles = {"34": "--", "40": "-", "46": "--", "51": ":"}
     for axis, (size, error, scale, x_label, y_label) in zip(axes, panels, strict=True):
         for curve, group in itertools.groupby(
             sorted(rows, key=lambda r: r["curve"]), key=lambda r: r["curve"]
         ):
             found = sorted((r[error] * scale, r[size], r["tool"]) for r in group)
-            x, y, tools = zip(*found, strict=True)
+            x, y, names = zip(*found, strict=True)
             own = curve == OURS
             axis.plot(
                 x,
                 y,
                 "-" if own else styles.get(curve.rpartition(" qp ")[2], "-"),
                 marker="o" if own else ".",
-                color="black" if own else palette[tools[0]],
+                color="black" if own else palette[names[0]],
                 linewidth=2.5 if own else 1.2,
                 label=curve,
             )
