@@ -4,7 +4,8 @@
                                            [--out DIR]
 
 The points are the first frames of the real room. Every run is a process of its own; seconds are
-wall clock, from the cloud in memory to the file's bytes and back. Peak memory is the process's
+wall clock, from the cloud in memory to the file's bytes and back, and beside them those of all
+cores together. Peak memory is the process's
 largest resident set from just before the encoding, input included (read from /proc: Linux only).
 OctoMap inserts the same points frame by frame with ray casting (`insertPointCloud`, lazily
 evaluated, without colours, both with its scans discretised first and without) on the smallest
@@ -23,6 +24,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import peer_codecs as peers
+from peer_bench import ROOM, load
+from peer_codecs import cpu_seconds, number
+
+import surfabet as sb
 
 Row = dict[str, Any]
 OCTREE_STEP = 0.01
@@ -41,12 +47,8 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def first_frames(n_points: float) -> tuple[Any, int]:
+def first_frames(n_points: float) -> tuple[sb.PointCloud, int]:
     """The cloud of as many whole frames as come nearest to a number of points, and their number."""
-    from peer_bench import ROOM
-
-    import surfabet as sb
-
     cloud = sb.read(ROOM)
     ends = np.cumsum(np.bincount(cloud.viewpoint_index))
     n_frames = int(np.argmin(np.abs(ends - n_points))) + 1
@@ -63,14 +65,12 @@ def peak_bytes() -> int:
     return int(line.split()[1]) * 1024
 
 
-def patches_job(options: argparse.Namespace, cloud: Any) -> Row:
-    import surfabet as sb
-
+def patches_job(options: argparse.Namespace, cloud: sb.PointCloud) -> Row:
     sb.set_num_threads(options.threads)
     reset_peak()
-    began = time.perf_counter()
+    began, cpu = time.perf_counter(), cpu_seconds()
     data = sb.learn_patches(cloud, resolution=options.resolution).to_bytes()
-    encoded = time.perf_counter()
+    encoded, cpu = time.perf_counter(), cpu_seconds() - cpu
     peak = peak_bytes()
     surface = sb.from_bytes(data).decode()
     decoded = time.perf_counter()
@@ -78,6 +78,7 @@ def patches_job(options: argparse.Namespace, cloud: Any) -> Row:
     return {
         "bytes": len(data),
         "encode_seconds": encoded - began,
+        "encode_cpu_seconds": cpu,
         "peak_bytes": peak,
         "decode_seconds": decoded - encoded,
         "decode_as_measured_seconds": time.perf_counter() - decoded,
@@ -86,20 +87,24 @@ def patches_job(options: argparse.Namespace, cloud: Any) -> Row:
     }
 
 
-def octomap_job(options: argparse.Namespace, cloud: Any) -> Row:
+def octomap_job(options: argparse.Namespace, cloud: sb.PointCloud) -> Row:
     import pyoctomap
 
     points, eyes, frame_of = cloud.points, cloud.viewpoints, cloud.viewpoint_index
     frames = np.split(points, np.flatnonzero(np.diff(frame_of)) + 1)
     reset_peak()
     tree = pyoctomap.OcTree(OCTREE_STEP)
-    began = time.perf_counter()
+    began, cpu = time.perf_counter(), cpu_seconds()
     for eye, frame in zip(eyes[np.unique(frame_of)], frames, strict=True):
         tree.insertPointCloud(
             np.ascontiguousarray(frame), eye, -1.0, True, options.job == "discretised"
         )
     tree.updateInnerOccupancy()
-    return {"encode_seconds": time.perf_counter() - began, "peak_bytes": peak_bytes()}
+    return {
+        "encode_seconds": time.perf_counter() - began,
+        "encode_cpu_seconds": cpu_seconds() - cpu,
+        "peak_bytes": peak_bytes(),
+    }
 
 
 def job(options: argparse.Namespace) -> None:
@@ -167,10 +172,6 @@ def main() -> None:
     if options.job:
         job(options)
         return
-    import peer_codecs as peers
-    from peer_bench import ROOM, load
-    from peer_codecs import number
-
     if not ROOM.is_dir():
         sys.exit(f"{ROOM} is not there: this script needs the real room")
     sizes = sorted(options.millions)
@@ -182,7 +183,7 @@ def main() -> None:
     if options.json:
         print(json.dumps(rows, indent=1))
     else:
-        header = ["tool", "points", "frames", "bytes", "encode s", "peak MB"]
+        header = ["tool", "points", "frames", "bytes", "encode s", "CPU s", "peak MB"]
         header += ["decode surface s", "decode as measured s"]
         cells = [
             [
@@ -191,6 +192,7 @@ def main() -> None:
                 number(row["frames"]),
                 number(row.get("bytes")),
                 number(row["encode_seconds"], 2),
+                number(row["encode_cpu_seconds"], 2),
                 number(row["peak_bytes"], 0, 1e-6),
                 number(row.get("decode_seconds"), 2),
                 number(row.get("decode_as_measured_seconds"), 2),

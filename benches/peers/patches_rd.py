@@ -118,7 +118,7 @@ def measure(options: argparse.Namespace) -> list[Row]:
     cloud = raw if options.input == "raw" else reference
     ours = []
     for resolution in options.resolutions:
-        coded = peers.surfabet_patches(cloud, resolution, as_measured=True)
+        _, coded = peers.surfabet_patches(cloud, resolution)
         row = {"tool": OURS, "setting": f"{1e3 * resolution:g} mm", "curve": OURS}
         ours.append(row | {"input": options.input} | peers.measured(reference, coded))
         print(f"{OURS}, {row['setting']}: {coded.bytes:,} bytes", file=sys.stderr, flush=True)

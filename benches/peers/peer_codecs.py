@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,21 +111,23 @@ def centers(cloud: sb.PointCloud, step: float) -> tuple[np.ndarray, sb.PointClou
     return np.floor(means.points / step).astype(np.int64), means
 
 
-def surfabet_patches(
-    cloud: sb.PointCloud, resolution: float, *, as_measured: bool, spacing: float | None = None
-) -> Coded:
-    """Our patches through their file format."""
+def surfabet_patches(cloud: sb.PointCloud, resolution: float) -> tuple[Coded, Coded]:
+    """Our patches through their file format: decoded as a thin surface, and as measured."""
     began = cpu_seconds()
     data = sb.learn_patches(cloud, resolution=resolution).to_bytes()
-    encoded = cpu_seconds()
-    decoded = sb.from_bytes(data).decode(spacing, as_measured=as_measured)
-    seconds = cpu_seconds() - encoded
+    encode_seconds = cpu_seconds() - began
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.sfb"
         path.write_bytes(data)
         sections = sb.inspect(path).sections
-    color = sum(size for name, size in sections.items() if "colour" in name)
-    return Coded(len(data), len(data) - color, encoded - began, seconds, decoded)
+    geometry = sum(size for name, size in sections.items() if "colour" not in name)
+
+    def decoded(as_measured: bool) -> Coded:
+        began = cpu_seconds()
+        points = sb.from_bytes(data).decode(as_measured=as_measured)
+        return Coded(len(data), geometry, encode_seconds, cpu_seconds() - began, points)
+
+    return decoded(False), decoded(True)
 
 
 def draco(cloud: sb.PointCloud, step: float, color_bits: int = 5) -> Coded | None:
@@ -246,7 +249,8 @@ def find_tmc3(given: Path | None) -> Path | None:
             raise SystemExit(f"{given} is not a program; give the path of tmc3")
         print(
             "G-PCC is left out: build tmc3 of github.com/MPEGGroup/mpeg-pcc-tmc13 and put it on "
-            "the PATH, or give --tmc3"
+            "the PATH, or give --tmc3",
+            file=sys.stderr,
         )
         return None
     return Path(found).resolve()
