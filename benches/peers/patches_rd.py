@@ -36,7 +36,7 @@ GPCC_OCTREE = [GpccSetting(step, 0, qp) for qp in (34, 46) for step in (0.007, 0
 GPCC_TRISOUP = [
     GpccSetting(step, node_log2, qp)
     for qp in (46, 40, 51)
-    for step, node_log2 in ((0.005, 2), (0.007, 2), (0.005, 3), (0.007, 3), (0.010, 3))
+    for step, node_log2 in ((0.005, 2), (0.007, 2), (0.005, 3), (0.007, 3), (0.010, 3), (0.014, 3))
 ]
 
 Row = dict[str, Any]
@@ -183,13 +183,13 @@ def plot(rows: list[Row], path: Path) -> None:
     ]
     tools = sorted({row["tool"] for row in rows})
     palette = {tool: plt.colormaps["tab10"](i) for i, tool in enumerate(tools)}
-    styles = {"34": "--", "40": "-", "46": "--", "51": ":"}
+    styles = {"34": "-", "40": "-.", "46": "--", "51": ":"}
     for axis, (size, error, scale, x_label, y_label) in zip(axes, panels, strict=True):
         for curve, group in itertools.groupby(
             sorted(rows, key=lambda r: r["curve"]), key=lambda r: r["curve"]
         ):
-            found = sorted((r[error] * scale, r[size], r["tool"]) for r in group)
-            x, y, names = zip(*found, strict=True)
+            found = sorted((r[size], r[error] * scale, r["tool"]) for r in group)
+            y, x, names = zip(*found, strict=True)
             own = curve == OURS
             axis.plot(
                 x,
