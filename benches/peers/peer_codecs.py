@@ -66,8 +66,8 @@ class GpccSetting:
         # room: one slice instead of slices of a million points, every voxel of trisoup's triangles
         # instead of so many as a slice may have, and one bit instead of two for its vertices.
         common = {
-            # The input is in millimetres.
-            "positionQuantizationScale": f"{1e-3 / self.step:.9g}",
+            # The input is in millimetres. All digits, as it becomes a fraction of small integers.
+            "positionQuantizationScale": f"{1e-3 / self.step:.17g}",
             "mergeDuplicatedPoints": 1,
             "partitionMethod": 0,
             "enforceLevelLimits": 0,
