@@ -135,7 +135,7 @@ def contestants(
     for step in options.steps:
         yield "Draco, level 10, 5-bit colour", f"{1e3 * step:g} mm", peers.draco(cloud, step)
     if tmc3 := peers.find_tmc3(options.tmc3):
-        for step, node_log2 in ((0.005, 3), (0.010, 3), (0.010, 4)):
+        for step, node_log2 in ((0.007, 3), (0.010, 3)):
             setting = GpccSetting(step, node_log2, 46)
             yield setting.tool, setting.name, peers.gpcc(cloud, setting, tmc3)
 
