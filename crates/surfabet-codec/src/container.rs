@@ -92,10 +92,14 @@ impl Features {
     pub const NONE: Self = Self(0);
     /// The dictionary is not inside: the file names a shared one by its hash.
     pub const SHARED_DICTIONARY: Self = Self(1);
+    /// The patches lie on a lattice, with thickness, and colour on cells of their own.
+    pub const LATTICE: Self = Self(2);
 
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 1] =
-        [(Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 })];
+    const KNOWN: [(Self, &'static str, Version); 2] = [
+        (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
+        (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 2 }),
+    ];
 
     /// The bits.
     pub fn bits(self) -> u64 {

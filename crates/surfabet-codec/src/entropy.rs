@@ -12,12 +12,11 @@ use constriction::stream::queue::{EncoderSituation, RangeDecoder, RangeEncoder};
 use constriction::stream::{Decode, Encode};
 use constriction::{CoderError, Queue};
 
+use surfabet_entropy::{Coder, PRECISION};
+
 use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::models::{Bit, SInt, Symbols, UInt};
-
-/// Probabilities are multiples of `2^-PRECISION`.
-pub(crate) const PRECISION: usize = 16;
 
 /// Bytes of the coder's word: what it writes and reads at once.
 const WORD_BYTES: usize = 4;
@@ -79,13 +78,13 @@ impl Encoder {
     /// Appends `value`, adapting `model`.
     #[inline]
     pub fn uint(&mut self, model: &mut UInt, value: u32) {
-        model.encode(self, value);
+        let Ok(_) = Coder::uint(self, model, value);
     }
 
     /// Appends `value`, adapting `model`.
     #[inline]
     pub fn sint(&mut self, model: &mut SInt, value: i32) {
-        model.encode(self, value);
+        let Ok(_) = Coder::sint(self, model, value);
     }
 
     /// Appends `value`, adapting `model`.
@@ -94,7 +93,7 @@ impl Encoder {
     /// When `value` is not below the size of the model's alphabet.
     #[inline]
     pub fn symbol(&mut self, model: &mut Symbols, value: u32) {
-        model.encode(self, value);
+        let Ok(_) = Coder::symbol(self, model, value);
     }
 
     /// Upper bound of the bytes that [`Encoder::finish`] would return now.
@@ -132,6 +131,44 @@ impl Encoder {
         let kept = tail.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
         bytes.extend_from_slice(&tail[..kept]);
         bytes
+    }
+}
+
+impl Coder for Encoder {
+    type Error = std::convert::Infallible;
+
+    #[inline]
+    fn bit(&mut self, model: &mut Bit, value: bool) -> Result<bool, Self::Error> {
+        self.bit(model, value);
+        Ok(value)
+    }
+
+    #[inline]
+    fn bypass(&mut self, value: u64, n_bits: u32) -> Result<u64, Self::Error> {
+        self.bypass(value, n_bits);
+        Ok(if n_bits >= u64::BITS { value } else { value & ((1 << n_bits) - 1) })
+    }
+
+    fn corrupt(&self, what: String) -> Self::Error {
+        unreachable!("a writer is given values that fit, not: {what}")
+    }
+}
+
+impl Coder for Decoder<'_> {
+    type Error = Error;
+
+    #[inline]
+    fn bit(&mut self, model: &mut Bit, _: bool) -> Result<bool> {
+        self.bit(model)
+    }
+
+    #[inline]
+    fn bypass(&mut self, _: u64, n_bits: u32) -> Result<u64> {
+        self.bypass(n_bits)
+    }
+
+    fn corrupt(&self, what: String) -> Error {
+        self.corrupt(what)
     }
 }
 
@@ -224,19 +261,19 @@ impl<'a> Decoder<'a> {
     /// The next unsigned integer, adapting `model`.
     #[inline]
     pub fn uint(&mut self, model: &mut UInt) -> Result<u32> {
-        model.decode(self)
+        Coder::uint(self, model, 0)
     }
 
     /// The next signed integer, adapting `model`.
     #[inline]
     pub fn sint(&mut self, model: &mut SInt) -> Result<i32> {
-        model.decode(self)
+        Coder::sint(self, model, 0)
     }
 
     /// The next symbol, below the size of the model's alphabet, adapting `model`.
     #[inline]
     pub fn symbol(&mut self, model: &mut Symbols) -> Result<u32> {
-        model.decode(self)
+        Coder::symbol(self, model, 0)
     }
 
     /// Checks that the last symbol was read.

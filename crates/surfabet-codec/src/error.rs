@@ -154,6 +154,9 @@ pub enum Error {
         /// Hash of the dictionary given.
         found: ContentHash,
     },
+    /// A size that no alphabet has.
+    #[error(transparent)]
+    InvalidAlphabet(#[from] surfabet_entropy::InvalidAlphabet),
     /// The caller asked to stop.
     #[error(transparent)]
     Cancelled(#[from] surfabet_geom::Cancelled),

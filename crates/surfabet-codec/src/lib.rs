@@ -34,6 +34,7 @@ mod container;
 mod entropy;
 mod error;
 mod hash;
+pub mod lattice;
 pub mod models;
 pub mod patches;
 

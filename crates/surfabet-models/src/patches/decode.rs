@@ -15,6 +15,8 @@ use crate::error::{Error, Result};
 pub struct DecodeOptions {
     /// Spacing of the points, metres; `None`: half of the finest level's pixel.
     pub resolution: Option<f64>,
+    /// Fill the thickness that the scan had, where the model keeps it.
+    pub as_measured: bool,
     /// Give each point the normal of its patch surface.
     pub normals: bool,
     /// Refuse to produce more points than this.
@@ -23,7 +25,7 @@ pub struct DecodeOptions {
 
 impl Default for DecodeOptions {
     fn default() -> Self {
-        Self { resolution: None, normals: false, max_points: 2_000_000_000 }
+        Self { resolution: None, as_measured: false, normals: false, max_points: 2_000_000_000 }
     }
 }
 

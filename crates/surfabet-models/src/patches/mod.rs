@@ -21,6 +21,7 @@ mod decode;
 mod dictionary;
 mod frame;
 mod images;
+pub mod lattice;
 mod learn;
 mod model;
 mod options;

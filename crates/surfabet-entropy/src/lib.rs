@@ -1,0 +1,12 @@
+//! Adaptive models of bits and integers, with their cost, and the [`Coder`] that streams of them go through.
+//!
+//! Nothing here knows of files: the range coder that turns decisions into bytes lives with the file format. What
+//! decides between two ways to say a thing needs only the models and their prices.
+
+mod coder;
+mod error;
+mod models;
+
+pub use coder::{Coder, Price};
+pub use error::InvalidAlphabet;
+pub use models::{Bit, PRECISION, SInt, Symbols, UInt};

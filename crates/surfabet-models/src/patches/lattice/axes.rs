@@ -1,0 +1,159 @@
+//! The scene's own axes: walls, floors and furniture of a building follow three orthogonal directions.
+//!
+//! Patches whose frames follow these directions need no orientation of their own, share one pixel lattice, and
+//! meet without gaps. A scene without such directions loses nothing but compactness: any frame is a valid one.
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
+use rayon::prelude::*;
+use surfabet_geom::{Moments, PointCloud};
+
+use super::cells::{Groups, cell_of, key};
+
+/// Points that vote, at most.
+const MAX_POINTS: usize = 400_000;
+
+/// Directions that are tried for the first axis, at most.
+const MAX_CANDIDATES: usize = 1500;
+
+/// Normals within this angle of an axis belong to it: cos 12 degrees.
+const NEAR: f64 = 0.978;
+
+/// Second axes are at most this far from being orthogonal to the first: sin 12 degrees.
+const ORTHOGONAL: f64 = 0.208;
+
+/// Rounds of assigning normals to axes and turning the axes to their mean.
+const ROUNDS: usize = 10;
+
+/// Quaternions are stored in units of this: 2e-6 rad, so 0.2 mm at 100 m.
+const QUATERNION_STEP: f64 = 1.0 / (1 << 19) as f64;
+
+/// Largest component of a stored quaternion.
+pub const MAX_QUATERNION: i32 = 1 << 19;
+
+/// A rotation as the file stores it: w, x, y, z of a quaternion in steps of 2^-19, not exactly of unit length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Orientation {
+    /// Components w, x, y, z.
+    pub quaternion: [i32; 4],
+}
+
+impl Default for Orientation {
+    fn default() -> Self {
+        Self { quaternion: [MAX_QUATERNION, 0, 0, 0] }
+    }
+}
+
+impl Orientation {
+    fn nearest(rotation: &Rotation3<f64>) -> Self {
+        let q = UnitQuaternion::from_rotation_matrix(rotation);
+        let store = |c: f64| (c / QUATERNION_STEP).round() as i32;
+        Self { quaternion: [q.w, q.i, q.j, q.k].map(store) }
+    }
+
+    /// Rows of the matrix that takes directions of the lattice to directions of the world.
+    pub fn rotation(self) -> [[f64; 3]; 3] {
+        let [w, x, y, z] = self.quaternion.map(f64::from);
+        let q = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let m = q.to_rotation_matrix();
+        std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)]))
+    }
+
+    /// Checks that it is a rotation at all.
+    pub(super) fn is_valid(self) -> bool {
+        let length: i64 = self.quaternion.iter().map(|&c| i64::from(c) * i64::from(c)).sum();
+        self.quaternion.iter().all(|c| c.abs() <= MAX_QUATERNION + 1) && length >= 1 << 36
+    }
+
+    /// The orientation that most of the surface of `cloud` follows, from planes in cells of side `cell` metres.
+    pub(super) fn of(cloud: &PointCloud, cell: f32) -> Self {
+        let normals = normals(cloud, cell);
+        let Some(first) = strongest(&normals, |_| true) else { return Self::default() };
+        let second = strongest(&normals, |c| dot(c, first).abs() < ORTHOGONAL).unwrap_or_else(|| {
+            // Nothing else stands across the first axis: any direction does.
+            let axis = (0..3).min_by(|&a, &b| first[a].abs().total_cmp(&first[b].abs()));
+            std::array::from_fn(|a| f64::from(u8::from(Some(a) == axis)))
+        });
+        let mut axes = orthonormal(first, second);
+        for _ in 0..ROUNDS {
+            // Directions as close to the means as a rotation can be (orthogonal Procrustes).
+            let mut sums = Matrix3::<f64>::zeros();
+            for (n, weight) in &normals {
+                for (a, axis) in axes.iter().enumerate() {
+                    let along = dot(*n, *axis);
+                    if along.abs() >= NEAR {
+                        for k in 0..3 {
+                            sums[(k, a)] += weight * along.signum() * n[k];
+                        }
+                    }
+                }
+            }
+            for (a, axis) in axes.iter().enumerate() {
+                // An axis without followers stays where it is.
+                (0..3).for_each(|k| sums[(k, a)] += 1e-9 * axis[k]);
+            }
+            let svd = sums.svd(true, true);
+            let (Some(u), Some(v)) = (svd.u, svd.v_t) else { break };
+            let mut turned = u * v;
+            if turned.determinant() < 0.0 {
+                turned.column_mut(2).neg_mut();
+            }
+            axes = std::array::from_fn(|a| std::array::from_fn(|k| turned[(k, a)]));
+        }
+        let matrix = Matrix3::from_fn(|row, column| axes[column][row]);
+        Self::nearest(&Rotation3::from_matrix_unchecked(matrix))
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Plane normals of the cells of a thinned cloud, weighted by how many points lie in how thin a plane.
+fn normals(cloud: &PointCloud, cell: f32) -> Vec<([f64; 3], f64)> {
+    let stride = cloud.len().div_ceil(MAX_POINTS).max(1);
+    let points: Vec<[f32; 3]> = cloud.positions().iter().step_by(stride).copied().collect();
+    let groups = Groups::new(points.len(), |i| key(cell_of(points[i], cell)));
+    (0..groups.len())
+        .into_par_iter()
+        .filter_map(|g| {
+            let members = groups.of(g);
+            let moments = Moments::about(
+                points[members[0] as usize],
+                members.iter().map(|&i| points[i as usize]),
+            );
+            let axes = moments.principal_axes()?;
+            let [thin, middle, _] = axes.variances;
+            let flat = (members.len() >= 6 && middle > 0.0).then_some(())?;
+            let () = flat;
+            Some((axes.normal(), members.len() as f64 * (1.0 - (thin / middle).sqrt())))
+        })
+        .collect()
+}
+
+/// The normal that most weight lies about, among those that are allowed.
+fn strongest(
+    normals: &[([f64; 3], f64)],
+    allowed: impl Fn([f64; 3]) -> bool + Sync,
+) -> Option<[f64; 3]> {
+    let stride = normals.len().div_ceil(MAX_CANDIDATES).max(1);
+    let candidates: Vec<[f64; 3]> =
+        normals.iter().step_by(stride).map(|n| n.0).filter(|&n| allowed(n)).collect();
+    let votes: Vec<f64> = candidates
+        .par_iter()
+        .map(|c| normals.iter().filter(|(n, _)| dot(*n, *c).abs() >= NEAR).map(|n| n.1).sum())
+        .collect();
+    let best = (0..candidates.len()).max_by(|&a, &b| votes[a].total_cmp(&votes[b]).then(b.cmp(&a)))?;
+    Some(candidates[best])
+}
+
+fn orthonormal(first: [f64; 3], second: [f64; 3]) -> [[f64; 3]; 3] {
+    let unit = |v: [f64; 3]| {
+        let length = dot(v, v).sqrt();
+        v.map(|c| c / length)
+    };
+    let x = unit(first);
+    let along = dot(second, x);
+    let y = unit(std::array::from_fn(|a| second[a] - along * x[a]));
+    let z = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    [x, y, z]
+}

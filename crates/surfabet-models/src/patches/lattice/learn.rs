@@ -1,0 +1,229 @@
+//! The whole way from a cloud to a lattice model.
+
+use rayon::prelude::*;
+use surfabet_entropy::Price;
+use surfabet_geom::{KdTree, PointCloud, Progress};
+
+use super::axes::Orientation;
+use super::basis::Basis;
+use super::cells::LIMIT;
+use super::choice::Choice;
+use super::color::{ColorModels, ColorSteps, Source, code_colors};
+use super::leaves::leaves;
+use super::model::{ColorField, Geometry, LatticeModel, Node, PATCH_PIXELS, Root, extra_key};
+use super::nodes::nodes;
+use super::options::LatticeOptions;
+use super::samples::{SAMPLE_SIZE, Samples};
+use super::sheets::{Sheet, grow};
+use super::syntax::{GeometryModels, code_geometry};
+use super::targets::targets;
+use crate::error::{Error, Result};
+use crate::patches::DecodeOptions;
+use crate::report::{Report, Stage};
+
+/// Side of the cells that vote for the scene's axes, in pixels.
+const AXES_CELL: f64 = 6.0;
+
+/// Diagonal of a cube over its side, turned round: cells of this side keep their points within half the bound.
+const WITHIN: f64 = 1.15;
+
+/// Learns a lattice model from a cloud.
+///
+/// The result depends on cloud and options alone, not on the number of threads.
+///
+/// # Errors
+/// [`Error::InvalidParameter`] for options outside their domain, [`Error::EmptyCloud`], [`Error::TooLarge`] when
+/// the scene does not fit the lattice, [`Error::Cancelled`] when the caller asks to stop.
+pub fn learn(
+    cloud: &PointCloud,
+    options: &LatticeOptions,
+    progress: &dyn Progress,
+) -> Result<LatticeModel> {
+    options.check()?;
+    check_extent(cloud, options)?;
+    let mut report = Report::default();
+    progress.update("merging points", 0.0);
+    let cell = (AXES_CELL * options.resolution) as f32;
+    let orientation = report.time("finding axes", || Orientation::of(cloud, cell));
+    let samples = report.time("merging points", || {
+        Samples::merge(cloud, orientation, options.resolution, options.sensor, progress)
+    })?;
+    let tile_pixels = PATCH_PIXELS << (options.levels - 1);
+    progress.update("growing sheets", 0.3);
+    let sheets =
+        report.time("growing sheets", || grow(&samples, options.resolution as f32, tile_pixels))?;
+    progress.check()?;
+    progress.update("choosing patches", 0.4);
+    let empty = Geometry {
+        origin: cloud.origin(),
+        orientation,
+        pixel_size: options.resolution,
+        levels: options.levels,
+        depth_step: options.depth_step,
+        roots: Vec::new(),
+    };
+    let geometry = choose(empty, &sheets, options, &mut report, progress)?;
+    progress.update("colouring", 0.8);
+    let start = std::time::Instant::now();
+    // A learned model has no more cells than its samples call for; the bound is for files.
+    let keys = nodes(&geometry, &leaves(&geometry), u64::MAX).unwrap_or_default();
+    let color = samples.has_color.then(|| {
+        let colors = targets(&samples, &keys, options.resolution as f32);
+        let steps = ColorSteps {
+            luma: options.color_step,
+            chroma: (f64::from(options.color_step) * options.chroma_ratio).round() as u32,
+        };
+        let lambda = options.color_lambda * f64::from(options.color_step).powi(2);
+        let source = Source::Targets { colors: &colors, lambda: lambda as f32 };
+        let Ok(said) =
+            code_colors(&mut Price::default(), &mut ColorModels::default(), &keys, steps, source);
+        (ColorField { steps, coefficients: said.coefficients }, said.colors)
+    });
+    report.stages.push(Stage { name: "colouring", seconds: start.elapsed().as_secs_f64() });
+    progress.check()?;
+    report.figures.extend([
+        ("points", cloud.len() as f64),
+        ("samples", samples.samples.len() as f64),
+        ("sheets", sheets.len() as f64),
+        ("cells of colour", keys.len() as f64),
+    ]);
+    report.not_kept = [
+        ("intensities", cloud.intensities().is_some()),
+        ("normals", cloud.normals().is_some()),
+        ("ranges", cloud.ranges().is_some()),
+        ("viewpoints", cloud.viewpoints().is_some()),
+    ]
+    .into_iter()
+    .filter_map(|(name, present)| present.then_some(name))
+    .collect();
+    report.stop_reason = "every sheet has the hierarchy of least cost";
+    let mut model = LatticeModel::new(cloud.len() as u64, geometry, color, keys, report)?;
+    model.report_mut().figures.push(("patches", 0.0));
+    if let Some(bound) = options.max_error {
+        let start = std::time::Instant::now();
+        model = keep_far_points(model, cloud, bound, progress)?;
+        let seconds = start.elapsed().as_secs_f64();
+        model.report_mut().stages.push(Stage { name: "checking the bound", seconds });
+    }
+    describe(&mut model);
+    Ok(model)
+}
+
+fn check_extent(cloud: &PointCloud, options: &LatticeOptions) -> Result<()> {
+    let Some((low, high)) = cloud.bounds() else { return Err(Error::EmptyCloud) };
+    let origin = cloud.origin();
+    let squared: f64 = (0..3)
+        .map(|a| (low[a] - origin[a]).abs().max((high[a] - origin[a]).abs()).powi(2))
+        .sum();
+    let extent = squared.sqrt();
+    // Samples of half a pixel must have cells of their own, and single precision must resolve a twentieth of a
+    // pixel at the far end.
+    let precise = options.resolution * 0.05 * f64::from(1 << 23);
+    let limit = precise.min(SAMPLE_SIZE * options.resolution * f64::from(LIMIT - 2));
+    if extent > limit {
+        return Err(Error::TooLarge { extent, limit, resolution: options.resolution });
+    }
+    Ok(())
+}
+
+/// Chooses the hierarchies of all sheets, a few rounds over, each with the prices that the round before taught.
+fn choose(
+    mut geometry: Geometry,
+    sheets: &[Sheet],
+    options: &LatticeOptions,
+    report: &mut Report,
+    progress: &dyn Progress,
+) -> Result<Geometry> {
+    let start = std::time::Instant::now();
+    let bases: Vec<Basis> =
+        (0..options.levels).map(|l| Basis::new((PATCH_PIXELS << l) as usize)).collect();
+    let mut models = GeometryModels::default();
+    let mut bits = Vec::new();
+    for _ in 0..options.rounds {
+        let choice = Choice {
+            models: &models,
+            bases: &bases,
+            lambda: options.lambda as f32,
+            step: options.depth_step as f32 / 16.0,
+            levels: options.levels,
+        };
+        geometry.roots = sheets
+            .par_iter()
+            .map(|sheet| {
+                progress.check()?;
+                let node = choice.root(sheet);
+                let root = Root { side: sheet.side, tile: sheet.tile, node };
+                Ok((root.node != Node::Empty).then_some(root))
+            })
+            .collect::<Result<Vec<Option<Root>>>>()?
+            .into_iter()
+            .flatten()
+            .collect();
+        let mut price = Price::default();
+        models = GeometryModels::default();
+        let Ok(()) = code_geometry(&mut price, &mut models, &mut geometry, usize::MAX);
+        bits.push(price.bits / 8.0);
+    }
+    report.stages.push(Stage { name: "choosing patches", seconds: start.elapsed().as_secs_f64() });
+    report.iterations = bits.len();
+    report.objectives.push(("bytes of geometry", bits));
+    Ok(geometry)
+}
+
+/// Adds a point for every cell that holds input points further than `bound` from the decoded cloud.
+fn keep_far_points(
+    model: LatticeModel,
+    cloud: &PointCloud,
+    bound: f64,
+    progress: &dyn Progress,
+) -> Result<LatticeModel> {
+    let decoded = model.decode(DecodeOptions { as_measured: true, ..DecodeOptions::default() }, progress)?;
+    let rows = model.geometry().orientation.rotation();
+    // Half of what rounding to single precision may add on both sides.
+    let limit = bound - 1e-6 * bound.max(1.0);
+    let far: Vec<[f32; 3]> = if decoded.is_empty() {
+        cloud.positions().to_vec()
+    } else {
+        let tree = KdTree::new(decoded.positions())?;
+        let nearest = tree.nearest_batch(cloud.positions(), progress)?;
+        let is_far = |n: &surfabet_geom::Neighbor| f64::from(n.squared_distance()).sqrt() > limit;
+        let pairs = cloud.positions().iter().zip(&nearest);
+        pairs.filter(|(_, n)| is_far(n)).map(|(&p, _)| p).collect()
+    };
+    let size = WITHIN * limit.max(0.5 * bound);
+    let to_lattice = |p: [f32; 3]| -> [f32; 3] {
+        std::array::from_fn(|a| (0..3).map(|k| rows[k][a] * f64::from(p[k])).sum::<f64>() as f32)
+    };
+    let mut keys: Vec<u64> = far.par_iter().map(|&p| extra_key(to_lattice(p), size)).collect();
+    keys.par_sort_unstable();
+    keys.dedup();
+    Ok(model.with_extra(keys, size, bound))
+}
+
+fn describe(model: &mut LatticeModel) {
+    let levels = model.geometry().levels as usize;
+    let pixel = model.geometry().pixel_size;
+    let (mut patches, mut areas) = (vec![0.0; levels], vec![0.0; levels]);
+    for leaf in model.leaves() {
+        let l = leaf.level as usize;
+        patches[l] += 1.0;
+        let side = pixel * f64::from(1 << leaf.level);
+        areas[l] += f64::from(leaf.patch.mask.count_ones()) * side * side;
+    }
+    let n = model.len() as f64;
+    let extra = model.points().len() as f64;
+    let report = model.report_mut();
+    report.figures.retain(|f| f.0 != "patches");
+    report.figures.extend([("patches", n), ("extra points", extra)]);
+    const PATCHES: [&str; 4] =
+        ["patches of level 0", "patches of level 1", "patches of level 2", "patches of level 3"];
+    const AREAS: [&str; 4] = [
+        "square metres of level 0",
+        "square metres of level 1",
+        "square metres of level 2",
+        "square metres of level 3",
+    ];
+    for l in (0..levels).rev() {
+        report.figures.extend([(PATCHES[l], patches[l]), (AREAS[l], areas[l])]);
+    }
+}

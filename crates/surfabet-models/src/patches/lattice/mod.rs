@@ -1,0 +1,49 @@
+//! Patches on a lattice: surfaces of least Lagrangian cost, with thickness and colour.
+//!
+//! The frames of all patches follow the scene's own three axes and share one pixel lattice, so that a pose is a
+//! tile and a depth, every point of the surface belongs to one patch, and neighbours meet without gaps. What is
+//! said of a sheet of surface - how finely it is split, which pixels are set, which shapes make its depth, how
+//! thick the scan was - is what costs least, bits weighed against squared error. A cloud runs through the files
+//! of this folder in this order:
+//!
+//! | file | step |
+//! |---|---|
+//! | `options` | what to learn |
+//! | `axes` | the scene's own axes |
+//! | `samples` | points merged to half a pixel, each with the side it faces |
+//! | `sheets` | samples of a side as height fields over tiles |
+//! | `choice` | hierarchy, masks, shapes and thickness of least cost |
+//! | `basis` | the shapes, in integers |
+//! | `surroundings`, `syntax` | how all that is said in binary decisions, given the neighbours |
+//! | `nodes`, `targets`, `color` | colour on the cells around the surface |
+//! | `points` | points that no patch is near enough to |
+//! | `model`, `leaves` | the result |
+//! | `decode` | back to a cloud, as a surface or as measured |
+
+mod axes;
+mod basis;
+mod cells;
+mod choice;
+mod color;
+mod decode;
+mod learn;
+mod leaves;
+mod model;
+mod nodes;
+mod options;
+mod points;
+mod samples;
+mod sheets;
+mod surroundings;
+mod syntax;
+mod targets;
+
+pub use axes::Orientation;
+pub use color::ColorSteps;
+pub use learn::learn;
+pub use leaves::Leaf;
+pub use model::{
+    Geometry, LatticeHeader, LatticeLimits, LatticeModel, LatticePatch, MAX_LEVELS, Node, PATCH_PIXELS,
+    Root,
+};
+pub use options::LatticeOptions;

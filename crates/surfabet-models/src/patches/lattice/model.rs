@@ -1,0 +1,402 @@
+//! The lattice model in the integers that a file stores.
+
+use surfabet_entropy::{Coder, Price};
+
+use super::axes::Orientation;
+use super::basis::N_SHAPES;
+use super::color::{ColorModels, ColorSteps, Colors, Source, code_colors};
+use super::leaves::{Leaf, leaves};
+use super::nodes::{cell_key, cell_of_key, nodes};
+use super::points::{PointModels, code_points};
+use super::syntax::{GeometryModels, code_geometry};
+use crate::error::{Error, Result};
+use crate::report::Report;
+
+/// Pixels per side of a patch at every level.
+pub const PATCH_PIXELS: i32 = 8;
+
+/// Most levels.
+pub const MAX_LEVELS: u32 = 4;
+
+/// Largest tile coordinate.
+pub const MAX_TILE: i32 = 1 << 20;
+
+/// Largest stored depth or coefficient, in steps.
+pub const MAX_DEPTH: i32 = 1 << 24;
+
+/// Largest half thickness, in steps of a quarter pixel.
+pub const MAX_THICKNESS: u8 = 63;
+
+/// A patch: a height field of 8 x 8 pixels over its square.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LatticePatch {
+    /// Bit `8 * row + column` is set where the pixel belongs to the surface.
+    pub mask: u64,
+    /// Coefficients of the shapes of `basis`, in depth steps; the first is the depth of the middle.
+    pub coefficients: [i32; N_SHAPES],
+    /// Half thickness of the measured surface, in quarters of the finest pixel.
+    pub thickness: u8,
+}
+
+/// What stands at a square of the hierarchy.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Node {
+    /// No surface.
+    #[default]
+    Empty,
+    /// One patch.
+    Leaf(LatticePatch),
+    /// Four squares of the next level: left to right, then the next row.
+    Split(Box<[Node; 4]>),
+}
+
+/// A sheet of surface over a tile of the coarsest level.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Root {
+    /// Twice the depth axis, plus one where the surface faces down that axis.
+    pub side: u8,
+    /// Tile coordinates along the two axes that follow the depth axis.
+    pub tile: [i32; 2],
+    /// The hierarchy below.
+    pub node: Node,
+}
+
+/// Everything but colour.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Geometry {
+    /// World position of the lattice's zero, metres.
+    pub origin: [f64; 3],
+    /// Directions of the lattice's axes.
+    pub orientation: Orientation,
+    /// Side of the finest pixel, metres.
+    pub pixel_size: f64,
+    /// Number of levels, 1 to 4; pixels of level 0, the finest, have side `pixel_size`, each further one doubles.
+    pub levels: u32,
+    /// Depth step, in sixteenths of the finest pixel.
+    pub depth_step: u32,
+    /// Sheets by side, then along a space-filling curve of their tiles.
+    pub roots: Vec<Root>,
+}
+
+impl Geometry {
+    /// Finest pixels per side of a tile.
+    pub fn tile_pixels(&self) -> i32 {
+        PATCH_PIXELS << (self.levels - 1)
+    }
+
+    /// Checks that all numbers are in their domains.
+    pub(super) fn check(&self) -> Result<()> {
+        let fail = |what: String| Err(Error::Inconsistent(what));
+        if self.origin.iter().any(|c| !c.is_finite()) {
+            return fail(format!("origin {:?} is not finite", self.origin));
+        }
+        if !self.orientation.is_valid() {
+            return fail(format!("{:?} is no rotation", self.orientation));
+        }
+        if !(self.pixel_size.is_finite() && self.pixel_size > 0.0) {
+            return fail(format!("pixel size is {}, but must be positive", self.pixel_size));
+        }
+        if !(1..=MAX_LEVELS).contains(&self.levels) {
+            return fail(format!("{} levels, not 1 to {MAX_LEVELS}", self.levels));
+        }
+        if !(1..=256).contains(&self.depth_step) {
+            return fail(format!("depth step of {} sixteenths, not 1 to 256", self.depth_step));
+        }
+        for root in &self.roots {
+            if root.side >= 6 || root.tile.iter().any(|t| t.abs() > MAX_TILE) {
+                return fail(format!("side {} at tile {:?} is out of range", root.side, root.tile));
+            }
+            check_node(&root.node, self.levels - 1)?;
+        }
+        Ok(())
+    }
+}
+
+fn check_node(node: &Node, level: u32) -> Result<()> {
+    match node {
+        Node::Empty => Ok(()),
+        Node::Leaf(patch) => {
+            let large = patch.coefficients.iter().find(|c| c.abs() > MAX_DEPTH);
+            if let Some(c) = large {
+                return Err(Error::Inconsistent(format!("a depth of {c} steps is out of range")));
+            }
+            if patch.mask == 0 {
+                return Err(Error::Inconsistent("a patch without pixels".into()));
+            }
+            if patch.thickness > MAX_THICKNESS {
+                let what = format!("a thickness of {}, above {MAX_THICKNESS}", patch.thickness);
+                return Err(Error::Inconsistent(what));
+            }
+            Ok(())
+        }
+        Node::Split(_) if level == 0 => {
+            Err(Error::Inconsistent("a split below the finest level".into()))
+        }
+        Node::Split(children) => children.iter().try_for_each(|c| check_node(c, level - 1)),
+    }
+}
+
+/// What a lattice model says of itself before its streams.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LatticeHeader {
+    /// Points of the cloud that the model was learned from.
+    pub n_points: u64,
+    /// World position of the lattice's zero, metres.
+    pub origin: [f64; 3],
+    /// Directions of the lattice's axes.
+    pub orientation: Orientation,
+    /// Side of the finest pixel, metres.
+    pub pixel_size: f64,
+    /// Number of levels.
+    pub levels: u32,
+    /// Depth step, in sixteenths of the finest pixel.
+    pub depth_step: u32,
+    /// Number of patches.
+    pub n_patches: u64,
+    /// Rounding of the colours' coefficients, where there are colours.
+    pub color: Option<ColorSteps>,
+    /// Number of points that no patch holds.
+    pub n_extra: u64,
+    /// Side of the cells that those points are rounded to, metres.
+    pub extra_size: f64,
+    /// Largest distance of any input point to the decoded cloud, metres, where it was asked for: decoded as
+    /// measured, at half a pixel.
+    pub max_error: Option<f64>,
+}
+
+/// Colours as a file stores them.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ColorField {
+    pub steps: ColorSteps,
+    pub coefficients: Vec<i32>,
+}
+
+/// A cloud as patches on a lattice, with colour on the cells around them; immutable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LatticeModel {
+    n_points: u64,
+    geometry: Geometry,
+    leaves: Vec<Leaf>,
+    color: Option<ColorField>,
+    nodes: Vec<u64>,
+    node_colors: Vec<[u8; 3]>,
+    extra: Vec<u64>,
+    extra_size: f64,
+    max_error: Option<f64>,
+    report: Report,
+}
+
+/// Most memory units that a stream may ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LatticeLimits {
+    /// Most cells that carry colour, counted once per patch.
+    pub nodes: u64,
+}
+
+impl LatticeModel {
+    /// Puts the learned parts together.
+    pub(super) fn new(
+        n_points: u64,
+        geometry: Geometry,
+        color: Option<(ColorField, Vec<[u8; 3]>)>,
+        nodes: Vec<u64>,
+        report: Report,
+    ) -> Result<Self> {
+        geometry.check()?;
+        let leaves = leaves(&geometry);
+        let (color, node_colors) = color.map_or((None, Vec::new()), |(f, c)| (Some(f), c));
+        let extra_size = geometry.pixel_size;
+        Ok(Self {
+            n_points,
+            geometry,
+            leaves,
+            color,
+            nodes,
+            node_colors,
+            extra: Vec::new(),
+            extra_size,
+            max_error: None,
+            report,
+        })
+    }
+
+    /// With points that no patch is near enough to, as cells of side `size`, and the bound that they keep.
+    pub(super) fn with_extra(mut self, extra: Vec<u64>, size: f64, max_error: f64) -> Self {
+        (self.extra, self.extra_size, self.max_error) = (extra, size, Some(max_error));
+        self
+    }
+
+    pub(super) fn report_mut(&mut self) -> &mut Report {
+        &mut self.report
+    }
+
+    /// What the file says before its streams.
+    pub fn header(&self) -> LatticeHeader {
+        let Geometry { origin, orientation, pixel_size, levels, depth_step, .. } = self.geometry;
+        LatticeHeader {
+            n_points: self.n_points,
+            origin,
+            orientation,
+            pixel_size,
+            levels,
+            depth_step,
+            n_patches: self.leaves.len() as u64,
+            color: self.color.as_ref().map(|c| c.steps),
+            n_extra: self.extra.len() as u64,
+            extra_size: self.extra_size,
+            max_error: self.max_error,
+        }
+    }
+
+    /// Writes the streams of geometry, colour and extra points.
+    ///
+    /// # Errors
+    /// Those of the coders.
+    pub fn write<C: Coder>(
+        &self,
+        geometry: &mut C,
+        color: &mut C,
+        extra: &mut C,
+    ) -> Result<(), C::Error> {
+        let mut models = GeometryModels::default();
+        code_geometry(geometry, &mut models, &mut self.geometry.clone(), usize::MAX)?;
+        if let Some(field) = &self.color {
+            let source = Source::Model(&field.coefficients);
+            code_colors(color, &mut ColorModels::default(), &self.nodes, field.steps, source)?;
+        }
+        code_points(extra, &mut PointModels::default(), &self.extra, usize::MAX)?;
+        Ok(())
+    }
+
+    /// Reads the streams that [`LatticeModel::write`] wrote.
+    ///
+    /// # Errors
+    /// Those of the coders, also for a header or content that no model has.
+    pub fn read<C: Coder>(
+        header: &LatticeHeader,
+        limits: LatticeLimits,
+        geometry: &mut C,
+        color: &mut C,
+        extra: &mut C,
+    ) -> Result<Self, C::Error> {
+        let LatticeHeader { origin, orientation, pixel_size, levels, depth_step, .. } = *header;
+        let mut of = Geometry { origin, orientation, pixel_size, levels, depth_step, roots: Vec::new() };
+        of.check().map_err(|e| geometry.corrupt(e.to_string()))?;
+        let n_patches = usize::try_from(header.n_patches).unwrap_or(usize::MAX);
+        code_geometry(geometry, &mut GeometryModels::default(), &mut of, n_patches)?;
+        of.check().map_err(|e| geometry.corrupt(e.to_string()))?;
+        let found = leaves(&of);
+        if found.len() != n_patches {
+            return Err(geometry.corrupt(format!("{} patches instead of {n_patches}", found.len())));
+        }
+        let Some(keys) = nodes(&of, &found, limits.nodes) else {
+            return Err(geometry.corrupt(format!("more than {} cells of colour", limits.nodes)));
+        };
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let colors = match header.color {
+            None => None,
+            Some(steps) if steps.is_valid() => {
+                let models = &mut ColorModels::default();
+                Some((steps, code_colors(color, models, &keys, steps, Source::Stream)?))
+            }
+            Some(steps) => return Err(color.corrupt(format!("{steps:?} are not 1 to 4096"))),
+        };
+        let n_extra = usize::try_from(header.n_extra).unwrap_or(usize::MAX);
+        let points = code_points(extra, &mut PointModels::default(), &[], n_extra)?;
+        if points.len() != n_extra || !positive(header.extra_size) {
+            let what = format!("{} points of size {} instead of {n_extra}", points.len(), header.extra_size);
+            return Err(extra.corrupt(what));
+        }
+        if header.max_error.is_some_and(|e| !positive(e)) {
+            return Err(extra.corrupt(format!("a largest error of {:?} m", header.max_error)));
+        }
+        let (color, node_colors) = match colors {
+            Some((steps, Colors { colors, coefficients })) => {
+                (Some(ColorField { steps, coefficients }), colors)
+            }
+            None => (None, Vec::new()),
+        };
+        Ok(Self {
+            n_points: header.n_points,
+            geometry: of,
+            leaves: found,
+            color,
+            nodes: keys,
+            node_colors,
+            extra: points,
+            extra_size: header.extra_size,
+            max_error: header.max_error,
+            report: Report::default(),
+        })
+    }
+
+    /// Bytes that geometry, colour and extra points take, nearly: their prices under the coder's models.
+    pub fn price(&self) -> [f64; 3] {
+        let [mut g, mut c, mut e] = [Price::default(); 3];
+        let Ok(()) = self.write(&mut g, &mut c, &mut e);
+        [g.bits / 8.0, c.bits / 8.0, e.bits / 8.0]
+    }
+
+    /// The hierarchy of patches.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// All patches, in the order of the file.
+    pub fn leaves(&self) -> &[Leaf] {
+        &self.leaves
+    }
+
+    /// Keys and colours of the cells that carry colour.
+    pub(super) fn node_colors(&self) -> Option<(&[u64], &[[u8; 3]])> {
+        self.color.as_ref().map(|_| (&self.nodes[..], &self.node_colors[..]))
+    }
+
+    /// Points that no patch holds, in the frame of the lattice, metres.
+    pub fn points(&self) -> Vec<[f32; 3]> {
+        let size = self.extra_size;
+        let middle = |c: i32| ((f64::from(c) + 0.5) * size) as f32;
+        self.extra.iter().map(|&k| cell_of_key(k).map(middle)).collect()
+    }
+
+    /// World position that the model computes about, metres.
+    pub fn origin(&self) -> [f64; 3] {
+        self.geometry.origin
+    }
+
+    /// Points of the cloud that the model was learned from.
+    pub fn n_points(&self) -> u64 {
+        self.n_points
+    }
+
+    /// Number of patches.
+    pub fn len(&self) -> usize {
+        self.leaves.len()
+    }
+
+    /// True without patches.
+    pub fn is_empty(&self) -> bool {
+        self.leaves.is_empty()
+    }
+
+    /// True when the model carries colour.
+    pub fn has_color(&self) -> bool {
+        self.color.is_some()
+    }
+
+    /// Largest distance of any input point to the cloud decoded as measured at half a pixel, metres, where
+    /// learning was asked to keep one.
+    pub fn max_error(&self) -> Option<f64> {
+        self.max_error
+    }
+
+    /// How the model was learned; empty for a model read from a file.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+}
+
+/// Key of the cell of side `size` that a position lies in.
+pub(super) fn extra_key(p: [f32; 3], size: f64) -> u64 {
+    cell_key(p.map(|c| (f64::from(c) / size).floor() as i32))
+}

@@ -1,0 +1,221 @@
+//! What is known of the surface around a place while patches are written or read one by one.
+
+use std::collections::{HashMap, HashSet};
+
+use super::basis::{Basis, FRACTION, N_SHAPES};
+use super::model::{LatticePatch, PATCH_PIXELS};
+
+/// Surfaces of other sheets go on here when their depths agree within this many finest pixels.
+const REACH: i64 = 8;
+
+/// State of a pixel that may not have been coded yet.
+pub(super) const UNKNOWN: usize = 2;
+
+/// A patch and where it lies.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Placed {
+    pub side: u8,
+    pub level: u32,
+    /// First column and row, in finest pixels.
+    pub corner: [i32; 2],
+    /// Number of the sheet.
+    pub sheet: u32,
+    pub patch: LatticePatch,
+}
+
+impl Placed {
+    /// Finest pixels per side.
+    pub fn width(&self) -> i32 {
+        PATCH_PIXELS << self.level
+    }
+
+    /// Whether the pixel of the finest level belongs to the patch's surface.
+    pub fn is_set(&self, at: [i32; 2]) -> bool {
+        let cell = |a: usize| (at[a] - self.corner[a]) >> self.level;
+        self.patch.mask >> (PATCH_PIXELS * cell(1) + cell(0)) & 1 != 0
+    }
+}
+
+/// Where the next patch will lie.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub side: u8,
+    pub level: u32,
+    pub corner: [i32; 2],
+    pub sheet: u32,
+    /// Depth of the sheet, in steps.
+    pub base: i32,
+}
+
+/// What the neighbours say about a place.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Prediction {
+    /// Depth of the middle, in steps.
+    pub depth: i32,
+    /// Half thickness.
+    pub thickness: i32,
+    /// Number of neighbouring patches that said so, at most 2.
+    pub voices: usize,
+    /// Whether any neighbour is of a finer level.
+    pub finer: usize,
+}
+
+pub(super) struct Surroundings {
+    bases: Vec<Basis>,
+    pub patches: Vec<Placed>,
+    by_block: HashMap<(u8, i32, i32), Vec<u32>>,
+    done: HashSet<(u8, [i32; 2])>,
+    tile_pixels: i32,
+    /// Largest difference of depths on one surface, in steps with fraction.
+    reach: i64,
+    /// Thickness of the patch before.
+    thickness: i32,
+}
+
+impl Surroundings {
+    /// Nothing yet. `depth_step` in sixteenths of a pixel.
+    pub fn new(levels: u32, depth_step: u32) -> Self {
+        Self {
+            bases: (0..levels).map(|l| Basis::new((PATCH_PIXELS << l) as usize)).collect(),
+            patches: Vec::new(),
+            by_block: HashMap::new(),
+            done: HashSet::new(),
+            tile_pixels: PATCH_PIXELS << (levels - 1),
+            reach: (REACH << (FRACTION + 4)) / i64::from(depth_step),
+            thickness: 4,
+        }
+    }
+
+    pub fn add(&mut self, placed: Placed) {
+        let index = self.patches.len() as u32;
+        let block = placed.corner.map(|c| c.div_euclid(PATCH_PIXELS));
+        let blocks = 1 << placed.level;
+        for bv in block[1]..block[1] + blocks {
+            for bu in block[0]..block[0] + blocks {
+                self.by_block.entry((placed.side, bu, bv)).or_default().push(index);
+            }
+        }
+        self.thickness = i32::from(placed.patch.thickness);
+        self.patches.push(placed);
+    }
+
+    /// All sheets of this tile are known now.
+    pub fn finish_tile(&mut self, side: u8, tile: [i32; 2]) {
+        self.done.insert((side, tile));
+    }
+
+    /// Depth of a patch at a position in half pixels, in steps with fraction; outside it, of its tilted plane.
+    pub fn depth(&self, placed: &Placed, half: [i32; 2]) -> i64 {
+        let local: [i32; 2] = std::array::from_fn(|a| half[a] - 2 * placed.corner[a]);
+        let (c, limit) = (&placed.patch.coefficients, 2 * placed.width());
+        let inside = local.iter().all(|&x| (0..=limit).contains(&x));
+        if inside {
+            let shapes = self.bases[placed.level as usize].at(local[0] as usize, local[1] as usize);
+            return (0..N_SHAPES).map(|k| i64::from(c[k]) * i64::from(shapes[k])).sum();
+        }
+        // sqrt(3) with the fraction of the shapes.
+        const ROOT_3: i64 = 7094;
+        let along = |a: usize| i64::from(2 * local[a] - limit) * ROOT_3 / i64::from(limit);
+        (i64::from(c[0]) << FRACTION) + i64::from(c[1]) * along(0) + i64::from(c[2]) * along(1)
+    }
+
+    /// Patches of this sheet, or of others at about this depth, that hold a block's pixel.
+    fn at(&self, place: &Place, pixel: [i32; 2]) -> Option<&Placed> {
+        let block = pixel.map(|c| c.div_euclid(PATCH_PIXELS));
+        let found = self.by_block.get(&(place.side, block[0], block[1]))?;
+        let half = pixel.map(|c| 2 * c + 1);
+        let mut best: Option<(&Placed, i64)> = None;
+        for &i in found {
+            let placed = &self.patches[i as usize];
+            if placed.sheet == place.sheet {
+                return Some(placed);
+            }
+            let off = (self.depth(placed, half) - (i64::from(place.base) << FRACTION)).abs();
+            if off <= self.reach && best.is_none_or(|(_, b)| off < b) {
+                best = Some((placed, off));
+            }
+        }
+        best.map(|(placed, _)| placed)
+    }
+
+    /// Whether the pixel is set, 0 or 1, or [`UNKNOWN`].
+    pub fn state(&self, place: &Place, pixel: [i32; 2]) -> usize {
+        if let Some(placed) = self.at(place, pixel) {
+            return usize::from(placed.is_set(pixel));
+        }
+        let tile = pixel.map(|c| c.div_euclid(self.tile_pixels));
+        let own = place.corner.map(|c| c.div_euclid(self.tile_pixels));
+        // Within the own tile, what comes before in the order of squares is known to be empty.
+        if self.done.contains(&(place.side, tile)) || tile == own { 0 } else { UNKNOWN }
+    }
+
+    /// Depth, thickness and level that the patches next to a place suggest.
+    pub fn predict(&self, place: &Place) -> Prediction {
+        let width = PATCH_PIXELS << place.level;
+        let [u, v] = place.corner;
+        let middle = width / 2;
+        let beside =
+            [[u - 1, v + middle], [u + middle, v - 1], [u + width, v + middle], [u + middle, v + width]];
+        let center = [2 * u + width, 2 * v + width];
+        let (mut depth, mut thickness, mut voices, mut finer) = (0_i64, 0, 0, 0);
+        for pixel in beside {
+            let Some(placed) = self.at(place, pixel) else { continue };
+            depth += self.depth(placed, center);
+            thickness += i32::from(placed.patch.thickness);
+            voices += 1;
+            finer |= usize::from(placed.level < place.level);
+        }
+        if voices == 0 {
+            return Prediction { depth: place.base, thickness: self.thickness, voices: 0, finer };
+        }
+        let rounding = voices << (FRACTION - 1);
+        let mean = (depth + rounding).div_euclid(voices << FRACTION);
+        let bound = i64::from(super::model::MAX_DEPTH);
+        Prediction {
+            depth: mean.clamp(-bound, bound) as i32,
+            thickness: (2 * thickness + voices as i32) / (2 * voices as i32),
+            voices: voices.min(2) as usize,
+            finer,
+        }
+    }
+
+    /// Depths at which the surfaces around a tile reach it, in steps, each once, nearest sides first.
+    pub fn candidates(&self, side: u8, tile: [i32; 2]) -> Vec<i32> {
+        let corner = tile.map(|t| t * self.tile_pixels);
+        let width = self.tile_pixels;
+        let mut found: Vec<i32> = Vec::new();
+        for step in 0..width / PATCH_PIXELS {
+            let along = step * PATCH_PIXELS + PATCH_PIXELS / 2;
+            let beside = [
+                [corner[0] - 1, corner[1] + along],
+                [corner[0] + along, corner[1] - 1],
+                [corner[0] + width, corner[1] + along],
+                [corner[0] + along, corner[1] + width],
+            ];
+            for pixel in beside {
+                let block = pixel.map(|c| c.div_euclid(PATCH_PIXELS));
+                let Some(here) = self.by_block.get(&(side, block[0], block[1])) else { continue };
+                for &i in here {
+                    let half = pixel.map(|c| 2 * c + 1);
+                    let depth = self.depth(&self.patches[i as usize], half) >> FRACTION;
+                    let bound = i64::from(super::model::MAX_DEPTH);
+                    let depth = depth.clamp(-bound, bound) as i32;
+                    if found.len() < MAX_CANDIDATES
+                        && found.iter().all(|f| (i64::from(*f - depth) << FRACTION).abs() * 2 > self.reach)
+                    {
+                        found.push(depth);
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// The shapes' values for patches of a level.
+    pub fn basis(&self, level: u32) -> &Basis {
+        &self.bases[level as usize]
+    }
+}
+
+/// Most depths that a tile's surroundings suggest.
+const MAX_CANDIDATES: usize = 12;
