@@ -55,12 +55,11 @@ pub fn read(container: &Container<'_>, limits: &Limits) -> Result<LatticeModel> 
     expected.extend(header.color.map(|_| COLOR));
     expected.extend((header.n_extra > 0).then_some(POINTS));
     container.expect_only(&expected)?;
-    let stream = |tag: Tag| {
+    let stream = |tag: Tag| -> Result<Decoder<'_>> {
         let bytes = if expected.contains(&tag) { container.require(tag)? } else { &[] };
         Ok(Decoder::new(tag, bytes))
     };
-    let (mut geometry, mut color, mut points): (Decoder<'_>, Decoder<'_>, Decoder<'_>) =
-        (stream(GEOMETRY)?, stream(COLOR)?, stream(POINTS)?);
+    let (mut geometry, mut color, mut points) = (stream(GEOMETRY)?, stream(COLOR)?, stream(POINTS)?);
     geometry.check_count("number of patches", header.n_patches)?;
     points.check_count("number of points", header.n_extra)?;
     let limits = LatticeLimits { nodes: limits.max_items.min(limits.max_bytes / BYTES_PER_NODE) };

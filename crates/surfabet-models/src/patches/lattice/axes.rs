@@ -123,8 +123,7 @@ fn normals(cloud: &PointCloud, cell: f32) -> Vec<([f64; 3], f64)> {
             );
             let axes = moments.principal_axes()?;
             let [thin, middle, _] = axes.variances;
-            let flat = (members.len() >= 6 && middle > 0.0).then_some(())?;
-            let () = flat;
+            (members.len() >= 6 && middle > 0.0).then_some(())?;
             Some((axes.normal(), members.len() as f64 * (1.0 - (thin / middle).sqrt())))
         })
         .collect()
@@ -156,4 +155,57 @@ fn orthonormal(first: [f64; 3], second: [f64; 3]) -> [[f64; 3]; 3] {
     let y = unit(std::array::from_fn(|a| second[a] - along * x[a]));
     let z = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
     [x, y, z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three orthogonal squares of two metres, turned.
+    fn corner(rotation: &Rotation3<f64>) -> PointCloud {
+        let mut points = Vec::new();
+        for i in 0..80 {
+            for j in 0..80 {
+                let (a, b) = (f64::from(i) * 0.025, f64::from(j) * 0.025);
+                for p in [[a, b, 0.0], [a, 0.0, b], [0.0, a, b]] {
+                    let p = rotation * nalgebra::Vector3::from(p);
+                    points.push([p.x as f32, p.y as f32, p.z as f32]);
+                }
+            }
+        }
+        PointCloud::from_positions(points).0
+    }
+
+    #[test]
+    fn a_turned_corner_is_found_to_a_tenth_of_a_degree() {
+        for angles in [[0.0, 0.0, 0.0], [0.3, -0.7, 1.1], [1.2, 0.4, -2.0]] {
+            let turned = Rotation3::from_euler_angles(angles[0], angles[1], angles[2]);
+            let found = Orientation::of(&corner(&turned), 0.1).rotation();
+            for axis in 0..3 {
+                let wanted = turned * nalgebra::Vector3::ith(axis, 1.0);
+                // Each true axis is one of the lattice's, in either direction.
+                let best = (0..3)
+                    .map(|a| (0..3).map(|k| found[k][a] * wanted[k]).sum::<f64>().abs())
+                    .fold(0.0, f64::max);
+                assert!(best > 0.1_f64.to_radians().cos(), "{angles:?}: {best}");
+            }
+        }
+    }
+
+    #[test]
+    fn rotations_are_orthonormal_even_for_coarse_quaternions() {
+        let rows = Orientation { quaternion: [300_000, -200_000, 10, 77_777] }.rotation();
+        for a in 0..3 {
+            for b in 0..3 {
+                let product: f64 = (0..3).map(|k| rows[a][k] * rows[b][k]).sum();
+                assert!((product - f64::from(u8::from(a == b))).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn no_planes_no_turn() {
+        let line = (0..100).map(|i| [i as f32 * 0.01, 0.0, 0.0]).collect();
+        assert_eq!(Orientation::of(&PointCloud::from_positions(line).0, 0.1), Orientation::default());
+    }
 }

@@ -103,3 +103,43 @@ impl Basis {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shape_has_a_mean_square_of_one() {
+        let n = 400;
+        for k in 0..=ORDER {
+            let square = (0..n).map(|i| value(k, (2 * i + 1) as f64 / n as f64 - 1.0).powi(2)).sum::<f64>();
+            assert!((square / f64::from(n) - 1.0).abs() < 1e-4, "{k}");
+        }
+    }
+
+    #[test]
+    fn cosines_are_those_of_the_library_and_slopes_their_derivatives() {
+        for i in 0..=200 {
+            let x = f64::from(i) / 100.0 - 1.0;
+            for k in 2..=ORDER {
+                let exact = 2.0_f64.sqrt() * (k as f64 * core::f64::consts::PI * (x + 1.0) / 2.0).cos();
+                assert!((value(k, x) - exact).abs() < 1e-12);
+                let h = 1e-6;
+                let slope = (value(k, x + h) - value(k, x - h)) / (2.0 * h);
+                assert!((derivative(k, x) - slope).abs() < 1e-5 || x.abs() > 0.99);
+            }
+        }
+    }
+
+    #[test]
+    fn integer_values_are_those_of_the_shapes() {
+        let basis = Basis::new(16);
+        for (hu, hv) in [(0, 0), (1, 7), (16, 16), (32, 5)] {
+            let (x, y) = (f64::from(hu) / 16.0 - 1.0, f64::from(hv) / 16.0 - 1.0);
+            for (k, integer) in basis.at(hu as usize, hv as usize).into_iter().enumerate() {
+                let exact = value(DEGREES[k].0.into(), x) * value(DEGREES[k].1.into(), y);
+                assert!((f64::from(integer) / f64::from(1 << FRACTION) - exact).abs() < 2e-3);
+            }
+        }
+    }
+}

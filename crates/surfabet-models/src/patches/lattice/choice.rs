@@ -392,3 +392,35 @@ fn solve(
     let solution = matrix.cholesky()?.solve(&vector);
     Some(solution.iter().map(|&c| c as f32).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn excess_is_the_mean_squared_distance_of_a_slab(
+            a in -5.0_f32..5.0, width in 0.2_f32..4.0, b in -5.0_f32..5.0, other in 0.2_f32..4.0,
+        ) {
+            let (slab, from) = ([a, a + width], [b, b + other]);
+            let n = 4000;
+            let numeric = (0..n)
+                .map(|i| {
+                    let t = a + width * (i as f32 + 0.5) / n as f32;
+                    let off = (from[0] - t).max(t - from[1]).max(0.0);
+                    f64::from(off * off)
+                })
+                .sum::<f64>() / f64::from(n);
+            let exact = f64::from(excess(slab, from));
+            prop_assert!((exact - numeric).abs() < 1e-3 * numeric.max(1.0), "{exact} {numeric}");
+        }
+    }
+
+    #[test]
+    fn equal_slabs_have_no_misfit() {
+        let run = Run { u: 0, v: 0, n: 1.0, depth: 3.0, half: 1.5, stray: 0.0 };
+        assert_eq!(misfit(&run, 3.0, 1.5), 0.0);
+        assert!(misfit(&run, 3.5, 1.5) > 0.0 && misfit(&run, 3.0, 1.0) > 0.0);
+    }
+}

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::patches::DecodeOptions;
 
 /// Patches that one task decodes.
-const BLOCK: usize = 16;
+const BLOCK: usize = 32;
 
 /// Points of some patches.
 #[derive(Default)]
@@ -54,7 +54,8 @@ impl LatticeModel {
             .map(|leaves| {
                 progress.check()?;
                 let mut points = Points::default();
-                leaves.iter().for_each(|leaf| decoder.leaf(leaf, &mut points));
+                let mut cache = CornerCache::new();
+                leaves.iter().for_each(|leaf| decoder.leaf(leaf, &mut cache, &mut points));
                 Ok(points)
             })
             .collect();
@@ -65,10 +66,12 @@ impl LatticeModel {
             all.colors.extend(points.colors);
             all.normals.extend(points.normals);
         }
+        let mut cache = CornerCache::new();
         for p in self.points() {
-            all.positions.push(p.map(|c| c / pixel as f32));
+            let position = p.map(|c| c / pixel as f32);
+            all.positions.push(position);
             if decoder.colors.is_some() {
-                all.colors.push(decoder.color(p.map(|c| c / pixel as f32)));
+                all.colors.push(decoder.color(position, &mut cache));
             }
             if options.normals {
                 all.normals.push([0.0; 3]);
@@ -152,7 +155,7 @@ impl<'a> Decoder<'a> {
         self.model.leaves().iter().map(of).sum()
     }
 
-    fn leaf(&self, leaf: &Leaf, points: &mut Points) {
+    fn leaf(&self, leaf: &Leaf, cache: &mut CornerCache, points: &mut Points) {
         let grid = &self.grids[leaf.level as usize];
         let n = grid.at.len();
         let before = points.positions.len();
@@ -160,7 +163,7 @@ impl<'a> Decoder<'a> {
             for column in 0..n {
                 let pixel = PATCH_PIXELS as usize * grid.cell[row] + grid.cell[column];
                 if leaf.patch.mask >> pixel & 1 != 0 {
-                    self.sample(leaf, grid, [column, row], points);
+                    self.sample(leaf, grid, [column, row], cache, points);
                 }
             }
         }
@@ -169,11 +172,19 @@ impl<'a> Decoder<'a> {
             let pixel = leaf.patch.mask.trailing_zeros() as usize % 64;
             let side = PATCH_PIXELS as usize;
             let nearest = |p: usize| ((p * n + n / 2) / side).min(n - 1);
-            self.sample(leaf, grid, [nearest(pixel % side), nearest(pixel / side)], points);
+            let at = [nearest(pixel % side), nearest(pixel / side)];
+            self.sample(leaf, grid, at, cache, points);
         }
     }
 
-    fn sample(&self, leaf: &Leaf, grid: &Grid, [column, row]: [usize; 2], points: &mut Points) {
+    fn sample(
+        &self,
+        leaf: &Leaf,
+        grid: &Grid,
+        [column, row]: [usize; 2],
+        cache: &mut CornerCache,
+        points: &mut Points,
+    ) {
         let [d, u, v] = axes_of(leaf.side);
         let step = self.model.geometry().depth_step as f32 / 16.0;
         let (x, y) = (&grid.values[column], &grid.values[row]);
@@ -196,7 +207,7 @@ impl<'a> Decoder<'a> {
             position[d] = depth + if layers > 1 { half * offset } else { 0.0 };
             points.positions.push(position);
             if self.colors.is_some() {
-                points.colors.push(self.color(position));
+                points.colors.push(self.color(position, cache));
             }
             if self.options.normals {
                 let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
@@ -211,25 +222,18 @@ impl<'a> Decoder<'a> {
     }
 
     /// Colour of the nodes around a position (pixels), interpolated between their middles.
-    fn color(&self, position: [f32; 3]) -> [u8; 3] {
+    fn color(&self, position: [f32; 3], cache: &mut CornerCache) -> [u8; 3] {
         let Some((places, colors)) = &self.colors else { return [0; 3] };
         let shifted = position.map(|c| c - 0.5);
         let low = shifted.map(f32::floor);
         let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a]);
-        let own = cell_key(low.map(|c| c as i32));
+        let corners = cache.around(cell_key(low.map(|c| c as i32)), places);
         let (mut sum, mut total) = ([0.0_f32; 3], 0.0_f32);
-        for corner in 0..8_usize {
-            let (mut key, mut weight) = (own, 1.0);
-            for axis in 0..3 {
-                if corner >> axis & 1 != 0 {
-                    key = step(key, axis, true);
-                    weight *= part[axis];
-                } else {
-                    weight *= 1.0 - part[axis];
-                }
-            }
-            if let Some(&i) = places.get(&key) {
-                (0..3).for_each(|c| sum[c] += weight * f32::from(colors[i as usize][c]));
+        for (corner, &place) in corners.iter().enumerate() {
+            let side = |a: usize| if corner >> a & 1 != 0 { part[a] } else { 1.0 - part[a] };
+            let weight = side(0) * side(1) * side(2);
+            if let Some(color) = colors.get(place as usize) {
+                (0..3).for_each(|c| sum[c] += weight * f32::from(color[c]));
                 total += weight;
             }
         }
@@ -239,13 +243,70 @@ impl<'a> Decoder<'a> {
         self.nearest(position).map_or([0; 3], |i| colors[i])
     }
 
-    /// The nearest node of all; only points off every patch need it.
+    /// The nearest node, looked for in ever larger shells of cells, at last everywhere.
     fn nearest(&self, position: [f32; 3]) -> Option<usize> {
+        let (places, _) = self.colors.as_ref()?;
         let (nodes, _) = self.model.node_colors()?;
-        let squared = |&key: &u64| {
+        let squared = |key: u64| {
             let cell = cell_of_key(key);
             (0..3).map(|a| (cell[a] as f32 + 0.5 - position[a]).powi(2)).sum::<f32>()
         };
-        (0..nodes.len()).min_by(|&a, &b| squared(&nodes[a]).total_cmp(&squared(&nodes[b])))
+        let own = position.map(|c| c.floor() as i32);
+        for reach in 1..=SHELLS {
+            let mut best: Option<(f32, u32)> = None;
+            for cell in shell(own, reach) {
+                let key = cell_key(cell);
+                if let Some(&i) = places.get(&key)
+                    && best.is_none_or(|b| squared(key) < b.0)
+                {
+                    best = Some((squared(key), i));
+                }
+            }
+            if let Some((_, i)) = best {
+                return Some(i as usize);
+            }
+        }
+        (0..nodes.len()).min_by(|&a, &b| squared(nodes[a]).total_cmp(&squared(nodes[b])))
+    }
+}
+
+/// Shells of cells that are searched one by one: 2 pixels beyond every patch lies only what no patch holds.
+const SHELLS: i32 = 3;
+
+/// The cells at a distance of `reach` cells from `own` along the axis that is furthest.
+fn shell(own: [i32; 3], reach: i32) -> impl Iterator<Item = [i32; 3]> {
+    let side = 2 * reach + 1;
+    (0..side * side * side)
+        .map(move |i| [i % side - reach, i / side % side - reach, i / side / side - reach])
+        .filter(move |offset| offset.iter().any(|o| o.abs() == reach))
+        .map(move |offset| std::array::from_fn(|a| own[a] + offset[a]))
+}
+
+/// Nodes at the corners of the cubes between cell middles, for those looked at lately.
+struct CornerCache {
+    slots: Vec<(u64, [u32; 8])>,
+}
+
+impl CornerCache {
+    /// Slots; a patch passes through a few hundred cubes.
+    const SIZE: usize = 1 << 10;
+
+    fn new() -> Self {
+        // No key has its highest bit set.
+        Self { slots: vec![(u64::MAX, [u32::MAX; 8]); Self::SIZE] }
+    }
+
+    /// Places of the nodes at the cell `low` and its seven successors; `u32::MAX` where there is none.
+    fn around(&mut self, low: u64, places: &KeyMap) -> &[u32; 8] {
+        let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
+        if slot.0 != low {
+            let corner = |corner: usize| {
+                let along = (0..3).filter(|a| corner >> a & 1 != 0);
+                let key = along.fold(low, |key, axis| step(key, axis, true));
+                places.get(&key).copied().unwrap_or(u32::MAX)
+            };
+            *slot = (low, std::array::from_fn(corner));
+        }
+        &slot.1
     }
 }

@@ -119,7 +119,7 @@ fn grow_tile(tile: &[(u128, f32, f32)], side_pixels: usize) -> Vec<Sheet> {
     let mut by_pixel = vec![0_u32..0; side_pixels * side_pixels];
     for (i, run) in (0..).zip(&runs) {
         let range = &mut by_pixel[usize::from(run.v) * side_pixels + usize::from(run.u)];
-        if range.is_empty() {
+        if range.start == range.end {
             range.start = i;
         }
         range.end = i + 1;

@@ -210,11 +210,6 @@ impl Surroundings {
         }
         found
     }
-
-    /// The shapes' values for patches of a level.
-    pub fn basis(&self, level: u32) -> &Basis {
-        &self.bases[level as usize]
-    }
 }
 
 /// Most depths that a tile's surroundings suggest.
