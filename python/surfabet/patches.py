@@ -34,6 +34,9 @@ class LearningReport:
     """Seconds of each stage, in order."""
     figures: dict[str, float]
     """Counts by name: points, samples, patches, set pixels, dictionary entries."""
+    levels: list[dict[str, float]]
+    """Counts and measures of each level, coarsest first: pixel size (m), patches, set pixels, area
+    (m2), dictionary entries, mean distance from a patch to the nearest other (m)."""
     objectives: dict[str, list[float]]
     """What each channel's weighted K-SVD minimised (eq. 1), before and after every iteration."""
     iterations: int
@@ -209,6 +212,10 @@ def learn_patches(
     resolution: float = 0.01,
     patch_pixels: int = 8,
     levels: int = 1,
+    max_depth_deviation: float | None = None,
+    max_color_deviation: float = 25.0,
+    min_coverage: float = 0.9,
+    placement: Literal["greedy", "subsampled"] = "greedy",
     depth_atoms: int = 128,
     color_atoms: int = 256,
     depth_sparsity: int = 6,
@@ -220,7 +227,7 @@ def learn_patches(
     random_state: int = 0,
     progress: Progress = None,
 ) -> PatchModel:
-    """Learns a model of sparse-coded surface patches (SCSM) from a cloud.
+    """Learns a model of sparse-coded surface patches from a cloud: SCSM, or HSCSM with levels.
 
     Parameters
     ----------
@@ -228,20 +235,33 @@ def learn_patches(
         What to describe. Colours are kept when present; ranges weight the points by the depth
         error of their sensor; viewpoints tell the two sides of a thin wall apart.
     resolution
-        Side of a pixel, metres: smaller detail is lost.
+        Side of a pixel of the lowest level, metres: smaller detail is lost.
     patch_pixels
         Pixels per side of a patch, 2 to 32.
     levels
-        Levels of the hierarchy; this version learns one.
+        Levels of the hierarchy, 1 to 8. `resolution` is that of the lowest; above it pixels and
+        patches double in size from level to level.
+    max_depth_deviation
+        Largest standard deviation of depth in a pixel, metres (rho_max_depth); by default
+        `resolution`. What deviates more goes to the level below; the lowest level takes all.
+    max_color_deviation
+        Largest standard deviation of colour in a pixel, root mean square over the channels, 0..255
+        (rho_max_rgb).
+    min_coverage
+        Fraction of its pixels that a patch must cover, or the level below describes its surface.
+    placement
+        "greedy": best coverage first, then aligned neighbours; "subsampled": a patch per cube, as
+        SCSM does, to compare with.
     depth_atoms, color_atoms
-        Most entries of the dictionaries; those that no patch uses are dropped.
+        Most entries of the dictionaries of each level; those that no patch uses are dropped.
     depth_sparsity, color_sparsity
         Most dictionary entries that describe one patch (k of eq. 1), 1 to 64.
     depth_tolerance
-        Coding of a patch's depth ends at this root mean square error, metres; by default a fifth of
-        `resolution`.
+        Coding of a patch's depth ends at this root mean square error on the lowest level, metres;
+        by default a fifth of `resolution`. Each level above has half the tolerance of the one
+        below, since its errors spread over larger patches.
     color_tolerance
-        Coding of a patch's colour ends at this root mean square error, 0..255.
+        As `depth_tolerance` for colour, 0..255.
     iterations
         Most iterations of weighted K-SVD per dictionary.
     sensor
@@ -277,6 +297,10 @@ def learn_patches(
             resolution=resolution,
             patch_pixels=patch_pixels,
             levels=levels,
+            max_depth_deviation=max_depth_deviation,
+            max_color_deviation=max_color_deviation,
+            min_coverage=min_coverage,
+            placement=placement,
             depth_atoms=depth_atoms,
             color_atoms=color_atoms,
             depth_sparsity=depth_sparsity,

@@ -6,6 +6,7 @@ use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use surfabet::patches::Placement;
 use surfabet::{
     Container, DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches,
 };
@@ -22,7 +23,8 @@ pub struct PyPatchModel {
 
 /// Learns surface patches; documented in `surfabet.patches`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, depth_atoms, color_atoms, depth_sparsity,
+#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, max_depth_deviation,
+                    max_color_deviation, min_coverage, placement, depth_atoms, color_atoms, depth_sparsity,
                     color_sparsity, depth_tolerance, color_tolerance, iterations, sensor, random_state,
                     progress))]
 #[allow(clippy::too_many_arguments)]
@@ -32,6 +34,10 @@ fn learn_patches(
     resolution: f64,
     patch_pixels: u32,
     levels: u32,
+    max_depth_deviation: Option<f64>,
+    max_color_deviation: f64,
+    min_coverage: f64,
+    placement: &str,
     depth_atoms: u32,
     color_atoms: u32,
     depth_sparsity: u32,
@@ -52,10 +58,23 @@ fn learn_patches(
             )));
         }
     };
+    let placement = match placement {
+        "greedy" => Placement::Greedy,
+        "subsampled" => Placement::Subsampled,
+        other => {
+            return Err(invalid_input(format!(
+                "placement is {other:?}, but must be \"greedy\" or \"subsampled\""
+            )));
+        }
+    };
     let options = PatchOptions {
         resolution,
         patch_pixels,
         levels,
+        max_depth_deviation,
+        max_color_deviation,
+        min_coverage,
+        placement,
         depth_atoms,
         color_atoms,
         depth_sparsity,
@@ -227,6 +246,18 @@ impl PyPatchModel {
             figures.set_item(name, value)?;
         }
         dict.set_item("figures", figures)?;
+        let levels: Vec<Bound<'py, PyDict>> = report
+            .levels
+            .iter()
+            .map(|figures| {
+                let level = PyDict::new(py);
+                for (name, value) in figures {
+                    level.set_item(name, value)?;
+                }
+                Ok(level)
+            })
+            .collect::<PyResult<_>>()?;
+        dict.set_item("levels", levels)?;
         let objectives = PyDict::new(py);
         for (name, trace) in &report.objectives {
             objectives.set_item(name, trace)?;

@@ -182,7 +182,7 @@ pub(super) fn learn_channel(
     let codes = quantize_codes(&sparse, &coded, n_signals, options.code_step);
     let (used, codes) = crop(&dictionary, &codes);
     let cropped = learned.cropped + learned.dictionary.n_atoms() - used.n_atoms();
-    report.figures.push((options.cropped, cropped as f64));
+    report.add_figure(options.cropped, cropped as f64);
     Ok((used, codes))
 }
 
