@@ -8,7 +8,6 @@
 
 use std::collections::VecDeque;
 
-use rayon::prelude::*;
 use surfabet_geom::Moments;
 
 use super::cells::Cells;
@@ -34,6 +33,9 @@ const SAME_NORMAL: f32 = 0.95;
 
 /// Points whose second variance is below this fraction of the first lie on a line.
 const LINE: f64 = 1e-6;
+
+/// Most pixels of a patch.
+const MAX_AREA: usize = 32 * 32;
 
 /// Pixel grid of a patch.
 #[derive(Debug, Clone, Copy)]
@@ -124,6 +126,13 @@ impl PixelSums {
 }
 
 impl Rules {
+    /// True when all pixels are accepted.
+    fn is_open(&self) -> bool {
+        self.min_covered == 0
+            && self.max_depth_variance == f64::INFINITY
+            && self.max_color_variance == f64::INFINITY
+    }
+
     fn accept(&self, pixel: &PixelSums) -> bool {
         pixel.depth_variance() <= self.max_depth_variance
             && pixel.color_variance() <= self.max_color_variance
@@ -172,6 +181,7 @@ pub(super) struct Scratch {
     sums: Vec<PixelSums>,
     by_pixel: Vec<Vec<(u32, f32)>>,
     near: Vec<Neighbour>,
+    offsets: Vec<([f32; 3], f32)>,
 }
 
 /// The samples of a level, of half a pixel, and the points of a whole pixel that they are merged to.
@@ -179,6 +189,8 @@ pub(super) struct Field<'a> {
     pub samples: &'a Samples,
     /// The sub-sampled cloud at the size of a pixel: candidates, and what coverage is counted on.
     pub points: Samples,
+    /// Their positions again, close together in memory.
+    positions: Vec<[f32; 3]>,
     /// Samples of each point.
     pub children: Groups,
     /// Point of each sample.
@@ -199,7 +211,8 @@ impl<'a> Field<'a> {
         }
         // Cells of about half a patch: few to look up, few points in vain.
         let cells = Cells::new(&points, (grid.n / 2).max(1).ilog2());
-        Self { samples, points, children, parents, cells, grid, rules }
+        let positions = points.all.iter().map(|s| s.position).collect();
+        Self { samples, points, positions, children, parents, cells, grid, rules }
     }
 
     pub fn ownership(&self) -> Ownership {
@@ -213,11 +226,11 @@ impl<'a> Field<'a> {
     }
 
     /// Points of the cells about a ball.
-    pub fn near(&self, center: [f32; 3], radius: f32, mut each: impl FnMut(usize, &Sample)) {
+    pub fn near(&self, center: [f32; 3], radius: f32, mut each: impl FnMut(usize, [f32; 3])) {
         let (low, high) = (center.map(|c| c - radius), center.map(|c| c + radius));
         self.cells.in_box(low, high, |range| {
-            for k in range {
-                each(k, &self.points.all[k]);
+            for (k, p) in range.clone().zip(&self.positions[range]) {
+                each(k, *p);
             }
         });
     }
@@ -247,66 +260,72 @@ impl<'a> Field<'a> {
         (self.samples.has_views && s.view != [0.0; 3]).then_some(s.view)
     }
 
-    /// Normal of each point as a candidate, from one neighbourhood.
-    pub fn candidate_normals(&self) -> Vec<[f32; 3]> {
+    /// Normal of point `k` as a candidate, from one neighbourhood.
+    pub fn candidate_normal(&self, k: usize, scratch: &mut Scratch) -> [f32; 3] {
         let radius = CANDIDATE_RADIUS * self.grid.size();
-        self.points
-            .all
-            .par_iter()
-            .with_min_len(256)
-            .map_init(Vec::new, |near: &mut Vec<([f32; 3], f32)>, at| {
-                near.clear();
-                let view = self.view_of(at);
-                self.near(at.position, radius, |_, s| {
-                    let d = sub(s.position, at.position);
-                    if dot(d, d) < radius * radius && view.is_none_or(|v| self.faces(s, v)) {
-                        near.push((d, s.weight));
-                    }
-                });
-                Self::plane(near.iter().copied(), view)
-                    .map_or_else(|| view.unwrap_or([0.0, 0.0, 1.0]), |plane| plane.normal)
-            })
-            .collect()
+        let at = &self.points.all[k];
+        let view = self.view_of(at);
+        let offsets = &mut scratch.offsets;
+        offsets.clear();
+        self.near(at.position, radius, |i, p| {
+            let d = sub(p, at.position);
+            if dot(d, d) < radius * radius {
+                let s = &self.points.all[i];
+                if view.is_none_or(|v| self.faces(s, v)) {
+                    offsets.push((d, s.weight));
+                }
+            }
+        });
+        Self::plane(offsets.iter().copied(), view)
+            .map_or_else(|| view.unwrap_or([0.0, 0.0, 1.0]), |plane| plane.normal)
     }
 
-    /// Approximate coverage of the patch about point `k` with that normal: set pixels, counted on the points.
+    /// Approximate coverage of the patch at `center` with that normal: set pixels, counted on the points.
     pub fn score(
         &self,
         ownership: &Ownership,
-        k: usize,
+        center: [f32; 3],
         normal: [f32; 3],
         scratch: &mut Scratch,
     ) -> usize {
-        let frame = Frame::new(self.points.all[k].position, normal);
+        let frame = Frame::new(center, normal);
         let half = 0.5 * self.grid.size();
         let gate = self.rules.gate.max(PLANE_GATE * self.grid.pixel);
         // The corner of the box about the plate of the patch.
         let reach: [f32; 3] = std::array::from_fn(|a| {
             half * (frame.x[a].abs() + frame.y[a].abs()) + gate * frame.z[a].abs()
         });
-        let sums = &mut scratch.sums;
+        let low = std::array::from_fn(|a| center[a] - reach[a]);
+        let high = std::array::from_fn(|a| center[a] + reach[a]);
+        let each = |visit: &mut dyn FnMut(usize, &Sample, f32)| {
+            self.cells.in_box(low, high, |range| {
+                for (i, p) in range.clone().zip(&self.positions[range]) {
+                    let local = frame.to_local(*p);
+                    if local[2].abs() <= gate
+                        && local[0].abs() <= half
+                        && local[1].abs() <= half
+                        && ownership.free[i] > 0
+                    {
+                        let s = &self.points.all[i];
+                        if self.faces(s, normal) {
+                            visit(self.grid.pixel_of(local), s, local[2]);
+                        }
+                    }
+                }
+            });
+        };
+        if self.rules.is_open() {
+            let mut set = [0_u64; MAX_AREA / 64];
+            each(&mut |pixel, _, _| set[pixel / 64] |= 1 << (pixel % 64));
+            return set.iter().map(|word| word.count_ones() as usize).sum();
+        }
+        let mut sums = std::mem::take(&mut scratch.sums);
         sums.clear();
         sums.resize(self.grid.area(), PixelSums::default());
-        let low = std::array::from_fn(|a| frame.center[a] - reach[a]);
-        let high = std::array::from_fn(|a| frame.center[a] + reach[a]);
-        self.cells.in_box(low, high, |range| {
-            for i in range {
-                let s = &self.points.all[i];
-                if ownership.free[i] == 0 {
-                    continue;
-                }
-                let local = frame.to_local(s.position);
-                if local[0].abs() <= half
-                    && local[1].abs() <= half
-                    && local[2].abs() <= gate
-                    && self.faces(s, normal)
-                {
-                    sums[self.grid.pixel_of(local)].add(s, local[2], frame.z);
-                }
-            }
-        });
+        each(&mut |pixel, s, depth| sums[pixel].add(s, depth, frame.z));
         let covered = sums.iter().filter(|s| s.weight > 0.0).count();
         let set = sums.iter().filter(|s| s.weight > 0.0 && self.rules.accept(s)).count();
+        scratch.sums = sums;
         if covered < self.rules.min_covered { 0 } else { set }
     }
 
@@ -317,13 +336,16 @@ impl<'a> Field<'a> {
         let gate = PLANE_GATE * self.grid.pixel;
         let radius = FIT_RADII[0] * size;
         near.clear();
-        self.near(seed.position, radius, |k, s| {
-            let d = sub(s.position, seed.position);
+        self.near(seed.position, radius, |k, p| {
+            let d = sub(p, seed.position);
             let squared = dot(d, d);
-            // Only what was seen from the seed's side may shape the plane.
-            if squared < radius * radius && view.is_none_or(|v| self.faces(s, v)) {
-                let free = ownership.free[k] > 0;
-                near.push(Neighbour { offset: d, squared, weight: s.weight, free });
+            if squared < radius * radius {
+                let s = &self.points.all[k];
+                // Only what was seen from the seed's side may shape the plane.
+                if view.is_none_or(|v| self.faces(s, v)) {
+                    let free = ownership.free[k] > 0;
+                    near.push(Neighbour { offset: d, squared, weight: s.weight, free });
+                }
             }
         });
         let every = near.len().div_ceil(FIT_POINTS).max(1);

@@ -33,6 +33,15 @@ const TILING_COVERAGE: f32 = 0.75;
 /// left; else its candidate is scored again.
 const KEPT: f32 = 0.75;
 
+/// A proposal is tried when its approximate coverage is this fraction of what it needs.
+const HINT: f32 = 0.8;
+
+/// Candidates that are scored together: few where the first tilings will cover most others.
+const TILING_CHUNK: usize = 512;
+
+/// As `TILING_CHUNK`, once the large surfaces are tiled.
+const CHUNK: usize = 1 << 14;
+
 /// Trials of a batch.
 const BATCH: usize = 64;
 
@@ -67,7 +76,9 @@ struct Placer<'a> {
     proposals: VecDeque<Proposal>,
     /// Proposed positions, to a quarter of a patch: one nearby would only repeat it.
     tried: HashSet<[i32; 3]>,
-    /// Points whose score may have changed.
+    /// Normals of the points that were scored.
+    normals: Vec<Option<[f32; 3]>>,
+    /// Points without a score, or whose score may have changed.
     stale: Vec<bool>,
     done: usize,
     aligned: bool,
@@ -84,13 +95,15 @@ pub(super) fn place(
     let field = Field::new(samples, grid, rules);
     progress.check()?;
     let ownership = field.ownership();
-    let stale = vec![false; field.points.len()];
+    let stale = vec![true; field.points.len()];
+    let normals = vec![None; field.points.len()];
     let mut placer = Placer {
         field,
         ownership,
         placed: Vec::new(),
         proposals: VecDeque::new(),
         tried: HashSet::new(),
+        normals,
         stale,
         done: 0,
         aligned: placement == Placement::Greedy,
@@ -114,80 +127,96 @@ impl Placer<'_> {
         Ok(())
     }
 
-    /// Scores of candidates, in parallel.
-    fn scores(&self, candidates: &[u32], normals: &[[f32; 3]]) -> Vec<u32> {
-        candidates
+    /// Scores candidates that have none yet or may have another by now, in parallel.
+    fn score(&mut self, candidates: &[u32]) -> Vec<usize> {
+        let scored: Vec<(usize, [f32; 3])> = candidates
             .par_iter()
-            .with_min_len(64)
+            .with_min_len(32)
             .map_init(Scratch::default, |scratch, &k| {
                 let k = k as usize;
-                if self.ownership.free[k] == 0 {
-                    return 0;
-                }
-                self.field.score(&self.ownership, k, normals[k], scratch) as u32
+                let normal = self.normals[k]
+                    .unwrap_or_else(|| self.field.candidate_normal(k, scratch));
+                let center = self.field.points.all[k].position;
+                (self.field.score(&self.ownership, center, normal, scratch), normal)
             })
-            .collect()
+            .collect();
+        for (&k, &(_, normal)) in candidates.iter().zip(&scored) {
+            self.normals[k as usize] = Some(normal);
+            self.stale[k as usize] = false;
+        }
+        scored.into_iter().map(|(score, _)| score).collect()
     }
 
+    /// Best first. No candidate scores more than a full patch, so all begin as if they did, and are scored when
+    /// nothing better is left; most are covered by then.
     fn greedy(&mut self, progress: &dyn Progress) -> Result<()> {
-        let normals = self.field.candidate_normals();
-        progress.check()?;
         let area = self.field.grid.area();
-        let all: Vec<u32> = (0..self.field.points.len() as u32).collect();
-        let mut buckets: Vec<Vec<u32>> = vec![Vec::new(); area + 1];
-        for (&k, score) in all.iter().zip(self.scores(&all, &normals)) {
-            buckets[score as usize].push(k);
-        }
         let lowest = self.field.rules.min_pixels;
         let tiling = self.needed(TILING_COVERAGE);
-        let mut best = area;
-        loop {
-            self.notify(progress)?;
-            let Some(score) = (lowest..=best).rev().find(|&s| !buckets[s].is_empty()) else { break };
-            best = score;
-            let candidates = std::mem::take(&mut buckets[score]);
-            let (stale, mut ready): (Vec<u32>, Vec<u32>) = candidates
-                .into_iter()
-                .filter(|&k| self.ownership.free[k as usize] > 0)
-                .partition(|&k| self.stale[k as usize]);
-            for (&k, now) in stale.iter().zip(self.scores(&stale, &normals)) {
-                self.stale[k as usize] = false;
-                // A score can only fall; where rounding says otherwise it stays.
-                if (now as usize) < score {
-                    buckets[now as usize].push(k);
-                } else {
-                    ready.push(k);
-                }
-            }
-            let batch = if score >= tiling { 1 } else { BATCH };
-            let mut ready = ready.into_iter().peekable();
-            while ready.peek().is_some() {
-                let mut chosen = Vec::with_capacity(batch);
-                for k in ready.by_ref() {
-                    if self.ownership.free[k as usize] == 0 {
-                        continue;
-                    }
-                    if self.stale[k as usize] {
-                        buckets[score].push(k);
-                        continue;
-                    }
-                    // Candidates near this one wait until it is placed.
-                    self.disturb(self.field.points.all[k as usize].position);
-                    chosen.push(k);
-                    if chosen.len() == batch {
-                        break;
+        let mut buckets: Vec<Vec<u32>> = vec![Vec::new(); area + 1];
+        buckets[area] = (0..self.field.points.len() as u32).collect();
+        for score in (lowest..=area).rev() {
+            let (chunk, batch) = if score >= tiling { (TILING_CHUNK, 1) } else { (CHUNK, BATCH) };
+            while !buckets[score].is_empty() {
+                for candidates in std::mem::take(&mut buckets[score]).chunks(chunk) {
+                    self.notify(progress)?;
+                    let ready = self.refresh(candidates, score, &mut buckets);
+                    let mut ready = ready.into_iter().peekable();
+                    while ready.peek().is_some() {
+                        let chosen = self.choose(&mut ready, batch, &mut buckets[score]);
+                        self.seed(&chosen, lowest, &mut buckets[score]);
+                        self.tile(progress)?;
                     }
                 }
-                self.seed(&chosen, lowest, score, &mut buckets);
-                self.tile(progress)?;
-                self.notify(progress)?;
             }
         }
         Ok(())
     }
 
+    /// Those of `candidates` that still have this score; others move to lower buckets.
+    fn refresh(&mut self, candidates: &[u32], score: usize, buckets: &mut [Vec<u32>]) -> Vec<u32> {
+        let (stale, mut ready): (Vec<u32>, Vec<u32>) = candidates
+            .iter()
+            .filter(|&&k| self.ownership.free[k as usize] > 0)
+            .partition(|&&k| self.stale[k as usize]);
+        for (k, now) in stale.iter().zip(self.score(&stale)) {
+            // A score can only fall; where rounding says otherwise it stays.
+            if now < score {
+                buckets[now].push(*k);
+            } else {
+                ready.push(*k);
+            }
+        }
+        ready
+    }
+
+    /// The next candidates that do not touch one another; those beside them wait in `later`.
+    fn choose(
+        &mut self,
+        ready: &mut impl Iterator<Item = u32>,
+        batch: usize,
+        later: &mut Vec<u32>,
+    ) -> Vec<u32> {
+        let mut chosen = Vec::with_capacity(batch);
+        for k in ready {
+            if self.ownership.free[k as usize] == 0 {
+                continue;
+            }
+            if self.stale[k as usize] {
+                later.push(k);
+                continue;
+            }
+            self.disturb(self.field.points.all[k as usize].position);
+            chosen.push(k);
+            if chosen.len() == batch {
+                break;
+            }
+        }
+        chosen
+    }
+
     /// Tries patches about the candidates `chosen` of one score.
-    fn seed(&mut self, chosen: &[u32], lowest: usize, score: usize, buckets: &mut [Vec<u32>]) {
+    fn seed(&mut self, chosen: &[u32], lowest: usize, later: &mut Vec<u32>) {
         let trials: Vec<Option<Trial>> = self.trials(chosen, |k| {
             (k as usize, self.field.points.all[k as usize].position, None)
         });
@@ -201,7 +230,7 @@ impl Placer<'_> {
             };
             if again {
                 self.stale[k as usize] = true;
-                buckets[score].push(k);
+                later.push(k);
             }
         }
     }
@@ -217,7 +246,15 @@ impl Placer<'_> {
                 .par_iter()
                 .with_min_len(4)
                 .map_init(Scratch::default, |scratch, proposal| {
+                    let Proposal { center, normal } = *proposal;
                     let seed = self.nearest_free(proposal)?;
+                    // Moved along the normal to the surface, as the trial does.
+                    let off = dot(sub(self.field.points.all[seed].position, center), normal);
+                    let near = add_scaled(center, off, normal);
+                    let hint = self.field.score(&self.ownership, near, normal, scratch);
+                    if (hint as f32) < HINT * needed as f32 {
+                        return None;
+                    }
                     let known = Some(proposal.normal);
                     self.field.trial(&self.ownership, seed, proposal.center, known, scratch)
                 })
@@ -248,9 +285,9 @@ impl Placer<'_> {
     fn nearest_free(&self, proposal: &Proposal) -> Option<usize> {
         let radius = 0.5 * self.field.grid.size();
         let mut best = (radius * radius, usize::MAX);
-        self.field.near(proposal.center, radius, |k, s| {
+        self.field.near(proposal.center, radius, |k, p| {
             if self.ownership.free[k] > 0 {
-                let d = sub(s.position, proposal.center);
+                let d = sub(p, proposal.center);
                 let squared = dot(d, d);
                 if squared < best.0 || (squared == best.0 && k < best.1) {
                     best = (squared, k);
