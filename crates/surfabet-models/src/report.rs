@@ -20,8 +20,8 @@ pub struct Report {
     pub figures: Vec<(&'static str, f64)>,
     /// Counts and measures of each level of a hierarchy, coarsest first.
     pub levels: Vec<Vec<(&'static str, f64)>>,
-    /// Objective per iteration, by the name of what was minimised; levels follow one another.
-    pub objectives: Vec<(&'static str, Vec<f64>)>,
+    /// Objective per iteration, by the name of what was minimised.
+    pub objectives: Vec<(String, Vec<f64>)>,
     /// Iterations per objective, summed.
     pub iterations: usize,
     /// Why learning ended.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
 use super::decode::to_ycocg;
-use super::dictionary::{ChannelOptions, learn_channel};
+use super::dictionary::{ChannelOptions, LevelDictionary, PatchDictionary, learn_channel};
 use super::field::{Grid, Rules};
 use super::images::{Images, project};
 use super::model::{Channel, Level, MAX_POSITION, PatchModel, PatchModelParts, Steps};
@@ -39,6 +39,38 @@ pub fn learn(
     options: &PatchOptions,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
+    describe(cloud, options, None, progress)
+}
+
+/// Describes a cloud as [`learn`] does, in the dictionaries of another model: nothing is learned, and the file
+/// refers to that model instead of holding dictionaries of its own.
+///
+/// # Errors
+/// As [`learn`]; [`Error::Inconsistent`] when `options` are of another hierarchy than the dictionary, or the cloud
+/// has colours and the dictionary none.
+pub fn encode(
+    cloud: &PointCloud,
+    options: &PatchOptions,
+    dictionary: &PatchDictionary,
+    progress: &dyn Progress,
+) -> Result<PatchModel> {
+    options.check()?;
+    dictionary.check(options)?;
+    if cloud.colors().is_some() && dictionary.levels.iter().any(|l| l.color.is_none()) {
+        return Err(Error::Inconsistent(
+            "the cloud has colours, the dictionary has none; learn it from a cloud with colours"
+                .to_owned(),
+        ));
+    }
+    describe(cloud, options, Some(dictionary), progress)
+}
+
+fn describe(
+    cloud: &PointCloud,
+    options: &PatchOptions,
+    frozen: Option<&PatchDictionary>,
+    progress: &dyn Progress,
+) -> Result<PatchModel> {
     options.check()?;
     check_extent(cloud, options)?;
     let mut report = Report::default();
@@ -48,11 +80,19 @@ pub fn learn(
     describe_cloud(&mut report, cloud, &rest);
     let mut levels = Vec::with_capacity(options.levels as usize);
     for j in 0..options.levels {
-        levels.push(learn_level(&mut rest, j, options, &mut report, progress)?);
+        let frozen = frozen.and_then(|d| d.levels.get(j as usize));
+        levels.push(learn_level(&mut rest, j, options, frozen, &mut report, progress)?);
     }
-    report.stop_reason = "every point is covered and the dictionaries are learned";
-    let parts =
-        PatchModelParts { origin: cloud.origin(), n_points: cloud.len() as u64, levels };
+    report.stop_reason = match frozen {
+        None => "every point is covered and the dictionaries are learned",
+        Some(_) => "every point is covered",
+    };
+    let parts = PatchModelParts {
+        origin: cloud.origin(),
+        n_points: cloud.len() as u64,
+        levels,
+        shared_dictionary: frozen.is_some(),
+    };
     Ok(PatchModel::from_parts(parts)?.with_report(report))
 }
 
@@ -61,6 +101,7 @@ fn learn_level(
     rest: &mut Samples,
     j: u32,
     options: &PatchOptions,
+    frozen: Option<&LevelDictionary>,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<Level> {
@@ -96,8 +137,9 @@ fn learn_level(
     rest.retain(&keep);
 
     let steps = steps(options, j);
-    let depth = learn_depth(&images, grid, options, j, steps, report, progress)?;
-    let color = learn_color(&images, grid, options, j, steps, report, progress)?;
+    let scale = Scale { level: j, grid, steps, frozen };
+    let depth = learn_depth(&images, scale, options, report, progress)?;
+    let color = learn_color(&images, scale, options, report, progress)?;
     let set = images.mask.iter().map(|&m| usize::from(m)).sum::<usize>();
     let entries = |channel: &Channel| channel.dictionary.n_atoms() as f64;
     let figures = [
@@ -222,6 +264,20 @@ fn describe_cloud(report: &mut Report, cloud: &PointCloud, samples: &Samples) {
     .collect();
 }
 
+/// The level that a channel is learned for.
+#[derive(Clone, Copy)]
+struct Scale<'a> {
+    level: u32,
+    grid: Grid,
+    steps: Steps,
+    frozen: Option<&'a LevelDictionary>,
+}
+
+/// How the report calls the objective of `channel` at `level`.
+fn objective(channel: &str, level: u32, options: &PatchOptions) -> String {
+    if options.levels == 1 { channel.to_owned() } else { format!("{channel}, level {level}") }
+}
+
 /// Means in steps and what remains of `images` without them, plane by plane of `area` pixels.
 struct Centred {
     means: Vec<i32>,
@@ -230,14 +286,13 @@ struct Centred {
 
 fn learn_depth(
     images: &Images,
-    grid: Grid,
+    scale: Scale<'_>,
     options: &PatchOptions,
-    level: u32,
-    steps: Steps,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<Channel> {
-    let area = grid.n * grid.n;
+    let Scale { level, grid, steps, frozen } = scale;
+    let area = grid.area();
     let weights: Vec<f32> = images.mask.iter().map(|&m| f32::from(m)).collect();
     let mut rest = images.depth.clone();
     let means = (rest.par_chunks_mut(area).zip(images.mask.par_chunks(area)))
@@ -251,6 +306,8 @@ fn learn_depth(
     let centred = Centred { means, rest };
     let channel = ChannelOptions {
         name: "learning depth",
+        objective: objective("learning depth", level, options),
+        frozen: frozen.map(|f| &f.depth),
         cropped: "depth dictionary entries cropped",
         n_atoms: options.depth_atoms as usize,
         sparsity: options.depth_sparsity as usize,
@@ -259,20 +316,19 @@ fn learn_depth(
         iterations: options.iterations as usize,
         random_state: options.random_state,
     };
-    finish(area, centred, &weights, channel, report, progress)
+    finish(area, centred, &weights, &channel, report, progress)
 }
 
 fn learn_color(
     images: &Images,
-    grid: Grid,
+    scale: Scale<'_>,
     options: &PatchOptions,
-    level: u32,
-    steps: Steps,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<Option<Channel>> {
     let Some(color) = &images.color else { return Ok(None) };
-    let area = grid.n * grid.n;
+    let Scale { level, grid, steps, frozen } = scale;
+    let area = grid.area();
     let weights: Vec<f32> = images
         .mask
         .chunks(area)
@@ -296,6 +352,8 @@ fn learn_color(
     let centred = Centred { means: means.into_flattened(), rest };
     let channel = ChannelOptions {
         name: "learning colour",
+        objective: objective("learning colour", level, options),
+        frozen: frozen.and_then(|f| f.color.as_ref()),
         cropped: "colour dictionary entries cropped",
         n_atoms: options.color_atoms as usize,
         sparsity: options.color_sparsity as usize,
@@ -304,14 +362,14 @@ fn learn_color(
         iterations: options.iterations as usize,
         random_state: options.random_state,
     };
-    finish(3 * area, centred, &weights, channel, report, progress).map(Some)
+    finish(3 * area, centred, &weights, &channel, report, progress).map(Some)
 }
 
 fn finish(
     n_features: usize,
     centred: Centred,
     weights: &[f32],
-    options: ChannelOptions,
+    options: &ChannelOptions<'_>,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<Channel> {

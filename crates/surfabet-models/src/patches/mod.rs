@@ -33,9 +33,9 @@ mod samples;
 mod sensor;
 
 pub use decode::DecodeOptions;
-pub use dictionary::QuantizedDictionary;
+pub use dictionary::{LevelDictionary, PatchDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
-pub use learn::learn;
+pub use learn::{encode, learn};
 pub use model::{
     Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchModel, PatchModelParts, Steps,
 };
