@@ -34,6 +34,10 @@ const SAME_NORMAL: f32 = 0.95;
 /// Points whose second variance is below this fraction of the first lie on a line.
 const LINE: f64 = 1e-6;
 
+/// Above the lowest level the mean place of a pixel's samples is off its centre by at most this many pixels:
+/// beyond, the surface ends inside the pixel, and the smaller pixels of the level below follow its rim.
+const MAX_PIXEL_OFFSET: f64 = 0.25;
+
 /// Most pixels of a patch.
 const MAX_AREA: usize = 32 * 32;
 
@@ -87,6 +91,8 @@ pub(super) struct Rules {
 #[derive(Clone, Copy, Default)]
 struct PixelSums {
     weight: f64,
+    /// Along the patch's x- and y-axes.
+    place: [f64; 2],
     depth: f64,
     depth_square: f64,
     color: [f64; 3],
@@ -94,14 +100,16 @@ struct PixelSums {
 }
 
 impl PixelSums {
-    /// Adds a sample at `depth` along the unit normal `z`.
-    fn add(&mut self, s: &Sample, depth: f32, z: [f32; 3]) {
+    /// Adds a sample at `local` of a frame with unit normal `z`.
+    fn add(&mut self, s: &Sample, local: [f32; 3], z: [f32; 3]) {
         let [xx, xy, xz, yy, yz, zz] = s.covariance;
         let spread = z[0] * (z[0] * xx + 2.0 * (z[1] * xy + z[2] * xz))
             + z[1] * (z[1] * yy + 2.0 * z[2] * yz)
             + z[2] * z[2] * zz;
-        let (w, d) = (f64::from(s.weight), f64::from(depth));
+        let (w, d) = (f64::from(s.weight), f64::from(local[2]));
         self.weight += w;
+        self.place[0] += w * f64::from(local[0]);
+        self.place[1] += w * f64::from(local[1]);
         self.depth += w * d;
         self.depth_square += w * (d * d + f64::from(spread));
         let color = s.color.map(f64::from);
@@ -133,9 +141,18 @@ impl Rules {
             && self.max_color_variance == f64::INFINITY
     }
 
-    fn accept(&self, pixel: &PixelSums) -> bool {
-        pixel.depth_variance() <= self.max_depth_variance
-            && pixel.color_variance() <= self.max_color_variance
+    /// True when the samples of a pixel are described by a mean over all of it.
+    fn accept(&self, sums: &PixelSums, pixel: usize, grid: Grid) -> bool {
+        let half = 0.5 * (grid.n as f64 - 1.0);
+        let side = f64::from(grid.pixel);
+        let off = |sum: f64, index: usize| {
+            (sum / sums.weight - (index as f64 - half) * side).abs() / side
+        };
+        self.max_depth_variance == f64::INFINITY
+            || sums.depth_variance() <= self.max_depth_variance
+                && sums.color_variance() <= self.max_color_variance
+                && off(sums.place[0], pixel % grid.n) <= MAX_PIXEL_OFFSET
+                && off(sums.place[1], pixel / grid.n) <= MAX_PIXEL_OFFSET
     }
 }
 
@@ -179,7 +196,7 @@ struct Neighbour {
 #[derive(Default)]
 pub(super) struct Scratch {
     sums: Vec<PixelSums>,
-    by_pixel: Vec<Vec<(u32, f32)>>,
+    by_pixel: Vec<Vec<(u32, [f32; 3])>>,
     near: Vec<Neighbour>,
     offsets: Vec<([f32; 3], f32)>,
 }
@@ -297,7 +314,7 @@ impl<'a> Field<'a> {
         });
         let low = std::array::from_fn(|a| center[a] - reach[a]);
         let high = std::array::from_fn(|a| center[a] + reach[a]);
-        let each = |visit: &mut dyn FnMut(usize, &Sample, f32)| {
+        let each = |visit: &mut dyn FnMut(usize, &Sample, [f32; 3])| {
             self.cells.in_box(low, high, |range| {
                 for (i, p) in range.clone().zip(&self.positions[range]) {
                     let local = frame.to_local(*p);
@@ -308,7 +325,7 @@ impl<'a> Field<'a> {
                     {
                         let s = &self.points.all[i];
                         if self.faces(s, normal) {
-                            visit(self.grid.pixel_of(local), s, local[2]);
+                            visit(self.grid.pixel_of(local), s, local);
                         }
                     }
                 }
@@ -322,9 +339,11 @@ impl<'a> Field<'a> {
         let mut sums = std::mem::take(&mut scratch.sums);
         sums.clear();
         sums.resize(self.grid.area(), PixelSums::default());
-        each(&mut |pixel, s, depth| sums[pixel].add(s, depth, frame.z));
+        each(&mut |pixel, s, local| sums[pixel].add(s, local, frame.z));
         let covered = sums.iter().filter(|s| s.weight > 0.0).count();
-        let set = sums.iter().filter(|s| s.weight > 0.0 && self.rules.accept(s)).count();
+        let set = (0..sums.len())
+            .filter(|&i| sums[i].weight > 0.0 && self.rules.accept(&sums[i], i, self.grid))
+            .count();
         scratch.sums = sums;
         if covered < self.rules.min_covered { 0 } else { set }
     }
@@ -436,7 +455,7 @@ impl<'a> Field<'a> {
                     let local = frame.to_local(s.position);
                     let within = local.iter().all(|c| c.abs() <= half);
                     if i == seed || (within && self.faces(s, frame.z)) {
-                        by_pixel[self.grid.pixel_of(local)].push((i, local[2]));
+                        by_pixel[self.grid.pixel_of(local)].push((i, local));
                     }
                 }
             }
@@ -450,7 +469,13 @@ impl<'a> Field<'a> {
 
     /// Follows the surface from pixel `start` at `depth` over the grid, breadth first. A pixel without accepted
     /// samples passes on the depth that it was expected at, so sparse scans do not fall apart.
-    fn grow(&self, by_pixel: &[Vec<(u32, f32)>], start: usize, depth: f32, trial: &mut Trial) {
+    fn grow(
+        &self,
+        by_pixel: &[Vec<(u32, [f32; 3])>],
+        start: usize,
+        depth: f32,
+        trial: &mut Trial,
+    ) {
         let n = self.grid.n;
         let gate = self.rules.gate;
         let z = trial.frame.z;
@@ -460,9 +485,9 @@ impl<'a> Field<'a> {
         while let Some(pixel) = queue.pop_front() {
             let mut sums = PixelSums::default();
             let before = trial.members.len();
-            for &(i, d) in &by_pixel[pixel] {
-                if (d - expected[pixel]).abs() <= gate {
-                    sums.add(&self.samples.all[i as usize], d, z);
+            for &(i, local) in &by_pixel[pixel] {
+                if (local[2] - expected[pixel]).abs() <= gate {
+                    sums.add(&self.samples.all[i as usize], local, z);
                     trial.members.push((i, pixel as u16));
                 }
             }
@@ -470,7 +495,7 @@ impl<'a> Field<'a> {
             if sums.weight > 0.0 {
                 reached = sums.depth_mean() as f32;
                 trial.covered += 1;
-                if self.rules.accept(&sums) {
+                if self.rules.accept(&sums, pixel, self.grid) {
                     trial.set_pixels += 1;
                 } else {
                     trial.members.truncate(before);
