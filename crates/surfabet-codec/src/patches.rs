@@ -147,9 +147,8 @@ pub fn read(
             if let Some(stream) = &mut dictionaries {
                 return read_dictionary(stream, n_features, n_atoms);
             }
-            let fits = |d: &&QuantizedDictionary| {
-                d.n_features() == n_features && d.n_atoms() == n_atoms
-            };
+            let fits =
+                |d: &&QuantizedDictionary| d.n_features() == n_features && d.n_atoms() == n_atoms;
             shared.filter(fits).cloned().ok_or_else(|| {
                 let what = format!("level {j} is not one of the dictionary that the file names");
                 Error::corrupt(META, 0, what)

@@ -253,7 +253,10 @@ impl<'a> Field<'a> {
     }
 
     /// The least-squares plane of weighted points, turned to where `view` points, or up without one.
-    fn plane(points: impl Iterator<Item = ([f32; 3], f32)>, view: Option<[f32; 3]>) -> Option<Plane> {
+    fn plane(
+        points: impl Iterator<Item = ([f32; 3], f32)>,
+        view: Option<[f32; 3]>,
+    ) -> Option<Plane> {
         let moments = Moments::of_offsets(points);
         let axes = moments.principal_axes()?;
         // Points on a line, or one point, have no plane.
@@ -349,7 +352,13 @@ impl<'a> Field<'a> {
     }
 
     /// The plane about `seed` that most free points lie on, and how that compares for the normal `known`.
-    fn fit(&self, ownership: &Ownership, seed: &Sample, known: Option<[f32; 3]>, near: &mut Vec<Neighbour>) -> Plane {
+    fn fit(
+        &self,
+        ownership: &Ownership,
+        seed: &Sample,
+        known: Option<[f32; 3]>,
+        near: &mut Vec<Neighbour>,
+    ) -> Plane {
         let view = self.view_of(seed);
         let size = self.grid.size();
         let gate = PLANE_GATE * self.grid.pixel;
@@ -369,8 +378,9 @@ impl<'a> Field<'a> {
         });
         let every = near.len().div_ceil(FIT_POINTS).max(1);
         let local = || near.iter().step_by(every);
-        let explained =
-            |normal: [f32; 3]| local().filter(|l| l.free && dot(l.offset, normal).abs() < gate).count();
+        let explained = |normal: [f32; 3]| {
+            local().filter(|l| l.free && dot(l.offset, normal).abs() < gate).count()
+        };
         let mut best: Option<(usize, Plane)> = None;
         for radius in FIT_RADII {
             let limit = radius * radius * size * size;
@@ -387,7 +397,9 @@ impl<'a> Field<'a> {
             return Plane { normal, seed_offset: 0.0 };
         };
         let on = |normal: [f32; 3]| {
-            local().filter(move |l| dot(l.offset, normal).abs() < gate).map(|l| (l.offset, l.weight))
+            local()
+                .filter(move |l| dot(l.offset, normal).abs() < gate)
+                .map(|l| (l.offset, l.weight))
         };
         if let Some(normal) = known
             && explained(normal) as f32 >= SAME_NORMAL * most as f32
@@ -420,8 +432,7 @@ impl<'a> Field<'a> {
             let d = sub(self.samples.all[i as usize].position, point.position);
             dot(d, d)
         };
-        let seed =
-            *free.min_by(|&&a, &&b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))?;
+        let seed = *free.min_by(|&&a, &&b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))?;
         let at = &self.samples.all[seed as usize];
         let plane = self.fit(ownership, at, known, &mut scratch.near);
 
@@ -461,21 +472,14 @@ impl<'a> Field<'a> {
             }
         });
         let local = frame.to_local(p);
-        let mut trial =
-            Trial { pose, frame, members: Vec::new(), covered: 0, set_pixels: 0 };
+        let mut trial = Trial { pose, frame, members: Vec::new(), covered: 0, set_pixels: 0 };
         self.grow(by_pixel, self.grid.pixel_of(local), local[2], &mut trial);
         Some(trial)
     }
 
     /// Follows the surface from pixel `start` at `depth` over the grid, breadth first. A pixel without accepted
     /// samples passes on the depth that it was expected at, so sparse scans do not fall apart.
-    fn grow(
-        &self,
-        by_pixel: &[Vec<(u32, [f32; 3])>],
-        start: usize,
-        depth: f32,
-        trial: &mut Trial,
-    ) {
+    fn grow(&self, by_pixel: &[Vec<(u32, [f32; 3])>], start: usize, depth: f32, trial: &mut Trial) {
         let n = self.grid.n;
         let gate = self.rules.gate;
         let z = trial.frame.z;

@@ -112,8 +112,7 @@ fn learn_level(
         position_step: (POSITION_STEP * pixel_size) as f32,
     };
     let doublings = options.doublings(j);
-    let coarse = (doublings > 0)
-        .then(|| report.time("merging points", || rest.coarser(doublings)));
+    let coarse = (doublings > 0).then(|| report.time("merging points", || rest.coarser(doublings)));
     let samples = coarse.as_ref().map_or(&*rest, |(samples, _)| samples);
     progress.check()?;
     let placed = report.time("placing patches", || {
@@ -126,7 +125,9 @@ fn learn_level(
     let mut keep = vec![true; rest.len()];
     for &i in placed.iter().flat_map(|p| &p.members) {
         match &coarse {
-            Some((_, groups)) => groups.of(i as usize).iter().for_each(|&s| keep[s as usize] = false),
+            Some((_, groups)) => {
+                groups.of(i as usize).iter().for_each(|&s| keep[s as usize] = false)
+            }
             None => keep[i as usize] = false,
         }
     }
@@ -205,8 +206,7 @@ fn neighbour_distance(
     let centers: Vec<[f32; 3]> =
         placed.iter().map(|p| p.pose.frame(grid.position_step).center).collect();
     let nearest = KdTree::new(&centers)?.k_nearest_batch(&centers, 2, progress)?;
-    let sum: f64 =
-        nearest.chunks(2).map(|pair| f64::from(pair[1].squared_distance()).sqrt()).sum();
+    let sum: f64 = nearest.chunks(2).map(|pair| f64::from(pair[1].squared_distance()).sqrt()).sum();
     Ok(Some(sum / placed.len() as f64))
 }
 

@@ -138,7 +138,11 @@ impl PatchOptions {
             ));
         }
         if !positive(self.max_color_deviation) {
-            return Err(Error::invalid("max_color_deviation", self.max_color_deviation, "positive"));
+            return Err(Error::invalid(
+                "max_color_deviation",
+                self.max_color_deviation,
+                "positive",
+            ));
         }
         if !(self.min_coverage > 0.0 && self.min_coverage <= 1.0) {
             return Err(Error::invalid("min_coverage", self.min_coverage, "above 0 and at most 1"));

@@ -134,8 +134,8 @@ impl Placer<'_> {
             .with_min_len(32)
             .map_init(Scratch::default, |scratch, &k| {
                 let k = k as usize;
-                let normal = self.normals[k]
-                    .unwrap_or_else(|| self.field.candidate_normal(k, scratch));
+                let normal =
+                    self.normals[k].unwrap_or_else(|| self.field.candidate_normal(k, scratch));
                 let center = self.field.points.all[k].position;
                 (self.field.score(&self.ownership, center, normal, scratch), normal)
             })
@@ -217,9 +217,8 @@ impl Placer<'_> {
 
     /// Tries patches about the candidates `chosen` of one score.
     fn seed(&mut self, chosen: &[u32], lowest: usize, later: &mut Vec<u32>) {
-        let trials: Vec<Option<Trial>> = self.trials(chosen, |k| {
-            (k as usize, self.field.points.all[k as usize].position, None)
-        });
+        let trials: Vec<Option<Trial>> =
+            self.trials(chosen, |k| (k as usize, self.field.points.all[k as usize].position, None));
         for (&k, trial) in chosen.iter().zip(trials) {
             let Some(trial) = trial else { continue };
             let outcome = self.commit(trial, lowest);
@@ -367,9 +366,8 @@ impl Placer<'_> {
                     let d = sub(point(k).position, mean);
                     dot(d, d)
                 };
-                let nearest = |&a: &u32, &b: &u32| {
-                    distance(a).total_cmp(&distance(b)).then(a.cmp(&b))
-                };
+                let nearest =
+                    |&a: &u32, &b: &u32| distance(a).total_cmp(&distance(b)).then(a.cmp(&b));
                 seeds.extend(cube.iter().copied().min_by(|a, b| nearest(a, b)));
             }
             let before = self.done;

@@ -151,9 +151,7 @@ impl Sums {
         Sample {
             key,
             position: std::array::from_fn(|a| (f64::from(base[a]) + offset[a]) as f32),
-            covariance: std::array::from_fn(|i| {
-                (self.product[i] / self.weight - square[i]) as f32
-            }),
+            covariance: std::array::from_fn(|i| (self.product[i] / self.weight - square[i]) as f32),
             weight: self.weight as f32,
             color: color.map(|c| c as f32),
             color_variance: (self.color_square / self.weight - mean_square(color)).max(0.0) as f32,
@@ -269,7 +267,8 @@ impl Samples {
                     for (side, sample) in [false, true].into_iter().zip(sides) {
                         let Some(sample) = sample else { continue };
                         let before = members.len();
-                        members.extend((from..to).zip(&behind).filter(|m| *m.1 == side).map(|m| m.0));
+                        members
+                            .extend((from..to).zip(&behind).filter(|m| *m.1 == side).map(|m| m.0));
                         sizes.push((members.len() - before) as u32);
                         out.push(sample);
                     }
