@@ -3,11 +3,11 @@
     python benches/papers/patches_table.py [--out FOLDER] [--only room|frame|plots] [--threads 2]
 
 Prints the table's rows in Markdown for the real room (fused RGB-D frames) and one Kinect frame:
-OctoMap, SCSM (one level) and HSCSM with the thresholds of the paper's method. Errors are pooled over both
-directions, as in the paper, and against the raw input; models are decoded at half of their finest
-pixel, OctoMap at its leaves' centres. Its tree holds occupied leaves only. All bytes count. With --out, the two
-plots of figure 5 for the frame are written there: area per level and error against the largest
-deviation of depth, and of colour.
+OctoMap, SCSM (one level) and HSCSM with the thresholds of the paper's method. Errors are pooled
+over both directions, as in the paper, and against the raw input; models are decoded at half of
+their finest pixel, OctoMap at its leaves' centres. Its tree holds occupied leaves only. All bytes
+count. With --out, the two plots of figure 5 for the frame are written there: area per level and
+error against the largest deviation of depth, and of colour.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ import surfabet as sb
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
-# As in the paper: dictionary sizes and 10 x 10 pixels of 3 mm for the frame; 5 x 5 pixels of 1 cm for
-# the room, beside our own 8 x 8.
+# As in the paper: dictionary sizes and 10 x 10 pixels of 3 mm for the frame; 5 x 5 pixels of 1 cm
+# for the room, beside our own 8 x 8.
 FRAME: dict[str, Any] = {
     "resolution": 0.003,
     "patch_pixels": 10,

@@ -25,9 +25,9 @@ from surfabet.metrics import Quality, RangeSigma, evaluate
 from surfabet.patches import (
     LearningReport,
     PatchDictionary,
+    Patches,
     PatchLevel,
     PatchModel,
-    Patches,
     learn_patches,
 )
 

@@ -102,9 +102,7 @@ def from_bytes(
     return PatchModel(core)
 
 
-def inspect(
-    path: str | os.PathLike[str], *, dictionary: PatchDictionary | None = None
-) -> FileInfo:
+def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None = None) -> FileInfo:
     """What a model file holds, with the bytes of each part.
 
     Raises

@@ -1,7 +1,8 @@
 """Surface patches: local depth and colour images, sparse-coded over learned dictionaries.
 
-One level is the Sparse Coded Surface Model (SCSM), several are the hierarchical one (HSCSM). The method is that of M. Ruhnke, L. Bo, D. Fox,
-W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014, section III.
+One level is the Sparse Coded Surface Model (SCSM), several are the hierarchical one (HSCSM). The
+method is that of M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models,
+ICRA 2014, section III.
 """
 
 from __future__ import annotations
