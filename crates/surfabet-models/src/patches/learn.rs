@@ -126,7 +126,7 @@ fn learn_level(
     for &i in placed.iter().flat_map(|p| &p.members) {
         match &coarse {
             Some((_, groups)) => {
-                groups.of(i as usize).iter().for_each(|&s| keep[s as usize] = false)
+                groups.of(i as usize).iter().for_each(|&s| keep[s as usize] = false);
             }
             None => keep[i as usize] = false,
         }
