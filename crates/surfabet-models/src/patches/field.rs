@@ -35,8 +35,9 @@ const SAME_NORMAL: f32 = 0.95;
 const LINE: f64 = 1e-6;
 
 /// Above the lowest level the mean place of a pixel's samples is off its centre by at most this many pixels:
-/// beyond, the surface ends inside the pixel, and the smaller pixels of the level below follow its rim.
-const MAX_PIXEL_OFFSET: f64 = 0.25;
+/// beyond, the surface ends inside the pixel, and the smaller pixels of the level below follow its rim. Samples
+/// of half a pixel that cover all of one may be off by a quarter.
+const MAX_PIXEL_OFFSET: f64 = 0.3;
 
 /// Most pixels of a patch.
 const MAX_AREA: usize = 32 * 32;
@@ -141,6 +142,12 @@ impl Rules {
             && self.max_color_variance == f64::INFINITY
     }
 
+    /// True when depth and colour of a pixel deviate no more than allowed.
+    fn steady(&self, sums: &PixelSums) -> bool {
+        sums.depth_variance() <= self.max_depth_variance
+            && sums.color_variance() <= self.max_color_variance
+    }
+
     /// True when the samples of a pixel are described by a mean over all of it.
     fn accept(&self, sums: &PixelSums, pixel: usize, grid: Grid) -> bool {
         let half = 0.5 * (grid.n as f64 - 1.0);
@@ -149,8 +156,7 @@ impl Rules {
             (sum / sums.weight - (index as f64 - half) * side).abs() / side
         };
         self.max_depth_variance == f64::INFINITY
-            || sums.depth_variance() <= self.max_depth_variance
-                && sums.color_variance() <= self.max_color_variance
+            || self.steady(sums)
                 && off(sums.place[0], pixel % grid.n) <= MAX_PIXEL_OFFSET
                 && off(sums.place[1], pixel / grid.n) <= MAX_PIXEL_OFFSET
     }
@@ -345,7 +351,7 @@ impl<'a> Field<'a> {
         each(&mut |pixel, s, local| sums[pixel].add(s, local, frame.z));
         let covered = sums.iter().filter(|s| s.weight > 0.0).count();
         let set = (0..sums.len())
-            .filter(|&i| sums[i].weight > 0.0 && self.rules.accept(&sums[i], i, self.grid))
+            .filter(|&i| sums[i].weight > 0.0 && self.rules.steady(&sums[i]))
             .count();
         scratch.sums = sums;
         if covered < self.rules.min_covered { 0 } else { set }
