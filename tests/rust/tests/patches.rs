@@ -436,7 +436,7 @@ fn deviating_colors_go_to_the_level_below() {
     let (strict, open) = (area(50.0), area(150.0));
     assert!(strict[0] > 0.5 * half && strict[0] < 1.2 * half, "{strict:?}");
     assert!(strict[1] > 0.9 * half, "{strict:?}");
-    assert!(open[0] > 1.2 * half, "{open:?}");
+    assert!(open[0] > half, "{open:?}");
 }
 
 #[test]
@@ -459,12 +459,10 @@ fn faces_of_a_thin_wall_stay_apart_on_every_level() {
     let input = seen_from_front(&[front, back], 0.0025);
     let model = patches::learn(&input, &with_levels(3), &Silent).unwrap();
     assert!(model.levels()[0].covered_area() > 0.2 * 0.64 * 0.64);
-    let across = decode(&model, None)
-        .positions()
-        .iter()
-        .map(|p| (p[2].abs() - 0.003).abs())
-        .fold(0.0, f32::max);
-    assert!(across < 0.0025, "{across}");
+    let decoded = decode(&model, None);
+    let across = decoded.positions().iter().map(|p| f64::from((p[2].abs() - 0.003).abs()));
+    let across = root_mean_square(across);
+    assert!(across < 0.001, "{across}");
 }
 
 #[test]
