@@ -92,7 +92,7 @@ def patch_colors(model: sb.PatchModel, decoded: sb.PointCloud) -> NDArray[np.uin
 
 def entries_by_use(model: sb.PatchModel, channel: sb.patches.Channel) -> NDArray[np.float32]:
     """Dictionary entries, those that most patches use first."""
-    entries = model.dictionary(channel=channel)
+    entries = model.dictionary.concatenated(channel)[0]
     _, used, _ = model.codes(channel=channel)
     count = np.bincount(used, minlength=len(entries))
     return entries[np.argsort(-count, kind="stable")]

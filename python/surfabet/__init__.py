@@ -22,7 +22,14 @@ from surfabet.geometry import (
 )
 from surfabet.io import read, write
 from surfabet.metrics import Quality, RangeSigma, evaluate
-from surfabet.patches import LearningReport, PatchLevel, PatchModel, learn_patches
+from surfabet.patches import (
+    LearningReport,
+    PatchDictionary,
+    Patches,
+    PatchLevel,
+    PatchModel,
+    learn_patches,
+)
 
 __all__ = [
     "DroppedPointsWarning",
@@ -35,8 +42,10 @@ __all__ = [
     "MissingDependencyError",
     "NormalEstimate",
     "Octree",
+    "PatchDictionary",
     "PatchLevel",
     "PatchModel",
+    "Patches",
     "PointCloud",
     "Quality",
     "RangeImage",

@@ -10,7 +10,7 @@ from typing import Any
 
 from surfabet import _core
 from surfabet.errors import FormatError
-from surfabet.patches import PatchModel
+from surfabet.patches import PatchDictionary, PatchModel
 
 __all__ = ["FileInfo", "from_bytes", "inspect", "load"]
 
@@ -24,6 +24,7 @@ SECTIONS = {
     "POSE": "poses",
     "MASK": "masks",
     "DICT": "dictionaries",
+    "DREF": "hash of the dictionary",
     "DPTH": "depth",
     "COLR": "colour",
 }
@@ -50,7 +51,11 @@ class FileInfo:
 
 
 def load(
-    path: str | os.PathLike[str], *, max_items: int = MAX_ITEMS, max_bytes: int = MAX_BYTES
+    path: str | os.PathLike[str],
+    *,
+    dictionary: PatchDictionary | None = None,
+    max_items: int = MAX_ITEMS,
+    max_bytes: int = MAX_BYTES,
 ) -> PatchModel:
     """Reads a model file (`.sfb`), which need not be trusted.
 
@@ -58,6 +63,8 @@ def load(
     ----------
     path
         The file.
+    dictionary
+        The dictionary that the file was made with, when it does not hold one itself.
     max_items, max_bytes
         Refuse files that ask for more than this.
 
@@ -66,19 +73,36 @@ def load(
     OSError
         When the file cannot be read.
     FormatError
-        When it is damaged, not a model, or needs a newer release; the message says which.
+        When it is damaged, not a model, needs a newer release, or was made with another
+        dictionary; the message says which.
     """
-    return PatchModel(_core.load(os.fspath(path), max_items=max_items, max_bytes=max_bytes))
+    core = _core.load(
+        os.fspath(path),
+        max_items=max_items,
+        max_bytes=max_bytes,
+        dictionary=None if dictionary is None else dictionary._core,
+    )
+    return PatchModel(core)
 
 
 def from_bytes(
-    data: bytes, *, max_items: int = MAX_ITEMS, max_bytes: int = MAX_BYTES
+    data: bytes,
+    *,
+    dictionary: PatchDictionary | None = None,
+    max_items: int = MAX_ITEMS,
+    max_bytes: int = MAX_BYTES,
 ) -> PatchModel:
     """As `load`, from bytes as `PatchModel.to_bytes` gives them."""
-    return PatchModel(_core.from_bytes(data, max_items=max_items, max_bytes=max_bytes))
+    core = _core.from_bytes(
+        data,
+        max_items=max_items,
+        max_bytes=max_bytes,
+        dictionary=None if dictionary is None else dictionary._core,
+    )
+    return PatchModel(core)
 
 
-def inspect(path: str | os.PathLike[str]) -> FileInfo:
+def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None = None) -> FileInfo:
     """What a model file holds, with the bytes of each part.
 
     Raises
@@ -89,17 +113,28 @@ def inspect(path: str | os.PathLike[str]) -> FileInfo:
     data = Path(path).read_bytes()
     try:
         family, version, sections = _core.inspect(data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES)
-        model = from_bytes(data)
+        model = from_bytes(data, dictionary=dictionary)
     except FormatError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
-    options: dict[str, Any] = {"levels": len(model.levels), "colour": model.has_color}
-    for level in model.levels:
+    options: dict[str, Any] = {
+        "levels": len(model.levels),
+        "colour": model.has_color,
+        "dictionary": model.dictionary.hash,
+        "shared dictionary": model.shares_dictionary,
+    }
+    for j, level in enumerate(model.levels):
+        # One level needs no numbers; of several, 0 is the coarsest.
+        prefix = f"level {j}: " if len(model.levels) > 1 else ""
         options |= {
-            "resolution (m)": level.pixel_size,
-            "pixels per side": level.pixels,
-            "patches": level.patches,
-            "depth dictionary entries": level.depth_entries,
-            "colour dictionary entries": level.color_entries,
+            f"{prefix}resolution (m)": level.pixel_size,
+            f"{prefix}pixels per side": level.pixels,
+            f"{prefix}patches": level.patches,
+            f"{prefix}area (m2)": level.area,
+            f"{prefix}set pixels": level.set_pixels,
+            f"{prefix}depth dictionary entries": level.depth_entries,
+            f"{prefix}colour dictionary entries": level.color_entries,
         }
+    if len(model.levels) > 1:
+        options["patches"] = len(model)
     named = {SECTIONS.get(tag, tag): size for tag, size in sections}
     return FileInfo(family, version, model.n_points, named, options)

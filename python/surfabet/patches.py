@@ -1,7 +1,8 @@
 """Surface patches: local depth and colour images, sparse-coded over learned dictionaries.
 
-One level is the Sparse Coded Surface Model (SCSM). The method is that of M. Ruhnke, L. Bo, D. Fox,
-W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014, section III.
+One level is the Sparse Coded Surface Model (SCSM), several are the hierarchical one (HSCSM). The
+method is that of M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models,
+ICRA 2014, section III.
 """
 
 from __future__ import annotations
@@ -17,8 +18,17 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
 
-__all__ = ["LearningReport", "PatchLevel", "PatchModel", "learn_patches"]
+__all__ = [
+    "LearningReport",
+    "PatchDictionary",
+    "PatchLevel",
+    "PatchModel",
+    "Patches",
+    "SparseColumns",
+    "learn_patches",
+]
 
 Channel = Literal["depth", "color"]
 
@@ -34,6 +44,9 @@ class LearningReport:
     """Seconds of each stage, in order."""
     figures: dict[str, float]
     """Counts by name: points, samples, patches, set pixels, dictionary entries."""
+    levels: list[dict[str, float]]
+    """Counts and measures of each level, coarsest first: pixel size (m), patches, set pixels, area
+    (m2), dictionary entries, mean distance from a patch to the nearest other (m)."""
     objectives: dict[str, list[float]]
     """What each channel's weighted K-SVD minimised (eq. 1), before and after every iteration."""
     iterations: int
@@ -62,6 +75,136 @@ class PatchLevel:
     """Entries of the depth dictionary."""
     color_entries: int
     """Entries of the colour dictionary; 0 without colour."""
+    set_pixels: int
+    """Pixels that are set, over all patches."""
+    area: float
+    """Area of these pixels, square metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class SparseColumns:
+    """Sparse codes of all patches of a model as compressed rows.
+
+    Patch i is `coefficients[a:b] @ dictionary[atoms[a:b]]` with `a, b = offsets[i:i + 2]` and the
+    concatenated dictionary of the channel, beside its mean.
+    """
+
+    offsets: NDArray[np.int64]
+    """(m + 1,)."""
+    atoms: NDArray[np.int64]
+    """Entries of the concatenated dictionary (`PatchDictionary.concatenated`)."""
+    coefficients: NDArray[np.float64]
+    """Metres for depth, 0..255 for colour."""
+
+
+@dataclass(frozen=True, slots=True)
+class Patches:
+    """All m patches of a model as arrays, level by level, coarsest first."""
+
+    poses: NDArray[np.float64]
+    """Patch to world, (m, 4, 4): columns are the x-axis, the y-axis, the normal and the centre."""
+    level: NDArray[np.int64]
+    """Level of each patch, (m,)."""
+    size: NDArray[np.float64]
+    """Side of each patch, (m,), metres."""
+    pixel_size: NDArray[np.float64]
+    """Side of its pixels, (m,), metres."""
+    masks: tuple[NDArray[np.bool_], ...]
+    """Set pixels of the patches of each level, (patches, n, n)."""
+    depth_means: NDArray[np.float64]
+    """Mean depth along the normal, (m,), metres."""
+    color_means: NDArray[np.float64] | None
+    """Mean luma, orange and green chroma, (m, 3); None without colour."""
+    depth: SparseColumns
+    """Codes of depth."""
+    color: SparseColumns | None
+    """Codes of colour; None without."""
+
+    def __len__(self) -> int:
+        return len(self.level)
+
+
+@final
+class PatchDictionary:
+    """The dictionaries of a model, for other clouds to be described with; immutable.
+
+    Made by `PatchModel.dictionary`. A model that `encode` makes holds no dictionary in its file,
+    only the hash of this one, and needs it again when it is loaded.
+    """
+
+    __slots__ = ("_core",)
+
+    def __init__(self, core: _core.PatchDictionary) -> None:
+        self._core = core
+
+    @property
+    def hash(self) -> str:
+        """The first 128 bits of the BLAKE3 hash of its content, as hexadecimal digits."""
+        return self._core.hash
+
+    @property
+    def levels(self) -> tuple[tuple[float, int], ...]:
+        """Side of a pixel (m) and pixels per side of a patch, of each level, coarsest first."""
+        return tuple(self._core.levels)
+
+    @property
+    def depth(self) -> tuple[NDArray[np.float32], ...]:
+        """Entries for depth of each level, unit norm, (k, n * n)."""
+        return tuple(self._core.entries("depth") or ())
+
+    @property
+    def color(self) -> tuple[NDArray[np.float32], ...] | None:
+        """Entries for colour of each level, unit norm, (k, 3 * n * n) with planes of red, green and
+        blue; None without colour."""
+        found = self._core.entries("color")
+        return None if found is None else tuple(found)
+
+    def concatenated(
+        self, channel: Channel = "depth"
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """All entries of a channel in one array, and where the entries of each level start.
+
+        Entries of level j are rows `offsets[j]:offsets[j + 1]`.
+        """
+        found = self._core.entries(channel)
+        if found is None:
+            raise InvalidInputError("this dictionary has no colour")
+        offsets = np.cumsum([0, *map(len, found)], dtype=np.int64)
+        return np.concatenate(found), offsets
+
+    def encode(self, cloud: PointCloud, **options: Any) -> PatchModel:
+        """Describes a cloud in these dictionaries: nothing is learned.
+
+        Parameters
+        ----------
+        cloud
+            What to describe; with colours only if the dictionary has colour.
+        options
+            As `learn_patches`; resolution, levels and pixels of a patch are those of the
+            dictionary.
+
+        Raises
+        ------
+        InvalidInputError
+            As `learn_patches`, and for options that contradict the dictionary.
+        """
+        size, pixels = self.levels[-1]
+        hierarchy = {"resolution": size, "levels": len(self.levels), "patch_pixels": pixels}
+        return learn_patches(cloud, dictionary=self, **{**hierarchy, **options})
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PatchDictionary) and self.hash == other.hash
+
+    def __hash__(self) -> int:
+        return hash(self.hash)
+
+    def __repr__(self) -> str:
+        color = self.color or ()
+        return (
+            f"PatchDictionary({' + '.join(str(len(d)) for d in self.depth)} depth"
+            + (f" and {' + '.join(str(len(d)) for d in color)} colour" if color else "")
+            + f" entries, {self.hash})"
+        )
 
 
 @final
@@ -171,13 +314,53 @@ class PatchModel:
         """
         return self._core.means(level, channel)
 
-    def dictionary(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float32]:
-        """Entries of a dictionary, unit norm.
+    @property
+    def dictionary(self) -> PatchDictionary:
+        """The dictionaries of all levels, for other clouds to be described with."""
+        return PatchDictionary(self._core.dictionaries())
 
-        (k, n * n) for depth, (k, 3 * n * n) with planes of red, green and blue for colour;
-        row-major.
-        """
-        return self._core.dictionary(level, channel)
+    @property
+    def shares_dictionary(self) -> bool:
+        """Whether the file refers to the dictionary of another model instead of holding one."""
+        return self._core.shares_dictionary
+
+    @property
+    def patches(self) -> Patches:
+        """All patches as arrays."""
+        levels = self.levels
+        counts = [level.patches for level in levels]
+
+        def spread(values: list[float]) -> NDArray[np.float64]:
+            return np.repeat(np.array(values, dtype=np.float64), counts)
+
+        poses = np.zeros((len(self), 4, 4))
+        poses[:, :3, :3] = self.axes.transpose(0, 2, 1)
+        poses[:, :3, 3] = self.centers
+        poses[:, 3, 3] = 1
+        color = self.has_color
+        return Patches(
+            poses=poses,
+            level=np.repeat(np.arange(len(levels)), counts),
+            size=spread([level.pixel_size * level.pixels for level in levels]),
+            pixel_size=spread([level.pixel_size for level in levels]),
+            masks=tuple(self.masks(j) for j in range(len(levels))),
+            depth_means=np.concatenate([self.means(j)[:, 0] for j in range(len(levels))]),
+            color_means=np.concatenate([self.means(j, "color") for j in range(len(levels))])
+            if color
+            else None,
+            depth=self._columns("depth"),
+            color=self._columns("color") if color else None,
+        )
+
+    def _columns(self, channel: Channel) -> SparseColumns:
+        offsets, atoms, coefficients = [np.zeros(1, np.int64)], [], []
+        starts = self.dictionary.concatenated(channel)[1]
+        for j, start in enumerate(starts[:-1]):
+            of_level = self.codes(j, channel)
+            offsets.append(of_level[0][1:].astype(np.int64) + offsets[-1][-1])
+            atoms.append(of_level[1].astype(np.int64) + start)
+            coefficients.append(of_level[2])
+        return SparseColumns(*map(np.concatenate, (offsets, atoms, coefficients)))
 
     def codes(
         self, level: int = 0, channel: Channel = "depth"
@@ -209,6 +392,10 @@ def learn_patches(
     resolution: float = 0.01,
     patch_pixels: int = 8,
     levels: int = 1,
+    max_depth_deviation: float | None = None,
+    max_color_deviation: float = 25.0,
+    min_coverage: float = 0.9,
+    placement: Literal["greedy", "subsampled"] = "greedy",
     depth_atoms: int = 128,
     color_atoms: int = 256,
     depth_sparsity: int = 6,
@@ -218,9 +405,10 @@ def learn_patches(
     iterations: int = 8,
     sensor: Literal["structured-light", "constant"] = "structured-light",
     random_state: int = 0,
+    dictionary: PatchDictionary | None = None,
     progress: Progress = None,
 ) -> PatchModel:
-    """Learns a model of sparse-coded surface patches (SCSM) from a cloud.
+    """Learns a model of sparse-coded surface patches from a cloud: SCSM, or HSCSM with levels.
 
     Parameters
     ----------
@@ -228,20 +416,33 @@ def learn_patches(
         What to describe. Colours are kept when present; ranges weight the points by the depth
         error of their sensor; viewpoints tell the two sides of a thin wall apart.
     resolution
-        Side of a pixel, metres: smaller detail is lost.
+        Side of a pixel of the lowest level, metres: smaller detail is lost.
     patch_pixels
         Pixels per side of a patch, 2 to 32.
     levels
-        Levels of the hierarchy; this version learns one.
+        Levels of the hierarchy, 1 to 8. `resolution` is that of the lowest; above it pixels and
+        patches double in size from level to level.
+    max_depth_deviation
+        Largest standard deviation of depth in a pixel, metres (rho_max_depth); by default
+        `resolution`. What deviates more goes to the level below; the lowest level takes all.
+    max_color_deviation
+        Largest standard deviation of colour in a pixel, root mean square over the channels, 0..255
+        (rho_max_rgb).
+    min_coverage
+        Fraction of its pixels that a patch must cover, or the level below describes its surface.
+    placement
+        "greedy": best coverage first, then aligned neighbours; "subsampled": a patch per cube, as
+        SCSM does, to compare with.
     depth_atoms, color_atoms
-        Most entries of the dictionaries; those that no patch uses are dropped.
+        Most entries of the dictionaries of each level; those that no patch uses are dropped.
     depth_sparsity, color_sparsity
         Most dictionary entries that describe one patch (k of eq. 1), 1 to 64.
     depth_tolerance
-        Coding of a patch's depth ends at this root mean square error, metres; by default a fifth of
-        `resolution`.
+        Coding of a patch's depth ends at this root mean square error on the lowest level, metres;
+        by default a fifth of `resolution`. Each level above has half the tolerance of the one
+        below, since its errors spread over larger patches.
     color_tolerance
-        Coding of a patch's colour ends at this root mean square error, 0..255.
+        As `depth_tolerance` for colour, 0..255.
     iterations
         Most iterations of weighted K-SVD per dictionary.
     sensor
@@ -249,6 +450,9 @@ def learn_patches(
         distance, as Kinects do) or "constant". Without ranges all points weigh the same.
     random_state
         Seed of the dictionaries' first entries.
+    dictionary
+        Describe the cloud with these dictionaries, of the same levels, and learn none;
+        `PatchDictionary.encode` fills in the levels.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -277,6 +481,10 @@ def learn_patches(
             resolution=resolution,
             patch_pixels=patch_pixels,
             levels=levels,
+            max_depth_deviation=max_depth_deviation,
+            max_color_deviation=max_color_deviation,
+            min_coverage=min_coverage,
+            placement=placement,
             depth_atoms=depth_atoms,
             color_atoms=color_atoms,
             depth_sparsity=depth_sparsity,
@@ -286,6 +494,7 @@ def learn_patches(
             iterations=iterations,
             sensor=sensor,
             random_state=random_state,
+            dictionary=None if dictionary is None else dictionary._core,
             progress=callback,
         )
     return PatchModel(learned)

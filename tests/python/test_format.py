@@ -326,7 +326,7 @@ def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: in
         assert found["COLR"] == b""
     for name, tag, planes, n_entries, mean_step, code_step in channels:
         entries = read_dictionary(dictionaries, n_entries, planes, n)
-        np.testing.assert_allclose(entries, model.dictionary(0, name), atol=1e-6)
+        np.testing.assert_allclose(entries, getattr(model.dictionary, name)[0], atol=1e-6)
         read = read_channel(Stream(found[tag]), level["m"], n_entries, planes)
         means, offsets, atoms, values = read
         np.testing.assert_allclose(means * mean_step, model.means(0, name), rtol=1e-9)
@@ -344,7 +344,7 @@ def test_pixels_become_points_as_the_page_says() -> None:
 
     def images(channel: sb.patches.Channel, image: Any) -> Any:
         offsets, atoms, values = model.codes(0, channel)
-        entries = model.dictionary(0, channel)
+        entries = getattr(model.dictionary, channel)[0]
         for i in range(len(model)):
             for k in range(offsets[i], offsets[i + 1]):
                 image[i] += values[k] * entries[atoms[k]]

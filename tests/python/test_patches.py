@@ -54,7 +54,7 @@ def test_arrays_have_their_shapes(cloud, model):
         ("depth", 1, level.depth_entries),
         ("color", 3, level.color_entries),
     ]:
-        dictionary = model.dictionary(channel=channel)
+        dictionary = model.dictionary.concatenated(channel)[0]
         assert dictionary.shape == (entries, planes * n * n)
         assert dictionary.dtype == np.float32
         np.testing.assert_allclose(np.linalg.norm(dictionary, axis=1), 1, atol=1e-5)
@@ -72,7 +72,7 @@ def test_decoding_is_what_the_equations_say(model):
     area = n * n
 
     def images(channel, planes, means):
-        dictionary = model.dictionary(channel=channel)
+        dictionary = model.dictionary.concatenated(channel)[0]
         offsets, used, coefficients = model.codes(channel=channel)
         out = np.repeat(means, area, axis=1)
         for i in range(len(model)):
@@ -218,3 +218,92 @@ def test_a_real_frame():
     model = sb.learn_patches(frame, resolution=0.006)
     quality = sb.evaluate(frame, model.decode())
     assert quality.rmse_pooled < 0.006
+
+
+@pytest.fixture(scope="module")
+def levelled(cloud: sb.PointCloud) -> sb.PatchModel:
+    return sb.learn_patches(
+        cloud, resolution=0.01, levels=3, patch_pixels=4, max_color_deviation=60, iterations=3
+    )
+
+
+def test_a_hierarchy_owns_every_sample_once(cloud, levelled):
+    report = levelled.report
+    assert [level.pixel_size for level in levelled.levels] == [0.04, 0.02, 0.01]
+    assert report.figures["samples"] == report.figures["samples covered"]
+    assert sum(level.patches for level in levelled.levels) == len(levelled)
+    assert levelled.levels[1].patches > 0
+    for level, figures in zip(levelled.levels, report.levels, strict=True):
+        assert figures["patches"] == level.patches
+        assert figures["set pixels"] == level.set_pixels
+        assert figures["area"] == pytest.approx(level.area)
+        assert level.area == pytest.approx(level.set_pixels * level.pixel_size**2)
+        assert figures["depth dictionary entries"] == level.depth_entries
+    again = sb.from_bytes(levelled.to_bytes())
+    np.testing.assert_array_equal(again.decode().points, levelled.decode().points)
+    far = sb.KdTree(again.decode()).query(cloud.points)[0]
+    # An upper level sets what is on average off its pixel's centre by at most a quarter.
+    assert far.max() < 0.04
+
+
+def test_patches_are_arrays_over_all_levels(levelled):
+    patches = levelled.patches
+    m = len(levelled)
+    assert len(patches) == m
+    assert patches.poses.shape == (m, 4, 4)
+    np.testing.assert_array_equal(patches.poses[:, :3, 3], levelled.centers)
+    np.testing.assert_allclose(np.linalg.det(patches.poses[:, :3, :3]), 1, atol=1e-5)
+    assert np.bincount(patches.level).tolist() == [x.patches for x in levelled.levels]
+    np.testing.assert_allclose(patches.size, 4 * patches.pixel_size)
+    assert [len(masks) for masks in patches.masks] == [x.patches for x in levelled.levels]
+    for channel, codes, width in [("depth", patches.depth, 1), ("color", patches.color, 3)]:
+        entries, starts = levelled.dictionary.concatenated(channel)
+        assert entries.shape == (starts[-1], width * 16)
+        assert codes.offsets.shape == (m + 1,)
+        assert codes.offsets[-1] == len(codes.atoms) == len(codes.coefficients)
+        # Indices are moved: each level uses its own part of the concatenated dictionary.
+        level_of_code = np.repeat(patches.level, np.diff(codes.offsets))
+        assert (codes.atoms >= starts[level_of_code]).all()
+        assert (codes.atoms < starts[level_of_code + 1]).all()
+        assert set(codes.atoms) == set(range(starts[-1]))
+
+
+def test_a_second_scene_needs_no_dictionary(levelled, tmp_path):
+    other = scene(19_000)
+    dictionary = levelled.dictionary
+    own = sb.learn_patches(
+        other, resolution=0.01, levels=3, patch_pixels=4, max_color_deviation=60, iterations=3
+    )
+    shared = dictionary.encode(other, max_color_deviation=60)
+    assert shared.shares_dictionary
+    assert not own.shares_dictionary
+    assert shared.dictionary == dictionary
+    assert dictionary.hash != own.dictionary.hash
+    first, second = tmp_path / "first.sfb", tmp_path / "second.sfb"
+    levelled.save(first)
+    assert shared.save(second) < len(own.to_bytes())
+
+    again = sb.load(second, dictionary=sb.load(first).dictionary)
+    assert again.to_bytes() == shared.to_bytes()
+    np.testing.assert_array_equal(again.decode().points, shared.decode().points)
+    assert sb.inspect(second, dictionary=dictionary).options["dictionary"] == dictionary.hash
+    with pytest.raises(FormatError, match=rf"{dictionary.hash}.*does not hold it"):
+        sb.load(second)
+    with pytest.raises(FormatError, match=rf"{dictionary.hash}.*{own.dictionary.hash}"):
+        sb.load(second, dictionary=own.dictionary)
+    with pytest.raises(InvalidInputError, match=r"dictionary has 3 levels.*options have 2"):
+        dictionary.encode(other, levels=2)
+    colorless = sb.learn_patches(sb.PointCloud(other.points), resolution=0.02)
+    with pytest.raises(InvalidInputError, match="dictionary has none"):
+        colorless.dictionary.encode(other)
+
+
+def test_thresholds_are_checked(cloud):
+    with pytest.raises(InvalidInputError, match=r"levels is 9.*1 to 8"):
+        sb.learn_patches(cloud, levels=9)
+    with pytest.raises(InvalidInputError, match="max_depth_deviation is -1"):
+        sb.learn_patches(cloud, max_depth_deviation=-1)
+    with pytest.raises(InvalidInputError, match="min_coverage is 2"):
+        sb.learn_patches(cloud, min_coverage=2)
+    with pytest.raises(InvalidInputError, match="greedy"):
+        sb.learn_patches(cloud, placement="random")

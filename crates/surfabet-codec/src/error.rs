@@ -157,6 +157,14 @@ pub enum Error {
     /// A size that no alphabet has.
     #[error(transparent)]
     InvalidAlphabet(#[from] surfabet_entropy::InvalidAlphabet),
+    /// The file refers to a dictionary, and none was given.
+    #[error(
+        "the file was made with dictionary {expected} and does not hold it; give the model that does"
+    )]
+    MissingDictionary {
+        /// Hash that the file names.
+        expected: ContentHash,
+    },
     /// The caller asked to stop.
     #[error(transparent)]
     Cancelled(#[from] surfabet_geom::Cancelled),

@@ -5,20 +5,22 @@
 
 use surfabet_models::patches::order::{self, steps_per_cell};
 use surfabet_models::patches::{
-    Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchModel, PatchModelParts, PatchPose,
-    QuantizedDictionary, Steps,
+    Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchDictionary, PatchModel,
+    PatchModelParts, PatchPose, QuantizedDictionary, Steps,
 };
 
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::container::{Container, ContainerWriter, Family, Features, Limits, Tag};
 use crate::entropy::{Decoder, Encoder};
 use crate::error::{Error, Result};
+use crate::hash::ContentHash;
 use crate::models::{Bit, SInt, Symbols, UInt};
 
 const META: Tag = Tag::new(b"META");
 const POSES: Tag = Tag::new(b"POSE");
 const MASKS: Tag = Tag::new(b"MASK");
 const DICTIONARIES: Tag = Tag::new(b"DICT");
+const DICTIONARY_HASH: Tag = Tag::new(b"DREF");
 const DEPTH: Tag = Tag::new(b"DPTH");
 const COLOR: Tag = Tag::new(b"COLR");
 
@@ -51,44 +53,114 @@ pub fn write(model: &PatchModel) -> Result<Vec<u8>> {
             write_channel(&mut color, channel, 3)?;
         }
     }
-    ContainerWriter::new(Family::Patches, Features::NONE)
+    let (features, dictionary) = if model.shares_dictionary() {
+        let hash = dictionary_hash(&model.dictionary());
+        (Features::SHARED_DICTIONARY, (DICTIONARY_HASH, hash.0.to_vec()))
+    } else {
+        (Features::NONE, (DICTIONARIES, dictionaries.finish()))
+    };
+    ContainerWriter::new(Family::Patches, features)
         .section(META, write_meta(model))
         .section(POSES, poses.finish())
         .section(MASKS, masks.finish())
-        .section(DICTIONARIES, dictionaries.finish())
+        .section(dictionary.0, dictionary.1)
         .section(DEPTH, depth.finish())
         .section(COLOR, color.finish())
         .finish()
 }
 
-/// The model that a parsed file holds.
+/// The hash by which files name a dictionary; its content is written out in `docs/format.md`.
+pub fn dictionary_hash(dictionary: &PatchDictionary) -> ContentHash {
+    let mut out = ByteWriter::new();
+    let mut entries = |dictionary: &QuantizedDictionary| -> Vec<u8> {
+        dictionary.values().iter().map(|v| v.to_le_bytes()[0]).collect()
+    };
+    out.varint(dictionary.levels.len() as u64);
+    for level in &dictionary.levels {
+        out.f64(level.pixel_size);
+        out.varint(u64::from(level.pixels));
+        out.varint(level.depth.n_atoms() as u64);
+        out.varint(level.color.as_ref().map_or(0, |c| c.n_atoms() as u64 + 1));
+        out.bytes(&entries(&level.depth));
+        out.bytes(&level.color.as_ref().map(&mut entries).unwrap_or_default());
+    }
+    ContentHash::of(&out.finish())
+}
+
+/// The dictionary that a file refers to; `None` when it holds its own.
 ///
 /// # Errors
-/// Any error of reading: the content is checked like the container was.
-pub fn read(container: &Container<'_>, limits: &Limits) -> Result<PatchModel> {
-    container.expect_family(Family::Patches)?;
-    if container.features().contains(Features::SHARED_DICTIONARY) {
-        let what = "the file relies on a shared dictionary, which models of this family have not in \
-                    this release; read it with a newer surfabet";
-        return Err(Error::corrupt(META, 0, what));
+/// When the file says that it refers to one, and does not.
+pub fn shared_dictionary(container: &Container<'_>) -> Result<Option<ContentHash>> {
+    if !container.features().contains(Features::SHARED_DICTIONARY) {
+        return Ok(None);
     }
-    container.expect_only(&[META, POSES, MASKS, DICTIONARIES, DEPTH, COLOR])?;
+    let bytes = container.require(DICTIONARY_HASH)?;
+    let hash = bytes.try_into().map_err(|_| {
+        Error::corrupt(DICTIONARY_HASH, 0, format!("a hash of {} bytes, not 16", bytes.len()))
+    })?;
+    Ok(Some(ContentHash(hash)))
+}
+
+/// The model that a parsed file holds. `dictionary` is what a file without dictionaries of its own was made
+/// with; other files do not look at it.
+///
+/// # Errors
+/// Any error of reading: the content is checked like the container was. [`Error::MissingDictionary`] and
+/// [`Error::DictionaryMismatch`] when the file refers to a dictionary, and none or another is given.
+pub fn read(
+    container: &Container<'_>,
+    limits: &Limits,
+    dictionary: Option<&PatchDictionary>,
+) -> Result<PatchModel> {
+    container.expect_family(Family::Patches)?;
+    let shared = match (shared_dictionary(container)?, dictionary) {
+        (None, _) => None,
+        (Some(expected), None) => return Err(Error::MissingDictionary { expected }),
+        (Some(expected), Some(dictionary)) => {
+            let found = dictionary_hash(dictionary);
+            if found != expected {
+                return Err(Error::DictionaryMismatch { expected, found });
+            }
+            Some(dictionary)
+        }
+    };
+    let stored = if shared.is_some() { DICTIONARY_HASH } else { DICTIONARIES };
+    container.expect_only(&[META, POSES, MASKS, stored, DEPTH, COLOR])?;
     let stream = |tag| container.require(tag).map(|bytes| Decoder::new(tag, bytes));
     let mut poses = stream(POSES)?;
     let mut masks = stream(MASKS)?;
-    let mut dictionaries = stream(DICTIONARIES)?;
+    let mut dictionaries = match shared {
+        None => Some(stream(DICTIONARIES)?),
+        Some(_) => None,
+    };
     let mut depth = stream(DEPTH)?;
     let mut color = stream(COLOR)?;
     let meta = read_meta(container.require(META)?, limits)?;
     let mut levels = Vec::with_capacity(meta.levels.len());
-    for of in &meta.levels {
+    for (j, of) in meta.levels.iter().enumerate() {
         let area = (of.pixels * of.pixels) as usize;
-        let depth_dictionary = read_dictionary(&mut dictionaries, area, of.depth_atoms)?;
+        let level = shared.and_then(|dictionary| dictionary.levels.get(j));
+        // A stored dictionary or that of the same level of the shared one, which must have the size that the file
+        // says.
+        let mut entries = |n_features, n_atoms, shared: Option<&QuantizedDictionary>| {
+            if let Some(stream) = &mut dictionaries {
+                return read_dictionary(stream, n_features, n_atoms);
+            }
+            let fits =
+                |d: &&QuantizedDictionary| d.n_features() == n_features && d.n_atoms() == n_atoms;
+            shared.filter(fits).cloned().ok_or_else(|| {
+                let what = format!("level {j} is not one of the dictionary that the file names");
+                Error::corrupt(META, 0, what)
+            })
+        };
+        let depth_dictionary = entries(area, of.depth_atoms, level.map(|l| &l.depth))?;
         let depth = read_channel(&mut depth, depth_dictionary, of.patches, 1)?;
         let color = match of.color_atoms {
             None => None,
             Some(atoms) => {
-                let dictionary = read_dictionary(&mut dictionaries, 3 * area, atoms)?;
+                let shared = level.and_then(|l| l.color.as_ref());
+                let dictionary = entries(3 * area, atoms, shared)?;
                 Some(read_channel(&mut color, dictionary, of.patches, 3)?)
             }
         };
@@ -102,10 +174,15 @@ pub fn read(container: &Container<'_>, limits: &Limits) -> Result<PatchModel> {
             color,
         });
     }
-    for stream in [poses, masks, dictionaries, depth, color] {
+    for stream in [poses, masks, depth, color].into_iter().chain(dictionaries) {
         stream.finish()?;
     }
-    let parts = PatchModelParts { origin: meta.origin, n_points: meta.n_points, levels };
+    let parts = PatchModelParts {
+        origin: meta.origin,
+        n_points: meta.n_points,
+        levels,
+        shared_dictionary: shared.is_some(),
+    };
     PatchModel::from_parts(parts).map_err(|e| Error::corrupt(META, 0, e.to_string()))
 }
 

@@ -94,6 +94,34 @@ impl Moments {
         }
     }
 
+    /// Moments of weighted points near zero, summed without re-centring: fast, and exact to about
+    /// `1e-16 (distance from zero / spread)^2`.
+    pub fn of_offsets(points: impl IntoIterator<Item = ([f32; 3], f32)>) -> Self {
+        let mut weight = 0.0;
+        let mut sum = [0.0; 3];
+        let mut product = [0.0; 6];
+        for (p, w) in points {
+            let [x, y, z] = p.map(f64::from);
+            let w = f64::from(w);
+            let [wx, wy, wz] = [w * x, w * y, w * z];
+            weight += w;
+            sum = [sum[0] + wx, sum[1] + wy, sum[2] + wz];
+            product[0] += wx * x;
+            product[1] += wx * y;
+            product[2] += wx * z;
+            product[3] += wy * y;
+            product[4] += wy * z;
+            product[5] += wz * z;
+        }
+        if weight == 0.0 {
+            return Self::default();
+        }
+        let mean = sum.map(|s| s / weight);
+        let shift = outer(mean);
+        let scatter = std::array::from_fn(|i| product[i] - weight * shift[i]);
+        Self { weight, mean, scatter }
+    }
+
     /// Adds a point with a weight; a weight of zero changes nothing. Weights are finite and not negative.
     pub fn add(&mut self, point: [f64; 3], weight: f64) {
         self.merge(&Self { weight, mean: point, scatter: [0.0; 6] });
@@ -217,6 +245,22 @@ mod tests {
         let axes = m.principal_axes().unwrap();
         assert!(close(axes.variances[2], 15.0 / 4.0, 1e-14));
         assert!(close(axes.variances[1], 0.0, 1e-14));
+    }
+
+    #[test]
+    fn offsets_have_the_moments_of_their_points() {
+        let points = [([0.5, 0.25, -1.0], 2.0), ([0.0, 1.5, 0.75], 1.0), ([-0.5, 0.0, 0.0], 4.0)];
+        let one_by_one = of(&points);
+        let points = points.map(|(p, w)| (p.map(|c| c as f32), w as f32));
+        let at_once = Moments::of_offsets(points);
+        assert_eq!(at_once.weight(), one_by_one.weight());
+        for (a, b) in at_once.mean().iter().zip(one_by_one.mean()) {
+            assert!(close(*a, b, 1e-15));
+        }
+        for (a, b) in at_once.scatter().iter().flatten().zip(one_by_one.scatter().as_flattened()) {
+            assert!(close(*a, *b, 1e-14));
+        }
+        assert_eq!(Moments::of_offsets([]), Moments::new());
     }
 
     #[test]

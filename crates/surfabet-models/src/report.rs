@@ -14,12 +14,14 @@ pub struct Stage {
 /// How a model came about. It is not part of the file: a model read back has an empty report.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Report {
-    /// Seconds per stage, in order.
+    /// Seconds per stage, in order, over all levels.
     pub stages: Vec<Stage>,
     /// Counts and measures by name, in order: points in, patches, atoms, ...
     pub figures: Vec<(&'static str, f64)>,
+    /// Counts and measures of each level of a hierarchy, coarsest first.
+    pub levels: Vec<Vec<(&'static str, f64)>>,
     /// Objective per iteration, by the name of what was minimised.
-    pub objectives: Vec<(&'static str, Vec<f64>)>,
+    pub objectives: Vec<(String, Vec<f64>)>,
     /// Iterations per objective, summed.
     pub iterations: usize,
     /// Why learning ended.
@@ -33,7 +35,23 @@ impl Report {
     pub(crate) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let value = work();
-        self.stages.push(Stage { name, seconds: start.elapsed().as_secs_f64() });
+        self.add_time(name, start.elapsed().as_secs_f64());
         value
+    }
+
+    /// Adds to the time of the stage `name`, which may come back level after level.
+    pub(crate) fn add_time(&mut self, name: &'static str, seconds: f64) {
+        match self.stages.iter_mut().find(|stage| stage.name == name) {
+            Some(stage) => stage.seconds += seconds,
+            None => self.stages.push(Stage { name, seconds }),
+        }
+    }
+
+    /// Adds to the figure `name`.
+    pub(crate) fn add_figure(&mut self, name: &'static str, value: f64) {
+        match self.figures.iter_mut().find(|figure| figure.0 == name) {
+            Some(figure) => figure.1 += value,
+            None => self.figures.push((name, value)),
+        }
     }
 }

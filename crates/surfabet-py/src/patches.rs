@@ -6,8 +6,10 @@ use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use surfabet::patches::Placement;
 use surfabet::{
-    Container, DecodeOptions, Limits, Model, PatchModel, PatchOptions, Sensor, patches,
+    Container, DecodeOptions, Limits, Model, PatchDictionary, PatchModel, PatchOptions, Sensor,
+    dictionary_hash, patches,
 };
 
 use crate::cloud::PyPointCloud;
@@ -20,11 +22,59 @@ pub struct PyPatchModel {
     model: PatchModel,
 }
 
-/// Learns surface patches; documented in `surfabet.patches`.
+/// The dictionaries of a model; immutable.
+#[pyclass(name = "PatchDictionary", module = "surfabet", frozen)]
+pub struct PyPatchDictionary {
+    dictionary: PatchDictionary,
+}
+
+#[pymethods]
+impl PyPatchDictionary {
+    /// `(pixel_size, pixels)` of each level, coarsest first.
+    #[getter]
+    fn levels(&self) -> Vec<(f64, u32)> {
+        self.dictionary.levels.iter().map(|l| (l.pixel_size, l.pixels)).collect()
+    }
+
+    #[getter]
+    fn hash(&self) -> String {
+        dictionary_hash(&self.dictionary).to_string()
+    }
+
+    /// Entries of one channel of each level, unit norm, (k, n * n) or (k, 3 * n * n); `None` without colour.
+    fn entries<'py>(
+        &self,
+        py: Python<'py>,
+        channel: &str,
+    ) -> PyResult<Option<Vec<Bound<'py, PyArray2<f32>>>>> {
+        let levels = self.dictionary.levels.iter();
+        let of: Option<Vec<&patches::QuantizedDictionary>> = match channel {
+            "depth" => levels.map(|l| Some(&l.depth)).collect(),
+            "color" => levels.map(|l| l.color.as_ref()).collect(),
+            other => return Err(unknown_channel(other)),
+        };
+        of.map(|all| all.into_iter().map(|d| atoms(py, d)).collect()).transpose()
+    }
+}
+
+fn atoms<'py>(
+    py: Python<'py>,
+    dictionary: &patches::QuantizedDictionary,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let shape = (dictionary.n_atoms(), dictionary.n_features());
+    let atoms = Array2::from_shape_vec(shape, dictionary.atoms()).map_err(invalid_input)?;
+    Ok(atoms.into_pyarray(py))
+}
+
+fn unknown_channel(other: &str) -> PyErr {
+    invalid_input(format!("channel is {other:?}, but must be \"depth\" or \"color\""))
+}
+
+/// Learns surface patches, or describes a cloud in given dictionaries; documented in `surfabet.patches`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, depth_atoms, color_atoms, depth_sparsity,
-                    color_sparsity, depth_tolerance, color_tolerance, iterations, sensor, random_state,
-                    progress))]
+#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, max_depth_deviation, max_color_deviation,
+                    min_coverage, placement, depth_atoms, color_atoms, depth_sparsity, color_sparsity,
+                    depth_tolerance, color_tolerance, iterations, sensor, random_state, dictionary, progress))]
 #[allow(clippy::too_many_arguments)]
 fn learn_patches(
     py: Python<'_>,
@@ -32,6 +82,10 @@ fn learn_patches(
     resolution: f64,
     patch_pixels: u32,
     levels: u32,
+    max_depth_deviation: Option<f64>,
+    max_color_deviation: f64,
+    min_coverage: f64,
+    placement: &str,
     depth_atoms: u32,
     color_atoms: u32,
     depth_sparsity: u32,
@@ -41,6 +95,7 @@ fn learn_patches(
     iterations: u32,
     sensor: &str,
     random_state: u64,
+    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyPatchModel> {
     let sensor = match sensor {
@@ -52,10 +107,23 @@ fn learn_patches(
             )));
         }
     };
+    let placement = match placement {
+        "greedy" => Placement::Greedy,
+        "subsampled" => Placement::Subsampled,
+        other => {
+            return Err(invalid_input(format!(
+                "placement is {other:?}, but must be \"greedy\" or \"subsampled\""
+            )));
+        }
+    };
     let options = PatchOptions {
         resolution,
         patch_pixels,
         levels,
+        max_depth_deviation,
+        max_color_deviation,
+        min_coverage,
+        placement,
         depth_atoms,
         color_atoms,
         depth_sparsity,
@@ -67,7 +135,11 @@ fn learn_patches(
         random_state,
     };
     let cloud = &cloud.get().cloud;
-    let model = run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?;
+    let dictionary = dictionary.map(|d| &d.get().dictionary);
+    let model = run(py, progress, |monitor| match dictionary {
+        None => patches::learn(cloud, &options, monitor),
+        Some(dictionary) => patches::encode(cloud, &options, dictionary, monitor),
+    })?;
     Ok(PyPatchModel { model })
 }
 
@@ -113,13 +185,20 @@ impl PyPatchModel {
         self.model.has_color()
     }
 
-    /// `(pixel_size, pixels, patches, depth entries, colour entries)` of each level, coarsest first.
+    /// `(pixel_size, pixels, patches, depth entries, colour entries, set pixels, area)` of each level,
+    /// coarsest first.
     #[getter]
-    fn levels(&self) -> Vec<(f64, u32, usize, usize, usize)> {
+    fn levels(&self) -> Vec<(f64, u32, usize, usize, usize, usize, f64)> {
         let atoms = |c: &patches::Channel| c.dictionary.n_atoms();
         let color = |l: &patches::Level| l.color.as_ref().map_or(0, atoms);
         let levels = self.model.levels().iter();
-        levels.map(|l| (l.pixel_size, l.pixels, l.len(), atoms(&l.depth), color(l))).collect()
+        levels
+            .map(|l| {
+                let (depth, color) = (atoms(&l.depth), color(l));
+                let (pixels, area) = (l.set_pixels(), l.covered_area());
+                (l.pixel_size, l.pixels, l.len(), depth, color, pixels, area)
+            })
+            .collect()
     }
 
     /// Means of one channel of the patches of one level: (m, 1) metres, or (m, 3) luma, orange, green chroma.
@@ -187,10 +266,18 @@ impl PyPatchModel {
         level: usize,
         channel: &str,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let dictionary = &self.channel(level, channel)?.0.dictionary;
-        let shape = (dictionary.n_atoms(), dictionary.n_features());
-        let atoms = Array2::from_shape_vec(shape, dictionary.atoms()).map_err(invalid_input)?;
-        Ok(atoms.into_pyarray(py))
+        atoms(py, &self.channel(level, channel)?.0.dictionary)
+    }
+
+    /// The dictionaries of all levels.
+    fn dictionaries(&self) -> PyPatchDictionary {
+        PyPatchDictionary { dictionary: self.model.dictionary() }
+    }
+
+    /// Whether the file refers to the dictionaries of another model.
+    #[getter]
+    fn shares_dictionary(&self) -> bool {
+        self.model.shares_dictionary()
     }
 
     /// Sparse codes of one channel of one level as CSR columns `(offsets, entries, coefficients)`.
@@ -227,6 +314,18 @@ impl PyPatchModel {
             figures.set_item(name, value)?;
         }
         dict.set_item("figures", figures)?;
+        let levels: Vec<Bound<'py, PyDict>> = report
+            .levels
+            .iter()
+            .map(|figures| {
+                let level = PyDict::new(py);
+                for (name, value) in figures {
+                    level.set_item(name, value)?;
+                }
+                Ok(level)
+            })
+            .collect::<PyResult<_>>()?;
+        dict.set_item("levels", levels)?;
         let objectives = PyDict::new(py);
         for (name, trace) in &report.objectives {
             objectives.set_item(name, trace)?;
@@ -259,34 +358,41 @@ impl PyPatchModel {
                 Some(color) => Ok((color, level.steps.color_code)),
                 None => Err(invalid_input("this model has no colour")),
             },
-            other => Err(invalid_input(format!(
-                "channel is {other:?}, but must be \"depth\" or \"color\""
-            ))),
+            other => Err(unknown_channel(other)),
         }
     }
 }
 
 /// The model in the bytes of an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes))]
+#[pyo3(signature = (data, *, max_items, max_bytes, dictionary))]
 fn from_bytes(
     py: Python<'_>,
     data: &[u8],
     max_items: u64,
     max_bytes: u64,
+    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
 ) -> PyResult<PyPatchModel> {
     let limits = Limits { max_items, max_bytes };
-    let model = py.detach(|| Model::from_bytes(data, &limits)).map_err(IntoPyErr::into_py_err)?;
-    wrap(model)
+    let dictionary = dictionary.map(|d| &d.get().dictionary);
+    let model = py.detach(|| Model::from_bytes_with(data, &limits, dictionary));
+    wrap(model.map_err(IntoPyErr::into_py_err)?)
 }
 
 /// The model in an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (path, *, max_items, max_bytes))]
-fn load(py: Python<'_>, path: PathBuf, max_items: u64, max_bytes: u64) -> PyResult<PyPatchModel> {
+#[pyo3(signature = (path, *, max_items, max_bytes, dictionary))]
+fn load(
+    py: Python<'_>,
+    path: PathBuf,
+    max_items: u64,
+    max_bytes: u64,
+    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
+) -> PyResult<PyPatchModel> {
     let limits = Limits { max_items, max_bytes };
-    let model = py.detach(|| Model::open(path, &limits)).map_err(IntoPyErr::into_py_err)?;
-    wrap(model)
+    let dictionary = dictionary.map(|d| &d.get().dictionary);
+    let model = py.detach(|| Model::open_with(path, &limits, dictionary));
+    wrap(model.map_err(IntoPyErr::into_py_err)?)
 }
 
 /// Family, oldest release that reads the file, and bytes by section, of the bytes of an `.sfb` file.
@@ -317,6 +423,7 @@ fn wrap(model: Model) -> PyResult<PyPatchModel> {
 /// Adds this file's names to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPatchModel>()?;
+    module.add_class::<PyPatchDictionary>()?;
     module.add_function(wrap_pyfunction!(learn_patches, module)?)?;
     module.add_function(wrap_pyfunction!(from_bytes, module)?)?;
     module.add_function(wrap_pyfunction!(load, module)?)?;

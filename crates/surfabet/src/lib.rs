@@ -25,9 +25,12 @@ mod model;
 
 pub use error::{Error, Result};
 pub use model::Model;
-pub use surfabet_codec::{Container, Family, Limits};
+pub use surfabet_codec::patches::{dictionary_hash, shared_dictionary};
+pub use surfabet_codec::{Container, ContentHash, Family, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
-pub use surfabet_models::patches::{self, DecodeOptions, PatchModel, PatchOptions, Sensor};
+pub use surfabet_models::patches::{
+    self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,
+};
 pub use surfabet_models::{Report, Stage};
 pub use surfabet_sparse as sparse;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use surfabet_codec::{Container, Family, Limits};
 use surfabet_geom::{PointCloud, Progress};
-use surfabet_models::patches::{DecodeOptions, PatchModel};
+use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
 
 use crate::error::{Error, Result};
 
@@ -46,10 +46,22 @@ impl Model {
     /// # Errors
     /// [`Error::Codec`] when anything is wrong with them.
     pub fn from_bytes(bytes: &[u8], limits: &Limits) -> Result<Self> {
+        Self::from_bytes_with(bytes, limits, None)
+    }
+
+    /// As [`Model::from_bytes`], for files that may refer to `dictionary` instead of holding one.
+    ///
+    /// # Errors
+    /// [`Error::Codec`] when anything is wrong with them, or they refer to another dictionary.
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        limits: &Limits,
+        dictionary: Option<&PatchDictionary>,
+    ) -> Result<Self> {
         let container = Container::parse(bytes, limits)?;
         match container.family() {
             Family::Patches => {
-                Ok(Self::Patches(surfabet_codec::patches::read(&container, limits)?))
+                Ok(Self::Patches(surfabet_codec::patches::read(&container, limits, dictionary)?))
             }
             other => Err(surfabet_codec::Error::UnknownFamily {
                 found: other as u8,
@@ -83,6 +95,18 @@ impl Model {
     /// # Errors
     /// [`Error::Io`] or [`Error::File`], both naming the file.
     pub fn open(path: impl AsRef<Path>, limits: &Limits) -> Result<Self> {
+        Self::open_with(path, limits, None)
+    }
+
+    /// As [`Model::open`], for files that may refer to `dictionary` instead of holding one.
+    ///
+    /// # Errors
+    /// As [`Model::open`]; also when the file refers to another dictionary.
+    pub fn open_with(
+        path: impl AsRef<Path>,
+        limits: &Limits,
+        dictionary: Option<&PatchDictionary>,
+    ) -> Result<Self> {
         let path = path.as_ref();
         let io = |source| Error::Io { path: path.to_owned(), source };
         let size = fs::metadata(path).map_err(io)?.len();
@@ -91,7 +115,7 @@ impl Model {
             other => other,
         };
         limits.check_size(size).map_err(|e| named(e.into()))?;
-        Self::from_bytes(&fs::read(path).map_err(io)?, limits).map_err(named)
+        Self::from_bytes_with(&fs::read(path).map_err(io)?, limits, dictionary).map_err(named)
     }
 
     /// The model as a cloud with points about `resolution` metres apart; `None` leaves the spacing to the model.

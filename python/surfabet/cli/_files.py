@@ -59,10 +59,20 @@ def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> 
     return surfabet.read(path, **(options.for_folder() if path.is_dir() else {}))
 
 
-def load_model(path: Path, progress: ProgressCallback) -> surfabet.PatchModel:
-    """The model in a `.sfb` file."""
+def load_model(
+    path: Path, progress: ProgressCallback, dictionary: Path | None = None
+) -> surfabet.PatchModel:
+    """The model in a `.sfb` file, which may rely on the dictionary of another."""
+    shared = load_dictionary(dictionary, progress)
     progress(f"load {path.name}", 0.0)
-    return surfabet.load(path)
+    return surfabet.load(path, dictionary=shared)
+
+
+def load_dictionary(
+    path: Path | None, progress: ProgressCallback
+) -> surfabet.PatchDictionary | None:
+    """The dictionary of the model in a `.sfb` file."""
+    return None if path is None else load_model(path, progress).dictionary
 
 
 def size_on_disk(path: Path) -> int:

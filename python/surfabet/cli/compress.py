@@ -12,10 +12,17 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 import surfabet
-from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_disk
+from surfabet.cli._files import (
+    MODEL_SUFFIX,
+    check_output,
+    load_dictionary,
+    read_cloud,
+    size_on_disk,
+)
 from surfabet.cli._format import bytes_text, millimetres, peak_memory, print_json, raw_bytes
 from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
 
+PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
 PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
 
 
@@ -26,6 +33,16 @@ class PatchOptions:
 
     patch_pixels: PositiveInt = None
     """Pixels per side of a patch."""
+
+    max_depth_deviation: PositiveFloat = None
+    """With levels: pixels whose depth has a larger standard deviation, in metres, go to the level
+    below."""
+
+    max_color_deviation: PositiveFloat = None
+    """With levels: the same for colour, 0 to 255."""
+
+    min_coverage: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1))] = None
+    """With levels: patches that cover less of their pixels go to the level below."""
 
     depth_atoms: PositiveInt = None
     """Most entries of the depth dictionary."""
@@ -59,8 +76,9 @@ def compress(
     /,
     *,
     model: Literal["patches"] = "patches",
-    resolution: Annotated[float, Parameter(validator=Number(gt=0))] = 0.01,
-    levels: Annotated[int, Parameter(validator=Number(gte=1))] = 1,
+    resolution: PositiveFloat = None,
+    levels: Annotated[int | None, Parameter(validator=Number(gte=1, lte=8))] = None,
+    dictionary: Path | None = None,
     random_state: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
     json: Flag = False,
@@ -76,6 +94,7 @@ def compress(
         surfabet compress room.ply room.sfb
         surfabet compress room.ply room.sfb --resolution 0.005
         surfabet compress frames/ room.sfb --frame-stride 2 --depth-max 4
+        surfabet compress room2.ply room2.sfb --dictionary room.sfb
 
     Parameters
     ----------
@@ -87,9 +106,12 @@ def compress(
     model
         The family of models. This version knows surface patches only.
     resolution
-        Spacing of the model's pixels in metres: what is smaller is lost.
+        Spacing of the model's pixels in metres, 0.01 by default: what is smaller is lost.
     levels
-        Levels of detail of the patches.
+        Levels of detail of the patches, 1 by default; each doubles the size of the one below.
+    dictionary
+        A model whose dictionaries to use instead of learning: the file then holds none, and needs
+        that model again. Resolution, levels and pixels of a patch are its own.
     random_state
         Seed; the same seed, input and options give the same bytes.
     evaluate
@@ -101,19 +123,23 @@ def compress(
     seconds: dict[str, float] = {}
     quality = None
     with common.progress() as progress:
+        shared = load_dictionary(dictionary, progress)
         started = time.perf_counter()
         cloud = read_cloud(input_, read, progress)
         seconds["read"] = time.perf_counter() - started
 
         started = time.perf_counter()
-        learned = surfabet.learn_patches(
-            cloud,
-            resolution=resolution,
-            levels=levels,
-            random_state=random_state,
-            progress=progress,
+        sizes = {"resolution": resolution, "levels": levels}
+        options: dict[str, Any] = {
+            **{name: value for name, value in sizes.items() if value is not None},
+            "random_state": random_state,
+            "progress": progress,
             **patches.given(),
-        )
+        }
+        if shared is None:
+            learned = surfabet.learn_patches(cloud, **options)
+        else:
+            learned = shared.encode(cloud, **options)
         seconds["learn"] = time.perf_counter() - started
 
         started = time.perf_counter()
@@ -130,7 +156,7 @@ def compress(
 
         if evaluate:
             started = time.perf_counter()
-            decoded = surfabet.load(output).decode(progress=progress)
+            decoded = surfabet.load(output, dictionary=shared).decode(progress=progress)
             seconds["decode"] = time.perf_counter() - started
             started = time.perf_counter()
             # Point-to-plane distances take long; the verb `evaluate` has them.

@@ -21,6 +21,7 @@ def decompress(
     /,
     *,
     resolution: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    dictionary: Path | None = None,
     json: Flag = False,
     common: Common = COMMON,
 ) -> None:
@@ -37,6 +38,8 @@ def decompress(
         The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
     resolution
         Spacing of the points in metres, by default half a pixel of the model.
+    dictionary
+        The model whose dictionaries the file was made with, if it holds none.
     json
         Print one JSON object instead of a line.
     """
@@ -44,7 +47,9 @@ def decompress(
     seconds: dict[str, float] = {}
     with common.progress() as progress:
         started = time.perf_counter()
-        cloud = load_model(input_, progress).decode(resolution=resolution, progress=progress)
+        cloud = load_model(input_, progress, dictionary).decode(
+            resolution=resolution, progress=progress
+        )
         seconds["decode"] = time.perf_counter() - started
 
         started = time.perf_counter()

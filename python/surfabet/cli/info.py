@@ -19,6 +19,7 @@ def info(
     file: Annotated[Path, Parameter(name="FILE")],
     /,
     *,
+    dictionary: Path | None = None,
     json: Flag = False,
     common: Common = COMMON,
 ) -> None:
@@ -31,10 +32,13 @@ def info(
     ----------
     file
         The model file.
+    dictionary
+        The model whose dictionaries the file was made with, if it holds none.
     json
         Print one JSON object instead of tables.
     """
-    found = surfabet.inspect(file)
+    shared = None if dictionary is None else surfabet.load(dictionary).dictionary
+    found = surfabet.inspect(file, dictionary=shared)
     n_bytes = size_on_disk(file)
     if json:
         print_json({"path": str(file), "bytes": n_bytes, **found.as_dict()})

@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use surfabet::geom::KdTree;
-use surfabet::patches;
+use surfabet::patches::{self, Placement};
 use surfabet::{
     CloudParts, DecodeOptions, Limits, Model, PatchModel, PatchOptions, PointCloud, Progress,
     Sensor, Silent, Viewpoints,
@@ -229,7 +229,7 @@ fn sheets_apart_by_more_than_two_pixels_need_no_viewpoints() {
     let strays = off().filter(|d| *d > 0.0015).count() as f64 / decoded.len() as f64;
     // A mean of both sheets would be 12.5 mm away from either.
     assert!(rms < 0.0015 && worst < PIXEL, "{rms} rms, {worst} at worst");
-    assert!(strays < 0.05, "{strays} off by more than 1.5 mm");
+    assert!(strays < 0.1, "{strays} off by more than 1.5 mm");
 }
 
 #[test]
@@ -382,6 +382,154 @@ fn the_number_of_threads_changes_no_byte() {
     let one = made_by(1);
     assert_eq!(one, made_by(2));
     assert_eq!(one, made_by(8));
+}
+
+fn with_levels(levels: u32) -> PatchOptions {
+    PatchOptions { levels, patch_pixels: 4, ..options() }
+}
+
+#[test]
+fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
+    // 64 cm square: 4 x 4 patches of 16 cm. Beside it a strip of steps of 3 cm every 1 cm.
+    let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
+    let smooth = patches::learn(&points_of(&[flat], 0.0025), &with_levels(3), &Silent).unwrap();
+    let area: Vec<f64> = smooth.levels().iter().map(|l| l.covered_area()).collect();
+    // A tiling may begin anywhere, so that of 4 x 4 patches at least 3 x 3 fit.
+    assert!(area[0] > 0.5 * 0.64 * 0.64, "{area:?}");
+    let comb: Vec<Rectangle> = (0..40)
+        .map(|i| {
+            let z = if i % 2 == 0 { 0.0 } else { 0.03 };
+            rectangle([0.01 * i as f32, 0.0, z], [0.01, 0.0, 0.0], [0.0, 0.4, 0.0])
+        })
+        .collect();
+    let rough = patches::learn(&points_of(&comb, 0.0025), &with_levels(3), &Silent).unwrap();
+    let area: Vec<f64> = rough.levels().iter().map(|l| l.covered_area()).collect();
+    assert!(area[2] > 0.7 * area.iter().sum::<f64>(), "{area:?}");
+    assert_all_owned(&rough);
+}
+
+#[test]
+fn deviating_colors_go_to_the_level_below() {
+    let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.32, 0.0]);
+    let positions = flat.points(0.0025);
+    // The left half is grey, the right one a chessboard of 1 cm: a standard deviation of 100 in pixels of 2 cm.
+    let color = |p: &Point| {
+        let odd = ((p[0] / 0.01) as i32 + (p[1] / 0.01) as i32) % 2 == 1;
+        if p[0] < 0.32 {
+            [128; 3]
+        } else if odd {
+            [228; 3]
+        } else {
+            [28; 3]
+        }
+    };
+    let colors = Some(positions.iter().map(color).collect());
+    let parts = CloudParts { positions, colors, ..CloudParts::default() };
+    let input = PointCloud::from_parts(parts).unwrap().0;
+    let area = |max_color_deviation: f64| {
+        let options = PatchOptions { max_color_deviation, ..with_levels(2) };
+        let model = patches::learn(&input, &options, &Silent).unwrap();
+        assert_all_owned(&model);
+        model.levels().iter().map(|l| l.covered_area()).collect::<Vec<f64>>()
+    };
+    let half = 0.32 * 0.32;
+    let (strict, open) = (area(50.0), area(150.0));
+    assert!(strict[0] > 0.5 * half && strict[0] < 1.2 * half, "{strict:?}");
+    assert!(strict[1] > 0.9 * half, "{strict:?}");
+    assert!(open[0] > half, "{open:?}");
+}
+
+#[test]
+fn the_deviation_of_a_pixel_is_that_of_its_points() {
+    // Two sheets 4 mm apart in one cell of the samples: a standard deviation of 2 mm, which their mean hides.
+    let input = measured_twice(0.004, None);
+    let lower = |rho: f64| {
+        let options = PatchOptions { max_depth_deviation: Some(rho), ..with_levels(2) };
+        let model = patches::learn(&input, &options, &Silent).unwrap();
+        model.levels()[0].covered_area() / (0.4 * 0.4)
+    };
+    let (strict, open) = (lower(0.0015), lower(0.0025));
+    assert!(strict < 0.01 && open > 0.3, "{strict}, {open}");
+}
+
+#[test]
+fn faces_of_a_thin_wall_stay_apart_on_every_level() {
+    let front = rectangle([0.0, 0.0, 0.003], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
+    let back = rectangle([0.0, 0.0, -0.003], [0.0, 0.64, 0.0], [0.64, 0.0, 0.0]);
+    let input = seen_from_front(&[front, back], 0.0025);
+    let model = patches::learn(&input, &with_levels(3), &Silent).unwrap();
+    assert!(model.levels()[0].covered_area() > 0.2 * 0.64 * 0.64);
+    let decoded = decode(&model, None);
+    let across = decoded.positions().iter().map(|p| f64::from((p[2].abs() - 0.003).abs()));
+    let across = root_mean_square(across);
+    assert!(across < 0.001, "{across}");
+}
+
+#[test]
+fn greedy_placement_needs_fewer_patches_further_apart() {
+    let walls = [
+        rectangle([0.0; 3], [0.9, 0.0, 0.0], [0.0, 0.7, 0.0]),
+        rectangle([0.0; 3], [0.0, 0.7, 0.0], [0.0, 0.0, 0.6]),
+        tilted(),
+    ];
+    let mut positions: Vec<Point> = walls.iter().flat_map(|w| w.points(0.004)).collect();
+    positions.extend(sphere(0.15, 20_000).iter().map(|p| [p[0] + 0.4, p[1] + 0.3, p[2] + 0.15]));
+    let input = cloud(positions);
+    let placed = |placement: Placement| {
+        let options = PatchOptions { placement, iterations: 1, ..options() };
+        let model = patches::learn(&input, &options, &Silent).unwrap();
+        assert_all_owned(&model);
+        let of_level = &model.report().levels[0];
+        let distance =
+            of_level.iter().find(|f| f.0 == "distance of neighbouring patches").unwrap().1;
+        (model.len(), distance)
+    };
+    let (greedy, subsampled) = (placed(Placement::Greedy), placed(Placement::Subsampled));
+    assert!(greedy.0 < subsampled.0 && greedy.1 > subsampled.1, "{greedy:?}, {subsampled:?}");
+}
+
+#[test]
+fn levels_and_threads_change_no_byte() {
+    let input = colored_scene();
+    let made_by = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let options = PatchOptions { max_color_deviation: 60.0, ..with_levels(3) };
+            let model = patches::learn(&input, &options, &Silent).unwrap();
+            Model::from(model).to_bytes().unwrap()
+        })
+    };
+    let one = made_by(1);
+    assert_eq!(one, made_by(2));
+    assert_eq!(one, made_by(8));
+}
+
+#[test]
+fn a_frozen_dictionary_codes_another_scene() {
+    let first = learn(&colored_scene());
+    let parts = CloudParts {
+        positions: colored_scene().positions().iter().map(|p| [p[0], p[1], p[2] + 0.013]).collect(),
+        colors: colored_scene().colors().map(<[_]>::to_vec),
+        ..CloudParts::default()
+    };
+    let second = PointCloud::from_parts(parts).unwrap().0;
+    let dictionary = first.dictionary();
+    let model = patches::encode(&second, &options(), &dictionary, &Silent).unwrap();
+    assert_all_owned(&model);
+    assert_eq!(model.dictionary(), dictionary);
+    let bytes = Model::from(model.clone()).to_bytes().unwrap();
+    assert!(bytes.len() < Model::from(learn(&second)).to_bytes().unwrap().len());
+    let limits = Limits::default();
+    let again = Model::from_bytes_with(&bytes, &limits, Some(&dictionary)).unwrap();
+    let Model::Patches(again) = again else { panic!("another family") };
+    assert_eq!(again.levels(), model.levels());
+    let missing = Model::from_bytes(&bytes, &limits).unwrap_err().to_string();
+    assert!(missing.contains("does not hold it"), "{missing}");
+    let other = learn(&second).dictionary();
+    let wrong = Model::from_bytes_with(&bytes, &limits, Some(&other)).unwrap_err().to_string();
+    assert!(wrong.contains("the one given is"), "{wrong}");
+    let mismatch = patches::encode(&second, &with_levels(2), &dictionary, &Silent).unwrap_err();
+    assert!(matches!(mismatch, Error::Inconsistent(_)), "{mismatch:?}");
 }
 
 #[test]

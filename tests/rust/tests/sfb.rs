@@ -296,7 +296,7 @@ fn other_families_features_and_versions_are_refused_by_name() {
     let planes = with_header_byte(7, Family::Planes as u8);
     let container = Container::parse(&planes, &LIMITS).unwrap();
     assert_eq!(
-        surfabet_codec::patches::read(&container, &LIMITS).unwrap_err(),
+        surfabet_codec::patches::read(&container, &LIMITS, None).unwrap_err(),
         Error::WrongFamily { expected: Family::Patches, found: Family::Planes }
     );
     assert!(read(&planes).is_err());
@@ -428,7 +428,8 @@ proptest! {
         origin in prop::array::uniform3(-1e7..1e7),
         n_points: u64,
     ) {
-        let model = PatchModel::from_parts(PatchModelParts { origin, n_points, levels }).unwrap();
+        let parts = PatchModelParts { origin, n_points, levels, shared_dictionary: false };
+        let model = PatchModel::from_parts(parts).unwrap();
         let bytes = Model::from(model.clone()).to_bytes().unwrap();
         prop_assert_eq!(read(&bytes).unwrap(), model);
     }

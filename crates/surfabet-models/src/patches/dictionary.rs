@@ -4,6 +4,7 @@ use surfabet_geom::Progress;
 use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
 
 use super::model::Codes;
+use super::options::PatchOptions;
 use crate::error::{Error, Result};
 use crate::report::Report;
 
@@ -91,9 +92,13 @@ impl QuantizedDictionary {
 }
 
 /// How one channel is learned and coded.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ChannelOptions {
+#[derive(Debug, Clone)]
+pub(super) struct ChannelOptions<'a> {
     pub name: &'static str,
+    /// How the report calls what learning minimised.
+    pub objective: String,
+    /// The dictionary to code in; `None`: learn one.
+    pub frozen: Option<&'a QuantizedDictionary>,
     /// How the report calls the entries that were asked for and not needed.
     pub cropped: &'static str,
     pub n_atoms: usize,
@@ -102,6 +107,52 @@ pub(super) struct ChannelOptions {
     pub code_step: f32,
     pub iterations: usize,
     pub random_state: u64,
+}
+
+/// The dictionaries of one level of a hierarchy.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LevelDictionary {
+    /// Side of a pixel (pr), metres.
+    pub pixel_size: f64,
+    /// Pixels per side of a patch.
+    pub pixels: u32,
+    /// Entries for depth.
+    pub depth: QuantizedDictionary,
+    /// Entries for colour, where the cloud that was learned from had colours.
+    pub color: Option<QuantizedDictionary>,
+}
+
+/// The dictionaries D_depth and D_rgb of a model (section III), level by level, for other clouds to be
+/// described with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchDictionary {
+    /// Coarsest level first.
+    pub levels: Vec<LevelDictionary>,
+}
+
+impl PatchDictionary {
+    /// Refuses options of another hierarchy.
+    pub(super) fn check(&self, options: &PatchOptions) -> Result<()> {
+        let mismatch = |what: &str, given: String, own: String| {
+            Err(Error::Inconsistent(format!(
+                "the dictionary has {own} {what}, the options have {given}; give those of the dictionary"
+            )))
+        };
+        if self.levels.len() != options.levels as usize {
+            return mismatch("levels", options.levels.to_string(), self.levels.len().to_string());
+        }
+        for (j, level) in (0..).zip(&self.levels) {
+            if level.pixels != options.patch_pixels {
+                let given = options.patch_pixels.to_string();
+                return mismatch("pixels per side of a patch", given, level.pixels.to_string());
+            }
+            let size = options.pixel_size(j);
+            if (level.pixel_size - size).abs() > 1e-9 * size {
+                return mismatch("m per pixel", size.to_string(), level.pixel_size.to_string());
+            }
+        }
+        Ok(())
+    }
 }
 
 fn root_mean_square(values: &[f32], weights: &[f32]) -> f32 {
@@ -113,7 +164,8 @@ fn root_mean_square(values: &[f32], weights: &[f32]) -> f32 {
     (sum / count.max(1.0)).sqrt() as f32
 }
 
-/// Learns a dictionary from `signals` (patch after patch, means removed) and codes all of them in it.
+/// Learns a dictionary from `values` (patch after patch, means removed) and codes all of them in it; with a
+/// `frozen` one, codes in that.
 ///
 /// Patches within the tolerance of zero need no code and teach nothing. The dictionary is quantised before the
 /// final coding, so that codes are chosen for the entries that the decoder will use.
@@ -121,27 +173,15 @@ pub(super) fn learn_channel(
     n_features: usize,
     values: &[f32],
     weights: &[f32],
-    options: ChannelOptions,
+    options: &ChannelOptions<'_>,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<(QuantizedDictionary, Codes)> {
-    let stop = || progress.is_cancelled();
     let n_signals = values.len() / n_features;
     let energy: Vec<f32> = (values.chunks(n_features).zip(weights.chunks(n_features)))
         .map(|(v, w)| root_mean_square(v, w))
         .collect();
-    let mut rich: Vec<usize> = (0..n_signals).filter(|&i| energy[i] > options.tolerance).collect();
-    if rich.is_empty() {
-        let offsets = vec![0; n_signals + 1];
-        let dictionary = QuantizedDictionary { n_features, values: Vec::new() };
-        return Ok((dictionary, Codes { offsets, ..Codes::default() }));
-    }
-    let coded = rich.clone();
-    if rich.len() > MAX_TRAINING_SIGNALS {
-        rich.sort_by(|&a, &b| energy[b].total_cmp(&energy[a]).then(a.cmp(&b)));
-        rich.truncate(MAX_TRAINING_SIGNALS);
-        rich.sort_unstable();
-    }
+    let rich: Vec<usize> = (0..n_signals).filter(|&i| energy[i] > options.tolerance).collect();
     let gather = |chosen: &[usize]| {
         let pick = |from: &[f32]| -> Vec<f32> {
             chosen
@@ -152,9 +192,35 @@ pub(super) fn learn_channel(
         };
         (pick(values), pick(weights))
     };
-
-    let (train_values, train_weights) = gather(&rich);
-    let training = Signals::new(n_features, &train_values, Some(&train_weights))?;
+    let no_codes = || Codes { offsets: vec![0; n_signals + 1], ..Codes::default() };
+    let code = |dictionary: &QuantizedDictionary| -> Result<Codes> {
+        let (values, weights) = gather(&rich);
+        let signals = Signals::new(n_features, &values, Some(&weights))?;
+        let entries = Dictionary::new(n_features, dictionary.atoms())?;
+        let omp_options = OmpOptions {
+            max_atoms: options.sparsity,
+            tolerance: options.tolerance,
+            ..OmpOptions::default()
+        };
+        let sparse = omp(&entries, &signals, &omp_options, &|| progress.is_cancelled())?;
+        Ok(quantize_codes(&sparse, &rich, n_signals, options.code_step))
+    };
+    if let Some(frozen) = options.frozen {
+        let nothing = rich.is_empty() || frozen.n_atoms() == 0;
+        let codes = if nothing { no_codes() } else { code(frozen)? };
+        return Ok((frozen.clone(), codes));
+    }
+    if rich.is_empty() {
+        return Ok((QuantizedDictionary { n_features, values: Vec::new() }, no_codes()));
+    }
+    let mut training = rich.clone();
+    if training.len() > MAX_TRAINING_SIGNALS {
+        training.sort_by(|&a, &b| energy[b].total_cmp(&energy[a]).then(a.cmp(&b)));
+        training.truncate(MAX_TRAINING_SIGNALS);
+        training.sort_unstable();
+    }
+    let (values, weights) = gather(&training);
+    let signals = Signals::new(n_features, &values, Some(&weights))?;
     let ksvd_options = KsvdOptions {
         n_atoms: options.n_atoms,
         max_atoms: options.sparsity,
@@ -163,26 +229,16 @@ pub(super) fn learn_channel(
         random_state: options.random_state,
         ..KsvdOptions::default()
     };
-    let learned = ksvd(&training, &ksvd_options, &stop, &mut |step| {
+    let learned = ksvd(&signals, &ksvd_options, &|| progress.is_cancelled(), &mut |step| {
         progress.update(options.name, step.iteration as f32 / options.iterations as f32);
     })?;
     report.iterations += learned.iterations;
-    report.objectives.push((options.name, learned.objective));
+    report.objectives.push((options.objective.clone(), learned.objective));
     let dictionary = QuantizedDictionary::quantize(&learned.dictionary);
-
-    let (coded_values, coded_weights) = gather(&coded);
-    let signals = Signals::new(n_features, &coded_values, Some(&coded_weights))?;
-    let entries = Dictionary::new(n_features, dictionary.atoms())?;
-    let omp_options = OmpOptions {
-        max_atoms: options.sparsity,
-        tolerance: options.tolerance,
-        ..OmpOptions::default()
-    };
-    let sparse = omp(&entries, &signals, &omp_options, &stop)?;
-    let codes = quantize_codes(&sparse, &coded, n_signals, options.code_step);
+    let codes = code(&dictionary)?;
     let (used, codes) = crop(&dictionary, &codes);
     let cropped = learned.cropped + learned.dictionary.n_atoms() - used.n_atoms();
-    report.figures.push((options.cropped, cropped as f64));
+    report.add_figure(options.cropped, cropped as f64);
     Ok((used, codes))
 }
 

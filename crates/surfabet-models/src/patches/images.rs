@@ -1,11 +1,12 @@
 //! Depth image, colour image and bitmask of a patch (section III, figure 2).
 //!
 //! A pixel's depth is the weighted mean distance of its samples from the patch plane along the normal, its
-//! colour their weighted mean colour; its bit is set when it has samples at all.
+//! colour their weighted mean colour; its bit is set when the patch owns samples in it.
 
 use rayon::prelude::*;
 
-use super::placement::{Grid, Placed};
+use super::field::Grid;
+use super::placement::Placed;
 use super::samples::Samples;
 
 /// The images of all patches, patch after patch, row-major; values at unset pixels are zero.
@@ -24,22 +25,20 @@ pub(super) fn project(samples: &Samples, placed: &[Placed], grid: Grid) -> Image
     let area = grid.n * grid.n;
     let mut images = Images {
         depth: vec![0.0; placed.len() * area],
-        color: samples.colors.as_ref().map(|_| vec![0.0; placed.len() * area * 3]),
+        color: samples.has_color.then(|| vec![0.0; placed.len() * area * 3]),
         mask: vec![0; placed.len() * area],
     };
     let one = |patch: &Placed, depth: &mut [f32], mask: &mut [u8], color: Option<&mut [f32]>| {
         let frame = patch.pose.frame(grid.position_step);
         let mut sums = vec![[0.0_f64; 5]; area];
         for &i in &patch.members {
-            let i = i as usize;
-            let local = frame.to_local(samples.positions[i]);
-            let w = f64::from(samples.weights[i]);
+            let sample = &samples.all[i as usize];
+            let local = frame.to_local(sample.position);
+            let w = f64::from(sample.weight);
             let sum = &mut sums[grid.pixel_of(local)];
             sum[0] += w;
             sum[1] += w * f64::from(local[2]);
-            if let Some(colors) = &samples.colors {
-                (0..3).for_each(|c| sum[2 + c] += w * f64::from(colors[i][c]));
-            }
+            (0..3).for_each(|c| sum[2 + c] += w * f64::from(sample.color[c]));
         }
         for (pixel, sum) in sums.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
             mask[pixel] = 1;

@@ -1,15 +1,16 @@
 //! The whole way from a cloud to a model.
 
 use rayon::prelude::*;
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::{KdTree, PointCloud, Progress};
 
 use super::decode::to_ycocg;
-use super::dictionary::{ChannelOptions, learn_channel};
+use super::dictionary::{ChannelOptions, LevelDictionary, PatchDictionary, learn_channel};
+use super::field::{Grid, Rules};
 use super::images::{Images, project};
 use super::model::{Channel, Level, MAX_POSITION, PatchModel, PatchModelParts, Steps};
 use super::options::PatchOptions;
 use super::order::{steps_per_cell, storing_order};
-use super::placement::{Grid, Placed, place};
+use super::placement::{Placed, place};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::report::Report;
@@ -18,9 +19,17 @@ use crate::report::Report;
 /// after the pose is rounded.
 const POSITION_STEP: f64 = 0.25;
 
-/// Learns surface patches from a cloud (SCSM).
+/// Share of a patch's pixels that must be left above the lowest level when those that deviate too much are masked
+/// out: below it, the patches of the next level describe the same with fewer poses than would be needed twice.
+const LEFT_PIXELS: f64 = 0.5;
+
+/// Depths further than this many times the largest deviation from the surface are not of it.
+const GATE_DEVIATIONS: f64 = 3.0;
+
+/// Learns surface patches from a cloud: SCSM with one level, HSCSM with several.
 ///
-/// The result depends on cloud, options and seed alone, not on the number of threads.
+/// From the coarsest level on, each describes what it can within the thresholds and passes the rest down. The
+/// result depends on cloud, options and seed alone, not on the number of threads.
 ///
 /// # Errors
 /// [`Error::InvalidParameter`] for options outside their domain, [`Error::EmptyCloud`], [`Error::TooLarge`] when
@@ -30,46 +39,175 @@ pub fn learn(
     options: &PatchOptions,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
+    describe(cloud, options, None, progress)
+}
+
+/// Describes a cloud as [`learn`] does, in the dictionaries of another model: nothing is learned, and the file
+/// refers to that model instead of holding dictionaries of its own.
+///
+/// # Errors
+/// As [`learn`]; [`Error::Inconsistent`] when `options` are of another hierarchy than the dictionary, or the cloud
+/// has colours and the dictionary none.
+pub fn encode(
+    cloud: &PointCloud,
+    options: &PatchOptions,
+    dictionary: &PatchDictionary,
+    progress: &dyn Progress,
+) -> Result<PatchModel> {
+    options.check()?;
+    dictionary.check(options)?;
+    if cloud.colors().is_some() && dictionary.levels.iter().any(|l| l.color.is_none()) {
+        return Err(Error::Inconsistent(
+            "the cloud has colours, the dictionary has none; learn it from a cloud with colours"
+                .to_owned(),
+        ));
+    }
+    describe(cloud, options, Some(dictionary), progress)
+}
+
+fn describe(
+    cloud: &PointCloud,
+    options: &PatchOptions,
+    frozen: Option<&PatchDictionary>,
+    progress: &dyn Progress,
+) -> Result<PatchModel> {
     options.check()?;
     check_extent(cloud, options)?;
-    let grid = Grid {
-        pixel: options.resolution as f32,
-        n: options.patch_pixels as usize,
-        position_step: (POSITION_STEP * options.resolution) as f32,
-    };
     let mut report = Report::default();
 
     progress.update("merging points", 0.0);
-    let samples = report.time("merging points", || Samples::merge(cloud, options, progress))?;
-    let placed = report.time("placing patches", || place(&samples, grid, progress))?;
-    let placed = in_storing_order(placed, options);
-    let images = report.time("projecting patches", || project(&samples, &placed, grid));
-    progress.check()?;
-    describe(&mut report, cloud, &samples, &placed, &images);
-
-    let steps = steps(options);
-    let depth = learn_depth(&images, grid, options, steps, &mut report, progress)?;
-    let color = learn_color(&images, grid, options, steps, &mut report, progress)?;
-    report.figures.push(("depth dictionary entries", depth.dictionary.n_atoms() as f64));
-    if let Some(color) = &color {
-        report.figures.push(("colour dictionary entries", color.dictionary.n_atoms() as f64));
+    let mut rest = report.time("merging points", || Samples::merge(cloud, options, progress))?;
+    describe_cloud(&mut report, cloud, &rest);
+    let mut levels = Vec::with_capacity(options.levels as usize);
+    for j in 0..options.levels {
+        let frozen = frozen.and_then(|d| d.levels.get(j as usize));
+        levels.push(learn_level(&mut rest, j, options, frozen, &mut report, progress)?);
     }
-    report.stop_reason = "every point is covered and the dictionaries are learned";
-    let level = Level {
-        pixel_size: options.resolution,
+    report.stop_reason = match frozen {
+        None => "every point is covered and the dictionaries are learned",
+        Some(_) => "every point is covered",
+    };
+    let parts = PatchModelParts {
+        origin: cloud.origin(),
+        n_points: cloud.len() as u64,
+        levels,
+        shared_dictionary: frozen.is_some(),
+    };
+    Ok(PatchModel::from_parts(parts)?.with_report(report))
+}
+
+/// Describes of `rest` what level `j` can, and leaves in it what goes down.
+fn learn_level(
+    rest: &mut Samples,
+    j: u32,
+    options: &PatchOptions,
+    frozen: Option<&LevelDictionary>,
+    report: &mut Report,
+    progress: &dyn Progress,
+) -> Result<Level> {
+    let pixel_size = options.pixel_size(j);
+    let grid = Grid {
+        pixel: pixel_size as f32,
+        n: options.patch_pixels as usize,
+        position_step: (POSITION_STEP * pixel_size) as f32,
+    };
+    let doublings = options.doublings(j);
+    let coarse = (doublings > 0).then(|| report.time("merging points", || rest.coarser(doublings)));
+    let samples = coarse.as_ref().map_or(&*rest, |(samples, _)| samples);
+    progress.check()?;
+    let placed = report.time("placing patches", || {
+        place(samples, grid, rules(options, j), options.placement, progress)
+    })?;
+    let placed = in_storing_order(placed, pixel_size, options.patch_pixels);
+    let images = report.time("projecting patches", || project(samples, &placed, grid));
+    progress.check()?;
+
+    let mut keep = vec![true; rest.len()];
+    for &i in placed.iter().flat_map(|p| &p.members) {
+        match &coarse {
+            Some((_, groups)) => {
+                groups.of(i as usize).iter().for_each(|&s| keep[s as usize] = false);
+            }
+            None => keep[i as usize] = false,
+        }
+    }
+    let taken = keep.iter().filter(|k| !**k).count();
+    let distance = neighbour_distance(&placed, grid, progress)?;
+    // What is left is smaller; the samples of this level are no longer needed.
+    drop(coarse);
+    rest.retain(&keep);
+
+    let steps = steps(options, j);
+    let scale = Scale { level: j, grid, steps, frozen };
+    let depth = learn_depth(&images, scale, options, report, progress)?;
+    let color = learn_color(&images, scale, options, report, progress)?;
+    let set = images.mask.iter().map(|&m| usize::from(m)).sum::<usize>();
+    let entries = |channel: &Channel| channel.dictionary.n_atoms() as f64;
+    let figures = [
+        ("samples covered", taken as f64),
+        ("patches", placed.len() as f64),
+        ("set pixels", set as f64),
+        ("area", set as f64 * pixel_size * pixel_size),
+        ("depth dictionary entries", entries(&depth)),
+        ("colour dictionary entries", color.as_ref().map_or(0.0, entries)),
+    ];
+    for (name, value) in figures {
+        report.add_figure(name, value);
+    }
+    let mut of_level = vec![("pixel size", pixel_size)];
+    of_level.extend(figures);
+    of_level.push(("set pixels per patch", set as f64 / placed.len().max(1) as f64));
+    of_level.extend(distance.map(|d| ("distance of neighbouring patches", d)));
+    report.levels.push(of_level);
+    Ok(Level {
+        pixel_size,
         pixels: options.patch_pixels,
         steps,
         poses: placed.iter().map(|p| p.pose).collect(),
         masks: images.mask,
         depth,
         color,
-    };
-    let parts = PatchModelParts {
-        origin: cloud.origin(),
-        n_points: cloud.len() as u64,
-        levels: vec![level],
-    };
-    Ok(PatchModel::from_parts(parts)?.with_report(report))
+    })
+}
+
+/// What level `j` accepts; the lowest takes all.
+fn rules(options: &PatchOptions, j: u32) -> Rules {
+    let pixel = options.pixel_size(j);
+    if options.doublings(j) == 0 {
+        return Rules {
+            gate: pixel as f32,
+            min_covered: 0,
+            min_pixels: 0,
+            max_depth_variance: f64::INFINITY,
+            max_color_variance: f64::INFINITY,
+        };
+    }
+    let area = f64::from(options.patch_pixels * options.patch_pixels);
+    let pixels = |share: f64| ((share * area).ceil() as usize).max(1);
+    let rho = options.max_depth_deviation();
+    Rules {
+        gate: pixel.max(GATE_DEVIATIONS * rho) as f32,
+        min_covered: pixels(options.min_coverage),
+        min_pixels: pixels(LEFT_PIXELS.min(options.min_coverage)),
+        max_depth_variance: rho * rho,
+        max_color_variance: options.max_color_deviation * options.max_color_deviation,
+    }
+}
+
+/// Mean distance from a patch of a level to the nearest other, metres; `None` for fewer than two patches.
+fn neighbour_distance(
+    placed: &[Placed],
+    grid: Grid,
+    progress: &dyn Progress,
+) -> Result<Option<f64>> {
+    if placed.len() < 2 {
+        return Ok(None);
+    }
+    let centers: Vec<[f32; 3]> =
+        placed.iter().map(|p| p.pose.frame(grid.position_step).center).collect();
+    let nearest = KdTree::new(&centers)?.k_nearest_batch(&centers, 2, progress)?;
+    let sum: f64 = nearest.chunks(2).map(|pair| f64::from(pair[1].squared_distance()).sqrt()).sum();
+    Ok(Some(sum / placed.len() as f64))
 }
 
 fn check_extent(cloud: &PointCloud, options: &PatchOptions) -> Result<()> {
@@ -88,47 +226,33 @@ fn check_extent(cloud: &PointCloud, options: &PatchOptions) -> Result<()> {
     Ok(())
 }
 
-fn in_storing_order(placed: Vec<Placed>, options: &PatchOptions) -> Vec<Placed> {
+fn in_storing_order(placed: Vec<Placed>, pixel_size: f64, pixels: u32) -> Vec<Placed> {
     let poses: Vec<_> = placed.iter().map(|p| p.pose).collect();
-    let position_step = POSITION_STEP * options.resolution;
-    let side = steps_per_cell(options.resolution, options.patch_pixels, position_step);
+    let side = steps_per_cell(pixel_size, pixels, POSITION_STEP * pixel_size);
     let mut placed: Vec<Option<Placed>> = placed.into_iter().map(Some).collect();
     storing_order(&poses, side).into_iter().filter_map(|i| placed[i].take()).collect()
 }
 
-/// Quantiser steps at which rounding all coefficients of a full code costs about half of the tolerance.
-fn steps(options: &PatchOptions) -> Steps {
+/// Quantiser steps of level `j` at which rounding all coefficients of a full code costs about half of the
+/// tolerance.
+fn steps(options: &PatchOptions, j: u32) -> Steps {
     let code_step = |tolerance: f64, n_features: f64, sparsity: u32| {
         tolerance * (3.0 * n_features / f64::from(sparsity)).sqrt()
     };
     let area = f64::from(options.patch_pixels * options.patch_pixels);
-    let depth_tolerance = options.depth_tolerance();
+    let depth_tolerance = options.depth_tolerance(j);
+    let color_tolerance = options.color_tolerance(j);
     Steps {
-        position: POSITION_STEP * options.resolution,
+        position: POSITION_STEP * options.pixel_size(j),
         depth_mean: depth_tolerance,
         depth_code: code_step(depth_tolerance, area, options.depth_sparsity),
-        color_mean: 0.5 * options.color_tolerance,
-        color_code: code_step(options.color_tolerance, 3.0 * area, options.color_sparsity),
+        color_mean: 0.5 * color_tolerance,
+        color_code: code_step(color_tolerance, 3.0 * area, options.color_sparsity),
     }
 }
 
-fn describe(
-    report: &mut Report,
-    cloud: &PointCloud,
-    samples: &Samples,
-    placed: &[Placed],
-    images: &Images,
-) {
-    let set = images.mask.iter().map(|&m| usize::from(m)).sum::<usize>();
-    let covered: usize = placed.iter().map(|p| p.members.len()).sum();
-    report.figures.extend([
-        ("points", cloud.len() as f64),
-        ("samples", samples.len() as f64),
-        ("samples covered", covered as f64),
-        ("patches", placed.len() as f64),
-        ("set pixels", set as f64),
-        ("set pixels per patch", set as f64 / placed.len().max(1) as f64),
-    ]);
+fn describe_cloud(report: &mut Report, cloud: &PointCloud, samples: &Samples) {
+    report.figures.extend([("points", cloud.len() as f64), ("samples", samples.len() as f64)]);
     report.not_kept = [
         ("intensities", cloud.intensities().is_some()),
         ("normals", cloud.normals().is_some()),
@@ -140,6 +264,20 @@ fn describe(
     .collect();
 }
 
+/// The level that a channel is learned for.
+#[derive(Clone, Copy)]
+struct Scale<'a> {
+    level: u32,
+    grid: Grid,
+    steps: Steps,
+    frozen: Option<&'a LevelDictionary>,
+}
+
+/// How the report calls the objective of `channel` at `level`.
+fn objective(channel: &str, level: u32, options: &PatchOptions) -> String {
+    if options.levels == 1 { channel.to_owned() } else { format!("{channel}, level {level}") }
+}
+
 /// Means in steps and what remains of `images` without them, plane by plane of `area` pixels.
 struct Centred {
     means: Vec<i32>,
@@ -148,13 +286,13 @@ struct Centred {
 
 fn learn_depth(
     images: &Images,
-    grid: Grid,
+    scale: Scale<'_>,
     options: &PatchOptions,
-    steps: Steps,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<Channel> {
-    let area = grid.n * grid.n;
+    let Scale { level, grid, steps, frozen } = scale;
+    let area = grid.area();
     let weights: Vec<f32> = images.mask.iter().map(|&m| f32::from(m)).collect();
     let mut rest = images.depth.clone();
     let means = (rest.par_chunks_mut(area).zip(images.mask.par_chunks(area)))
@@ -168,27 +306,29 @@ fn learn_depth(
     let centred = Centred { means, rest };
     let channel = ChannelOptions {
         name: "learning depth",
+        objective: objective("learning depth", level, options),
+        frozen: frozen.map(|f| &f.depth),
         cropped: "depth dictionary entries cropped",
         n_atoms: options.depth_atoms as usize,
         sparsity: options.depth_sparsity as usize,
-        tolerance: options.depth_tolerance() as f32,
+        tolerance: options.depth_tolerance(level) as f32,
         code_step: steps.depth_code as f32,
         iterations: options.iterations as usize,
         random_state: options.random_state,
     };
-    finish(area, centred, &weights, channel, report, progress)
+    finish(area, centred, &weights, &channel, report, progress)
 }
 
 fn learn_color(
     images: &Images,
-    grid: Grid,
+    scale: Scale<'_>,
     options: &PatchOptions,
-    steps: Steps,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<Option<Channel>> {
     let Some(color) = &images.color else { return Ok(None) };
-    let area = grid.n * grid.n;
+    let Scale { level, grid, steps, frozen } = scale;
+    let area = grid.area();
     let weights: Vec<f32> = images
         .mask
         .chunks(area)
@@ -212,31 +352,31 @@ fn learn_color(
     let centred = Centred { means: means.into_flattened(), rest };
     let channel = ChannelOptions {
         name: "learning colour",
+        objective: objective("learning colour", level, options),
+        frozen: frozen.and_then(|f| f.color.as_ref()),
         cropped: "colour dictionary entries cropped",
         n_atoms: options.color_atoms as usize,
         sparsity: options.color_sparsity as usize,
-        tolerance: options.color_tolerance as f32,
+        tolerance: options.color_tolerance(level) as f32,
         code_step: steps.color_code as f32,
         iterations: options.iterations as usize,
         random_state: options.random_state,
     };
-    finish(3 * area, centred, &weights, channel, report, progress).map(Some)
+    finish(3 * area, centred, &weights, &channel, report, progress).map(Some)
 }
 
 fn finish(
     n_features: usize,
     centred: Centred,
     weights: &[f32],
-    options: ChannelOptions,
+    options: &ChannelOptions<'_>,
     report: &mut Report,
     progress: &dyn Progress,
 ) -> Result<Channel> {
     let start = std::time::Instant::now();
     let (dictionary, codes) =
         learn_channel(n_features, &centred.rest, weights, options, report, progress)?;
-    report
-        .stages
-        .push(crate::report::Stage { name: options.name, seconds: start.elapsed().as_secs_f64() });
+    report.add_time(options.name, start.elapsed().as_secs_f64());
     Ok(Channel { dictionary, means: centred.means, codes })
 }
 

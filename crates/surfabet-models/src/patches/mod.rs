@@ -8,8 +8,9 @@
 //! |---|---|---|
 //! | `options` | what to learn | |
 //! | `sensor` | weight of a point from the depth error of its sensor | III, ref. 15 |
-//! | `samples` | points merged to half a pixel | III-A, the sub-sampled cloud P' |
+//! | `samples` | points merged to half a pixel, with their moments | III-A, the sub-sampled cloud P' |
 //! | `frame` | pose of a patch: normal and two global axes | III-A |
+//! | `field`, `cells` | what a patch at some place would cover | III-A |
 //! | `placement` | where patches go, and which patch owns which sample | III-A |
 //! | `images` | depth, colour and bitmask of a patch | III, fig. 2 |
 //! | `dictionary` | wK-SVD per channel, sparse codes | III-B, eq. 1 |
@@ -17,8 +18,10 @@
 //! | `model` | the result, in the integers that a file stores | III |
 //! | `decode` | back to a cloud at any spacing | III-B, eq. 2 and 3 |
 
+mod cells;
 mod decode;
 mod dictionary;
+mod field;
 mod frame;
 mod images;
 pub mod lattice;
@@ -31,11 +34,11 @@ mod samples;
 mod sensor;
 
 pub use decode::DecodeOptions;
-pub use dictionary::QuantizedDictionary;
+pub use dictionary::{LevelDictionary, PatchDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
-pub use learn::learn;
+pub use learn::{encode, learn};
 pub use model::{
     Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchModel, PatchModelParts, Steps,
 };
-pub use options::PatchOptions;
+pub use options::{MAX_LEVELS, PatchOptions, Placement};
 pub use sensor::Sensor;

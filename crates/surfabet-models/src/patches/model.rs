@@ -3,7 +3,7 @@
 //! Everything is quantised when it is learned, so a model decodes to the same cloud before it is saved and after
 //! it is read back.
 
-use super::dictionary::QuantizedDictionary;
+use super::dictionary::{LevelDictionary, PatchDictionary, QuantizedDictionary};
 use super::frame::{NORMAL_BITS, PatchPose};
 use surfabet_geom::octahedral;
 
@@ -137,6 +137,16 @@ impl Level {
         &self.masks[i * self.area()..(i + 1) * self.area()]
     }
 
+    /// Number of set pixels.
+    pub fn set_pixels(&self) -> usize {
+        self.masks.iter().filter(|&&m| m != 0).count()
+    }
+
+    /// Area that set pixels cover, square metres of their patches' planes.
+    pub fn covered_area(&self) -> f64 {
+        self.set_pixels() as f64 * self.pixel_size * self.pixel_size
+    }
+
     fn check(&self) -> Result<(), String> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let steps = self.steps;
@@ -184,6 +194,8 @@ pub struct PatchModelParts {
     pub n_points: u64,
     /// The hierarchy H, coarsest level first.
     pub levels: Vec<Level>,
+    /// True when the dictionaries are those of another model, which a file then refers to.
+    pub shared_dictionary: bool,
 }
 
 /// A cloud as sparse-coded surface patches; immutable.
@@ -226,6 +238,22 @@ impl PatchModel {
     /// The hierarchy H, coarsest level first.
     pub fn levels(&self) -> &[Level] {
         &self.parts.levels
+    }
+
+    /// True when the dictionaries are those of another model, which a file then refers to.
+    pub fn shares_dictionary(&self) -> bool {
+        self.parts.shared_dictionary
+    }
+
+    /// The dictionaries of all levels.
+    pub fn dictionary(&self) -> PatchDictionary {
+        let level = |l: &Level| LevelDictionary {
+            pixel_size: l.pixel_size,
+            pixels: l.pixels,
+            depth: l.depth.dictionary.clone(),
+            color: l.color.as_ref().map(|c| c.dictionary.clone()),
+        };
+        PatchDictionary { levels: self.levels().iter().map(level).collect() }
     }
 
     /// Number of patches over all levels.

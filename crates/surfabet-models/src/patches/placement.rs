@@ -1,71 +1,52 @@
 //! Where patches go, and which patch owns which sample (section III-A).
 //!
-//! SCSM spreads patches by spatial subsampling. Here the seeds come from a grid of cells of one patch size,
-//! fullest first; a placed patch then proposes the four positions next to it along its own x- and y-axes, which
-//! keeps neighbours aligned and their number low. Every sample ends up in exactly one patch: coverage is full by
-//! construction, and no surface is stored twice.
+//! Greedy: the candidate whose patch would cover most pixels comes first. It then proposes the four
+//! positions next to it along its own x- and y-axes, these propose their neighbours in turn, and a surface is tiled with
+//! aligned patches before the next candidate is looked at. Coverage falls only as patches are placed, so a
+//! candidate is scored again only when it is the best left and something near it has changed.
 //!
-//! A patch is a height field, so two surfaces in one cube (the faces of a thin wall, a table top and its
-//! underside) must not be averaged. Two things keep them apart: a patch takes only samples that were seen from
-//! its front, where viewpoints are known; and it grows from its seed pixel by pixel, accepting only samples
-//! close to the depth reached so far.
+//! Every sample ends up in exactly one patch of one level: at the lowest level placement goes on until all are
+//! owned, so coverage is full by construction, and no surface is stored twice.
+//!
+//! Trials run in parallel, in batches whose size does not depend on the number of threads, and are
+//! committed in their order; what an earlier one has taken by then is lost to a later one.
 
-use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap, HashSet, VecDeque};
+use std::collections::{HashSet, VecDeque};
 
 use rayon::prelude::*;
-use surfabet_geom::{Moments, Progress};
+use surfabet_geom::Progress;
 
+use super::field::{Field, Grid, Ownership, Rules, Scratch, Trial};
 use super::frame::{Frame, PatchPose, add_scaled, dot, sub};
+use super::options::Placement;
 use super::samples::Samples;
 use crate::error::Result;
-
-/// Radii of the neighbourhoods that compete for the normal of a patch, in patch sizes. The plane that explains
-/// most samples wins, so that a patch beside a corner follows one wall and not the diagonal.
-const FIT_RADII: [f32; 4] = [0.7, 0.5, 0.35, 0.25];
-
-/// A sample counts for a plane within this distance, in pixels.
-const PLANE_GATE: f32 = 1.5;
-
-/// Largest depth step, in pixels, that growth accepts between neighbouring pixels. With one pixel, no pixel
-/// averages over more than twice its own width in depth; what lies beyond becomes a layer of its own.
-const GROWTH_GATE: f32 = 1.0;
-
-/// Samples about a seed that are looked at to find its plane, at most: more make it slower, not better.
-const FIT_SAMPLES: usize = 2048;
 
 /// An aligned position is taken when at least this fraction of its pixels would be set.
 const ALIGNED_COVERAGE: f32 = 0.5;
 
-/// Samples whose second variance is below this fraction of the first lie on a line.
-const LINE: f64 = 1e-6;
+/// Candidates that would set at least this fraction of their pixels begin a tiling one at a time, so that no two
+/// of them meet on one surface.
+const TILING_COVERAGE: f32 = 0.75;
 
-/// Pixel grid of a patch.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Grid {
-    /// Side of a pixel, metres.
-    pub pixel: f32,
-    /// Pixels per side.
-    pub n: usize,
-    /// Step of the lattice that patch centres lie on, metres.
-    pub position_step: f32,
-}
+/// A trial whose samples were partly taken in the meantime is committed when this fraction of its pixels is
+/// left; else its candidate is scored again.
+const KEPT: f32 = 0.75;
 
-impl Grid {
-    /// Side of a patch, metres.
-    pub fn size(&self) -> f32 {
-        self.pixel * self.n as f32
-    }
+/// A proposal is tried when its approximate coverage is this fraction of what it needs.
+const HINT: f32 = 0.8;
 
-    /// Row-major pixel of frame coordinates; positions on or past the rim belong to the pixel at the rim.
-    pub fn pixel_of(&self, local: [f32; 3]) -> usize {
-        let index = |c: f32| {
-            let i = ((c + 0.5 * self.size()) / self.pixel).floor();
-            (i.max(0.0) as usize).min(self.n - 1)
-        };
-        index(local[1]) * self.n + index(local[0])
-    }
-}
+/// Candidates that are scored together: few where the first tilings will cover most others.
+const TILING_CHUNK: usize = 512;
+
+/// As `TILING_CHUNK`, once the large surfaces are tiled.
+const CHUNK: usize = 1 << 14;
+
+/// Trials of a batch.
+const BATCH: usize = 64;
+
+/// A placed patch changes the score of candidates within this distance of it, in patch sizes.
+const REACH: f32 = 1.5;
 
 /// One placed patch and the samples it owns.
 #[derive(Debug, Clone)]
@@ -74,376 +55,336 @@ pub(super) struct Placed {
     pub members: Vec<u32>,
 }
 
-struct Trial {
-    pose: PatchPose,
-    frame: Frame,
-    members: Vec<u32>,
-    set_pixels: usize,
-}
-
-/// A sample about a seed.
-struct Neighbour {
-    /// From the seed, metres.
-    offset: [f32; 3],
-    /// Its squared length.
-    squared: f32,
-    index: u32,
-}
-
-struct Plane {
+/// A position next to a placed patch.
+struct Proposal {
+    center: [f32; 3],
     normal: [f32; 3],
-    /// Distance of the seed from the plane along the normal.
-    seed_offset: f32,
 }
 
-struct Placer {
-    /// Positions, weights and views in the order of the cells, so that neighbours are close in memory; an index
-    /// of a sample in this file is its place in that order.
-    positions: Vec<[f32; 3]>,
-    weights: Vec<f32>,
-    views: Option<Vec<[f32; 3]>>,
+/// What happened to a trial.
+enum Outcome {
+    Placed,
+    /// Too few pixels now, though it had enough when it was tried.
+    Overtaken,
+    Refused,
+}
+
+struct Placer<'a> {
+    field: Field<'a>,
+    ownership: Ownership,
+    placed: Vec<Placed>,
+    proposals: VecDeque<Proposal>,
+    /// Proposed positions, to a quarter of a patch: one nearby would only repeat it.
+    tried: HashSet<[i32; 3]>,
+    /// Normals of the points that were scored.
+    normals: Vec<Option<[f32; 3]>>,
+    /// Points without a score, or whose score may have changed.
+    stale: Vec<bool>,
+    done: usize,
+    aligned: bool,
+}
+
+/// Places patches: as many as satisfy the rules, which at the lowest level means until every sample is owned.
+pub(super) fn place(
+    samples: &Samples,
     grid: Grid,
-    cells: Cells,
-    owned: Vec<bool>,
-    /// Samples about the place looked at; kept to save allocations.
-    near: Vec<u32>,
-    /// Unowned samples and their depths in each pixel of the patch looked at; kept to save allocations.
-    by_pixel: Vec<Vec<(u32, f32)>>,
+    rules: Rules,
+    placement: Placement,
+    progress: &dyn Progress,
+) -> Result<Vec<Placed>> {
+    let field = Field::new(samples, grid, rules);
+    progress.check()?;
+    let ownership = field.ownership();
+    let stale = vec![true; field.points.len()];
+    let normals = vec![None; field.points.len()];
+    let mut placer = Placer {
+        field,
+        ownership,
+        placed: Vec::new(),
+        proposals: VecDeque::new(),
+        tried: HashSet::new(),
+        normals,
+        stale,
+        done: 0,
+        aligned: placement == Placement::Greedy,
+    };
+    match placement {
+        Placement::Greedy => placer.greedy(progress)?,
+        Placement::Subsampled => placer.subsampled(progress)?,
+    }
+    Ok(placer.placed)
 }
 
-/// Samples by cell of one patch size.
-struct Cells {
-    size: f32,
-    /// Samples of each cell, as a range of places.
-    ranges: Vec<(u32, u32)>,
-    by_key: HashMap<[i32; 3], u32>,
-    keys: Vec<[i32; 3]>,
-    /// Cell of each place.
-    of_place: Vec<u32>,
-}
+impl Placer<'_> {
+    fn needed(&self, fraction: f32) -> usize {
+        (fraction * self.field.grid.area() as f32).ceil() as usize
+    }
 
-impl Cells {
-    /// The cells of `positions`, and the order of the samples that makes cells contiguous.
-    fn new(positions: &[[f32; 3]], size: f32) -> (Self, Vec<u32>) {
-        let key = |p: &[f32; 3]| p.map(|c| (c / size).floor() as i32);
-        let mut keyed: Vec<([i32; 3], u32)> =
-            positions.par_iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
-        keyed.par_sort_unstable();
-        let mut cells = Self {
-            size,
-            ranges: Vec::new(),
-            by_key: HashMap::new(),
-            keys: Vec::new(),
-            of_place: Vec::with_capacity(positions.len()),
-        };
-        for (place, &(key, _)) in (0..).zip(&keyed) {
-            if cells.keys.last() != Some(&key) {
-                cells.by_key.insert(key, cells.keys.len() as u32);
-                cells.keys.push(key);
-                cells.ranges.push((place, place));
-            }
-            let cell = cells.keys.len() - 1;
-            cells.ranges[cell].1 = place + 1;
-            cells.of_place.push(cell as u32);
+    fn notify(&self, progress: &dyn Progress) -> Result<()> {
+        progress.check()?;
+        let total = self.field.samples.len().max(1);
+        progress.update("placing patches", self.done as f32 / total as f32);
+        Ok(())
+    }
+
+    /// Scores candidates that have none yet or may have another by now, in parallel.
+    fn score(&mut self, candidates: &[u32]) -> Vec<usize> {
+        let scored: Vec<(usize, [f32; 3])> = candidates
+            .par_iter()
+            .with_min_len(32)
+            .map_init(Scratch::default, |scratch, &k| {
+                let k = k as usize;
+                let normal =
+                    self.normals[k].unwrap_or_else(|| self.field.candidate_normal(k, scratch));
+                let center = self.field.points.all[k].position;
+                (self.field.score(&self.ownership, center, normal, scratch), normal)
+            })
+            .collect();
+        for (&k, &(_, normal)) in candidates.iter().zip(&scored) {
+            self.normals[k as usize] = Some(normal);
+            self.stale[k as usize] = false;
         }
-        (cells, keyed.into_iter().map(|(_, i)| i).collect())
+        scored.into_iter().map(|(score, _)| score).collect()
     }
 
-    fn samples(&self, cell: usize) -> std::ops::Range<u32> {
-        let (from, to) = self.ranges[cell];
-        from..to
-    }
-
-    fn center(&self, cell: usize) -> [f32; 3] {
-        self.keys[cell].map(|k| (k as f32 + 0.5) * self.size)
-    }
-
-    /// Collects the samples of all cells that a cube of half side `reach` about `center` touches.
-    fn gather(&self, center: [f32; 3], reach: f32, into: &mut Vec<u32>) {
-        into.clear();
-        let low = center.map(|c| ((c - reach) / self.size).floor() as i32);
-        let high = center.map(|c| ((c + reach) / self.size).floor() as i32);
-        for x in low[0]..=high[0] {
-            for y in low[1]..=high[1] {
-                for z in low[2]..=high[2] {
-                    if let Some(&cell) = self.by_key.get(&[x, y, z]) {
-                        into.extend(self.samples(cell as usize));
+    /// Best first. No candidate scores more than a full patch, so all begin as if they did, and are scored when
+    /// nothing better is left; most are covered by then.
+    fn greedy(&mut self, progress: &dyn Progress) -> Result<()> {
+        let area = self.field.grid.area();
+        let lowest = self.field.rules.min_pixels;
+        let tiling = self.needed(TILING_COVERAGE);
+        let mut buckets: Vec<Vec<u32>> = vec![Vec::new(); area + 1];
+        buckets[area] = (0..self.field.points.len() as u32).collect();
+        for score in (lowest..=area).rev() {
+            let (chunk, batch) = if score >= tiling { (TILING_CHUNK, 1) } else { (CHUNK, BATCH) };
+            while !buckets[score].is_empty() {
+                for candidates in std::mem::take(&mut buckets[score]).chunks(chunk) {
+                    self.notify(progress)?;
+                    let ready = self.refresh(candidates, score, &mut buckets);
+                    let mut ready = ready.into_iter().peekable();
+                    while ready.peek().is_some() {
+                        let chosen = self.choose(&mut ready, batch, &mut buckets[score]);
+                        self.seed(&chosen, lowest, &mut buckets[score]);
+                        self.tile(progress)?;
                     }
                 }
             }
         }
-    }
-}
-
-/// Places patches until every sample is owned.
-pub(super) fn place(samples: &Samples, grid: Grid, progress: &dyn Progress) -> Result<Vec<Placed>> {
-    let (cells, order) = Cells::new(&samples.positions, grid.size());
-    let mut unowned: Vec<u32> = cells.ranges.iter().map(|(a, b)| b - a).collect();
-    let mut heap: BinaryHeap<(u32, Reverse<u32>)> =
-        unowned.iter().enumerate().map(|(cell, &count)| (count, Reverse(cell as u32))).collect();
-    let total = samples.len();
-    let owned = vec![false; total];
-    let by_pixel = vec![Vec::new(); grid.n * grid.n];
-    let in_order = |values: &[[f32; 3]]| order.iter().map(|&i| values[i as usize]).collect();
-    let mut placer = Placer {
-        positions: in_order(&samples.positions),
-        weights: order.iter().map(|&i| samples.weights[i as usize]).collect(),
-        views: samples.views.as_deref().map(in_order),
-        grid,
-        cells,
-        owned,
-        near: Vec::new(),
-        by_pixel,
-    };
-    let mut placed: Vec<Placed> = Vec::new();
-    let mut aligned: VecDeque<[f32; 3]> = VecDeque::new();
-    let mut tried: HashSet<[i32; 3]> = HashSet::new();
-    let mut done = 0;
-
-    loop {
-        if placed.len().is_multiple_of(64) {
-            progress.check()?;
-            progress.update("placing patches", done as f32 / total.max(1) as f32);
-        }
-        let trial = if let Some(center) = aligned.pop_front() {
-            let Some(seed) = placer.nearest_unowned(center, 0.5 * grid.size()) else { continue };
-            let trial = placer.trial(seed, center);
-            if (trial.set_pixels as f32) < ALIGNED_COVERAGE * (grid.n * grid.n) as f32 {
-                continue;
-            }
-            trial
-        } else if let Some((count, Reverse(cell))) = heap.pop() {
-            let left = unowned[cell as usize];
-            if left != count {
-                if left > 0 {
-                    heap.push((left, Reverse(cell)));
-                }
-                continue;
-            }
-            let seed = placer.seed_of(cell as usize);
-            let trial = placer.trial(seed, placer.cells.center(cell as usize));
-            heap.push((count, Reverse(cell)));
-            trial
-        } else {
-            break;
-        };
-        for &i in &trial.members {
-            placer.owned[i as usize] = true;
-            unowned[placer.cells.of_place[i as usize] as usize] -= 1;
-        }
-        done += trial.members.len();
-        let Frame { center, x, y, .. } = trial.frame;
-        let size = grid.size();
-        for (direction, sign) in [(x, 1.0), (x, -1.0), (y, 1.0), (y, -1.0)] {
-            let next = add_scaled(center, sign * size, direction);
-            // A position within a quarter patch of one tried before would only repeat it.
-            if tried.insert(next.map(|c| (4.0 * c / size).round() as i32)) {
-                aligned.push_back(next);
-            }
-        }
-        let members = trial.members.iter().map(|&i| order[i as usize]).collect();
-        placed.push(Placed { pose: trial.pose, members });
-    }
-    Ok(placed)
-}
-
-impl Placer {
-    /// The unowned sample of a cell nearest to the mean of its unowned samples: it lies on a surface, where
-    /// the mean itself may lie between two.
-    fn seed_of(&self, cell: usize) -> u32 {
-        let free = || self.cells.samples(cell).filter(|&i| !self.owned[i as usize]);
-        let mut sum = [0.0_f64; 3];
-        let mut count = 0.0;
-        for i in free() {
-            let p = self.positions[i as usize];
-            (0..3).for_each(|a| sum[a] += f64::from(p[a]));
-            count += 1.0;
-        }
-        let mean = sum.map(|s| (s / f64::max(count, 1.0)) as f32);
-        self.nearest_to(mean, free()).unwrap_or_default()
+        Ok(())
     }
 
-    fn nearest_to(&self, target: [f32; 3], candidates: impl Iterator<Item = u32>) -> Option<u32> {
-        let distance = |i: u32| {
-            let d = sub(self.positions[i as usize], target);
-            dot(d, d)
-        };
-        candidates.min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))
-    }
-
-    fn nearest_unowned(&mut self, center: [f32; 3], radius: f32) -> Option<u32> {
-        let mut near = std::mem::take(&mut self.near);
-        self.cells.gather(center, radius, &mut near);
-        let seed =
-            self.nearest_to(center, near.iter().copied().filter(|&i| !self.owned[i as usize]));
-        self.near = near;
-        let d = sub(self.positions[seed? as usize], center);
-        seed.filter(|_| dot(d, d) <= radius * radius)
-    }
-
-    /// True when sample `i` was seen from the side that `normal` points to, or nothing is known of it.
-    fn faces(&self, i: u32, normal: [f32; 3]) -> bool {
-        self.views.as_ref().is_none_or(|views| dot(views[i as usize], normal) > 0.0)
-    }
-
-    /// The plane about sample `seed` that most unowned samples lie on.
-    fn fit(&self, seed: u32) -> Plane {
-        let p = self.positions[seed as usize];
-        let toward_sensor = self.views.as_ref().map(|v| v[seed as usize]);
-        let size = self.grid.size();
-        let gate = PLANE_GATE * self.grid.pixel;
-        // Only what was seen from the seed's side may shape the plane.
-        let every = self.near.len().div_ceil(FIT_SAMPLES).max(1);
-        let local: Vec<Neighbour> = self
-            .near
+    /// Those of `candidates` that still have this score; others move to lower buckets.
+    fn refresh(&mut self, candidates: &[u32], score: usize, buckets: &mut [Vec<u32>]) -> Vec<u32> {
+        let (stale, mut ready): (Vec<u32>, Vec<u32>) = candidates
             .iter()
-            .step_by(every)
-            .filter(|&&i| toward_sensor.is_none_or(|v| self.faces(i, v)))
-            .map(|&i| {
-                let d = sub(self.positions[i as usize], p);
-                Neighbour { offset: d, squared: dot(d, d), index: i }
-            })
-            .filter(|l| l.squared < FIT_RADII[0] * FIT_RADII[0] * size * size)
-            .collect();
-        let plane_of = |keep: &dyn Fn(&Neighbour) -> bool| {
-            let mut moments = Moments::default();
-            for l in local.iter().filter(|l| keep(l)) {
-                let weight = f64::from(self.weights[l.index as usize]);
-                moments.add(l.offset.map(f64::from), weight);
-            }
-            let axes = moments.principal_axes()?;
-            // Points on a line, or one point, have no plane.
-            if axes.variances[1] <= LINE * axes.variances[2] {
-                return None;
-            }
-            let mut normal = axes.normal().map(|c| c as f32);
-            let flip = match toward_sensor {
-                Some(v) => dot(v, normal) < 0.0,
-                // Without a viewpoint both signs are as good: the last non-zero coordinate is made positive.
-                None => normal.iter().rev().find(|c| c.abs() > 1e-6).is_some_and(|c| *c < 0.0),
-            };
-            if flip {
-                normal = normal.map(|c| -c);
-            }
-            let mean = moments.mean().map(|c| c as f32);
-            Some(Plane { normal, seed_offset: -dot(mean, normal) })
-        };
-        let mut best: Option<(usize, Plane)> = None;
-        for radius in FIT_RADII {
-            let limit = radius * radius * size * size;
-            let Some(plane) = plane_of(&|l| l.squared < limit) else { continue };
-            let explained = local
-                .iter()
-                .filter(|l| {
-                    !self.owned[l.index as usize] && dot(l.offset, plane.normal).abs() < gate
-                })
-                .count();
-            if best.as_ref().is_none_or(|(most, _)| explained > *most) {
-                best = Some((explained, plane));
+            .filter(|&&k| self.ownership.free[k as usize] > 0)
+            .partition(|&&k| self.stale[k as usize]);
+        for (k, now) in stale.iter().zip(self.score(&stale)) {
+            // A score can only fall; where rounding says otherwise it stays.
+            if now < score {
+                buckets[now].push(*k);
+            } else {
+                ready.push(*k);
             }
         }
-        let Some((_, first)) = best else {
-            // One or two samples, or a line of them: they look at the sensor, or up.
-            let normal = toward_sensor.unwrap_or([0.0, 0.0, 1.0]);
-            return Plane { normal, seed_offset: 0.0 };
-        };
-        let refined = plane_of(&|l| dot(l.offset, first.normal).abs() < gate);
-        match refined {
-            Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => plane,
-            _ => Plane { seed_offset: 0.0, ..first },
-        }
+        ready
     }
 
-    /// The patch that would describe the surface about `seed`, centred as near to `wanted` as the seed allows.
-    fn trial(&mut self, seed: u32, wanted: [f32; 3]) -> Trial {
-        let Grid { pixel, position_step, .. } = self.grid;
-        let size = self.grid.size();
-        let p = self.positions[seed as usize];
-        let mut near = std::mem::take(&mut self.near);
-        self.cells.gather(p, FIT_RADII[0] * size, &mut near);
-        self.near = near;
-        let plane = self.fit(seed);
-
-        // The wanted centre, moved along the normal onto the plane and along the axes until it holds the seed.
-        let axes = Frame::new(p, plane.normal);
-        let inside = 0.5 * (size - pixel);
-        let mut wanted = axes.to_local(wanted);
-        wanted[0] = wanted[0].clamp(-inside, inside);
-        wanted[1] = wanted[1].clamp(-inside, inside);
-        wanted[2] = -plane.seed_offset;
-        let pose = PatchPose::quantize(axes.to_world(wanted), plane.normal, position_step);
-        let frame = pose.frame(position_step);
-
-        let mut near = std::mem::take(&mut self.near);
-        self.cells.gather(frame.center, 0.5 * size * 3.0_f32.sqrt(), &mut near);
-        let half = 0.5 * size;
-        let mut by_pixel = std::mem::take(&mut self.by_pixel);
-        by_pixel.iter_mut().for_each(Vec::clear);
-        for &i in &near {
-            if self.owned[i as usize] {
+    /// The next candidates that do not touch one another; those beside them wait in `later`.
+    fn choose(
+        &mut self,
+        ready: &mut impl Iterator<Item = u32>,
+        batch: usize,
+        later: &mut Vec<u32>,
+    ) -> Vec<u32> {
+        let mut chosen = Vec::with_capacity(batch);
+        for k in ready {
+            if self.ownership.free[k as usize] == 0 {
                 continue;
             }
-            let local = frame.to_local(self.positions[i as usize]);
-            let within = local.iter().all(|c| c.abs() <= half);
-            if i == seed || (within && self.faces(i, frame.z)) {
-                by_pixel[self.grid.pixel_of(local)].push((i, local[2]));
+            if self.stale[k as usize] {
+                later.push(k);
+                continue;
+            }
+            self.disturb(self.field.points.all[k as usize].position);
+            chosen.push(k);
+            if chosen.len() == batch {
+                break;
             }
         }
-        self.near = near;
-
-        let gate = GROWTH_GATE * pixel;
-        let seed_local = frame.to_local(p);
-        let (members, set_pixels) =
-            self.grow(&by_pixel, self.grid.pixel_of(seed_local), seed_local[2], gate);
-        self.by_pixel = by_pixel;
-        Trial { pose, frame, members, set_pixels }
+        chosen
     }
 
-    /// Follows the surface from pixel `start` at `depth` over the grid, breadth first. A pixel without accepted
-    /// samples passes on the depth that it was expected at, so sparse scans do not fall apart.
-    fn grow(
-        &self,
-        by_pixel: &[Vec<(u32, f32)>],
-        start: usize,
-        depth: f32,
-        gate: f32,
-    ) -> (Vec<u32>, usize) {
-        let n = self.grid.n;
-        let mut expected = vec![f32::NAN; n * n];
-        expected[start] = depth;
-        let mut queue = VecDeque::from([start]);
-        let mut members = Vec::new();
-        let mut set_pixels = 0;
-        while let Some(pixel) = queue.pop_front() {
-            let (mut sum, mut weight) = (0.0_f64, 0.0_f64);
-            for &(i, d) in &by_pixel[pixel] {
-                if (d - expected[pixel]).abs() <= gate {
-                    let w = f64::from(self.weights[i as usize]);
-                    sum += w * f64::from(d);
-                    weight += w;
-                    members.push(i);
-                }
-            }
-            let reached = if weight > 0.0 {
-                set_pixels += 1;
-                (sum / weight) as f32
-            } else {
-                expected[pixel]
+    /// Tries patches about the candidates `chosen` of one score.
+    fn seed(&mut self, chosen: &[u32], lowest: usize, later: &mut Vec<u32>) {
+        let trials: Vec<Option<Trial>> =
+            self.trials(chosen, |k| (k as usize, self.field.points.all[k as usize].position, None));
+        for (&k, trial) in chosen.iter().zip(trials) {
+            let Some(trial) = trial else { continue };
+            let outcome = self.commit(trial, lowest);
+            let again = match outcome {
+                Outcome::Placed => self.ownership.free[k as usize] > 0,
+                Outcome::Overtaken => true,
+                Outcome::Refused => false,
             };
-            let (row, column) = (pixel / n, pixel % n);
-            let neighbours = [
-                (column > 0).then(|| pixel - 1),
-                (column + 1 < n).then_some(pixel + 1),
-                (row > 0).then(|| pixel - n),
-                (row + 1 < n).then_some(pixel + n),
-            ];
-            for next in neighbours.into_iter().flatten() {
-                if expected[next].is_nan() {
-                    expected[next] = reached;
-                    queue.push_back(next);
+            if again {
+                self.stale[k as usize] = true;
+                later.push(k);
+            }
+        }
+    }
+
+    /// Follows the proposals of placed patches until there are none.
+    fn tile(&mut self, progress: &dyn Progress) -> Result<()> {
+        let needed = self.needed(ALIGNED_COVERAGE).max(self.field.rules.min_pixels);
+        while !self.proposals.is_empty() {
+            self.notify(progress)?;
+            let batch: Vec<Proposal> =
+                self.proposals.drain(..BATCH.min(self.proposals.len())).collect();
+            let trials: Vec<Option<Trial>> = batch
+                .par_iter()
+                .with_min_len(4)
+                .map_init(Scratch::default, |scratch, proposal| {
+                    let Proposal { center, normal } = *proposal;
+                    let seed = self.nearest_free(proposal)?;
+                    // Moved along the normal to the surface, as the trial does.
+                    let off = dot(sub(self.field.points.all[seed].position, center), normal);
+                    let near = add_scaled(center, off, normal);
+                    let hint = self.field.score(&self.ownership, near, normal, scratch);
+                    if (hint as f32) < HINT * needed as f32 {
+                        return None;
+                    }
+                    let known = Some(proposal.normal);
+                    self.field.trial(&self.ownership, seed, proposal.center, known, scratch)
+                })
+                .collect();
+            for trial in trials.into_iter().flatten() {
+                self.commit(trial, needed);
+            }
+        }
+        Ok(())
+    }
+
+    fn trials<T: Copy + Sync>(
+        &self,
+        chosen: &[T],
+        what: impl Fn(T) -> (usize, [f32; 3], Option<[f32; 3]>) + Sync,
+    ) -> Vec<Option<Trial>> {
+        chosen
+            .par_iter()
+            .with_min_len(4)
+            .map_init(Scratch::default, |scratch, &one| {
+                let (seed, wanted, known) = what(one);
+                self.field.trial(&self.ownership, seed, wanted, known, scratch)
+            })
+            .collect()
+    }
+
+    /// The point with free samples nearest to a proposed centre, within half a patch.
+    fn nearest_free(&self, proposal: &Proposal) -> Option<usize> {
+        let radius = 0.5 * self.field.grid.size();
+        let mut best = (radius * radius, usize::MAX);
+        self.field.near(proposal.center, radius, |k, p| {
+            if self.ownership.free[k] > 0 {
+                let d = sub(p, proposal.center);
+                let squared = dot(d, d);
+                if squared < best.0 || (squared == best.0 && k < best.1) {
+                    best = (squared, k);
+                }
+            }
+        });
+        (best.1 != usize::MAX).then_some(best.1)
+    }
+
+    /// Places a trial if at least `needed` of its pixels are still free, and proposes its neighbours.
+    fn commit(&mut self, mut trial: Trial, needed: usize) -> Outcome {
+        let rules = self.field.rules;
+        if trial.set_pixels < needed.max(1) || trial.covered < rules.min_covered {
+            return Outcome::Refused;
+        }
+        let owned = &self.ownership.owned;
+        let before = trial.members.len();
+        trial.members.retain(|m| !owned[m.0 as usize]);
+        if trial.members.len() < before {
+            let mut pixels: Vec<u16> = trial.members.iter().map(|m| m.1).collect();
+            pixels.dedup();
+            let left = pixels.len();
+            if left < needed.max(1) || (left as f32) < KEPT * trial.set_pixels as f32 {
+                return Outcome::Overtaken;
+            }
+        }
+        for &(i, _) in &trial.members {
+            self.ownership.owned[i as usize] = true;
+            self.ownership.free[self.field.parents[i as usize] as usize] -= 1;
+        }
+        self.done += trial.members.len();
+        let Frame { center, x, y, z } = trial.frame;
+        self.disturb(center);
+        if self.aligned {
+            let size = self.field.grid.size();
+            for (direction, sign) in [(x, 1.0), (x, -1.0), (y, 1.0), (y, -1.0)] {
+                let next = add_scaled(center, sign * size, direction);
+                if self.tried.insert(next.map(|c| (4.0 * c / size).round() as i32)) {
+                    self.proposals.push_back(Proposal { center: next, normal: z });
                 }
             }
         }
-        (members, set_pixels)
+        let members = trial.members.iter().map(|m| m.0).collect();
+        self.placed.push(Placed { pose: trial.pose, members });
+        Outcome::Placed
     }
+
+    /// Marks the candidates about `center` as changed.
+    fn disturb(&mut self, center: [f32; 3]) {
+        let stale = &mut self.stale;
+        self.field.near(center, REACH * self.field.grid.size(), |k, _| stale[k] = true);
+    }
+
+    /// SCSM's placement, to compare with: patches on a spatial subsampling of what is not covered yet, the point
+    /// nearest to the mean in each cube of one patch size, round after round.
+    fn subsampled(&mut self, progress: &dyn Progress) -> Result<()> {
+        let lowest = self.field.rules.min_pixels;
+        // Cubes of points whose side is nearest to a patch size.
+        let doublings = (self.field.grid.n as f32).log2().round() as u32;
+        loop {
+            self.notify(progress)?;
+            let mut seeds: Vec<u32> = Vec::new();
+            let free: Vec<u32> = (0..self.field.points.len() as u32)
+                .filter(|&k| self.ownership.free[k as usize] > 0)
+                .collect();
+            let point = |k: u32| &self.field.points.all[k as usize];
+            for cube in free.chunk_by(|&a, &b| {
+                point(a).key >> (3 * doublings) == point(b).key >> (3 * doublings)
+            }) {
+                let mut mean = [0.0_f64; 3];
+                for &k in cube {
+                    let p = point(k).position;
+                    (0..3).for_each(|a| mean[a] += f64::from(p[a]) / cube.len() as f64);
+                }
+                let mean = mean.map(|c| c as f32);
+                let distance = |k: u32| {
+                    let d = sub(point(k).position, mean);
+                    dot(d, d)
+                };
+                let nearest =
+                    |&a: &u32, &b: &u32| distance(a).total_cmp(&distance(b)).then(a.cmp(&b));
+                seeds.extend(cube.iter().copied().min_by(|a, b| nearest(a, b)));
+            }
+            let before = self.done;
+            for chosen in seeds.chunks(BATCH) {
+                let trials = self.trials(chosen, |k| (k as usize, point_of(&self.field, k), None));
+                for trial in trials.into_iter().flatten() {
+                    self.commit(trial, lowest);
+                }
+                self.notify(progress)?;
+            }
+            if self.done == before {
+                return Ok(());
+            }
+        }
+    }
+}
+
+fn point_of(field: &Field<'_>, k: u32) -> [f32; 3] {
+    field.points.all[k as usize].position
 }
