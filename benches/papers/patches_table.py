@@ -92,7 +92,7 @@ def octomap(name: str, cloud: sb.PointCloud, step: float) -> None:
 
 def model_row(name: str, method: str, cloud: sb.PointCloud, options: dict[str, Any]) -> None:
     began = time.perf_counter()
-    model = sb.learn_patches(cloud, **options)
+    model = sb.learn_patches(cloud, method="hscsm", **options)
     size = len(model.to_bytes())
     seconds = time.perf_counter() - began
     levels = model.levels
@@ -191,7 +191,9 @@ def plots(out: Path) -> None:
         for value in values:
             thresholds = {"max_depth_deviation": 1.0, "max_color_deviation": 100.0}
             thresholds[f"max_{name}_deviation"] = value / scale
-            model = sb.learn_patches(cloud, **{**FRAME, **FRAME_LEVELS, **thresholds})
+            model = sb.learn_patches(
+                cloud, method="hscsm", **{**FRAME, **FRAME_LEVELS, **thresholds}
+            )
             q = sb.evaluate(cloud, model.decode(), normal_neighbors=None)
             areas.append([level.area for level in model.levels])
             error = 1e3 * q.rmse_pooled if name == "depth" else q.color_rmse_pooled

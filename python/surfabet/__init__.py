@@ -21,9 +21,10 @@ from surfabet.geometry import (
     voxel_downsample,
 )
 from surfabet.io import read, write
+from surfabet.lattice import LatticeLevel, LatticeModel, LatticePatches
+from surfabet.learning import LearningReport
 from surfabet.metrics import Quality, RangeSigma, evaluate
 from surfabet.patches import (
-    LearningReport,
     PatchDictionary,
     Patches,
     PatchLevel,
@@ -37,6 +38,9 @@ __all__ = [
     "FormatError",
     "InvalidInputError",
     "KdTree",
+    "LatticeLevel",
+    "LatticeModel",
+    "LatticePatches",
     "LearningReport",
     "LostAttributeWarning",
     "MissingDependencyError",

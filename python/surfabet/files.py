@@ -10,6 +10,7 @@ from typing import Any
 
 from surfabet import _core
 from surfabet.errors import FormatError
+from surfabet.lattice import LatticeModel
 from surfabet.patches import PatchDictionary, PatchModel
 
 __all__ = ["FileInfo", "from_bytes", "inspect", "load"]
@@ -24,6 +25,8 @@ SECTIONS = {
     "POSE": "poses",
     "MASK": "masks",
     "DICT": "dictionaries",
+    "GEOM": "geometry",
+    "PNTS": "extra points",
     "DREF": "hash of the dictionary",
     "DPTH": "depth",
     "COLR": "colour",
@@ -56,7 +59,7 @@ def load(
     dictionary: PatchDictionary | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
-) -> PatchModel:
+) -> LatticeModel | PatchModel:
     """Reads a model file (`.sfb`), which need not be trusted.
 
     Parameters
@@ -82,7 +85,7 @@ def load(
         max_bytes=max_bytes,
         dictionary=None if dictionary is None else dictionary._core,
     )
-    return PatchModel(core)
+    return _wrapped(core)
 
 
 def from_bytes(
@@ -91,7 +94,7 @@ def from_bytes(
     dictionary: PatchDictionary | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
-) -> PatchModel:
+) -> LatticeModel | PatchModel:
     """As `load`, from bytes as `PatchModel.to_bytes` gives them."""
     core = _core.from_bytes(
         data,
@@ -99,7 +102,7 @@ def from_bytes(
         max_bytes=max_bytes,
         dictionary=None if dictionary is None else dictionary._core,
     )
-    return PatchModel(core)
+    return _wrapped(core)
 
 
 def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None = None) -> FileInfo:
@@ -116,7 +119,37 @@ def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None 
         model = from_bytes(data, dictionary=dictionary)
     except FormatError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
+    options = _lattice_options(model) if isinstance(model, LatticeModel) else _hscsm_options(model)
+    named = {SECTIONS.get(tag, tag): size for tag, size in sections}
+    return FileInfo(family, version, model.n_points, named, options)
+
+
+def _wrapped(core: _core.PatchModel | _core.LatticeModel) -> LatticeModel | PatchModel:
+    return LatticeModel(core) if isinstance(core, _core.LatticeModel) else PatchModel(core)
+
+
+def _lattice_options(model: LatticeModel) -> dict[str, Any]:
     options: dict[str, Any] = {
+        "method": "rate-distortion",
+        "levels": len(model.levels),
+        "colour": model.has_color,
+        "patches": len(model),
+    }
+    for j, level in enumerate(model.levels):
+        options |= {
+            f"level {j}: resolution (m)": level.pixel_size,
+            f"level {j}: patches": level.patches,
+            f"level {j}: area (m2)": level.area,
+        }
+    options["extra points"] = model.n_extra_points
+    if model.max_error is not None:
+        options["max error (m)"] = model.max_error
+    return options
+
+
+def _hscsm_options(model: PatchModel) -> dict[str, Any]:
+    options: dict[str, Any] = {
+        "method": "hscsm",
         "levels": len(model.levels),
         "colour": model.has_color,
         "dictionary": model.dictionary.hash,
@@ -136,5 +169,4 @@ def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None 
         }
     if len(model.levels) > 1:
         options["patches"] = len(model)
-    named = {SECTIONS.get(tag, tag): size for tag, size in sections}
-    return FileInfo(family, version, model.n_points, named, options)
+    return options

@@ -7,10 +7,10 @@ ICRA 2014, section III.
 
 from __future__ import annotations
 
-import dataclasses
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, final
+from typing import Any, Literal, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
+from surfabet.lattice import LatticeModel
+from surfabet.learning import LearningReport
 
 __all__ = [
-    "LearningReport",
     "PatchDictionary",
     "PatchLevel",
     "PatchModel",
@@ -34,31 +35,6 @@ Channel = Literal["depth", "color"]
 
 MAX_POINTS = 500_000_000
 """Most points that `decode` makes unless told otherwise."""
-
-
-@dataclass(frozen=True, slots=True)
-class LearningReport:
-    """How a model came about. A model read from a file has an empty one."""
-
-    stages: dict[str, float]
-    """Seconds of each stage, in order."""
-    figures: dict[str, float]
-    """Counts by name: points, samples, patches, set pixels, dictionary entries."""
-    levels: list[dict[str, float]]
-    """Counts and measures of each level, coarsest first: pixel size (m), patches, set pixels, area
-    (m2), dictionary entries, mean distance from a patch to the nearest other (m)."""
-    objectives: dict[str, list[float]]
-    """What each channel's weighted K-SVD minimised (eq. 1), before and after every iteration."""
-    iterations: int
-    """Iterations of weighted K-SVD, over all channels."""
-    stop_reason: str
-    """Why learning ended."""
-    not_kept: tuple[str, ...]
-    """Attributes of the cloud that the model does not hold."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The report as plain dicts, lists and numbers."""
-        return dataclasses.asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +166,7 @@ class PatchDictionary:
         """
         size, pixels = self.levels[-1]
         hierarchy = {"resolution": size, "levels": len(self.levels), "patch_pixels": pixels}
-        return learn_patches(cloud, dictionary=self, **{**hierarchy, **options})
+        return _learn_hscsm(cloud, dictionary=self, **{**hierarchy, **options})
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, PatchDictionary) and self.hash == other.hash
@@ -386,42 +362,111 @@ class PatchModel:
         return f"PatchModel({self.n_points} points as {levels})"
 
 
+@overload
 def learn_patches(
     cloud: PointCloud,
     *,
-    resolution: float = 0.01,
-    patch_pixels: int = 8,
-    levels: int = 1,
-    max_depth_deviation: float | None = None,
-    max_color_deviation: float = 25.0,
-    min_coverage: float = 0.9,
-    placement: Literal["greedy", "subsampled"] = "greedy",
-    depth_atoms: int = 128,
-    color_atoms: int = 256,
-    depth_sparsity: int = 6,
-    color_sparsity: int = 12,
-    depth_tolerance: float | None = None,
-    color_tolerance: float = 7.0,
-    iterations: int = 8,
-    sensor: Literal["structured-light", "constant"] = "structured-light",
-    random_state: int = 0,
-    dictionary: PatchDictionary | None = None,
+    method: Literal["rate-distortion"] = ...,
+    resolution: float = ...,
+    levels: int = ...,
+    max_error: float | None = ...,
+    rate: float = ...,
+    depth_step: float = ...,
+    rounds: int = ...,
+    color_step: int = ...,
+    chroma_ratio: float = ...,
+    color_rate: float = ...,
+    sensor: Literal["structured-light", "constant"] = ...,
+    random_state: int = ...,
+    progress: Progress = ...,
+) -> LatticeModel: ...
+@overload
+def learn_patches(
+    cloud: PointCloud,
+    *,
+    method: Literal["hscsm"],
+    resolution: float = ...,
+    patch_pixels: int = ...,
+    levels: int = ...,
+    max_depth_deviation: float | None = ...,
+    max_color_deviation: float = ...,
+    min_coverage: float = ...,
+    placement: Literal["greedy", "subsampled"] = ...,
+    depth_atoms: int = ...,
+    color_atoms: int = ...,
+    depth_sparsity: int = ...,
+    color_sparsity: int = ...,
+    depth_tolerance: float | None = ...,
+    color_tolerance: float = ...,
+    iterations: int = ...,
+    sensor: Literal["structured-light", "constant"] = ...,
+    random_state: int = ...,
+    progress: Progress = ...,
+) -> PatchModel: ...
+def learn_patches(
+    cloud: PointCloud,
+    *,
+    method: Literal["rate-distortion", "hscsm"] = "rate-distortion",
     progress: Progress = None,
-) -> PatchModel:
-    """Learns a model of sparse-coded surface patches from a cloud: SCSM, or HSCSM with levels.
+    **options: Any,
+) -> LatticeModel | PatchModel:
+    """Learns a model of surface patches from a cloud.
+
+    Two methods share the idea of patches with depth, colour and bitmask on several levels:
+
+    "rate-distortion", the default, lays patches along the scene's own axes on one lattice and says
+    of each what costs least, bits against squared error. It keeps the thickness of the scan, and
+    makes files that are many times smaller.
+
+    "hscsm" is the published method: free poses, fixed thresholds between levels, codes over
+    learned dictionaries; one level is SCSM. Its dictionaries can describe other clouds.
 
     Parameters
     ----------
     cloud
         What to describe. Colours are kept when present; ranges weight the points by the depth
         error of their sensor; viewpoints tell the two sides of a thin wall apart.
+    method
+        "rate-distortion" or "hscsm".
     resolution
-        Side of a pixel of the lowest level, metres: smaller detail is lost.
+        Side of a pixel of the finest level, metres, by default 0.01: smaller detail is lost. The
+        one knob between size and error; all else follows it.
+    levels
+        Levels of the hierarchy; above the finest, pixels and patches double in size from level to
+        level. 1 to 4, by default 3, for "rate-distortion"; 1 to 8, by default 1, for "hscsm".
+    sensor
+        How the error of a range measurement grows: "structured-light" (with the square of the
+        distance, as Kinects do) or "constant". Without ranges all points weigh the same.
+    random_state
+        Seed of the dictionaries' first entries. "rate-distortion" leaves nothing to chance, so that
+        every seed gives the same.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Of "rate-distortion":
+
+    max_error
+        No input point is further than this from the cloud decoded as measured at
+        the default spacing, metres; points that would be are kept beside the patches.
+    rate
+        What a bit of geometry must save (lambda), squared pixels summed over
+        samples of half a pixel; by default 12. Larger makes smaller files.
+    depth_step
+        Rounding of depths, pixels of the finest level, by default 0.75.
+    rounds
+        How often patches are chosen, each time with the prices that the round
+        before taught, 1 to 10, by default 3.
+    color_step
+        Rounding of luma, grey levels of a single cell, by default 90; means over n cells are
+        rounded about sqrt(n) times finer.
+    chroma_ratio
+        Rounding of chroma as a multiple of luma's, by default 1.5.
+    color_rate
+        What a bit of colour must save, squared colour steps, by default 0.15.
+    Of "hscsm":
+
     patch_pixels
         Pixels per side of a patch, 2 to 32.
-    levels
-        Levels of the hierarchy, 1 to 8. `resolution` is that of the lowest; above it pixels and
-        patches double in size from level to level.
     max_depth_deviation
         Largest standard deviation of depth in a pixel, metres (rho_max_depth); by default
         `resolution`. What deviates more goes to the level below; the lowest level takes all.
@@ -445,26 +490,17 @@ def learn_patches(
         As `depth_tolerance` for colour, 0..255.
     iterations
         Most iterations of weighted K-SVD per dictionary.
-    sensor
-        How the error of a range measurement grows: "structured-light" (with the square of the
-        distance, as Kinects do) or "constant". Without ranges all points weigh the same.
-    random_state
-        Seed of the dictionaries' first entries.
-    dictionary
-        Describe the cloud with these dictionaries, of the same levels, and learn none;
-        `PatchDictionary.encode` fills in the levels.
-    progress
-        None, True for a bar on stderr, or a callable of stage and fraction.
 
     Returns
     -------
-    PatchModel
+    LatticeModel or PatchModel
         The same for the same cloud, options and seed, whatever the number of threads.
 
     Raises
     ------
     InvalidInputError
-        For an empty cloud, options outside their domain, or a scene too large for its resolution.
+        For an empty cloud, options outside their domain or of the other method, or a scene too
+        large for its resolution.
 
     Examples
     --------
@@ -474,7 +510,86 @@ def learn_patches(
     >>> model = sb.learn_patches(wall, resolution=0.01)
     >>> bool(np.abs(model.decode().points[:, 1]).max() < 0.002)
     True
+    >>> len(model.to_bytes()) < 300
+    True
     """
+    learners: dict[str, Callable[..., LatticeModel | PatchModel]] = {
+        "rate-distortion": _learn_lattice,
+        "hscsm": _learn_hscsm,
+    }
+    if method not in learners:
+        known = " or ".join(f'"{name}"' for name in learners)
+        raise InvalidInputError(f"method is {method!r}, but must be {known}")
+    for name in options:
+        if name not in _options(learners[method]):
+            owner = next((m for m, f in learners.items() if name in _options(f)), None)
+            hint = f'; method="{owner}" has' if owner else ""
+            raise InvalidInputError(f'method="{method}" has no option {name!r}{hint}')
+    return learners[method](cloud, progress=progress, **options)
+
+
+def _options(learner: Callable[..., Any]) -> set[str]:
+    """Names of the options that users may give."""
+    return {*(learner.__kwdefaults__ or {})} - {"dictionary", "progress"}
+
+
+def _learn_lattice(
+    cloud: PointCloud,
+    *,
+    resolution: float = 0.01,
+    levels: int = 3,
+    max_error: float | None = None,
+    rate: float = 12.0,
+    depth_step: float = 0.75,
+    rounds: int = 3,
+    color_step: int = 90,
+    chroma_ratio: float = 1.5,
+    color_rate: float = 0.15,
+    sensor: Literal["structured-light", "constant"] = "structured-light",
+    random_state: int = 0,
+    progress: Progress = None,
+) -> LatticeModel:
+    del random_state
+    with progress_callback(progress) as callback:
+        learned = _core.learn_lattice(
+            cloud,
+            resolution=resolution,
+            levels=levels,
+            rate=rate,
+            depth_step=round(16 * depth_step),
+            rounds=rounds,
+            color_step=color_step,
+            chroma_ratio=chroma_ratio,
+            color_rate=color_rate,
+            max_error=max_error,
+            sensor=sensor,
+            progress=callback,
+        )
+    return LatticeModel(learned)
+
+
+def _learn_hscsm(
+    cloud: PointCloud,
+    *,
+    resolution: float = 0.01,
+    patch_pixels: int = 8,
+    levels: int = 1,
+    max_depth_deviation: float | None = None,
+    max_color_deviation: float = 25.0,
+    min_coverage: float = 0.9,
+    placement: Literal["greedy", "subsampled"] = "greedy",
+    depth_atoms: int = 128,
+    color_atoms: int = 256,
+    depth_sparsity: int = 6,
+    color_sparsity: int = 12,
+    depth_tolerance: float | None = None,
+    color_tolerance: float = 7.0,
+    iterations: int = 8,
+    sensor: Literal["structured-light", "constant"] = "structured-light",
+    random_state: int = 0,
+    dictionary: PatchDictionary | None = None,
+    progress: Progress = None,
+) -> PatchModel:
     with progress_callback(progress) as callback:
         learned = _core.learn_patches(
             cloud,

@@ -17,7 +17,7 @@ import pytest
 import surfabet as sb
 from surfabet.cli import main
 
-VERBS = ["compress", "decompress", "info", "evaluate", "convert"]
+VERBS = ["compress", "decompress", "info", "evaluate", "verify", "convert"]
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ def cloud() -> sb.PointCloud:
 
 @pytest.fixture(scope="module")
 def model(cloud: sb.PointCloud) -> sb.PatchModel:
-    return sb.learn_patches(cloud, resolution=PIXEL, iterations=3)
+    return sb.learn_patches(cloud, method="hscsm", resolution=PIXEL, iterations=3)
 
 
 def test_arrays_have_their_shapes(cloud, model):
@@ -129,11 +129,11 @@ def test_the_report_accounts_for_the_cloud(cloud, model):
 
 def test_wrong_input_is_refused_with_value_and_limit(cloud, model, tmp_path):
     with pytest.raises(InvalidInputError, match=r"patch_pixels is 33.*2 to 32"):
-        sb.learn_patches(cloud, patch_pixels=33)
+        sb.learn_patches(cloud, method="hscsm", patch_pixels=33)
     with pytest.raises(InvalidInputError, match="resolution is -1"):
-        sb.learn_patches(cloud, resolution=-1)
+        sb.learn_patches(cloud, method="hscsm", resolution=-1)
     with pytest.raises(ValueError, match="empty"):
-        sb.learn_patches(sb.PointCloud(np.empty((0, 3))))
+        sb.learn_patches(sb.PointCloud(np.empty((0, 3))), method="hscsm")
     with pytest.raises(InvalidInputError, match="limit of 10"):
         model.decode(max_points=10)
     with pytest.raises(InvalidInputError, match="level is 3"):
@@ -153,14 +153,18 @@ def test_the_number_of_threads_changes_no_byte(cloud):
     try:
         for threads in (1, 2, 8):
             sb.set_num_threads(threads)
-            files.add(sb.learn_patches(cloud, resolution=0.02, iterations=2).to_bytes())
+            files.add(
+                sb.learn_patches(cloud, method="hscsm", resolution=0.02, iterations=2).to_bytes()
+            )
     finally:
         sb.set_num_threads(None)
     assert len(files) == 1
 
 
 def long_work(**options):
-    return sb.learn_patches(scene(400_000), resolution=0.002, iterations=1000, **options)
+    return sb.learn_patches(
+        scene(400_000), method="hscsm", resolution=0.002, iterations=1000, **options
+    )
 
 
 @pytest.mark.skipif(
@@ -203,7 +207,7 @@ def test_other_threads_run_meanwhile():
     thread = threading.Thread(target=count)
     thread.start()
     before = counted
-    sb.learn_patches(scene(200_000), resolution=0.005, iterations=5)
+    sb.learn_patches(scene(200_000), method="hscsm", resolution=0.005, iterations=5)
     after = counted
     done.set()
     thread.join()
@@ -215,7 +219,7 @@ def test_a_real_frame():
     if not (DATA / "rgbd_frame" / "table.pcd").exists():
         pytest.skip("../shared/data is not here")
     frame = sb.read(DATA / "rgbd_frame" / "table.pcd")
-    model = sb.learn_patches(frame, resolution=0.006)
+    model = sb.learn_patches(frame, method="hscsm", resolution=0.006)
     quality = sb.evaluate(frame, model.decode())
     assert quality.rmse_pooled < 0.006
 
@@ -223,7 +227,13 @@ def test_a_real_frame():
 @pytest.fixture(scope="module")
 def levelled(cloud: sb.PointCloud) -> sb.PatchModel:
     return sb.learn_patches(
-        cloud, resolution=0.01, levels=3, patch_pixels=4, max_color_deviation=60, iterations=3
+        cloud,
+        method="hscsm",
+        resolution=0.01,
+        levels=3,
+        patch_pixels=4,
+        max_color_deviation=60,
+        iterations=3,
     )
 
 
@@ -272,7 +282,13 @@ def test_a_second_scene_needs_no_dictionary(levelled, tmp_path):
     other = scene(19_000)
     dictionary = levelled.dictionary
     own = sb.learn_patches(
-        other, resolution=0.01, levels=3, patch_pixels=4, max_color_deviation=60, iterations=3
+        other,
+        method="hscsm",
+        resolution=0.01,
+        levels=3,
+        patch_pixels=4,
+        max_color_deviation=60,
+        iterations=3,
     )
     shared = dictionary.encode(other, max_color_deviation=60)
     assert shared.shares_dictionary
@@ -293,17 +309,17 @@ def test_a_second_scene_needs_no_dictionary(levelled, tmp_path):
         sb.load(second, dictionary=own.dictionary)
     with pytest.raises(InvalidInputError, match=r"dictionary has 3 levels.*options have 2"):
         dictionary.encode(other, levels=2)
-    colorless = sb.learn_patches(sb.PointCloud(other.points), resolution=0.02)
+    colorless = sb.learn_patches(sb.PointCloud(other.points), method="hscsm", resolution=0.02)
     with pytest.raises(InvalidInputError, match="dictionary has none"):
         colorless.dictionary.encode(other)
 
 
 def test_thresholds_are_checked(cloud):
     with pytest.raises(InvalidInputError, match=r"levels is 9.*1 to 8"):
-        sb.learn_patches(cloud, levels=9)
+        sb.learn_patches(cloud, method="hscsm", levels=9)
     with pytest.raises(InvalidInputError, match="max_depth_deviation is -1"):
-        sb.learn_patches(cloud, max_depth_deviation=-1)
+        sb.learn_patches(cloud, method="hscsm", max_depth_deviation=-1)
     with pytest.raises(InvalidInputError, match="min_coverage is 2"):
-        sb.learn_patches(cloud, min_coverage=2)
+        sb.learn_patches(cloud, method="hscsm", min_coverage=2)
     with pytest.raises(InvalidInputError, match="greedy"):
-        sb.learn_patches(cloud, placement="random")
+        sb.learn_patches(cloud, method="hscsm", placement="random")

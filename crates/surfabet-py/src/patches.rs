@@ -14,6 +14,8 @@ use surfabet::{
 
 use crate::cloud::PyPointCloud;
 use crate::errors::{IntoPyErr, invalid_input};
+use crate::lattice::PyLatticeModel;
+use crate::report::report_dict;
 use crate::run::run;
 
 /// A cloud as sparse-coded surface patches; immutable.
@@ -98,15 +100,7 @@ fn learn_patches(
     dictionary: Option<&Bound<'_, PyPatchDictionary>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyPatchModel> {
-    let sensor = match sensor {
-        "structured-light" => Sensor::StructuredLight,
-        "constant" => Sensor::Constant,
-        other => {
-            return Err(invalid_input(format!(
-                "sensor is {other:?}, but must be \"structured-light\" or \"constant\""
-            )));
-        }
-    };
+    let sensor = sensor_of(sensor)?;
     let placement = match placement {
         "greedy" => Placement::Greedy,
         "subsampled" => Placement::Subsampled,
@@ -154,7 +148,7 @@ impl PyPatchModel {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyPointCloud> {
         let model = &slf.get().model;
-        let options = DecodeOptions { resolution, normals, max_points };
+        let options = DecodeOptions { resolution, as_measured: false, normals, max_points };
         let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
         Ok(cloud.into())
     }
@@ -302,39 +296,7 @@ impl PyPatchModel {
     /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
     #[getter]
     fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let report = self.model.report();
-        let dict = PyDict::new(py);
-        let stages = PyDict::new(py);
-        for stage in &report.stages {
-            stages.set_item(stage.name, stage.seconds)?;
-        }
-        dict.set_item("stages", stages)?;
-        let figures = PyDict::new(py);
-        for (name, value) in &report.figures {
-            figures.set_item(name, value)?;
-        }
-        dict.set_item("figures", figures)?;
-        let levels: Vec<Bound<'py, PyDict>> = report
-            .levels
-            .iter()
-            .map(|figures| {
-                let level = PyDict::new(py);
-                for (name, value) in figures {
-                    level.set_item(name, value)?;
-                }
-                Ok(level)
-            })
-            .collect::<PyResult<_>>()?;
-        dict.set_item("levels", levels)?;
-        let objectives = PyDict::new(py);
-        for (name, trace) in &report.objectives {
-            objectives.set_item(name, trace)?;
-        }
-        dict.set_item("objectives", objectives)?;
-        dict.set_item("iterations", report.iterations)?;
-        dict.set_item("stop_reason", report.stop_reason)?;
-        dict.set_item("not_kept", &report.not_kept)?;
-        Ok(dict)
+        report_dict(py, self.model.report())
     }
 
     fn __len__(&self) -> usize {
@@ -363,6 +325,17 @@ impl PyPatchModel {
     }
 }
 
+/// The sensor of a name.
+pub fn sensor_of(name: &str) -> PyResult<Sensor> {
+    match name {
+        "structured-light" => Ok(Sensor::StructuredLight),
+        "constant" => Ok(Sensor::Constant),
+        other => Err(invalid_input(format!(
+            "sensor is {other:?}, but must be \"structured-light\" or \"constant\""
+        ))),
+    }
+}
+
 /// The model in the bytes of an `.sfb` file.
 #[pyfunction]
 #[pyo3(signature = (data, *, max_items, max_bytes, dictionary))]
@@ -372,11 +345,11 @@ fn from_bytes(
     max_items: u64,
     max_bytes: u64,
     dictionary: Option<&Bound<'_, PyPatchDictionary>>,
-) -> PyResult<PyPatchModel> {
+) -> PyResult<Py<PyAny>> {
     let limits = Limits { max_items, max_bytes };
     let dictionary = dictionary.map(|d| &d.get().dictionary);
     let model = py.detach(|| Model::from_bytes_with(data, &limits, dictionary));
-    wrap(model.map_err(IntoPyErr::into_py_err)?)
+    wrap(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
 /// The model in an `.sfb` file.
@@ -388,11 +361,11 @@ fn load(
     max_items: u64,
     max_bytes: u64,
     dictionary: Option<&Bound<'_, PyPatchDictionary>>,
-) -> PyResult<PyPatchModel> {
+) -> PyResult<Py<PyAny>> {
     let limits = Limits { max_items, max_bytes };
     let dictionary = dictionary.map(|d| &d.get().dictionary);
     let model = py.detach(|| Model::open_with(path, &limits, dictionary));
-    wrap(model.map_err(IntoPyErr::into_py_err)?)
+    wrap(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
 /// Family, oldest release that reads the file, and bytes by section, of the bytes of an `.sfb` file.
@@ -411,9 +384,10 @@ fn inspect(
     Ok((container.family().name(), container.needed_version().to_string(), sections))
 }
 
-fn wrap(model: Model) -> PyResult<PyPatchModel> {
+fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
     match model {
-        Model::Patches(model) => Ok(PyPatchModel { model }),
+        Model::Patches(model) => Ok(Py::new(py, PyPatchModel { model })?.into_any()),
+        Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::new(model))?.into_any()),
         other => {
             Err(invalid_input(format!("models of family {} have no class yet", other.family())))
         }

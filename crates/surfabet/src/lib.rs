@@ -32,5 +32,6 @@ pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent,
 pub use surfabet_models::patches::{
     self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,
 };
+pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::{Report, Stage};
 pub use surfabet_sparse as sparse;

@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use surfabet_codec::{Container, Family, Limits};
+use surfabet_codec::{Container, Family, Features, Limits};
 use surfabet_geom::{PointCloud, Progress};
+use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
 
 use crate::error::{Error, Result};
@@ -15,6 +16,14 @@ use crate::error::{Error, Result};
 pub enum Model {
     /// Sparse-coded surface patches.
     Patches(PatchModel),
+    /// Surface patches on a lattice.
+    Lattice(LatticeModel),
+}
+
+impl From<LatticeModel> for Model {
+    fn from(model: LatticeModel) -> Self {
+        Self::Lattice(model)
+    }
 }
 
 impl From<PatchModel> for Model {
@@ -27,7 +36,7 @@ impl Model {
     /// The family that this model belongs to.
     pub fn family(&self) -> Family {
         match self {
-            Self::Patches(_) => Family::Patches,
+            Self::Patches(_) | Self::Lattice(_) => Family::Patches,
         }
     }
 
@@ -38,6 +47,7 @@ impl Model {
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         match self {
             Self::Patches(model) => Ok(surfabet_codec::patches::write(model)?),
+            Self::Lattice(model) => Ok(surfabet_codec::lattice::write(model)?),
         }
     }
 
@@ -60,6 +70,9 @@ impl Model {
     ) -> Result<Self> {
         let container = Container::parse(bytes, limits)?;
         match container.family() {
+            Family::Patches if container.features().contains(Features::LATTICE) => {
+                Ok(Self::Lattice(surfabet_codec::lattice::read(&container, limits)?))
+            }
             Family::Patches => {
                 Ok(Self::Patches(surfabet_codec::patches::read(&container, limits, dictionary)?))
             }
@@ -125,6 +138,10 @@ impl Model {
     pub fn decode(&self, resolution: Option<f64>, progress: &dyn Progress) -> Result<PointCloud> {
         match self {
             Self::Patches(model) => {
+                let options = DecodeOptions { resolution, ..DecodeOptions::default() };
+                Ok(model.decode(options, progress)?)
+            }
+            Self::Lattice(model) => {
                 let options = DecodeOptions { resolution, ..DecodeOptions::default() };
                 Ok(model.decode(options, progress)?)
             }

@@ -18,6 +18,7 @@ from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
 from surfabet.cli.evaluate import evaluate
 from surfabet.cli.info import info
+from surfabet.cli.verify import verify
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -41,7 +42,7 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
-for verb in (compress, decompress, info, evaluate, convert):
+for verb in (compress, decompress, info, evaluate, verify, convert):
     app.command(verb)
 
 
@@ -54,9 +55,10 @@ def run(argv: Sequence[str]) -> int:
         with _one_line_warnings():
             if common.threads is not None:
                 surfabet.set_num_threads(common.threads)
-            command(*bound.args, **bound.kwargs)
+            code = command(*bound.args, **bound.kwargs)
             sys.stdout.flush()
-        return OK
+        # Most verbs either do their job or raise; `verify` answers.
+        return OK if code is None else int(code)
     except CycloptsError as error:
         # The library's own formatting would be a frame of several lines.
         chain = " ".join(["surfabet", *(error.command_chain or ()), "--help"])

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import surfabet
 from surfabet._progress import ProgressCallback
@@ -61,18 +62,34 @@ def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> 
 
 def load_model(
     path: Path, progress: ProgressCallback, dictionary: Path | None = None
-) -> surfabet.PatchModel:
+) -> surfabet.LatticeModel | surfabet.PatchModel:
     """The model in a `.sfb` file, which may rely on the dictionary of another."""
     shared = load_dictionary(dictionary, progress)
     progress(f"load {path.name}", 0.0)
     return surfabet.load(path, dictionary=shared)
 
 
+def decode(
+    model: surfabet.LatticeModel | surfabet.PatchModel, as_measured: bool, **options: Any
+) -> surfabet.PointCloud:
+    """The model as a cloud; as measured only where it keeps how thick the scan was."""
+    if isinstance(model, surfabet.LatticeModel):
+        return model.decode(as_measured=as_measured, **options)
+    if as_measured:
+        raise UsageError("--as-measured: a model of --method hscsm does not keep the thickness")
+    return model.decode(**options)
+
+
 def load_dictionary(
     path: Path | None, progress: ProgressCallback
 ) -> surfabet.PatchDictionary | None:
     """The dictionary of the model in a `.sfb` file."""
-    return None if path is None else load_model(path, progress).dictionary
+    if path is None:
+        return None
+    model = load_model(path, progress)
+    if isinstance(model, surfabet.LatticeModel):
+        raise UsageError(f"{path}: has no dictionary; compress with --method hscsm makes one")
+    return model.dictionary
 
 
 def size_on_disk(path: Path) -> int:

@@ -15,12 +15,13 @@ import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
     check_output,
+    decode,
     load_dictionary,
     read_cloud,
     size_on_disk,
 )
 from surfabet.cli._format import bytes_text, millimetres, peak_memory, print_json, raw_bytes
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
+from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions, UsageError
 
 PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
 PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
@@ -31,33 +32,42 @@ PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
 class PatchOptions:
     """Finer options of patches, as `surfabet.learn_patches` documents them; its defaults hold."""
 
+    rate: PositiveFloat = None
+    """Rate-distortion: what a bit of geometry must save; larger makes smaller files."""
+
+    color_step: PositiveInt = None
+    """Rate-distortion: rounding of colours; larger makes smaller files."""
+
+    color_rate: PositiveFloat = None
+    """Rate-distortion: what a bit of colour must save."""
+
     patch_pixels: PositiveInt = None
-    """Pixels per side of a patch."""
+    """HSCSM: pixels per side of a patch."""
 
     max_depth_deviation: PositiveFloat = None
-    """With levels: pixels whose depth has a larger standard deviation, in metres, go to the level
+    """HSCSM: pixels whose depth has a larger standard deviation, in metres, go to the level
     below."""
 
     max_color_deviation: PositiveFloat = None
-    """With levels: the same for colour, 0 to 255."""
+    """HSCSM: the same for colour, 0 to 255."""
 
     min_coverage: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1))] = None
-    """With levels: patches that cover less of their pixels go to the level below."""
+    """HSCSM: patches that cover less of their pixels go to the level below."""
 
     depth_atoms: PositiveInt = None
-    """Most entries of the depth dictionary."""
+    """HSCSM: most entries of the depth dictionary."""
 
     color_atoms: PositiveInt = None
-    """Most entries of the colour dictionary."""
+    """HSCSM: most entries of the colour dictionary."""
 
     depth_sparsity: PositiveInt = None
-    """Most depth entries that describe one patch."""
+    """HSCSM: most depth entries that describe one patch."""
 
     color_sparsity: PositiveInt = None
-    """Most colour entries that describe one patch."""
+    """HSCSM: most colour entries that describe one patch."""
 
     iterations: PositiveInt = None
-    """Most iterations of dictionary learning."""
+    """HSCSM: most iterations of dictionary learning."""
 
     sensor: Literal["structured-light", "constant"] | None = None
     """How the error of a range measurement grows."""
@@ -76,7 +86,9 @@ def compress(
     /,
     *,
     model: Literal["patches"] = "patches",
+    method: Literal["rate-distortion", "hscsm"] | None = None,
     resolution: PositiveFloat = None,
+    max_error: PositiveFloat = None,
     levels: Annotated[int | None, Parameter(validator=Number(gte=1, lte=8))] = None,
     dictionary: Path | None = None,
     random_state: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
@@ -93,7 +105,9 @@ def compress(
 
         surfabet compress room.ply room.sfb
         surfabet compress room.ply room.sfb --resolution 0.005
+        surfabet compress room.ply room.sfb --max-error 0.05
         surfabet compress frames/ room.sfb --frame-stride 2 --depth-max 4
+        surfabet compress room.ply room.sfb --method hscsm --levels 3
         surfabet compress room2.ply room2.sfb --dictionary room.sfb
 
     Parameters
@@ -105,10 +119,17 @@ def compress(
         The model file to write.
     model
         The family of models. This version knows surface patches only.
+    method
+        How patches are learned: by least cost on a lattice (the default), or as published, with
+        free poses and learned dictionaries (hscsm).
     resolution
-        Spacing of the model's pixels in metres, 0.01 by default: what is smaller is lost.
+        Spacing of the model's finest pixels in metres, 0.01 by default: what is smaller is lost.
+    max_error
+        No input point is further than this from the decoded cloud, in metres; surfabet verify
+        proves it.
     levels
-        Levels of detail of the patches, 1 by default; each doubles the size of the one below.
+        Levels of detail of the patches; each doubles the size of the one below. By default 3, or 1
+        with hscsm.
     dictionary
         A model whose dictionaries to use instead of learning: the file then holds none, and needs
         that model again. Resolution, levels and pixels of a patch are its own.
@@ -129,17 +150,22 @@ def compress(
         seconds["read"] = time.perf_counter() - started
 
         started = time.perf_counter()
-        sizes = {"resolution": resolution, "levels": levels}
+        sizes = {"resolution": resolution, "levels": levels, "max_error": max_error}
         options: dict[str, Any] = {
             **{name: value for name, value in sizes.items() if value is not None},
             "random_state": random_state,
             "progress": progress,
             **patches.given(),
         }
-        if shared is None:
-            learned = surfabet.learn_patches(cloud, **options)
-        else:
+        learned: surfabet.LatticeModel | surfabet.PatchModel
+        if shared is not None:
+            if method == "rate-distortion":
+                raise UsageError("--dictionary: only --method hscsm uses dictionaries")
             learned = shared.encode(cloud, **options)
+        elif method == "hscsm":
+            learned = surfabet.learn_patches(cloud, method="hscsm", **options)
+        else:
+            learned = surfabet.learn_patches(cloud, **options)
         seconds["learn"] = time.perf_counter() - started
 
         started = time.perf_counter()
@@ -156,7 +182,10 @@ def compress(
 
         if evaluate:
             started = time.perf_counter()
-            decoded = surfabet.load(output, dictionary=shared).decode(progress=progress)
+            again = surfabet.load(output, dictionary=shared)
+            # Held against a scan that is thick with noise, a thin surface has the scan's own error.
+            as_measured = isinstance(again, surfabet.LatticeModel)
+            decoded = decode(again, as_measured, progress=progress)
             seconds["decode"] = time.perf_counter() - started
             started = time.perf_counter()
             # Point-to-plane distances take long; the verb `evaluate` has them.

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import surfabet
-from surfabet.cli._files import check_output, cloud_suffixes, load_model, size_on_disk
+from surfabet.cli._files import check_output, cloud_suffixes, decode, load_model, size_on_disk
 from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._options import COMMON, Common, Flag
 
@@ -21,6 +21,7 @@ def decompress(
     /,
     *,
     resolution: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    as_measured: Flag = False,
     dictionary: Path | None = None,
     json: Flag = False,
     common: Common = COMMON,
@@ -29,6 +30,7 @@ def decompress(
 
         surfabet decompress room.sfb room.ply
         surfabet decompress room.sfb fine.laz --resolution 0.005
+        surfabet decompress room.sfb thick.ply --as-measured
 
     Parameters
     ----------
@@ -38,6 +40,8 @@ def decompress(
         The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
     resolution
         Spacing of the points in metres, by default half a pixel of the model.
+    as_measured
+        Fill the thickness that the scan had, instead of giving the thin surface in its middle.
     dictionary
         The model whose dictionaries the file was made with, if it holds none.
     json
@@ -47,9 +51,8 @@ def decompress(
     seconds: dict[str, float] = {}
     with common.progress() as progress:
         started = time.perf_counter()
-        cloud = load_model(input_, progress, dictionary).decode(
-            resolution=resolution, progress=progress
-        )
+        model = load_model(input_, progress, dictionary)
+        cloud = decode(model, as_measured, resolution=resolution, progress=progress)
         seconds["decode"] = time.perf_counter() - started
 
         started = time.perf_counter()

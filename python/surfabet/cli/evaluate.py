@@ -15,6 +15,7 @@ import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
     check_output,
+    decode,
     load_model,
     read_cloud,
     size_on_disk,
@@ -65,6 +66,7 @@ def evaluate(
     /,
     *,
     sigma: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    as_measured: Flag = False,
     picture: Path | None = None,
     json: Flag = False,
     read: ReadOptions = READ_OPTIONS,
@@ -86,6 +88,8 @@ def evaluate(
     sigma
         Distance in metres within which a point counts as found; without it inliers and outliers are
         left out.
+    as_measured
+        Decode a model file with the thickness that the scan had, not as the surface in its middle.
     picture
         Draw both clouds and the histogram of errors into this file: png, jpg, pdf, svg or webp.
     json
@@ -100,7 +104,7 @@ def evaluate(
         n_bytes = None
         if decoded.suffix.lower() == MODEL_SUFFIX:
             n_bytes = size_on_disk(decoded)
-            judged = load_model(decoded, progress).decode(progress=progress)
+            judged = decode(load_model(decoded, progress), as_measured, progress=progress)
         else:
             judged = read_cloud(decoded, READ_OPTIONS, progress)
         quality = surfabet.evaluate(original, judged, sigma=sigma, bytes=n_bytes, progress=progress)

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 import surfabet
-from surfabet.cli._files import size_on_disk
+from surfabet.cli._files import load_dictionary, size_on_disk
 from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._options import COMMON, Common, Flag
 
@@ -37,7 +37,8 @@ def info(
     json
         Print one JSON object instead of tables.
     """
-    shared = None if dictionary is None else surfabet.load(dictionary).dictionary
+    with common.progress() as progress:
+        shared = load_dictionary(dictionary, progress)
     found = surfabet.inspect(file, dictionary=shared)
     n_bytes = size_on_disk(file)
     if json:

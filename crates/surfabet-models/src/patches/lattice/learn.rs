@@ -19,7 +19,7 @@ use super::syntax::{GeometryModels, code_geometry};
 use super::targets::targets;
 use crate::error::{Error, Result};
 use crate::patches::DecodeOptions;
-use crate::report::{Report, Stage};
+use crate::report::Report;
 
 /// Side of the cells that vote for the scene's axes, in pixels.
 const AXES_CELL: f64 = 6.0;
@@ -79,7 +79,7 @@ pub fn learn(
             code_colors(&mut Price::default(), &mut ColorModels::default(), &keys, steps, source);
         (ColorField { steps, coefficients: said.coefficients }, said.colors)
     });
-    report.stages.push(Stage { name: "colouring", seconds: start.elapsed().as_secs_f64() });
+    report.add_time("colouring", start.elapsed().as_secs_f64());
     progress.check()?;
     report.figures.extend([
         ("points", cloud.len() as f64),
@@ -98,12 +98,11 @@ pub fn learn(
     .collect();
     report.stop_reason = "every sheet has the hierarchy of least cost";
     let mut model = LatticeModel::new(cloud.len() as u64, geometry, color, keys, report)?;
-    model.report_mut().figures.push(("patches", 0.0));
     if let Some(bound) = options.max_error {
         let start = std::time::Instant::now();
         model = keep_far_points(model, cloud, bound, progress)?;
         let seconds = start.elapsed().as_secs_f64();
-        model.report_mut().stages.push(Stage { name: "checking the bound", seconds });
+        model.report_mut().add_time("checking the bound", seconds);
     }
     describe(&mut model);
     Ok(model)
@@ -164,9 +163,9 @@ fn choose(
         let Ok(()) = code_geometry(&mut price, &mut models, &mut geometry, usize::MAX);
         bits.push(price.bits / 8.0);
     }
-    report.stages.push(Stage { name: "choosing patches", seconds: start.elapsed().as_secs_f64() });
+    report.add_time("choosing patches", start.elapsed().as_secs_f64());
     report.iterations = bits.len();
-    report.objectives.push(("bytes of geometry", bits));
+    report.objectives.push(("bytes of geometry".into(), bits));
     Ok(geometry)
 }
 
@@ -213,17 +212,10 @@ fn describe(model: &mut LatticeModel) {
     let n = model.len() as f64;
     let extra = model.points().len() as f64;
     let report = model.report_mut();
-    report.figures.retain(|f| f.0 != "patches");
     report.figures.extend([("patches", n), ("extra points", extra)]);
-    const PATCHES: [&str; 4] =
-        ["patches of level 0", "patches of level 1", "patches of level 2", "patches of level 3"];
-    const AREAS: [&str; 4] = [
-        "square metres of level 0",
-        "square metres of level 1",
-        "square metres of level 2",
-        "square metres of level 3",
-    ];
-    for l in (0..levels).rev() {
-        report.figures.extend([(PATCHES[l], patches[l]), (AREAS[l], areas[l])]);
-    }
+    let level = |l: usize| {
+        let pixel = pixel * f64::from(1 << l);
+        vec![("pixel size", pixel), ("patches", patches[l]), ("area", areas[l])]
+    };
+    report.levels = (0..levels).rev().map(level).collect();
 }

@@ -1,0 +1,41 @@
+//! How a model was learned, for Python.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use surfabet::Report;
+
+/// A report as nested dicts and lists.
+pub fn report_dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let stages = PyDict::new(py);
+    for stage in &report.stages {
+        stages.set_item(stage.name, stage.seconds)?;
+    }
+    dict.set_item("stages", stages)?;
+    let figures = PyDict::new(py);
+    for (name, value) in &report.figures {
+        figures.set_item(name, value)?;
+    }
+    dict.set_item("figures", figures)?;
+    let levels: Vec<Bound<'py, PyDict>> = report
+        .levels
+        .iter()
+        .map(|figures| {
+            let level = PyDict::new(py);
+            for (name, value) in figures {
+                level.set_item(name, value)?;
+            }
+            Ok(level)
+        })
+        .collect::<PyResult<_>>()?;
+    dict.set_item("levels", levels)?;
+    let objectives = PyDict::new(py);
+    for (name, trace) in &report.objectives {
+        objectives.set_item(name, trace)?;
+    }
+    dict.set_item("objectives", objectives)?;
+    dict.set_item("iterations", report.iterations)?;
+    dict.set_item("stop_reason", report.stop_reason)?;
+    dict.set_item("not_kept", &report.not_kept)?;
+    Ok(dict)
+}

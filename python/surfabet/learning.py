@@ -1,0 +1,34 @@
+"""What learning tells about itself, whatever the family."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["LearningReport"]
+
+
+@dataclass(frozen=True, slots=True)
+class LearningReport:
+    """How a model came about. A model read from a file has an empty one."""
+
+    stages: dict[str, float]
+    """Seconds of each stage, in order."""
+    figures: dict[str, float]
+    """Counts by name: points, samples, patches, set pixels, dictionary entries."""
+    levels: list[dict[str, float]]
+    """Counts and measures of each level, coarsest first: pixel size (m), patches, area (m2), and
+    what the method adds to these."""
+    objectives: dict[str, list[float]]
+    """What was minimised, by name, before and after every iteration."""
+    iterations: int
+    """Iterations, over all objectives."""
+    stop_reason: str
+    """Why learning ended."""
+    not_kept: tuple[str, ...]
+    """Attributes of the cloud that the model does not hold."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report as plain dicts, lists and numbers."""
+        return dataclasses.asdict(self)
