@@ -449,8 +449,8 @@ def learn_patches(
         No input point is further than this from the cloud decoded as measured at
         the default spacing, metres; points that would be are kept beside the patches.
     rate
-        What a bit of geometry must save (lambda), squared pixels summed over
-        samples of half a pixel; by default 12. Larger makes smaller files.
+        What a bit of geometry must save (lambda): squared error in squared pixels, summed over
+        pixels; by default 0.7. Larger makes smaller files.
     depth_step
         Rounding of depths, pixels of the finest level, by default 0.75.
     rounds
@@ -539,7 +539,7 @@ def _learn_lattice(
     resolution: float = 0.01,
     levels: int = 3,
     max_error: float | None = None,
-    rate: float = 12.0,
+    rate: float = 0.7,
     depth_step: float = 0.75,
     rounds: int = 3,
     color_step: int = 90,

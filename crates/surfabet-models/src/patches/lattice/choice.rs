@@ -134,7 +134,9 @@ impl Choice<'_> {
             row * PATCH_PIXELS as usize + c
         };
         let (mask, mut cost) = self.mask(of, runs, level, corner, cell);
-        let inside: Vec<Run> = runs.iter().filter(|r| mask >> cell(r) & 1 != 0).copied().collect();
+        let mut inside: Vec<Run> = runs.iter().filter(|r| mask >> cell(r) & 1 != 0).copied().collect();
+        let seen = inside.iter().fold(0_u64, |seen, r| seen | 1 << cell(r));
+        fill_holes(&mut inside, mask & !seen, level, corner, of.density);
         let shape = self.shape(&inside, level, corner);
         cost += shape.cost;
         Chosen { node: Node::Leaf(LatticePatch { mask, ..shape.patch }), cost }
@@ -168,14 +170,18 @@ impl Choice<'_> {
         let all: f32 = set.iter().sum::<f32>() + self.lambda * full.cost(true);
         let mut mask = 0_u64;
         for c in 0..64 {
-            if set[c] < unset[c] || (unset[c] > 0.0 && mask == 0 && c == 63) {
+            if set[c] < unset[c] {
                 mask |= 1 << c;
             }
         }
-        if mask == 0 {
-            // One pixel at least: the one with most to lose.
-            let c = (0..64).max_by(|&a, &b| (unset[a] - set[a]).total_cmp(&(unset[b] - set[b])));
-            mask = 1 << c.unwrap_or(0);
+        // One pixel with samples at least: the one with most to lose.
+        let measured = (0..64).filter(|&c| unset[c] > 0.0).fold(0_u64, |m, c| m | 1 << c);
+        let most = (0..64)
+            .filter(|&c| unset[c] > 0.0)
+            .max_by(|&a, &b| (unset[a] - set[a]).total_cmp(&(unset[b] - set[b])))
+            .map_or(1, |c| 1_u64 << c);
+        if mask & measured == 0 {
+            mask |= most;
         }
         let price = |mask: u64, c: usize| {
             let (column, row) = (c % side, c / side);
@@ -201,7 +207,7 @@ impl Choice<'_> {
                     loss + self.lambda * bits
                 };
                 let (with, without) = (mask | 1 << c, mask & !(1 << c));
-                mask = if without == 0 || cost(with, set[c]) <= cost(without, unset[c]) {
+                mask = if without & measured == 0 || cost(with, set[c]) <= cost(without, unset[c]) {
                     with
                 } else {
                     without
@@ -344,6 +350,29 @@ impl Choice<'_> {
         Shape { patch, cost: distortion + self.lambda * bits }
     }
 }
+
+/// Adds a run of little weight at each pixel of `holes`, as deep as the nearest measured one: where nothing was
+/// measured the surface goes on, it does not run away.
+fn fill_holes(runs: &mut Vec<Run>, holes: u64, level: u32, corner: [usize; 2], density: f32) {
+    let measured = runs.len();
+    for hole in (0..64_usize).filter(|h| holes >> h & 1 != 0) {
+        let side = PATCH_PIXELS as usize;
+        let middle = |c: usize, i: usize| (c + (i << level) + (1 << level) / 2).min(255) as u8;
+        let (u, v) = (middle(corner[0], hole % side), middle(corner[1], hole / side));
+        let squared = |r: &Run| {
+            let (du, dv) = (f32::from(r.u) - f32::from(u), f32::from(r.v) - f32::from(v));
+            du * du + dv * dv
+        };
+        let nearest = runs[..measured].iter().min_by(|a, b| squared(a).total_cmp(&squared(b)));
+        if let Some(&nearest) = nearest {
+            let n = HOLE_WEIGHT * density * (1_u32 << (2 * level)) as f32;
+            runs.push(Run { u, v, n, ..nearest });
+        }
+    }
+}
+
+/// Weight of a pixel without samples against one with samples.
+const HOLE_WEIGHT: f32 = 0.2;
 
 struct Shape {
     patch: LatticePatch,

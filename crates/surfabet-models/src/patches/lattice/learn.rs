@@ -136,13 +136,22 @@ fn choose(
     let start = std::time::Instant::now();
     let bases: Vec<Basis> =
         (0..options.levels).map(|l| Basis::new((PATCH_PIXELS << l) as usize)).collect();
+    // Errors are summed over samples; what a bit must save is said per pixel, so that dense and sparse scans
+    // are treated alike.
+    let large = || sheets.iter().filter(|s| !s.small).flat_map(|s| &s.runs);
+    let density = if large().next().is_some() {
+        large().map(|r| f64::from(r.n)).sum::<f64>() / large().count() as f64
+    } else {
+        1.0
+    };
+    report.figures.push(("samples per pixel", density));
     let mut models = GeometryModels::default();
     let mut bits = Vec::new();
     for _ in 0..options.rounds {
         let choice = Choice {
             models: &models,
             bases: &bases,
-            lambda: options.lambda as f32,
+            lambda: (options.lambda * density) as f32,
             step: options.depth_step as f32 / 16.0,
             levels: options.levels,
         };

@@ -11,7 +11,8 @@ pub struct LatticeOptions {
     pub resolution: f64,
     /// Number of levels, 1 to 4; patches of the finest are 8 pixels wide, each further level doubles.
     pub levels: u32,
-    /// What a bit must save, in squared pixels of error over all samples (lambda).
+    /// What a bit of geometry must save (lambda): squared error in squared pixels, summed over both directions and
+    /// over pixels.
     pub lambda: f64,
     /// Depth step, in sixteenths of a pixel.
     pub depth_step: u32,
@@ -34,7 +35,7 @@ impl Default for LatticeOptions {
         Self {
             resolution: 0.01,
             levels: 3,
-            lambda: 12.0,
+            lambda: 0.7,
             depth_step: 12,
             rounds: 3,
             color_step: 90,

@@ -132,7 +132,7 @@ fn grow_tile(tile: &[(u128, f32, f32)], side_pixels: usize) -> Vec<Sheet> {
     let key = tile[0].0;
     let unshifted = |t: u128| ((t & 0xffff_ffff) as i64 - (1 << 31)) as i32;
     let (side, at) = ((key >> 80) as u8, [unshifted(key >> 48), unshifted(key >> 16)]);
-    let mut sheets = Vec::new();
+    let mut grown: Vec<Vec<usize>> = Vec::new();
     for seed in order {
         if taken[seed] {
             continue;
@@ -172,17 +172,92 @@ fn grow_tile(tile: &[(u128, f32, f32)], side_pixels: usize) -> Vec<Sheet> {
                 }
             }
         }
-        members.sort_unstable();
-        let runs: Vec<Run> = members.iter().map(|&i| runs[i]).collect();
-        let small = runs.iter().map(|r| r.n).sum::<f32>() < SMALL;
-        sheets.push(Sheet { side, tile: at, runs, small });
+        grown.push(members);
     }
+    for scale in SCALES {
+        join(&runs, &by_pixel, side_pixels, scale, &mut grown);
+    }
+    let mut sheets: Vec<Sheet> = grown
+        .into_iter()
+        .filter(|members| !members.is_empty())
+        .map(|mut members| {
+            members.sort_unstable();
+            let runs: Vec<Run> = members.iter().map(|&i| runs[i]).collect();
+            let small = runs.iter().map(|r| r.n).sum::<f32>() < SMALL;
+            Sheet { side, tile: at, runs, small }
+        })
+        .collect();
     let mean = |s: &Sheet| {
         s.runs.iter().map(|r| f64::from(r.depth)).sum::<f64>() / s.runs.len() as f64
     };
     sheets.sort_by(|a, b| mean(a).total_cmp(&mean(b)));
     sheets
 }
+
+/// Joins small sheets to the neighbour that they touch most, where no pixel would hold two runs: a surface that is
+/// sampled more coarsely than the pixel, or in steps of depth, falls apart into strips otherwise.
+fn join(
+    runs: &[Run],
+    by_pixel: &[std::ops::Range<u32>],
+    side_pixels: usize,
+    scale: i32,
+    sheets: &mut [Vec<usize>],
+) {
+    let mut sheet_of = vec![usize::MAX; runs.len()];
+    for (s, members) in sheets.iter().enumerate() {
+        members.iter().for_each(|&i| sheet_of[i] = s);
+    }
+    let samples = |members: &[usize]| members.iter().map(|&i| runs[i].n).sum::<f32>();
+    let mut order: Vec<usize> = (0..sheets.len()).filter(|&s| samples(&sheets[s]) < SMALL).collect();
+    order.sort_by(|&a, &b| samples(&sheets[a]).total_cmp(&samples(&sheets[b])).then(a.cmp(&b)));
+    for small in order {
+        // Contacts with other sheets, and those that share a pixel with this one.
+        let mut contacts: Vec<(usize, u32)> = Vec::new();
+        let mut shared: Vec<usize> = Vec::new();
+        for &i in &sheets[small] {
+            let run = runs[i];
+            for dv in -scale..=scale {
+                for du in -scale..=scale {
+                    let (u, v) = (i32::from(run.u) + du, i32::from(run.v) + dv);
+                    if u < 0 || v < 0 || u >= side_pixels as i32 || v >= side_pixels as i32 {
+                        continue;
+                    }
+                    for j in by_pixel[v as usize * side_pixels + u as usize].clone() {
+                        let other = sheet_of[j as usize];
+                        if other == small {
+                            continue;
+                        }
+                        if du == 0 && dv == 0 {
+                            shared.push(other);
+                            continue;
+                        }
+                        let distance = du.abs().max(dv.abs()) as f32;
+                        let near = &runs[j as usize];
+                        let gate = STEP * distance.max(0.5 * scale as f32) + 0.5 * (run.half + near.half);
+                        if (near.depth - run.depth).abs() <= gate {
+                            match contacts.iter_mut().find(|c| c.0 == other) {
+                                Some(contact) => contact.1 += 1,
+                                None => contacts.push((other, 1)),
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        let best = contacts
+            .into_iter()
+            .filter(|c| !shared.contains(&c.0))
+            .max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0)));
+        if let Some((other, _)) = best {
+            let members = std::mem::take(&mut sheets[small]);
+            members.iter().for_each(|&i| sheet_of[i] = other);
+            sheets[other].extend(members);
+        }
+    }
+}
+
+/// Reaches, in pixels, at which small sheets are joined to others.
+const SCALES: [i32; 2] = [2, 4];
 
 /// The eight pixels around one, then the four behind the nearest: a scan line missing does not cut a sheet.
 const NEIGHBOURS: [(i32, i32); 12] = [
