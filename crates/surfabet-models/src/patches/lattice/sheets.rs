@@ -97,8 +97,7 @@ fn runs_of(column: &[(u128, f32, f32)], runs: &mut Vec<Run>) {
         let n = run.len() as f64;
         let weight: f64 = run.iter().map(|e| f64::from(e.2)).sum();
         let by_weight = run.iter().map(|e| f64::from(e.2) * f64::from(e.1)).sum::<f64>() / weight;
-        let plain = run.iter().map(|e| f64::from(e.1)).sum::<f64>() / n;
-        let depth = 0.5 * (by_weight + plain);
+        let depth = by_weight;
         let variance = run.iter().map(|e| (f64::from(e.1) - depth).powi(2)).sum::<f64>() / n;
         runs.push(Run {
             u,
