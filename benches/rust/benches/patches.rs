@@ -2,10 +2,12 @@
 #![allow(missing_docs)]
 
 use std::hint::black_box;
+use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use surfabet_codec::{Container, Limits, patches as file};
+use surfabet_codec::{Container, Limits, lattice as lattice_file, patches as file};
 use surfabet_geom::{PointCloud, Silent};
+use surfabet_models::patches::lattice::{self, LatticeOptions};
 use surfabet_models::patches::{DecodeOptions, PatchOptions, learn};
 use surfabet_sim::{Intrinsics, RgbdOptions, RoomOptions, Scene, scan_rgbd};
 
@@ -30,7 +32,7 @@ fn road(criterion: &mut Criterion) {
     group.bench_function("learn", |b| b.iter(|| learn(black_box(&cloud), &options, &Silent)));
     group.bench_function("write", |b| b.iter(|| file::write(black_box(&model))));
     group.bench_function("read", |b| {
-        b.iter(|| file::read(&Container::parse(black_box(&bytes), &limits)?, &limits));
+        b.iter(|| file::read(&Container::parse(black_box(&bytes), &limits)?, &limits, None));
     });
     group.bench_function("decode", |b| {
         b.iter(|| black_box(&model).decode(DecodeOptions::default(), &Silent));
@@ -38,5 +40,41 @@ fn road(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, road);
+/// The road of the default method, and its stages as the model's own report times them.
+fn lattice_road(criterion: &mut Criterion) {
+    let cloud = frame();
+    let options = LatticeOptions { resolution: 0.02, ..LatticeOptions::default() };
+    let model = lattice::learn(&cloud, &options, &Silent).expect("a cloud with points");
+    let bytes = lattice_file::write(&model).expect("a model of our own");
+    let limits = Limits::default();
+
+    let mut group = criterion.benchmark_group("lattice");
+    group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
+    group.bench_function("learn", |b| b.iter(|| lattice::learn(black_box(&cloud), &options, &Silent)));
+    for stage in ["finding axes", "merging points", "growing sheets", "choosing patches", "colouring"] {
+        group.bench_function(stage, |b| {
+            b.iter_custom(|rounds| {
+                let seconds = |_| {
+                    let model = lattice::learn(black_box(&cloud), &options, &Silent);
+                    let report = model.expect("a cloud with points").report().clone();
+                    let of = report.stages.iter().find(|s| s.name == stage);
+                    of.map_or(0.0, |s| s.seconds)
+                };
+                Duration::from_secs_f64((0..rounds).map(seconds).sum())
+            });
+        });
+    }
+    group.bench_function("write", |b| b.iter(|| lattice_file::write(black_box(&model))));
+    group.bench_function("read", |b| {
+        b.iter(|| lattice_file::read(&Container::parse(black_box(&bytes), &limits)?, &limits));
+    });
+    for as_measured in [false, true] {
+        let how = if as_measured { "decode as measured" } else { "decode" };
+        let options = DecodeOptions { as_measured, ..DecodeOptions::default() };
+        group.bench_function(how, |b| b.iter(|| black_box(&model).decode(options, &Silent)));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, road, lattice_road);
 criterion_main!(benches);

@@ -17,6 +17,10 @@ const THICKNESS_STEPS: f32 = 4.0;
 /// Thinnest slab that is decoded, pixels.
 const THINNEST: f32 = 0.25;
 
+/// How much the distance of the thin surface from the mean of the samples counts: slabs overlap well even where
+/// their middles are apart.
+const SURFACE: f32 = 0.5;
+
 /// How much the error of decoded points counts against that of input points.
 const FORWARD: f32 = 2.0;
 
@@ -58,7 +62,8 @@ fn excess(a: [f32; 2], b: [f32; 2]) -> f32 {
 fn misfit(run: &Run, depth: f32, half: f32) -> f32 {
     let input = [run.depth - run.half, run.depth + run.half];
     let decoded = [depth - half, depth + half];
-    excess(input, decoded) + FORWARD * excess(decoded, input)
+    let off = run.depth - depth;
+    excess(input, decoded) + FORWARD * excess(decoded, input) + SURFACE * off * off
 }
 
 impl Choice<'_> {

@@ -1,0 +1,173 @@
+"""Lattice patches from Python: arrays, files, both decodes, options, bounds, command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import surfabet as sb
+from surfabet.cli import main
+from surfabet.errors import InvalidInputError
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
+PIXEL = 0.01
+NOISE = 0.006
+
+
+def corner(noise: float = NOISE) -> sb.PointCloud:
+    """Floor and two walls of one metre, a colour each, with noise along the normal."""
+    rng = np.random.default_rng(3)
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(0, 1, 0.004), np.arange(0, 1, 0.004)))
+    points, colors = [], []
+    for axis, color in enumerate([(200, 60, 40), (40, 180, 60), (60, 60, 200)]):
+        p = np.zeros((u.size, 3))
+        p[:, axis] = noise * rng.standard_normal(u.size)
+        p[:, (axis + 1) % 3], p[:, (axis + 2) % 3] = u, v
+        points.append(p)
+        colors.append(np.tile(np.array(color, np.uint8), (u.size, 1)))
+    return sb.PointCloud(np.concatenate(points), colors=np.concatenate(colors))
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    return corner()
+
+
+@pytest.fixture(scope="module")
+def model(cloud: sb.PointCloud) -> sb.LatticeModel:
+    return sb.learn_patches(cloud, resolution=PIXEL)
+
+
+def test_patches_as_arrays_rebuild_the_surface(model):
+    patches = model.patches
+    m = len(model)
+    assert len(patches) == m == sum(level.patches for level in model.levels)
+    assert patches.poses.shape == (m, 4, 4)
+    assert patches.masks.shape == (m, 8, 8)
+    assert patches.coefficients.shape == (m, 21)
+    assert patches.sigma.shape == (m,)
+    rotations = patches.poses[:, :3, :3]
+    identity = np.broadcast_to(np.eye(3), (m, 3, 3))
+    np.testing.assert_allclose(rotations @ rotations.transpose(0, 2, 1), identity, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.det(rotations), 1, atol=1e-9)
+    # Depth at every set pixel's middle by the guide's formulas, put into the world.
+    x = (np.arange(8) - 3.5) / 4
+    shape = [np.ones(8), np.sqrt(3) * x]
+    shape += [np.sqrt(2) * np.cos(k * np.pi * (x + 1) / 2) for k in range(2, 6)]
+    degrees = [(o - j, j) for o in range(6) for j in range(o + 1)]
+    basis = np.array([np.outer(shape[j], shape[i]) for i, j in degrees])
+    depth = np.einsum("mk,krc->mrc", patches.coefficients, basis)
+    row, column = np.broadcast_arrays(x[:, None], x[None, :])
+    half = patches.size[:, None, None] / 2
+    local = np.stack([half * column, half * row, depth, np.ones_like(depth)], axis=-1)
+    world = np.einsum("mij,mrcj->mrci", patches.poses, local)[patches.masks][:, :3]
+    decoded = cKDTree(model.decode(resolution=0.002).points)
+    assert decoded.query(world)[0].max() < 0.003
+
+
+def test_sigma_is_that_of_the_noise(model):
+    weight = model.patches.masks.sum(axis=(1, 2)) * model.patches.size**2
+    sigma = np.average(model.patches.sigma, weights=weight)
+    # Rounded to quarter pixels, and to the thin side, since errors of decoded points count double.
+    assert 0.6 < sigma / NOISE < 1.15
+
+
+def test_filled_is_nearer_to_the_scan_and_thin_nearer_to_the_truth(cloud, model):
+    thin, filled = model.decode(0.005), model.decode(0.005, as_measured=True)
+    assert len(filled) > len(thin)
+    assert sb.evaluate(cloud, filled).rmse_backward < sb.evaluate(cloud, thin).rmse_backward
+    truth = np.abs(thin.points).min(axis=1)
+    assert np.sqrt((truth**2).mean()) < 0.5 * NOISE
+
+
+def test_a_file_gives_the_model_back(cloud, model, tmp_path):
+    path = tmp_path / "corner.sfb"
+    assert model.save(path) == path.stat().st_size == len(model.to_bytes())
+    again = sb.load(path)
+    assert isinstance(again, sb.LatticeModel)
+    assert again.to_bytes() == model.to_bytes()
+    np.testing.assert_array_equal(again.decode().points, model.decode().points)
+    info = sb.inspect(path)
+    assert info.options["method"] == "rate-distortion"
+    assert info.options["patches"] == len(model)
+    assert set(info.sections) == {"header", "geometry", "colour"}
+
+
+def test_the_same_bytes_for_any_number_of_threads(cloud):
+    before = sb.get_num_threads()
+    try:
+        files = set()
+        for n in (1, 2, 8):
+            sb.set_num_threads(n)
+            files.add(sb.learn_patches(cloud, resolution=0.02).to_bytes())
+    finally:
+        sb.set_num_threads(before)
+    assert len(files) == 1
+
+
+def test_options_are_those_of_the_method(cloud):
+    with pytest.raises(InvalidInputError, match="hscsm"):
+        sb.learn_patches(cloud, depth_atoms=10)
+    with pytest.raises(InvalidInputError, match="rate-distortion"):
+        sb.learn_patches(cloud, method="hscsm", max_error=0.1)
+    with pytest.raises(InvalidInputError, match="method is 'best'"):
+        sb.learn_patches(cloud, method="best")
+    with pytest.raises(InvalidInputError, match="no option 'colour_step'"):
+        sb.learn_patches(cloud, colour_step=3)
+    for wrong in ({"levels": 5}, {"rate": 0.0}, {"resolution": -1}, {"max_error": 0}):
+        with pytest.raises(InvalidInputError, match=next(iter(wrong)).replace("rate", "lambda")):
+            sb.learn_patches(cloud, **wrong)
+    with pytest.raises(InvalidInputError, match="empty"):
+        sb.learn_patches(sb.PointCloud(np.empty((0, 3))))
+
+
+def test_compress_verify_and_decompress(cloud, tmp_path, capsys):
+    rng = np.random.default_rng(0)
+    strays = sb.PointCloud(
+        np.concatenate([cloud.points, rng.uniform(0.2, 0.8, (40, 3))]),
+        colors=np.concatenate([cloud.colors, np.full((40, 3), 9, np.uint8)]),
+    )
+    ply, sfb, out = tmp_path / "in.ply", tmp_path / "m.sfb", tmp_path / "out.ply"
+    sb.write(ply, strays)
+    arguments = ["--resolution", "0.02", "--max-error", "0.05", "--quiet"]
+    assert main(["compress", str(ply), str(sfb), *arguments]) == 0
+    capsys.readouterr()
+    assert main(["verify", str(ply), str(sfb), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["kept"]
+    assert found["max_error"] == 0.05
+    assert found["largest"] <= 0.05
+    exact = cKDTree(sb.load(sfb).decode(as_measured=True).points).query(strays.points)[0].max()
+    assert abs(found["largest"] - exact) < 1e-6
+    assert main(["verify", str(ply), str(sfb), "--max-error", "0.001"]) == 1
+    assert "NOT kept" in capsys.readouterr().out
+    assert main(["decompress", str(sfb), str(out), "--as-measured", "--quiet"]) == 0
+    assert len(sb.read(out)) == len(sb.load(sfb).decode(as_measured=True))
+
+
+def test_what_only_one_method_has_is_refused_by_name(cloud, tmp_path, capsys):
+    ply, sfb = tmp_path / "in.ply", tmp_path / "m.sfb"
+    sb.write(ply, cloud)
+    command = ["compress", str(ply), str(sfb), "--resolution", "0.05", "--no-evaluate", "-q"]
+    assert main(command) == 0
+    assert main(["verify", str(ply), str(sfb)]) == 2
+    assert "--max-error" in capsys.readouterr().err
+    assert main([*command, "--dictionary", str(sfb)]) == 2
+    assert main([*command, "--method", "hscsm"]) == 0
+    assert main(["verify", str(ply), str(sfb)]) == 2
+    assert main(["decompress", str(sfb), str(tmp_path / "o.ply"), "--as-measured"]) == 2
+    assert "hscsm" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs ../shared/data beside the checkout")
+def test_a_real_frame_takes_less_than_sixty_kilobytes():
+    frame = sb.read(DATA / "rgbd_frame" / "table.pcd")
+    model = sb.learn_patches(frame, resolution=0.003, rate=0.05)
+    assert len(model.to_bytes()) < 60_000
+    quality = sb.evaluate(frame, model.decode(as_measured=True), normal_neighbors=None)
+    assert quality.rmse_pooled < 0.002
+    assert quality.color_rmse_pooled < 15.2
