@@ -30,15 +30,15 @@ def main() -> None:
     cloud = scan.cloud
     camera = report.choose_camera(cloud)
     for resolution in (0.04, 0.02, 0.01):
-        model = sb.learn_patches(cloud, resolution=resolution)
+        model = sb.learn_patches(cloud, method="hscsm", resolution=resolution)
         decoded = model.decode()
         print_figures(scan, model, decoded)
-    # The last one, at 1 cm, is the embedded default of scripts/run.sh.
+    # The last one, at 1 cm, is drawn.
     views = [draw(cloud, colors_of(cloud), camera), draw(decoded, colors_of(decoded), camera)]
     save(folder / "room.png", beside(views), colors=80)
 
     exact = datasets.simulated_room(n_poses=18, noise=0, pose_error=0)
-    model = sb.learn_patches(exact.cloud)
+    model = sb.learn_patches(exact.cloud, method="hscsm")
     decoded = model.decode()
     print_figures(exact, model, decoded)
     views = [
