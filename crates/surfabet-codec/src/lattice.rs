@@ -59,7 +59,8 @@ pub fn read(container: &Container<'_>, limits: &Limits) -> Result<LatticeModel> 
         let bytes = if expected.contains(&tag) { container.require(tag)? } else { &[] };
         Ok(Decoder::new(tag, bytes))
     };
-    let (mut geometry, mut color, mut points) = (stream(GEOMETRY)?, stream(COLOR)?, stream(POINTS)?);
+    let (mut geometry, mut color, mut points) =
+        (stream(GEOMETRY)?, stream(COLOR)?, stream(POINTS)?);
     geometry.check_count("number of patches", header.n_patches)?;
     points.check_count("number of points", header.n_extra)?;
     let limits = LatticeLimits { nodes: limits.max_items.min(limits.max_bytes / BYTES_PER_NODE) };

@@ -177,9 +177,8 @@ impl PyLatticeModel {
     /// Standard deviation of the scan about every patch, (m,), metres.
     fn sigma<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let quarter = 0.25 * self.of().geometry().pixel_size;
-        let sigma = |leaf: &lattice::Leaf| {
-            f64::from(leaf.patch.thickness) * quarter / 3.0_f64.sqrt()
-        };
+        let sigma =
+            |leaf: &lattice::Leaf| f64::from(leaf.patch.thickness) * quarter / 3.0_f64.sqrt();
         self.of().leaves().iter().map(sigma).collect::<Vec<f64>>().into_pyarray(py)
     }
 

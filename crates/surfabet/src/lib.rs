@@ -29,9 +29,9 @@ pub use surfabet_codec::patches::{dictionary_hash, shared_dictionary};
 pub use surfabet_codec::{Container, ContentHash, Family, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
+pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::patches::{
     self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,
 };
-pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::{Report, Stage};
 pub use surfabet_sparse as sparse;

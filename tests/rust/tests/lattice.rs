@@ -150,7 +150,8 @@ fn every_surface_point_belongs_to_one_patch() {
     let model = learn(&cloud, &LatticeOptions::default());
     let mut area = 0.0;
     for leaf in model.leaves() {
-        area += f64::from(leaf.patch.mask.count_ones()) * (PIXEL * f64::from(1 << leaf.level)).powi(2);
+        area +=
+            f64::from(leaf.patch.mask.count_ones()) * (PIXEL * f64::from(1 << leaf.level)).powi(2);
     }
     // Three squares of 1.2 m; rims and edges may add or lose a pixel.
     let exact = 3.0 * 1.2 * 1.2;
@@ -291,7 +292,8 @@ fn huge_coordinates_keep_their_millimetres() {
     let mut parts = near.clone().into_parts();
     parts.origin = [691_000.25, 5_334_000.5, 512.125];
     let far = PointCloud::from_parts(parts).unwrap().0;
-    let (a, b) = (learn(&near, &LatticeOptions::default()), learn(&far, &LatticeOptions::default()));
+    let (a, b) =
+        (learn(&near, &LatticeOptions::default()), learn(&far, &LatticeOptions::default()));
     let (a, b) = (decode(&a, 0.005, false), decode(&b, 0.005, false));
     assert_eq!(a.positions(), b.positions());
     assert_eq!(b.origin(), far.origin());
@@ -360,7 +362,10 @@ fn small_model() -> LatticeModel {
     colors.push([1, 2, 3]);
     parts.colors = Some(colors);
     let cloud = PointCloud::from_parts(parts).unwrap().0;
-    learn(&cloud, &LatticeOptions { max_error: Some(0.01), color_step: 20, ..LatticeOptions::default() })
+    learn(
+        &cloud,
+        &LatticeOptions { max_error: Some(0.01), color_step: 20, ..LatticeOptions::default() },
+    )
 }
 
 #[test]

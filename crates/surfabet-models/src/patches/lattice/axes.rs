@@ -68,11 +68,12 @@ impl Orientation {
     pub(super) fn of(cloud: &PointCloud, cell: f32) -> Self {
         let normals = normals(cloud, cell);
         let Some(first) = strongest(&normals, |_| true) else { return Self::default() };
-        let second = strongest(&normals, |c| dot(c, first).abs() < ORTHOGONAL).unwrap_or_else(|| {
-            // Nothing else stands across the first axis: any direction does.
-            let axis = (0..3).min_by(|&a, &b| first[a].abs().total_cmp(&first[b].abs()));
-            std::array::from_fn(|a| f64::from(u8::from(Some(a) == axis)))
-        });
+        let second =
+            strongest(&normals, |c| dot(c, first).abs() < ORTHOGONAL).unwrap_or_else(|| {
+                // Nothing else stands across the first axis: any direction does.
+                let axis = (0..3).min_by(|&a, &b| first[a].abs().total_cmp(&first[b].abs()));
+                std::array::from_fn(|a| f64::from(u8::from(Some(a) == axis)))
+            });
         let mut axes = orthonormal(first, second);
         for _ in 0..ROUNDS {
             // Directions as close to the means as a rotation can be (orthogonal Procrustes).
@@ -141,7 +142,8 @@ fn strongest(
         .par_iter()
         .map(|c| normals.iter().filter(|(n, _)| dot(*n, *c).abs() >= NEAR).map(|n| n.1).sum())
         .collect();
-    let best = (0..candidates.len()).max_by(|&a, &b| votes[a].total_cmp(&votes[b]).then(b.cmp(&a)))?;
+    let best =
+        (0..candidates.len()).max_by(|&a, &b| votes[a].total_cmp(&votes[b]).then(b.cmp(&a)))?;
     Some(candidates[best])
 }
 
@@ -206,6 +208,9 @@ mod tests {
     #[test]
     fn no_planes_no_turn() {
         let line = (0..100).map(|i| [i as f32 * 0.01, 0.0, 0.0]).collect();
-        assert_eq!(Orientation::of(&PointCloud::from_positions(line).0, 0.1), Orientation::default());
+        assert_eq!(
+            Orientation::of(&PointCloud::from_positions(line).0, 0.1),
+            Orientation::default()
+        );
     }
 }

@@ -112,7 +112,8 @@ mod tests {
     fn every_shape_has_a_mean_square_of_one() {
         let n = 400;
         for k in 0..=ORDER {
-            let square = (0..n).map(|i| value(k, (2 * i + 1) as f64 / n as f64 - 1.0).powi(2)).sum::<f64>();
+            let square =
+                (0..n).map(|i| value(k, (2 * i + 1) as f64 / n as f64 - 1.0).powi(2)).sum::<f64>();
             assert!((square / f64::from(n) - 1.0).abs() < 1e-4, "{k}");
         }
     }
@@ -122,7 +123,8 @@ mod tests {
         for i in 0..=200 {
             let x = f64::from(i) / 100.0 - 1.0;
             for k in 2..=ORDER {
-                let exact = 2.0_f64.sqrt() * (k as f64 * core::f64::consts::PI * (x + 1.0) / 2.0).cos();
+                let exact =
+                    2.0_f64.sqrt() * (k as f64 * core::f64::consts::PI * (x + 1.0) / 2.0).cos();
                 assert!((value(k, x) - exact).abs() < 1e-12);
                 let h = 1e-6;
                 let slope = (value(k, x + h) - value(k, x - h)) / (2.0 * h);

@@ -139,7 +139,8 @@ impl Choice<'_> {
             row * PATCH_PIXELS as usize + c
         };
         let (mask, mut cost) = self.mask(of, runs, level, corner, cell);
-        let mut inside: Vec<Run> = runs.iter().filter(|r| mask >> cell(r) & 1 != 0).copied().collect();
+        let mut inside: Vec<Run> =
+            runs.iter().filter(|r| mask >> cell(r) & 1 != 0).copied().collect();
         let seen = inside.iter().fold(0_u64, |seen, r| seen | 1 << cell(r));
         fill_holes(&mut inside, mask & !seen, level, corner, of.density);
         let shape = self.shape(&inside, level, corner);
@@ -289,7 +290,8 @@ impl Choice<'_> {
             chosen.push(next);
         }
         // One coefficient is always solved for: its weight is positive.
-        let mut best = best.unwrap_or_else(|| self.priced(LatticePatch::default(), runs, &values, l));
+        let mut best =
+            best.unwrap_or_else(|| self.priced(LatticePatch::default(), runs, &values, l));
         for k in (1..N_SHAPES).rev() {
             let c = best.patch.coefficients[k];
             if c == 0 {

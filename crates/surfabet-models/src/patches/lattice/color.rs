@@ -97,8 +97,12 @@ fn pyramid(nodes: &[u64], targets: Option<&[[f32; 3]]>) -> Vec<Level> {
     }];
     while levels[levels.len() - 1].keys.len() > 1 {
         let below = &levels[levels.len() - 1];
-        let mut level =
-            Level { keys: Vec::new(), weights: Vec::new(), children: Vec::new(), targets: Vec::new() };
+        let mut level = Level {
+            keys: Vec::new(),
+            weights: Vec::new(),
+            children: Vec::new(),
+            targets: Vec::new(),
+        };
         for (i, key) in (0..).zip(&below.keys) {
             if level.keys.last() != Some(&(key >> 3)) {
                 level.keys.push(key >> 3);
@@ -261,7 +265,8 @@ pub(super) fn code_colors<C: Coder>(
     };
     let levels = pyramid(nodes, targets);
     let top = levels.len() - 1;
-    let mut walk = Walk { coder, models, steps, source, coefficients: Vec::with_capacity(3 * nodes.len()) };
+    let mut walk =
+        Walk { coder, models, steps, source, coefficients: Vec::with_capacity(3 * nodes.len()) };
     let mut means = vec![walk.mean(&levels[top])?];
     let mut activity = vec![0_u8];
     for l in (0..top).rev() {
@@ -367,7 +372,9 @@ impl<C: Coder> Walk<'_, C> {
             }
             Source::Targets { lambda, .. } => {
                 let mut residuals = [[0.0_f32; 8]; 3];
-                for (i, (&o, target)) in cell.octants.iter().zip(cell.targets.unwrap_or(&[])).enumerate() {
+                for (i, (&o, target)) in
+                    cell.octants.iter().zip(cell.targets.unwrap_or(&[])).enumerate()
+                {
                     let root = cell.weights[i].sqrt();
                     (0..3).for_each(|c| residuals[c][o] = root * (target[c] - decoded[i][c]));
                 }

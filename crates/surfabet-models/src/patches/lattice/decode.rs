@@ -85,7 +85,11 @@ impl LatticeModel {
         let scale = pixel as f32;
         let parts = CloudParts {
             origin: self.geometry().origin,
-            positions: all.positions.into_par_iter().map(|p| rotate(p.map(|c| c * scale))).collect(),
+            positions: all
+                .positions
+                .into_par_iter()
+                .map(|p| rotate(p.map(|c| c * scale)))
+                .collect(),
             colors: self.has_color().then_some(all.colors),
             normals: options.normals.then(|| all.normals.into_par_iter().map(rotate).collect()),
             ..CloudParts::default()
@@ -142,13 +146,18 @@ impl<'a> Decoder<'a> {
 
     fn layers(&self, leaf: &Leaf) -> usize {
         let thickness = f64::from(leaf.patch.thickness) / 4.0;
-        if self.options.as_measured { ((2.0 * thickness / self.spacing).round() as usize).max(1) } else { 1 }
+        if self.options.as_measured {
+            ((2.0 * thickness / self.spacing).round() as usize).max(1)
+        } else {
+            1
+        }
     }
 
     /// Most points that all patches give.
     fn bound(&self) -> f64 {
         let of = |leaf: &Leaf| {
-            let per_pixel = self.grids[leaf.level as usize].at.len() as f64 / f64::from(PATCH_PIXELS);
+            let per_pixel =
+                self.grids[leaf.level as usize].at.len() as f64 / f64::from(PATCH_PIXELS);
             let set = f64::from(leaf.patch.mask.count_ones());
             (set * per_pixel.ceil().powi(2)).max(1.0) * self.layers(leaf) as f64
         };

@@ -111,9 +111,8 @@ pub fn learn(
 fn check_extent(cloud: &PointCloud, options: &LatticeOptions) -> Result<()> {
     let Some((low, high)) = cloud.bounds() else { return Err(Error::EmptyCloud) };
     let origin = cloud.origin();
-    let squared: f64 = (0..3)
-        .map(|a| (low[a] - origin[a]).abs().max((high[a] - origin[a]).abs()).powi(2))
-        .sum();
+    let squared: f64 =
+        (0..3).map(|a| (low[a] - origin[a]).abs().max((high[a] - origin[a]).abs()).powi(2)).sum();
     let extent = squared.sqrt();
     // Samples of half a pixel must have cells of their own, and single precision must resolve a twentieth of a
     // pixel at the far end.
@@ -185,7 +184,8 @@ fn keep_far_points(
     bound: f64,
     progress: &dyn Progress,
 ) -> Result<LatticeModel> {
-    let decoded = model.decode(DecodeOptions { as_measured: true, ..DecodeOptions::default() }, progress)?;
+    let decoded =
+        model.decode(DecodeOptions { as_measured: true, ..DecodeOptions::default() }, progress)?;
     let rows = model.geometry().orientation.rotation();
     // Half of what rounding to single precision may add on both sides.
     let limit = bound - 1e-6 * bound.max(1.0);

@@ -280,7 +280,8 @@ impl LatticeModel {
         extra: &mut C,
     ) -> Result<Self, C::Error> {
         let LatticeHeader { origin, orientation, pixel_size, levels, depth_step, .. } = *header;
-        let mut of = Geometry { origin, orientation, pixel_size, levels, depth_step, roots: Vec::new() };
+        let mut of =
+            Geometry { origin, orientation, pixel_size, levels, depth_step, roots: Vec::new() };
         of.check().map_err(|e| geometry.corrupt(e.to_string()))?;
         let n_patches = usize::try_from(header.n_patches).unwrap_or(usize::MAX);
         code_geometry(geometry, &mut GeometryModels::default(), &mut of, n_patches)?;
@@ -304,7 +305,11 @@ impl LatticeModel {
         let n_extra = usize::try_from(header.n_extra).unwrap_or(usize::MAX);
         let points = code_points(extra, &mut PointModels::default(), &[], n_extra)?;
         if points.len() != n_extra || !positive(header.extra_size) {
-            let what = format!("{} points of size {} instead of {n_extra}", points.len(), header.extra_size);
+            let what = format!(
+                "{} points of size {} instead of {n_extra}",
+                points.len(),
+                header.extra_size
+            );
             return Err(extra.corrupt(what));
         }
         if header.max_error.is_some_and(|e| !positive(e)) {

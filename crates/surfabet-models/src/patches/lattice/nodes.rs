@@ -8,8 +8,8 @@ use std::hash::{BuildHasherDefault, Hasher};
 use rayon::prelude::*;
 
 use super::basis::{Basis, FRACTION, N_SHAPES};
-use super::model::{Geometry, PATCH_PIXELS};
 use super::leaves::Leaf;
+use super::model::{Geometry, PATCH_PIXELS};
 use super::sheets::axes_of;
 
 /// Bits of a cell coordinate.

@@ -55,7 +55,11 @@ impl LatticeOptions {
     pub fn check(&self) -> Result<()> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         if !positive(self.resolution) {
-            return Err(Error::invalid("resolution", self.resolution, "a positive number of metres"));
+            return Err(Error::invalid(
+                "resolution",
+                self.resolution,
+                "a positive number of metres",
+            ));
         }
         if !(1..=MAX_LEVELS).contains(&self.levels) {
             return Err(Error::invalid("levels", self.levels, "1 to 4"));
@@ -69,7 +73,11 @@ impl LatticeOptions {
             }
         }
         if !(1..=256).contains(&self.depth_step) {
-            return Err(Error::invalid("depth_step", self.depth_step, "1 to 256 sixteenths of a pixel"));
+            return Err(Error::invalid(
+                "depth_step",
+                self.depth_step,
+                "1 to 256 sixteenths of a pixel",
+            ));
         }
         if !(1..=1024).contains(&self.color_step) {
             return Err(Error::invalid("color_step", self.color_step, "1 to 1024"));

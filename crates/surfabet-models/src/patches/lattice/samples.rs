@@ -62,7 +62,8 @@ impl Samples {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let to_world = orientation.rotation();
-        let rows: [[f32; 3]; 3] = std::array::from_fn(|a| std::array::from_fn(|k| to_world[k][a] as f32));
+        let rows: [[f32; 3]; 3] =
+            std::array::from_fn(|a| std::array::from_fn(|k| to_world[k][a] as f32));
         let cell = (SAMPLE_SIZE * resolution) as f32;
         let rotated: Vec<[f32; 3]> =
             cloud.positions().par_iter().map(|&p| rotate(&rows, p)).collect();

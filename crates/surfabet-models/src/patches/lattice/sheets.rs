@@ -153,14 +153,13 @@ fn grow_tile(tile: &[(u128, f32, f32)], side_pixels: usize) -> Vec<Sheet> {
                     continue;
                 }
                 let distance = du.abs().max(dv.abs()) as f32;
-                let nearest = by_pixel[pixel]
-                    .clone()
-                    .map(|j| j as usize)
-                    .filter(|&j| !taken[j])
-                    .min_by(|&a, &b| {
-                        let off = |j: usize| (runs[j].depth - run.depth).abs();
-                        off(a).total_cmp(&off(b))
-                    });
+                let nearest =
+                    by_pixel[pixel].clone().map(|j| j as usize).filter(|&j| !taken[j]).min_by(
+                        |&a, &b| {
+                            let off = |j: usize| (runs[j].depth - run.depth).abs();
+                            off(a).total_cmp(&off(b))
+                        },
+                    );
                 let Some(j) = nearest else { continue };
                 let gate = STEP * distance + 0.5 * (run.half + runs[j].half);
                 if (runs[j].depth - run.depth).abs() <= gate {
@@ -186,9 +185,8 @@ fn grow_tile(tile: &[(u128, f32, f32)], side_pixels: usize) -> Vec<Sheet> {
             Sheet { side, tile: at, runs, small }
         })
         .collect();
-    let mean = |s: &Sheet| {
-        s.runs.iter().map(|r| f64::from(r.depth)).sum::<f64>() / s.runs.len() as f64
-    };
+    let mean =
+        |s: &Sheet| s.runs.iter().map(|r| f64::from(r.depth)).sum::<f64>() / s.runs.len() as f64;
     sheets.sort_by(|a, b| mean(a).total_cmp(&mean(b)));
     sheets
 }
@@ -207,7 +205,8 @@ fn join(
         members.iter().for_each(|&i| sheet_of[i] = s);
     }
     let samples = |members: &[usize]| members.iter().map(|&i| runs[i].n).sum::<f32>();
-    let mut order: Vec<usize> = (0..sheets.len()).filter(|&s| samples(&sheets[s]) < SMALL).collect();
+    let mut order: Vec<usize> =
+        (0..sheets.len()).filter(|&s| samples(&sheets[s]) < SMALL).collect();
     order.sort_by(|&a, &b| samples(&sheets[a]).total_cmp(&samples(&sheets[b])).then(a.cmp(&b)));
     for small in order {
         // Contacts with other sheets, and those that share a pixel with this one.
@@ -232,7 +231,8 @@ fn join(
                         }
                         let distance = du.abs().max(dv.abs()) as f32;
                         let near = &runs[j as usize];
-                        let gate = STEP * distance.max(0.5 * scale as f32) + 0.5 * (run.half + near.half);
+                        let gate =
+                            STEP * distance.max(0.5 * scale as f32) + 0.5 * (run.half + near.half);
                         if (near.depth - run.depth).abs() <= gate {
                             match contacts.iter_mut().find(|c| c.0 == other) {
                                 Some(contact) => contact.1 += 1,

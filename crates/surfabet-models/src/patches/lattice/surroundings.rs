@@ -154,8 +154,12 @@ impl Surroundings {
         let width = PATCH_PIXELS << place.level;
         let [u, v] = place.corner;
         let middle = width / 2;
-        let beside =
-            [[u - 1, v + middle], [u + middle, v - 1], [u + width, v + middle], [u + middle, v + width]];
+        let beside = [
+            [u - 1, v + middle],
+            [u + middle, v - 1],
+            [u + width, v + middle],
+            [u + middle, v + width],
+        ];
         let center = [2 * u + width, 2 * v + width];
         let (mut depth, mut thickness, mut voices, mut finer) = (0_i64, 0, 0, 0);
         for pixel in beside {
@@ -201,7 +205,9 @@ impl Surroundings {
                     let bound = i64::from(super::model::MAX_DEPTH);
                     let depth = depth.clamp(-bound, bound) as i32;
                     if found.len() < MAX_CANDIDATES
-                        && found.iter().all(|f| (i64::from(*f - depth) << FRACTION).abs() * 2 > self.reach)
+                        && found
+                            .iter()
+                            .all(|f| (i64::from(*f - depth) << FRACTION).abs() * 2 > self.reach)
                     {
                         found.push(depth);
                     }

@@ -4,7 +4,8 @@ use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
 
 use super::basis::N_SHAPES;
 use super::model::{
-    Geometry, LatticePatch, MAX_DEPTH, MAX_LEVELS, MAX_THICKNESS, MAX_TILE, Node, PATCH_PIXELS, Root,
+    Geometry, LatticePatch, MAX_DEPTH, MAX_LEVELS, MAX_THICKNESS, MAX_TILE, Node, PATCH_PIXELS,
+    Root,
 };
 use super::surroundings::{Place, Placed, Surroundings, UNKNOWN};
 
@@ -130,13 +131,21 @@ impl<C: Coder> Sheets<'_, C> {
         let height = u32::BITS - span.leading_zeros();
         let height = self.coder.bypass(u64::from(height), HEIGHT_BITS)? as u32;
         if height > 21 || low.iter().any(|l| l.abs() > MAX_TILE) {
-            return Err(self.coder.corrupt(format!("tiles from {low:?} over 2^{height} are out of range")));
+            return Err(self
+                .coder
+                .corrupt(format!("tiles from {low:?} over 2^{height} are out of range")));
         }
         self.tiles(side, low, height, &given)
     }
 
     /// The square of `2^height` tiles from `corner`.
-    fn tiles(&mut self, side: u8, corner: [i32; 2], height: u32, given: &[Root]) -> Result<(), C::Error> {
+    fn tiles(
+        &mut self,
+        side: u8,
+        corner: [i32; 2],
+        height: u32,
+        given: &[Root],
+    ) -> Result<(), C::Error> {
         if height == 0 {
             return self.tile(side, corner, given);
         }
@@ -195,13 +204,16 @@ impl<C: Coder> Sheets<'_, C> {
             if read > 0 {
                 return match candidates.get(read - 1) {
                     Some(&base) => Ok(base),
-                    None => Err(self.coder.corrupt(format!("surface {read} of {}", candidates.len()))),
+                    None => {
+                        Err(self.coder.corrupt(format!("surface {read} of {}", candidates.len())))
+                    }
                 };
             }
         }
         let coarse = i64::from((depth - self.last_base).div_euclid(COARSE)) as i32;
         let read = self.coder.sint(&mut self.models.base, coarse)?;
-        let base = i64::from(self.last_base) + i64::from(read) * i64::from(COARSE) + i64::from(COARSE / 2);
+        let base =
+            i64::from(self.last_base) + i64::from(read) * i64::from(COARSE) + i64::from(COARSE / 2);
         if base.abs() > i64::from(MAX_DEPTH) {
             return Err(self.coder.corrupt(format!("a sheet at depth {base}")));
         }
@@ -209,7 +221,12 @@ impl<C: Coder> Sheets<'_, C> {
         Ok(self.last_base)
     }
 
-    fn node(&mut self, place: Place, given: Option<&Node>, is_root: bool) -> Result<Node, C::Error> {
+    fn node(
+        &mut self,
+        place: Place,
+        given: Option<&Node>,
+        is_root: bool,
+    ) -> Result<Node, C::Error> {
         let level = place.level as usize;
         let width = PATCH_PIXELS << place.level;
         let [u, v] = place.corner;
@@ -257,9 +274,12 @@ impl<C: Coder> Sheets<'_, C> {
         self.shapes(level, &given, &mut patch)?;
         let difference = i32::from(given.thickness) - prediction.thickness;
         let model = &mut self.models.thickness[usize::from(prediction.voices > 0)];
-        let thickness = i64::from(prediction.thickness) + i64::from(self.coder.sint(model, difference)?);
+        let thickness =
+            i64::from(prediction.thickness) + i64::from(self.coder.sint(model, difference)?);
         if !(0..=i64::from(MAX_THICKNESS)).contains(&thickness) {
-            return Err(self.coder.corrupt(format!("a half thickness of {thickness} quarter pixels")));
+            return Err(self
+                .coder
+                .corrupt(format!("a half thickness of {thickness} quarter pixels")));
         }
         patch.thickness = thickness as u8;
         if self.around.patches.len() == self.max_patches {
@@ -294,8 +314,12 @@ impl<C: Coder> Sheets<'_, C> {
                 }
             };
             let around = &self.around;
-            let states =
-                [state(around, -1, 0), state(around, 0, -1), state(around, -1, -1), state(around, 1, -1)];
+            let states = [
+                state(around, -1, 0),
+                state(around, 0, -1),
+                state(around, -1, -1),
+                state(around, 1, -1),
+            ];
             let set = self.coder.bit(self.models.pixel(level, states), given >> bit & 1 != 0)?;
             mask |= u64::from(set) << bit;
         }

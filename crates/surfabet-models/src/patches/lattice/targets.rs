@@ -22,7 +22,9 @@ pub(super) fn targets(samples: &Samples, nodes: &[u64], cell: f32) -> Vec<[f32; 
         for neighbour in 0..27_usize {
             let mut key = own;
             let mut squared = 0.0;
-            for (axis, place) in [neighbour % 3, neighbour / 3 % 3, neighbour / 9].into_iter().enumerate() {
+            for (axis, place) in
+                [neighbour % 3, neighbour / 3 % 3, neighbour / 9].into_iter().enumerate()
+            {
                 let offset = place as f32 - 1.0;
                 if place != 1 {
                     key = step(key, axis, place == 2);
@@ -37,8 +39,7 @@ pub(super) fn targets(samples: &Samples, nodes: &[u64], cell: f32) -> Vec<[f32; 
         }
         best.map(|b| b.1)
     };
-    let owners: Vec<Option<u32>> =
-        samples.samples.par_iter().map(|s| owner(s.position)).collect();
+    let owners: Vec<Option<u32>> = samples.samples.par_iter().map(|s| owner(s.position)).collect();
     let mut sums = vec![[0.0_f32; 4]; nodes.len()];
     for (owner, sample) in owners.iter().zip(&samples.samples) {
         if let Some(i) = owner {
