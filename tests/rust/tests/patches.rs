@@ -229,7 +229,7 @@ fn sheets_apart_by_more_than_two_pixels_need_no_viewpoints() {
     let strays = off().filter(|d| *d > 0.0015).count() as f64 / decoded.len() as f64;
     // A mean of both sheets would be 12.5 mm away from either.
     assert!(rms < 0.0015 && worst < PIXEL, "{rms} rms, {worst} at worst");
-    assert!(strays < 0.1, "{strays} off by more than 1.5 mm");
+    assert!(strays < 0.05, "{strays} off by more than 1.5 mm");
 }
 
 #[test]
@@ -394,8 +394,7 @@ fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
     let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
     let smooth = patches::learn(&points_of(&[flat], 0.0025), &with_levels(3), &Silent).unwrap();
     let area: Vec<f64> = smooth.levels().iter().map(|l| l.covered_area()).collect();
-    // A tiling may begin anywhere, so that of 4 x 4 patches at least 3 x 3 fit.
-    assert!(area[0] > 0.5 * 0.64 * 0.64, "{area:?}");
+    assert!(area[0] > 0.8 * 0.64 * 0.64, "{area:?}");
     let comb: Vec<Rectangle> = (0..40)
         .map(|i| {
             let z = if i % 2 == 0 { 0.0 } else { 0.03 };
@@ -404,7 +403,7 @@ fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
         .collect();
     let rough = patches::learn(&points_of(&comb, 0.0025), &with_levels(3), &Silent).unwrap();
     let area: Vec<f64> = rough.levels().iter().map(|l| l.covered_area()).collect();
-    assert!(area[2] > 0.7 * area.iter().sum::<f64>(), "{area:?}");
+    assert!(area[2] > 0.8 * area.iter().sum::<f64>(), "{area:?}");
     assert_all_owned(&rough);
 }
 
@@ -434,9 +433,9 @@ fn deviating_colors_go_to_the_level_below() {
     };
     let half = 0.32 * 0.32;
     let (strict, open) = (area(50.0), area(150.0));
-    assert!(strict[0] > 0.5 * half && strict[0] < 1.2 * half, "{strict:?}");
+    assert!(strict[0] > 0.8 * half && strict[0] < 1.1 * half, "{strict:?}");
     assert!(strict[1] > 0.9 * half, "{strict:?}");
-    assert!(open[0] > half, "{open:?}");
+    assert!(open[0] > 1.6 * half, "{open:?}");
 }
 
 #[test]
@@ -449,7 +448,7 @@ fn the_deviation_of_a_pixel_is_that_of_its_points() {
         model.levels()[0].covered_area() / (0.4 * 0.4)
     };
     let (strict, open) = (lower(0.0015), lower(0.0025));
-    assert!(strict < 0.01 && open > 0.3, "{strict}, {open}");
+    assert!(strict < 0.01 && open > 0.8, "{strict}, {open}");
 }
 
 #[test]
@@ -458,11 +457,11 @@ fn faces_of_a_thin_wall_stay_apart_on_every_level() {
     let back = rectangle([0.0, 0.0, -0.003], [0.0, 0.64, 0.0], [0.64, 0.0, 0.0]);
     let input = seen_from_front(&[front, back], 0.0025);
     let model = patches::learn(&input, &with_levels(3), &Silent).unwrap();
-    assert!(model.levels()[0].covered_area() > 0.2 * 0.64 * 0.64);
+    assert!(model.levels()[0].covered_area() > 1.6 * 0.64 * 0.64);
     let decoded = decode(&model, None);
     let across = decoded.positions().iter().map(|p| f64::from((p[2].abs() - 0.003).abs()));
-    let across = root_mean_square(across);
-    assert!(across < 0.001, "{across}");
+    let across = largest(across);
+    assert!(across < 0.0025, "{across}");
 }
 
 #[test]

@@ -36,8 +36,8 @@ const LINE: f64 = 1e-6;
 
 /// Above the lowest level the mean place of a pixel's samples is off its centre by at most this many pixels:
 /// beyond, the surface ends inside the pixel, and the smaller pixels of the level below follow its rim. Samples
-/// of half a pixel that cover all of one may be off by a quarter.
-const MAX_PIXEL_OFFSET: f64 = 0.3;
+/// of a quarter of a pixel that cover all of one are off by an eighth at most.
+const MAX_PIXEL_OFFSET: f64 = 0.2;
 
 /// Most pixels of a patch.
 const MAX_AREA: usize = 32 * 32;
@@ -92,7 +92,8 @@ pub(super) struct Rules {
 #[derive(Clone, Copy, Default)]
 struct PixelSums {
     weight: f64,
-    /// Along the patch's x- and y-axes.
+    count: f64,
+    /// Along the patch's x- and y-axes, without weights: where samples are, not how well they were seen.
     place: [f64; 2],
     depth: f64,
     depth_square: f64,
@@ -109,8 +110,9 @@ impl PixelSums {
             + z[2] * z[2] * zz;
         let (w, d) = (f64::from(s.weight), f64::from(local[2]));
         self.weight += w;
-        self.place[0] += w * f64::from(local[0]);
-        self.place[1] += w * f64::from(local[1]);
+        self.count += 1.0;
+        self.place[0] += f64::from(local[0]);
+        self.place[1] += f64::from(local[1]);
         self.depth += w * d;
         self.depth_square += w * (d * d + f64::from(spread));
         let color = s.color.map(f64::from);
@@ -153,7 +155,7 @@ impl Rules {
         let half = 0.5 * (grid.n as f64 - 1.0);
         let side = f64::from(grid.pixel);
         let off = |sum: f64, index: usize| {
-            (sum / sums.weight - (index as f64 - half) * side).abs() / side
+            (sum / sums.count - (index as f64 - half) * side).abs() / side
         };
         self.max_depth_variance == f64::INFINITY
             || self.steady(sums)
@@ -207,11 +209,14 @@ pub(super) struct Scratch {
     offsets: Vec<([f32; 3], f32)>,
 }
 
-/// The samples of a level, of half a pixel, and the points of a whole pixel that they are merged to.
+/// The samples, of half a pixel of the lowest level, and the points of about a pixel that they are merged to.
 pub(super) struct Field<'a> {
     pub samples: &'a Samples,
-    /// The sub-sampled cloud at the size of a pixel: candidates, and what coverage is counted on.
+    /// The sub-sampled cloud that coverage is counted on: of a pixel at the lowest level, which has no least
+    /// coverage, of half a pixel above it, so that every pixel of a covered surface holds a point.
     pub points: Samples,
+    /// Doublings from a point's cell to a pixel.
+    pub point_doublings: u32,
     /// Their positions again, close together in memory.
     positions: Vec<[f32; 3]>,
     /// Samples of each point.
@@ -224,8 +229,10 @@ pub(super) struct Field<'a> {
 }
 
 impl<'a> Field<'a> {
-    pub fn new(samples: &'a Samples, grid: Grid, rules: Rules) -> Self {
-        let (points, children) = samples.coarser(1);
+    /// The field of the level whose pixels were doubled `doublings` times.
+    pub fn new(samples: &'a Samples, doublings: u32, grid: Grid, rules: Rules) -> Self {
+        let (points, children) = samples.coarser(doublings.max(1));
+        let point_doublings = u32::from(doublings > 0);
         let mut parents = vec![0; samples.len()];
         for point in 0..points.len() {
             for &i in children.of(point) {
@@ -233,9 +240,16 @@ impl<'a> Field<'a> {
             }
         }
         // Cells of about half a patch: few to look up, few points in vain.
-        let cells = Cells::new(&points, (grid.n / 2).max(1).ilog2());
+        let cells = Cells::new(&points, (grid.n / 2).max(1).ilog2() + point_doublings);
         let positions = points.all.iter().map(|s| s.position).collect();
-        Self { samples, points, positions, children, parents, cells, grid, rules }
+        Self { samples, points, point_doublings, positions, children, parents, cells, grid, rules }
+    }
+
+    /// One point per pixel-sized cube: the middle one along the Morton curve.
+    pub fn candidates(&self) -> Vec<u32> {
+        let cube = |k: u32| self.points.all[k as usize].key >> (3 * self.point_doublings);
+        let all: Vec<u32> = (0..self.points.len() as u32).collect();
+        all.chunk_by(|&a, &b| cube(a) == cube(b)).map(|c| c[c.len() / 2]).collect()
     }
 
     pub fn ownership(&self) -> Ownership {

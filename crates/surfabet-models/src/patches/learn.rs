@@ -112,29 +112,17 @@ fn learn_level(
         position_step: (POSITION_STEP * pixel_size) as f32,
     };
     let doublings = options.doublings(j);
-    let coarse = (doublings > 0).then(|| report.time("merging points", || rest.coarser(doublings)));
-    let samples = coarse.as_ref().map_or(&*rest, |(samples, _)| samples);
-    progress.check()?;
     let placed = report.time("placing patches", || {
-        place(samples, grid, rules(options, j), options.placement, progress)
+        place(rest, doublings, grid, rules(options, j), options.placement, progress)
     })?;
     let placed = in_storing_order(placed, pixel_size, options.patch_pixels);
-    let images = report.time("projecting patches", || project(samples, &placed, grid));
+    let images = report.time("projecting patches", || project(rest, &placed, grid));
     progress.check()?;
 
     let mut keep = vec![true; rest.len()];
-    for &i in placed.iter().flat_map(|p| &p.members) {
-        match &coarse {
-            Some((_, groups)) => {
-                groups.of(i as usize).iter().for_each(|&s| keep[s as usize] = false);
-            }
-            None => keep[i as usize] = false,
-        }
-    }
+    placed.iter().flat_map(|p| &p.members).for_each(|&i| keep[i as usize] = false);
     let taken = keep.iter().filter(|k| !**k).count();
     let distance = neighbour_distance(&placed, grid, progress)?;
-    // What is left is smaller; the samples of this level are no longer needed.
-    drop(coarse);
     rest.retain(&keep);
 
     let steps = steps(options, j);

@@ -87,12 +87,13 @@ struct Placer<'a> {
 /// Places patches: as many as satisfy the rules, which at the lowest level means until every sample is owned.
 pub(super) fn place(
     samples: &Samples,
+    doublings: u32,
     grid: Grid,
     rules: Rules,
     placement: Placement,
     progress: &dyn Progress,
 ) -> Result<Vec<Placed>> {
-    let field = Field::new(samples, grid, rules);
+    let field = Field::new(samples, doublings, grid, rules);
     progress.check()?;
     let ownership = field.ownership();
     let stale = vec![true; field.points.len()];
@@ -154,7 +155,7 @@ impl Placer<'_> {
         let lowest = self.field.rules.min_pixels;
         let tiling = self.needed(TILING_COVERAGE);
         let mut buckets: Vec<Vec<u32>> = vec![Vec::new(); area + 1];
-        buckets[area] = (0..self.field.points.len() as u32).collect();
+        buckets[area] = self.field.candidates();
         for score in (lowest..=area).rev() {
             let (chunk, batch) = if score >= tiling { (TILING_CHUNK, 1) } else { (CHUNK, BATCH) };
             while !buckets[score].is_empty() {
@@ -345,7 +346,8 @@ impl Placer<'_> {
     fn subsampled(&mut self, progress: &dyn Progress) -> Result<()> {
         let lowest = self.field.rules.min_pixels;
         // Cubes of points whose side is nearest to a patch size.
-        let doublings = (self.field.grid.n as f32).log2().round() as u32;
+        let doublings =
+            (self.field.grid.n as f32).log2().round() as u32 + self.field.point_doublings;
         loop {
             self.notify(progress)?;
             let mut seeds: Vec<u32> = Vec::new();
