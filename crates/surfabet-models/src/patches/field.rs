@@ -31,6 +31,12 @@ const FIT_POINTS: usize = 512;
 /// what the best plane explains: parallel neighbours join without gaps.
 const SAME_NORMAL: f32 = 0.95;
 
+/// The plane of a seed is fitted to the points on it at most this often; it moves little after the second time.
+const REFITS: usize = 4;
+
+/// Refitting ends when the normal turns by less than this, radians.
+const SAME_ANGLE: f32 = 1e-3;
+
 /// Points whose second variance is below this fraction of the first lie on a line.
 const LINE: f64 = 1e-6;
 
@@ -154,9 +160,8 @@ impl Rules {
     fn accept(&self, sums: &PixelSums, pixel: usize, grid: Grid) -> bool {
         let half = 0.5 * (grid.n as f64 - 1.0);
         let side = f64::from(grid.pixel);
-        let off = |sum: f64, index: usize| {
-            (sum / sums.count - (index as f64 - half) * side).abs() / side
-        };
+        let off =
+            |sum: f64, index: usize| (sum / sums.count - (index as f64 - half) * side).abs() / side;
         self.max_depth_variance == f64::INFINITY
             || self.steady(sums)
                 && off(sums.place[0], pixel % grid.n) <= MAX_PIXEL_OFFSET
@@ -197,7 +202,6 @@ struct Neighbour {
     /// Its squared length.
     squared: f32,
     weight: f32,
-    free: bool,
 }
 
 /// Memory that trials use again and again.
@@ -252,9 +256,11 @@ impl<'a> Field<'a> {
         all.chunk_by(|&a, &b| cube(a) == cube(b)).map(|c| c[c.len() / 2]).collect()
     }
 
-    pub fn ownership(&self) -> Ownership {
-        let free = (0..self.points.len()).map(|k| self.children.of(k).len() as u32).collect();
-        Ownership { owned: vec![false; self.samples.len()], free }
+    /// Counts the samples of each point that the levels above have left, which `owned` tells.
+    pub fn ownership(&self, owned: Vec<bool>) -> Ownership {
+        let left = |k: usize| self.children.of(k).iter().filter(|&&i| !owned[i as usize]).count();
+        let free = (0..self.points.len()).map(|k| left(k) as u32).collect();
+        Ownership { owned, free }
     }
 
     /// True when `s` was seen from the side that `normal` points to, or nothing is known of it.
@@ -371,14 +377,9 @@ impl<'a> Field<'a> {
         if covered < self.rules.min_covered { 0 } else { set }
     }
 
-    /// The plane about `seed` that most free points lie on, and how that compares for the normal `known`.
-    fn fit(
-        &self,
-        ownership: &Ownership,
-        seed: &Sample,
-        known: Option<[f32; 3]>,
-        near: &mut Vec<Neighbour>,
-    ) -> Plane {
+    /// The plane about `seed` that most points lie on, or the one with the normal `known` if as good. Owned points
+    /// count as well: what is left between patches continues their surface, where alone it would be a mere strip.
+    fn fit(&self, seed: &Sample, known: Option<[f32; 3]>, near: &mut Vec<Neighbour>) -> Plane {
         let view = self.view_of(seed);
         let size = self.grid.size();
         let gate = PLANE_GATE * self.grid.pixel;
@@ -391,16 +392,14 @@ impl<'a> Field<'a> {
                 let s = &self.points.all[k];
                 // Only what was seen from the seed's side may shape the plane.
                 if view.is_none_or(|v| self.faces(s, v)) {
-                    let free = ownership.free[k] > 0;
-                    near.push(Neighbour { offset: d, squared, weight: s.weight, free });
+                    near.push(Neighbour { offset: d, squared, weight: s.weight });
                 }
             }
         });
         let every = near.len().div_ceil(FIT_POINTS).max(1);
         let local = || near.iter().step_by(every);
-        let explained = |normal: [f32; 3]| {
-            local().filter(|l| l.free && dot(l.offset, normal).abs() < gate).count()
-        };
+        let explained =
+            |normal: [f32; 3]| local().filter(|l| dot(l.offset, normal).abs() < gate).count();
         let mut best: Option<(usize, Plane)> = None;
         for radius in FIT_RADII {
             let limit = radius * radius * size * size;
@@ -416,22 +415,34 @@ impl<'a> Field<'a> {
             let normal = view.unwrap_or([0.0, 0.0, 1.0]);
             return Plane { normal, seed_offset: 0.0 };
         };
-        let on = |normal: [f32; 3]| {
+        let on = |normal: [f32; 3], seed_offset: f32| {
             local()
-                .filter(move |l| dot(l.offset, normal).abs() < gate)
+                .filter(move |l| (dot(l.offset, normal) + seed_offset).abs() < gate)
                 .map(|l| (l.offset, l.weight))
         };
         if let Some(normal) = known
             && explained(normal) as f32 >= SAME_NORMAL * most as f32
         {
-            let moments = Moments::of_offsets(on(normal));
+            let moments = Moments::of_offsets(on(normal, 0.0));
             let seed_offset = -dot(moments.mean().map(|c| c as f32), normal);
             return Plane { normal, seed_offset };
         }
-        match Self::plane(on(first.normal), view) {
-            Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => plane,
-            _ => Plane { seed_offset: 0.0, ..first },
+        // The first plane may lie between two sheets; the one through the seed that is parallel to it leads to
+        // the seed's own.
+        let mut found = Plane { seed_offset: 0.0, ..first };
+        for _ in 0..REFITS {
+            match Self::plane(on(found.normal, found.seed_offset), view) {
+                Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => {
+                    let turn = sub(plane.normal, found.normal);
+                    found = plane;
+                    if dot(turn, turn) < SAME_ANGLE * SAME_ANGLE {
+                        break;
+                    }
+                }
+                _ => break,
+            }
         }
+        found
     }
 
     /// The patch that would describe the surface about point `seed`, centred as near to `wanted` as the seed
@@ -454,7 +465,7 @@ impl<'a> Field<'a> {
         };
         let seed = *free.min_by(|&&a, &&b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))?;
         let at = &self.samples.all[seed as usize];
-        let plane = self.fit(ownership, at, known, &mut scratch.near);
+        let plane = self.fit(at, known, &mut scratch.near);
 
         // The wanted centre, moved along the normal onto the plane and along the axes until it holds the seed.
         let p = at.position;

@@ -76,12 +76,13 @@ fn describe(
     let mut report = Report::default();
 
     progress.update("merging points", 0.0);
-    let mut rest = report.time("merging points", || Samples::merge(cloud, options, progress))?;
-    describe_cloud(&mut report, cloud, &rest);
+    let samples = report.time("merging points", || Samples::merge(cloud, options, progress))?;
+    describe_cloud(&mut report, cloud, &samples);
+    let mut owned = vec![false; samples.len()];
     let mut levels = Vec::with_capacity(options.levels as usize);
     for j in 0..options.levels {
         let frozen = frozen.and_then(|d| d.levels.get(j as usize));
-        levels.push(learn_level(&mut rest, j, options, frozen, &mut report, progress)?);
+        levels.push(learn_level(&samples, &mut owned, j, options, frozen, &mut report, progress)?);
     }
     report.stop_reason = match frozen {
         None => "every point is covered and the dictionaries are learned",
@@ -96,9 +97,10 @@ fn describe(
     Ok(PatchModel::from_parts(parts)?.with_report(report))
 }
 
-/// Describes of `rest` what level `j` can, and leaves in it what goes down.
+/// Describes what level `j` can of the samples that are not `owned` yet; the others go down.
 fn learn_level(
-    rest: &mut Samples,
+    samples: &Samples,
+    owned: &mut Vec<bool>,
     j: u32,
     options: &PatchOptions,
     frozen: Option<&LevelDictionary>,
@@ -113,18 +115,14 @@ fn learn_level(
     };
     let doublings = options.doublings(j);
     let placed = report.time("placing patches", || {
-        place(rest, doublings, grid, rules(options, j), options.placement, progress)
+        place(samples, owned, doublings, grid, rules(options, j), options.placement, progress)
     })?;
     let placed = in_storing_order(placed, pixel_size, options.patch_pixels);
-    let images = report.time("projecting patches", || project(rest, &placed, grid));
+    let images = report.time("projecting patches", || project(samples, &placed, grid));
     progress.check()?;
 
-    let mut keep = vec![true; rest.len()];
-    placed.iter().flat_map(|p| &p.members).for_each(|&i| keep[i as usize] = false);
-    let taken = keep.iter().filter(|k| !**k).count();
+    let taken = placed.iter().map(|p| p.members.len()).sum::<usize>();
     let distance = neighbour_distance(&placed, grid, progress)?;
-    rest.retain(&keep);
-
     let steps = steps(options, j);
     let scale = Scale { level: j, grid, steps, frozen };
     let depth = learn_depth(&images, scale, options, report, progress)?;

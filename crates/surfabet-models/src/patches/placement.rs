@@ -81,12 +81,15 @@ struct Placer<'a> {
     /// Points without a score, or whose score may have changed.
     stale: Vec<bool>,
     done: usize,
+    to_do: usize,
     aligned: bool,
 }
 
-/// Places patches: as many as satisfy the rules, which at the lowest level means until every sample is owned.
+/// Places patches on the samples that are not `owned` yet, and marks those as owned: as many as satisfy the rules,
+/// which at the lowest level means until every sample is owned.
 pub(super) fn place(
     samples: &Samples,
+    owned: &mut Vec<bool>,
     doublings: u32,
     grid: Grid,
     rules: Rules,
@@ -95,8 +98,9 @@ pub(super) fn place(
 ) -> Result<Vec<Placed>> {
     let field = Field::new(samples, doublings, grid, rules);
     progress.check()?;
-    let ownership = field.ownership();
+    let ownership = field.ownership(std::mem::take(owned));
     let stale = vec![true; field.points.len()];
+    let to_do = ownership.owned.iter().filter(|o| !**o).count();
     let normals = vec![None; field.points.len()];
     let mut placer = Placer {
         field,
@@ -107,12 +111,14 @@ pub(super) fn place(
         normals,
         stale,
         done: 0,
+        to_do,
         aligned: placement == Placement::Greedy,
     };
     match placement {
         Placement::Greedy => placer.greedy(progress)?,
         Placement::Subsampled => placer.subsampled(progress)?,
     }
+    *owned = placer.ownership.owned;
     Ok(placer.placed)
 }
 
@@ -123,7 +129,7 @@ impl Placer<'_> {
 
     fn notify(&self, progress: &dyn Progress) -> Result<()> {
         progress.check()?;
-        let total = self.field.samples.len().max(1);
+        let total = self.to_do.max(1);
         progress.update("placing patches", self.done as f32 / total as f32);
         Ok(())
     }
