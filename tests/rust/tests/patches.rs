@@ -390,21 +390,42 @@ fn with_levels(levels: u32) -> PatchOptions {
 
 #[test]
 fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
-    // 64 cm square: 4 x 4 patches of 16 cm. Beside it a strip of steps of 3 cm every 1 cm.
+    // 64 cm square: 4 x 4 patches of 16 cm. Then squares of 1 cm, each at a height of its own within 3 cm.
     let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
     let smooth = patches::learn(&points_of(&[flat], 0.0025), &with_levels(3), &Silent).unwrap();
     let area: Vec<f64> = smooth.levels().iter().map(|l| l.covered_area()).collect();
     assert!(area[0] > 0.8 * 0.64 * 0.64, "{area:?}");
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let rubble: Vec<Rectangle> = (0..1600)
+        .map(|i| {
+            let z = rng.random_range(0.0..0.03);
+            let corner = [0.01 * (i % 40) as f32, 0.01 * (i / 40) as f32, z];
+            rectangle(corner, [0.01, 0.0, 0.0], [0.0, 0.01, 0.0])
+        })
+        .collect();
+    // Sheets of at most 2 x 5 mm hold a third of the squares.
+    let strict = PatchOptions { max_depth_deviation: Some(0.003), ..with_levels(3) };
+    let rough = patches::learn(&points_of(&rubble, 0.0025), &strict, &Silent).unwrap();
+    let area: Vec<f64> = rough.levels().iter().map(|l| l.covered_area()).collect();
+    assert!(area[2] > 0.8 * area.iter().sum::<f64>(), "{area:?}");
+    assert_all_owned(&rough);
+}
+
+#[test]
+fn interleaved_sheets_are_not_averaged() {
+    // Strips of 1 cm at two heights: above the lowest level either two sheets or none, never their mean.
     let comb: Vec<Rectangle> = (0..40)
         .map(|i| {
             let z = if i % 2 == 0 { 0.0 } else { 0.03 };
             rectangle([0.01 * i as f32, 0.0, z], [0.01, 0.0, 0.0], [0.0, 0.4, 0.0])
         })
         .collect();
-    let rough = patches::learn(&points_of(&comb, 0.0025), &with_levels(3), &Silent).unwrap();
-    let area: Vec<f64> = rough.levels().iter().map(|l| l.covered_area()).collect();
-    assert!(area[2] > 0.8 * area.iter().sum::<f64>(), "{area:?}");
-    assert_all_owned(&rough);
+    let model = patches::learn(&points_of(&comb, 0.0025), &with_levels(3), &Silent).unwrap();
+    assert_all_owned(&model);
+    let across = decode(&model, None);
+    let across = across.positions().iter().map(|p| f64::from(p[2].abs().min((p[2] - 0.03).abs())));
+    let rms = root_mean_square(across);
+    assert!(rms < 0.3 * PIXEL, "{rms}");
 }
 
 #[test]

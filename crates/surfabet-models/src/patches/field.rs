@@ -415,23 +415,22 @@ impl<'a> Field<'a> {
             let normal = view.unwrap_or([0.0, 0.0, 1.0]);
             return Plane { normal, seed_offset: 0.0 };
         };
-        let on = |normal: [f32; 3], seed_offset: f32| {
+        let on = |normal: [f32; 3]| {
             local()
-                .filter(move |l| (dot(l.offset, normal) + seed_offset).abs() < gate)
+                .filter(move |l| dot(l.offset, normal).abs() < gate)
                 .map(|l| (l.offset, l.weight))
         };
         if let Some(normal) = known
             && explained(normal) as f32 >= SAME_NORMAL * most as f32
         {
-            let moments = Moments::of_offsets(on(normal, 0.0));
+            let moments = Moments::of_offsets(on(normal));
             let seed_offset = -dot(moments.mean().map(|c| c as f32), normal);
             return Plane { normal, seed_offset };
         }
-        // The first plane may lie between two sheets; the one through the seed that is parallel to it leads to
-        // the seed's own.
+        // The first plane may lie between two sheets; parallels to it through the seed lead to the seed's own.
         let mut found = Plane { seed_offset: 0.0, ..first };
         for _ in 0..REFITS {
-            match Self::plane(on(found.normal, found.seed_offset), view) {
+            match Self::plane(on(found.normal), view) {
                 Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => {
                     let turn = sub(plane.normal, found.normal);
                     found = plane;

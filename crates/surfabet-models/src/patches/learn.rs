@@ -23,8 +23,10 @@ const POSITION_STEP: f64 = 0.25;
 /// out: below it, the patches of the next level describe the same with fewer poses than would be needed twice.
 const LEFT_PIXELS: f64 = 0.5;
 
-/// Depths further than this many times the largest deviation from the surface are not of it.
-const GATE_DEVIATIONS: f64 = 3.0;
+/// Above the lowest level growth accepts depths within this many times the largest deviation: a layer of points spread
+/// evenly over that deviates just as much as a pixel may. What is thicker becomes several sheets, as at the lowest
+/// level, where the gate is a pixel.
+const GATE_DEVIATIONS: f64 = 1.732_050_807_568_877_2;
 
 /// Learns surface patches from a cloud: SCSM with one level, HSCSM with several.
 ///
@@ -172,7 +174,7 @@ fn rules(options: &PatchOptions, j: u32) -> Rules {
     let pixels = |share: f64| ((share * area).ceil() as usize).max(1);
     let rho = options.max_depth_deviation();
     Rules {
-        gate: pixel.max(GATE_DEVIATIONS * rho) as f32,
+        gate: (GATE_DEVIATIONS * rho) as f32,
         min_covered: pixels(options.min_coverage),
         min_pixels: pixels(LEFT_PIXELS.min(options.min_coverage)),
         max_depth_variance: rho * rho,
