@@ -393,7 +393,7 @@ def learn_patches(
     patch_pixels: int = 8,
     levels: int = 1,
     max_depth_deviation: float | None = None,
-    max_color_deviation: float = 25.0,
+    max_color_deviation: float = 60.0,
     min_coverage: float = 0.9,
     placement: Literal["greedy", "subsampled"] = "greedy",
     depth_atoms: int = 128,
