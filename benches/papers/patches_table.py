@@ -34,17 +34,10 @@ FRAME: dict[str, Any] = {
     "depth_atoms": 100,
     "color_atoms": 200,
 }
-FRAME_LEVELS: dict[str, Any] = {
-    "levels": 4,
-    "max_depth_deviation": 0.003,
-    "max_color_deviation": 20.0,
-}
+FRAME_LEVELS: dict[str, Any] = {"levels": 4}
 ROOM: dict[str, Any] = {"resolution": 0.01, "patch_pixels": 5}
-ROOM_LEVELS: dict[str, Any] = {
-    "levels": 3,
-    "max_depth_deviation": 0.01,
-    "max_color_deviation": 25.0,
-}
+# Thresholds by default: depth, the finest pixel divided by the square root of three; colour, 60.
+LEVELS: dict[str, Any] = {"levels": 3}
 
 
 def parse() -> argparse.Namespace:
@@ -134,18 +127,16 @@ def table(name: str, cloud: sb.PointCloud, rows: list[tuple[str, dict[str, Any]]
 
 def room() -> None:
     cloud = sb.read(DATA / "rgbd_room")
-    wide = {**ROOM_LEVELS, "max_depth_deviation": 0.015, "max_color_deviation": 40.0}
-    wider = {**ROOM_LEVELS, "max_depth_deviation": 0.02, "max_color_deviation": 60.0}
-    own = {**ROOM, "patch_pixels": 8}
+    coarse = {**ROOM, "resolution": 0.015}
     rows: list[tuple[str, dict[str, Any]]] = [
         ("SCSM", ROOM),
         # Coarser pixels are the other way to trade error for size.
-        ("SCSM", {**ROOM, "resolution": 0.015}),
-        ("HSCSM, 1 cm, 25", {**ROOM, **ROOM_LEVELS}),
-        ("HSCSM, 1.5 cm, 40", {**ROOM, **wide}),
-        ("HSCSM, 2 cm, 60", {**ROOM, **wider}),
-        ("SCSM", own),
-        ("HSCSM, 1.5 cm, 40", {**own, **wide}),
+        ("SCSM", coarse),
+        ("SCSM", {**ROOM, "resolution": 0.0175}),
+        ("HSCSM", {**ROOM, **LEVELS}),
+        ("HSCSM", {**coarse, **LEVELS}),
+        ("HSCSM, coverage 0.5", {**coarse, **LEVELS, "min_coverage": 0.5}),
+        ("HSCSM, 1 cm, coverage 0.5", {**coarse, **LEVELS, "min_coverage": 0.5, "max_depth_deviation": 0.01}),
     ]
     table("room", cloud, rows, 0.01)
 
@@ -160,7 +151,10 @@ def kinect_frame() -> sb.PointCloud:
 def frame() -> None:
     rows = [
         ("SCSM", FRAME),
-        ("HSCSM, 3 mm, 20", {**FRAME, **FRAME_LEVELS}),
+        ("SCSM", {**FRAME, "resolution": 0.004}),
+        ("SCSM", {**FRAME, "resolution": 0.006}),
+        ("HSCSM", {**FRAME, **FRAME_LEVELS}),
+        ("HSCSM, coverage 0.5", {**FRAME, **FRAME_LEVELS, "min_coverage": 0.5}),
         (
             "HSCSM, 4 mm, 30",
             {**FRAME, **FRAME_LEVELS, "max_depth_deviation": 0.004, "max_color_deviation": 30.0},

@@ -166,6 +166,7 @@ class PatchDictionary:
         """
         size, pixels = self.levels[-1]
         hierarchy = {"resolution": size, "levels": len(self.levels), "patch_pixels": pixels}
+        _check_options("hscsm", options)
         return _learn_hscsm(cloud, dictionary=self, **{**hierarchy, **options})
 
     def __eq__(self, other: object) -> bool:
@@ -331,9 +332,11 @@ class PatchModel:
     def _columns(self, channel: Channel) -> SparseColumns:
         offsets, atoms, coefficients = [np.zeros(1, np.int64)], [], []
         starts = self.dictionary.concatenated(channel)[1]
+        used = 0
         for j, start in enumerate(starts[:-1]):
             of_level = self.codes(j, channel)
-            offsets.append(of_level[0][1:].astype(np.int64) + offsets[-1][-1])
+            offsets.append(of_level[0][1:].astype(np.int64) + used)
+            used += len(of_level[1])
             atoms.append(of_level[1].astype(np.int64) + start)
             coefficients.append(of_level[2])
         return SparseColumns(*map(np.concatenate, (offsets, atoms, coefficients)))
@@ -463,13 +466,14 @@ def learn_patches(
         Rounding of chroma as a multiple of luma's, by default 1.5.
     color_rate
         What a bit of colour must save, squared colour steps, by default 0.15.
+
     Of "hscsm":
 
     patch_pixels
         Pixels per side of a patch, 2 to 32.
     max_depth_deviation
         Largest standard deviation of depth in a pixel, metres (rho_max_depth); by default
-        `resolution`. What deviates more goes to the level below; the lowest level takes all.
+        `resolution` / sqrt(3). What deviates more goes to the level below; the lowest level takes all.
     max_color_deviation
         Largest standard deviation of colour in a pixel, root mean square over the channels, 0..255
         (rho_max_rgb).
@@ -513,19 +517,27 @@ def learn_patches(
     >>> len(model.to_bytes()) < 300
     True
     """
-    learners: dict[str, Callable[..., LatticeModel | PatchModel]] = {
-        "rate-distortion": _learn_lattice,
-        "hscsm": _learn_hscsm,
-    }
+    _check_options(method, options)
+    return _learners()[method](cloud, progress=progress, **options)
+
+
+def _learners() -> dict[str, Callable[..., LatticeModel | PatchModel]]:
+    return {"rate-distortion": _learn_lattice, "hscsm": _learn_hscsm}
+
+
+def _check_options(method: str, options: dict[str, Any]) -> None:
+    """Refuses options that the method does not have, naming the one that has them."""
+    learners = _learners()
     if method not in learners:
         known = " or ".join(f'"{name}"' for name in learners)
         raise InvalidInputError(f"method is {method!r}, but must be {known}")
-    for name in options:
-        if name not in _options(learners[method]):
+    for name, value in options.items():
+        if name not in _options(learners[method]) | {"progress"}:
             owner = next((m for m, f in learners.items() if name in _options(f)), None)
             hint = f'; method="{owner}" has' if owner else ""
             raise InvalidInputError(f'method="{method}" has no option {name!r}{hint}')
-    return learners[method](cloud, progress=progress, **options)
+        if isinstance(value, int | float) and value < 0:
+            raise InvalidInputError(f"{name} is {value}, but must not be negative")
 
 
 def _options(learner: Callable[..., Any]) -> set[str]:
@@ -575,7 +587,7 @@ def _learn_hscsm(
     patch_pixels: int = 8,
     levels: int = 1,
     max_depth_deviation: float | None = None,
-    max_color_deviation: float = 25.0,
+    max_color_deviation: float = 60.0,
     min_coverage: float = 0.9,
     placement: Literal["greedy", "subsampled"] = "greedy",
     depth_atoms: int = 128,

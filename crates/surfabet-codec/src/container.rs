@@ -98,7 +98,7 @@ impl Features {
     /// Every feature known here, its name, and the release that introduced it.
     const KNOWN: [(Self, &'static str, Version); 2] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
-        (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 2 }),
+        (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

@@ -11,15 +11,15 @@ use surfabet_models::patches::lattice::{
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::container::{Container, ContainerWriter, Family, Features, Limits, Tag};
 use crate::entropy::{Decoder, Encoder};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 const META: Tag = Tag::new(b"META");
 const GEOMETRY: Tag = Tag::new(b"GEOM");
 const COLOR: Tag = Tag::new(b"COLR");
 const POINTS: Tag = Tag::new(b"PNTS");
 
-/// Memory that a patch takes.
-const BYTES_PER_PATCH: u64 = 256;
+/// Memory that a patch takes at most, with its places in the map of its neighbours.
+const BYTES_PER_PATCH: u64 = 4096;
 
 /// Memory that a cell of colour takes while it is read.
 const BYTES_PER_NODE: u64 = 64;
@@ -50,6 +50,10 @@ pub fn write(model: &LatticeModel) -> Result<Vec<u8>> {
 /// Any error of reading: the content is checked like the container was.
 pub fn read(container: &Container<'_>, limits: &Limits) -> Result<LatticeModel> {
     container.expect_family(Family::Patches)?;
+    if container.features() != Features::LATTICE {
+        let what = "patches on a lattice have no shared dictionary, and no other feature";
+        return Err(Error::corrupt(META, 0, what));
+    }
     let header = read_meta(container.require(META)?, limits)?;
     let mut expected = vec![META, GEOMETRY];
     expected.extend(header.color.map(|_| COLOR));

@@ -229,7 +229,7 @@ fn sheets_apart_by_more_than_two_pixels_need_no_viewpoints() {
     let strays = off().filter(|d| *d > 0.0015).count() as f64 / decoded.len() as f64;
     // A mean of both sheets would be 12.5 mm away from either.
     assert!(rms < 0.0015 && worst < PIXEL, "{rms} rms, {worst} at worst");
-    assert!(strays < 0.1, "{strays} off by more than 1.5 mm");
+    assert!(strays < 0.05, "{strays} off by more than 1.5 mm");
 }
 
 #[test]
@@ -390,22 +390,42 @@ fn with_levels(levels: u32) -> PatchOptions {
 
 #[test]
 fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
-    // 64 cm square: 4 x 4 patches of 16 cm. Beside it a strip of steps of 3 cm every 1 cm.
+    // 64 cm square: 4 x 4 patches of 16 cm. Then squares of 1 cm, each at a height of its own within 3 cm.
     let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
     let smooth = patches::learn(&points_of(&[flat], 0.0025), &with_levels(3), &Silent).unwrap();
     let area: Vec<f64> = smooth.levels().iter().map(|l| l.covered_area()).collect();
-    // A tiling may begin anywhere, so that of 4 x 4 patches at least 3 x 3 fit.
-    assert!(area[0] > 0.5 * 0.64 * 0.64, "{area:?}");
+    assert!(area[0] > 0.8 * 0.64 * 0.64, "{area:?}");
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let rubble: Vec<Rectangle> = (0..1600)
+        .map(|i| {
+            let z = rng.random_range(0.0..0.03);
+            let corner = [0.01 * (i % 40) as f32, 0.01 * (i / 40) as f32, z];
+            rectangle(corner, [0.01, 0.0, 0.0], [0.0, 0.01, 0.0])
+        })
+        .collect();
+    // Sheets of at most 2 x 5 mm hold a third of the squares.
+    let strict = PatchOptions { max_depth_deviation: Some(0.003), ..with_levels(3) };
+    let rough = patches::learn(&points_of(&rubble, 0.0025), &strict, &Silent).unwrap();
+    let area: Vec<f64> = rough.levels().iter().map(|l| l.covered_area()).collect();
+    assert!(area[2] > 0.8 * area.iter().sum::<f64>(), "{area:?}");
+    assert_all_owned(&rough);
+}
+
+#[test]
+fn interleaved_sheets_are_not_averaged() {
+    // Strips of 1 cm at two heights: above the lowest level either two sheets or none, never their mean.
     let comb: Vec<Rectangle> = (0..40)
         .map(|i| {
             let z = if i % 2 == 0 { 0.0 } else { 0.03 };
             rectangle([0.01 * i as f32, 0.0, z], [0.01, 0.0, 0.0], [0.0, 0.4, 0.0])
         })
         .collect();
-    let rough = patches::learn(&points_of(&comb, 0.0025), &with_levels(3), &Silent).unwrap();
-    let area: Vec<f64> = rough.levels().iter().map(|l| l.covered_area()).collect();
-    assert!(area[2] > 0.7 * area.iter().sum::<f64>(), "{area:?}");
-    assert_all_owned(&rough);
+    let model = patches::learn(&points_of(&comb, 0.0025), &with_levels(3), &Silent).unwrap();
+    assert_all_owned(&model);
+    let across = decode(&model, None);
+    let across = across.positions().iter().map(|p| f64::from(p[2].abs().min((p[2] - 0.03).abs())));
+    let rms = root_mean_square(across);
+    assert!(rms < 0.3 * PIXEL, "{rms}");
 }
 
 #[test]
@@ -434,9 +454,9 @@ fn deviating_colors_go_to_the_level_below() {
     };
     let half = 0.32 * 0.32;
     let (strict, open) = (area(50.0), area(150.0));
-    assert!(strict[0] > 0.5 * half && strict[0] < 1.2 * half, "{strict:?}");
+    assert!(strict[0] > 0.8 * half && strict[0] < 1.1 * half, "{strict:?}");
     assert!(strict[1] > 0.9 * half, "{strict:?}");
-    assert!(open[0] > half, "{open:?}");
+    assert!(open[0] > 1.6 * half, "{open:?}");
 }
 
 #[test]
@@ -449,7 +469,7 @@ fn the_deviation_of_a_pixel_is_that_of_its_points() {
         model.levels()[0].covered_area() / (0.4 * 0.4)
     };
     let (strict, open) = (lower(0.0015), lower(0.0025));
-    assert!(strict < 0.01 && open > 0.3, "{strict}, {open}");
+    assert!(strict < 0.01 && open > 0.8, "{strict}, {open}");
 }
 
 #[test]
@@ -458,11 +478,11 @@ fn faces_of_a_thin_wall_stay_apart_on_every_level() {
     let back = rectangle([0.0, 0.0, -0.003], [0.0, 0.64, 0.0], [0.64, 0.0, 0.0]);
     let input = seen_from_front(&[front, back], 0.0025);
     let model = patches::learn(&input, &with_levels(3), &Silent).unwrap();
-    assert!(model.levels()[0].covered_area() > 0.2 * 0.64 * 0.64);
+    assert!(model.levels()[0].covered_area() > 1.6 * 0.64 * 0.64);
     let decoded = decode(&model, None);
     let across = decoded.positions().iter().map(|p| f64::from((p[2].abs() - 0.003).abs()));
-    let across = root_mean_square(across);
-    assert!(across < 0.001, "{across}");
+    let across = largest(across);
+    assert!(across < 0.0025, "{across}");
 }
 
 #[test]

@@ -31,13 +31,19 @@ const FIT_POINTS: usize = 512;
 /// what the best plane explains: parallel neighbours join without gaps.
 const SAME_NORMAL: f32 = 0.95;
 
+/// The plane of a seed is fitted to the points on it at most this often; it moves little after the second time.
+const REFITS: usize = 4;
+
+/// Refitting ends when the normal turns by less than this, radians.
+const SAME_ANGLE: f32 = 1e-3;
+
 /// Points whose second variance is below this fraction of the first lie on a line.
 const LINE: f64 = 1e-6;
 
 /// Above the lowest level the mean place of a pixel's samples is off its centre by at most this many pixels:
 /// beyond, the surface ends inside the pixel, and the smaller pixels of the level below follow its rim. Samples
-/// of half a pixel that cover all of one may be off by a quarter.
-const MAX_PIXEL_OFFSET: f64 = 0.3;
+/// of a quarter of a pixel that cover all of one are off by an eighth at most.
+const MAX_PIXEL_OFFSET: f64 = 0.2;
 
 /// Most pixels of a patch.
 const MAX_AREA: usize = 32 * 32;
@@ -92,7 +98,8 @@ pub(super) struct Rules {
 #[derive(Clone, Copy, Default)]
 struct PixelSums {
     weight: f64,
-    /// Along the patch's x- and y-axes.
+    count: f64,
+    /// Along the patch's x- and y-axes, without weights: where samples are, not how well they were seen.
     place: [f64; 2],
     depth: f64,
     depth_square: f64,
@@ -109,8 +116,9 @@ impl PixelSums {
             + z[2] * z[2] * zz;
         let (w, d) = (f64::from(s.weight), f64::from(local[2]));
         self.weight += w;
-        self.place[0] += w * f64::from(local[0]);
-        self.place[1] += w * f64::from(local[1]);
+        self.count += 1.0;
+        self.place[0] += f64::from(local[0]);
+        self.place[1] += f64::from(local[1]);
         self.depth += w * d;
         self.depth_square += w * (d * d + f64::from(spread));
         let color = s.color.map(f64::from);
@@ -152,9 +160,8 @@ impl Rules {
     fn accept(&self, sums: &PixelSums, pixel: usize, grid: Grid) -> bool {
         let half = 0.5 * (grid.n as f64 - 1.0);
         let side = f64::from(grid.pixel);
-        let off = |sum: f64, index: usize| {
-            (sum / sums.weight - (index as f64 - half) * side).abs() / side
-        };
+        let off =
+            |sum: f64, index: usize| (sum / sums.count - (index as f64 - half) * side).abs() / side;
         self.max_depth_variance == f64::INFINITY
             || self.steady(sums)
                 && off(sums.place[0], pixel % grid.n) <= MAX_PIXEL_OFFSET
@@ -195,7 +202,6 @@ struct Neighbour {
     /// Its squared length.
     squared: f32,
     weight: f32,
-    free: bool,
 }
 
 /// Memory that trials use again and again.
@@ -207,11 +213,14 @@ pub(super) struct Scratch {
     offsets: Vec<([f32; 3], f32)>,
 }
 
-/// The samples of a level, of half a pixel, and the points of a whole pixel that they are merged to.
+/// The samples, of half a pixel of the lowest level, and the points of about a pixel that they are merged to.
 pub(super) struct Field<'a> {
     pub samples: &'a Samples,
-    /// The sub-sampled cloud at the size of a pixel: candidates, and what coverage is counted on.
+    /// The sub-sampled cloud that coverage is counted on: of a pixel at the lowest level, which has no least
+    /// coverage, of half a pixel above it, so that every pixel of a covered surface holds a point.
     pub points: Samples,
+    /// Doublings from a point's cell to a pixel.
+    pub point_doublings: u32,
     /// Their positions again, close together in memory.
     positions: Vec<[f32; 3]>,
     /// Samples of each point.
@@ -224,8 +233,10 @@ pub(super) struct Field<'a> {
 }
 
 impl<'a> Field<'a> {
-    pub fn new(samples: &'a Samples, grid: Grid, rules: Rules) -> Self {
-        let (points, children) = samples.coarser(1);
+    /// The field of the level whose pixels were doubled `doublings` times.
+    pub fn new(samples: &'a Samples, doublings: u32, grid: Grid, rules: Rules) -> Self {
+        let (points, children) = samples.coarser(doublings.max(1));
+        let point_doublings = u32::from(doublings > 0);
         let mut parents = vec![0; samples.len()];
         for point in 0..points.len() {
             for &i in children.of(point) {
@@ -233,14 +244,23 @@ impl<'a> Field<'a> {
             }
         }
         // Cells of about half a patch: few to look up, few points in vain.
-        let cells = Cells::new(&points, (grid.n / 2).max(1).ilog2());
+        let cells = Cells::new(&points, (grid.n / 2).max(1).ilog2() + point_doublings);
         let positions = points.all.iter().map(|s| s.position).collect();
-        Self { samples, points, positions, children, parents, cells, grid, rules }
+        Self { samples, points, point_doublings, positions, children, parents, cells, grid, rules }
     }
 
-    pub fn ownership(&self) -> Ownership {
-        let free = (0..self.points.len()).map(|k| self.children.of(k).len() as u32).collect();
-        Ownership { owned: vec![false; self.samples.len()], free }
+    /// One point per pixel-sized cube: the middle one along the Morton curve.
+    pub fn candidates(&self) -> Vec<u32> {
+        let cube = |k: u32| self.points.all[k as usize].key >> (3 * self.point_doublings);
+        let all: Vec<u32> = (0..self.points.len() as u32).collect();
+        all.chunk_by(|&a, &b| cube(a) == cube(b)).map(|c| c[c.len() / 2]).collect()
+    }
+
+    /// Counts the samples of each point that the levels above have left, which `owned` tells.
+    pub fn ownership(&self, owned: Vec<bool>) -> Ownership {
+        let left = |k: usize| self.children.of(k).iter().filter(|&&i| !owned[i as usize]).count();
+        let free = (0..self.points.len()).map(|k| left(k) as u32).collect();
+        Ownership { owned, free }
     }
 
     /// True when `s` was seen from the side that `normal` points to, or nothing is known of it.
@@ -357,14 +377,9 @@ impl<'a> Field<'a> {
         if covered < self.rules.min_covered { 0 } else { set }
     }
 
-    /// The plane about `seed` that most free points lie on, and how that compares for the normal `known`.
-    fn fit(
-        &self,
-        ownership: &Ownership,
-        seed: &Sample,
-        known: Option<[f32; 3]>,
-        near: &mut Vec<Neighbour>,
-    ) -> Plane {
+    /// The plane about `seed` that most points lie on, or the one with the normal `known` if as good. Owned points
+    /// count as well: what is left between patches continues their surface, where alone it would be a mere strip.
+    fn fit(&self, seed: &Sample, known: Option<[f32; 3]>, near: &mut Vec<Neighbour>) -> Plane {
         let view = self.view_of(seed);
         let size = self.grid.size();
         let gate = PLANE_GATE * self.grid.pixel;
@@ -377,16 +392,14 @@ impl<'a> Field<'a> {
                 let s = &self.points.all[k];
                 // Only what was seen from the seed's side may shape the plane.
                 if view.is_none_or(|v| self.faces(s, v)) {
-                    let free = ownership.free[k] > 0;
-                    near.push(Neighbour { offset: d, squared, weight: s.weight, free });
+                    near.push(Neighbour { offset: d, squared, weight: s.weight });
                 }
             }
         });
         let every = near.len().div_ceil(FIT_POINTS).max(1);
         let local = || near.iter().step_by(every);
-        let explained = |normal: [f32; 3]| {
-            local().filter(|l| l.free && dot(l.offset, normal).abs() < gate).count()
-        };
+        let explained =
+            |normal: [f32; 3]| local().filter(|l| dot(l.offset, normal).abs() < gate).count();
         let mut best: Option<(usize, Plane)> = None;
         for radius in FIT_RADII {
             let limit = radius * radius * size * size;
@@ -414,10 +427,21 @@ impl<'a> Field<'a> {
             let seed_offset = -dot(moments.mean().map(|c| c as f32), normal);
             return Plane { normal, seed_offset };
         }
-        match Self::plane(on(first.normal), view) {
-            Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => plane,
-            _ => Plane { seed_offset: 0.0, ..first },
+        // The first plane may lie between two sheets; parallels to it through the seed lead to the seed's own.
+        let mut found = Plane { seed_offset: 0.0, ..first };
+        for _ in 0..REFITS {
+            match Self::plane(on(found.normal), view) {
+                Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => {
+                    let turn = sub(plane.normal, found.normal);
+                    found = plane;
+                    if dot(turn, turn) < SAME_ANGLE * SAME_ANGLE {
+                        break;
+                    }
+                }
+                _ => break,
+            }
         }
+        found
     }
 
     /// The patch that would describe the surface about point `seed`, centred as near to `wanted` as the seed
@@ -440,7 +464,7 @@ impl<'a> Field<'a> {
         };
         let seed = *free.min_by(|&&a, &&b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))?;
         let at = &self.samples.all[seed as usize];
-        let plane = self.fit(ownership, at, known, &mut scratch.near);
+        let plane = self.fit(at, known, &mut scratch.near);
 
         // The wanted centre, moved along the normal onto the plane and along the axes until it holds the seed.
         let p = at.position;

@@ -23,8 +23,10 @@ const POSITION_STEP: f64 = 0.25;
 /// out: below it, the patches of the next level describe the same with fewer poses than would be needed twice.
 const LEFT_PIXELS: f64 = 0.5;
 
-/// Depths further than this many times the largest deviation from the surface are not of it.
-const GATE_DEVIATIONS: f64 = 3.0;
+/// Above the lowest level growth accepts depths within this many times the largest deviation: a layer of points spread
+/// evenly over that deviates just as much as a pixel may. What is thicker becomes several sheets, as at the lowest
+/// level, where the gate is a pixel.
+const GATE_DEVIATIONS: f64 = 1.732_050_807_568_877_2;
 
 /// Learns surface patches from a cloud: SCSM with one level, HSCSM with several.
 ///
@@ -76,12 +78,13 @@ fn describe(
     let mut report = Report::default();
 
     progress.update("merging points", 0.0);
-    let mut rest = report.time("merging points", || Samples::merge(cloud, options, progress))?;
-    describe_cloud(&mut report, cloud, &rest);
+    let samples = report.time("merging points", || Samples::merge(cloud, options, progress))?;
+    describe_cloud(&mut report, cloud, &samples);
+    let mut owned = vec![false; samples.len()];
     let mut levels = Vec::with_capacity(options.levels as usize);
     for j in 0..options.levels {
         let frozen = frozen.and_then(|d| d.levels.get(j as usize));
-        levels.push(learn_level(&mut rest, j, options, frozen, &mut report, progress)?);
+        levels.push(learn_level(&samples, &mut owned, j, options, frozen, &mut report, progress)?);
     }
     report.stop_reason = match frozen {
         None => "every point is covered and the dictionaries are learned",
@@ -96,9 +99,10 @@ fn describe(
     Ok(PatchModel::from_parts(parts)?.with_report(report))
 }
 
-/// Describes of `rest` what level `j` can, and leaves in it what goes down.
+/// Describes what level `j` can of the samples that are not `owned` yet; the others go down.
 fn learn_level(
-    rest: &mut Samples,
+    samples: &Samples,
+    owned: &mut Vec<bool>,
     j: u32,
     options: &PatchOptions,
     frozen: Option<&LevelDictionary>,
@@ -112,31 +116,15 @@ fn learn_level(
         position_step: (POSITION_STEP * pixel_size) as f32,
     };
     let doublings = options.doublings(j);
-    let coarse = (doublings > 0).then(|| report.time("merging points", || rest.coarser(doublings)));
-    let samples = coarse.as_ref().map_or(&*rest, |(samples, _)| samples);
-    progress.check()?;
     let placed = report.time("placing patches", || {
-        place(samples, grid, rules(options, j), options.placement, progress)
+        place(samples, owned, doublings, grid, rules(options, j), options.placement, progress)
     })?;
     let placed = in_storing_order(placed, pixel_size, options.patch_pixels);
     let images = report.time("projecting patches", || project(samples, &placed, grid));
     progress.check()?;
 
-    let mut keep = vec![true; rest.len()];
-    for &i in placed.iter().flat_map(|p| &p.members) {
-        match &coarse {
-            Some((_, groups)) => {
-                groups.of(i as usize).iter().for_each(|&s| keep[s as usize] = false);
-            }
-            None => keep[i as usize] = false,
-        }
-    }
-    let taken = keep.iter().filter(|k| !**k).count();
+    let taken = placed.iter().map(|p| p.members.len()).sum::<usize>();
     let distance = neighbour_distance(&placed, grid, progress)?;
-    // What is left is smaller; the samples of this level are no longer needed.
-    drop(coarse);
-    rest.retain(&keep);
-
     let steps = steps(options, j);
     let scale = Scale { level: j, grid, steps, frozen };
     let depth = learn_depth(&images, scale, options, report, progress)?;
@@ -186,7 +174,7 @@ fn rules(options: &PatchOptions, j: u32) -> Rules {
     let pixels = |share: f64| ((share * area).ceil() as usize).max(1);
     let rho = options.max_depth_deviation();
     Rules {
-        gate: pixel.max(GATE_DEVIATIONS * rho) as f32,
+        gate: (GATE_DEVIATIONS * rho) as f32,
         min_covered: pixels(options.min_coverage),
         min_pixels: pixels(LEFT_PIXELS.min(options.min_coverage)),
         max_depth_variance: rho * rho,

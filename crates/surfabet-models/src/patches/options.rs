@@ -27,7 +27,8 @@ pub struct PatchOptions {
     /// Levels of the hierarchy, 1 to 8; each has pixels of twice the side of those below it.
     pub levels: u32,
     /// Largest standard deviation of depth in a pixel (rho_max_depth), metres: what deviates more goes to the
-    /// level below; `None`: the resolution. The lowest level takes all.
+    /// level below; `None`: the resolution divided by the square root of three, at which every level accepts sheets as
+    /// thick as those of the lowest. The lowest level takes all.
     pub max_depth_deviation: Option<f64>,
     /// Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the channels, 0..255.
     pub max_color_deviation: f64,
@@ -63,7 +64,7 @@ impl Default for PatchOptions {
             patch_pixels: 8,
             levels: 1,
             max_depth_deviation: None,
-            max_color_deviation: 25.0,
+            max_color_deviation: 60.0,
             min_coverage: 0.9,
             placement: Placement::default(),
             depth_atoms: 128,
@@ -97,7 +98,7 @@ impl PatchOptions {
 
     /// Largest standard deviation of depth in force, metres.
     pub fn max_depth_deviation(&self) -> f64 {
-        self.max_depth_deviation.unwrap_or(self.resolution)
+        self.max_depth_deviation.unwrap_or(self.resolution / 3.0_f64.sqrt())
     }
 
     /// Depth tolerance in force at `level`, metres.

@@ -81,21 +81,26 @@ struct Placer<'a> {
     /// Points without a score, or whose score may have changed.
     stale: Vec<bool>,
     done: usize,
+    to_do: usize,
     aligned: bool,
 }
 
-/// Places patches: as many as satisfy the rules, which at the lowest level means until every sample is owned.
+/// Places patches on the samples that are not `owned` yet, and marks those as owned: as many as satisfy the rules,
+/// which at the lowest level means until every sample is owned.
 pub(super) fn place(
     samples: &Samples,
+    owned: &mut Vec<bool>,
+    doublings: u32,
     grid: Grid,
     rules: Rules,
     placement: Placement,
     progress: &dyn Progress,
 ) -> Result<Vec<Placed>> {
-    let field = Field::new(samples, grid, rules);
+    let field = Field::new(samples, doublings, grid, rules);
     progress.check()?;
-    let ownership = field.ownership();
+    let ownership = field.ownership(std::mem::take(owned));
     let stale = vec![true; field.points.len()];
+    let to_do = ownership.owned.iter().filter(|o| !**o).count();
     let normals = vec![None; field.points.len()];
     let mut placer = Placer {
         field,
@@ -106,12 +111,14 @@ pub(super) fn place(
         normals,
         stale,
         done: 0,
+        to_do,
         aligned: placement == Placement::Greedy,
     };
     match placement {
         Placement::Greedy => placer.greedy(progress)?,
         Placement::Subsampled => placer.subsampled(progress)?,
     }
+    *owned = placer.ownership.owned;
     Ok(placer.placed)
 }
 
@@ -122,7 +129,7 @@ impl Placer<'_> {
 
     fn notify(&self, progress: &dyn Progress) -> Result<()> {
         progress.check()?;
-        let total = self.field.samples.len().max(1);
+        let total = self.to_do.max(1);
         progress.update("placing patches", self.done as f32 / total as f32);
         Ok(())
     }
@@ -154,7 +161,7 @@ impl Placer<'_> {
         let lowest = self.field.rules.min_pixels;
         let tiling = self.needed(TILING_COVERAGE);
         let mut buckets: Vec<Vec<u32>> = vec![Vec::new(); area + 1];
-        buckets[area] = (0..self.field.points.len() as u32).collect();
+        buckets[area] = self.field.candidates();
         for score in (lowest..=area).rev() {
             let (chunk, batch) = if score >= tiling { (TILING_CHUNK, 1) } else { (CHUNK, BATCH) };
             while !buckets[score].is_empty() {
@@ -345,7 +352,8 @@ impl Placer<'_> {
     fn subsampled(&mut self, progress: &dyn Progress) -> Result<()> {
         let lowest = self.field.rules.min_pixels;
         // Cubes of points whose side is nearest to a patch size.
-        let doublings = (self.field.grid.n as f32).log2().round() as u32;
+        let doublings =
+            (self.field.grid.n as f32).log2().round() as u32 + self.field.point_doublings;
         loop {
             self.notify(progress)?;
             let mut seeds: Vec<u32> = Vec::new();

@@ -290,12 +290,6 @@ impl Samples {
         let Lattice { cell, halvings } = self.lattice(doublings);
         (Self { all, cell, halvings, ..*self }, groups)
     }
-
-    /// The samples for which `keep` holds.
-    pub fn retain(&mut self, keep: &[bool]) {
-        let mut kept = keep.iter();
-        self.all.retain(|_| kept.next().is_some_and(|k| *k));
-    }
 }
 
 /// Where runs of equal keys start, and the end of the last.

@@ -58,7 +58,7 @@ fn excess(a: [f32; 2], b: [f32; 2]) -> f32 {
     (above + below) / (3.0 * (a[1] - a[0]))
 }
 
-/// Mean of both directions' squared errors of one sample of a run.
+/// Squared errors of one sample of a run: to the decoded slab, from it, and of the thin surface, weighted.
 fn misfit(run: &Run, depth: f32, half: f32) -> f32 {
     let input = [run.depth - run.half, run.depth + run.half];
     let decoded = [depth - half, depth + half];
@@ -254,15 +254,18 @@ impl Choice<'_> {
         for i in 0..N_SHAPES {
             // Shapes that the set pixels hardly see must not grow wild.
             gram[i][i] += 0.01 * total * f32::from(DEGREES[i].0 + DEGREES[i].1);
-            for j in 0..i {
-                gram[j][i] = gram[i][j];
+        }
+        // Both triangles.
+        let lower = gram;
+        for (i, row) in gram.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate().skip(i + 1) {
+                *entry = lower[j][i];
             }
         }
         let mut chosen = vec![0_usize];
         let mut best: Option<Shape> = None;
         let mut since = 0;
-        loop {
-            let Some(solution) = solve(&gram, &right, &chosen) else { break };
+        while let Some(solution) = solve(&gram, &right, &chosen) {
             let mut patch = LatticePatch::default();
             for (&k, c) in chosen.iter().zip(&solution) {
                 let offset = if k == 0 { mean } else { 0.0 };
@@ -412,7 +415,7 @@ fn distances(runs: &[Run], width: usize) -> Vec<f32> {
             }
         }
     }
-    // From pixel to pixel; the nearest sample of the other pixel is half a pixel closer.
+    // Samples of the other pixel lie about its middle, some of them closer.
     squared.iter().map(|&d| if d > 0.0 { (d.sqrt() - 0.25).powi(2) } else { 0.0 }).collect()
 }
 

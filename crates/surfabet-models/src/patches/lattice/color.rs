@@ -384,8 +384,9 @@ impl<C: Coder> Walk<'_, C> {
             }
         }
         code_cell(self.coder, self.models, context, n, &mut coefficients)?;
-        for i in 0..n {
-            self.coefficients.extend((0..3).map(|c| coefficients[c][i]));
+        let [luma, orange, green] = &coefficients;
+        for ((y, o), g) in luma.iter().zip(orange).zip(green).take(n) {
+            self.coefficients.extend([y, o, g]);
         }
         let total: f32 = cell.weights.iter().sum();
         // The last butterfly leaves the mean of all in its first slot.

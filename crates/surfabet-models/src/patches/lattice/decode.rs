@@ -1,7 +1,9 @@
 //! A lattice model back into a cloud, at any spacing, as a surface or as measured.
 
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
-use surfabet_geom::{CloudParts, PointCloud, Progress};
+use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
 use super::basis::{DEGREES, N_SHAPES, derivative, value};
 use super::leaves::Leaf;
@@ -42,12 +44,13 @@ impl LatticeModel {
             Some(r) => return Err(Error::invalid("resolution", r, "a positive number of metres")),
             None => DEFAULT_SPACING * pixel,
         };
-        let decoder = Decoder::new(self, resolution / pixel, options);
-        let points = decoder.bound() + self.points().len() as f64;
+        let spacing = resolution / pixel;
+        let points = bound(self.leaves(), spacing, options.as_measured) + self.points().len() as f64;
         if points > options.max_points as f64 {
             let limit = options.max_points;
             return Err(Error::TooManyPoints { resolution, points: points as u64, limit });
         }
+        let decoder = Decoder::new(self, spacing, options);
         let decoded: Vec<Result<Points>> = self
             .leaves()
             .par_chunks(BLOCK)
@@ -106,6 +109,30 @@ struct Decoder<'a> {
     spacing: f64,
     options: DecodeOptions,
     colors: Option<(KeyMap, &'a [[u8; 3]])>,
+    /// Middles of the nodes, once anyone asks.
+    tree: OnceLock<Option<KdTree>>,
+}
+
+/// Layers that fill the thickness of a patch; spacing in pixels.
+fn layers(leaf: &Leaf, spacing: f64, as_measured: bool) -> f64 {
+    let thickness = f64::from(leaf.patch.thickness) / 4.0;
+    if as_measured { (2.0 * thickness / spacing).round().max(1.0) } else { 1.0 }
+}
+
+/// Samples along a side of a patch. The small slack keeps 0.01 / 0.005 at two samples per pixel although neither is
+/// exact in binary.
+fn samples(level: u32, spacing: f64) -> f64 {
+    (f64::from(PATCH_PIXELS << level) / spacing - 1e-9).ceil().max(1.0)
+}
+
+/// Most points that all patches give; spacing in pixels.
+fn bound(leaves: &[Leaf], spacing: f64, as_measured: bool) -> f64 {
+    let of = |leaf: &Leaf| {
+        let per_pixel = (samples(leaf.level, spacing) / f64::from(PATCH_PIXELS)).ceil();
+        let set = f64::from(leaf.patch.mask.count_ones());
+        set * per_pixel * per_pixel * layers(leaf, spacing, as_measured)
+    };
+    leaves.iter().map(of).sum()
 }
 
 /// The samples along a side of the patches of a level.
@@ -122,8 +149,7 @@ struct Grid {
 impl Grid {
     fn new(level: u32, spacing: f64) -> Self {
         let width = f64::from(PATCH_PIXELS << level);
-        // The small slack keeps 0.01 / 0.005 at two samples although neither is exact in binary.
-        let n = (width / spacing - 1e-9).ceil().max(1.0) as usize;
+        let n = samples(level, spacing) as usize;
         let part = |i: usize| (i as f64 + 0.5) / n as f64;
         let x = |i: usize| 2.0 * part(i) - 1.0;
         Self {
@@ -141,27 +167,11 @@ impl<'a> Decoder<'a> {
     fn new(model: &'a LatticeModel, spacing: f64, options: DecodeOptions) -> Self {
         let grids = (0..model.geometry().levels).map(|l| Grid::new(l, spacing)).collect();
         let colors = model.node_colors().map(|(nodes, colors)| (index(nodes), colors));
-        Self { model, grids, spacing, options, colors }
+        Self { model, grids, spacing, options, colors, tree: OnceLock::new() }
     }
 
     fn layers(&self, leaf: &Leaf) -> usize {
-        let thickness = f64::from(leaf.patch.thickness) / 4.0;
-        if self.options.as_measured {
-            ((2.0 * thickness / self.spacing).round() as usize).max(1)
-        } else {
-            1
-        }
-    }
-
-    /// Most points that all patches give.
-    fn bound(&self) -> f64 {
-        let of = |leaf: &Leaf| {
-            let per_pixel =
-                self.grids[leaf.level as usize].at.len() as f64 / f64::from(PATCH_PIXELS);
-            let set = f64::from(leaf.patch.mask.count_ones());
-            (set * per_pixel.ceil().powi(2)).max(1.0) * self.layers(leaf) as f64
-        };
-        self.model.leaves().iter().map(of).sum()
+        layers(leaf, self.spacing, self.options.as_measured) as usize
     }
 
     fn leaf(&self, leaf: &Leaf, cache: &mut CornerCache, points: &mut Points) {
@@ -220,7 +230,7 @@ impl<'a> Decoder<'a> {
             }
             if self.options.normals {
                 let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-                let facing = if leaf.side % 2 == 0 { 1.0 } else { -1.0 };
+                let facing = if leaf.side.is_multiple_of(2) { 1.0 } else { -1.0 };
                 let mut normal = [0.0; 3];
                 normal[d] = facing / length;
                 normal[u] = -facing * slope[0] / length;
@@ -252,43 +262,16 @@ impl<'a> Decoder<'a> {
         self.nearest(position).map_or([0; 3], |i| colors[i])
     }
 
-    /// The nearest node, looked for in ever larger shells of cells, at last everywhere.
+    /// The nearest node of all; only points off every patch ask for it.
     fn nearest(&self, position: [f32; 3]) -> Option<usize> {
-        let (places, _) = self.colors.as_ref()?;
         let (nodes, _) = self.model.node_colors()?;
-        let squared = |key: u64| {
-            let cell = cell_of_key(key);
-            (0..3).map(|a| (cell[a] as f32 + 0.5 - position[a]).powi(2)).sum::<f32>()
-        };
-        let own = position.map(|c| c.floor() as i32);
-        for reach in 1..=SHELLS {
-            let mut best: Option<(f32, u32)> = None;
-            for cell in shell(own, reach) {
-                let key = cell_key(cell);
-                if let Some(&i) = places.get(&key)
-                    && best.is_none_or(|b| squared(key) < b.0)
-                {
-                    best = Some((squared(key), i));
-                }
-            }
-            if let Some((_, i)) = best {
-                return Some(i as usize);
-            }
-        }
-        (0..nodes.len()).min_by(|&a, &b| squared(nodes[a]).total_cmp(&squared(nodes[b])))
+        let tree = self.tree.get_or_init(|| {
+            let middle = |&key: &u64| cell_of_key(key).map(|c| c as f32 + 0.5);
+            let middles: Vec<[f32; 3]> = nodes.iter().map(middle).collect();
+            KdTree::new(&middles).ok()
+        });
+        tree.as_ref()?.nearest(position).map(|n| n.index())
     }
-}
-
-/// Shells of cells that are searched one by one: 2 pixels beyond every patch lies only what no patch holds.
-const SHELLS: i32 = 3;
-
-/// The cells at a distance of `reach` cells from `own` along the axis that is furthest.
-fn shell(own: [i32; 3], reach: i32) -> impl Iterator<Item = [i32; 3]> {
-    let side = 2 * reach + 1;
-    (0..side * side * side)
-        .map(move |i| [i % side - reach, i / side % side - reach, i / side / side - reach])
-        .filter(move |offset| offset.iter().any(|o| o.abs() == reach))
-        .map(move |offset| std::array::from_fn(|a| own[a] + offset[a]))
 }
 
 /// Nodes at the corners of the cubes between cell middles, for those looked at lately.

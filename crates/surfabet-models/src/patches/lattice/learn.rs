@@ -66,12 +66,16 @@ pub fn learn(
     progress.update("colouring", 0.8);
     let start = std::time::Instant::now();
     // A learned model has no more cells than its samples call for; the bound is for files.
-    let keys = nodes(&geometry, &leaves(&geometry), u64::MAX).unwrap_or_default();
+    let keys = if samples.has_color {
+        nodes(&geometry, &leaves(&geometry), u64::MAX).unwrap_or_default()
+    } else {
+        Vec::new()
+    };
     let color = samples.has_color.then(|| {
         let colors = targets(&samples, &keys, options.resolution as f32);
         let steps = ColorSteps {
             luma: options.color_step,
-            chroma: (f64::from(options.color_step) * options.chroma_ratio).round() as u32,
+            chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
         };
         let lambda = options.color_lambda * f64::from(options.color_step).powi(2);
         let source = Source::Targets { colors: &colors, lambda: lambda as f32 };
@@ -187,8 +191,17 @@ fn keep_far_points(
     let decoded =
         model.decode(DecodeOptions { as_measured: true, ..DecodeOptions::default() }, progress)?;
     let rows = model.geometry().orientation.rotation();
-    // Half of what rounding to single precision may add on both sides.
-    let limit = bound - 1e-6 * bound.max(1.0);
+    let extent = cloud
+        .positions()
+        .iter()
+        .flat_map(|p| p.map(|c| f64::from(c.abs())))
+        .fold(0.0, f64::max);
+    // What rounding of coordinates to single precision may add.
+    let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);
+    let largest = f64::from(LIMIT) * 0.5 * bound;
+    if limit < 0.5 * bound || extent > largest {
+        return Err(Error::TooLarge { extent, limit: largest, resolution: bound });
+    }
     let far: Vec<[f32; 3]> = if decoded.is_empty() {
         cloud.positions().to_vec()
     } else {
@@ -198,7 +211,7 @@ fn keep_far_points(
         let pairs = cloud.positions().iter().zip(&nearest);
         pairs.filter(|(_, n)| is_far(n)).map(|(&p, _)| p).collect()
     };
-    let size = WITHIN * limit.max(0.5 * bound);
+    let size = WITHIN * limit;
     let to_lattice = |p: [f32; 3]| -> [f32; 3] {
         std::array::from_fn(|a| (0..3).map(|k| rows[k][a] * f64::from(p[k])).sum::<f64>() as f32)
     };

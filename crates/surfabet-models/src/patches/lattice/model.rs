@@ -103,7 +103,7 @@ impl Geometry {
             return fail(format!("depth step of {} sixteenths, not 1 to 256", self.depth_step));
         }
         for root in &self.roots {
-            if root.side >= 6 || root.tile.iter().any(|t| t.abs() > MAX_TILE) {
+            if root.side >= 6 || root.tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
                 return fail(format!("side {} at tile {:?} is out of range", root.side, root.tile));
             }
             check_node(&root.node, self.levels - 1)?;
@@ -116,7 +116,7 @@ fn check_node(node: &Node, level: u32) -> Result<()> {
     match node {
         Node::Empty => Ok(()),
         Node::Leaf(patch) => {
-            let large = patch.coefficients.iter().find(|c| c.abs() > MAX_DEPTH);
+            let large = patch.coefficients.iter().find(|c| c.unsigned_abs() > MAX_DEPTH as u32);
             if let Some(c) = large {
                 return Err(Error::Inconsistent(format!("a depth of {c} steps is out of range")));
             }
@@ -290,8 +290,11 @@ impl LatticeModel {
         if found.len() != n_patches {
             return Err(geometry.corrupt(format!("{} patches instead of {n_patches}", found.len())));
         }
-        let Some(keys) = nodes(&of, &found, limits.nodes) else {
-            return Err(geometry.corrupt(format!("more than {} cells of colour", limits.nodes)));
+        let keys = match header.color {
+            None => Vec::new(),
+            Some(_) => nodes(&of, &found, limits.nodes).ok_or_else(|| {
+                geometry.corrupt(format!("more than {} cells of colour", limits.nodes))
+            })?,
         };
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let colors = match header.color {
@@ -304,7 +307,7 @@ impl LatticeModel {
         };
         let n_extra = usize::try_from(header.n_extra).unwrap_or(usize::MAX);
         let points = code_points(extra, &mut PointModels::default(), &[], n_extra)?;
-        if points.len() != n_extra || !positive(header.extra_size) {
+        if points.len() != n_extra || !(1e-9..1e6).contains(&header.extra_size) {
             let what = format!(
                 "{} points of size {} instead of {n_extra}",
                 points.len(),

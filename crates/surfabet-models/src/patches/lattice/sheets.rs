@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use surfabet_geom::KdTree;
 
 use super::samples::Samples;
+use super::syntax::MAX_SHEETS;
 use crate::error::Result;
 
 /// Samples of a column further apart than this are two runs, pixels.

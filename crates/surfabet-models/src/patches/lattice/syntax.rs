@@ -119,18 +119,18 @@ impl<C: Coder> Sheets<'_, C> {
         }
         let mut low = [0; 2];
         let mut span = 0_u32;
-        for a in 0..2 {
+        for (a, low) in low.iter_mut().enumerate() {
             let least = given.iter().map(|r| r.tile[a]).min().unwrap_or(0);
             let most = given.iter().map(|r| r.tile[a]).max().unwrap_or(0);
             span = span.max((most - least) as u32);
-            low[a] = self.coder.sint(&mut self.models.corner, least)?;
+            *low = self.coder.sint(&mut self.models.corner, least)?;
         }
         // When reading there is nothing to sort.
         let mut given = given.to_vec();
         given.sort_by_key(|r| morton(std::array::from_fn(|a| (r.tile[a] - low[a]) as u32)));
         let height = u32::BITS - span.leading_zeros();
         let height = self.coder.bypass(u64::from(height), HEIGHT_BITS)? as u32;
-        if height > 21 || low.iter().any(|l| l.abs() > MAX_TILE) {
+        if height > 21 || low.iter().any(|l| l.unsigned_abs() > MAX_TILE as u32) {
             return Err(self
                 .coder
                 .corrupt(format!("tiles from {low:?} over 2^{height} are out of range")));
@@ -171,7 +171,7 @@ impl<C: Coder> Sheets<'_, C> {
     fn tile(&mut self, side: u8, tile: [i32; 2], given: &[Root]) -> Result<(), C::Error> {
         let more = given.len().saturating_sub(1) as u32;
         let n = self.coder.uint(&mut self.models.sheets, more)? as usize + 1;
-        if n > self.max_patches || tile.iter().any(|t| t.abs() > MAX_TILE) {
+        if n > self.max_patches.min(MAX_SHEETS) || tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
             return Err(self.coder.corrupt(format!("{n} sheets at tile {tile:?}")));
         }
         let tile_pixels = PATCH_PIXELS << (self.levels - 1);
@@ -214,10 +214,8 @@ impl<C: Coder> Sheets<'_, C> {
         let read = self.coder.sint(&mut self.models.base, coarse)?;
         let base =
             i64::from(self.last_base) + i64::from(read) * i64::from(COARSE) + i64::from(COARSE / 2);
-        if base.abs() > i64::from(MAX_DEPTH) {
-            return Err(self.coder.corrupt(format!("a sheet at depth {base}")));
-        }
-        self.last_base = base as i32;
+        let bound = i64::from(MAX_DEPTH);
+        self.last_base = base.clamp(-bound, bound) as i32;
         Ok(self.last_base)
     }
 
@@ -254,6 +252,9 @@ impl<C: Coder> Sheets<'_, C> {
                     };
                     *node = self.node(below, given, false)?;
                 }
+                if children.iter().all(|c| *c == Node::Empty) {
+                    return Err(self.coder.corrupt("a split without patches".into()));
+                }
                 return Ok(Node::Split(Box::new(children)));
             }
         }
@@ -261,8 +262,8 @@ impl<C: Coder> Sheets<'_, C> {
             Some(Node::Leaf(patch)) => *patch,
             _ => LatticePatch::default(),
         };
-        let mut patch = LatticePatch::default();
-        patch.mask = self.mask(&place, [west, north], given.mask)?;
+        let mask = self.mask(&place, [west, north], given.mask)?;
+        let mut patch = LatticePatch { mask, ..LatticePatch::default() };
         let difference = given.coefficients[0] - prediction.depth;
         let context = level * 3 + prediction.voices;
         let depth = i64::from(self.coder.sint(&mut self.models.depth[context], difference)?)
@@ -358,6 +359,9 @@ impl<C: Coder> Sheets<'_, C> {
         Ok(())
     }
 }
+
+/// Most sheets of a side over one tile: a reader looks at all of them for every patch.
+pub(super) const MAX_SHEETS: usize = 1024;
 
 /// A sheet is said about a surface around it when no further than this from it, in steps.
 const NEAR_BASE: i32 = 16;
