@@ -45,7 +45,8 @@ impl LatticeModel {
             None => DEFAULT_SPACING * pixel,
         };
         let spacing = resolution / pixel;
-        let points = bound(self.leaves(), spacing, options.as_measured) + self.points().len() as f64;
+        let points =
+            bound(self.leaves(), spacing, options.as_measured) + self.points().len() as f64;
         if points > options.max_points as f64 {
             let limit = options.max_points;
             return Err(Error::TooManyPoints { resolution, points: points as u64, limit });

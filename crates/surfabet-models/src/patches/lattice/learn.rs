@@ -191,11 +191,8 @@ fn keep_far_points(
     let decoded =
         model.decode(DecodeOptions { as_measured: true, ..DecodeOptions::default() }, progress)?;
     let rows = model.geometry().orientation.rotation();
-    let extent = cloud
-        .positions()
-        .iter()
-        .flat_map(|p| p.map(|c| f64::from(c.abs())))
-        .fold(0.0, f64::max);
+    let extent =
+        cloud.positions().iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
     // What rounding of coordinates to single precision may add.
     let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);
     let largest = f64::from(LIMIT) * 0.5 * bound;

@@ -171,7 +171,9 @@ impl<C: Coder> Sheets<'_, C> {
     fn tile(&mut self, side: u8, tile: [i32; 2], given: &[Root]) -> Result<(), C::Error> {
         let more = given.len().saturating_sub(1) as u32;
         let n = self.coder.uint(&mut self.models.sheets, more)? as usize + 1;
-        if n > self.max_patches.min(MAX_SHEETS) || tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
+        if n > self.max_patches.min(MAX_SHEETS)
+            || tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32)
+        {
             return Err(self.coder.corrupt(format!("{n} sheets at tile {tile:?}")));
         }
         let tile_pixels = PATCH_PIXELS << (self.levels - 1);
