@@ -136,7 +136,10 @@ def room() -> None:
         ("HSCSM", {**ROOM, **LEVELS}),
         ("HSCSM", {**coarse, **LEVELS}),
         ("HSCSM, coverage 0.5", {**coarse, **LEVELS, "min_coverage": 0.5}),
-        ("HSCSM, 1 cm, coverage 0.5", {**coarse, **LEVELS, "min_coverage": 0.5, "max_depth_deviation": 0.01}),
+        (
+            "HSCSM, 1 cm, coverage 0.5",
+            {**coarse, **LEVELS, "min_coverage": 0.5, "max_depth_deviation": 0.01},
+        ),
     ]
     table("room", cloud, rows, 0.01)
 

@@ -475,7 +475,7 @@ def learn_patches(
         Largest standard deviation of depth in a pixel, metres (rho_max_depth); by default
         `resolution` / sqrt(3). What deviates more goes to the level below; the lowest level takes all.
     max_color_deviation
-        Largest standard deviation of colour in a pixel, root mean square over the channels, 0..255
+        Largest standard deviation of colour in a pixel, root mean square over channels, 0..255
         (rho_max_rgb).
     min_coverage
         Fraction of its pixels that a patch must cover, or the level below describes its surface.

@@ -186,6 +186,10 @@ fn grow_tile(tile: &[(u128, f32, f32)], side_pixels: usize) -> Vec<Sheet> {
             Sheet { side, tile: at, runs, small }
         })
         .collect();
+    // What no tile of a scan holds, but noise may: the smallest go.
+    let samples = |s: &Sheet| s.runs.iter().map(|r| f64::from(r.n)).sum::<f64>();
+    sheets.sort_by(|a, b| samples(b).total_cmp(&samples(a)));
+    sheets.truncate(MAX_SHEETS);
     let mean =
         |s: &Sheet| s.runs.iter().map(|r| f64::from(r.depth)).sum::<f64>() / s.runs.len() as f64;
     sheets.sort_by(|a, b| mean(a).total_cmp(&mean(b)));
