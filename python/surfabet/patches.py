@@ -473,7 +473,8 @@ def learn_patches(
         Pixels per side of a patch, 2 to 32.
     max_depth_deviation
         Largest standard deviation of depth in a pixel, metres (rho_max_depth); by default
-        `resolution` / sqrt(3). What deviates more goes to the level below; the lowest level takes all.
+        `resolution` / sqrt(3). What deviates more goes to the level below; the lowest level takes
+        all.
     max_color_deviation
         Largest standard deviation of colour in a pixel, root mean square over channels, 0..255
         (rho_max_rgb).
