@@ -5,16 +5,18 @@
 The patches are those of a lattice model. Their 8 x 8 images of depth and of luma are measured from
 the scan: weighted means of the points that lie within three standard deviations of the patch, less
 a least-squares plane (depth) or the mean (luma) over the mask. Every image is coded by masked
-orthogonal matching pursuit to the same root mean square error over
+orthogonal matching pursuit to a tolerance over
 
 - the two-dimensional discrete cosine transform (64 atoms),
 - dictionaries that weighted K-SVD learned from all of these images (in sample),
 - dictionaries learned from every other image and used for the rest (held out).
 
-Bits are empirical entropies: of the number of atoms, of the indices of atoms (less the order, which
-says nothing) and of the quantised coefficients. They cost a table of frequencies nothing, which
-favours many atoms. A dictionary learned in sample has to be said as well: 8 bits for each value,
-or the entropy of these bytes where smaller. One learned elsewhere may be shared, and costs nothing.
+For learned dictionaries the tolerance is then moved until the error of all images after rounding
+is that of the transform. Bits are empirical entropies: of the number of atoms, of the indices of
+atoms (less the order, which says nothing) and of the quantised coefficients. They cost a table of
+frequencies nothing, which favours many atoms. A dictionary learned in sample has to be said as
+well: 8 bits for each value, or the entropy of these bytes where smaller. One learned elsewhere may
+be shared, and costs nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ import json
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import lgamma, log
 from pathlib import Path
@@ -52,7 +54,11 @@ DEPTH_TOLERANCE = 0.2
 """Root mean square error of depth, finest pixels."""
 LUMA_TOLERANCE = 7.0
 
+EVERY = slice(None)
+SPLIT = (slice(0, None, 2), slice(1, None, 2))
+
 Array = NDArray[np.float64]
+Halves = list[tuple[NDArray[np.float32], slice]]
 
 
 @dataclass(frozen=True)
@@ -208,8 +214,6 @@ class Coded:
     atoms: NDArray[np.int64]
     quantised: NDArray[np.int64]
     squared_error: float
-    reached: int
-    """Images within the tolerance."""
 
     def __add__(self, other: Coded) -> Coded:
         return Coded(
@@ -218,7 +222,6 @@ class Coded:
             np.concatenate([self.atoms, other.atoms]),
             np.concatenate([self.quantised, other.quantised]),
             self.squared_error + other.squared_error,
-            self.reached + other.reached,
         )
 
     @property
@@ -231,15 +234,17 @@ class Coded:
         return entropy(self.quantised)
 
 
-def code(dictionary: NDArray[np.float32], images: Images, which: slice | None = None) -> Coded:
-    """Codes to the images' tolerance, coefficients rounded to twice the tolerance."""
-    which = which or slice(None)
+def code(
+    dictionary: NDArray[np.float32],
+    images: Images,
+    tolerance: float,
+    which: slice = EVERY,
+) -> Coded:
+    """Codes to a tolerance, coefficients rounded to twice the images' own."""
     values, weights = images.values[which], images.measured[which].astype(np.float32)
     codes = sparse.omp(
-        dictionary, values, weights=weights, max_atoms=MAX_ATOMS, tolerance=images.tolerance
+        dictionary, values, weights=weights, max_atoms=MAX_ATOMS, tolerance=tolerance
     )
-    exact = sparse.squared_errors(dictionary, values, codes, weights=weights)
-    reached = int((np.sqrt(exact / weights.sum(axis=1)) <= 1.001 * images.tolerance).sum())
     step = 2 * images.tolerance
     quantised = np.rint(codes.coefficients / step).astype(np.int64)
     kept = quantised != 0
@@ -250,7 +255,23 @@ def code(dictionary: NDArray[np.float32], images: Images, which: slice | None = 
         np.concatenate([[0], np.cumsum(counts)]), atoms, step * quantised[kept]
     )
     errors = sparse.squared_errors(dictionary, values, rounded, weights=weights)
-    return Coded(len(values), counts, atoms, quantised[kept], float(errors.sum()), reached)
+    return Coded(len(values), counts, atoms, quantised[kept], float(errors.sum()))
+
+
+def to_error(squared_error: float, tolerance: float, coded: Callable[[float], Coded]) -> Coded:
+    """Codes of about the same error as others, by bisection of the tolerance."""
+    low, high = tolerance / 2, tolerance * 2
+    best = coded(tolerance)
+    for _ in range(8):
+        middle = np.sqrt(low * high)
+        found = coded(middle)
+        if abs(found.squared_error - squared_error) < abs(best.squared_error - squared_error):
+            best = found
+        if found.squared_error < squared_error:
+            low = middle
+        else:
+            high = middle
+    return best
 
 
 def dct() -> NDArray[np.float32]:
@@ -261,8 +282,7 @@ def dct() -> NDArray[np.float32]:
     return np.kron(rows, rows).astype(np.float32)
 
 
-def learn(images: Images, n_atoms: int, which: slice | None = None) -> NDArray[np.float32]:
-    which = which or slice(None)
+def learn(images: Images, n_atoms: int, which: slice = EVERY) -> NDArray[np.float32]:
     return sparse.ksvd(
         images.values[which],
         weights=images.measured[which],
@@ -290,7 +310,6 @@ def results(name: str, images: Images) -> Iterator[dict[str, Any]]:
             "images": coded.n_images,
             "tolerance": images.tolerance,
             "rmse": float(np.sqrt(coded.squared_error / images.measured.sum())),
-            "reached": coded.reached / coded.n_images,
             "atoms_per_image": len(coded.atoms) / coded.n_images,
             "index_bits": coded.index_bits / coded.n_images,
             "coefficient_bits": coded.coefficient_bits / coded.n_images,
@@ -300,14 +319,22 @@ def results(name: str, images: Images) -> Iterator[dict[str, Any]]:
             "total_bytes": bits / 8 + min(raw, compact),
         }
 
-    yield result("DCT", code(dct(), images))
-    even, odd = slice(0, None, 2), slice(1, None, 2)
+    fixed = code(dct(), images, images.tolerance)
+    yield result("DCT", fixed)
     for n_atoms in ATOMS:
         own = learn(images, n_atoms)
-        yield result(f"K-SVD {n_atoms}, in sample", code(own, images), *dictionary_bytes(own))
-        held_out = code(learn(images, n_atoms, even), images, odd)
-        held_out += code(learn(images, n_atoms, odd), images, even)
-        yield result(f"K-SVD {n_atoms}, held out", held_out)
+        coded = to_error(
+            fixed.squared_error, images.tolerance, lambda t, own=own: code(own, images, t)
+        )
+        yield result(f"K-SVD {n_atoms}, in sample", coded, *dictionary_bytes(own))
+        halves = [(learn(images, n_atoms, half), other) for half, other in (SPLIT, SPLIT[::-1])]
+
+        def held_out(tolerance: float, halves: Halves = halves) -> Coded:
+            first, second = (code(learned, images, tolerance, rest) for learned, rest in halves)
+            return first + second
+
+        coded = to_error(fixed.squared_error, images.tolerance, held_out)
+        yield result(f"K-SVD {n_atoms}, held out", coded)
 
 
 HEADER = [

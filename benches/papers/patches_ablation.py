@@ -1,6 +1,6 @@
 """What each part of the patches is worth, on and off: bytes and errors on a room and a frame.
 
-    python benches/papers/patches_ablation.py [--only room|frame] [--json] [--threads 2]
+    python benches/papers/patches_ablation.py [--only room|frame] [--rows TEXT] [--json]
 
 Models are learned from the raw points. The reference of the room is its fused cloud thinned to
 5 mm by voxel means, that of the Kinect frame the frame itself. Where a row says nothing else, the
@@ -109,6 +109,7 @@ def rows(scene: Scene) -> Iterator[Row]:
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", choices=["room", "frame"])
+    parser.add_argument("--rows", default="", help="only rows whose name contains this")
     parser.add_argument("--json", action="store_true", help="a JSON object per line instead")
     parser.add_argument("--threads", type=int, default=2)
     return parser.parse_args()
@@ -126,27 +127,37 @@ def clouds(scene: Scene) -> tuple[sb.PointCloud, sb.PointCloud]:
     return frame, frame
 
 
-def color_bytes(data: bytes) -> int:
+def parts(data: bytes) -> dict[str, int]:
+    """Bytes of geometry with the header, of colour, and of dictionaries, which hold both."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.sfb"
         path.write_bytes(data)
         sections = sb.inspect(path).sections
-    return sum(size for name, size in sections.items() if "colour" in name)
+    color = sections.get("colour", 0)
+    dictionaries = sections.get("dictionaries", 0)
+    return {
+        "bytes": len(data),
+        "geometry_bytes": len(data) - color - dictionaries,
+        "color_bytes": color,
+        "dictionary_bytes": dictionaries,
+    }
 
 
-def measure(scene: Scene, only_json: bool) -> None:
+def measure(scene: Scene, named: str, only_json: bool) -> None:
     raw, reference = clouds(scene)
     if not only_json:
         print(f"\n{scene.name}: {len(raw):,} points, reference of {len(reference):,}\n")
         print_row(*HEADER)
         print_row(*["---"] * len(HEADER))
     for row in rows(scene):
+        if named not in row.name:
+            continue
         options = row.options if "method" in row.options else scene.options | row.options
         began = time.perf_counter()
         model = sb.learn_patches(raw, **options)
         data = model.to_bytes()
         seconds = time.perf_counter() - began
-        colors = color_bytes(data)
+        sizes = parts(data)
         for way in row.decodes:
             spacing = way.pixels * model.levels[-1].pixel_size
             thick = {} if isinstance(model, sb.PatchModel) else {"as_measured": way.as_measured}
@@ -155,9 +166,7 @@ def measure(scene: Scene, only_json: bool) -> None:
             result = {
                 "scene": scene.name,
                 "row": row.name + way.suffix,
-                "bytes": len(data),
-                "geometry_bytes": len(data) - colors,
-                "color_bytes": colors,
+                **sizes,
                 "rmse_forward": q.rmse_forward,
                 "rmse_backward": q.rmse_backward,
                 "rmse_pooled": q.rmse_pooled,
@@ -173,11 +182,13 @@ def measure(scene: Scene, only_json: bool) -> None:
                 print_row(*cells(result))
 
 
+SIZES = ("bytes", "geometry_bytes", "color_bytes", "dictionary_bytes")
 HEADER = [
     "part",
     "bytes",
     "geometry",
     "colour",
+    "dictionaries",
     "error mm, forward / backward (pooled)",
     "colour rmse",
     "seconds",
@@ -190,7 +201,7 @@ def cells(result: dict[str, Any]) -> list[str]:
     )
     return [
         result["row"],
-        *(f"{result[name]:,}" for name in ("bytes", "geometry_bytes", "color_bytes")),
+        *(f"{result[name]:,}" for name in SIZES),
         f"{forward} / {backward} ({pooled})",
         f"{result['color_rmse_pooled']:.1f}",
         f"{result['seconds']:.1f}",
@@ -208,7 +219,7 @@ def main() -> None:
         sys.exit(f"{DATA} is not there: this script needs the real scans")
     for scene in (FRAME, ROOM):
         if options.only in (None, scene.name):
-            measure(scene, options.json)
+            measure(scene, options.rows, options.json)
 
 
 if __name__ == "__main__":
