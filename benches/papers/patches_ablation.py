@@ -80,6 +80,10 @@ def rows(scene: Scene) -> Iterator[Row]:
     """What is measured; ratios are to the default's options."""
     rate = scene.options.get("rate", 0.7)
     yield Row("default", {}, (Decode(), THIN, PIXELS, THIN_PIXELS))
+    # Bytes and error move together: what the default makes of other pixels is what to judge by.
+    for ratio in (0.85, 1.25, 1.6):
+        resolution = round(ratio * scene.options["resolution"], 5)
+        yield Row(f"default, pixels of {1e3 * resolution:g} mm", {"resolution": resolution})
     yield Row("1 level", {"levels": 1})
     yield Row("2 levels", {"levels": 2})
     yield Row("4 levels", {"levels": 4})
