@@ -151,13 +151,17 @@ def measured_images(
         corner = middles[i, plane] - side / 2
         square = np.rint(corner / (PIXELS * finest)).astype(np.int64)
         near = columns[axis].within(square, round(side / (PIXELS * finest)))
+        window = max(3 * patches.sigma[i], 1.5 * finest)
+        # Shapes are at most 3: what is further away than this cannot be in the window.
+        reach = 3 * np.abs(patches.coefficients[i, 1:]).sum() + window
+        near = near[np.abs(local[near, axis] - patches.coefficients[i, 0]) < reach]
         pixel = np.floor((local[near][:, plane] - corner) / side * PIXELS).astype(np.int64)
         inside = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
         near, pixel = near[inside], pixel[inside]
         x, y = (2 * (local[near][:, plane] - corner) / side - 1).T
         shapes = cosines(x)[:, DEGREES[:, 0]] * cosines(y)[:, DEGREES[:, 1]]
         off = local[near, axis] - shapes @ patches.coefficients[i]
-        close = np.abs(off) < max(3 * patches.sigma[i], 1.5 * finest)
+        close = np.abs(off) < window
         near = near[close]
         at = pixel[close, 1] * PIXELS + pixel[close, 0]
         total = np.bincount(at, weights[near], PIXELS**2)

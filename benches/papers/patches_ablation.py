@@ -43,7 +43,7 @@ class Scene:
 ROOM = Scene(
     "room",
     {"resolution": 0.011},
-    plain_color_step=150,
+    plain_color_step=140,
     published={"resolution": 0.015, "iterations": 4},
 )
 FRAME = Scene(
