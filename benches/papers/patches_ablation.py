@@ -6,7 +6,9 @@ Models are learned from the raw points. The reference of the room is its fused c
 5 mm by voxel means, that of the Kinect frame the frame itself. Where a row says nothing else, the
 model is decoded as measured at half of its finest pixel; the paper's method has no thickness and
 is decoded as a surface. Errors take all points of both clouds: forward is decoded to reference,
-backward the other way, pooled over both. Seconds are those of learning and writing, wall clock.
+backward the other way, pooled over both. A row with fewer bytes and a larger error has won nothing
+yet, so the last column sets its geometry beside what the default needs for the same pooled error
+with other pixels (interpolated; a dash beyond the measured pixels and for other decodes). Seconds are those of learning and writing, wall clock.
 """
 
 from __future__ import annotations
@@ -22,11 +24,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import surfabet as sb
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 Options = dict[str, Any]
+Curve = list[tuple[float, int]]
+"""Pooled error and bytes of geometry."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,8 @@ class Row:
     name: str
     options: Options = field(default_factory=dict)
     decodes: tuple[Decode, ...] = (Decode(),)
+    is_default: bool = False
+    """But for the size of pixels."""
 
 
 THIN = Decode(", decoded thin", as_measured=False)
@@ -79,11 +87,15 @@ THIN_PIXELS = Decode(", decoded thin, one point per pixel", as_measured=False, p
 def rows(scene: Scene) -> Iterator[Row]:
     """What is measured; ratios are to the default's options."""
     rate = scene.options.get("rate", 0.7)
-    yield Row("default", {}, (Decode(), THIN, PIXELS, THIN_PIXELS))
+    yield Row("default", {}, (Decode(), THIN, PIXELS, THIN_PIXELS), is_default=True)
     # Bytes and error move together: what the default makes of other pixels is what to judge by.
     for ratio in (0.85, 1.25, 1.6):
         resolution = round(ratio * scene.options["resolution"], 5)
-        yield Row(f"default, pixels of {1e3 * resolution:g} mm", {"resolution": resolution})
+        yield Row(
+            f"default, pixels of {1e3 * resolution:g} mm",
+            {"resolution": resolution},
+            is_default=True,
+        )
     yield Row("1 level", {"levels": 1})
     yield Row("2 levels", {"levels": 2})
     yield Row("4 levels", {"levels": 4})
@@ -153,6 +165,7 @@ def measure(scene: Scene, named: str, only_json: bool) -> None:
         print(f"\n{scene.name}: {len(raw):,} points, reference of {len(reference):,}\n")
         print_row(*HEADER)
         print_row(*["---"] * len(HEADER))
+    curve: Curve = []
     for row in rows(scene):
         if named not in row.name:
             continue
@@ -180,10 +193,13 @@ def measure(scene: Scene, named: str, only_json: bool) -> None:
                 "seconds": seconds,
                 "options": options,
             }
+            if row.is_default and not way.suffix:
+                curve = sorted([*curve, (q.rmse_pooled, sizes["geometry_bytes"])])
             if only_json:
                 print(json.dumps(result), flush=True)
             else:
-                print_row(*cells(result))
+                comparable = not (row.is_default or way.suffix)
+                print_row(*cells(result, curve if comparable else []))
 
 
 SIZES = ("bytes", "geometry_bytes", "color_bytes", "dictionary_bytes")
@@ -196,10 +212,20 @@ HEADER = [
     "error mm, forward / backward (pooled)",
     "colour rmse",
     "seconds",
+    "geometry at equal error",
 ]
 
 
-def cells(result: dict[str, Any]) -> list[str]:
+def against_default(result: dict[str, Any], curve: Curve) -> str:
+    """Geometry beside the default's at the same error, from its points sorted by error."""
+    if not curve or not curve[0][0] <= result["rmse_pooled"] <= curve[-1][0]:
+        return "-"
+    errors, sizes = zip(*curve, strict=True)
+    expected = np.exp(np.interp(result["rmse_pooled"], errors, np.log(sizes)))
+    return f"{result['geometry_bytes'] / expected - 1:+.0%}"
+
+
+def cells(result: dict[str, Any], curve: Curve) -> list[str]:
     forward, backward, pooled = (
         f"{1e3 * result[f'rmse_{name}']:.2f}" for name in ("forward", "backward", "pooled")
     )
@@ -209,6 +235,7 @@ def cells(result: dict[str, Any]) -> list[str]:
         f"{forward} / {backward} ({pooled})",
         f"{result['color_rmse_pooled']:.1f}",
         f"{result['seconds']:.1f}",
+        against_default(result, curve),
     ]
 
 
