@@ -8,7 +8,8 @@ model is decoded as measured at half of its finest pixel; the paper's method has
 is decoded as a surface. Errors take all points of both clouds: forward is decoded to reference,
 backward the other way, pooled over both. A row with fewer bytes and a larger error has won nothing
 yet, so the last column sets its geometry beside what the default needs for the same pooled error
-with other pixels (interpolated; a dash beyond the measured pixels and for other decodes). Seconds are those of learning and writing, wall clock.
+with other pixels (interpolated; a dash beyond the measured pixels and for other ways of decoding).
+Seconds are those of learning and writing, wall clock.
 """
 
 from __future__ import annotations
@@ -198,7 +199,7 @@ def measure(scene: Scene, named: str, only_json: bool) -> None:
             if only_json:
                 print(json.dumps(result), flush=True)
             else:
-                comparable = not (row.is_default or way.suffix)
+                comparable = not (row.is_default or way.suffix or "method" in options)
                 print_row(*cells(result, curve if comparable else []))
 
 
@@ -222,7 +223,8 @@ def against_default(result: dict[str, Any], curve: Curve) -> str:
         return "-"
     errors, sizes = zip(*curve, strict=True)
     expected = np.exp(np.interp(result["rmse_pooled"], errors, np.log(sizes)))
-    return f"{result['geometry_bytes'] / expected - 1:+.0%}"
+    # Adding zero drops the sign of a negative one.
+    return f"{round(result['geometry_bytes'] / expected - 1, 2) + 0.0:+.0%}"
 
 
 def cells(result: dict[str, Any], curve: Curve) -> list[str]:
