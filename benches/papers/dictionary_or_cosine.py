@@ -43,7 +43,7 @@ DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 PIXELS = 8
 """Per side of a patch."""
 ATOMS = (32, 64, 128)
-MAX_ATOMS = 16
+MAX_ATOMS = 40
 """Most atoms in a code."""
 MIN_PIXELS = 12
 """Images with fewer measured pixels say nothing of a basis."""
