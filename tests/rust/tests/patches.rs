@@ -665,8 +665,11 @@ fn decoding_is_possible_at_any_resolution() {
         assert_eq!(decoded.colors().unwrap().len(), decoded.len());
         counts.push(decoded.len());
         for max_points in [0, 1, decoded.len() as u64 - 1, decoded.len() as u64] {
-            let limited =
-                DecodeOptions { resolution: Some(resolution), max_points, normals: false };
+            let limited = DecodeOptions {
+                resolution: Some(resolution),
+                max_points,
+                ..DecodeOptions::default()
+            };
             match model.decode(limited, &Silent) {
                 Ok(points) => assert!(points.len() as u64 <= max_points),
                 Err(error) => assert!(
