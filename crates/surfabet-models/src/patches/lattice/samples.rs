@@ -17,6 +17,9 @@ const NORMAL_CELL: f32 = 2.0;
 /// How much a neighbour's axis counts against the own normal when axes are chosen.
 const NEIGHBOUR_PULL: f32 = 0.04;
 
+/// How much the axis of a cell counts whose samples lie on a line, against 1 for a plane.
+const LINE_TRUST: f32 = 0.2;
+
 /// Rounds of choosing axes.
 const ROUNDS: usize = 4;
 
@@ -152,7 +155,15 @@ fn sides(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
                     let flat = 1.0 - (axes.variances[0] / axes.variances[1]).sqrt();
                     (axes.normal().map(|c| c as f32), flat as f32, around)
                 }
-                _ => ([0.0; 3], 0.0, around),
+                Some(axes) => {
+                    // A line or less: any plane along it will do, so not one across it.
+                    let along = axes.directions[2].map(|c| c.abs());
+                    let across = (0..3).min_by(|&a, &b| along[a].total_cmp(&along[b])).unwrap_or(0);
+                    let mut normal = [0.0; 3];
+                    normal[across] = 1.0;
+                    (normal, LINE_TRUST, around)
+                }
+                None => ([0.0; 3], 0.0, around),
             }
         })
         .collect();

@@ -18,6 +18,9 @@ use crate::error::Result;
 /// Samples of a column further apart than this are two runs, pixels.
 const GAP: f32 = 2.5;
 
+/// Longest run, pixels: no patch is thicker.
+const LONGEST: f32 = 24.0;
+
 /// Depth step between neighbouring runs that one surface may make, pixels, beside the mean half thickness.
 const STEP: f32 = 1.25;
 
@@ -94,7 +97,18 @@ pub(super) fn grow(samples: &Samples, pixel: f32, tile_pixels: i32) -> Result<Ve
 
 fn runs_of(column: &[(u128, f32, f32)], runs: &mut Vec<Run>) {
     let (u, v) = ((column[0].0 & 0xff) as u8, (column[0].0 >> 8 & 0xff) as u8);
-    for run in column.chunk_by(|a, b| b.1 - a.1 <= GAP) {
+    let mut rest = column;
+    while let Some(first) = rest.first() {
+        let mut end = 1;
+        while end < rest.len()
+            && rest[end].1 - rest[end - 1].1 <= GAP
+            && rest[end].1 - first.1 <= LONGEST
+        {
+            end += 1;
+        }
+        let (run, behind) = rest.split_at(end);
+        rest = behind;
+
         let n = run.len() as f64;
         let weight: f64 = run.iter().map(|e| f64::from(e.2)).sum();
         let by_weight = run.iter().map(|e| f64::from(e.2) * f64::from(e.1)).sum::<f64>() / weight;
