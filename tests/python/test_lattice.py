@@ -97,6 +97,16 @@ def test_a_file_gives_the_model_back(cloud, model, tmp_path):
     assert set(info.sections) == {"header", "geometry", "colour"}
 
 
+def test_the_file_of_the_first_release_reads_as_ever():
+    golden = Path(__file__).parents[1] / "golden"
+    model = sb.load(golden / "lattice_0_1.sfb")
+    assert model.to_bytes() == (golden / "lattice_0_1.sfb").read_bytes()
+    decoded = model.decode(0.01, as_measured=True)
+    wanted = np.loadtxt(golden / "lattice_0_1.txt")
+    np.testing.assert_allclose(decoded.points, wanted[:, :3], atol=2e-6)
+    assert np.abs(decoded.colors.astype(int) - wanted[:, 3:]).max() <= 1
+
+
 def test_the_same_bytes_for_any_number_of_threads(cloud):
     before = sb.get_num_threads()
     try:
