@@ -51,7 +51,7 @@ fn lattice_road(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("lattice");
     group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
     group.bench_function("learn", |b| {
-        b.iter(|| lattice::learn(black_box(&cloud), &options, &Silent))
+        b.iter(|| lattice::learn(black_box(&cloud), &options, &Silent));
     });
     for stage in
         ["finding axes", "merging points", "growing sheets", "choosing patches", "colouring"]
