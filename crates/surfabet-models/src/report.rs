@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use surfabet_geom::PointCloud;
+
 /// One stage of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage {
@@ -54,4 +56,17 @@ impl Report {
             None => self.figures.push((name, value)),
         }
     }
+}
+
+/// What `cloud` has beyond positions and colours, by name: all that surface patches do not keep.
+pub(crate) fn beyond_color(cloud: &PointCloud) -> Vec<&'static str> {
+    [
+        ("intensities", cloud.intensities().is_some()),
+        ("normals", cloud.normals().is_some()),
+        ("ranges", cloud.ranges().is_some()),
+        ("viewpoints", cloud.viewpoints().is_some()),
+    ]
+    .into_iter()
+    .filter_map(|(name, present)| present.then_some(name))
+    .collect()
 }

@@ -13,7 +13,7 @@ use super::order::{steps_per_cell, storing_order};
 use super::placement::{Placed, place};
 use super::samples::Samples;
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Report, beyond_color};
 
 /// Position lattice, in pixels: a quarter of a pixel moves no sample visibly, since depth and colour are measured
 /// after the pose is rounded.
@@ -241,15 +241,7 @@ fn steps(options: &PatchOptions, j: u32) -> Steps {
 
 fn describe_cloud(report: &mut Report, cloud: &PointCloud, samples: &Samples) {
     report.figures.extend([("points", cloud.len() as f64), ("samples", samples.len() as f64)]);
-    report.not_kept = [
-        ("intensities", cloud.intensities().is_some()),
-        ("normals", cloud.normals().is_some()),
-        ("ranges", cloud.ranges().is_some()),
-        ("viewpoints", cloud.viewpoints().is_some()),
-    ]
-    .into_iter()
-    .filter_map(|(name, present)| present.then_some(name))
-    .collect();
+    report.not_kept = beyond_color(cloud);
 }
 
 /// The level that a channel is learned for.

@@ -7,15 +7,12 @@
 
 use super::basis::{Basis, DEGREES, FRACTION, N_SHAPES};
 use super::model::{LatticePatch, MAX_THICKNESS, Node, PATCH_PIXELS};
-use super::sheets::{Run, Sheet};
+use super::sheets::{Run, Sheet, THINNEST};
 use super::surroundings::UNKNOWN;
 use super::syntax::{GeometryModels, pixel_index};
 
 /// Steps of thickness per pixel.
 const THICKNESS_STEPS: f32 = 4.0;
-
-/// Thinnest slab that is decoded, pixels.
-const THINNEST: f32 = 0.25;
 
 /// How much the distance of the thin surface from the mean of the samples counts: slabs overlap well even where
 /// their middles are apart.

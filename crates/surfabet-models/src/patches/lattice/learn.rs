@@ -19,7 +19,7 @@ use super::syntax::{GeometryModels, code_geometry};
 use super::targets::targets;
 use crate::error::{Error, Result};
 use crate::patches::DecodeOptions;
-use crate::report::Report;
+use crate::report::{Report, beyond_color};
 
 /// Side of the cells that vote for the scene's axes, in pixels.
 const AXES_CELL: f64 = 6.0;
@@ -91,15 +91,7 @@ pub fn learn(
         ("sheets", sheets.len() as f64),
         ("cells of colour", keys.len() as f64),
     ]);
-    report.not_kept = [
-        ("intensities", cloud.intensities().is_some()),
-        ("normals", cloud.normals().is_some()),
-        ("ranges", cloud.ranges().is_some()),
-        ("viewpoints", cloud.viewpoints().is_some()),
-    ]
-    .into_iter()
-    .filter_map(|(name, present)| present.then_some(name))
-    .collect();
+    report.not_kept = beyond_color(cloud);
     report.stop_reason = "every sheet has the hierarchy of least cost";
     let mut model = LatticeModel::new(cloud.len() as u64, geometry, color, keys, report)?;
     if let Some(bound) = options.max_error {

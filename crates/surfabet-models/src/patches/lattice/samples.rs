@@ -6,6 +6,7 @@ use surfabet_geom::{Moments, PointCloud, Progress};
 use super::axes::Orientation;
 use super::cells::{Groups, cell_of, key};
 use crate::error::Result;
+use crate::patches::frame::dot;
 use crate::patches::sensor::Sensor;
 
 /// Side of the cells that points are merged in, in pixels.
@@ -49,10 +50,6 @@ pub(super) struct Samples {
 
 fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Samples {

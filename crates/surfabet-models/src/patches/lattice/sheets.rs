@@ -24,8 +24,8 @@ const LONGEST: f32 = 24.0;
 /// Depth step between neighbouring runs that one surface may make, pixels, beside the mean half thickness.
 const STEP: f32 = 1.25;
 
-/// Thinnest half thickness of a run, pixels: what one layer of samples stands for.
-const THINNEST: f32 = 0.25;
+/// Thinnest half thickness of a run and of what is decoded, pixels: what one layer of samples stands for.
+pub(super) const THINNEST: f32 = 0.25;
 
 /// Sheets of fewer samples may be left out of the model at the price of their distance to the others.
 const SMALL: f32 = 256.0;
@@ -111,8 +111,7 @@ fn runs_of(column: &[(u128, f32, f32)], runs: &mut Vec<Run>) {
 
         let n = run.len() as f64;
         let weight: f64 = run.iter().map(|e| f64::from(e.2)).sum();
-        let by_weight = run.iter().map(|e| f64::from(e.2) * f64::from(e.1)).sum::<f64>() / weight;
-        let depth = by_weight;
+        let depth = run.iter().map(|e| f64::from(e.2) * f64::from(e.1)).sum::<f64>() / weight;
         let variance = run.iter().map(|e| (f64::from(e.1) - depth).powi(2)).sum::<f64>() / n;
         runs.push(Run {
             u,
