@@ -2,8 +2,10 @@
 //!
 //! | family | learns | paper |
 //! |---|---|---|
+//! | [`alphabet`] | recurrent local scans and their places | M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact 3D Models Based on the Detection of Recurrent Structures, ICRA 2010 |
 //! | [`patches`] | sparse-coded surface patches | M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
 
+pub mod alphabet;
 mod error;
 pub mod patches;
 mod report;

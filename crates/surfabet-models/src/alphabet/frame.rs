@@ -1,0 +1,87 @@
+//! The frame of a feature: its normal, and what is up about it (III-C).
+
+/// From this share of the vertical on, the projected world z says little about what is up.
+const NEARLY_VERTICAL: f64 = 0.9;
+
+/// What is up where the normal itself is nearly vertical, which the paper leaves open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Upright {
+    /// World x. Floors and ceilings get one orientation for the whole scene.
+    #[default]
+    WorldX,
+    /// World z all the same, as long as it has a projection at all.
+    WorldZ,
+    /// Away from the sensor.
+    ViewDirection,
+}
+
+/// Rows: what is right, what is up, the normal; all unit vectors, right-handed.
+///
+/// `view` is the direction from the sensor to the point; only [`Upright::ViewDirection`] asks for it, and takes world
+/// x where it is along the normal.
+pub fn upright_frame(normal: [f64; 3], rule: Upright, view: [f64; 3]) -> [[f64; 3]; 3] {
+    let [x, z] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    let wanted = match rule {
+        _ if normal[2].abs() <= NEARLY_VERTICAL => z,
+        Upright::WorldX => x,
+        Upright::WorldZ => z,
+        Upright::ViewDirection => view,
+    };
+    // World x is at least 0.4 off a nearly vertical normal, so that it always has a projection.
+    let up = projected(wanted, normal).or_else(|| projected(x, normal)).unwrap_or(z);
+    [cross(up, normal), up, normal]
+}
+
+/// The unit vector along what of `v` is orthogonal to the unit vector `normal`.
+fn projected(v: [f64; 3], normal: [f64; 3]) -> Option<[f64; 3]> {
+    let along: f64 = (0..3).map(|a| v[a] * normal[a]).sum();
+    let rest: [f64; 3] = std::array::from_fn(|a| v[a] - along * normal[a]);
+    let length = rest.iter().map(|c| c * c).sum::<f64>().sqrt();
+    (length > 1e-6).then(|| rest.map(|c| c / length))
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn frames_are_rotations_with_the_normal_last(
+            v in prop::array::uniform3(-1.0_f64..1.0),
+            view in prop::array::uniform3(-1.0_f64..1.0),
+            rule in prop::sample::select(vec![Upright::WorldX, Upright::WorldZ, Upright::ViewDirection]),
+        ) {
+            let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+            prop_assume!(length > 0.1);
+            let normal = v.map(|c| c / length);
+            let rows = upright_frame(normal, rule, view);
+            for (i, a) in rows.iter().enumerate() {
+                for (j, b) in rows.iter().enumerate() {
+                    let dot: f64 = (0..3).map(|k| a[k] * b[k]).sum();
+                    prop_assert!((dot - f64::from(u8::from(i == j))).abs() < 1e-9);
+                }
+            }
+            let handed = cross(rows[0], rows[1]);
+            prop_assert!((0..3).all(|a| (handed[a] - normal[a]).abs() < 1e-9));
+            if normal[2].abs() <= NEARLY_VERTICAL {
+                prop_assert!(rows[0][2].abs() < 1e-9 && rows[1][2] > 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn a_floor_has_one_orientation() {
+        let rows = upright_frame([0.0, 0.0, 1.0], Upright::WorldX, [0.0; 3]);
+        assert_eq!(rows[1], [1.0, 0.0, 0.0]);
+        // Along the normal nothing is up but the fallback.
+        assert_eq!(upright_frame([0.0, 0.0, 1.0], Upright::WorldZ, [0.0; 3])[1], [1.0, 0.0, 0.0]);
+        let away = upright_frame([0.0, 0.0, 1.0], Upright::ViewDirection, [0.0, 1.0, -1.0]);
+        assert!((away[1][1] - 1.0).abs() < 1e-12);
+    }
+}
