@@ -4,6 +4,7 @@
 //! of Recurrent Structures, ICRA 2010.
 
 mod frame;
+pub mod mdl;
 mod scene;
 
 pub use frame::{Upright, upright_frame};

@@ -176,6 +176,23 @@ impl Scene {
         self.positions.is_empty()
     }
 
+    /// The points at `indices`, in that order.
+    pub(super) fn select(&self, indices: &[u32]) -> Self {
+        fn pick<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {
+            // A column of a scene is empty or has a value per point.
+            indices.iter().filter_map(|&i| values.get(i as usize).copied()).collect()
+        }
+        Self {
+            positions: pick(&self.positions, indices),
+            viewpoints: pick(&self.viewpoints, indices),
+            ranges: pick(&self.ranges, indices),
+            sigma: pick(&self.sigma, indices),
+            colors: self.colors.as_ref().map(|v| pick(v, indices)),
+            intensities: self.intensities.as_ref().map(|v| pick(v, indices)),
+            ..*self
+        }
+    }
+
     /// Estimates what is not given, and sets sigma.
     fn allow_deviation(&mut self) -> Result<()> {
         let tree = KdTree::new(&self.positions)?;

@@ -1,0 +1,141 @@
+//! Lazy greedy cover: the candidates that explain most for their bits, and their redundancy removed.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use super::candidates::Candidate;
+
+/// What explaining is worth, and what saying costs, in bits.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Prices {
+    /// A point explained for the first time.
+    pub point: f32,
+    /// A sample near to nothing.
+    pub lone: f32,
+    /// An occurrence, per scale, without its word.
+    pub occurrence: Vec<f32>,
+    /// Which word it is, per word.
+    pub word: Vec<f32>,
+}
+
+impl Prices {
+    /// What a candidate costs whatever else is there.
+    pub fn cost(&self, candidate: &Candidate) -> f32 {
+        let p = &candidate.placement;
+        self.occurrence[usize::from(p.scale)]
+            + self.word[usize::from(p.word)]
+            + self.lone * candidate.coverage.lone as f32
+    }
+}
+
+/// How often each point is explained by what is chosen.
+pub(super) struct Tally {
+    times: Vec<u16>,
+}
+
+impl Tally {
+    pub fn new(n_points: usize) -> Self {
+        Self { times: vec![0; n_points] }
+    }
+
+    pub fn add(&mut self, points: &[u32]) {
+        points.iter().for_each(|&i| self.times[i as usize] += 1);
+    }
+
+    pub fn remove(&mut self, points: &[u32]) {
+        points.iter().for_each(|&i| self.times[i as usize] -= 1);
+    }
+
+    /// How many of `points` are explained `n` times.
+    pub fn count(&self, points: &[u32], n: u16) -> f32 {
+        points.iter().filter(|&&i| self.times[i as usize] == n).count() as f32
+    }
+}
+
+struct Entry {
+    gain: f32,
+    candidate: u32,
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Entry {}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.gain.total_cmp(&other.gain).then(other.candidate.cmp(&self.candidate))
+    }
+}
+
+/// Chooses candidates one by one, always the one that gains most; ascending indices, and the tally of them.
+///
+/// A gain only falls as others are chosen, so that an old gain is a bound: only the top of the heap is looked at anew.
+pub(super) fn cover(
+    candidates: &[Candidate],
+    prices: &Prices,
+    n_points: usize,
+) -> (Vec<u32>, Tally) {
+    let mut tally = Tally::new(n_points);
+    let cost: Vec<f32> = candidates.iter().map(|c| prices.cost(c)).collect();
+    let mut heap: BinaryHeap<Entry> = candidates
+        .iter()
+        .zip(&cost)
+        .enumerate()
+        .map(|(k, (c, cost))| Entry {
+            gain: prices.point * c.coverage.points.len() as f32 - cost,
+            candidate: k as u32,
+        })
+        .filter(|e| e.gain > 0.0)
+        .collect();
+    let mut chosen = Vec::new();
+    while let Some(top) = heap.pop() {
+        let k = top.candidate as usize;
+        let points = &candidates[k].coverage.points;
+        let now = prices.point * tally.count(points, 0) - cost[k];
+        if now <= 0.0 {
+            continue;
+        }
+        if heap.peek().is_some_and(|next| now < next.gain) {
+            heap.push(Entry { gain: now, ..top });
+            continue;
+        }
+        tally.add(points);
+        chosen.push(top.candidate);
+    }
+    remove_redundant(candidates, &cost, prices.point, &mut chosen, &mut tally);
+    chosen.sort_unstable();
+    (chosen, tally)
+}
+
+/// What later ones made redundant goes, the least useful first.
+fn remove_redundant(
+    candidates: &[Candidate],
+    cost: &[f32],
+    point: f32,
+    chosen: &mut Vec<u32>,
+    tally: &mut Tally,
+) {
+    let worth = |k: u32, tally: &Tally| {
+        let alone = tally.count(&candidates[k as usize].coverage.points, 1);
+        point * alone - cost[k as usize]
+    };
+    // As others go, worth only grows: sorted once, each is looked at once more.
+    let mut order: Vec<(f32, u32)> = chosen.iter().map(|&k| (worth(k, tally), k)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for (_, k) in order.into_iter().take_while(|(worth, _)| *worth < 0.0) {
+        if worth(k, tally) < 0.0 {
+            tally.remove(&candidates[k as usize].coverage.points);
+            chosen.retain(|&c| c != k);
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! From words and poses back to a cloud (eq. 2).
+
+use rayon::prelude::*;
+use surfabet_geom::{CloudParts, PointCloud, Progress};
+
+use super::coverage::raster;
+use super::model::AlphabetModel;
+use super::placement::Stand;
+use super::word::Word;
+use crate::error::{Error, Result};
+
+/// How a model becomes a cloud.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MdlDecodeOptions {
+    /// Spacing of the points, metres; by default as wide as the scan's own deviation allows, word by word.
+    pub resolution: Option<f64>,
+    /// Give every point the normal of its word.
+    pub normals: bool,
+    /// Most points to make.
+    pub max_points: u64,
+}
+
+impl Default for MdlDecodeOptions {
+    fn default() -> Self {
+        Self { resolution: None, normals: false, max_points: 500_000_000 }
+    }
+}
+
+impl AlphabetModel {
+    /// The model as a cloud: word by word, row by row.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
+    /// [`Error::Cancelled`].
+    pub fn decode(&self, options: MdlDecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        if let Some(resolution) = options.resolution
+            && !(resolution > 0.0 && resolution.is_finite())
+        {
+            return Err(Error::invalid("resolution", resolution, "positive and finite"));
+        }
+        let unit = self.unit();
+        let raster_of = |stand: &Stand| match options.resolution {
+            Some(resolution) => {
+                let n = (2.0 * stand.radius * unit / resolution).round().max(1.0);
+                (n, 2.0 * stand.radius / n)
+            }
+            None => {
+                let (n, step) = raster(stand, self.header().spacing);
+                (n as f64, step)
+            }
+        };
+        let stands: Vec<(Stand, &Word)> = self.stands().collect();
+        let most: f64 = stands.iter().map(|(stand, _)| raster_of(stand).0.powi(2)).sum();
+        if most > options.max_points as f64 {
+            return Err(Error::TooManyPoints {
+                resolution: options.resolution.unwrap_or(stands[0].0.radius * unit),
+                points: most as u64,
+                limit: options.max_points,
+            });
+        }
+        let blocks: Vec<Vec<[f32; 3]>> = stands
+            .par_iter()
+            .map(|(stand, word)| {
+                progress.check()?;
+                let (n, step) = raster_of(stand);
+                let at = |i: u64| (i as f64 + 0.5) * step - stand.radius;
+                let mut points = Vec::new();
+                for i in 0..(n * n) as u64 {
+                    let [right, up] = [at(i % n as u64), at(i / n as u64)];
+                    let height = word.height(right / stand.radius, up / stand.radius);
+                    if let Some(h) = height {
+                        let p = stand.global([right, up, h * stand.radius]);
+                        points.push(p.map(|c| (c * unit) as f32));
+                    }
+                }
+                Ok(points)
+            })
+            .collect::<Result<_>>()?;
+        fn each<T: Clone>(blocks: &[Vec<[f32; 3]>], of: impl Fn(usize) -> T) -> Vec<T> {
+            let block = |(k, points): (usize, &Vec<_>)| vec![of(k); points.len()];
+            blocks.iter().enumerate().flat_map(block).collect()
+        }
+        let attributes = self.attributes();
+        let colors = attributes
+            .filter(|a| a.channels.color_step.is_some())
+            .map(|a| each(&blocks, |k| a.channels.color(&a.values[k]).unwrap_or_default()));
+        let intensities = attributes
+            .filter(|a| a.channels.intensities.is_some())
+            .map(|a| each(&blocks, |k| a.channels.intensity(&a.values[k]).unwrap_or_default()));
+        let normals =
+            options.normals.then(|| each(&blocks, |k| stands[k].0.rows[2].map(|c| c as f32)));
+        let parts = CloudParts {
+            origin: self.header().origin,
+            positions: blocks.concat(),
+            colors,
+            intensities,
+            normals,
+            ..CloudParts::default()
+        };
+        Ok(PointCloud::from_parts(parts)?.0)
+    }
+}
