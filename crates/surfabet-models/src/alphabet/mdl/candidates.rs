@@ -4,13 +4,14 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::coverage::{Coverage, Scratch};
+use super::coverage::{Coverage, Rasters};
 use super::data::{Cells, Data};
 use super::lattice::{MAX_SLOPE, UNITS, cell_center, offset_step, sigma, slope_steps};
-use super::patch::Patch;
+use super::near::{NearPoint, near};
+use super::patch::{HOLE, Patch};
 use super::placement::{Placement, Stand};
 use super::word::Word;
-use super::words::by_distance;
+use super::words::nearest_words;
 use crate::alphabet::{Upright, upright_frame};
 use crate::error::Result;
 
@@ -26,6 +27,9 @@ const ON_PLANE: f64 = 1.0;
 /// Samples per side of a word, at most.
 const MAX_SIDE: f64 = 128.0;
 
+/// Squared distance of a look to the plane's up to which it is one.
+const PLANE: f32 = 0.5 * HOLE;
+
 /// Words tried at a place: those whose looks are nearest to what is there.
 pub(super) const NEAREST: usize = 3;
 
@@ -37,6 +41,20 @@ pub(super) struct Candidate {
     pub coverage: Coverage,
 }
 
+/// A candidate plane, and what the surface about it looks like.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Plane {
+    pub candidate: Candidate,
+    pub look: Patch,
+}
+
+/// Buffers for the points about a place.
+#[derive(Default)]
+struct Buffers {
+    around: Vec<u32>,
+    near: Vec<NearPoint>,
+}
+
 /// The planes at all cells of a scale.
 pub(super) fn planes(
     data: &Data,
@@ -44,71 +62,61 @@ pub(super) fn planes(
     scale: u32,
     spacing: f64,
     progress: &dyn Progress,
-) -> Result<Vec<Candidate>> {
-    let found: Vec<Vec<Candidate>> = (0..cells.len())
+) -> Result<Vec<Plane>> {
+    let plane = [Word::plane()];
+    let found: Vec<Vec<Plane>> = (0..cells.len())
         .into_par_iter()
         .with_min_len(16)
         .map_init(
-            || (Vec::new(), Scratch::default()),
-            |(around, scratch), k| {
+            || (Buffers::default(), Rasters::new(&plane)),
+            |(buffers, rasters), k| {
                 if k % 64 == 0 {
                     progress.check()?;
                 }
                 let (cell, inside) = cells.get(k);
-                cells.around(cell, around);
-                Ok(in_cell(data, cell, scale, spacing, inside, around, scratch))
+                cells.around(cell, &mut buffers.around);
+                Ok(in_cell(data, cell, scale, spacing, inside, buffers, rasters))
             },
         )
         .collect::<Result<_>>()?;
-    let mut all: Vec<Candidate> = found.into_iter().flatten().collect();
-    all.sort_by_key(|c| c.placement);
-    all.dedup_by_key(|c| c.placement);
+    let mut all: Vec<Plane> = found.into_iter().flatten().collect();
+    all.sort_by_key(|p| p.candidate.placement);
+    all.dedup_by_key(|p| p.candidate.placement);
     Ok(all)
-}
-
-/// What the surface looks like at each of `planes`, all of one scale.
-pub(super) fn looks(data: &Data, cells: &Cells, planes: &[Candidate]) -> Vec<Patch> {
-    planes
-        .par_iter()
-        .map_init(Vec::new, |around, plane| {
-            cells.around(plane.placement.cell, around);
-            Patch::of(data, &plane.stand, around)
-        })
-        .collect()
 }
 
 /// The words nearest to what each of `planes` looks like, in its place; all of one scale.
 pub(super) fn with_words(
     data: &Data,
     cells: &Cells,
-    planes: &[Candidate],
-    looks: &[Patch],
+    planes: &[Plane],
     words: &[Word],
     spacing: f64,
 ) -> Vec<Candidate> {
     let known: Vec<Patch> = words.iter().map(Patch::of_word).collect();
     planes
         .par_iter()
-        .zip(looks)
         .map_init(
-            || (Vec::new(), Scratch::default()),
-            |(around, scratch), (plane, look)| {
-                cells.around(plane.placement.cell, around);
-                let near = by_distance(look, &known).into_iter().take(NEAREST);
-                near.filter(|&(_, word)| word != 0)
-                    .map(|(_, word)| {
-                        let coverage = Coverage::of(
-                            data,
-                            &plane.stand,
-                            &words[word],
-                            spacing,
-                            around,
-                            scratch,
-                        );
-                        let placement = Placement { word: word as u16, ..plane.placement };
-                        Candidate { placement, stand: plane.stand, coverage }
-                    })
-                    .collect::<Vec<_>>()
+            || (Buffers::default(), Rasters::new(words)),
+            |(buffers, rasters), plane| {
+                let Candidate { placement, stand, .. } = plane.candidate;
+                let mut fitting = nearest_words(&plane.look, &known, NEAREST);
+                fitting.retain(|&word| word != 0);
+                // Where all is plane, words with holes are of no use.
+                if plane.look.distance(&known[0]) < PLANE {
+                    fitting.clear();
+                }
+                if !fitting.is_empty() {
+                    cells.around(placement.cell, &mut buffers.around);
+                    near(data, &stand, &buffers.around, &mut buffers.near);
+                }
+                let near = &buffers.near;
+                let place = |word: usize| Candidate {
+                    placement: Placement { word: word as u16, ..placement },
+                    stand,
+                    coverage: rasters.coverage(word, &stand, spacing, near),
+                };
+                fitting.into_iter().map(place).collect::<Vec<_>>()
             },
         )
         .flatten()
@@ -121,14 +129,15 @@ fn in_cell(
     scale: u32,
     spacing: f64,
     inside: &[u32],
-    around: &[u32],
-    scratch: &mut Scratch,
-) -> Vec<Candidate> {
+    buffers: &mut Buffers,
+    rasters: &mut Rasters<'_>,
+) -> Vec<Plane> {
+    let Buffers { around, near: close } = buffers;
     let middle = cell_center(cell, scale);
     let center = middle.map(|c| c as f64);
     let radius = (UNITS << scale) as f64;
     let mut open: Vec<u32> = inside.to_vec();
-    let mut found: Vec<Candidate> = Vec::new();
+    let mut found: Vec<Plane> = Vec::new();
     for _ in 0..PLANES {
         let known = open.iter().filter(|&&i| data.normals[i as usize] != [0.0; 3]);
         let Some(&seed) = known.min_by(|&&i, &&j| {
@@ -153,12 +162,14 @@ fn in_cell(
             let [.., h] = stand.local(data.points[i as usize].map(f64::from));
             h.abs() > ON_PLANE * f64::from(data.sigma[i as usize])
         });
-        if found.iter().any(|c| c.placement == placement) {
+        if found.iter().any(|p| p.candidate.placement == placement) {
             continue;
         }
-        let coverage = Coverage::of(data, &stand, &Word::plane(), spacing, around, scratch);
+        near(data, &stand, around, close);
+        let coverage = rasters.coverage(0, &stand, spacing, close);
         if !coverage.points.is_empty() {
-            found.push(Candidate { placement, stand, coverage });
+            let look = Patch::of(&stand, close);
+            found.push(Plane { candidate: Candidate { placement, stand, coverage }, look });
         }
     }
     found

@@ -1,8 +1,10 @@
 //! What a placed word explains: the scene's points within sigma of its samples, and the samples that nothing
 //! measured is near to.
 
-use super::data::Data;
+use std::collections::HashMap;
+
 use super::lattice::sigma;
+use super::near::NearPoint;
 use super::placement::Stand;
 use super::word::Word;
 
@@ -11,85 +13,88 @@ use super::word::Word;
 pub(super) struct Coverage {
     /// Points with a sample within their sigma, ascending.
     pub points: Vec<u32>,
-    /// Samples that the word decodes to.
-    pub samples: u32,
     /// Samples without a point that has them within its sigma.
     pub lone: u32,
 }
 
-/// Samples per side of a word and their distance, units: one sigma of its level, an even share of the side.
+/// Samples per side of a word and their distance, units: `spacing` sigma of its level, an even share of the side.
 pub(super) fn raster(stand: &Stand, spacing: f64) -> (usize, f64) {
     let side = 2.0 * stand.radius;
     let n = (side / (spacing * sigma(stand.level))).round().max(1.0);
     (n as usize, side / n)
 }
 
-/// Buffers of [`Coverage::of`].
-#[derive(Default)]
-pub(super) struct Scratch {
-    heights: Vec<f32>,
-    near: Vec<bool>,
+/// Height of every sample over the radius, row by row; not a number where the word has a hole.
+fn samples(word: &Word, n: usize) -> Vec<f32> {
+    let at = |i: usize| (2 * i + 1) as f64 / n as f64 - 1.0;
+    (0..n * n).map(|i| word.height(at(i % n), at(i / n)).map_or(f32::NAN, |h| h as f32)).collect()
 }
 
-impl Coverage {
-    /// Of `word` at `stand`, among the points `around`.
-    pub fn of(
-        data: &Data,
+/// Words as samples, made when first asked for, and a buffer.
+pub(super) struct Rasters<'a> {
+    words: &'a [Word],
+    known: HashMap<(usize, usize), Vec<f32>>,
+    is_near: Vec<bool>,
+}
+
+impl<'a> Rasters<'a> {
+    pub fn new(words: &'a [Word]) -> Self {
+        Self { words, known: HashMap::new(), is_near: Vec::new() }
+    }
+
+    /// What the k-th word explains at `stand`, of the points near to it.
+    pub fn coverage(
+        &mut self,
+        k: usize,
         stand: &Stand,
-        word: &Word,
         spacing: f64,
-        around: &[u32],
-        scratch: &mut Scratch,
-    ) -> Self {
+        near: &[NearPoint],
+    ) -> Coverage {
         let (n, step) = raster(stand, spacing);
-        let at = |i: usize| (i as f64 + 0.5) * step - stand.radius;
-        scratch.heights.clear();
-        for i in 0..n * n {
-            let [right, up] = [i % n, i / n].map(|i| at(i) / stand.radius);
-            let height = word.height(right, up).map_or(f64::NAN, |h| h * stand.radius);
-            scratch.heights.push(height as f32);
-        }
-        scratch.near.clear();
-        scratch.near.resize(n * n, false);
-        let highest =
-            scratch.heights.iter().filter(|h| !h.is_nan()).fold(0.0_f32, |m, h| m.max(h.abs()));
-        let local = stand.local_map();
+        let word = &self.words[k];
+        let heights = &*self.known.entry((k, n)).or_insert_with(|| samples(word, n));
+        self.is_near.clear();
+        self.is_near.resize(n * n, false);
+        let [radius, step] = [stand.radius, step].map(|c| c as f32);
+        let per_step = 1.0 / step;
+        let last = n as f32 - 1.0;
+        let highest = word.heights.iter().fold(0, |m, h| m.max(h.abs()));
+        let highest = f32::from(highest) / super::word::HEIGHT_STEPS as f32 * radius;
         let mut points = Vec::new();
-        for &i in around {
-            let sigma = data.sigma[i as usize];
-            let [u, v, h] = local(data.points[i as usize]);
-            let reach = stand.radius as f32 + sigma;
-            if h.abs() > highest + sigma || u.abs() > reach || v.abs() > reach {
+        for p in near {
+            if p.height.abs() > highest + p.sigma {
                 continue;
             }
-            let step = step as f32;
+            let reach = p.sigma * per_step;
             let range = |c: f32| {
-                let place = (c + stand.radius as f32) / step - 0.5;
-                let first = (place - sigma / step).ceil().max(0.0) as usize;
-                let last = (place + sigma / step).floor().min(n as f32 - 1.0);
-                first..(last + 1.0).max(0.0) as usize
+                let place = (c + radius) * per_step - 0.5;
+                let first = (place - reach).ceil().max(0.0);
+                let end = (place + reach).floor().min(last) + 1.0;
+                first as usize..end.max(0.0) as usize
             };
+            let most = p.sigma * p.sigma;
+            let columns = range(p.right);
             let mut covered = false;
-            for row in range(v) {
-                let dv = (row as f32 + 0.5) * step - stand.radius as f32 - v;
-                for column in range(u) {
-                    let du = (column as f32 + 0.5) * step - stand.radius as f32 - u;
+            for row in range(p.up) {
+                let dv = (row as f32 + 0.5) * step - radius - p.up;
+                for column in columns.clone() {
+                    let du = (column as f32 + 0.5) * step - radius - p.right;
                     let sample = row * n + column;
-                    let dh = scratch.heights[sample] - h;
-                    // Not for a hole: its height is not a number.
-                    if du * du + dv * dv + dh * dh <= sigma * sigma {
+                    let dh = heights[sample] * radius - p.height;
+                    // Never for a hole.
+                    if du * du + dv * dv + dh * dh <= most {
                         covered = true;
-                        scratch.near[sample] = true;
+                        self.is_near[sample] = true;
                     }
                 }
             }
             if covered {
-                points.push(i);
+                points.push(p.index);
             }
         }
         points.sort_unstable();
-        let samples = scratch.heights.iter().filter(|h| !h.is_nan()).count();
-        let near = scratch.near.iter().filter(|&&n| n).count();
-        Self { points, samples: samples as u32, lone: (samples - near) as u32 }
+        let there = heights.iter().filter(|h| !h.is_nan()).count();
+        let found = self.is_near.iter().filter(|&&near| near).count();
+        Coverage { points, lone: (there - found) as u32 }
     }
 }

@@ -5,18 +5,19 @@ use surfabet_entropy::Price;
 use surfabet_geom::{Neighborhood, PointCloud, Progress, estimate_normals};
 
 use super::attributes::Channels;
-use super::candidates::{Candidate, NEAREST, looks, planes, with_words};
+use super::candidates::{Candidate, NEAREST, Plane, planes, with_words};
 use super::cover::{Prices, Tally, cover};
-use super::coverage::{Coverage, Scratch};
+use super::coverage::Rasters;
 use super::data::{Cells, Data};
 use super::model::{Alphabet, AlphabetModel, Header};
+use super::near::{NearPoint, near};
 use super::options::MdlOptions;
 use super::patch::Patch;
 use super::placement::Placement;
 use super::syntax::{Setting, code_occurrences, code_words};
 use super::thin::thinned;
 use super::word::Word;
-use super::words::{by_distance, clustered};
+use super::words::{clustered, nearest_words};
 use crate::alphabet::Scene;
 use crate::error::Result;
 use crate::report::{Report, beyond_color};
@@ -77,7 +78,7 @@ fn run(
             .map(|scale| {
                 let cells = Cells::new(&data.points, scale);
                 let planes = planes(&data, &cells, scale, options.spacing, progress)?;
-                Ok(Scale { cells, looks: Vec::new(), planes })
+                Ok(Scale { cells, planes })
             })
             .collect::<Result<Vec<Scale>>>()
     })?;
@@ -91,14 +92,14 @@ fn run(
     let words = report.time("clustering words", || {
         for scale in &mut scales {
             // What cannot pay even alone is of no use.
-            let pays = |c: &Candidate| prices.point * c.coverage.points.len() as f32 > FIRST_PRICE;
-            scale.planes.retain(pays);
-            scale.looks = looks(&data, &scale.cells, &scale.planes);
+            let points = |p: &Plane| p.candidate.coverage.points.len() as f32;
+            scale.planes.retain(|p| prices.point * points(p) > FIRST_PRICE);
         }
         match frozen {
             Some(alphabet) => alphabet.words().to_vec(),
             None => {
-                let all: Vec<Patch> = scales.iter().flat_map(|s| s.looks.iter().copied()).collect();
+                let all: Vec<&Patch> =
+                    scales.iter().flat_map(|s| s.planes.iter().map(|p| &p.look)).collect();
                 clustered(&all, options.max_words as usize)
             }
         }
@@ -109,8 +110,9 @@ fn run(
     progress.update("placing words", 0.4);
     let mut candidates = report.time("placing words", || {
         let placed = |s: &Scale| {
-            let more = with_words(&data, &s.cells, &s.planes, &s.looks, &words, options.spacing);
-            [s.planes.clone(), more].concat()
+            let mut all = with_words(&data, &s.cells, &s.planes, &words, options.spacing);
+            all.extend(s.planes.iter().map(|p| p.candidate.clone()));
+            all
         };
         let mut all: Vec<Candidate> = scales.iter().flat_map(placed).collect();
         all.retain(|c| prices.point * c.coverage.points.len() as f32 > prices.cost(c));
@@ -188,8 +190,7 @@ fn prepared(
 
 struct Scale {
     cells: Cells,
-    planes: Vec<Candidate>,
-    looks: Vec<Patch>,
+    planes: Vec<Plane>,
 }
 
 struct Search<'a> {
@@ -353,8 +354,8 @@ impl Search<'_> {
         let variants: Vec<Vec<Candidate>> = chosen
             .par_iter()
             .map_init(
-                || (Vec::new(), Scratch::default()),
-                |(around, scratch), c| self.variants(c, &known, around, scratch),
+                || (Vec::new(), Vec::new(), Rasters::new(&self.words)),
+                |(around, close, rasters), c| self.variants(c, &known, around, close, rasters),
             )
             .collect();
         for (c, variants) in chosen.iter_mut().zip(variants) {
@@ -379,7 +380,8 @@ impl Search<'_> {
         c: &Candidate,
         known: &[Patch],
         around: &mut Vec<u32>,
-        scratch: &mut Scratch,
+        close: &mut Vec<NearPoint>,
+        rasters: &mut Rasters<'_>,
     ) -> Vec<Candidate> {
         let p = c.placement;
         let cells = &self.scales[usize::from(p.scale)].cells;
@@ -394,17 +396,17 @@ impl Search<'_> {
             }
         }
         poses.retain(|p| p.slopes_fit(c.stand.level));
-        let look = Patch::of(self.data, &c.stand, around);
-        let near = by_distance(&look, known).into_iter().take(NEAREST);
-        let words = near.map(|(_, word)| word as u16).filter(|&word| word != p.word);
+        near(self.data, &c.stand, around, close);
+        let fitting = nearest_words(&Patch::of(&c.stand, close), known, NEAREST);
+        let words = fitting.into_iter().map(|word| word as u16).filter(|&word| word != p.word);
         poses.extend(words.map(|word| Placement { word, ..p }));
         poses
             .into_iter()
             .map(|placement| {
                 let stand = placement.stand(c.stand.level, self.data.sensor(placement.view));
-                let word = &self.words[usize::from(placement.word)];
-                let spacing = self.options.spacing;
-                let coverage = Coverage::of(self.data, &stand, word, spacing, around, scratch);
+                near(self.data, &stand, around, close);
+                let word = usize::from(placement.word);
+                let coverage = rasters.coverage(word, &stand, self.options.spacing, close);
                 Candidate { placement, stand, coverage }
             })
             .collect()

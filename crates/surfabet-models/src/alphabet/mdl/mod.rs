@@ -14,6 +14,7 @@ mod decode;
 mod lattice;
 mod learn;
 mod model;
+mod near;
 mod neighbors;
 mod options;
 mod patch;

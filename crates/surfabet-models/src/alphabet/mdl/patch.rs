@@ -1,7 +1,7 @@
 //! The descriptor of a placed plane: the surface over its square, seen along the normal (III-C).
 
-use super::data::Data;
 use super::lattice::sigma;
+use super::near::{NearPoint, look_reach};
 use super::placement::Stand;
 use super::word::{HEIGHT_STEPS, MAX_HEIGHT, PIXELS, Word};
 
@@ -19,42 +19,36 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// The surface about `stand` as the points `around` tell it: per pixel the layer nearest to the viewer among what
-    /// lies within half a radius of the plane. A pixel is set when a point lies within sigma of its middle.
-    pub fn of(data: &Data, stand: &Stand, around: &[u32]) -> Self {
+    /// The surface about `stand` as the points near to it tell: per pixel the layer nearest to the viewer among what
+    /// lies within half a radius of the plane. A pixel is set when a point lies about its middle.
+    pub fn of(stand: &Stand, near: &[NearPoint]) -> Self {
         let radius = stand.radius as f32;
         let pixel = 2.0 * radius / PIXELS as f32;
         let layer = sigma(stand.level) as f32;
-        let reach = (0.5 * pixel).max(0.7 * layer);
+        let reach = look_reach(stand);
         let most = f32::from(MAX_HEIGHT) / HEIGHT_STEPS as f32 * radius;
-        let local = stand.local_map();
         let range = |c: f32| {
             let first = ((c - reach + radius) / pixel - 0.5).ceil().max(0.0) as usize;
             let last = ((c + reach + radius) / pixel - 0.5).floor().min(PIXELS as f32 - 1.0);
             first..(last + 1.0).max(0.0) as usize
         };
-        let mut seen: Vec<[f32; 3]> = Vec::new();
+        let seen = || near.iter().filter(|p| p.height.abs() <= most);
         let mut top = [f32::NEG_INFINITY; N];
-        for &i in around {
-            let p = local(data.points[i as usize]);
-            if p[2].abs() > most || p[0].abs() > radius + reach || p[1].abs() > radius + reach {
-                continue;
-            }
-            seen.push(p);
-            for row in range(p[1]) {
-                for column in range(p[0]) {
+        for p in seen() {
+            for row in range(p.up) {
+                for column in range(p.right) {
                     let t = &mut top[row * PIXELS + column];
-                    *t = t.max(p[2]);
+                    *t = t.max(p.height);
                 }
             }
         }
         let (mut sum, mut n) = ([0.0_f32; N], [0.0_f32; N]);
-        for [u, v, h] in seen {
-            for row in range(v) {
-                for column in range(u) {
+        for p in seen() {
+            for row in range(p.up) {
+                for column in range(p.right) {
                     let k = row * PIXELS + column;
-                    if h >= top[k] - layer {
-                        sum[k] += h;
+                    if p.height >= top[k] - layer {
+                        sum[k] += p.height;
                         n[k] += 1.0;
                     }
                 }

@@ -87,16 +87,6 @@ impl Stand {
         self.rows.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2])
     }
 
-    /// [`Stand::local`] in single precision, for many points.
-    pub fn local_map(&self) -> impl Fn([f32; 3]) -> [f32; 3] + use<> {
-        let center = self.center.map(|c| c as f32);
-        let rows = self.rows.map(|r| r.map(|c| c as f32));
-        move |p| {
-            let d = [p[0] - center[0], p[1] - center[1], p[2] - center[2]];
-            rows.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2])
-        }
-    }
-
     /// A point from its coordinates about the word.
     pub fn global(&self, local: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| {

@@ -12,9 +12,9 @@ const ROUNDS: usize = 10;
 const SAMPLE: usize = 6000;
 
 /// Clusters `patches` around at most `n` words beside the plane, which comes first.
-pub(super) fn clustered(patches: &[Patch], n: usize) -> Vec<Word> {
+pub(super) fn clustered(patches: &[&Patch], n: usize) -> Vec<Word> {
     let step = patches.len().div_ceil(SAMPLE).max(1);
-    let patches: Vec<&Patch> = patches.iter().step_by(step).collect();
+    let patches: Vec<&Patch> = patches.iter().copied().step_by(step).collect();
     let mut words = farthest_first(&patches, n);
     for _ in 0..ROUNDS {
         let next = centroids(&patches, &words);
@@ -48,7 +48,7 @@ fn farthest_first(patches: &[&Patch], n: usize) -> Vec<Word> {
 /// The mean of the patches nearest to each word; the plane stays what it is.
 fn centroids(patches: &[&Patch], words: &[Word]) -> Vec<Word> {
     let looks: Vec<Patch> = words.iter().map(Patch::of_word).collect();
-    let nearest: Vec<usize> = patches.par_iter().map(|p| by_distance(p, &looks)[0].1).collect();
+    let nearest: Vec<usize> = patches.par_iter().map(|p| nearest(p, &looks)).collect();
     let mut sums = vec![([0.0_f32; N], [0.0_f32; N], 0.0_f32); words.len()];
     for (p, &k) in patches.iter().zip(&nearest) {
         let (heights, set, all) = &mut sums[k];
@@ -68,12 +68,17 @@ fn centroids(patches: &[&Patch], words: &[Word]) -> Vec<Word> {
     sums.iter().enumerate().map(mean).collect()
 }
 
-/// Distance and number of each word, the nearest first.
-pub(super) fn by_distance(patch: &Patch, looks: &[Patch]) -> Vec<(f32, usize)> {
+fn nearest(patch: &Patch, looks: &[Patch]) -> usize {
+    let distances = looks.iter().map(|w| patch.distance(w)).enumerate();
+    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(k, _)| k)
+}
+
+/// The `n` words nearest to a patch, the nearest first.
+pub(super) fn nearest_words(patch: &Patch, looks: &[Patch], n: usize) -> Vec<usize> {
     let mut all: Vec<(f32, usize)> =
         looks.iter().enumerate().map(|(k, w)| (patch.distance(w), k)).collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    all
+    all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    all.iter().take(n).map(|&(_, k)| k).collect()
 }
 
 fn rounded(set: [bool; N], heights: [f32; N]) -> Word {
