@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use surfabet_entropy::{Coder, SInt};
 
 use super::lattice::{UNITS, cell_center};
+use super::neighbors::REMEMBERED;
 use super::placement::Placement;
 use crate::alphabet::Scene;
 
@@ -96,7 +97,8 @@ pub(super) fn code_channels<C: Coder>(
     for (k, p) in placements.iter().enumerate() {
         let at = coarse(p);
         let around = (0..27).map(|s| [at[0] + s % 3 - 1, at[1] + s / 3 % 3 - 1, at[2] + s / 9 - 1]);
-        let candidates = around.filter_map(|cell| near.get(&cell)).flatten().copied();
+        let known = around.filter_map(|cell| near.get(&cell));
+        let candidates = known.flat_map(|there| there.iter().rev().take(REMEMBERED).copied());
         let apart = |j: usize| -> u64 {
             let [a, b] = [middle(p), middle(&placements[j])];
             (0..3).map(|c| a[c].abs_diff(b[c]).pow(2)).sum()

@@ -43,6 +43,14 @@ impl Alphabet {
         Ok(Self { radius, scales, words })
     }
 
+    /// The alphabet of the plane alone.
+    ///
+    /// # Errors
+    /// As [`Alphabet::new`].
+    pub fn empty(radius: f64, scales: u32) -> Result<Self> {
+        Self::new(radius, scales, vec![Word::plane()])
+    }
+
     /// Smallest radius of a word, metres.
     pub fn radius(&self) -> f64 {
         self.radius

@@ -8,6 +8,9 @@ use super::placement::Placement;
 /// Planes suggested at most.
 pub(super) const MAX_SUGGESTED: usize = 6;
 
+/// Occurrences of a coarsest cell that are looked at, the last ones said; reading a hostile file takes bounded time.
+pub(super) const REMEMBERED: usize = 128;
+
 /// Fractional bits of the length of an integer normal.
 const LENGTH_BITS: u32 = 8;
 
@@ -72,7 +75,8 @@ impl Neighbors {
         for shift in 0..27 {
             let d = [shift % 3 - 1, shift / 3 % 3 - 1, shift / 9 - 1];
             let at: [i32; 3] = std::array::from_fn(|a| coarse[a] + d[a]);
-            for said in self.by_cell.get(&at).into_iter().flatten() {
+            let there = self.by_cell.get(&at).map_or(&[][..], Vec::as_slice);
+            for said in there.iter().rev().take(REMEMBERED) {
                 // Within one side of the cell's middle.
                 let off = said.constant - (dot(said.normal, middle) << LENGTH_BITS);
                 if off.abs() <= length(said.normal) * i128::from(side) {
