@@ -397,8 +397,8 @@ def load(
     path: str, *, max_items: int, max_bytes: int, dictionary: PatchDictionary | None
 ) -> PatchModel | LatticeModel: ...
 def inspect(
-    data: bytes, *, max_items: int, max_bytes: int
-) -> tuple[str, str, list[tuple[str, int]]]: ...
+    data: bytes, *, max_items: int, max_bytes: int, dictionary: PatchDictionary | None
+) -> tuple[str, str, list[tuple[str, int]], PatchModel | LatticeModel]: ...
 
 @final
 class PatchModel:

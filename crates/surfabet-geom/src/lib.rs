@@ -9,6 +9,7 @@ mod error;
 mod kdtree;
 mod metrics;
 mod moments;
+pub mod morton;
 mod normals;
 pub mod octahedral;
 mod octree;

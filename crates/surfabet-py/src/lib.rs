@@ -16,6 +16,7 @@ mod patches;
 mod range_image;
 mod report;
 mod run;
+mod save;
 mod sim;
 mod sparse;
 mod view;
