@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from surfabet._core import PointCloud, __version__, get_num_threads, set_num_threads
+from surfabet.alphabet import Alphabet, AlphabetModel, Occurrences, learn_alphabet
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
@@ -28,6 +29,8 @@ from surfabet.metrics import Quality, RangeSigma, evaluate
 from surfabet.patches import learn_patches
 
 __all__ = [
+    "Alphabet",
+    "AlphabetModel",
     "DroppedPointsWarning",
     "FileInfo",
     "FormatError",
@@ -41,6 +44,7 @@ __all__ = [
     "MissingDependencyError",
     "NormalEstimate",
     "Octree",
+    "Occurrences",
     "PatchDictionary",
     "PatchLevel",
     "PatchModel",
@@ -56,6 +60,7 @@ __all__ = [
     "from_bytes",
     "get_num_threads",
     "inspect",
+    "learn_alphabet",
     "learn_patches",
     "load",
     "read",

@@ -1,7 +1,7 @@
 """Stubs of the compiled module; `stubtest` holds them against the binary."""
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -390,15 +390,96 @@ def learn_lattice(
     sensor: str,
     progress: ProgressCallback | None,
 ) -> LatticeModel: ...
+_AnyModel: TypeAlias = AlphabetModel | PatchModel | LatticeModel
+
 def from_bytes(
-    data: bytes, *, max_items: int, max_bytes: int, dictionary: PatchDictionary | None
-) -> PatchModel | LatticeModel: ...
+    data: bytes,
+    *,
+    max_items: int,
+    max_bytes: int,
+    dictionary: PatchDictionary | None,
+    alphabet: Alphabet | None,
+) -> _AnyModel: ...
 def load(
-    path: str, *, max_items: int, max_bytes: int, dictionary: PatchDictionary | None
-) -> PatchModel | LatticeModel: ...
+    path: str,
+    *,
+    max_items: int,
+    max_bytes: int,
+    dictionary: PatchDictionary | None,
+    alphabet: Alphabet | None,
+) -> _AnyModel: ...
 def inspect(
-    data: bytes, *, max_items: int, max_bytes: int, dictionary: PatchDictionary | None
-) -> tuple[str, str, list[tuple[str, int]], PatchModel | LatticeModel]: ...
+    data: bytes,
+    *,
+    max_items: int,
+    max_bytes: int,
+    dictionary: PatchDictionary | None,
+    alphabet: Alphabet | None,
+) -> tuple[str, str, list[tuple[str, int]], _AnyModel]: ...
+def learn_alphabet(
+    cloud: PointCloud,
+    *,
+    alphabet: Alphabet | None,
+    radius: float,
+    scales: int,
+    max_words: int,
+    inlier_bits: float,
+    outlier_bits: float,
+    spacing: float,
+    rounds: int,
+    sigma_scale: float,
+    angular_resolution: float | None,
+    noise: float | None,
+    min_range: float,
+    color_step: int,
+    progress: ProgressCallback | None,
+) -> AlphabetModel: ...
+@final
+class Alphabet:
+    @property
+    def radius(self) -> float: ...
+    @property
+    def scales(self) -> int: ...
+    @property
+    def hash(self) -> str: ...
+    def heights(self) -> NDArray[np.float32]: ...
+    def __len__(self) -> int: ...
+
+@final
+class AlphabetModel:
+    def decode(
+        self,
+        *,
+        resolution: float | None,
+        normals: bool,
+        max_points: int,
+        progress: ProgressCallback | None,
+    ) -> PointCloud: ...
+    def to_bytes(self) -> bytes: ...
+    def save(self, path: str) -> int: ...
+    @property
+    def n_points(self) -> int: ...
+    @property
+    def origin(self) -> list[float]: ...
+    @property
+    def has_color(self) -> bool: ...
+    @property
+    def has_intensity(self) -> bool: ...
+    @property
+    def alphabet(self) -> Alphabet: ...
+    @property
+    def shares_alphabet(self) -> bool: ...
+    @property
+    def deviation(self) -> tuple[float, float | None, float]: ...
+    def words(self) -> NDArray[np.int64]: ...
+    def radii(self) -> NDArray[np.float64]: ...
+    def sigma(self) -> NDArray[np.float64]: ...
+    def poses(self) -> NDArray[np.float64]: ...
+    def colors(self) -> NDArray[np.uint8] | None: ...
+    def intensities(self) -> NDArray[np.float32] | None: ...
+    @property
+    def report_dict(self) -> dict[str, Any]: ...
+    def __len__(self) -> int: ...
 
 @final
 class PatchModel:

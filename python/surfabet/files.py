@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from surfabet import _core
+from surfabet.alphabet import Alphabet, AlphabetModel
 from surfabet.errors import FormatError
 from surfabet.hscsm import PatchDictionary, PatchModel
 from surfabet.lattice import LatticeModel
 
-__all__ = ["FileInfo", "from_bytes", "inspect", "load"]
+__all__ = ["AnyModel", "FileInfo", "from_bytes", "inspect", "load"]
 
 MAX_ITEMS = 500_000_000
 """Most patches or other items that a file may ask for unless told otherwise."""
@@ -30,7 +32,14 @@ SECTIONS = {
     "DREF": "hash of the dictionary",
     "DPTH": "depth",
     "COLR": "colour",
+    "WORD": "words",
+    "WREF": "hash of the alphabet",
+    "OCCR": "occurrences",
+    "CHAN": "colour and intensity",
 }
+
+AnyModel = AlphabetModel | LatticeModel | PatchModel
+"""A model of any family."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +66,10 @@ def load(
     path: str | os.PathLike[str],
     *,
     dictionary: PatchDictionary | None = None,
+    alphabet: Alphabet | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
-) -> LatticeModel | PatchModel:
+) -> AnyModel:
     """Reads a model file (`.sfb`), which need not be trusted.
 
     Parameters
@@ -68,6 +78,8 @@ def load(
         The file.
     dictionary
         The dictionary that the file was made with, when it does not hold one itself.
+    alphabet
+        The alphabet that the file was made with, when it does not hold one itself.
     max_items, max_bytes
         Refuse files that ask for more than this.
 
@@ -84,6 +96,7 @@ def load(
         max_items=max_items,
         max_bytes=max_bytes,
         dictionary=None if dictionary is None else dictionary._core,
+        alphabet=None if alphabet is None else alphabet._core,
     )
     return _wrapped(core)
 
@@ -92,20 +105,27 @@ def from_bytes(
     data: bytes,
     *,
     dictionary: PatchDictionary | None = None,
+    alphabet: Alphabet | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
-) -> LatticeModel | PatchModel:
+) -> AnyModel:
     """As `load`, from bytes as `PatchModel.to_bytes` gives them."""
     core = _core.from_bytes(
         data,
         max_items=max_items,
         max_bytes=max_bytes,
         dictionary=None if dictionary is None else dictionary._core,
+        alphabet=None if alphabet is None else alphabet._core,
     )
     return _wrapped(core)
 
 
-def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None = None) -> FileInfo:
+def inspect(
+    path: str | os.PathLike[str],
+    *,
+    dictionary: PatchDictionary | None = None,
+    alphabet: Alphabet | None = None,
+) -> FileInfo:
     """What a model file holds, with the bytes of each part.
 
     Raises
@@ -120,17 +140,55 @@ def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None 
             max_items=MAX_ITEMS,
             max_bytes=MAX_BYTES,
             dictionary=None if dictionary is None else dictionary._core,
+            alphabet=None if alphabet is None else alphabet._core,
         )
     except FormatError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
     model = _wrapped(core)
-    options = _lattice_options(model) if isinstance(model, LatticeModel) else _hscsm_options(model)
+    options = _options(model)
     named = {SECTIONS.get(tag, tag): size for tag, size in sections}
     return FileInfo(family, version, model.n_points, named, options)
 
 
-def _wrapped(core: _core.PatchModel | _core.LatticeModel) -> LatticeModel | PatchModel:
-    return LatticeModel(core) if isinstance(core, _core.LatticeModel) else PatchModel(core)
+def _wrapped(core: _core._AnyModel) -> AnyModel:
+    match core:
+        case _core.AlphabetModel():
+            return AlphabetModel(core)
+        case _core.LatticeModel():
+            return LatticeModel(core)
+        case _:
+            return PatchModel(core)
+
+
+def _options(model: AnyModel) -> dict[str, Any]:
+    match model:
+        case AlphabetModel():
+            return _alphabet_options(model)
+        case LatticeModel():
+            return _lattice_options(model)
+        case _:
+            return _hscsm_options(model)
+
+
+def _alphabet_options(model: AlphabetModel) -> dict[str, Any]:
+    words = model.alphabet
+    options: dict[str, Any] = {
+        "method": "mdl",
+        "words": len(words),
+        "occurrences": len(model),
+        "radii (m)": " ".join(f"{radius:g}" for radius in words.radii),
+        "colour": model.has_color,
+        "intensity": model.has_intensity,
+        "alphabet": words.hash,
+        "shared alphabet": model.shares_alphabet,
+    }
+    if model.sigma is not None:
+        options["sigma scale"] = round(model.sigma.scale, 6)
+        options["angular resolution (degrees)"] = round(
+            math.degrees(model.sigma.angular_resolution), 6
+        )
+    options["noise (m)"] = round(model.noise, 6)
+    return options
 
 
 def _lattice_options(model: LatticeModel) -> dict[str, Any]:

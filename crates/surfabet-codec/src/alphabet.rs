@@ -26,14 +26,14 @@ const BYTES_PER_OCCURRENCE: u64 = 512;
 /// Largest coordinate of a sensor, units.
 const MAX_SENSOR: i64 = 1 << 41;
 
-/// The bytes of a file that holds `model`. With `shared`, it names its alphabet and does not hold it.
+/// The bytes of a file that holds `model`.
 ///
 /// # Errors
 /// As [`ContainerWriter::finish`].
-pub fn write(model: &AlphabetModel, shared: bool) -> Result<Vec<u8>> {
+pub fn write(model: &AlphabetModel) -> Result<Vec<u8>> {
     let (mut occurrences, mut channels) = (Encoder::new(), Encoder::new());
     let Ok(()) = model.write(&mut occurrences, &mut channels);
-    let (features, words) = if shared {
+    let (features, words) = if model.shares_alphabet() {
         let hash = alphabet_hash(model.alphabet());
         (Features::SHARED_DICTIONARY, (WORDS_HASH, hash.0.to_vec()))
     } else {
@@ -67,7 +67,8 @@ pub fn alphabet_hash(alphabet: &Alphabet) -> ContentHash {
 /// The model that a parsed file holds; `alphabet` is for files that name theirs.
 ///
 /// # Errors
-/// Any error of reading; also when the file names another alphabet than the one given, or none is given.
+/// Any error of reading; [`Error::MissingDictionary`] and [`Error::DictionaryMismatch`] when the file names its
+/// alphabet, and none or another is given.
 pub fn read(
     container: &Container<'_>,
     limits: &Limits,
@@ -83,14 +84,16 @@ pub fn read(
     expected.extend((meta.channels.count() > 0).then_some(CHANNELS));
     container.expect_only(&expected)?;
 
+    let wrong = |e: surfabet_models::Error| Error::corrupt(META, 0, e.to_string());
     let alphabet = if shared {
         named(container.require(WORDS_HASH)?, alphabet)?
     } else {
         let mut decoder = Decoder::new(WORDS, container.require(WORDS)?);
         decoder.check_count("number of words", meta.n_words as u64)?;
-        let said = Alphabet::empty(meta.radius, meta.scales)?.code(&mut decoder, meta.n_words)?;
+        let plane = Alphabet::plane(meta.radius, meta.scales).map_err(wrong)?;
+        let said = plane.code(&mut decoder, meta.n_words)?;
         decoder.finish()?;
-        Alphabet::new(meta.radius, meta.scales, said)?
+        Alphabet::new(meta.radius, meta.scales, said).map_err(wrong)?
     };
     let sizes = (alphabet.radius(), alphabet.scales(), alphabet.words().len());
     if sizes != (meta.radius, meta.scales, meta.n_words) {
@@ -105,6 +108,7 @@ pub fn read(
         alphabet,
         meta.n_occurrences,
         meta.channels,
+        shared,
         &mut occurrences,
         &mut channels,
     )?;
@@ -119,11 +123,13 @@ fn named(hash: &[u8], given: Option<&Alphabet>) -> Result<Alphabet> {
     let mut needed = [0; 16];
     needed.copy_from_slice(bytes);
     input.finish()?;
-    let needed = ContentHash(needed);
-    let found = given.map(alphabet_hash);
-    match given {
-        Some(alphabet) if found == Some(needed) => Ok(alphabet.clone()),
-        _ => Err(Error::DictionaryMismatch { needed, found }),
+    let expected = ContentHash(needed);
+    let Some(alphabet) = given else { return Err(Error::MissingDictionary { expected }) };
+    let found = alphabet_hash(alphabet);
+    if found == expected {
+        Ok(alphabet.clone())
+    } else {
+        Err(Error::DictionaryMismatch { expected, found })
     }
 }
 
@@ -208,11 +214,8 @@ fn read_meta(bytes: &[u8], limits: &Limits) -> Result<Meta> {
         return Err(input.corrupt(format!("an origin of {origin:?} or a spacing of {spacing}")));
     }
     input.finish()?;
-    let deviation = Deviation {
-        scale,
-        angular_resolution: (alpha > 0.0).then_some(alpha),
-        noise: Some(noise),
-    };
+    let deviation =
+        Deviation { scale, angular_resolution: (alpha > 0.0).then_some(alpha), noise: Some(noise) };
     Ok(Meta {
         header: Header { n_points, origin, spacing, deviation, rule, sensors },
         radius,

@@ -3,9 +3,11 @@
 //! Every long call runs through [`run::run`]: the interpreter lock is released, progress reaches a Python
 //! callable and Ctrl-C stops the work.
 
+mod alphabet;
 mod arrays;
 mod cloud;
 mod errors;
+mod files;
 mod kdtree;
 mod lattice;
 mod lzf;
@@ -29,6 +31,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     run::register(module)?;
     cloud::register(module)?;
+    alphabet::register(module)?;
+    files::register(module)?;
     patches::register(module)?;
     lattice::register(module)?;
     lzf::register(module)?;

@@ -8,13 +8,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use surfabet::patches::Placement;
 use surfabet::{
-    Container, DecodeOptions, Limits, Model, PatchDictionary, PatchModel, PatchOptions, Sensor,
-    dictionary_hash, patches,
+    DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor, dictionary_hash, patches,
 };
 
 use crate::cloud::PyPointCloud;
-use crate::errors::{IntoPyErr, invalid_input};
-use crate::lattice::PyLatticeModel;
+use crate::errors::invalid_input;
 use crate::report::report_dict;
 use crate::run::run;
 use crate::save;
@@ -28,7 +26,13 @@ pub struct PyPatchModel {
 /// The dictionaries of a model; immutable.
 #[pyclass(name = "PatchDictionary", module = "surfabet", frozen)]
 pub struct PyPatchDictionary {
-    dictionary: PatchDictionary,
+    pub dictionary: PatchDictionary,
+}
+
+impl From<PatchModel> for PyPatchModel {
+    fn from(model: PatchModel) -> Self {
+        Self { model }
+    }
 }
 
 #[pymethods]
@@ -335,79 +339,9 @@ pub fn sensor_of(name: &str) -> PyResult<Sensor> {
     }
 }
 
-/// The model in the bytes of an `.sfb` file.
-#[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes, dictionary))]
-fn from_bytes(
-    py: Python<'_>,
-    data: &[u8],
-    max_items: u64,
-    max_bytes: u64,
-    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
-) -> PyResult<Py<PyAny>> {
-    let limits = Limits { max_items, max_bytes };
-    let dictionary = dictionary.map(|d| &d.get().dictionary);
-    let model = py.detach(|| Model::from_bytes_with(data, &limits, dictionary));
-    wrap(py, model.map_err(IntoPyErr::into_py_err)?)
-}
-
-/// The model in an `.sfb` file.
-#[pyfunction]
-#[pyo3(signature = (path, *, max_items, max_bytes, dictionary))]
-fn load(
-    py: Python<'_>,
-    path: PathBuf,
-    max_items: u64,
-    max_bytes: u64,
-    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
-) -> PyResult<Py<PyAny>> {
-    let limits = Limits { max_items, max_bytes };
-    let dictionary = dictionary.map(|d| &d.get().dictionary);
-    let model = py.detach(|| Model::open_with(path, &limits, dictionary));
-    wrap(py, model.map_err(IntoPyErr::into_py_err)?)
-}
-
-/// Family, oldest release that reads the file, bytes by section, and the model, of the bytes of an `.sfb` file.
-#[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes, dictionary))]
-fn inspect(
-    py: Python<'_>,
-    data: &[u8],
-    max_items: u64,
-    max_bytes: u64,
-    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
-) -> PyResult<(&'static str, String, Vec<(String, usize)>, Py<PyAny>)> {
-    let limits = Limits { max_items, max_bytes };
-    let dictionary = dictionary.map(|d| &d.get().dictionary);
-    let (container, model) = py
-        .detach(|| {
-            let container = Container::parse(data, &limits)?;
-            let model = Model::read(&container, &limits, dictionary)?;
-            Ok::<_, surfabet::Error>((container, model))
-        })
-        .map_err(IntoPyErr::into_py_err)?;
-    let sections =
-        container.sections().iter().map(|s| (s.tag.to_string(), s.bytes.len())).collect();
-    let version = container.needed_version().to_string();
-    Ok((container.family().name(), version, sections, wrap(py, model)?))
-}
-
-fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
-    match model {
-        Model::Patches(model) => Ok(Py::new(py, PyPatchModel { model })?.into_any()),
-        Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::from(model))?.into_any()),
-        other => {
-            Err(invalid_input(format!("models of family {} have no class yet", other.family())))
-        }
-    }
-}
-
 /// Adds this file's names to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPatchModel>()?;
     module.add_class::<PyPatchDictionary>()?;
-    module.add_function(wrap_pyfunction!(learn_patches, module)?)?;
-    module.add_function(wrap_pyfunction!(from_bytes, module)?)?;
-    module.add_function(wrap_pyfunction!(load, module)?)?;
-    module.add_function(wrap_pyfunction!(inspect, module)?)
+    module.add_function(wrap_pyfunction!(learn_patches, module)?)
 }

@@ -25,12 +25,17 @@ mod model;
 mod save;
 
 pub use error::{Error, Result};
-pub use model::Model;
+pub use model::{Model, Shared};
 pub use save::Save;
+pub use surfabet_codec::alphabet::alphabet_hash;
 pub use surfabet_codec::patches::{dictionary_hash, shared_dictionary};
 pub use surfabet_codec::{Container, ContentHash, Family, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
+pub use surfabet_models::alphabet::mdl::{
+    Alphabet, AlphabetModel, MdlDecodeOptions, MdlOptions, Occurrence,
+};
+pub use surfabet_models::alphabet::{self, Deviation};
 pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::patches::{
     self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,

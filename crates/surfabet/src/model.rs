@@ -5,6 +5,7 @@ use std::path::Path;
 
 use surfabet_codec::{Container, Family, Features, Limits};
 use surfabet_geom::{PointCloud, Progress};
+use surfabet_models::alphabet::mdl::{Alphabet, AlphabetModel, MdlDecodeOptions};
 use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
 
@@ -19,6 +20,23 @@ pub enum Model {
     Patches(PatchModel),
     /// Surface patches on a lattice.
     Lattice(LatticeModel),
+    /// Words and where they occur.
+    Alphabet(AlphabetModel),
+}
+
+/// What files may name instead of holding it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Shared<'a> {
+    /// Dictionaries of patches.
+    pub dictionary: Option<&'a PatchDictionary>,
+    /// The words of an alphabet.
+    pub alphabet: Option<&'a Alphabet>,
+}
+
+impl From<AlphabetModel> for Model {
+    fn from(model: AlphabetModel) -> Self {
+        Self::Alphabet(model)
+    }
 }
 
 impl From<LatticeModel> for Model {
@@ -38,6 +56,7 @@ impl Model {
     pub fn family(&self) -> Family {
         match self {
             Self::Patches(_) | Self::Lattice(_) => Family::Patches,
+            Self::Alphabet(_) => Family::Alphabet,
         }
     }
 
@@ -49,6 +68,7 @@ impl Model {
         match self {
             Self::Patches(model) => model.to_bytes(),
             Self::Lattice(model) => model.to_bytes(),
+            Self::Alphabet(model) => model.to_bytes(),
         }
     }
 
@@ -65,37 +85,36 @@ impl Model {
     /// # Errors
     /// [`Error::Codec`] when anything is wrong with them.
     pub fn from_bytes(bytes: &[u8], limits: &Limits) -> Result<Self> {
-        Self::from_bytes_with(bytes, limits, None)
+        Self::from_bytes_with(bytes, limits, Shared::default())
     }
 
-    /// As [`Model::from_bytes`], for files that may refer to `dictionary` instead of holding one.
+    /// As [`Model::from_bytes`], for files that may name what is `shared` instead of holding it.
     ///
     /// # Errors
-    /// [`Error::Codec`] when anything is wrong with them, or they refer to another dictionary.
-    pub fn from_bytes_with(
-        bytes: &[u8],
-        limits: &Limits,
-        dictionary: Option<&PatchDictionary>,
-    ) -> Result<Self> {
-        Self::read(&Container::parse(bytes, limits)?, limits, dictionary)
+    /// [`Error::Codec`] when anything is wrong with them, or they name something else.
+    pub fn from_bytes_with(bytes: &[u8], limits: &Limits, shared: Shared<'_>) -> Result<Self> {
+        Self::read(&Container::parse(bytes, limits)?, limits, shared)
     }
 
     /// As [`Model::from_bytes_with`], from a file that is parsed already.
     ///
     /// # Errors
     /// As [`Model::from_bytes_with`].
-    pub fn read(
-        container: &Container<'_>,
-        limits: &Limits,
-        dictionary: Option<&PatchDictionary>,
-    ) -> Result<Self> {
+    pub fn read(container: &Container<'_>, limits: &Limits, shared: Shared<'_>) -> Result<Self> {
         match container.family() {
             Family::Patches if container.features().contains(Features::LATTICE) => {
                 Ok(Self::Lattice(surfabet_codec::lattice::read(container, limits)?))
             }
-            Family::Patches => {
-                Ok(Self::Patches(surfabet_codec::patches::read(container, limits, dictionary)?))
-            }
+            Family::Patches => Ok(Self::Patches(surfabet_codec::patches::read(
+                container,
+                limits,
+                shared.dictionary,
+            )?)),
+            Family::Alphabet => Ok(Self::Alphabet(surfabet_codec::alphabet::read(
+                container,
+                limits,
+                shared.alphabet,
+            )?)),
             other => Err(surfabet_codec::Error::UnknownFamily {
                 found: other as u8,
                 needed: container.needed_version(),
@@ -109,18 +128,14 @@ impl Model {
     /// # Errors
     /// [`Error::Io`] or [`Error::File`], both naming the file.
     pub fn open(path: impl AsRef<Path>, limits: &Limits) -> Result<Self> {
-        Self::open_with(path, limits, None)
+        Self::open_with(path, limits, Shared::default())
     }
 
-    /// As [`Model::open`], for files that may refer to `dictionary` instead of holding one.
+    /// As [`Model::open`], for files that may name what is `shared` instead of holding it.
     ///
     /// # Errors
-    /// As [`Model::open`]; also when the file refers to another dictionary.
-    pub fn open_with(
-        path: impl AsRef<Path>,
-        limits: &Limits,
-        dictionary: Option<&PatchDictionary>,
-    ) -> Result<Self> {
+    /// As [`Model::open`]; also when the file names something else.
+    pub fn open_with(path: impl AsRef<Path>, limits: &Limits, shared: Shared<'_>) -> Result<Self> {
         let path = path.as_ref();
         let io = |source| Error::Io { path: path.to_owned(), source };
         let size = fs::metadata(path).map_err(io)?.len();
@@ -129,7 +144,7 @@ impl Model {
             other => other,
         };
         limits.check_size(size).map_err(|e| named(e.into()))?;
-        Self::from_bytes_with(&fs::read(path).map_err(io)?, limits, dictionary).map_err(named)
+        Self::from_bytes_with(&fs::read(path).map_err(io)?, limits, shared).map_err(named)
     }
 
     /// The model as a cloud with points about `resolution` metres apart; `None` leaves the spacing to the model.
@@ -141,6 +156,10 @@ impl Model {
         match self {
             Self::Patches(model) => Ok(model.decode(options, progress)?),
             Self::Lattice(model) => Ok(model.decode(options, progress)?),
+            Self::Alphabet(model) => {
+                let options = MdlDecodeOptions { resolution, ..MdlDecodeOptions::default() };
+                Ok(model.decode(options, progress)?)
+            }
         }
     }
 }

@@ -6,12 +6,14 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import surfabet
 from surfabet._progress import ProgressCallback
 from surfabet.cli._options import ReadOptions, UsageError
+from surfabet.files import AnyModel
 from surfabet.io import formats
 
 MODEL_SUFFIX = ".sfb"
@@ -47,7 +49,12 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.replace(path)
 
 
-def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> surfabet.PointCloud:
+def read_cloud(
+    path: Path,
+    options: ReadOptions,
+    progress: ProgressCallback,
+    viewpoint: tuple[float, float, float] | None = None,
+) -> surfabet.PointCloud:
     """The cloud of any readable file or RGB-D folder."""
     if path.suffix.lower() == MODEL_SUFFIX:
         raise UsageError(
@@ -57,39 +64,58 @@ def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> 
         names = ", ".join(options.changed())
         raise UsageError(f"{names}: only for folders of RGB-D frames, and {path} is a file")
     progress(f"read {path.name}", 0.0)
-    return surfabet.read(path, **(options.for_folder() if path.is_dir() else {}))
+    folder = options.for_folder() if path.is_dir() else {}
+    return surfabet.read(path, viewpoint=viewpoint, **folder)
 
 
-def load_model(
-    path: Path, progress: ProgressCallback, dictionary: Path | None = None
-) -> surfabet.LatticeModel | surfabet.PatchModel:
-    """The model in a `.sfb` file, which may rely on the dictionary of another."""
-    shared = load_dictionary(dictionary, progress)
+@dataclass(frozen=True)
+class Shared:
+    """What model files may name instead of holding it."""
+
+    dictionary: surfabet.PatchDictionary | None = None
+    alphabet: surfabet.Alphabet | None = None
+
+    @classmethod
+    def load(
+        cls, dictionary: Path | None, alphabet: Path | None, progress: ProgressCallback
+    ) -> Shared:
+        """From the models that hold it."""
+        shared = cls()
+        if dictionary is not None:
+            model = load_model(dictionary, progress)
+            if not isinstance(model, surfabet.PatchModel):
+                raise UsageError(
+                    f"{dictionary}: has no dictionary; compress with --method hscsm makes one"
+                )
+            shared = replace(shared, dictionary=model.dictionary)
+        if alphabet is not None:
+            model = load_model(alphabet, progress)
+            if not isinstance(model, surfabet.AlphabetModel):
+                raise UsageError(
+                    f"{alphabet}: has no alphabet; compress with --model alphabet makes one"
+                )
+            shared = replace(shared, alphabet=model.alphabet)
+        return shared
+
+
+NOTHING = Shared()
+
+
+def load_model(path: Path, progress: ProgressCallback, shared: Shared = NOTHING) -> AnyModel:
+    """The model in a `.sfb` file, which may rely on what is shared."""
     progress(f"load {path.name}", 0.0)
-    return surfabet.load(path, dictionary=shared)
+    return surfabet.load(path, dictionary=shared.dictionary, alphabet=shared.alphabet)
 
 
-def decode(
-    model: surfabet.LatticeModel | surfabet.PatchModel, as_measured: bool, **options: Any
-) -> surfabet.PointCloud:
+def decode(model: AnyModel, as_measured: bool, **options: Any) -> surfabet.PointCloud:
     """The model as a cloud; as measured only where it keeps how thick the scan was."""
     if isinstance(model, surfabet.LatticeModel):
         return model.decode(as_measured=as_measured, **options)
     if as_measured:
-        raise UsageError("--as-measured: a model of --method hscsm does not keep the thickness")
+        raise UsageError(
+            "--as-measured: only patches of method rate-distortion keep how thick the scan was"
+        )
     return model.decode(**options)
-
-
-def load_dictionary(
-    path: Path | None, progress: ProgressCallback
-) -> surfabet.PatchDictionary | None:
-    """The dictionary of the model in a `.sfb` file."""
-    if path is None:
-        return None
-    model = load_model(path, progress)
-    if isinstance(model, surfabet.LatticeModel):
-        raise UsageError(f"{path}: has no dictionary; compress with --method hscsm makes one")
-    return model.dictionary
 
 
 def size_on_disk(path: Path) -> int:

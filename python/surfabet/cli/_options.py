@@ -48,6 +48,10 @@ class Common:
 COMMON = Common()
 
 
+Viewpoint = Annotated[tuple[float, float, float] | None, Parameter(negative=())]
+"""Where the scanner stood, `X Y Z` in metres, for files that do not say."""
+
+
 @Parameter(name="*", group=RGBD)
 @dataclass(frozen=True)
 class ReadOptions:

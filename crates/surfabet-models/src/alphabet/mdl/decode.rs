@@ -80,13 +80,8 @@ impl AlphabetModel {
             let block = |(k, points): (usize, &Vec<_>)| vec![of(k); points.len()];
             blocks.iter().enumerate().flat_map(block).collect()
         }
-        let attributes = self.attributes();
-        let colors = attributes
-            .filter(|a| a.channels.color_step.is_some())
-            .map(|a| each(&blocks, |k| a.channels.color(&a.values[k]).unwrap_or_default()));
-        let intensities = attributes
-            .filter(|a| a.channels.intensities.is_some())
-            .map(|a| each(&blocks, |k| a.channels.intensity(&a.values[k]).unwrap_or_default()));
+        let colors = self.colors().map(|c| each(&blocks, |k| c[k]));
+        let intensities = self.intensities().map(|v| each(&blocks, |k| v[k]));
         let normals =
             options.normals.then(|| each(&blocks, |k| stands[k].0.rows[2].map(|c| c as f32)));
         let parts = CloudParts {

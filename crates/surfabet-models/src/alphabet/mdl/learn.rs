@@ -47,7 +47,8 @@ pub fn learn(
     run(cloud, None, options, progress)
 }
 
-/// Describes a cloud by the words of `alphabet` (IV-B). Radii are those of the alphabet.
+/// Describes a cloud by the words of `alphabet` (IV-B). Radii are those of the alphabet; the model's file names the
+/// alphabet and does not hold it.
 ///
 /// # Errors
 /// As [`learn`].
@@ -167,7 +168,7 @@ fn run(
     let channels = Channels::of(&thin, options.color_step);
     let means = |c: &Candidate| (c.placement, channels.means(&thin, &c.coverage.points));
     let placed = chosen.iter().map(means).collect();
-    let mut model = AlphabetModel::new(header, alphabet, placed, channels)?;
+    let mut model = AlphabetModel::new(header, alphabet, placed, channels, frozen.is_some())?;
     *model.report_mut() = report;
     Ok(model)
 }

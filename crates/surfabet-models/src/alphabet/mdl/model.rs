@@ -47,7 +47,7 @@ impl Alphabet {
     ///
     /// # Errors
     /// As [`Alphabet::new`].
-    pub fn empty(radius: f64, scales: u32) -> Result<Self> {
+    pub fn plane(radius: f64, scales: u32) -> Result<Self> {
         Self::new(radius, scales, vec![Word::plane()])
     }
 
@@ -129,6 +129,7 @@ pub struct AlphabetModel {
     alphabet: Alphabet,
     placements: Vec<Placement>,
     attributes: Option<Attributes>,
+    shares_alphabet: bool,
     report: Report,
 }
 
@@ -151,6 +152,7 @@ impl AlphabetModel {
         alphabet: Alphabet,
         mut placed: Vec<(Placement, Vec<i32>)>,
         channels: Channels,
+        shares_alphabet: bool,
     ) -> Result<Self> {
         let fits = |p: &Placement| {
             u32::from(p.scale) < alphabet.scales
@@ -179,7 +181,8 @@ impl AlphabetModel {
                 })
                 .collect(),
         });
-        Ok(Self { header, alphabet, placements, attributes, report: Report::default() })
+        let report = Report::default();
+        Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
     }
 
     /// Writes or prices the occurrences to one coder and their channels to another.
@@ -206,6 +209,7 @@ impl AlphabetModel {
         alphabet: Alphabet,
         n: usize,
         kept: Channels,
+        shares_alphabet: bool,
         occurrences: &mut C,
         channels: &mut C,
     ) -> Result<Self, C::Error> {
@@ -223,7 +227,8 @@ impl AlphabetModel {
         } else {
             None
         };
-        Ok(Self { header, alphabet, placements, attributes, report: Report::default() })
+        let report = Report::default();
+        Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
     }
 
     /// Number of occurrences.
@@ -241,6 +246,11 @@ impl AlphabetModel {
         &self.alphabet
     }
 
+    /// Whether the model's file names its alphabet instead of holding it.
+    pub fn shares_alphabet(&self) -> bool {
+        self.shares_alphabet
+    }
+
     /// What is said before the occurrences.
     pub fn header(&self) -> &Header {
         &self.header
@@ -249,6 +259,28 @@ impl AlphabetModel {
     /// Colours and intensities; `None` without either.
     pub fn attributes(&self) -> Option<&Attributes> {
         self.attributes.as_ref()
+    }
+
+    /// Whether occurrences have a colour.
+    pub fn has_color(&self) -> bool {
+        self.attributes.as_ref().is_some_and(|a| a.channels.color_step.is_some())
+    }
+
+    /// Whether occurrences have an intensity.
+    pub fn has_intensity(&self) -> bool {
+        self.attributes.as_ref().is_some_and(|a| a.channels.intensities.is_some())
+    }
+
+    /// Red, green and blue of every occurrence; `None` without colour.
+    pub fn colors(&self) -> Option<Vec<[u8; 3]>> {
+        let kept = self.attributes.as_ref()?;
+        kept.values.iter().map(|said| kept.channels.color(said)).collect()
+    }
+
+    /// Intensity of every occurrence, in the sensor's own unit; `None` without.
+    pub fn intensities(&self) -> Option<Vec<f32>> {
+        let kept = self.attributes.as_ref()?;
+        kept.values.iter().map(|said| kept.channels.intensity(said)).collect()
     }
 
     /// Points of the cloud that was described.

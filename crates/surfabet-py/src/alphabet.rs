@@ -1,0 +1,243 @@
+//! `surfabet.AlphabetModel`, its alphabet, and how both are learned.
+
+use std::path::PathBuf;
+
+use numpy::ndarray::{Array2, Array3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use surfabet::alphabet::mdl;
+use surfabet::{
+    Alphabet, AlphabetModel, Deviation, MdlDecodeOptions, MdlOptions, Occurrence, alphabet_hash,
+};
+
+use crate::cloud::PyPointCloud;
+use crate::report::report_dict;
+use crate::run::run;
+use crate::save;
+
+/// Words for any number of scenes; immutable.
+#[pyclass(name = "Alphabet", module = "surfabet", frozen)]
+pub struct PyAlphabet {
+    pub alphabet: Alphabet,
+}
+
+/// A cloud as occurrences of words; immutable.
+#[pyclass(name = "AlphabetModel", module = "surfabet", frozen)]
+pub struct PyAlphabetModel {
+    pub model: AlphabetModel,
+}
+
+impl From<AlphabetModel> for PyAlphabetModel {
+    fn from(model: AlphabetModel) -> Self {
+        Self { model }
+    }
+}
+
+/// Learns an alphabet, or describes a cloud by the one given; documented in `surfabet.alphabet`.
+#[pyfunction]
+#[pyo3(signature = (cloud, *, alphabet, radius, scales, max_words, inlier_bits, outlier_bits, spacing, rounds,
+                    sigma_scale, angular_resolution, noise, min_range, color_step, progress))]
+#[allow(clippy::too_many_arguments)]
+fn learn_alphabet(
+    py: Python<'_>,
+    cloud: &Bound<'_, PyPointCloud>,
+    alphabet: Option<&Bound<'_, PyAlphabet>>,
+    radius: f64,
+    scales: u32,
+    max_words: u32,
+    inlier_bits: f64,
+    outlier_bits: f64,
+    spacing: f64,
+    rounds: u32,
+    sigma_scale: f64,
+    angular_resolution: Option<f64>,
+    noise: Option<f64>,
+    min_range: f64,
+    color_step: u32,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<PyAlphabetModel> {
+    let options = MdlOptions {
+        radius,
+        scales,
+        max_words,
+        point_bits: inlier_bits,
+        lone_bits: outlier_bits,
+        spacing,
+        rounds,
+        deviation: Deviation { scale: sigma_scale, angular_resolution, noise },
+        min_range,
+        color_step,
+    };
+    let cloud = &cloud.get().cloud;
+    let alphabet = alphabet.map(|a| &a.get().alphabet);
+    let model = run(py, progress, |monitor| match alphabet {
+        Some(alphabet) => mdl::describe(cloud, alphabet, &options, monitor),
+        None => mdl::learn(cloud, &options, monitor),
+    })?;
+    Ok(model.into())
+}
+
+#[pymethods]
+impl PyAlphabet {
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.alphabet.radius()
+    }
+
+    #[getter]
+    fn scales(&self) -> u32 {
+        self.alphabet.scales()
+    }
+
+    #[getter]
+    fn hash(&self) -> String {
+        alphabet_hash(&self.alphabet).to_string()
+    }
+
+    /// Heights of the pixels of every word over its radius, NaN where it has a hole, (n, 8, 8).
+    fn heights<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
+        let words = self.alphabet.words();
+        let shape = (words.len(), mdl::PIXELS, mdl::PIXELS);
+        Array3::from_shape_fn(shape, |(k, row, column)| {
+            let pixel = mdl::PIXELS * row + column;
+            let is_set = words[k].mask >> pixel & 1 != 0;
+            let height = f32::from(words[k].heights[pixel]) / mdl::HEIGHT_STEPS as f32;
+            if is_set { height } else { f32::NAN }
+        })
+        .into_pyarray(py)
+    }
+
+    fn __len__(&self) -> usize {
+        self.alphabet.words().len()
+    }
+}
+
+#[pymethods]
+impl PyAlphabetModel {
+    #[pyo3(signature = (*, resolution, normals, max_points, progress))]
+    fn decode(
+        slf: &Bound<'_, Self>,
+        resolution: Option<f64>,
+        normals: bool,
+        max_points: u64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyPointCloud> {
+        let model = &slf.get().model;
+        let options = MdlDecodeOptions { resolution, normals, max_points };
+        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
+        Ok(cloud.into())
+    }
+
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        save::to_bytes(py, &self.model)
+    }
+
+    /// Writes the file and returns its size in bytes.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
+        save::save(py, &self.model, path)
+    }
+
+    #[getter]
+    fn n_points(&self) -> u64 {
+        self.model.n_points()
+    }
+
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.model.header().origin
+    }
+
+    #[getter]
+    fn has_color(&self) -> bool {
+        self.model.has_color()
+    }
+
+    #[getter]
+    fn has_intensity(&self) -> bool {
+        self.model.has_intensity()
+    }
+
+    #[getter]
+    fn alphabet(&self) -> PyAlphabet {
+        PyAlphabet { alphabet: self.model.alphabet().clone() }
+    }
+
+    #[getter]
+    fn shares_alphabet(&self) -> bool {
+        self.model.shares_alphabet()
+    }
+
+    /// Scale, angular resolution (radians) and noise (metres) of sigma.
+    #[getter]
+    fn deviation(&self) -> (f64, Option<f64>, f64) {
+        let of = self.model.header().deviation;
+        (of.scale, of.angular_resolution, of.noise.unwrap_or(0.0))
+    }
+
+    /// Word of every occurrence, (m,).
+    fn words<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.each(py, |o| i64::from(o.word))
+    }
+
+    /// Radius of every occurrence, (m,), metres.
+    fn radii<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.each(py, |o| o.radius)
+    }
+
+    /// Deviation allowed at every occurrence, (m,), metres.
+    fn sigma<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.each(py, |o| o.sigma)
+    }
+
+    /// Word to world, (m, 4, 4): what is right, what is up, the normal, the middle.
+    fn poses<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f64>> {
+        let all: Vec<Occurrence> = self.model.occurrences().collect();
+        Array3::from_shape_fn((all.len(), 4, 4), |(i, row, column)| match (row, column) {
+            (3, 3) => 1.0,
+            (3, _) => 0.0,
+            (_, 3) => all[i].center[row],
+            _ => all[i].rows[column][row],
+        })
+        .into_pyarray(py)
+    }
+
+    /// Colour of every occurrence, (m, 3).
+    fn colors<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<u8>>> {
+        let colors = self.model.colors()?;
+        let array = Array2::from_shape_fn((colors.len(), 3), |(i, c)| colors[i][c]);
+        Some(array.into_pyarray(py))
+    }
+
+    /// Intensity of every occurrence, (m,).
+    fn intensities<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f32>>> {
+        Some(self.model.intensities()?.into_pyarray(py))
+    }
+
+    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
+    #[getter]
+    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        report_dict(py, self.model.report())
+    }
+
+    fn __len__(&self) -> usize {
+        self.model.len()
+    }
+}
+
+impl PyAlphabetModel {
+    fn each<'py, T: numpy::Element>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(Occurrence) -> T,
+    ) -> Bound<'py, PyArray1<T>> {
+        self.model.occurrences().map(of).collect::<Vec<T>>().into_pyarray(py)
+    }
+}
+
+/// Adds this file's names to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyAlphabet>()?;
+    module.add_class::<PyAlphabetModel>()?;
+    module.add_function(wrap_pyfunction!(learn_alphabet, module)?)
+}

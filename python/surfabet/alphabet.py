@@ -1,0 +1,341 @@
+"""Alphabets: recurrent pieces of surface as words, and a scene as the places where they occur.
+
+The idea is that of M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact
+3D Models Based on the Detection of Recurrent Structures, ICRA 2010. What is learned here is chosen
+by description length: every bit of words, occurrences and misfit counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
+from surfabet.metrics import RangeSigma
+from surfabet.model import MAX_POINTS, Model
+
+__all__ = ["Alphabet", "AlphabetModel", "Occurrences", "learn_alphabet"]
+
+PRESETS = {"small": 4.0, "balanced": 7.0, "fine": 24.0}
+"""Bits that a point is worth, by preset."""
+
+Preset = Literal["small", "balanced", "fine"]
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrences:
+    """Where words occur: all m occurrences of a model as arrays, in the order of the file."""
+
+    words: NDArray[np.int64]
+    """Which word, (m,); 0 is the plane."""
+    radii: NDArray[np.float64]
+    """Radius of the word there, (m,), metres: it spans a square of two radii."""
+    poses: NDArray[np.float64]
+    """Word to world, (m, 4, 4): columns are what is right, what is up, the normal towards the
+    sensor, and the middle of the word."""
+    sigma: NDArray[np.float64]
+    """Deviation that was allowed there, (m,), metres."""
+    colors: NDArray[np.uint8] | None
+    """Mean red, green and blue, (m, 3); None without colour."""
+    intensities: NDArray[np.float32] | None
+    """Mean return strength, (m,), in the sensor's unit; None without."""
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+
+@final
+class Alphabet:
+    """Words, to describe any number of scenes by; immutable.
+
+    Made by `AlphabetModel.alphabet`. A model that `describe` makes names its alphabet in the file
+    and does not hold it, so that it needs the alphabet again when it is loaded.
+    """
+
+    __slots__ = ("_core",)
+
+    def __init__(self, core: _core.Alphabet) -> None:
+        self._core = core
+
+    @property
+    def hash(self) -> str:
+        """The first 128 bits of the BLAKE3 hash of its content, as hexadecimal digits."""
+        return self._core.hash
+
+    @property
+    def radii(self) -> NDArray[np.float64]:
+        """Radii that words stand in, metres, ascending."""
+        return self._core.radius * 2.0 ** np.arange(self._core.scales)
+
+    @property
+    def heights(self) -> NDArray[np.float32]:
+        """Height maps of the words over their radius, (n, 8, 8), rows going up; NaN where a word
+        has a hole. Word 0 is the plane."""
+        return self._core.heights()
+
+    def describe(
+        self,
+        cloud: PointCloud,
+        *,
+        preset: Preset = "balanced",
+        inlier_bits: float | None = None,
+        outlier_bits: float | None = None,
+        spacing: float = 1.0,
+        rounds: int = 4,
+        sigma_scale: float = 3.0,
+        angular_resolution: float | None = None,
+        noise: float | None = None,
+        min_range: float = 0.0,
+        color_step: int = 8,
+        progress: Progress = None,
+    ) -> AlphabetModel:
+        """Another cloud by the words of this alphabet, which stays as it is (IV-B).
+
+        Options, errors and determinism are those of `learn_alphabet`.
+        """
+        bits = _bits(preset, inlier_bits, outlier_bits)
+        with progress_callback(progress) as callback:
+            core = _core.learn_alphabet(
+                cloud,
+                alphabet=self._core,
+                radius=self._core.radius,
+                scales=self._core.scales,
+                max_words=0,
+                **bits,
+                spacing=spacing,
+                rounds=rounds,
+                sigma_scale=sigma_scale,
+                angular_resolution=angular_resolution,
+                noise=noise,
+                min_range=min_range,
+                color_step=color_step,
+                progress=callback,
+            )
+        return AlphabetModel(core)
+
+    def __len__(self) -> int:
+        return len(self._core)
+
+    def __repr__(self) -> str:
+        radii = " / ".join(f"{radius:g}" for radius in self.radii)
+        return f"Alphabet({len(self)} words in radii of {radii} m)"
+
+
+@final
+class AlphabetModel(Model[_core.AlphabetModel]):
+    """A cloud as occurrences of words; immutable.
+
+    Made by `learn_alphabet`, `Alphabet.describe` and `surfabet.load`.
+    """
+
+    __slots__ = ()
+
+    @property
+    def alphabet(self) -> Alphabet:
+        """The words that occur."""
+        return Alphabet(self._core.alphabet)
+
+    @property
+    def shares_alphabet(self) -> bool:
+        """Whether the file names its alphabet instead of holding it."""
+        return self._core.shares_alphabet
+
+    @property
+    def has_intensity(self) -> bool:
+        """Whether the model carries intensity."""
+        return self._core.has_intensity
+
+    @property
+    def occurrences(self) -> Occurrences:
+        """Where words occur, as arrays."""
+        return Occurrences(
+            words=self._core.words(),
+            radii=self._core.radii(),
+            poses=self._core.poses(),
+            sigma=self._core.sigma(),
+            colors=self._core.colors(),
+            intensities=self._core.intensities(),
+        )
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """How often each word of the alphabet occurs, (n,)."""
+        return np.bincount(self._core.words(), minlength=len(self.alphabet))
+
+    @property
+    def sigma(self) -> RangeSigma | None:
+        """The tolerance that the model was made for, as `evaluate` takes it, without the noise
+        that was allowed beside it; None when ranges were not known."""
+        scale, angular_resolution, _ = self._core.deviation
+        return None if angular_resolution is None else RangeSigma(scale, angular_resolution)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the scan about its surface that was allowed beside `sigma`,
+        metres."""
+        return self._core.deviation[2]
+
+    def decode(
+        self,
+        resolution: float | None = None,
+        *,
+        normals: bool = False,
+        max_points: int = MAX_POINTS,
+        progress: Progress = None,
+    ) -> PointCloud:
+        """The model as a cloud.
+
+        Parameters
+        ----------
+        resolution
+            Spacing of the points, metres; by default one sigma, so that points lie denser near the
+            sensor, as they did in the scan.
+        normals
+            Give every point the normal of its word.
+        max_points
+            Refuse to make more points than this.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Returns
+        -------
+        PointCloud
+            Points word by word; where words overlap, so do their points.
+
+        Raises
+        ------
+        InvalidInputError
+            For a spacing that is not positive, or one that makes more than `max_points` points.
+        """
+        with progress_callback(progress) as callback:
+            return self._core.decode(
+                resolution=resolution, normals=normals, max_points=max_points, progress=callback
+            )
+
+    def __repr__(self) -> str:
+        return (
+            f"AlphabetModel({self.n_points} points as {len(self)} occurrences of "
+            f"{len(self.alphabet)} words"
+            + (", coloured" if self.has_color else "")
+            + (", with intensity" if self.has_intensity else "")
+            + ")"
+        )
+
+
+def learn_alphabet(
+    cloud: PointCloud,
+    *,
+    radius: float = 0.1,
+    scales: int = 4,
+    max_words: int = 24,
+    preset: Preset = "balanced",
+    inlier_bits: float | None = None,
+    outlier_bits: float | None = None,
+    spacing: float = 1.0,
+    rounds: int = 4,
+    sigma_scale: float = 3.0,
+    angular_resolution: float | None = None,
+    noise: float | None = None,
+    min_range: float = 0.0,
+    color_step: int = 8,
+    random_state: int = 0,
+    progress: Progress = None,
+) -> AlphabetModel:
+    """Learns an alphabet from a cloud, and describes the cloud by it.
+
+    A point is explained when a decoded point lies within sigma of it (eq. 13):
+    sigma = sigma_scale * hypot(tan(angular_resolution / 2) * range, noise). Where the cloud has no
+    ranges, half the median distance of neighbouring points takes the place of the first term;
+    `surfabet.read(..., viewpoint=)` gives a scan its sensor back.
+
+    Parameters
+    ----------
+    cloud
+        What to describe. Duplicates count once. Ranges and viewpoints make sigma, and orient words;
+        colours and intensities are kept as the mean of every occurrence.
+    radius
+        Smallest radius of a word, metres (delta).
+    scales
+        Number of radii, each twice the one before, 1 to 8.
+    max_words
+        Most words beside the plane. Those that do not pay for themselves are dropped.
+    preset
+        "small", "balanced" or "fine": 4, 7 or 24 bits for `inlier_bits` and `outlier_bits`.
+    inlier_bits
+        What explaining a point is worth, bits. Points denser than half a sigma count once.
+    outlier_bits
+        What a decoded point that explains nothing costs, bits; by default as much as an inlier is
+        worth.
+    spacing
+        Distance of decoded points, in sigma, 0.25 to 4.
+    rounds
+        How often the scene is covered, each time with the prices that the round before taught.
+    sigma_scale
+        Lambda of eq. 13.
+    angular_resolution
+        Alpha, the angle between neighbouring beams, radians; estimated when not given.
+    noise
+        Standard deviation of a measured point about its surface, metres; estimated when not given.
+    min_range
+        What is nearer to the sensor is left out, metres: a robot sees itself.
+    color_step
+        Rounding of mean colours, 1 to 255.
+    random_state
+        Nothing is left to chance, so that every seed gives the same.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Returns
+    -------
+    AlphabetModel
+        The same for any order of the points and any number of threads.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty cloud, a cloud too large for its radius, or an option outside of its domain.
+
+    Examples
+    --------
+    >>> import numpy as np, surfabet as sb
+    >>> square = np.stack(np.meshgrid(*[np.arange(100) * 0.02] * 2), -1).reshape(-1, 2)
+    >>> cloud = sb.PointCloud(np.column_stack([square, np.ones(len(square))]))
+    >>> model = sb.learn_alphabet(cloud)
+    >>> quality = sb.evaluate(cloud, model.decode(), sigma=0.03)
+    >>> quality.inliers > 0.95
+    True
+    """
+    if not 0 <= random_state < 2**64:
+        raise InvalidInputError(f"random_state is {random_state}, but must be 0 to 2**64 - 1")
+    bits = _bits(preset, inlier_bits, outlier_bits)
+    with progress_callback(progress) as callback:
+        core = _core.learn_alphabet(
+            cloud,
+            alphabet=None,
+            radius=radius,
+            scales=scales,
+            max_words=max_words,
+            **bits,
+            spacing=spacing,
+            rounds=rounds,
+            sigma_scale=sigma_scale,
+            angular_resolution=angular_resolution,
+            noise=noise,
+            min_range=min_range,
+            color_step=color_step,
+            progress=callback,
+        )
+    return AlphabetModel(core)
+
+
+def _bits(preset: str, inlier: float | None, outlier: float | None) -> dict[str, Any]:
+    if preset not in PRESETS:
+        raise InvalidInputError(f"preset is {preset!r}, but must be one of {', '.join(PRESETS)}")
+    inlier = PRESETS[preset] if inlier is None else inlier
+    return {"inlier_bits": inlier, "outlier_bits": inlier if outlier is None else outlier}
