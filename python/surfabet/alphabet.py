@@ -71,7 +71,7 @@ class Alphabet:
     @property
     def radii(self) -> NDArray[np.float64]:
         """Radii that words stand in, metres, ascending."""
-        return self._core.radius * 2.0 ** np.arange(self._core.scales)
+        return self._core.radius * np.exp2(np.arange(self._core.scales, dtype=np.float64))
 
     @property
     def heights(self) -> NDArray[np.float32]:

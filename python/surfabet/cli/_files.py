@@ -12,7 +12,7 @@ from typing import Any
 
 import surfabet
 from surfabet._progress import ProgressCallback
-from surfabet.cli._options import ReadOptions, UsageError
+from surfabet.cli._options import ReadOptions, SharedOptions, UsageError
 from surfabet.files import AnyModel
 from surfabet.io import formats
 
@@ -49,12 +49,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.replace(path)
 
 
-def read_cloud(
-    path: Path,
-    options: ReadOptions,
-    progress: ProgressCallback,
-    viewpoint: tuple[float, float, float] | None = None,
-) -> surfabet.PointCloud:
+def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> surfabet.PointCloud:
     """The cloud of any readable file or RGB-D folder."""
     if path.suffix.lower() == MODEL_SUFFIX:
         raise UsageError(
@@ -65,7 +60,7 @@ def read_cloud(
         raise UsageError(f"{names}: only for folders of RGB-D frames, and {path} is a file")
     progress(f"read {path.name}", 0.0)
     folder = options.for_folder() if path.is_dir() else {}
-    return surfabet.read(path, viewpoint=viewpoint, **folder)
+    return surfabet.read(path, viewpoint=options.viewpoint, **folder)
 
 
 @dataclass(frozen=True)
@@ -76,23 +71,21 @@ class Shared:
     alphabet: surfabet.Alphabet | None = None
 
     @classmethod
-    def load(
-        cls, dictionary: Path | None, alphabet: Path | None, progress: ProgressCallback
-    ) -> Shared:
+    def load(cls, options: SharedOptions, progress: ProgressCallback) -> Shared:
         """From the models that hold it."""
         shared = cls()
-        if dictionary is not None:
-            model = load_model(dictionary, progress)
+        if (path := options.dictionary) is not None:
+            model = load_model(path, progress)
             if not isinstance(model, surfabet.PatchModel):
                 raise UsageError(
-                    f"{dictionary}: has no dictionary; compress with --method hscsm makes one"
+                    f"{path}: has no dictionary; compress with --method hscsm makes one"
                 )
             shared = replace(shared, dictionary=model.dictionary)
-        if alphabet is not None:
-            model = load_model(alphabet, progress)
+        if (path := options.alphabet) is not None:
+            model = load_model(path, progress)
             if not isinstance(model, surfabet.AlphabetModel):
                 raise UsageError(
-                    f"{alphabet}: has no alphabet; compress with --model alphabet makes one"
+                    f"{path}: has no alphabet; compress with --model alphabet makes one"
                 )
             shared = replace(shared, alphabet=model.alphabet)
         return shared

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
@@ -48,10 +49,6 @@ class Common:
 COMMON = Common()
 
 
-Viewpoint = Annotated[tuple[float, float, float] | None, Parameter(negative=())]
-"""Where the scanner stood, `X Y Z` in metres, for files that do not say."""
-
-
 @Parameter(name="*", group=RGBD)
 @dataclass(frozen=True)
 class ReadOptions:
@@ -75,6 +72,11 @@ class ReadOptions:
     intrinsics: Annotated[tuple[float, float, float, float] | None, Parameter(negative=())] = None
     """Focal lengths and centre in pixels, `FX FY CX CY`, by default what the folder says."""
 
+    viewpoint: Annotated[
+        tuple[float, float, float] | None, Parameter(negative=(), group=GENERAL)
+    ] = None
+    """Where the scanner stood, `X Y Z` in metres, for files that do not say."""
+
     def for_folder(self) -> dict[str, Any]:
         """As `surfabet.read` names them."""
         return {
@@ -86,12 +88,27 @@ class ReadOptions:
         }
 
     def changed(self) -> list[str]:
-        """The options that are not as by default."""
+        """The options of folders that are not as by default."""
         return [
             "--" + field.name.replace("_", "-")
             for field in fields(self)
-            if getattr(self, field.name) != field.default
+            if field.name != "viewpoint" and getattr(self, field.name) != field.default
         ]
 
 
 READ_OPTIONS = ReadOptions()
+
+
+@Parameter(name="*", group=GENERAL)
+@dataclass(frozen=True)
+class SharedOptions:
+    """What model files may name instead of holding it, and where to find it."""
+
+    dictionary: Path | None = None
+    """A model of method hscsm whose dictionaries the file was made with, if it holds none."""
+
+    alphabet: Path | None = None
+    """A model whose alphabet the file was made with, if it holds none."""
+
+
+SHARED_OPTIONS = SharedOptions()

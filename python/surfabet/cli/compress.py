@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
+    Shared,
     check_output,
     decode,
-    load_dictionary,
+    load_model,
     read_cloud,
     size_on_disk,
 )
 from surfabet.cli._format import bytes_text, millimetres, peak_memory, print_json, raw_bytes
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions, UsageError
+from surfabet.cli._options import (
+    COMMON,
+    READ_OPTIONS,
+    SHARED_OPTIONS,
+    Common,
+    Flag,
+    ReadOptions,
+    SharedOptions,
+    UsageError,
+)
+from surfabet.files import AnyModel
 
 PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
 PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
@@ -80,21 +93,116 @@ class PatchOptions:
 PATCH_OPTIONS = PatchOptions()
 
 
+@Parameter(name="*", group=Group("Alphabet", sort_key=1))
+@dataclass(frozen=True)
+class AlphabetOptions:
+    """Finer options of alphabets, as `surfabet.learn_alphabet` documents them."""
+
+    preset: Literal["small", "balanced", "fine"] | None = None
+    """Smaller files, or more of the scan within sigma."""
+
+    radius: PositiveFloat = None
+    """Smallest radius of a word, in metres."""
+
+    scales: Annotated[int | None, Parameter(validator=Number(gte=1, lte=8))] = None
+    """Number of radii, each twice the one before."""
+
+    max_words: Annotated[int | None, Parameter(validator=Number(gte=0))] = None
+    """Most words beside the plane."""
+
+    inlier_bits: PositiveFloat = None
+    """What explaining a point is worth, in bits."""
+
+    outlier_bits: Annotated[float | None, Parameter(validator=Number(gte=0))] = None
+    """What a decoded point that explains nothing costs, in bits."""
+
+    sigma_scale: PositiveFloat = None
+    """Factor of the tolerance, lambda."""
+
+    angular_resolution: PositiveFloat = None
+    """Angle between neighbouring beams, in degrees; estimated by default."""
+
+    noise: Annotated[float | None, Parameter(validator=Number(gte=0))] = None
+    """Standard deviation of the scan about its surface, in metres; estimated by default."""
+
+    min_range: Annotated[float | None, Parameter(validator=Number(gte=0))] = None
+    """Leave out what is nearer to the sensor, in metres."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given."""
+        options = {name: value for name, value in vars(self).items() if value is not None}
+        if self.angular_resolution is not None:
+            options["angular_resolution"] = math.radians(self.angular_resolution)
+        return options
+
+
+ALPHABET_OPTIONS = AlphabetOptions()
+
+
+def learn(
+    cloud: surfabet.PointCloud,
+    model: Literal["patches", "alphabet"],
+    method: str | None,
+    shared: Shared,
+    **options: Any,
+) -> AnyModel:
+    """The model that the options ask for."""
+    if shared.alphabet is not None:
+        return shared.alphabet.describe(cloud, **options)
+    if shared.dictionary is not None:
+        if method == "rate-distortion":
+            raise UsageError("--dictionary: only --method hscsm uses dictionaries")
+        return shared.dictionary.encode(cloud, **options)
+    if model == "alphabet":
+        return surfabet.learn_alphabet(cloud, **options)
+    learned: AnyModel
+    if method == "hscsm":
+        learned = surfabet.learn_patches(cloud, method="hscsm", **options)
+    else:
+        learned = surfabet.learn_patches(cloud, **options)
+    return learned
+
+
+def _far_enough(cloud: surfabet.PointCloud, min_range: float | None) -> surfabet.PointCloud:
+    """What the model was asked to describe."""
+    if min_range is None or cloud.ranges is None:
+        return cloud
+    return cloud.select(np.flatnonzero(cloud.ranges >= min_range))
+
+
+def check_family(
+    model: str, method: str | None, general: dict[str, Any], shared: SharedOptions, **own: Any
+) -> None:
+    """Refuses options of a family that was not asked for."""
+    for family, options in own.items():
+        if family != model and options:
+            names = ", ".join("--" + name.replace("_", "-") for name in options)
+            raise UsageError(f"{names}: only for --model {family}")
+    if model == "alphabet":
+        patches = {**general, "method": method, "dictionary": shared.dictionary}
+        given = [f"--{name.replace('_', '-')}" for name, v in patches.items() if v is not None]
+        if given:
+            raise UsageError(f"{', '.join(given)}: only for --model patches")
+    elif shared.alphabet is not None:
+        raise UsageError("--alphabet: only for --model alphabet")
+
+
 def compress(
     input_: Annotated[Path, Parameter(name="IN")],
     output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
-    model: Literal["patches"] = "patches",
+    model: Literal["patches", "alphabet"] = "patches",
     method: Literal["rate-distortion", "hscsm"] | None = None,
     resolution: PositiveFloat = None,
     max_error: PositiveFloat = None,
     levels: Annotated[int | None, Parameter(validator=Number(gte=1, lte=8))] = None,
-    dictionary: Path | None = None,
     random_state: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
     json: Flag = False,
     patches: PatchOptions = PATCH_OPTIONS,
+    alphabets: AlphabetOptions = ALPHABET_OPTIONS,
+    shared: SharedOptions = SHARED_OPTIONS,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
@@ -109,6 +217,8 @@ def compress(
         surfabet compress frames/ room.sfb --frame-stride 2 --depth-max 4
         surfabet compress room.ply room.sfb --method hscsm --levels 3
         surfabet compress room2.ply room2.sfb --dictionary room.sfb
+        surfabet compress scan1.pcd scan1.sfb --model alphabet --viewpoint 0 0 0
+        surfabet compress scan2.pcd scan2.sfb --model alphabet --alphabet scan1.sfb
 
     Parameters
     ----------
@@ -118,7 +228,7 @@ def compress(
     output
         The model file to write.
     model
-        The family of models. This version knows surface patches only.
+        The family of models: surface patches, or an alphabet of recurrent words.
     method
         How patches are learned: by least cost on a lattice (the default), or as published, with
         free poses and learned dictionaries (hscsm).
@@ -130,9 +240,6 @@ def compress(
     levels
         Levels of detail of the patches; each doubles the size of the one below. By default 3, or 1
         with hscsm.
-    dictionary
-        A model whose dictionaries to use instead of learning: the file then holds none, and needs
-        that model again. Resolution, levels and pixels of a patch are its own.
     random_state
         Seed; the same seed, input and options give the same bytes.
     evaluate
@@ -141,31 +248,26 @@ def compress(
         Print one JSON object instead of a line.
     """
     check_output(output, frozenset({MODEL_SUFFIX}), input_)
+    general = {"resolution": resolution, "levels": levels, "max_error": max_error}
+    own = {"patches": patches.given(), "alphabet": alphabets.given()}
+    check_family(model, method, general, shared, **own)
     seconds: dict[str, float] = {}
     quality = None
     with common.progress() as progress:
-        shared = load_dictionary(dictionary, progress)
+        known = Shared.load(shared, progress)
         started = time.perf_counter()
         cloud = read_cloud(input_, read, progress)
         seconds["read"] = time.perf_counter() - started
 
         started = time.perf_counter()
-        sizes = {"resolution": resolution, "levels": levels, "max_error": max_error}
         options: dict[str, Any] = {
-            **{name: value for name, value in sizes.items() if value is not None},
-            "random_state": random_state,
+            **{name: value for name, value in general.items() if value is not None},
+            **own[model],
             "progress": progress,
-            **patches.given(),
         }
-        learned: surfabet.LatticeModel | surfabet.PatchModel
-        if shared is not None:
-            if method == "rate-distortion":
-                raise UsageError("--dictionary: only --method hscsm uses dictionaries")
-            learned = shared.encode(cloud, **options)
-        elif method == "hscsm":
-            learned = surfabet.learn_patches(cloud, method="hscsm", **options)
-        else:
-            learned = surfabet.learn_patches(cloud, **options)
+        if known.alphabet is None:
+            options["random_state"] = random_state
+        learned = learn(cloud, model, method, known, **options)
         seconds["learn"] = time.perf_counter() - started
 
         started = time.perf_counter()
@@ -182,15 +284,21 @@ def compress(
 
         if evaluate:
             started = time.perf_counter()
-            again = surfabet.load(output, dictionary=shared)
+            again = load_model(output, progress, known)
             # Held against a scan that is thick with noise, a thin surface has the scan's own error.
             as_measured = isinstance(again, surfabet.LatticeModel)
             decoded = decode(again, as_measured, progress=progress)
             seconds["decode"] = time.perf_counter() - started
             started = time.perf_counter()
+            tolerance = again.sigma if isinstance(again, surfabet.AlphabetModel) else None
             # Point-to-plane distances take long; the verb `evaluate` has them.
             quality = surfabet.evaluate(
-                cloud, decoded, bytes=n_bytes, normal_neighbors=None, progress=progress
+                _far_enough(cloud, alphabets.min_range),
+                decoded,
+                sigma=tolerance,
+                bytes=n_bytes,
+                normal_neighbors=None,
+                progress=progress,
             )
             seconds["evaluate"] = time.perf_counter() - started
 
@@ -223,6 +331,8 @@ def compress(
             line += (
                 f"rmse {millimetres(quality.rmse)} (pooled {millimetres(quality.rmse_pooled)}), "
             )
+            if quality.inliers is not None and quality.outliers is not None:
+                line += f"inliers {quality.inliers:.2%}, outliers {quality.outliers:.2%}, "
             if quality.color_rmse_pooled is not None:
                 line += f"colour rmse {quality.color_rmse_pooled:.3g}, "
         print(line + f"{encode_seconds:.1f} s")

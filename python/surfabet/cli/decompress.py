@@ -10,9 +10,16 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import surfabet
-from surfabet.cli._files import check_output, cloud_suffixes, decode, load_model, size_on_disk
+from surfabet.cli._files import (
+    Shared,
+    check_output,
+    cloud_suffixes,
+    decode,
+    load_model,
+    size_on_disk,
+)
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, Common, Flag
+from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, SharedOptions
 
 
 def decompress(
@@ -22,8 +29,8 @@ def decompress(
     *,
     resolution: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
     as_measured: Flag = False,
-    dictionary: Path | None = None,
     json: Flag = False,
+    shared: SharedOptions = SHARED_OPTIONS,
     common: Common = COMMON,
 ) -> None:
     """Make a point cloud of a model file.
@@ -39,11 +46,9 @@ def decompress(
     output
         The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
     resolution
-        Spacing of the points in metres, by default half a pixel of the model.
+        Spacing of the points in metres, by default half a pixel of patches, and sigma of words.
     as_measured
         Fill the thickness that the scan had, instead of giving the thin surface in its middle.
-    dictionary
-        The model whose dictionaries the file was made with, if it holds none.
     json
         Print one JSON object instead of a line.
     """
@@ -51,7 +56,7 @@ def decompress(
     seconds: dict[str, float] = {}
     with common.progress() as progress:
         started = time.perf_counter()
-        model = load_model(input_, progress, dictionary)
+        model = load_model(input_, progress, Shared.load(shared, progress))
         cloud = decode(model, as_measured, resolution=resolution, progress=progress)
         seconds["decode"] = time.perf_counter() - started
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,7 @@ from rich.table import Table
 import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
+    Shared,
     check_output,
     decode,
     load_model,
@@ -22,7 +24,18 @@ from surfabet.cli._files import (
     whole_file,
 )
 from surfabet.cli._format import bytes_text, millimetres, print_json
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions
+from surfabet.cli._options import (
+    COMMON,
+    READ_OPTIONS,
+    SHARED_OPTIONS,
+    Common,
+    Flag,
+    ReadOptions,
+    SharedOptions,
+    UsageError,
+)
+
+PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
 
 
 def _percent(share: float) -> str:
@@ -65,11 +78,13 @@ def evaluate(
     decoded: Annotated[Path, Parameter(name="DECODED")],
     /,
     *,
-    sigma: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    sigma: PositiveFloat = None,
+    angular_resolution: PositiveFloat = None,
+    sigma_scale: Annotated[float, Parameter(validator=Number(gt=0))] = 3.0,
     as_measured: Flag = False,
-    dictionary: Path | None = None,
     picture: Path | None = None,
     json: Flag = False,
+    shared: SharedOptions = SHARED_OPTIONS,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
@@ -88,11 +103,14 @@ def evaluate(
         too.
     sigma
         Distance in metres within which a point counts as found; without it inliers and outliers are
-        left out.
+        left out, unless the model was made for a tolerance of its own.
+    angular_resolution
+        Angle between neighbouring beams in degrees: sigma grows with the range, as sigma_scale *
+        tan(angle / 2) * range. The original needs ranges, a viewpoint, or --viewpoint.
+    sigma_scale
+        Factor of a sigma that grows with the range.
     as_measured
         Decode a model file with the thickness that the scan had, not as the surface in its middle.
-    dictionary
-        The model whose dictionaries a model file was made with, if it holds none.
     picture
         Draw both clouds and the histogram of errors into this file: png, jpg, pdf, svg or webp.
     json
@@ -102,16 +120,25 @@ def evaluate(
         from surfabet import report
 
         check_output(picture, report.PICTURE_SUFFIXES, reference, decoded)
+    tolerance: float | surfabet.RangeSigma | None = sigma
+    if angular_resolution is not None:
+        if sigma is not None:
+            raise UsageError("--sigma and --angular-resolution: give one of both")
+        tolerance = surfabet.RangeSigma(sigma_scale, math.radians(angular_resolution))
     with common.progress() as progress:
         original = read_cloud(reference, read, progress)
         n_bytes = None
         if decoded.suffix.lower() == MODEL_SUFFIX:
             n_bytes = size_on_disk(decoded)
-            model = load_model(decoded, progress, dictionary)
+            model = load_model(decoded, progress, Shared.load(shared, progress))
             judged = decode(model, as_measured, progress=progress)
+            if tolerance is None and original.viewpoints is not None:
+                tolerance = model.sigma if isinstance(model, surfabet.AlphabetModel) else None
         else:
             judged = read_cloud(decoded, READ_OPTIONS, progress)
-        quality = surfabet.evaluate(original, judged, sigma=sigma, bytes=n_bytes, progress=progress)
+        quality = surfabet.evaluate(
+            original, judged, sigma=tolerance, bytes=n_bytes, progress=progress
+        )
         if picture is not None:
             progress("draw the picture", 0.0)
             with whole_file(picture) as temporary:

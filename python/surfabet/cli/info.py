@@ -10,17 +10,17 @@ from rich.console import Console
 from rich.table import Table
 
 import surfabet
-from surfabet.cli._files import load_dictionary, size_on_disk
+from surfabet.cli._files import Shared, size_on_disk
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, Common, Flag
+from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, SharedOptions
 
 
 def info(
     file: Annotated[Path, Parameter(name="FILE")],
     /,
     *,
-    dictionary: Path | None = None,
     json: Flag = False,
+    shared: SharedOptions = SHARED_OPTIONS,
     common: Common = COMMON,
 ) -> None:
     """Tell what a model file holds: family, options that made it, and bytes by part.
@@ -32,14 +32,12 @@ def info(
     ----------
     file
         The model file.
-    dictionary
-        The model whose dictionaries the file was made with, if it holds none.
     json
         Print one JSON object instead of tables.
     """
     with common.progress() as progress:
-        shared = load_dictionary(dictionary, progress)
-    found = surfabet.inspect(file, dictionary=shared)
+        known = Shared.load(shared, progress)
+    found = surfabet.inspect(file, dictionary=known.dictionary, alphabet=known.alphabet)
     n_bytes = size_on_disk(file)
     if json:
         print_json({"path": str(file), "bytes": n_bytes, **found.as_dict()})

@@ -1,7 +1,7 @@
 //! From words and poses back to a cloud (eq. 2).
 
 use rayon::prelude::*;
-use surfabet_geom::{CloudParts, PointCloud, Progress};
+use surfabet_geom::{CloudParts, PointCloud, Progress, Viewpoints};
 
 use super::coverage::raster;
 use super::model::AlphabetModel;
@@ -27,7 +27,7 @@ impl Default for MdlDecodeOptions {
 }
 
 impl AlphabetModel {
-    /// The model as a cloud: word by word, row by row.
+    /// The model as a cloud: word by word, row by row, seen from the sensors that saw the scan.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
@@ -84,12 +84,20 @@ impl AlphabetModel {
         let intensities = self.intensities().map(|v| each(&blocks, |k| v[k]));
         let normals =
             options.normals.then(|| each(&blocks, |k| stands[k].0.rows[2].map(|c| c as f32)));
+        let origin = self.header().origin;
+        let world = |s: &[i64; 3]| std::array::from_fn(|a| origin[a] + s[a] as f64 * unit);
+        let viewpoints = self.header().sensors.iter().map(world).collect::<Vec<[f64; 3]>>();
+        let viewpoints = (!viewpoints.is_empty()).then(|| Viewpoints {
+            origins: viewpoints,
+            index: each(&blocks, |k| u32::from(self.placements()[k].view)),
+        });
         let parts = CloudParts {
-            origin: self.header().origin,
+            origin,
             positions: blocks.concat(),
             colors,
             intensities,
             normals,
+            viewpoints,
             ..CloudParts::default()
         };
         Ok(PointCloud::from_parts(parts)?.0)

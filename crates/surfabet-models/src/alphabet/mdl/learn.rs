@@ -143,8 +143,12 @@ fn run(
     report.iterations = search.costs.len();
     report.objectives.push(("bits, misfit included".into(), search.costs.clone()));
     report.stop_reason = "the description no longer gets shorter";
-    report.not_kept =
-        beyond_color(cloud).into_iter().filter(|&name| name != "intensities").collect();
+    // Ranges follow from the sensors' places.
+    let kept = |name: &str| {
+        name == "intensities"
+            || !data.sensors.is_empty() && ["ranges", "viewpoints"].contains(&name)
+    };
+    report.not_kept = beyond_color(cloud).into_iter().filter(|&name| !kept(name)).collect();
     report.figures.extend([
         ("points", cloud.len() as f64),
         ("distinct points", scene.len() as f64),

@@ -297,6 +297,10 @@ impl AlphabetModel {
         &mut self.report
     }
 
+    pub(super) fn placements(&self) -> &[Placement] {
+        &self.placements
+    }
+
     /// Metres per unit.
     pub(super) fn unit(&self) -> f64 {
         self.alphabet.radius / UNITS as f64
