@@ -104,7 +104,7 @@ class Alphabet:
             core = _core.learn_alphabet(
                 cloud,
                 alphabet=self._core,
-                radius=self._core.radius,
+                radius=None,
                 scales=self._core.scales,
                 max_words=0,
                 **bits,
@@ -169,11 +169,13 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         return np.bincount(self._core.words(), minlength=len(self.alphabet))
 
     @property
-    def sigma(self) -> RangeSigma | None:
-        """The tolerance that the model was made for, as `evaluate` takes it, without the noise
-        that was allowed beside it; None when ranges were not known."""
+    def sigma(self) -> RangeSigma | float:
+        """The tolerance that the model was made for, as `evaluate` takes it: metres where ranges
+        were not known; else it grows with the range, without the noise allowed beside it."""
         scale, angular_resolution, _ = self._core.deviation
-        return None if angular_resolution is None else RangeSigma(scale, angular_resolution)
+        if angular_resolution is None:
+            return self._core.constant_sigma
+        return RangeSigma(scale, angular_resolution)
 
     @property
     def noise(self) -> float:
@@ -231,7 +233,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
 def learn_alphabet(
     cloud: PointCloud,
     *,
-    radius: float = 0.1,
+    radius: float | None = None,
     scales: int = 4,
     max_words: int = 24,
     preset: Preset = "balanced",
@@ -260,7 +262,8 @@ def learn_alphabet(
         What to describe. Duplicates count once. Ranges and viewpoints make sigma, and orient words;
         colours and intensities are kept as the mean of every occurrence.
     radius
-        Smallest radius of a word, metres (delta).
+        Smallest radius of a word, metres (delta). By default 0.1, or one and a half times the
+        median sigma where that is more.
     scales
         Number of radii, each twice the one before, 1 to 8.
     max_words

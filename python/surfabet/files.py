@@ -14,6 +14,7 @@ from surfabet.alphabet import Alphabet, AlphabetModel
 from surfabet.errors import FormatError
 from surfabet.hscsm import PatchDictionary, PatchModel
 from surfabet.lattice import LatticeModel
+from surfabet.metrics import RangeSigma
 
 __all__ = ["AnyModel", "FileInfo", "from_bytes", "inspect", "load"]
 
@@ -182,11 +183,12 @@ def _alphabet_options(model: AlphabetModel) -> dict[str, Any]:
         "alphabet": words.hash,
         "shared alphabet": model.shares_alphabet,
     }
-    if model.sigma is not None:
-        options["sigma scale"] = round(model.sigma.scale, 6)
-        options["angular resolution (degrees)"] = round(
-            math.degrees(model.sigma.angular_resolution), 6
-        )
+    match model.sigma:
+        case RangeSigma(scale, angle):
+            options["sigma scale"] = round(scale, 6)
+            options["angular resolution (degrees)"] = round(math.degrees(angle), 6)
+        case distance:
+            options["sigma (m)"] = round(distance, 6)
     options["noise (m)"] = round(model.noise, 6)
     return options
 

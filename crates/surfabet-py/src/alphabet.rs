@@ -43,7 +43,7 @@ fn learn_alphabet(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
     alphabet: Option<&Bound<'_, PyAlphabet>>,
-    radius: f64,
+    radius: Option<f64>,
     scales: u32,
     max_words: u32,
     inlier_bits: f64,
@@ -173,6 +173,12 @@ impl PyAlphabetModel {
     fn deviation(&self) -> (f64, Option<f64>, f64) {
         let of = self.model.header().deviation;
         (of.scale, of.angular_resolution, of.noise.unwrap_or(0.0))
+    }
+
+    /// Sigma at no range, metres.
+    #[getter]
+    fn constant_sigma(&self) -> f64 {
+        self.model.constant_sigma()
     }
 
     /// Word of every occurrence, (m,).

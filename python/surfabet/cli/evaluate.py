@@ -132,8 +132,11 @@ def evaluate(
             n_bytes = size_on_disk(decoded)
             model = load_model(decoded, progress, Shared.load(shared, progress))
             judged = decode(model, as_measured, progress=progress)
-            if tolerance is None and original.viewpoints is not None:
-                tolerance = model.sigma if isinstance(model, surfabet.AlphabetModel) else None
+            if tolerance is None and isinstance(model, surfabet.AlphabetModel):
+                of_range = isinstance(model.sigma, surfabet.RangeSigma)
+                # Another original may not know its ranges.
+                if not of_range or original.ranges is not None or original.viewpoints is not None:
+                    tolerance = model.sigma
         else:
             judged = read_cloud(decoded, READ_OPTIONS, progress)
         quality = surfabet.evaluate(

@@ -24,6 +24,9 @@ const ROUNDS: usize = 3;
 /// Points within this many sigmas of a plane are on it.
 const ON_PLANE: f64 = 1.0;
 
+/// Points about a cell that planes are fitted to, at most.
+const FITTED: usize = 2048;
+
 /// Samples per side of a word, at most.
 const MAX_SIDE: f64 = 128.0;
 
@@ -51,6 +54,7 @@ pub(super) struct Plane {
 /// Buffers for the points about a place.
 #[derive(Default)]
 struct Buffers {
+    some: Vec<u32>,
     around: Vec<u32>,
     near: Vec<NearPoint>,
 }
@@ -74,8 +78,8 @@ pub(super) fn planes(
                     progress.check()?;
                 }
                 let (cell, inside) = cells.get(k);
-                cells.around(cell, &mut buffers.around);
-                Ok(in_cell(data, cell, scale, spacing, inside, buffers, rasters))
+                cells.some_around(cell, FITTED, &mut buffers.some);
+                Ok(in_cell(data, cells, cell, scale, spacing, inside, buffers, rasters))
             },
         )
         .collect::<Result<_>>()?;
@@ -107,7 +111,8 @@ pub(super) fn with_words(
                     fitting.clear();
                 }
                 if !fitting.is_empty() {
-                    cells.around(placement.cell, &mut buffers.around);
+                    let scale = u32::from(placement.scale);
+                    cells.touched(placement.cell, &stand, scale, &mut buffers.around);
                     near(data, &stand, &buffers.around, &mut buffers.near);
                 }
                 let near = &buffers.near;
@@ -123,8 +128,10 @@ pub(super) fn with_words(
         .collect()
 }
 
+#[allow(clippy::too_many_arguments)]
 fn in_cell(
     data: &Data,
+    cells: &Cells,
     cell: [i32; 3],
     scale: u32,
     spacing: f64,
@@ -132,7 +139,7 @@ fn in_cell(
     buffers: &mut Buffers,
     rasters: &mut Rasters<'_>,
 ) -> Vec<Plane> {
-    let Buffers { around, near: close } = buffers;
+    let Buffers { some, around, near: close } = buffers;
     let middle = cell_center(cell, scale);
     let center = middle.map(|c| c as f64);
     let radius = (UNITS << scale) as f64;
@@ -154,7 +161,7 @@ fn in_cell(
         if radius < 0.5 * sigma(level) || 2.0 * radius > MAX_SIDE * sigma(level) {
             continue;
         }
-        let Some(placement) = fitted(data, cell, scale, level, view, seed, around) else {
+        let Some(placement) = fitted(data, cell, scale, level, view, seed, some) else {
             continue;
         };
         let stand = placement.stand(level, sensor);
@@ -165,6 +172,7 @@ fn in_cell(
         if found.iter().any(|p| p.candidate.placement == placement) {
             continue;
         }
+        cells.touched(cell, &stand, scale, around);
         near(data, &stand, around, close);
         let coverage = rasters.coverage(0, &stand, spacing, close);
         if !coverage.points.is_empty() {

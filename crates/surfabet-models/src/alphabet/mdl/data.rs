@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::lattice::{MAX_CELL, SigmaRule, UNITS};
+use super::lattice::{MAX_CELL, SigmaRule, UNITS, cell_center, sigma};
+use super::placement::Stand;
 use crate::alphabet::Scene;
 use crate::error::{Error, Result};
 
@@ -16,6 +17,7 @@ const REACH: i64 = 2;
 pub(super) struct Data {
     /// Metres.
     pub origin: [f64; 3],
+    radius: f64,
     pub points: Vec<[f32; 3]>,
     pub sigma: Vec<f32>,
     /// Unit normals, zero where unknown.
@@ -74,7 +76,12 @@ impl Data {
             }
         };
         let sigma = scene.sigma.iter().map(|s| (f64::from(*s) / unit) as f32).collect();
-        Ok(Self { origin, points, sigma, normals, view, sensors, rule })
+        Ok(Self { origin, radius, points, sigma, normals, view, sensors, rule })
+    }
+
+    /// Smallest radius of a word, metres.
+    pub fn radius(&self) -> f64 {
+        self.radius
     }
 
     pub fn sensor(&self, view: u16) -> Option<[i64; 3]> {
@@ -125,19 +132,51 @@ impl Cells {
         (cell, &self.points[self.starts[k] as usize..self.starts[k + 1] as usize])
     }
 
-    /// Puts the points that a word in `cell` can reach into `found`.
-    pub fn around(&self, cell: [i32; 3], found: &mut Vec<u32>) {
-        found.clear();
+    /// Calls `each` with the cells that a word in `cell` can reach, and their points.
+    fn around(&self, cell: [i32; 3], mut each: impl FnMut([i32; 3], &[u32])) {
         let [x, y, z] = cell.map(i64::from);
         let first = (x - REACH).max(0);
         for z in (z - REACH).max(0)..=z + REACH {
             for y in (y - REACH).max(0)..=y + REACH {
                 let from = self.keys.partition_point(|&k| k < key([first, y, z]));
                 let last = key([x + REACH, y, z]);
-                let n = self.keys[from..].iter().take_while(|&&k| k <= last).count();
-                let [a, b] = [self.starts[from], self.starts[from + n]];
-                found.extend_from_slice(&self.points[a as usize..b as usize]);
+                for k in (from..self.len()).take_while(|&k| self.keys[k] <= last) {
+                    let (cell, points) = self.get(k);
+                    each(cell, points);
+                }
             }
         }
+    }
+
+    /// Puts at most about `most` of the points that a word in `cell` can reach into `found`, evenly chosen.
+    pub fn some_around(&self, cell: [i32; 3], most: usize, found: &mut Vec<u32>) {
+        found.clear();
+        let mut n = 0;
+        self.around(cell, |_, points| n += points.len());
+        let step = n.div_ceil(most).max(1);
+        let mut skip = 0;
+        self.around(cell, |_, points| {
+            found.extend(points.iter().skip(skip).step_by(step));
+            // Where the next cell goes on: points since the last one taken.
+            skip = if skip >= points.len() {
+                skip - points.len()
+            } else {
+                (step - (points.len() - skip) % step) % step
+            };
+        });
+    }
+
+    /// Puts the points of the cells that a word at `stand` in `cell` touches into `found`.
+    pub fn touched(&self, cell: [i32; 3], stand: &Stand, scale: u32, found: &mut Vec<u32>) {
+        found.clear();
+        // Half the diagonal of a cell, and as much as the deviation of its points.
+        let margin = (0.75_f64).sqrt() * stand.radius + 2.0 * sigma(stand.level);
+        self.around(cell, |cell, points| {
+            let center = cell_center(cell, scale).map(|c| c as f64);
+            let [right, up, height] = stand.local(center).map(f64::abs);
+            if right.max(up) <= stand.radius + margin && height <= 0.5 * stand.radius + margin {
+                found.extend_from_slice(points);
+            }
+        });
     }
 }

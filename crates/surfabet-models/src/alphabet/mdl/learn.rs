@@ -25,6 +25,10 @@ use crate::report::{Report, beyond_color};
 /// Points that a normal is fitted to.
 const NORMAL_NEIGHBORS: usize = 12;
 
+/// Smallest radius unless it is given: metres, and over the median sigma.
+const LEAST_RADIUS: f64 = 0.1;
+const RADIUS: f64 = 1.5;
+
 /// Bits of an occurrence and of its word before any was said.
 const FIRST_PRICE: f32 = 18.0;
 const FIRST_WORD_PRICE: f32 = 3.0;
@@ -58,7 +62,8 @@ pub fn describe(
     options: &MdlOptions,
     progress: &dyn Progress,
 ) -> Result<AlphabetModel> {
-    let options = MdlOptions { radius: alphabet.radius(), scales: alphabet.scales(), ..*options };
+    let (radius, scales) = (Some(alphabet.radius()), alphabet.scales());
+    let options = MdlOptions { radius, scales, ..*options };
     run(cloud, Some(alphabet), &options, progress)
 }
 
@@ -167,7 +172,7 @@ fn run(
     };
     let alphabet = match frozen {
         Some(alphabet) => alphabet.clone(),
-        None => Alphabet::new(options.radius, options.scales, search.words)?,
+        None => Alphabet::new(data.radius(), options.scales, search.words)?,
     };
     let channels = Channels::of(&thin, options.color_step);
     let means = |c: &Candidate| (c.placement, channels.means(&thin, &c.coverage.points));
@@ -189,8 +194,16 @@ fn prepared(
     let (points, _) = PointCloud::from_positions(thin.positions.clone());
     let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
     let normals = estimate_normals(&points, near, progress)?.normals;
-    let data = Data::new(&thin, normals, options.radius)?;
+    let radius = options.radius.unwrap_or_else(|| LEAST_RADIUS.max(RADIUS * median(&scene.sigma)));
+    let data = Data::new(&thin, normals, radius)?;
     Ok((scene, thin, data))
+}
+
+fn median(values: &[f32]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    // A scene has at least one point.
+    f64::from(sorted[sorted.len() / 2])
 }
 
 struct Scale {
@@ -390,7 +403,7 @@ impl Search<'_> {
     ) -> Vec<Candidate> {
         let p = c.placement;
         let cells = &self.scales[usize::from(p.scale)].cells;
-        cells.around(p.cell, around);
+        cells.touched(p.cell, &c.stand, u32::from(p.scale), around);
         let mut poses = Vec::new();
         for step in [-1, 1] {
             poses.push(Placement { offset: p.offset + step, ..p });
@@ -402,6 +415,9 @@ impl Search<'_> {
         }
         poses.retain(|p| p.slopes_fit(c.stand.level));
         near(self.data, &c.stand, around, close);
+        // A step of the pose moves nothing far: what is not near now will not be.
+        around.clear();
+        around.extend(close.iter().map(|p| p.index));
         let fitting = nearest_words(&Patch::of(&c.stand, close), known, NEAREST);
         let words = fitting.into_iter().map(|word| word as u16).filter(|&word| word != p.word);
         poses.extend(words.map(|word| Placement { word, ..p }));

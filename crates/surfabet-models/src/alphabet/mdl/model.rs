@@ -261,6 +261,11 @@ impl AlphabetModel {
         self.attributes.as_ref()
     }
 
+    /// Sigma at no range, metres: all of it where no range is known.
+    pub fn constant_sigma(&self) -> f64 {
+        (self.header.rule.constant as f64).sqrt() * self.unit()
+    }
+
     /// Whether occurrences have a colour.
     pub fn has_color(&self) -> bool {
         self.attributes.as_ref().is_some_and(|a| a.channels.color_step.is_some())

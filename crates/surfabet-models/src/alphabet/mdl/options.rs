@@ -10,8 +10,9 @@ pub const MAX_WORDS: u32 = 4096;
 /// How an alphabet is learned and a scene described.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MdlOptions {
-    /// Smallest radius of a word, metres (delta).
-    pub radius: f64,
+    /// Smallest radius of a word, metres (delta); when not given, 0.1, or one and a half times the median sigma where
+    /// that is more: a word smaller than what its samples may be off says nothing.
+    pub radius: Option<f64>,
     /// Radii: the smallest, doubled again and again.
     pub scales: u32,
     /// Most words beside the plane; those that do not pay for themselves are dropped.
@@ -35,7 +36,7 @@ pub struct MdlOptions {
 impl Default for MdlOptions {
     fn default() -> Self {
         Self {
-            radius: 0.1,
+            radius: None,
             scales: 4,
             max_words: 24,
             point_bits: 7.0,
@@ -54,7 +55,7 @@ impl MdlOptions {
     /// [`Error::InvalidParameter`] for values outside of their domain.
     pub fn check(&self) -> Result<()> {
         let positive = [
-            ("radius", self.radius),
+            ("radius", self.radius.unwrap_or(1.0)),
             ("bits of a point", self.point_bits),
             ("spacing", self.spacing),
         ];
