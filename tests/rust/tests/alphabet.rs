@@ -1,0 +1,392 @@
+//! Alphabets by description length, on scenes whose surface is known exactly, and their files.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+use std::path::PathBuf;
+
+use proptest::prelude::*;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use surfabet::alphabet::mdl;
+use surfabet::geom::KdTree;
+use surfabet::{
+    Alphabet, AlphabetModel, CloudParts, Deviation, Limits, MdlDecodeOptions, MdlOptions, Model,
+    PointCloud, Progress, Save, Shared, Silent, Viewpoints,
+};
+use surfabet_codec::{ContainerWriter, Family, Features};
+use surfabet_models::Error;
+
+/// What a reader of untrusted files would allow.
+const LIMITS: Limits = Limits { max_items: 1_000_000, max_bytes: 64 << 20 };
+
+/// Angle between the beams of the scanner below, radians.
+const ALPHA: f64 = 0.02;
+
+type Point = [f32; 3];
+
+/// A box room of 4 x 3 x 2.5 m, scanned from its middle: distances along beams, with noise.
+fn room(noise: f64, seed: u64) -> CloudParts {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let half = [2.0, 1.5, 1.25];
+    let mut positions = Vec::new();
+    let rows = (std::f64::consts::PI / ALPHA) as i32;
+    for row in 1..rows {
+        let elevation = f64::from(row) * ALPHA - 0.5 * std::f64::consts::PI;
+        for column in 0..2 * rows {
+            let azimuth = f64::from(column) * ALPHA + 0.3;
+            let beam =
+                [elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin()];
+            let reach = (0..3).map(|a| half[a] / beam[a].abs()).fold(f64::INFINITY, f64::min);
+            let off: f64 = rng.sample(StandardNormal);
+            positions.push(beam.map(|c| (c * (reach + noise * off)) as f32));
+        }
+    }
+    let viewpoints = Viewpoints { origins: vec![[0.0; 3]], index: vec![0; positions.len()] };
+    CloudParts { positions, viewpoints: Some(viewpoints), ..CloudParts::default() }
+}
+
+fn cloud(parts: CloudParts) -> PointCloud {
+    PointCloud::from_parts(parts).unwrap().0
+}
+
+fn options() -> MdlOptions {
+    let deviation = Deviation { scale: 3.0, angular_resolution: Some(ALPHA), noise: Some(0.0) };
+    MdlOptions { deviation, ..MdlOptions::default() }
+}
+
+fn learn(cloud: &PointCloud, options: &MdlOptions) -> AlphabetModel {
+    mdl::learn(cloud, options, &Silent).unwrap()
+}
+
+fn decode(model: &AlphabetModel) -> PointCloud {
+    model.decode(MdlDecodeOptions::default(), &Silent).unwrap()
+}
+
+/// Shares of explained points and of decoded points that explain nothing (eq. 13).
+fn inliers_outliers(cloud: &PointCloud, decoded: &PointCloud) -> (f64, f64) {
+    let sigma = |p: &Point| {
+        let range = p.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>().sqrt();
+        3.0 * (0.5 * ALPHA).tan() * range
+    };
+    let p = cloud.positions();
+    let q = decoded.positions_about(cloud.origin());
+    let [of_p, of_q] = [KdTree::new(p).unwrap(), KdTree::new(&q).unwrap()];
+    let found = p
+        .iter()
+        .filter(|p| f64::from(of_q.nearest(**p).unwrap().squared_distance()).sqrt() <= sigma(p));
+    let lone = q.iter().filter(|q| {
+        let nearest = of_p.nearest(**q).unwrap();
+        f64::from(nearest.squared_distance()).sqrt() > sigma(&p[nearest.index()])
+    });
+    (found.count() as f64 / p.len() as f64, lone.count() as f64 / q.len() as f64)
+}
+
+#[test]
+fn a_scanned_room_is_a_handful_of_planes() {
+    let scan = cloud(room(0.005, 0));
+    let model = learn(&scan, &options());
+    let decoded = decode(&model);
+    let (inliers, outliers) = inliers_outliers(&scan, &decoded);
+    assert!(inliers > 0.98, "{inliers}");
+    assert!(outliers < 0.02, "{outliers}");
+    // 59 square metres in words of up to 2.56.
+    assert!(model.to_bytes().unwrap().len() < 800, "{}", model.to_bytes().unwrap().len());
+    for o in model.occurrences() {
+        let towards: f64 = (0..3).map(|a| -o.center[a] * o.rows[2][a]).sum();
+        assert!(towards > 0.0, "{o:?} looks away from the sensor");
+    }
+}
+
+#[test]
+fn order_threads_and_duplicates_do_not_matter() {
+    let parts = room(0.01, 1);
+    let scan = cloud(parts.clone());
+    let file = learn(&scan, &options()).to_bytes().unwrap();
+    for n in [1, 2, 8] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        assert_eq!(pool.install(|| learn(&scan, &options())).to_bytes().unwrap(), file);
+    }
+    let mut turned = parts.clone();
+    turned.positions.reverse();
+    assert_eq!(learn(&cloud(turned), &options()).to_bytes().unwrap(), file);
+    let mut twice = parts;
+    twice.positions.extend(twice.positions.clone());
+    twice.viewpoints.as_mut().unwrap().index = vec![0; twice.positions.len()];
+    let twice = learn(&cloud(twice), &options());
+    assert_eq!(twice.n_points(), 2 * scan.len() as u64);
+    let places = |m: &AlphabetModel| m.occurrences().map(|o| o.center).collect::<Vec<_>>();
+    assert_eq!(places(&twice), places(&learn(&scan, &options())));
+}
+
+#[test]
+fn far_from_the_origin_nothing_changes() {
+    let near = room(0.005, 2);
+    let mut far = near.clone();
+    let origin = [500_000.0, 5_400_000.0, 300.0];
+    far.origin = origin;
+    far.viewpoints.as_mut().unwrap().origins = vec![origin];
+    let [near, far] = [near, far].map(|parts| learn(&cloud(parts), &options()));
+    assert_eq!(near.len(), far.len());
+    for (a, b) in near.occurrences().zip(far.occurrences()) {
+        for k in 0..3 {
+            assert!((a.center[k] + origin[k] - b.center[k]).abs() < 1e-6);
+        }
+    }
+}
+
+/// A wall with openings of one shape at irregular places, seen from in front.
+fn windows(seed: u64, n: usize) -> PointCloud {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let places: Vec<[f32; 2]> = (0..n)
+        .map(|k| [k as f32 * 0.9 + rng.random_range(0.1..0.4), rng.random_range(0.2..0.6)])
+        .collect();
+    let mut positions = Vec::new();
+    for i in 0..n as i32 * 60 + 10 {
+        for j in 0..90 {
+            let p = [i as f32 * 0.015, j as f32 * 0.015];
+            let inside = |w: &[f32; 2]| (0..2).all(|a| (0.0..0.4).contains(&(p[a] - w[a])));
+            if !places.iter().any(inside) {
+                positions.push([p[0], 3.0, p[1]]);
+            }
+        }
+    }
+    let viewpoints =
+        Viewpoints { origins: vec![[n as f64 * 0.45, 0.0, 0.7]], index: vec![0; positions.len()] };
+    cloud(CloudParts { positions, viewpoints: Some(viewpoints), ..CloudParts::default() })
+}
+
+fn fine() -> MdlOptions {
+    let deviation = Deviation { scale: 3.0, angular_resolution: Some(0.005), noise: Some(0.0) };
+    MdlOptions { deviation, ..MdlOptions::default() }
+}
+
+#[test]
+fn what_recurs_becomes_words_and_pays() {
+    let wall = windows(3, 24);
+    let cost = |m: &AlphabetModel| *m.report().objectives[0].1.last().unwrap();
+    let planes = learn(&wall, &MdlOptions { max_words: 0, ..fine() });
+    let words = learn(&wall, &fine());
+    assert_eq!(planes.alphabet().words().len(), 1);
+    assert!(words.alphabet().words().len() > 1);
+    assert!(cost(&words) < cost(&planes), "{} {}", cost(&words), cost(&planes));
+    // Every word is used, the more frequent first.
+    let mut counts = vec![0; words.alphabet().words().len()];
+    words.occurrences().for_each(|o| counts[usize::from(o.word)] += 1);
+    assert!(counts[1..].iter().all(|&n| n > 0), "{counts:?}");
+}
+
+#[test]
+fn an_alphabet_describes_another_scene() {
+    let learned = learn(&windows(3, 24), &fine());
+    let other = windows(8, 24);
+    let words = learned.alphabet();
+    let described = mdl::describe(&other, words, &fine(), &Silent).unwrap();
+    assert!(described.shares_alphabet());
+    assert_eq!(described.alphabet(), words);
+    let cost = |m: &AlphabetModel| *m.report().objectives[0].1.last().unwrap();
+    let plane = Alphabet::plane(words.radius(), words.scales()).unwrap();
+    let by_planes = mdl::describe(&other, &plane, &fine(), &Silent).unwrap();
+    assert!(cost(&described) < cost(&by_planes));
+
+    let file = described.to_bytes().unwrap();
+    assert!(Model::from_bytes(&file, &LIMITS).is_err());
+    let with = |alphabet| Shared { alphabet: Some(alphabet), ..Shared::default() };
+    assert!(Model::from_bytes_with(&file, &LIMITS, with(&plane)).is_err());
+    let again = Model::from_bytes_with(&file, &LIMITS, with(words)).unwrap();
+    assert_eq!(again.to_bytes().unwrap(), file);
+}
+
+#[test]
+fn colour_and_intensity_come_back_as_means() {
+    let mut parts = room(0.0, 4);
+    let of = |p: &Point| if p[0] > 1.99 { ([200, 50, 20], 0.8) } else { ([30, 90, 160], 0.2) };
+    parts.colors = Some(parts.positions.iter().map(|p| of(p).0).collect());
+    parts.intensities = Some(parts.positions.iter().map(|p| of(p).1).collect());
+    let model = learn(&cloud(parts), &options());
+    let decoded = decode(&model);
+    let [mut right, mut all] = [0, 0];
+    let channels = decoded.colors().unwrap().iter().zip(decoded.intensities().unwrap());
+    for (p, (color, intensity)) in decoded.positions_about([0.0; 3]).iter().zip(channels) {
+        // Away from the edges of the one wall, where words see both colours.
+        if p[0] > 1.9 && p[1].abs() < 1.0 && p[2].abs() < 0.8 {
+            all += 1;
+            let near = (0..3).all(|c| color[c].abs_diff([200, 50, 20][c]) <= 12);
+            right += i32::from(near && (intensity - 0.8).abs() < 0.02);
+        }
+    }
+    assert!(all > 100 && f64::from(right) > 0.9 * f64::from(all), "{right} of {all}");
+}
+
+#[test]
+fn degenerate_clouds_give_an_answer_or_an_error() {
+    let of = |positions: Vec<Point>| {
+        let (cloud, _) = PointCloud::from_positions(positions);
+        mdl::learn(&cloud, &MdlOptions::default(), &Silent)
+    };
+    assert!(matches!(of(vec![]), Err(Error::EmptyCloud)));
+    assert!(matches!(of(vec![[f32::NAN; 3]; 5]), Err(Error::EmptyCloud)));
+    let line = (0..500).map(|i| [i as f32 * 0.01; 3]).collect();
+    let far = vec![[0.0; 3], [1e7, 0.0, 0.0]];
+    for positions in [vec![[1.0, 2.0, 3.0]], vec![[0.5; 3]; 100], line] {
+        let model = of(positions).unwrap();
+        let file = model.to_bytes().unwrap();
+        assert_eq!(Model::from_bytes(&file, &LIMITS).unwrap().to_bytes().unwrap(), file);
+    }
+    // Sigma follows the spacing, and the radius sigma: even these two have their cells.
+    assert!(of(far).is_ok());
+    let (pair, _) = PointCloud::from_positions(vec![[0.0; 3], [1e7, 0.0, 0.0]]);
+    let small = MdlOptions { radius: Some(0.1), ..MdlOptions::default() };
+    assert!(matches!(mdl::learn(&pair, &small, &Silent), Err(Error::TooLarge { .. })));
+}
+
+#[test]
+fn options_outside_their_domain_are_refused() {
+    let scan = cloud(room(0.0, 5));
+    let default = MdlOptions::default();
+    let wrong = [
+        MdlOptions { radius: Some(0.0), ..default },
+        MdlOptions { scales: 0, ..default },
+        MdlOptions { scales: 9, ..default },
+        MdlOptions { max_words: 5000, ..default },
+        MdlOptions { point_bits: f64::NAN, ..default },
+        MdlOptions { lone_bits: -1.0, ..default },
+        MdlOptions { spacing: 0.1, ..default },
+        MdlOptions { rounds: 0, ..default },
+        MdlOptions { color_step: 0, ..default },
+        MdlOptions { min_range: -1.0, ..default },
+    ];
+    for options in wrong {
+        let found = mdl::learn(&scan, &options, &Silent);
+        assert!(matches!(found, Err(Error::InvalidParameter { .. })), "{options:?}");
+    }
+    let model = learn(&scan, &options());
+    let decode = |resolution| {
+        let options = MdlDecodeOptions { resolution: Some(resolution), ..Default::default() };
+        model.decode(options, &Silent)
+    };
+    assert!(matches!(decode(0.0), Err(Error::InvalidParameter { .. })));
+    assert!(matches!(decode(1e-6), Err(Error::TooManyPoints { .. })));
+}
+
+struct Stop;
+
+impl Progress for Stop {
+    fn update(&self, _stage: &'static str, _fraction: f32) {}
+
+    fn is_cancelled(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn stops_when_asked_to() {
+    let found = mdl::learn(&cloud(room(0.0, 6)), &options(), &Stop);
+    assert!(matches!(found, Err(Error::Cancelled(_))));
+}
+
+/// A few windows with colour, far from the origin.
+fn small_model() -> AlphabetModel {
+    let mut parts = windows(1, 6).into_parts();
+    parts.origin = [10.0, -20.0, 5.0];
+    let of = |p: &Point| [(p[0] * 30.0) as u8, 120, (p[2] * 100.0) as u8];
+    parts.colors = Some(parts.positions.iter().map(of).collect());
+    parts.viewpoints.as_mut().unwrap().origins = vec![[13.0, -20.0, 5.7]];
+    learn(&cloud(parts), &fine())
+}
+
+#[test]
+fn a_model_read_back_is_the_same() {
+    let model = small_model();
+    let file = model.to_bytes().unwrap();
+    let again = match Model::from_bytes(&file, &LIMITS).unwrap() {
+        Model::Alphabet(model) => model,
+        other => panic!("a model of family {}", other.family()),
+    };
+    assert_eq!(again.to_bytes().unwrap(), file);
+    assert_eq!(decode(&again).positions(), decode(&model).positions());
+    assert_eq!(decode(&again).colors(), decode(&model).colors());
+}
+
+#[test]
+fn cut_at_any_byte_it_is_an_error() {
+    let file = small_model().to_bytes().unwrap();
+    for end in 0..file.len() {
+        assert!(Model::from_bytes(&file[..end], &LIMITS).is_err(), "{end} of {}", file.len());
+    }
+}
+
+#[test]
+fn any_flipped_bit_is_an_error_or_harmless() {
+    let file = small_model().to_bytes().unwrap();
+    let model = Model::from_bytes(&file, &LIMITS).unwrap();
+    for bit in 0..8 * file.len() {
+        let mut damaged = file.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        if let Ok(found) = Model::from_bytes(&damaged, &LIMITS) {
+            assert_eq!(found, model, "bit {bit}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn streams_of_random_bytes_never_panic(
+        words in prop::collection::vec(any::<u8>(), 0..200),
+        occurrences in prop::collection::vec(any::<u8>(), 0..300),
+        channels in prop::collection::vec(any::<u8>(), 0..200),
+    ) {
+        // The checksums are right, so that only the content can be refused.
+        let file = small_model().to_bytes().unwrap();
+        let container = surfabet::Container::parse(&file, &LIMITS).unwrap();
+        let meta = container.sections()[0].bytes.to_vec();
+        let tags: Vec<_> = container.sections().iter().map(|s| s.tag).collect();
+        let forged = ContainerWriter::new(Family::Alphabet, Features::NONE)
+            .section(tags[0], meta)
+            .section(tags[1], words)
+            .section(tags[2], occurrences)
+            .section(tags[3], channels)
+            .finish()
+            .unwrap();
+        let _ = Model::from_bytes(&forged, &LIMITS);
+    }
+}
+
+fn golden(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden").join(name)
+}
+
+/// Every occurrence, to the micrometre and the thousandth.
+fn listing(model: &AlphabetModel) -> String {
+    let text = |values: &[f64], digits: usize| {
+        values.iter().map(|v| format!("{:.digits$}", v + 0.0)).collect::<Vec<_>>().join(" ")
+    };
+    let colors = model.colors().unwrap();
+    let rows = model.occurrences().zip(colors).map(|(o, color)| {
+        let [center, normal] = [text(&o.center, 6), text(&o.rows[2], 3)];
+        format!("{} {} {center} {normal} {color:?}\n", o.word, o.radius)
+    });
+    rows.collect()
+}
+
+/// Writes the golden file of this release. Run once per release, before it is published:
+/// `cargo test -p surfabet-tests --test alphabet -- --ignored write_golden`.
+#[test]
+#[ignore = "writes tests/golden; files of a published release must never change"]
+fn write_golden() {
+    let model = small_model();
+    model.save(golden("alphabet_0_1.sfb")).unwrap();
+    std::fs::write(golden("alphabet_0_1.txt"), listing(&model)).unwrap();
+}
+
+#[test]
+fn the_golden_file_still_reads() {
+    let file = std::fs::read(golden("alphabet_0_1.sfb")).unwrap();
+    let Model::Alphabet(model) = Model::from_bytes(&file, &LIMITS).unwrap() else {
+        panic!("a model of another family");
+    };
+    assert_eq!(model.to_bytes().unwrap(), file);
+    let expected = std::fs::read_to_string(golden("alphabet_0_1.txt")).unwrap();
+    assert_eq!(listing(&model), expected);
+}
