@@ -162,7 +162,7 @@ impl Octree {
 }
 
 /// Interleaves the lowest 21 bits of three numbers, x highest.
-fn morton([x, y, z]: [u64; 3]) -> u64 {
+pub fn morton([x, y, z]: [u64; 3]) -> u64 {
     let spread = |mut v: u64| {
         v = (v | v << 32) & 0x001f_0000_0000_ffff;
         v = (v | v << 16) & 0x001f_0000_ff00_00ff;

@@ -28,7 +28,7 @@ impl BicModel {
         let frames: Vec<Frame> =
             self.poses().iter().map(|p| p.frame(alphabet.upright(), radius)).collect();
         progress.check()?;
-        let sparse = rebuild(self.poses(), &frames, self.words(), &stamps, epsilon as f32);
+        let sparse = rebuild(&frames, self.words(), &stamps, epsilon as f32);
         let kept = sparse.arena.points.iter().zip(&sparse.kept).filter(|(_, k)| **k);
         let mut kept: Vec<_> = kept.map(|(p, _)| p).collect();
         // Occurrence after occurrence, the middle of each first.

@@ -13,7 +13,7 @@ use crate::error::Result;
 /// Features between two looks at the progress.
 const BATCH: usize = 1024;
 
-/// Places of a scene that occurrences may take, ascending and without duplicates.
+/// Places of a scene that occurrences may take, in the order of their poses and without duplicates.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Features {
     pub poses: Vec<BicPose>,
@@ -36,7 +36,7 @@ impl Features {
             .par_iter()
             .map(|&i| pose(scene, tree, i as usize, options))
             .collect::<Result<_>>()?;
-        poses.sort_unstable();
+        poses.sort_by_cached_key(BicPose::order);
         poses.dedup();
         let frame = |pose: &BicPose| pose.frame(options.upright, options.radius);
         let frames = poses.par_iter().map(frame).collect();
@@ -138,7 +138,7 @@ mod tests {
                     .sqrt();
                 prop_assert!(nearest <= spacing + rounding, "{nearest}");
             }
-            prop_assert!(features.poses.windows(2).all(|w| w[0] < w[1]));
+            prop_assert!(features.poses.windows(2).all(|w| w[0].order() < w[1].order()));
         }
     }
 }

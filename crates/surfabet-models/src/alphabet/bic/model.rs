@@ -183,7 +183,7 @@ impl BicModel {
     /// Puts the parts together.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] when a number is out of its range, or poses are not ascending.
+    /// [`Error::Inconsistent`] when a number is out of its range, or poses are not in their order.
     pub fn new(
         header: BicHeader,
         alphabet: BicAlphabet,
@@ -204,16 +204,18 @@ impl BicModel {
         if let Some(&word) = words.iter().find(|&&w| w as usize >= alphabet.len()) {
             return fail(format!("word {word} of an alphabet of {}", alphabet.len()));
         }
-        if poses.windows(2).any(|w| w[0] >= w[1]) {
-            return fail("poses that are not ascending".to_owned());
-        }
         let half = (1 << (NORMAL_BITS - 1)) - 1;
+        let mut previous = None;
         for pose in &poses {
             let far = pose.position.iter().any(|c| c.unsigned_abs() > MAX_POSITION as u32);
             let steep = pose.normal.iter().any(|&c| i32::from(c).abs() > half);
             if far || steep {
                 return fail(format!("{pose:?} is out of range"));
             }
+            if previous.is_some_and(|p| p >= pose.order()) {
+                return fail(format!("{pose:?} does not follow the one before it"));
+            }
+            previous = Some(pose.order());
             if pose.roll != 0 && alphabet.upright() != Upright::ViewDirection {
                 return fail(format!("{pose:?} has a roll that its upright rule does not know"));
             }
@@ -261,7 +263,7 @@ impl BicModel {
         &self.alphabet
     }
 
-    /// Poses of the occurrences, ascending.
+    /// Poses of the occurrences, along a Morton curve.
     pub fn poses(&self) -> &[BicPose] {
         &self.poses
     }

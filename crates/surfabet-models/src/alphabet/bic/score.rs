@@ -8,8 +8,7 @@ use super::features::Features;
 use super::likelihood::{LANES, Reaches, Samples, Sums, bic};
 use super::matching::Matching;
 use super::options::BicOptions;
-use super::pose::ranks;
-use super::sparsify::{Change, Placed, Sparse, Stamp};
+use super::sparsify::{Change, Sparse, Stamp, rebuild};
 use super::words::BicWord;
 use crate::alphabet::Scene;
 
@@ -22,7 +21,6 @@ pub(super) struct Stage<'a> {
     pub options: &'a BicOptions,
     pub samples: Samples,
     reaches: Reaches,
-    ranks: Vec<u32>,
 }
 
 impl<'a> Stage<'a> {
@@ -36,8 +34,7 @@ impl<'a> Stage<'a> {
         let samples = Samples::new(scene, options.floor);
         // A word's points are rounded by less than a step beyond the radius.
         let reaches = samples.reaches(&features.frames, 1.03 * options.radius as f32);
-        let ranks = ranks(&features.poses);
-        Self { scene, tree, features, descriptors, options, samples, reaches, ranks }
+        Self { scene, tree, features, descriptors, options, samples, reaches }
     }
 
     /// The word at a feature.
@@ -75,7 +72,6 @@ pub(super) struct Bench {
     change: Change,
     distances: Vec<u32>,
     taken: Vec<u32>,
-    placed: Vec<Placed>,
     sums: Vec<[i64; LANES]>,
     touched: Vec<u32>,
     is_touched: Vec<bool>,
@@ -101,13 +97,8 @@ impl Score {
         let penalty = penalty_steps(stage.options.empty_penalty);
         let matching = Matching::new(stage.descriptors, &words, penalty);
         let stamps: Vec<Stamp> = words.iter().map(|w| stage.stamp(w)).collect();
-        let placed: Vec<Placed> = (0..stage.features.len() as u32)
-            .filter_map(|f| Some((f, stamps.get(matching.words[f as usize] as usize)?)))
-            .flat_map(|(f, stamp)| {
-                stamp.place(&stage.features.frames[f as usize], f, stage.ranks[f as usize])
-            })
-            .collect();
-        let sparse = Sparse::new(&placed, stage.features.len(), stage.epsilon());
+        let frames = &stage.features.frames;
+        let sparse = rebuild(frames, &matching.words, &stamps, stage.epsilon());
         let mut sums = stage.samples.nothing();
         for (p, _) in sparse.arena.points.iter().zip(&sparse.kept).filter(|(_, k)| **k) {
             let reach = stage.reaches.of(p.owner);
@@ -143,13 +134,9 @@ impl Score {
         stage.descriptors.distances(&word.descriptor, penalty, &mut bench.distances);
         self.matching.taken(&bench.distances, &mut bench.taken);
         let stamp = stage.stamp(word);
-        bench.placed.clear();
-        for &f in &bench.taken {
-            let frame = &stage.features.frames[f as usize];
-            bench.placed.extend(stamp.place(frame, f, stage.ranks[f as usize]));
-        }
-        let epsilon = stage.epsilon();
-        self.sparse.change(&bench.taken, &bench.placed, epsilon, &mut bench.change);
+        bench.change.added.clear();
+        stamp.place(&stage.features.frames, &bench.taken, &mut bench.change.added);
+        self.sparse.change(&bench.taken, stage.epsilon(), &mut bench.change);
         self.gain(stage, bench);
         let parameters = self.parameters + 3 * word.points.len();
         let decoded = self.decoded + bench.change.balance();
@@ -162,7 +149,8 @@ impl Score {
 
     /// ln L without the occurrence at a feature; `bench` then holds what changes.
     pub fn without(&self, stage: &Stage<'_>, feature: u32, bench: &mut Bench) -> f64 {
-        self.sparse.change(&[feature], &[], stage.epsilon(), &mut bench.change);
+        bench.change.added.clear();
+        self.sparse.change(&[feature], stage.epsilon(), &mut bench.change);
         self.gain(stage, bench);
         let decoded = self.decoded + bench.change.balance();
         if decoded == 0 {

@@ -2,14 +2,14 @@
 //!
 //! The paper leaves the order open, and with an order along the list of occurrences a change at its start would run
 //! through all of it. Here every point has a rank of its own: points nearer to the middle of their word come first
-//! (their pose is most certain there), then occurrences in a random but fixed order. A point is kept unless one that
+//! (their pose is most certain there), then those of earlier occurrences. A point is kept unless one that
 //! comes before it is kept within epsilon. So a change reaches only as far as chains of neighbours in descending rank,
 //! a few points, and the result depends on the set of points alone.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::pose::{Frame, ranks};
+use super::pose::Frame;
 use super::words::{BicWord, point_step};
 
 /// A point of an occurrence, in the scene.
@@ -46,101 +46,179 @@ impl Stamp {
         self.points.len()
     }
 
-    /// The points at a frame; `rank` is that of the occurrence.
-    pub fn place(
-        &self,
-        frame: &Frame,
-        owner: u32,
-        rank: u32,
-    ) -> impl Iterator<Item = Placed> + use<'_> {
-        let frame = *frame;
-        self.points.iter().map(move |&(q, of)| Placed {
-            position: frame.place(q),
-            rank: of | u64::from(rank) << 16,
-            owner,
-        })
+    /// Appends the points at all frames of `owners`, which ascend, in the order of their ranks.
+    pub fn place(&self, frames: &[Frame], owners: &[u32], out: &mut Vec<Placed>) {
+        out.reserve(self.len() * owners.len());
+        for ring in self.points.chunk_by(|a, b| a.1 >> 48 == b.1 >> 48) {
+            for &owner in owners {
+                let frame = &frames[owner as usize];
+                out.extend(ring.iter().map(|&(q, of)| Placed {
+                    position: frame.place(q),
+                    rank: of | u64::from(owner) << 16,
+                    owner,
+                }));
+            }
+        }
     }
 }
 
-/// Points in buckets by cell, for looking about within epsilon.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Arena {
-    /// Bucket after bucket.
-    pub points: Vec<Placed>,
-    starts: Vec<u32>,
-    shift: u32,
+/// Cells of slightly more than two epsilon, by bucket: what is nearer than epsilon to a point lies in a block of two by
+/// two by two of them. Four by four by four cells share a hash, so that neighbours in space are neighbours in memory.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cells {
     per_metre: f32,
+    /// Of 32-bit hashes to the number of groups of cells.
+    shift: u32,
 }
 
-/// Odd factors that scatter the three coordinates of a cell.
+/// Odd factors that scatter the three coordinates of a group of cells.
 const FACTORS: [u32; 3] = [0x9e37_79b1, 0x85eb_ca77, 0xc2b2_ae3d];
 
-impl Arena {
-    pub fn new(points: &[Placed], epsilon: f32) -> Self {
-        Self::arranged(points, epsilon).0
+/// Bits of a cell's place in its group.
+const GROUP_BITS: u32 = 6;
+
+impl Cells {
+    /// At least twice as many buckets as points.
+    fn new(points: usize, epsilon: f32) -> Self {
+        let bits = usize::BITS - (2 * points).leading_zeros();
+        let bits = bits.clamp(GROUP_BITS + 4, 30);
+        Self { per_metre: 0.499 / epsilon, shift: u32::BITS + GROUP_BITS - bits }
     }
 
-    /// Also tells which of `points` each of the arena's is.
-    fn arranged(points: &[Placed], epsilon: f32) -> (Self, Vec<u32>) {
-        let bits = usize::BITS - (2 * points.len()).leading_zeros();
-        let bits = bits.clamp(4, 30);
-        let mut arena = Self {
-            points: Vec::new(),
-            starts: vec![0; (1 << bits) + 1],
-            shift: u32::BITS - bits,
-            // Cells of slightly more than two epsilon: what is nearer than epsilon lies in a block of two by two by two.
-            per_metre: 0.499 / epsilon,
-        };
-        let buckets: Vec<u32> = points.iter().map(|p| arena.bucket(p.position)).collect();
+    fn buckets(self) -> usize {
+        1 << (u32::BITS + GROUP_BITS - self.shift)
+    }
+
+    /// Hash and place in the group of a coordinate.
+    #[inline]
+    fn part(cell: f32, axis: usize) -> (u32, u32) {
+        let cell = cell as i32;
+        (((cell >> 2) as u32).wrapping_mul(FACTORS[axis]), (cell & 3) as u32)
+    }
+
+    #[inline]
+    fn join(self, x: (u32, u32), y: (u32, u32), z: (u32, u32)) -> usize {
+        let group = (x.0 ^ y.0 ^ z.0).wrapping_mul(FACTORS[0]) >> self.shift;
+        (group << GROUP_BITS | z.1 << 4 | y.1 << 2 | x.1) as usize
+    }
+
+    #[inline]
+    fn bucket(self, position: [f32; 3]) -> usize {
+        let part = |a: usize| Self::part((position[a] * self.per_metre).floor(), a);
+        self.join(part(0), part(1), part(2))
+    }
+
+    /// Buckets of the eight cells about a position, some perhaps the same.
+    #[inline]
+    fn around(self, position: [f32; 3]) -> [usize; 8] {
+        let parts: [[(u32, u32); 2]; 3] = std::array::from_fn(|a| {
+            let at = position[a] * self.per_metre;
+            let cell = at.floor();
+            let other = if at - cell < 0.5 { cell - 1.0 } else { cell + 1.0 };
+            [cell, other].map(|c| Self::part(c, a))
+        });
+        std::array::from_fn(|k| self.join(parts[0][k & 1], parts[1][k >> 1 & 1], parts[2][k >> 2]))
+    }
+}
+
+#[inline]
+fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let d: [f32; 3] = std::array::from_fn(|i| a[i] - b[i]);
+    d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+}
+
+/// Points in the order of their buckets.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Arena {
+    pub points: Vec<Placed>,
+    starts: Vec<u32>,
+    cells: Cells,
+}
+
+impl Arena {
+    /// The arena, and which of `points` each of its points is.
+    fn new(points: &[Placed], epsilon: f32) -> (Self, Vec<u32>) {
+        let cells = Cells::new(points.len(), epsilon);
+        let buckets: Vec<u32> = points.iter().map(|p| cells.bucket(p.position) as u32).collect();
+        let mut starts = vec![0_u32; cells.buckets() + 1];
         for &b in &buckets {
-            arena.starts[b as usize + 1] += 1;
+            starts[b as usize + 1] += 1;
         }
-        for b in 0..1 << bits {
-            arena.starts[b + 1] += arena.starts[b];
+        for b in 0..cells.buckets() {
+            starts[b + 1] += starts[b];
         }
-        let mut next = arena.starts.clone();
+        let mut next = starts.clone();
         let mut order = vec![0_u32; points.len()];
         for (i, &b) in buckets.iter().enumerate() {
             order[next[b as usize] as usize] = i as u32;
             next[b as usize] += 1;
         }
-        arena.points = order.iter().map(|&i| points[i as usize]).collect();
-        (arena, order)
+        let points = order.iter().map(|&i| points[i as usize]).collect();
+        (Self { points, starts, cells }, order)
     }
 
-    fn bucket(&self, position: [f32; 3]) -> u32 {
-        let part = |a: usize| {
-            let cell = (position[a] * self.per_metre).floor() as i32 as u32;
-            cell.wrapping_mul(FACTORS[a])
-        };
-        (part(0) ^ part(1) ^ part(2)).wrapping_mul(FACTORS[0]) >> self.shift
-    }
-
-    /// Shows `visit` every point nearer than the square root of `limit`, some perhaps twice.
+    /// Shows `visit` every point nearer than the square root of `limit`, some perhaps twice, until it returns false.
     #[inline]
-    fn near(&self, position: [f32; 3], limit: f32, mut visit: impl FnMut(usize, &Placed)) {
+    fn near(&self, position: [f32; 3], limit: f32, mut visit: impl FnMut(usize, &Placed) -> bool) {
         if self.points.is_empty() {
             return;
         }
-        let mut parts = [[0_u32; 2]; 3];
-        for a in 0..3 {
-            let at = position[a] * self.per_metre;
-            let cell = at.floor();
-            let other = if at - cell < 0.5 { cell - 1.0 } else { cell + 1.0 };
-            parts[a] = [cell, other].map(|c| (c as i32 as u32).wrapping_mul(FACTORS[a]));
-        }
-        for k in 0..8 {
-            let mixed = parts[0][k & 1] ^ parts[1][k >> 1 & 1] ^ parts[2][k >> 2];
-            let bucket = (mixed.wrapping_mul(FACTORS[0]) >> self.shift) as usize;
+        for bucket in self.cells.around(position) {
             let from = self.starts[bucket] as usize;
             let to = self.starts[bucket + 1] as usize;
             for (i, p) in self.points[from..to].iter().enumerate() {
-                let d: [f32; 3] = std::array::from_fn(|a| p.position[a] - position[a]);
-                if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < limit {
-                    visit(from + i, p);
+                if squared_distance(p.position, position) < limit && !visit(from + i, p) {
+                    return;
                 }
             }
         }
+    }
+}
+
+/// Points that were kept so far, in lists by bucket.
+#[derive(Debug, Clone, Default)]
+struct Taken {
+    cells: Cells,
+    heads: Vec<u32>,
+    /// Position, and the next of the list.
+    nodes: Vec<([f32; 3], u32)>,
+    used: Vec<u32>,
+}
+
+impl Taken {
+    const END: u32 = u32::MAX;
+
+    fn reset(&mut self, points: usize, epsilon: f32) {
+        self.used.drain(..).for_each(|b| self.heads[b as usize] = Self::END);
+        self.nodes.clear();
+        self.cells = Cells::new(points, epsilon);
+        let buckets = self.cells.buckets().max(self.heads.len());
+        self.heads.resize(buckets, Self::END);
+    }
+
+    #[inline]
+    fn is_clear(&self, around: &[usize; 8], position: [f32; 3], limit: f32) -> bool {
+        around.iter().all(|&b| {
+            let mut at = self.heads[b];
+            while let Some((p, next)) = self.nodes.get(at as usize) {
+                if squared_distance(*p, position) < limit {
+                    return false;
+                }
+                at = *next;
+            }
+            true
+        })
+    }
+
+    #[inline]
+    fn take(&mut self, position: [f32; 3]) {
+        let bucket = self.cells.bucket(position);
+        let head = &mut self.heads[bucket];
+        if *head == Self::END {
+            self.used.push(bucket as u32);
+        }
+        self.nodes.push((position, *head));
+        *head = self.nodes.len() as u32 - 1;
     }
 }
 
@@ -173,8 +251,10 @@ const KEPT: u8 = 4;
 pub(super) struct Change {
     marks: Vec<u8>,
     seen: Vec<u32>,
-    added: Arena,
+    /// Points that come, in the order of their ranks.
+    pub added: Vec<Placed>,
     added_kept: Vec<bool>,
+    taken: Taken,
     queue: BinaryHeap<Reverse<(u64, u32)>>,
     /// Points that are no longer kept (false) or newly kept (true), with their owners.
     pub flips: Vec<([f32; 3], u32, bool)>,
@@ -190,18 +270,22 @@ impl Change {
 impl Sparse {
     /// Sparsifies `points`, whose owners are below `owners`.
     pub fn new(points: &[Placed], owners: usize, epsilon: f32) -> Self {
-        let arena = Arena::new(points, epsilon);
-        let n = arena.points.len();
-        let mut sparse = Self::from_kept(arena, vec![false; n], owners, epsilon);
-        let mut order: Vec<u32> = (0..n as u32).collect();
-        order.sort_unstable_by_key(|&i| sparse.arena.points[i as usize].rank);
+        let limit = epsilon * epsilon;
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        order.sort_unstable_by_key(|&i| points[i as usize].rank);
+        let mut taken = Taken::default();
+        taken.reset(points.len(), epsilon);
+        let mut kept = vec![false; points.len()];
         for i in order {
-            let p = sparse.arena.points[i as usize];
-            let mut clear = true;
-            sparse.arena.near(p.position, sparse.limit, |o, _| clear &= !sparse.kept[o]);
-            sparse.kept[i as usize] = clear;
+            let position = points[i as usize].position;
+            if taken.is_clear(&taken.cells.around(position), position, limit) {
+                taken.take(position);
+                kept[i as usize] = true;
+            }
         }
-        sparse
+        let (arena, order) = Arena::new(points, epsilon);
+        let kept = order.into_iter().map(|i| kept[i as usize]).collect();
+        Self::from_kept(arena, kept, owners, epsilon)
     }
 
     fn from_kept(arena: Arena, kept: Vec<bool>, owners: usize, epsilon: f32) -> Self {
@@ -229,19 +313,19 @@ impl Sparse {
         &self.owned[from..to]
     }
 
-    /// Works out what happens to the kept points when all points of the owners in `removed` go and `added` come.
-    pub fn change(&self, removed: &[u32], added: &[Placed], epsilon: f32, change: &mut Change) {
-        let Change { marks, seen, added: arena, added_kept, queue, flips } = change;
+    /// Works out what happens to the kept points when all points of the owners in `removed` go and those that stand in
+    /// `change.added` come.
+    pub fn change(&self, removed: &[u32], epsilon: f32, change: &mut Change) {
+        let Change { marks, seen, added, added_kept, taken, queue, flips } = change;
         flips.clear();
         queue.clear();
         // A change that was forgotten leaves its marks only where it says.
-        marks.resize(self.arena.points.len(), UNSEEN);
         seen.drain(..).for_each(|i| marks[i as usize] = UNSEEN);
+        marks.resize(self.arena.points.len(), UNSEEN);
         for &i in removed.iter().flat_map(|&o| self.of(o)).filter(|&&i| !self.gone[i as usize]) {
             marks[i as usize] = REMOVED;
             seen.push(i);
         }
-        let base = self.arena.points.len() as u32;
         // Points that one which goes may have kept out come back into play.
         for k in 0..seen.len() {
             let i = seen[k] as usize;
@@ -257,50 +341,54 @@ impl Sparse {
                     seen.push(o as u32);
                     queue.push(Reverse((other.rank, o as u32)));
                 }
+                true
             });
         }
-        *arena = Arena::new(added, epsilon);
+        taken.reset(added.len(), epsilon);
         added_kept.clear();
-        added_kept.resize(arena.points.len(), false);
-        let mut order: Vec<(u64, u32)> =
-            arena.points.iter().zip(base..).map(|(p, i)| (p.rank, i)).collect();
-        order.sort_unstable();
-        let mut order = order.into_iter().peekable();
         let mut behind: Vec<u32> = Vec::new();
         loop {
             // The first of those added and of those in play.
-            let (_, i) = match (order.peek(), queue.peek()) {
-                (Some(a), Some(Reverse(q))) if a < q => *a,
-                (Some(a), None) => *a,
-                (_, Some(Reverse(q))) => *q,
+            let come = added.get(added_kept.len());
+            let in_play = match (come, queue.peek()) {
+                (Some(p), Some(Reverse((rank, i)))) if *rank < p.rank => Some(*i),
+                (None, Some(Reverse((_, i)))) => Some(*i),
+                (None, None) => break,
+                _ => None,
+            };
+            let (p, before) = match (in_play, come) {
+                (Some(i), _) => {
+                    queue.pop();
+                    (self.arena.points[i as usize], self.kept[i as usize])
+                }
+                (None, Some(p)) => (*p, false),
                 (None, None) => break,
             };
-            let (p, before) = if i >= base {
-                order.next();
-                (arena.points[(i - base) as usize], false)
-            } else {
-                queue.pop();
-                (self.arena.points[i as usize], self.kept[i as usize])
-            };
-            let mut clear = true;
+            // Those taken so far come before this one.
+            let mut clear = taken.is_clear(&taken.cells.around(p.position), p.position, self.limit);
             behind.clear();
-            arena.near(p.position, self.limit, |o, other| {
-                clear &= !(added_kept[o] && other.rank < p.rank);
-            });
-            self.arena.near(p.position, self.limit, |o, other| {
-                if other.rank > p.rank {
-                    behind.push(o as u32);
-                } else if other.rank < p.rank {
-                    clear &= !match marks[o] {
+            if clear || before {
+                self.arena.near(p.position, self.limit, |o, other| {
+                    if other.rank > p.rank {
+                        behind.push(o as u32);
+                        return true;
+                    }
+                    let kept = match marks[o] {
                         UNSEEN => self.kept[o],
                         mark => mark == KEPT,
                     };
+                    clear &= !(kept && other.rank < p.rank);
+                    clear || before
+                });
+            }
+            match in_play {
+                Some(i) => marks[i as usize] = if clear { KEPT } else { DROPPED },
+                None => {
+                    added_kept.push(clear);
+                    if clear {
+                        taken.take(p.position);
+                    }
                 }
-            });
-            if i >= base {
-                added_kept[(i - base) as usize] = clear;
-            } else {
-                marks[i as usize] = if clear { KEPT } else { DROPPED };
             }
             if clear == before {
                 continue;
@@ -334,7 +422,7 @@ impl Sparse {
     /// The state after a change.
     pub fn changed(&self, change: &Change, epsilon: f32) -> Self {
         let owners = self.owner_starts.len() - 1;
-        let n = self.arena.points.len() + change.added.points.len();
+        let n = self.arena.points.len() + change.added.len();
         let (mut points, mut kept) = (Vec::with_capacity(n), Vec::with_capacity(n));
         for (i, p) in self.arena.points.iter().enumerate() {
             let mark = change.marks[i];
@@ -343,9 +431,9 @@ impl Sparse {
                 kept.push(if mark == UNSEEN { self.kept[i] } else { mark == KEPT });
             }
         }
-        points.extend_from_slice(&change.added.points);
+        points.extend_from_slice(&change.added);
         kept.extend_from_slice(&change.added_kept);
-        let (arena, order) = Arena::arranged(&points, epsilon);
+        let (arena, order) = Arena::new(&points, epsilon);
         let kept = order.into_iter().map(|i| kept[i as usize]).collect();
         Self::from_kept(arena, kept, owners, epsilon)
     }
@@ -356,21 +444,19 @@ impl Sparse {
     }
 }
 
-/// The points of a scene rebuilt from occurrences (eq. 2, 3): for each a pose, its frame, and the number of its stamp.
-pub(super) fn rebuild(
-    poses: &[super::pose::BicPose],
-    frames: &[Frame],
-    words: &[u32],
-    stamps: &[Stamp],
-    epsilon: f32,
-) -> Sparse {
-    let ranks = ranks(poses);
-    let points: Vec<Placed> = (0..)
-        .zip(frames.iter().zip(words))
-        .filter_map(|(o, (frame, &word))| Some((o, frame, stamps.get(word as usize)?)))
-        .flat_map(|(o, frame, stamp)| stamp.place(frame, o, ranks[o as usize]))
-        .collect();
-    Sparse::new(&points, poses.len(), epsilon)
+/// The points of a scene rebuilt from occurrences (eq. 2, 3): the frame of each, and the number of its stamp.
+pub(super) fn rebuild(frames: &[Frame], words: &[u32], stamps: &[Stamp], epsilon: f32) -> Sparse {
+    let mut owners: Vec<Vec<u32>> = vec![Vec::new(); stamps.len()];
+    for (o, &word) in (0..).zip(words) {
+        if let Some(owners) = owners.get_mut(word as usize) {
+            owners.push(o);
+        }
+    }
+    let mut points = Vec::new();
+    for (stamp, owners) in stamps.iter().zip(&owners) {
+        stamp.place(frames, owners, &mut points);
+    }
+    Sparse::new(&points, words.len(), epsilon)
 }
 
 #[cfg(test)]
@@ -429,13 +515,15 @@ mod tests {
             let removed: Vec<u32> = removed.into_iter().collect();
             let is_removed = |p: &Placed| removed.contains(&p.owner);
             let shifted = after.into_iter().filter(|p| is_removed(p));
-            let added: Vec<Placed> =
+            let mut added: Vec<Placed> =
                 shifted.map(|p| Placed { rank: p.rank | 1 << 31, ..p }).collect();
+            added.sort_by_key(|p| p.rank);
             let sparse = Sparse::new(&before, 40, EPSILON);
             let mut change = Change::default();
             // One that is forgotten leaves nothing behind.
-            sparse.change(&[1, 2, 3], &[], EPSILON, &mut change);
-            sparse.change(&removed, &added, EPSILON, &mut change);
+            sparse.change(&[1, 2, 3], EPSILON, &mut change);
+            change.added.clone_from(&added);
+            sparse.change(&removed, EPSILON, &mut change);
             let balance = change.balance();
             let found = sparse.changed(&change, EPSILON);
             let rest: Vec<Placed> = before.iter().copied().filter(|p| !is_removed(p)).collect();
@@ -452,7 +540,7 @@ mod tests {
             let mut sparse = Sparse::new(&before, 40, EPSILON);
             let mut change = Change::default();
             for &owner in &removed {
-                sparse.change(&[owner], &[], EPSILON, &mut change);
+                sparse.change(&[owner], EPSILON, &mut change);
                 sparse.remove(&change);
             }
             let rest: Vec<Placed> =
