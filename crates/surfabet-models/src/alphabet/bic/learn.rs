@@ -134,14 +134,14 @@ fn grow(stage: &Stage<'_>, report: &mut Report, progress: &dyn Progress) -> Resu
         progress.update("choosing words", next as f32 / candidates.len() as f32);
         let batch = &candidates[next..(next + at_once).min(candidates.len())];
         let now = score.bic(stage);
-        let found: Vec<f64> = batch
+        let found: Vec<Option<f64>> = batch
             .par_iter()
             .zip(&mut benches)
             .with_max_len(1)
-            .map(|(&f, bench)| score.with(stage, &stage.word(f), bench))
+            .map(|(&f, bench)| score.with(stage, &stage.word(f), now, bench))
             .collect();
-        let accepted = found.iter().position(|&bic| bic < now);
-        let rejected = accepted.unwrap_or(found.len());
+        let accepted = (0..).zip(&found).find_map(|(k, bic)| Some((k, (*bic)?)));
+        let rejected = accepted.map_or(found.len(), |(k, _)| k);
         let left = options.max_rejections as usize - rejections;
         if rejected >= left {
             trace.extend(std::iter::repeat_n(now, left));
@@ -151,9 +151,9 @@ fn grow(stage: &Stage<'_>, report: &mut Report, progress: &dyn Progress) -> Resu
         trace.extend(std::iter::repeat_n(now, rejected));
         next += rejected;
         match accepted {
-            Some(k) => {
+            Some((k, bic)) => {
                 score.accept(stage, stage.word(batch[k]), &benches[k]);
-                trace.push(found[k]);
+                trace.push(bic);
                 next += 1;
                 rejections = 0;
                 at_once = threads;

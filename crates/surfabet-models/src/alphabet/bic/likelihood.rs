@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::pose::Frame;
 use crate::alphabet::Scene;
 
-/// Points per block.
-pub(super) const LANES: usize = 16;
+/// Points per block: one vector of single precision.
+pub(super) const LANES: usize = 8;
 
 /// Bits of a Gaussian's fraction.
 const KERNEL_BITS: u32 = 22;
@@ -24,7 +24,7 @@ const REACH: f32 = 4.5;
 /// Features per unit of parallel work.
 const BATCH: usize = 512;
 
-/// Sixteen points that lie together, as a box with the largest distance at which any of them feels a decoded point.
+/// Points that lie together, as a box with the largest distance at which any of them feels a decoded point.
 #[derive(Debug, Clone, Copy)]
 struct Block {
     low: [f32; 3],

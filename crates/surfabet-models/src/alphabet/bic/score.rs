@@ -79,6 +79,20 @@ pub(super) struct Bench {
     gain: i64,
 }
 
+impl Bench {
+    /// Forgets the sums of the change before.
+    fn clear_sums(&mut self, stage: &Stage<'_>) {
+        self.sums.resize(stage.samples.n_blocks(), [0; LANES]);
+        self.is_touched.resize(stage.samples.n_blocks(), false);
+        for b in self.touched.drain(..) {
+            self.sums[b as usize] = [0; LANES];
+            self.is_touched[b as usize] = false;
+        }
+        // Points of one occurrence feel the same blocks.
+        self.change.flips.sort_by_key(|f| f.1);
+    }
+}
+
 impl Score {
     /// No words: nothing explains the scene, and the BIC is infinite.
     pub fn nothing(stage: &Stage<'_>) -> Self {
@@ -128,8 +142,14 @@ impl Score {
         bic(self.log_likelihood(stage), self.parameters, stage.samples.len())
     }
 
-    /// The BIC with one more word; `bench` then holds what changes.
-    pub fn with(&self, stage: &Stage<'_>, word: &BicWord, bench: &mut Bench) -> f64 {
+    /// The BIC with one more word, where it is below `limit`; `bench` then holds what changes.
+    pub fn with(
+        &self,
+        stage: &Stage<'_>,
+        word: &BicWord,
+        limit: f64,
+        bench: &mut Bench,
+    ) -> Option<f64> {
         let penalty = penalty_steps(stage.options.empty_penalty);
         stage.descriptors.distances(&word.descriptor, penalty, &mut bench.distances);
         self.matching.taken(&bench.distances, &mut bench.taken);
@@ -137,21 +157,34 @@ impl Score {
         bench.change.added.clear();
         stamp.place(&stage.features.frames, &bench.taken, &mut bench.change.added);
         self.sparse.change(&bench.taken, stage.epsilon(), &mut bench.change);
-        self.gain(stage, bench);
         let parameters = self.parameters + 3 * word.points.len();
         let decoded = self.decoded + bench.change.balance();
         if decoded == 0 {
-            return f64::INFINITY;
+            return None;
         }
-        let log_likelihood = stage.samples.log_likelihood(self.sums.total + bench.gain, decoded);
-        bic(log_likelihood, parameters, stage.samples.len())
+        let score = |gain: i64| {
+            let log_likelihood = stage.samples.log_likelihood(self.sums.total + gain, decoded);
+            bic(log_likelihood, parameters, stage.samples.len())
+        };
+        bench.clear_sums(stage);
+        // With all that comes and nothing gone yet, every sum is at least what it will be.
+        self.scatter(stage, bench, true);
+        if score(self.gain(stage, bench)) >= limit {
+            return None;
+        }
+        self.scatter(stage, bench, false);
+        bench.gain = self.gain(stage, bench);
+        Some(score(bench.gain)).filter(|&bic| bic < limit)
     }
 
     /// ln L without the occurrence at a feature; `bench` then holds what changes.
     pub fn without(&self, stage: &Stage<'_>, feature: u32, bench: &mut Bench) -> f64 {
         bench.change.added.clear();
         self.sparse.change(&[feature], stage.epsilon(), &mut bench.change);
-        self.gain(stage, bench);
+        bench.clear_sums(stage);
+        self.scatter(stage, bench, true);
+        self.scatter(stage, bench, false);
+        bench.gain = self.gain(stage, bench);
         let decoded = self.decoded + bench.change.balance();
         if decoded == 0 {
             return f64::NEG_INFINITY;
@@ -159,33 +192,32 @@ impl Score {
         stage.samples.log_likelihood(self.sums.total + bench.gain, decoded)
     }
 
-    /// What the change in `bench` does to the sums of Gaussians and of their logarithms.
-    fn gain(&self, stage: &Stage<'_>, bench: &mut Bench) {
-        let Bench { change, sums, touched, is_touched, gain, .. } = bench;
-        sums.resize(stage.samples.n_blocks(), [0; LANES]);
-        is_touched.resize(stage.samples.n_blocks(), false);
-        for b in touched.drain(..) {
-            sums[b as usize] = [0; LANES];
-            is_touched[b as usize] = false;
-        }
-        for &(position, owner, add) in &change.flips {
-            stage.samples.scatter(position, stage.reaches.of(owner), add, sums, |b| {
+    /// Adds the Gaussians of the points that come, or takes away those of the points that go.
+    fn scatter(&self, stage: &Stage<'_>, bench: &mut Bench, come: bool) {
+        let Bench { change, sums, touched, is_touched, .. } = bench;
+        for &(position, owner, _) in change.flips.iter().filter(|f| f.2 == come) {
+            stage.samples.scatter(position, stage.reaches.of(owner), come, sums, |b| {
                 if !is_touched[b as usize] {
                     is_touched[b as usize] = true;
                     touched.push(b);
                 }
             });
         }
-        *gain = 0;
-        for &b in touched.iter() {
+    }
+
+    /// What the sums in `bench` do to the sum of the logarithms.
+    fn gain(&self, stage: &Stage<'_>, bench: &Bench) -> i64 {
+        let mut gain = 0;
+        for &b in &bench.touched {
             let b = b as usize;
             for lane in 0..stage.samples.lanes(b) {
-                if sums[b][lane] != 0 {
-                    let log = stage.samples.log(self.sums.sums[b][lane] + sums[b][lane]);
-                    *gain += log - self.sums.logs[b][lane];
+                if bench.sums[b][lane] != 0 {
+                    let log = stage.samples.log(self.sums.sums[b][lane] + bench.sums[b][lane]);
+                    gain += log - self.sums.logs[b][lane];
                 }
             }
         }
+        gain
     }
 
     fn settle_sums(&mut self, stage: &Stage<'_>, bench: &Bench) {
