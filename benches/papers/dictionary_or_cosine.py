@@ -25,20 +25,17 @@ import argparse
 import json
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import lgamma, log
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from paper_bench import check_data, kinect_frame, print_header, print_row, room
 
 import surfabet as sb
 from surfabet import sparse
-
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 PIXELS = 8
 """Per side of a patch."""
@@ -85,12 +82,9 @@ def parse() -> argparse.Namespace:
 
 def scene(name: str) -> tuple[sb.PointCloud, sb.LatticeModel]:
     if name == "room":
-        cloud = sb.read(DATA / "rgbd_room")
+        cloud = room()
         return cloud, sb.learn_patches(cloud, resolution=0.011)
-    with warnings.catch_warnings():
-        # Pixels without depth are no points.
-        warnings.simplefilter("ignore", sb.DroppedPointsWarning)
-        cloud = sb.read(DATA / "rgbd_frame" / "table.pcd")
+    cloud = kinect_frame()
     return cloud, sb.learn_patches(cloud, resolution=0.004, rate=0.05)
 
 
@@ -371,18 +365,12 @@ def cells(found: dict[str, Any], fixed: float) -> list[str]:
     ]
 
 
-def print_row(*columns: str) -> None:
-    print("| " + " | ".join(columns) + " |", flush=True)
-
-
 def main() -> None:
     options = parse()
     sb.set_num_threads(options.threads)
-    if not DATA.is_dir():
-        sys.exit(f"{DATA} is not there: this script needs the real scans")
+    check_data()
     if not options.json:
-        print_row(*HEADER)
-        print_row(*["---"] * len(HEADER))
+        print_header(*HEADER)
     for name in ("frame", "room"):
         if options.only not in (None, name):
             continue

@@ -16,20 +16,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from paper_bench import check_data, kinect_frame, print_header, print_row, room
 
 import surfabet as sb
-
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 Options = dict[str, Any]
 Curve = list[tuple[float, int]]
@@ -135,12 +132,9 @@ def parse() -> argparse.Namespace:
 def clouds(scene: Scene) -> tuple[sb.PointCloud, sb.PointCloud]:
     """What is learned from, and the reference of the errors."""
     if scene is ROOM:
-        raw = sb.read(DATA / "rgbd_room")
+        raw = room()
         return raw, sb.voxel_downsample(raw, 0.005)
-    with warnings.catch_warnings():
-        # Pixels without depth are no points.
-        warnings.simplefilter("ignore", sb.DroppedPointsWarning)
-        frame = sb.read(DATA / "rgbd_frame" / "table.pcd")
+    frame = kinect_frame()
     return frame, frame
 
 
@@ -164,8 +158,7 @@ def measure(scene: Scene, named: str, only_json: bool) -> None:
     raw, reference = clouds(scene)
     if not only_json:
         print(f"\n{scene.name}: {len(raw):,} points, reference of {len(reference):,}\n")
-        print_row(*HEADER)
-        print_row(*["---"] * len(HEADER))
+        print_header(*HEADER)
     curve: Curve = []
     for row in rows(scene):
         if named not in row.name:
@@ -241,15 +234,10 @@ def cells(result: dict[str, Any], curve: Curve) -> list[str]:
     ]
 
 
-def print_row(*columns: str) -> None:
-    print("| " + " | ".join(columns) + " |", flush=True)
-
-
 def main() -> None:
     options = parse()
     sb.set_num_threads(options.threads)
-    if not DATA.is_dir():
-        sys.exit(f"{DATA} is not there: this script needs the real scans")
+    check_data()
     for scene in (FRAME, ROOM):
         if options.only in (None, scene.name):
             measure(scene, options.rows, options.json)

@@ -16,15 +16,14 @@ import argparse
 import sys
 import tempfile
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import paper_bench
+from paper_bench import check_data, kinect_frame, print_header, print_row
 
 import surfabet as sb
-
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 # As in the paper: dictionary sizes and 10 x 10 pixels of 3 mm for the frame; 5 x 5 pixels of 1 cm
 # for the room, beside our own 8 x 8.
@@ -46,10 +45,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--only", choices=["room", "frame", "plots"])
     parser.add_argument("--threads", type=int, default=2)
     return parser.parse_args()
-
-
-def print_row(*cells: object) -> None:
-    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 
 
 def errors(cloud: sb.PointCloud, decoded: sb.PointCloud) -> str:
@@ -108,7 +103,7 @@ def model_row(name: str, method: str, cloud: sb.PointCloud, options: dict[str, A
 
 def table(name: str, cloud: sb.PointCloud, rows: list[tuple[str, dict[str, Any]]], step: float):
     print(f"\n{name}: {len(cloud):,} points, {15 * len(cloud):,} bytes raw\n")
-    print_row(
+    print_header(
         "data",
         "method",
         "dictionary entries (depth; RGB)",
@@ -119,14 +114,12 @@ def table(name: str, cloud: sb.PointCloud, rows: list[tuple[str, dict[str, Any]]
         "RMSE (mm / RGB)",
         "seconds",
     )
-    print_row(*["---"] * 9)
     octomap(name, cloud, step)
     for method, options in rows:
         model_row(name, method, cloud, options)
 
 
 def room() -> None:
-    cloud = sb.read(DATA / "rgbd_room")
     coarse = {**ROOM, "resolution": 0.015}
     rows: list[tuple[str, dict[str, Any]]] = [
         ("SCSM", ROOM),
@@ -141,14 +134,7 @@ def room() -> None:
             {**coarse, **LEVELS, "min_coverage": 0.5, "max_depth_deviation": 0.01},
         ),
     ]
-    table("room", cloud, rows, 0.01)
-
-
-def kinect_frame() -> sb.PointCloud:
-    with warnings.catch_warnings():
-        # Pixels without depth are no points.
-        warnings.simplefilter("ignore", sb.DroppedPointsWarning)
-        return sb.read(DATA / "rgbd_frame" / "table.pcd")
+    table("room", paper_bench.room(), rows, 0.01)
 
 
 def frame() -> None:
@@ -214,6 +200,7 @@ def plots(out: Path) -> None:
 def main() -> None:
     options = parse()
     sb.set_num_threads(options.threads)
+    check_data()
     if options.only in (None, "frame"):
         frame()
     if options.only in (None, "room"):

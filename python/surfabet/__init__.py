@@ -20,17 +20,12 @@ from surfabet.geometry import (
     estimate_normals,
     voxel_downsample,
 )
+from surfabet.hscsm import PatchDictionary, Patches, PatchLevel, PatchModel
 from surfabet.io import read, write
 from surfabet.lattice import LatticeLevel, LatticeModel, LatticePatches
 from surfabet.learning import LearningReport
 from surfabet.metrics import Quality, RangeSigma, evaluate
-from surfabet.patches import (
-    PatchDictionary,
-    Patches,
-    PatchLevel,
-    PatchModel,
-    learn_patches,
-)
+from surfabet.patches import learn_patches
 
 __all__ = [
     "DroppedPointsWarning",

@@ -10,7 +10,7 @@ to world.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet._core import Frame, GroundTruth, Instance, PointCloud, Scene, Surface
+from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError, MissingDependencyError
 
 __all__ = [
@@ -35,8 +36,6 @@ __all__ = [
     "simulated_room",
     "write_rgbd_folder",
 ]
-
-Progress = Callable[[str, float], object]
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ def scan_rgbd(
     translation_std: float = 0.0,
     rotation_std: float = 0.0,
     random_state: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> SimulatedScan:
     """Frames of an RGB-D camera.
 
@@ -129,7 +128,7 @@ def scan_rgbd(
         color_noise: standard deviation per channel, 0 to 255.
         translation_std, rotation_std: error of each frame's pose, metres and degrees per axis.
         random_state: seed of all noise.
-        progress: called as ``progress(stage, fraction)``.
+        progress: None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises:
         InvalidInputError: no poses, a pose that is not rigid, an option outside its limits.
@@ -140,22 +139,23 @@ def scan_rgbd(
         raise InvalidInputError(
             f"intrinsics has {len(intrinsics)} values, expected fx, fy, cx and cy"
         )
-    cloud, truth, frames = scene.scan_rgbd(
-        poses,
-        width=width,
-        height=height,
-        intrinsics=intrinsics,
-        depth_limits=depth_limits,
-        depth_noise=depth_noise,
-        quantize_disparity=quantize_disparity,
-        max_incidence=max_incidence,
-        dropout=dropout,
-        color_noise=color_noise,
-        translation_std=translation_std,
-        rotation_std=rotation_std,
-        seed=random_state,
-        progress=progress,
-    )
+    with progress_callback(progress) as callback:
+        cloud, truth, frames = scene.scan_rgbd(
+            poses,
+            width=width,
+            height=height,
+            intrinsics=intrinsics,
+            depth_limits=depth_limits,
+            depth_noise=depth_noise,
+            quantize_disparity=quantize_disparity,
+            max_incidence=max_incidence,
+            dropout=dropout,
+            color_noise=color_noise,
+            translation_std=translation_std,
+            rotation_std=rotation_std,
+            seed=random_state,
+            progress=callback,
+        )
     return SimulatedScan(scene, cloud, frames, truth)
 
 
@@ -174,7 +174,7 @@ def scan_lidar(
     translation_std: float = 0.0,
     rotation_std: float = 0.0,
     random_state: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> SimulatedScan:
     """Full turns of a rotating laser.
 
@@ -190,27 +190,28 @@ def scan_lidar(
         color_noise: standard deviation per channel, 0 to 255.
         translation_std, rotation_std: error of each scan's pose, metres and degrees per axis.
         random_state: seed of all noise.
-        progress: called as ``progress(stage, fraction)``.
+        progress: None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises:
         InvalidInputError: no poses, a pose that is not rigid, an option outside its limits.
     """
     if poses is None:
         poses = scene.default_lidar_poses(n_scans)
-    cloud, truth, frames = scene.scan_lidar(
-        poses,
-        elevation_limits=elevation_limits,
-        elevation_step=elevation_step,
-        azimuth_step=azimuth_step,
-        range_limits=range_limits,
-        range_noise=range_noise,
-        dropout=dropout,
-        color_noise=color_noise,
-        translation_std=translation_std,
-        rotation_std=rotation_std,
-        seed=random_state,
-        progress=progress,
-    )
+    with progress_callback(progress) as callback:
+        cloud, truth, frames = scene.scan_lidar(
+            poses,
+            elevation_limits=elevation_limits,
+            elevation_step=elevation_step,
+            azimuth_step=azimuth_step,
+            range_limits=range_limits,
+            range_noise=range_noise,
+            dropout=dropout,
+            color_noise=color_noise,
+            translation_std=translation_std,
+            rotation_std=rotation_std,
+            seed=random_state,
+            progress=callback,
+        )
     return SimulatedScan(scene, cloud, frames, truth)
 
 
@@ -221,7 +222,7 @@ def simulated_room(
     n_poses: int | None = None,
     noise: float = 1.0,
     pose_error: float = 1.0,
-    progress: Progress | None = None,
+    progress: Progress = None,
 ) -> SimulatedScan:
     """A room of the default size scanned from default poses, in one call.
 
@@ -231,7 +232,7 @@ def simulated_room(
         n_poses: 16 frames or 4 turns by default.
         noise: times the sensor's own noise (depth or range, colour, lost points); 0 for none.
         pose_error: times 3 mm and 0.1 degrees per axis and pose; 0 for exact poses.
-        progress: called as ``progress(stage, fraction)``.
+        progress: None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises:
         InvalidInputError: an unknown sensor, or a number outside its limits.
@@ -268,7 +269,7 @@ def simulated_room(
     raise InvalidInputError(f"sensor is {sensor!r}, expected 'rgbd' or 'lidar'")
 
 
-def load_demo(*, progress: Progress | None = None) -> SimulatedScan:
+def load_demo(*, progress: Progress = None) -> SimulatedScan:
     """The scan that examples run on: 18 noisy RGB-D frames of a room, over a million points."""
     return simulated_room(n_poses=18, progress=progress)
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from surfabet import _core
 from surfabet.errors import FormatError
+from surfabet.hscsm import PatchDictionary, PatchModel
 from surfabet.lattice import LatticeModel
-from surfabet.patches import PatchDictionary, PatchModel
 
 __all__ = ["FileInfo", "from_bytes", "inspect", "load"]
 
@@ -115,10 +115,15 @@ def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None 
     """
     data = Path(path).read_bytes()
     try:
-        family, version, sections = _core.inspect(data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES)
-        model = from_bytes(data, dictionary=dictionary)
+        family, version, sections, core = _core.inspect(
+            data,
+            max_items=MAX_ITEMS,
+            max_bytes=MAX_BYTES,
+            dictionary=None if dictionary is None else dictionary._core,
+        )
     except FormatError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
+    model = _wrapped(core)
     options = _lattice_options(model) if isinstance(model, LatticeModel) else _hscsm_options(model)
     named = {SECTIONS.get(tag, tag): size for tag, size in sections}
     return FileInfo(family, version, model.n_points, named, options)

@@ -1,22 +1,20 @@
 """Neighbours, normals, voxel grids, octrees and range images of point clouds.
 
 The classes are documented where they are defined; all of them are immutable, exact and independent
-of the number of threads. `progress` is called as `progress(stage, fraction)` from the calling
-thread.
+of the number of threads. Their `progress` is a callable of stage and fraction, called from the
+calling thread.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
 from surfabet._core import KdTree, Octree, PointCloud, RangeImage, VoxelGrid
-
-if TYPE_CHECKING:
-    from surfabet._progress import ProgressCallback
+from surfabet._progress import Progress, progress_callback
 
 __all__ = [
     "KdTree",
@@ -45,7 +43,7 @@ def estimate_normals(
     *,
     neighbors: int | None = 16,
     radius: float | None = None,
-    progress: ProgressCallback | None = None,
+    progress: Progress = None,
 ) -> NormalEstimate:
     """Fit a plane to the neighbours of each point, the point itself included.
 
@@ -61,14 +59,15 @@ def estimate_normals(
     radius
         Largest distance of a neighbour in metres.
     progress
-        Called with the stage and the fraction done.
+        None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises
     ------
     InvalidInputError
         For fewer than three neighbours, a radius that is not positive, or neither of both.
     """
-    return NormalEstimate(*_core.estimate_normals(cloud, neighbors, radius, progress))
+    with progress_callback(progress) as callback:
+        return NormalEstimate(*_core.estimate_normals(cloud, neighbors, radius, callback))
 
 
 def voxel_downsample(
@@ -76,7 +75,7 @@ def voxel_downsample(
     size: float,
     *,
     weights: ArrayLike | None = None,
-    progress: ProgressCallback | None = None,
+    progress: Progress = None,
 ) -> PointCloud:
     """One point per occupied cube with edges of `size` metres: the mean in every attribute.
 
@@ -93,7 +92,7 @@ def voxel_downsample(
     weights
         (n,) positive numbers; without them all points count the same.
     progress
-        Called with the stage and the fraction done.
+        None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises
     ------
@@ -101,4 +100,5 @@ def voxel_downsample(
         For a size that is not positive or too small to number the cubes, or weights that are not
         positive.
     """
-    return VoxelGrid(cloud, size, progress=progress).means(weights, progress=progress)
+    with progress_callback(progress) as callback:
+        return VoxelGrid(cloud, size, progress=callback).means(weights, progress=callback)

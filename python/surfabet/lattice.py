@@ -6,9 +6,8 @@ least, bits weighed against squared error. `surfabet.learn_patches` makes these 
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +15,9 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.learning import LearningReport
+from surfabet.model import MAX_POINTS, Model
 
-__all__ = ["LatticeLevel", "LatticeModel", "LatticePatches"]
-
-MAX_POINTS = 500_000_000
-"""Most points that `decode` makes unless told otherwise."""
+__all__ = ["LatticeLevel", "LatticeModel", "LatticePatches", "learn"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +65,13 @@ class LatticePatches:
 
 
 @final
-class LatticeModel:
+class LatticeModel(Model[_core.LatticeModel]):
     """A cloud as surface patches on a lattice, with thickness and colour; immutable.
 
-    Made by `learn_patches` and `surfabet.load`. Everything in it is quantised already, so it
-    decodes to the same cloud before it is saved and after it is loaded.
+    Made by `learn_patches` and `surfabet.load`.
     """
 
-    __slots__ = ("_core",)
-
-    def __init__(self, core: _core.LatticeModel) -> None:
-        self._core = core
+    __slots__ = ()
 
     def decode(
         self,
@@ -127,28 +119,6 @@ class LatticeModel:
                 progress=callback,
             )
 
-    def to_bytes(self) -> bytes:
-        """The bytes of the model's file. The same model always gives the same bytes."""
-        return self._core.to_bytes()
-
-    def save(self, path: str | os.PathLike[str]) -> int:
-        """Writes the model to a file, usually `.sfb`, and returns its size in bytes.
-
-        An existing file is replaced only when the new one is complete.
-        """
-        return self._core.save(os.fspath(path))
-
-    @property
-    def report(self) -> LearningReport:
-        """How the model was learned."""
-        found = self._core.report_dict
-        return LearningReport(**{**found, "not_kept": tuple(found["not_kept"])})
-
-    @property
-    def n_points(self) -> int:
-        """Points of the cloud that the model was learned from."""
-        return self._core.n_points
-
     @property
     def n_extra_points(self) -> int:
         """Points that the model keeps beside its patches, for `max_error`."""
@@ -161,19 +131,9 @@ class LatticeModel:
         return self._core.max_error
 
     @property
-    def origin(self) -> NDArray[np.float64]:
-        """World position that the model computes about, (3,), metres."""
-        return np.array(self._core.origin)
-
-    @property
     def rotation(self) -> NDArray[np.float64]:
         """Lattice to world, (3, 3): the scene's own axes as columns."""
         return np.array(self._core.rotation)
-
-    @property
-    def has_color(self) -> bool:
-        """Whether the model carries colour."""
-        return self._core.has_color
 
     @property
     def levels(self) -> tuple[LatticeLevel, ...]:
@@ -207,9 +167,6 @@ class LatticeModel:
             sigma=self._core.sigma(),
         )
 
-    def __len__(self) -> int:
-        return len(self._core)
-
     def __repr__(self) -> str:
         counts = " + ".join(str(level.patches) for level in self.levels)
         return (
@@ -218,3 +175,39 @@ class LatticeModel:
             + (", coloured" if self.has_color else "")
             + ")"
         )
+
+
+def learn(
+    cloud: PointCloud,
+    *,
+    resolution: float = 0.01,
+    levels: int = 3,
+    max_error: float | None = None,
+    rate: float = 0.7,
+    depth_step: float = 0.75,
+    rounds: int = 3,
+    color_step: int = 90,
+    chroma_ratio: float = 1.5,
+    color_rate: float = 0.15,
+    sensor: Literal["structured-light", "constant"] = "structured-light",
+    random_state: int = 0,
+    progress: Progress = None,
+) -> LatticeModel:
+    """As `surfabet.learn_patches` with `method="rate-distortion"`."""
+    del random_state
+    with progress_callback(progress) as callback:
+        learned = _core.learn_lattice(
+            cloud,
+            resolution=resolution,
+            levels=levels,
+            rate=rate,
+            depth_step=round(16 * depth_step),
+            rounds=rounds,
+            color_step=color_step,
+            chroma_ratio=chroma_ratio,
+            color_rate=color_rate,
+            max_error=max_error,
+            sensor=sensor,
+            progress=callback,
+        )
+    return LatticeModel(learned)

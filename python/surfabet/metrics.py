@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from surfabet import _core
 from surfabet._core import PointCloud
+from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
-
-if TYPE_CHECKING:
-    from surfabet._progress import ProgressCallback
 
 __all__ = ["Quality", "RangeSigma", "evaluate"]
 
@@ -146,7 +144,7 @@ def evaluate(
     bytes: int | None = None,
     peak: float | None = None,
     normal_neighbors: int | None = 16,
-    progress: ProgressCallback | None = None,
+    progress: Progress = None,
 ) -> Quality:
     """Compare `decoded` with `reference`, which it was made from.
 
@@ -171,7 +169,7 @@ def evaluate(
         Where the reference has no normals, planes are fitted to this number of its points around
         each decoded point. None leaves point-to-plane out then, which is faster.
     progress
-        Called with the stage and the fraction done.
+        None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises
     ------
@@ -182,7 +180,8 @@ def evaluate(
         raise InvalidInputError(f"bytes is {bytes}, but must not be negative")
     by_range = (sigma.scale, sigma.angular_resolution) if isinstance(sigma, RangeSigma) else None
     distance = None if isinstance(sigma, RangeSigma) else sigma
-    measures = _core.evaluate(
-        reference, decoded, distance, by_range, peak, normal_neighbors, progress
-    )
+    with progress_callback(progress) as callback:
+        measures = _core.evaluate(
+            reference, decoded, distance, by_range, peak, normal_neighbors, callback
+        )
     return Quality(**measures, bytes=bytes)

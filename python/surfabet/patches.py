@@ -1,368 +1,21 @@
-"""Surface patches: local depth and colour images, sparse-coded over learned dictionaries.
+"""Learning surface patches: the front door of both methods.
 
-One level is the Sparse Coded Surface Model (SCSM), several are the hierarchical one (HSCSM). The
-method is that of M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models,
-ICRA 2014, section III.
+`surfabet.lattice` holds the models of "rate-distortion", `surfabet.hscsm` those of "hscsm".
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal, final, overload
+from typing import Any, Literal, overload
 
-import numpy as np
-from numpy.typing import NDArray
-
-from surfabet import _core
+from surfabet import hscsm, lattice
 from surfabet._core import PointCloud
-from surfabet._progress import Progress, progress_callback
+from surfabet._progress import Progress
 from surfabet.errors import InvalidInputError
+from surfabet.hscsm import PatchModel
 from surfabet.lattice import LatticeModel
-from surfabet.learning import LearningReport
 
-__all__ = [
-    "PatchDictionary",
-    "PatchLevel",
-    "PatchModel",
-    "Patches",
-    "SparseColumns",
-    "learn_patches",
-]
-
-Channel = Literal["depth", "color"]
-
-MAX_POINTS = 500_000_000
-"""Most points that `decode` makes unless told otherwise."""
-
-
-@dataclass(frozen=True, slots=True)
-class PatchLevel:
-    """All patches of one size."""
-
-    pixel_size: float
-    """Side of a pixel, metres."""
-    pixels: int
-    """Pixels per side of a patch."""
-    patches: int
-    """Number of patches."""
-    depth_entries: int
-    """Entries of the depth dictionary."""
-    color_entries: int
-    """Entries of the colour dictionary; 0 without colour."""
-    set_pixels: int
-    """Pixels that are set, over all patches."""
-    area: float
-    """Area of these pixels, square metres."""
-
-
-@dataclass(frozen=True, slots=True)
-class SparseColumns:
-    """Sparse codes of all patches of a model as compressed rows.
-
-    Patch i is `coefficients[a:b] @ dictionary[atoms[a:b]]` with `a, b = offsets[i:i + 2]` and the
-    concatenated dictionary of the channel, beside its mean.
-    """
-
-    offsets: NDArray[np.int64]
-    """(m + 1,)."""
-    atoms: NDArray[np.int64]
-    """Entries of the concatenated dictionary (`PatchDictionary.concatenated`)."""
-    coefficients: NDArray[np.float64]
-    """Metres for depth, 0..255 for colour."""
-
-
-@dataclass(frozen=True, slots=True)
-class Patches:
-    """All m patches of a model as arrays, level by level, coarsest first."""
-
-    poses: NDArray[np.float64]
-    """Patch to world, (m, 4, 4): columns are the x-axis, the y-axis, the normal and the centre."""
-    level: NDArray[np.int64]
-    """Level of each patch, (m,)."""
-    size: NDArray[np.float64]
-    """Side of each patch, (m,), metres."""
-    pixel_size: NDArray[np.float64]
-    """Side of its pixels, (m,), metres."""
-    masks: tuple[NDArray[np.bool_], ...]
-    """Set pixels of the patches of each level, (patches, n, n)."""
-    depth_means: NDArray[np.float64]
-    """Mean depth along the normal, (m,), metres."""
-    color_means: NDArray[np.float64] | None
-    """Mean luma, orange and green chroma, (m, 3); None without colour."""
-    depth: SparseColumns
-    """Codes of depth."""
-    color: SparseColumns | None
-    """Codes of colour; None without."""
-
-    def __len__(self) -> int:
-        return len(self.level)
-
-
-@final
-class PatchDictionary:
-    """The dictionaries of a model, for other clouds to be described with; immutable.
-
-    Made by `PatchModel.dictionary`. A model that `encode` makes holds no dictionary in its file,
-    only the hash of this one, and needs it again when it is loaded.
-    """
-
-    __slots__ = ("_core",)
-
-    def __init__(self, core: _core.PatchDictionary) -> None:
-        self._core = core
-
-    @property
-    def hash(self) -> str:
-        """The first 128 bits of the BLAKE3 hash of its content, as hexadecimal digits."""
-        return self._core.hash
-
-    @property
-    def levels(self) -> tuple[tuple[float, int], ...]:
-        """Side of a pixel (m) and pixels per side of a patch, of each level, coarsest first."""
-        return tuple(self._core.levels)
-
-    @property
-    def depth(self) -> tuple[NDArray[np.float32], ...]:
-        """Entries for depth of each level, unit norm, (k, n * n)."""
-        return tuple(self._core.entries("depth") or ())
-
-    @property
-    def color(self) -> tuple[NDArray[np.float32], ...] | None:
-        """Entries for colour of each level, unit norm, (k, 3 * n * n) with planes of red, green and
-        blue; None without colour."""
-        found = self._core.entries("color")
-        return None if found is None else tuple(found)
-
-    def concatenated(
-        self, channel: Channel = "depth"
-    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """All entries of a channel in one array, and where the entries of each level start.
-
-        Entries of level j are rows `offsets[j]:offsets[j + 1]`.
-        """
-        found = self._core.entries(channel)
-        if found is None:
-            raise InvalidInputError("this dictionary has no colour")
-        offsets = np.cumsum([0, *map(len, found)], dtype=np.int64)
-        return np.concatenate(found), offsets
-
-    def encode(self, cloud: PointCloud, **options: Any) -> PatchModel:
-        """Describes a cloud in these dictionaries: nothing is learned.
-
-        Parameters
-        ----------
-        cloud
-            What to describe; with colours only if the dictionary has colour.
-        options
-            As `learn_patches`; resolution, levels and pixels of a patch are those of the
-            dictionary.
-
-        Raises
-        ------
-        InvalidInputError
-            As `learn_patches`, and for options that contradict the dictionary.
-        """
-        size, pixels = self.levels[-1]
-        hierarchy = {"resolution": size, "levels": len(self.levels), "patch_pixels": pixels}
-        _check_options("hscsm", options)
-        return _learn_hscsm(cloud, dictionary=self, **{**hierarchy, **options})
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, PatchDictionary) and self.hash == other.hash
-
-    def __hash__(self) -> int:
-        return hash(self.hash)
-
-    def __repr__(self) -> str:
-        color = self.color or ()
-        return (
-            f"PatchDictionary({' + '.join(str(len(d)) for d in self.depth)} depth"
-            + (f" and {' + '.join(str(len(d)) for d in color)} colour" if color else "")
-            + f" entries, {self.hash})"
-        )
-
-
-@final
-class PatchModel:
-    """A cloud as sparse-coded surface patches; immutable.
-
-    Made by `learn_patches` and `surfabet.load`. Everything in it is quantised already, so it
-    decodes to the same cloud before it is saved and after it is loaded.
-    """
-
-    __slots__ = ("_core",)
-
-    def __init__(self, core: _core.PatchModel) -> None:
-        self._core = core
-
-    def decode(
-        self,
-        resolution: float | None = None,
-        *,
-        normals: bool = False,
-        max_points: int = MAX_POINTS,
-        progress: Progress = None,
-    ) -> PointCloud:
-        """The model as a cloud (eq. 2 and 3), at any spacing: patches are surfaces.
-
-        Parameters
-        ----------
-        resolution
-            Spacing of the points, metres; by default half a pixel.
-        normals
-            Give every point the unit normal of its patch surface.
-        max_points
-            Refuse to make more points than this.
-        progress
-            None, True for a bar on stderr, or a callable of stage and fraction.
-
-        Returns
-        -------
-        PointCloud
-            Points patch by patch; number and order are not those of the input.
-
-        Raises
-        ------
-        InvalidInputError
-            For a spacing that is not positive, or one that makes more than `max_points` points.
-        """
-        with progress_callback(progress) as callback:
-            return self._core.decode(
-                resolution=resolution, normals=normals, max_points=max_points, progress=callback
-            )
-
-    def to_bytes(self) -> bytes:
-        """The bytes of the model's file. The same model always gives the same bytes."""
-        return self._core.to_bytes()
-
-    def save(self, path: str | os.PathLike[str]) -> int:
-        """Writes the model to a file, usually `.sfb`, and returns its size in bytes.
-
-        An existing file is replaced only when the new one is complete.
-        """
-        return self._core.save(os.fspath(path))
-
-    @property
-    def report(self) -> LearningReport:
-        """How the model was learned."""
-        found = self._core.report_dict
-        return LearningReport(**{**found, "not_kept": tuple(found["not_kept"])})
-
-    @property
-    def n_points(self) -> int:
-        """Points of the cloud that the model was learned from."""
-        return self._core.n_points
-
-    @property
-    def origin(self) -> NDArray[np.float64]:
-        """World position that the model computes about, (3,), metres."""
-        return np.array(self._core.origin)
-
-    @property
-    def has_color(self) -> bool:
-        """Whether patches carry colour."""
-        return self._core.has_color
-
-    @property
-    def levels(self) -> tuple[PatchLevel, ...]:
-        """The levels of the hierarchy, coarsest first."""
-        return tuple(PatchLevel(*level) for level in self._core.levels)
-
-    @property
-    def centers(self) -> NDArray[np.float64]:
-        """World position of every patch, level by level, (m, 3), metres."""
-        return self._core.centers
-
-    @property
-    def axes(self) -> NDArray[np.float32]:
-        """x-axis, y-axis and normal of every patch as rows, (m, 3, 3)."""
-        return self._core.axes
-
-    def masks(self, level: int = 0) -> NDArray[np.bool_]:
-        """Which pixels of the patches of a level are set, (m, n, n)."""
-        return self._core.masks(level)
-
-    def means(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float64]:
-        """Mean of each patch of a level.
-
-        (m, 1) metres along the normal for depth; (m, 3) luma, orange and green chroma for colour.
-        """
-        return self._core.means(level, channel)
-
-    @property
-    def dictionary(self) -> PatchDictionary:
-        """The dictionaries of all levels, for other clouds to be described with."""
-        return PatchDictionary(self._core.dictionaries())
-
-    @property
-    def shares_dictionary(self) -> bool:
-        """Whether the file refers to the dictionary of another model instead of holding one."""
-        return self._core.shares_dictionary
-
-    @property
-    def patches(self) -> Patches:
-        """All patches as arrays."""
-        levels = self.levels
-        counts = [level.patches for level in levels]
-
-        def spread(values: list[float]) -> NDArray[np.float64]:
-            return np.repeat(np.array(values, dtype=np.float64), counts)
-
-        poses = np.zeros((len(self), 4, 4))
-        poses[:, :3, :3] = self.axes.transpose(0, 2, 1)
-        poses[:, :3, 3] = self.centers
-        poses[:, 3, 3] = 1
-        color = self.has_color
-        return Patches(
-            poses=poses,
-            level=np.repeat(np.arange(len(levels)), counts),
-            size=spread([level.pixel_size * level.pixels for level in levels]),
-            pixel_size=spread([level.pixel_size for level in levels]),
-            masks=tuple(self.masks(j) for j in range(len(levels))),
-            depth_means=np.concatenate([self.means(j)[:, 0] for j in range(len(levels))]),
-            color_means=np.concatenate([self.means(j, "color") for j in range(len(levels))])
-            if color
-            else None,
-            depth=self._columns("depth"),
-            color=self._columns("color") if color else None,
-        )
-
-    def _columns(self, channel: Channel) -> SparseColumns:
-        offsets, atoms, coefficients = [np.zeros(1, np.int64)], [], []
-        starts = self.dictionary.concatenated(channel)[1]
-        used = 0
-        for j, start in enumerate(starts[:-1]):
-            of_level = self.codes(j, channel)
-            offsets.append(of_level[0][1:].astype(np.int64) + used)
-            used += len(of_level[1])
-            atoms.append(of_level[1].astype(np.int64) + start)
-            coefficients.append(of_level[2])
-        return SparseColumns(*map(np.concatenate, (offsets, atoms, coefficients)))
-
-    def codes(
-        self, level: int = 0, channel: Channel = "depth"
-    ) -> tuple[NDArray[np.uint32], NDArray[np.uint16], NDArray[np.float64]]:
-        """Sparse codes of the patches of a level as columns `(offsets, entries, coefficients)`.
-
-        Patch i uses `entries[offsets[i]:offsets[i + 1]]` times the coefficients at the same places;
-        metres for depth, 0..255 for colour.
-        """
-        return self._core.codes(level, channel)
-
-    def __len__(self) -> int:
-        return len(self._core)
-
-    def __repr__(self) -> str:
-        levels = "; ".join(
-            f"{level.patches} patches of {level.pixels} x {level.pixels} pixels of "
-            f"{level.pixel_size:g} m over {level.depth_entries} depth"
-            + (f" and {level.color_entries} colour" if level.color_entries else "")
-            + " entries"
-            for level in self.levels
-        )
-        return f"PatchModel({self.n_points} points as {levels})"
+__all__ = ["learn_patches"]
 
 
 @overload
@@ -518,23 +171,24 @@ def learn_patches(
     >>> len(model.to_bytes()) < 300
     True
     """
-    _check_options(method, options)
-    return _learners()[method](cloud, progress=progress, **options)
+    check_options(method, options)
+    return LEARNERS[method](cloud, progress=progress, **options)
 
 
-def _learners() -> dict[str, Callable[..., LatticeModel | PatchModel]]:
-    return {"rate-distortion": _learn_lattice, "hscsm": _learn_hscsm}
+LEARNERS: dict[str, Callable[..., LatticeModel | PatchModel]] = {
+    "rate-distortion": lattice.learn,
+    "hscsm": hscsm.learn,
+}
 
 
-def _check_options(method: str, options: dict[str, Any]) -> None:
+def check_options(method: str, options: dict[str, Any]) -> None:
     """Refuses options that the method does not have, naming the one that has them."""
-    learners = _learners()
-    if method not in learners:
-        known = " or ".join(f'"{name}"' for name in learners)
+    if method not in LEARNERS:
+        known = " or ".join(f'"{name}"' for name in LEARNERS)
         raise InvalidInputError(f"method is {method!r}, but must be {known}")
     for name, value in options.items():
-        if name not in _options(learners[method]) | {"progress"}:
-            owner = next((m for m, f in learners.items() if name in _options(f)), None)
+        if name not in _options(LEARNERS[method]) | {"progress"}:
+            owner = next((m for m, f in LEARNERS.items() if name in _options(f)), None)
             hint = f'; method="{owner}" has' if owner else ""
             raise InvalidInputError(f'method="{method}" has no option {name!r}{hint}')
         if isinstance(value, int | float) and value < 0:
@@ -544,85 +198,3 @@ def _check_options(method: str, options: dict[str, Any]) -> None:
 def _options(learner: Callable[..., Any]) -> set[str]:
     """Names of the options that users may give."""
     return {*(learner.__kwdefaults__ or {})} - {"dictionary", "progress"}
-
-
-def _learn_lattice(
-    cloud: PointCloud,
-    *,
-    resolution: float = 0.01,
-    levels: int = 3,
-    max_error: float | None = None,
-    rate: float = 0.7,
-    depth_step: float = 0.75,
-    rounds: int = 3,
-    color_step: int = 90,
-    chroma_ratio: float = 1.5,
-    color_rate: float = 0.15,
-    sensor: Literal["structured-light", "constant"] = "structured-light",
-    random_state: int = 0,
-    progress: Progress = None,
-) -> LatticeModel:
-    del random_state
-    with progress_callback(progress) as callback:
-        learned = _core.learn_lattice(
-            cloud,
-            resolution=resolution,
-            levels=levels,
-            rate=rate,
-            depth_step=round(16 * depth_step),
-            rounds=rounds,
-            color_step=color_step,
-            chroma_ratio=chroma_ratio,
-            color_rate=color_rate,
-            max_error=max_error,
-            sensor=sensor,
-            progress=callback,
-        )
-    return LatticeModel(learned)
-
-
-def _learn_hscsm(
-    cloud: PointCloud,
-    *,
-    resolution: float = 0.01,
-    patch_pixels: int = 8,
-    levels: int = 1,
-    max_depth_deviation: float | None = None,
-    max_color_deviation: float = 60.0,
-    min_coverage: float = 0.9,
-    placement: Literal["greedy", "subsampled"] = "greedy",
-    depth_atoms: int = 128,
-    color_atoms: int = 256,
-    depth_sparsity: int = 6,
-    color_sparsity: int = 12,
-    depth_tolerance: float | None = None,
-    color_tolerance: float = 7.0,
-    iterations: int = 8,
-    sensor: Literal["structured-light", "constant"] = "structured-light",
-    random_state: int = 0,
-    dictionary: PatchDictionary | None = None,
-    progress: Progress = None,
-) -> PatchModel:
-    with progress_callback(progress) as callback:
-        learned = _core.learn_patches(
-            cloud,
-            resolution=resolution,
-            patch_pixels=patch_pixels,
-            levels=levels,
-            max_depth_deviation=max_depth_deviation,
-            max_color_deviation=max_color_deviation,
-            min_coverage=min_coverage,
-            placement=placement,
-            depth_atoms=depth_atoms,
-            color_atoms=color_atoms,
-            depth_sparsity=depth_sparsity,
-            color_sparsity=color_sparsity,
-            depth_tolerance=depth_tolerance,
-            color_tolerance=color_tolerance,
-            iterations=iterations,
-            sensor=sensor,
-            random_state=random_state,
-            dictionary=None if dictionary is None else dictionary._core,
-            progress=callback,
-        )
-    return PatchModel(learned)

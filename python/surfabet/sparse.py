@@ -6,7 +6,6 @@ Signals are rows of an array, with a weight per value: 0 (or ``False``) where no
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
 from surfabet._core import Ksvd, SparseCodes
+from surfabet._progress import Progress, progress_callback
 
 __all__ = ["Ksvd", "SparseCodes", "ksvd", "omp", "reconstruct", "squared_errors"]
 
@@ -97,7 +97,7 @@ def ksvd(
     max_coherence: float = 0.9,
     update_iterations: int = 10,
     update_tolerance: float = 1e-4,
-    progress: Callable[[str, float], object] | None = None,
+    progress: Progress = None,
 ) -> Ksvd:
     """Learn a dictionary and sparse codes over it, by weighted K-SVD.
 
@@ -131,8 +131,8 @@ def ksvd(
         Most alternations in the update of an atom from weighted signals.
     update_tolerance : float
         Least relative gain for another alternation.
-    progress : callable, optional
-        Called as ``progress("dictionary", fraction)``.
+    progress : None, bool or callable
+        None, True for a bar on stderr, or a callable of stage and fraction.
 
     Returns
     -------
@@ -157,21 +157,22 @@ def ksvd(
     >>> bool(np.allclose(again, signals, atol=1e-3))
     True
     """
-    return _core.sparse_ksvd(
-        signals,
-        _as_weights(weights),
-        n_atoms,
-        max_atoms,
-        tolerance,
-        selection,
-        iterations,
-        convergence,
-        random_state,
-        max_coherence,
-        update_iterations,
-        update_tolerance,
-        progress,
-    )
+    with progress_callback(progress) as callback:
+        return _core.sparse_ksvd(
+            signals,
+            _as_weights(weights),
+            n_atoms,
+            max_atoms,
+            tolerance,
+            selection,
+            iterations,
+            convergence,
+            random_state,
+            max_coherence,
+            update_iterations,
+            update_tolerance,
+            callback,
+        )
 
 
 def reconstruct(dictionary: ArrayLike, codes: SparseCodes) -> NDArray[np.float32]:

@@ -259,6 +259,20 @@ def test_evaluate_of_a_model_counts_its_bytes_and_draws(
     assert list(tmp_path.iterdir()) == [picture]
 
 
+def test_evaluate_takes_the_dictionary_that_a_model_needs(
+    ply: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = tmp_path / "first.sfb", tmp_path / "second.sfb"
+    options = ["--resolution", "0.05", "--method", "hscsm", "--no-evaluate", "--quiet"]
+    assert main(["compress", str(ply), str(first), *options]) == 0
+    assert main(["compress", str(ply), str(second), *options, "--dictionary", str(first)]) == 0
+    assert main(["evaluate", str(ply), str(second), "--json"]) == 1
+    assert "does not hold it" in capsys.readouterr().err
+    command = ["evaluate", str(ply), str(second), "--dictionary", str(first), "--json"]
+    assert main(command) == 0
+    assert parsed(capsys)["bytes"] == second.stat().st_size
+
+
 def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
     output = tmp_path / "out.sfb"
     # At this resolution the work takes far longer than the wait.

@@ -224,17 +224,21 @@ def test_a_real_frame():
     assert quality.rmse_pooled < 0.006
 
 
-@pytest.fixture(scope="module")
-def levelled(cloud: sb.PointCloud) -> sb.PatchModel:
+def learn_hierarchy(cloud: sb.PointCloud) -> sb.PatchModel:
     return sb.learn_patches(
         cloud,
         method="hscsm",
-        resolution=0.01,
+        resolution=PIXEL,
         levels=3,
         patch_pixels=4,
         max_color_deviation=60,
         iterations=3,
     )
+
+
+@pytest.fixture(scope="module")
+def levelled(cloud: sb.PointCloud) -> sb.PatchModel:
+    return learn_hierarchy(cloud)
 
 
 def test_a_hierarchy_owns_every_sample_once(cloud, levelled):
@@ -281,15 +285,7 @@ def test_patches_are_arrays_over_all_levels(levelled):
 def test_a_second_scene_needs_no_dictionary(levelled, tmp_path):
     other = scene(19_000)
     dictionary = levelled.dictionary
-    own = sb.learn_patches(
-        other,
-        method="hscsm",
-        resolution=0.01,
-        levels=3,
-        patch_pixels=4,
-        max_color_deviation=60,
-        iterations=3,
-    )
+    own = learn_hierarchy(other)
     shared = dictionary.encode(other, max_color_deviation=60)
     assert shared.shares_dictionary
     assert not own.shares_dictionary

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+import surfabet as sb
+from surfabet import datasets, sparse
 from surfabet._progress import progress_callback
 
 
@@ -28,6 +30,15 @@ def test_callable_is_passed_through() -> None:
 def test_other_things_are_refused() -> None:
     with pytest.raises(TypeError, match="give None, True or a callable"), progress_callback(1.5):  # type: ignore[arg-type]
         pass
+
+
+def test_true_is_taken_by_every_function(capsys: pytest.CaptureFixture[str]) -> None:
+    scan = datasets.simulated_room(n_poses=1, progress=True)
+    cloud = sb.voxel_downsample(scan.cloud, 0.1, progress=True)
+    sb.estimate_normals(cloud, progress=True)
+    sb.evaluate(cloud, cloud, progress=True)
+    sparse.ksvd([[1.0, 2.0], [2.0, 1.0]], n_atoms=1, max_atoms=1, progress=True)
+    assert capsys.readouterr().out == ""
 
 
 def test_bar_goes_to_stderr_only(capsys: pytest.CaptureFixture[str]) -> None:

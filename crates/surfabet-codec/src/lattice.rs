@@ -5,7 +5,7 @@
 //! sections. Byte by byte in `docs/format.md`.
 
 use surfabet_models::patches::lattice::{
-    ColorSteps, LatticeHeader, LatticeLimits, LatticeModel, MAX_LEVELS, Orientation,
+    ColorSteps, Lattice, LatticeHeader, LatticeLimits, LatticeModel, MAX_LEVELS, Orientation,
 };
 
 use crate::bytes::{ByteReader, ByteWriter};
@@ -78,13 +78,14 @@ pub fn read(container: &Container<'_>, limits: &Limits) -> Result<LatticeModel> 
 fn write_meta(header: &LatticeHeader) -> Vec<u8> {
     let mut out = ByteWriter::new();
     out.varint(header.n_points);
-    header.origin.iter().for_each(|&c| out.f64(c));
-    for c in header.orientation.quaternion {
+    let lattice = &header.lattice;
+    lattice.origin.iter().for_each(|&c| out.f64(c));
+    for c in lattice.orientation.quaternion {
         out.varint(zigzag(c));
     }
-    out.f64(header.pixel_size);
-    out.varint(u64::from(header.levels));
-    out.varint(u64::from(header.depth_step));
+    out.f64(lattice.pixel_size);
+    out.varint(u64::from(lattice.levels));
+    out.varint(u64::from(lattice.depth_step));
     out.varint(header.n_patches);
     // Zero: no colour.
     let steps = header.color.map_or((0, 0), |c| (c.luma, c.chroma));
@@ -122,11 +123,7 @@ fn read_meta(bytes: &[u8], limits: &Limits) -> Result<LatticeHeader> {
     input.finish()?;
     Ok(LatticeHeader {
         n_points,
-        origin,
-        orientation,
-        pixel_size,
-        levels,
-        depth_step,
+        lattice: Lattice { origin, orientation, pixel_size, levels, depth_step },
         n_patches,
         color,
         n_extra,

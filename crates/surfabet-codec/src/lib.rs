@@ -29,6 +29,7 @@
 //! # Ok::<(), surfabet_codec::Error>(())
 //! ```
 
+pub mod alphabet_bic;
 pub mod bytes;
 mod container;
 mod entropy;

@@ -91,3 +91,11 @@ impl Error {
         Self::InvalidParameter { name, value: value.to_string(), requirement }
     }
 }
+
+/// Refuses what is not a finite number above zero.
+pub(crate) fn positive(name: &'static str, value: f64, requirement: &'static str) -> Result<()> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(Error::invalid(name, value, requirement))
+}

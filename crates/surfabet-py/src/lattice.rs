@@ -7,18 +7,18 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use surfabet::patches::lattice;
-use surfabet::{DecodeOptions, LatticeModel, LatticeOptions, Model};
+use surfabet::{DecodeOptions, LatticeModel, LatticeOptions};
 
 use crate::cloud::PyPointCloud;
-use crate::errors::IntoPyErr;
 use crate::patches::sensor_of;
 use crate::report::report_dict;
 use crate::run::run;
+use crate::save;
 
 /// A cloud as patches on a lattice; immutable.
 #[pyclass(name = "LatticeModel", module = "surfabet", frozen)]
 pub struct PyLatticeModel {
-    model: Model,
+    model: LatticeModel,
 }
 
 /// Learns patches on a lattice; documented in `surfabet.patches`.
@@ -55,20 +55,12 @@ fn learn_lattice(
     };
     let cloud = &cloud.get().cloud;
     let model = run(py, progress, |monitor| lattice::learn(cloud, &options, monitor))?;
-    Ok(PyLatticeModel::new(model))
+    Ok(model.into())
 }
 
-impl PyLatticeModel {
-    pub fn new(model: LatticeModel) -> Self {
-        Self { model: Model::from(model) }
-    }
-
-    fn of(&self) -> &LatticeModel {
-        match &self.model {
-            Model::Lattice(model) => model,
-            // `new` puts nothing else in.
-            _ => unreachable!("a lattice model of another kind"),
-        }
+impl From<LatticeModel> for PyLatticeModel {
+    fn from(model: LatticeModel) -> Self {
+        Self { model }
     }
 }
 
@@ -83,69 +75,65 @@ impl PyLatticeModel {
         max_points: u64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyPointCloud> {
-        let model = slf.get().of();
+        let model = &slf.get().model;
         let options = DecodeOptions { resolution, as_measured, normals, max_points };
         let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
         Ok(cloud.into())
     }
 
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| self.model.to_bytes());
-        Ok(PyBytes::new(py, &bytes.map_err(IntoPyErr::into_py_err)?))
+        save::to_bytes(py, &self.model)
     }
 
     /// Writes the file and returns its size in bytes.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        py.detach(|| self.model.save(path)).map_err(IntoPyErr::into_py_err)
+        save::save(py, &self.model, path)
     }
 
     #[getter]
     fn n_points(&self) -> u64 {
-        self.of().n_points()
+        self.model.n_points()
     }
 
     #[getter]
     fn origin(&self) -> [f64; 3] {
-        self.of().origin()
+        self.model.origin()
     }
 
     /// Lattice to world, rows of a rotation.
     #[getter]
     fn rotation(&self) -> [[f64; 3]; 3] {
-        self.of().geometry().orientation.rotation()
+        self.model.lattice().orientation.rotation()
     }
 
     #[getter]
     fn has_color(&self) -> bool {
-        self.of().has_color()
+        self.model.has_color()
     }
 
     #[getter]
     fn max_error(&self) -> Option<f64> {
-        self.of().max_error()
+        self.model.max_error()
     }
 
     #[getter]
     fn n_extra_points(&self) -> u64 {
-        self.of().header().n_extra
+        self.model.header().n_extra
     }
 
     /// `(pixel_size, pixels, patches, set pixels)` of each level, coarsest first.
     #[getter]
-    fn levels(&self) -> Vec<(f64, u32, usize, u64)> {
-        let geometry = self.of().geometry();
-        let level = |l: u32| {
-            let of = self.of().leaves().iter().filter(|leaf| leaf.level == l);
-            let set = of.clone().map(|leaf| u64::from(leaf.patch.mask.count_ones())).sum();
-            let pixel = geometry.pixel_size * f64::from(1 << l);
-            (pixel, lattice::PATCH_PIXELS as u32, of.count(), set)
+    fn levels(&self) -> Vec<(f64, u32, u64, u64)> {
+        let lattice = self.model.lattice();
+        let level = |(l, of): (u32, lattice::LevelSize)| {
+            (lattice.pixel_of(l), lattice::PATCH_PIXELS as u32, of.patches, of.set_pixels)
         };
-        (0..geometry.levels).rev().map(level).collect()
+        (0..lattice.levels).zip(self.model.level_sizes()).rev().map(level).collect()
     }
 
     /// Side, level and the first column and row (finest pixels) of every patch, (m, 4).
     fn places<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<i64>> {
-        let leaves = self.of().leaves();
+        let leaves = self.model.leaves();
         Array2::from_shape_fn((leaves.len(), 4), |(i, column)| match column {
             0 => i64::from(leaves[i].side),
             1 => i64::from(leaves[i].level),
@@ -156,7 +144,7 @@ impl PyLatticeModel {
 
     /// Set pixels of every patch, (m, 8, 8).
     fn masks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<bool>> {
-        let leaves = self.of().leaves();
+        let leaves = self.model.leaves();
         Array3::from_shape_fn((leaves.len(), 8, 8), |(i, row, column)| {
             leaves[i].patch.mask >> (8 * row + column) & 1 != 0
         })
@@ -165,8 +153,8 @@ impl PyLatticeModel {
 
     /// Coefficients of the shapes of every patch, (m, 21), metres.
     fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let (leaves, geometry) = (self.of().leaves(), self.of().geometry());
-        let step = geometry.pixel_size * f64::from(geometry.depth_step) / 16.0;
+        let (leaves, lattice) = (self.model.leaves(), self.model.lattice());
+        let step = lattice.pixel_size * f64::from(lattice.depth_step) / 16.0;
         let shapes = leaves.first().map_or(0, |l| l.patch.coefficients.len());
         Array2::from_shape_fn((leaves.len(), shapes), |(i, k)| {
             f64::from(leaves[i].patch.coefficients[k]) * step
@@ -176,20 +164,19 @@ impl PyLatticeModel {
 
     /// Standard deviation of the scan about every patch, (m,), metres.
     fn sigma<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let quarter = 0.25 * self.of().geometry().pixel_size;
-        let sigma =
-            |leaf: &lattice::Leaf| f64::from(leaf.patch.thickness) * quarter / 3.0_f64.sqrt();
-        self.of().leaves().iter().map(sigma).collect::<Vec<f64>>().into_pyarray(py)
+        let pixel = self.model.lattice().pixel_size;
+        let sigma = |leaf: &lattice::Leaf| leaf.patch.sigma() * pixel;
+        self.model.leaves().iter().map(sigma).collect::<Vec<f64>>().into_pyarray(py)
     }
 
     /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
     #[getter]
     fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.of().report())
+        report_dict(py, self.model.report())
     }
 
     fn __len__(&self) -> usize {
-        self.of().len()
+        self.model.len()
     }
 }
 

@@ -3,6 +3,7 @@
 //! Every long call runs through [`run::run`]: the interpreter lock is released, progress reaches a Python
 //! callable and Ctrl-C stops the work.
 
+mod alphabet_bic;
 mod arrays;
 mod cloud;
 mod errors;
@@ -16,6 +17,7 @@ mod patches;
 mod range_image;
 mod report;
 mod run;
+mod save;
 mod sim;
 mod sparse;
 mod view;
@@ -30,6 +32,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     cloud::register(module)?;
     patches::register(module)?;
     lattice::register(module)?;
+    alphabet_bic::register(module)?;
     lzf::register(module)?;
     sim::register(module)?;
     kdtree::register(module)?;

@@ -12,11 +12,13 @@ use surfabet::{
     dictionary_hash, patches,
 };
 
+use crate::alphabet_bic::PyBicModel;
 use crate::cloud::PyPointCloud;
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::lattice::PyLatticeModel;
 use crate::report::report_dict;
 use crate::run::run;
+use crate::save;
 
 /// A cloud as sparse-coded surface patches; immutable.
 #[pyclass(name = "PatchModel", module = "surfabet", frozen)]
@@ -154,14 +156,12 @@ impl PyPatchModel {
     }
 
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| Model::from(self.model.clone()).to_bytes());
-        Ok(PyBytes::new(py, &bytes.map_err(IntoPyErr::into_py_err)?))
+        save::to_bytes(py, &self.model)
     }
 
     /// Writes the file and returns its size in bytes.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        let saved = py.detach(|| Model::from(self.model.clone()).save(path));
-        saved.map_err(IntoPyErr::into_py_err)
+        save::save(py, &self.model, path)
     }
 
     #[getter]
@@ -368,26 +368,36 @@ fn load(
     wrap(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
-/// Family, oldest release that reads the file, and bytes by section, of the bytes of an `.sfb` file.
+/// Family, oldest release that reads the file, bytes by section, and the model, of the bytes of an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes))]
+#[pyo3(signature = (data, *, max_items, max_bytes, dictionary))]
 fn inspect(
+    py: Python<'_>,
     data: &[u8],
     max_items: u64,
     max_bytes: u64,
-) -> PyResult<(&'static str, String, Vec<(String, usize)>)> {
+    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
+) -> PyResult<(&'static str, String, Vec<(String, usize)>, Py<PyAny>)> {
     let limits = Limits { max_items, max_bytes };
-    let container = Container::parse(data, &limits)
-        .map_err(|error| surfabet::Error::from(error).into_py_err())?;
+    let dictionary = dictionary.map(|d| &d.get().dictionary);
+    let (container, model) = py
+        .detach(|| {
+            let container = Container::parse(data, &limits)?;
+            let model = Model::read(&container, &limits, dictionary)?;
+            Ok::<_, surfabet::Error>((container, model))
+        })
+        .map_err(IntoPyErr::into_py_err)?;
     let sections =
         container.sections().iter().map(|s| (s.tag.to_string(), s.bytes.len())).collect();
-    Ok((container.family().name(), container.needed_version().to_string(), sections))
+    let version = container.needed_version().to_string();
+    Ok((container.family().name(), version, sections, wrap(py, model)?))
 }
 
 fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
     match model {
         Model::Patches(model) => Ok(Py::new(py, PyPatchModel { model })?.into_any()),
-        Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::new(model))?.into_any()),
+        Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::from(model))?.into_any()),
+        Model::BicAlphabet(model) => Ok(Py::new(py, PyBicModel::from(model))?.into_any()),
         other => {
             Err(invalid_input(format!("models of family {} have no class yet", other.family())))
         }

@@ -4,14 +4,14 @@
 //! model in a `.sfb` file whatever its family.
 //!
 //! ```
-//! use surfabet::{Limits, Model, PatchOptions, PointCloud, Silent, patches};
+//! use surfabet::{Limits, Model, PatchOptions, PointCloud, Save, Silent, patches};
 //!
 //! // A square of 0.3 m, a point every 5 mm.
 //! let points = (0..3600).map(|i| [(i % 60) as f32 * 0.005, (i / 60) as f32 * 0.005, 1.0]).collect();
 //! let (cloud, _) = PointCloud::from_positions(points);
 //!
 //! let options = PatchOptions { resolution: 0.01, ..PatchOptions::default() };
-//! let model = Model::from(patches::learn(&cloud, &options, &Silent)?);
+//! let model = patches::learn(&cloud, &options, &Silent)?;
 //! let file = model.to_bytes()?;
 //! assert!(file.len() < 400);
 //!
@@ -22,13 +22,18 @@
 
 mod error;
 mod model;
+mod save;
 
 pub use error::{Error, Result};
 pub use model::Model;
+pub use save::Save;
+pub use surfabet_codec::alphabet_bic::{alphabet_hash as bic_alphabet_hash, shared_alphabet};
 pub use surfabet_codec::patches::{dictionary_hash, shared_dictionary};
 pub use surfabet_codec::{Container, ContentHash, Family, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
+pub use surfabet_models::alphabet::bic::{self, BicAlphabet, BicModel, BicOptions};
+pub use surfabet_models::alphabet::{Deviation, Upright};
 pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::patches::{
     self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,

@@ -5,10 +5,12 @@ use std::path::Path;
 
 use surfabet_codec::{Container, Family, Features, Limits};
 use surfabet_geom::{PointCloud, Progress};
+use surfabet_models::alphabet::bic::{BicAlphabet, BicModel};
 use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
 
 use crate::error::{Error, Result};
+use crate::save::{Save, write};
 
 /// A model of any family.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +20,14 @@ pub enum Model {
     Patches(PatchModel),
     /// Surface patches on a lattice.
     Lattice(LatticeModel),
+    /// Words chosen by the Bayesian information criterion, and where they occur.
+    BicAlphabet(BicModel),
+}
+
+impl From<BicModel> for Model {
+    fn from(model: BicModel) -> Self {
+        Self::BicAlphabet(model)
+    }
 }
 
 impl From<LatticeModel> for Model {
@@ -37,6 +47,7 @@ impl Model {
     pub fn family(&self) -> Family {
         match self {
             Self::Patches(_) | Self::Lattice(_) => Family::Patches,
+            Self::BicAlphabet(_) => Family::Alphabet,
         }
     }
 
@@ -46,9 +57,18 @@ impl Model {
     /// When the container cannot hold the model.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         match self {
-            Self::Patches(model) => Ok(surfabet_codec::patches::write(model)?),
-            Self::Lattice(model) => Ok(surfabet_codec::lattice::write(model)?),
+            Self::Patches(model) => model.to_bytes(),
+            Self::Lattice(model) => model.to_bytes(),
+            Self::BicAlphabet(model) => model.to_bytes(),
         }
+    }
+
+    /// Writes an `.sfb` file; an existing one is replaced only when the new one is complete. Returns its size.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
+        write(path.as_ref(), &self.to_bytes()?)
     }
 
     /// Reads the bytes of an `.sfb` file, which need not be trusted.
@@ -68,13 +88,43 @@ impl Model {
         limits: &Limits,
         dictionary: Option<&PatchDictionary>,
     ) -> Result<Self> {
+        Self::read(&Container::parse(bytes, limits)?, limits, dictionary)
+    }
+
+    /// As [`Model::from_bytes`], for a model by BIC that may refer to `alphabet` instead of holding its words.
+    ///
+    /// # Errors
+    /// [`Error::Codec`] when anything is wrong with the bytes, they hold another kind of model, or they refer to
+    /// another alphabet.
+    pub fn from_bytes_with_alphabet(
+        bytes: &[u8],
+        limits: &Limits,
+        alphabet: &BicAlphabet,
+    ) -> Result<Self> {
         let container = Container::parse(bytes, limits)?;
+        let model = surfabet_codec::alphabet_bic::read(&container, limits, Some(alphabet))?;
+        Ok(Self::BicAlphabet(model))
+    }
+
+    /// As [`Model::from_bytes_with`], from a file that is parsed already.
+    ///
+    /// # Errors
+    /// As [`Model::from_bytes_with`].
+    pub fn read(
+        container: &Container<'_>,
+        limits: &Limits,
+        dictionary: Option<&PatchDictionary>,
+    ) -> Result<Self> {
         match container.family() {
             Family::Patches if container.features().contains(Features::LATTICE) => {
-                Ok(Self::Lattice(surfabet_codec::lattice::read(&container, limits)?))
+                Ok(Self::Lattice(surfabet_codec::lattice::read(container, limits)?))
             }
             Family::Patches => {
-                Ok(Self::Patches(surfabet_codec::patches::read(&container, limits, dictionary)?))
+                Ok(Self::Patches(surfabet_codec::patches::read(container, limits, dictionary)?))
+            }
+            Family::Alphabet if container.features().contains(Features::BIC_ALPHABET) => {
+                let model = surfabet_codec::alphabet_bic::read(container, limits, None)?;
+                Ok(Self::BicAlphabet(model))
             }
             other => Err(surfabet_codec::Error::UnknownFamily {
                 found: other as u8,
@@ -82,25 +132,6 @@ impl Model {
             }
             .into()),
         }
-    }
-
-    /// Writes an `.sfb` file; an existing one is replaced only when the new one is complete. Returns its size.
-    ///
-    /// # Errors
-    /// [`Error::Io`] naming the file.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
-        let path = path.as_ref();
-        let bytes = self.to_bytes()?;
-        let io = |source| Error::Io { path: path.to_owned(), source };
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(format!(".{}.part", std::process::id()));
-        let written = fs::write(&partial, &bytes).and_then(|()| fs::rename(&partial, path));
-        if written.is_err() {
-            // The first error is the one to tell; a leftover that cannot be removed adds nothing to it.
-            let _ = fs::remove_file(&partial);
-        }
-        written.map_err(io)?;
-        Ok(bytes.len() as u64)
     }
 
     /// Reads an `.sfb` file, which need not be trusted.
@@ -136,15 +167,12 @@ impl Model {
     /// # Errors
     /// [`Error::Model`] for an impossible spacing or when the caller asks to stop.
     pub fn decode(&self, resolution: Option<f64>, progress: &dyn Progress) -> Result<PointCloud> {
+        let options = DecodeOptions { resolution, ..DecodeOptions::default() };
         match self {
-            Self::Patches(model) => {
-                let options = DecodeOptions { resolution, ..DecodeOptions::default() };
-                Ok(model.decode(options, progress)?)
-            }
-            Self::Lattice(model) => {
-                let options = DecodeOptions { resolution, ..DecodeOptions::default() };
-                Ok(model.decode(options, progress)?)
-            }
+            Self::Patches(model) => Ok(model.decode(options, progress)?),
+            Self::Lattice(model) => Ok(model.decode(options, progress)?),
+            // Its spacing was chosen when it was learned.
+            Self::BicAlphabet(model) => Ok(model.decode(options.max_points, progress)?),
         }
     }
 }

@@ -67,6 +67,7 @@ def evaluate(
     *,
     sigma: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
     as_measured: Flag = False,
+    dictionary: Path | None = None,
     picture: Path | None = None,
     json: Flag = False,
     read: ReadOptions = READ_OPTIONS,
@@ -90,6 +91,8 @@ def evaluate(
         left out.
     as_measured
         Decode a model file with the thickness that the scan had, not as the surface in its middle.
+    dictionary
+        The model whose dictionaries a model file was made with, if it holds none.
     picture
         Draw both clouds and the histogram of errors into this file: png, jpg, pdf, svg or webp.
     json
@@ -104,7 +107,8 @@ def evaluate(
         n_bytes = None
         if decoded.suffix.lower() == MODEL_SUFFIX:
             n_bytes = size_on_disk(decoded)
-            judged = decode(load_model(decoded, progress), as_measured, progress=progress)
+            model = load_model(decoded, progress, dictionary)
+            judged = decode(model, as_measured, progress=progress)
         else:
             judged = read_cloud(decoded, READ_OPTIONS, progress)
         quality = surfabet.evaluate(original, judged, sigma=sigma, bytes=n_bytes, progress=progress)

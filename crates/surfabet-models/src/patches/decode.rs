@@ -3,39 +3,12 @@
 //! Each patch is a continuous surface: between pixel centres depth and colour are interpolated inside the mask.
 //! Every set pixel yields points, so nothing that the model covers is lost at a coarse spacing either.
 
-use rayon::prelude::*;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use super::frame::Frame;
 use super::model::{Channel, Level, PatchModel};
-use crate::error::{Error, Result};
-
-/// How to decode.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DecodeOptions {
-    /// Spacing of the points, metres; `None`: half of the finest level's pixel.
-    pub resolution: Option<f64>,
-    /// Fill the thickness that the scan had, where the model keeps it.
-    pub as_measured: bool,
-    /// Give each point the normal of its patch surface.
-    pub normals: bool,
-    /// Refuse to produce more points than this.
-    pub max_points: u64,
-}
-
-impl Default for DecodeOptions {
-    fn default() -> Self {
-        Self { resolution: None, as_measured: false, normals: false, max_points: 2_000_000_000 }
-    }
-}
-
-/// Points of some patches.
-#[derive(Default)]
-struct Points {
-    positions: Vec<[f32; 3]>,
-    colors: Vec<[u8; 3]>,
-    normals: Vec<[f32; 3]>,
-}
+use super::points::{DecodeOptions, Points};
+use crate::error::Result;
 
 impl PatchModel {
     /// The model as a cloud. Points come patch by patch; their number and order are not those of the input.
@@ -44,11 +17,8 @@ impl PatchModel {
     /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`] above the
     /// limit, [`Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        let resolution = match options.resolution {
-            Some(r) if r.is_finite() && r > 0.0 => r,
-            Some(r) => return Err(Error::invalid("resolution", r, "a positive number of metres")),
-            None => 0.5 * self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min),
-        };
+        let finest = self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min);
+        let resolution = options.spacing(finest)?;
         let bound: f64 = self
             .levels()
             .iter()
@@ -58,34 +28,14 @@ impl PatchModel {
                 set * per_side * per_side
             })
             .sum();
-        if bound > options.max_points as f64 {
-            return Err(Error::TooManyPoints {
-                resolution,
-                points: bound as u64,
-                limit: options.max_points,
-            });
-        }
+        options.check_points(resolution, bound)?;
         let mut all = Points::default();
         for level in self.levels() {
             let decoder = LevelDecoder::new(level, resolution, options.normals);
-            let blocks: Vec<usize> = (0..level.len()).step_by(BLOCK).collect();
-            let decoded: Vec<Result<Points>> = blocks
-                .par_iter()
-                .map(|&from| {
-                    progress.check()?;
-                    let mut points = Points::default();
-                    for i in from..(from + BLOCK).min(level.len()) {
-                        decoder.decode(i, &mut points);
-                    }
-                    Ok(points)
-                })
-                .collect();
-            for points in decoded {
-                let points = points?;
-                all.positions.extend(points.positions);
-                all.colors.extend(points.colors);
-                all.normals.extend(points.normals);
-            }
+            let patches: Vec<usize> = (0..level.len()).collect();
+            all.extend(&patches, BLOCK, progress, |patches, points| {
+                patches.iter().for_each(|&i| decoder.decode(i, points));
+            })?;
         }
         progress.update("decoding", 1.0);
         let parts = CloudParts {

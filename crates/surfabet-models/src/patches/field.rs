@@ -12,7 +12,8 @@ use surfabet_geom::Moments;
 
 use super::cells::Cells;
 use super::frame::{Frame, PatchPose, dot, sub};
-use super::samples::{Groups, Sample, Samples};
+use super::groups::Groups;
+use super::samples::{Sample, Samples};
 
 /// Radii of the neighbourhoods that compete for the normal of a patch, in patch sizes. The plane that explains
 /// most points wins, so that a patch beside a corner follows one wall and not the diagonal.

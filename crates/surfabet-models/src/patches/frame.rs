@@ -38,6 +38,12 @@ pub(super) fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
+/// `v` at unit length; zero stays zero.
+pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
+    let length = dot(v, v).sqrt();
+    if length > 0.0 { v.map(|c| c / length) } else { v }
+}
+
 /// `a + s * b`.
 pub(super) fn add_scaled(a: [f32; 3], s: f32, b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| a[i] + s * b[i])

@@ -5,6 +5,7 @@ use surfabet_geom::{KdTree, PointCloud, Progress};
 
 use super::decode::to_ycocg;
 use super::dictionary::{ChannelOptions, LevelDictionary, PatchDictionary, learn_channel};
+use super::extent::{check_extent, reach};
 use super::field::{Grid, Rules};
 use super::images::{Images, project};
 use super::model::{Channel, Level, MAX_POSITION, PatchModel, PatchModelParts, Steps};
@@ -74,7 +75,8 @@ fn describe(
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
     options.check()?;
-    check_extent(cloud, options)?;
+    let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);
+    check_extent(extent, options.resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
     let mut report = Report::default();
 
     progress.update("merging points", 0.0);
@@ -196,22 +198,6 @@ fn neighbour_distance(
     let nearest = KdTree::new(&centers)?.k_nearest_batch(&centers, 2, progress)?;
     let sum: f64 = nearest.chunks(2).map(|pair| f64::from(pair[1].squared_distance()).sqrt()).sum();
     Ok(Some(sum / placed.len() as f64))
-}
-
-fn check_extent(cloud: &PointCloud, options: &PatchOptions) -> Result<()> {
-    let Some((low, high)) = cloud.bounds() else { return Err(Error::EmptyCloud) };
-    let origin = cloud.origin();
-    let extent = (0..3)
-        .map(|a| (low[a] - origin[a]).abs().max((high[a] - origin[a]).abs()))
-        .fold(0.0, f64::max);
-    // Single precision must still resolve a twentieth of a pixel at the far end, which also bounds the number of
-    // half-pixel cells along an axis by 2^21.
-    let precise = options.resolution * 0.05 * f64::from(1 << 23);
-    let limit = precise.min(POSITION_STEP * options.resolution * f64::from(MAX_POSITION));
-    if extent > limit {
-        return Err(Error::TooLarge { extent, limit, resolution: options.resolution });
-    }
-    Ok(())
 }
 
 fn in_storing_order(placed: Vec<Placed>, pixel_size: f64, pixels: u32) -> Vec<Placed> {

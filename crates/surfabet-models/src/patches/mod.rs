@@ -21,8 +21,10 @@
 mod cells;
 mod decode;
 mod dictionary;
+mod extent;
 mod field;
 mod frame;
+mod groups;
 mod images;
 pub mod lattice;
 mod learn;
@@ -30,10 +32,10 @@ mod model;
 mod options;
 pub mod order;
 mod placement;
+mod points;
 mod samples;
 mod sensor;
 
-pub use decode::DecodeOptions;
 pub use dictionary::{LevelDictionary, PatchDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
 pub use learn::{encode, learn};
@@ -41,4 +43,5 @@ pub use model::{
     Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchModel, PatchModelParts, Steps,
 };
 pub use options::{MAX_LEVELS, PatchOptions, Placement};
+pub use points::DecodeOptions;
 pub use sensor::Sensor;

@@ -2,7 +2,7 @@
 
 use super::model::MAX_SPARSITY;
 use super::sensor::Sensor;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Most levels of a hierarchy.
 pub const MAX_LEVELS: u32 = 8;
@@ -117,34 +117,16 @@ impl PatchOptions {
     /// # Errors
     /// [`Error::InvalidParameter`] naming the first one.
     pub fn check(&self) -> Result<()> {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        if !positive(self.resolution) {
-            return Err(Error::invalid(
-                "resolution",
-                self.resolution,
-                "a positive number of metres",
-            ));
-        }
+        positive("resolution", self.resolution, "a positive number of metres")?;
         if !(2..=32).contains(&self.patch_pixels) {
             return Err(Error::invalid("patch_pixels", self.patch_pixels, "2 to 32"));
         }
         if !(1..=MAX_LEVELS).contains(&self.levels) {
             return Err(Error::invalid("levels", self.levels, "1 to 8"));
         }
-        if !positive(self.max_depth_deviation()) {
-            return Err(Error::invalid(
-                "max_depth_deviation",
-                self.max_depth_deviation(),
-                "a positive number of metres",
-            ));
-        }
-        if !positive(self.max_color_deviation) {
-            return Err(Error::invalid(
-                "max_color_deviation",
-                self.max_color_deviation,
-                "positive",
-            ));
-        }
+        let deviation = self.max_depth_deviation();
+        positive("max_depth_deviation", deviation, "a positive number of metres")?;
+        positive("max_color_deviation", self.max_color_deviation, "positive")?;
         if !(self.min_coverage > 0.0 && self.min_coverage <= 1.0) {
             return Err(Error::invalid("min_coverage", self.min_coverage, "above 0 and at most 1"));
         }
@@ -161,15 +143,9 @@ impl PatchOptions {
                 return Err(Error::invalid(name, value, "1 to 64"));
             }
         }
-        let lowest = self.levels - 1;
-        if !positive(self.depth_tolerance(lowest)) {
-            return Err(Error::invalid(
-                "depth_tolerance",
-                self.depth_tolerance(lowest),
-                "a positive number of metres",
-            ));
-        }
-        if !(positive(self.color_tolerance) && self.color_tolerance <= 255.0) {
+        let tolerance = self.depth_tolerance(self.levels - 1);
+        positive("depth_tolerance", tolerance, "a positive number of metres")?;
+        if !(self.color_tolerance > 0.0 && self.color_tolerance <= 255.0) {
             return Err(Error::invalid(
                 "color_tolerance",
                 self.color_tolerance,

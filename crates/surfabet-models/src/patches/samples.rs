@@ -6,17 +6,17 @@
 //! the hierarchy are made of those of the finest.
 
 use rayon::prelude::*;
+use surfabet_geom::morton::{self, BITS};
 use surfabet_geom::{PointCloud, Progress};
 
-use super::frame::{dot, sub};
+use super::frame::{dot, unit};
+use super::groups::Groups;
 use super::options::PatchOptions;
+use super::sensor::to_sensor;
 use crate::error::Result;
 
 /// Side of the cells that points are merged in, in pixels.
 const SAMPLE_SIZE: f64 = 0.5;
-
-/// Bits of a cell coordinate in a key.
-const KEY_BITS: u32 = 21;
 
 /// Cells that one task merges.
 const BLOCK: usize = 1 << 12;
@@ -52,21 +52,6 @@ pub(super) struct Samples {
     pub has_views: bool,
 }
 
-/// Which samples were merged into which.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Groups {
-    /// Members of group i are `offsets[i]..offsets[i + 1]` of `members`.
-    offsets: Vec<u32>,
-    members: Vec<u32>,
-}
-
-impl Groups {
-    /// Members of group `i`.
-    pub fn of(&self, i: usize) -> &[u32] {
-        &self.members[self.offsets[i] as usize..self.offsets[i + 1] as usize]
-    }
-}
-
 /// The lattice that cells of one side lie on, and its Morton codes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lattice {
@@ -79,27 +64,14 @@ impl Lattice {
     /// are those of its rim; [`learn`](super::learn) checks a cloud's extent before.
     pub fn coordinates(self, point: [f32; 3]) -> [u64; 3] {
         point.map(|c| {
-            let index = (c / self.cell).floor() as i64 + ((1 << (KEY_BITS - 1)) >> self.halvings);
-            index.clamp(0, ((1 << KEY_BITS) - 1) >> self.halvings) as u64
+            let index = (c / self.cell).floor() as i64 + ((1 << (BITS - 1)) >> self.halvings);
+            index.clamp(0, ((1 << BITS) - 1) >> self.halvings) as u64
         })
     }
 
     pub fn key(self, point: [f32; 3]) -> u64 {
-        morton(self.coordinates(point))
+        morton::encode(self.coordinates(point))
     }
-}
-
-/// Interleaved bits of coordinates below 2^21.
-pub(super) fn morton(cell: [u64; 3]) -> u64 {
-    let spread = |mut v: u64| {
-        v &= 0x1f_ffff;
-        v = (v | v << 32) & 0x1f_0000_0000_ffff;
-        v = (v | v << 16) & 0x1f_0000_ff00_00ff;
-        v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
-        v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
-        (v | v << 2) & 0x1249_2492_4924_9249
-    };
-    spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
 }
 
 /// Sums over the points of a cell, positions about the first of them.
@@ -218,15 +190,14 @@ impl Samples {
         progress.check()?;
         let point = |i: u32| {
             let i = i as usize;
-            let p = positions[i];
             Sample {
                 key: 0,
-                position: p,
+                position: positions[i],
                 covariance: [0.0; 6],
-                weight: cloud.ranges().map_or(1.0, |r| options.sensor.weight(r[i])),
+                weight: options.sensor.weight_of(cloud, i),
                 color: cloud.colors().map_or([0.0; 3], |c| c[i].map(f32::from)),
                 color_variance: 0.0,
-                view: cloud.local_viewpoint(i).map_or([0.0; 3], |sensor| unit(sub(sensor, p))),
+                view: to_sensor(cloud, i),
             }
         };
         let starts = starts(order.len(), |i| order[i].0);
@@ -253,7 +224,7 @@ impl Samples {
     pub fn coarser(&self, doublings: u32) -> (Self, Groups) {
         let key = |i: usize| self.all[i].key >> (3 * doublings);
         let starts = starts(self.len(), key);
-        let blocks: Vec<(Vec<Sample>, Vec<u32>, Vec<u32>)> = starts
+        let blocks: Vec<(Vec<Sample>, Vec<usize>, Vec<u32>)> = starts
             .par_windows(2)
             .chunks(BLOCK)
             .map(|cells| {
@@ -269,23 +240,18 @@ impl Samples {
                         let before = members.len();
                         members
                             .extend((from..to).zip(&behind).filter(|m| *m.1 == side).map(|m| m.0));
-                        sizes.push((members.len() - before) as u32);
+                        sizes.push(members.len() - before);
                         out.push(sample);
                     }
                 }
                 (out, sizes, members)
             })
             .collect();
-        let mut groups = Groups { offsets: vec![0], members: Vec::with_capacity(self.len()) };
+        let mut groups = Groups::with_capacity(self.len());
         let mut all = Vec::new();
-        let mut end = 0;
         for (samples, sizes, members) in blocks {
             all.extend(samples);
-            groups.members.extend(members);
-            groups.offsets.extend(sizes.iter().map(|size| {
-                end += size;
-                end
-            }));
+            groups.extend(&sizes, members);
         }
         let Lattice { cell, halvings } = self.lattice(doublings);
         (Self { all, cell, halvings, ..*self }, groups)
@@ -301,10 +267,4 @@ fn starts(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Vec<u32> {
         .collect();
     starts.push(count as u32);
     starts
-}
-
-/// `v` at unit length; zero stays zero.
-fn unit(v: [f32; 3]) -> [f32; 3] {
-    let length = dot(v, v).sqrt();
-    if length > 0.0 { v.map(|c| c / length) } else { v }
 }

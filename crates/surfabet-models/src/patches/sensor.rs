@@ -3,6 +3,10 @@
 //! HSCSM averages pixels with weights that fall with the error expected at the measured distance, so that
 //! near and precise views win over far and noisy ones (section III, with the error model of its reference 15).
 
+use surfabet_geom::PointCloud;
+
+use super::frame::{sub, unit};
+
 /// Depth error as a function of the measured distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sensor {
@@ -31,6 +35,17 @@ impl Sensor {
         let ratio = self.sigma(1.0) / self.sigma(range);
         ratio * ratio
     }
+
+    /// Weight of point `i` of `cloud`; 1 where ranges are unknown.
+    pub(super) fn weight_of(self, cloud: &PointCloud, i: usize) -> f32 {
+        cloud.ranges().map_or(1.0, |ranges| self.weight(ranges[i]))
+    }
+}
+
+/// Unit direction from point `i` of `cloud` to the sensor that saw it; zero where unknown.
+pub(super) fn to_sensor(cloud: &PointCloud, i: usize) -> [f32; 3] {
+    let view = |sensor| unit(sub(sensor, cloud.positions()[i]));
+    cloud.local_viewpoint(i).map_or([0.0; 3], view)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use surfabet_geom::{KdTree, Progress, fit_normal, orient_normal};
 
 use super::interest::interest_points;
 use super::options::BicOptions;
-use super::pose::{BicPose, Frame, mix};
+use super::pose::{BicPose, Frame, low_cell, mix};
 use crate::alphabet::Scene;
 use crate::error::Result;
 
@@ -18,6 +18,8 @@ const BATCH: usize = 1024;
 pub(super) struct Features {
     pub poses: Vec<BicPose>,
     pub frames: Vec<Frame>,
+    /// Lowest cell of the poses, which their order counts from.
+    pub low: [i32; 3],
     /// How many are interest points.
     pub interest: usize,
 }
@@ -36,11 +38,12 @@ impl Features {
             .par_iter()
             .map(|&i| pose(scene, tree, i as usize, options))
             .collect::<Result<_>>()?;
-        poses.sort_by_cached_key(BicPose::order);
+        let low = low_cell(&poses);
+        poses.sort_by_cached_key(|p| p.order(low));
         poses.dedup();
         let frame = |pose: &BicPose| pose.frame(options.upright, options.radius);
         let frames = poses.par_iter().map(frame).collect();
-        Ok(Self { poses, frames, interest })
+        Ok(Self { poses, frames, low, interest })
     }
 
     pub fn len(&self) -> usize {
@@ -138,7 +141,7 @@ mod tests {
                     .sqrt();
                 prop_assert!(nearest <= spacing + rounding, "{nearest}");
             }
-            prop_assert!(features.poses.windows(2).all(|w| w[0].order() < w[1].order()));
+            prop_assert!(features.poses.windows(2).all(|w| w[0].order(features.low) < w[1].order(features.low)));
         }
     }
 }

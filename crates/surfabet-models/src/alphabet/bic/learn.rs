@@ -7,7 +7,7 @@ use surfabet_geom::{KdTree, PointCloud, Progress};
 
 use super::descriptor::Descriptors;
 use super::features::Features;
-use super::model::{BicAlphabet, BicModel, Occurrences};
+use super::model::{BicAlphabet, BicHeader, BicModel, Occurrences};
 use super::options::BicOptions;
 use super::pose::mix;
 use super::quality::{Fidelity, fidelity};
@@ -213,8 +213,13 @@ fn finish(
         note(score, names, report)?;
     }
     let parts = occurrences(stage, score);
-    let (origin, n) = (stage.scene.origin, cloud.len() as u64);
-    BicModel::learned(alphabet, parts, origin, n, options.epsilon(), std::mem::take(report))
+    let header = BicHeader {
+        n_points: cloud.len() as u64,
+        origin: stage.scene.origin,
+        epsilon: options.epsilon(),
+        low: stage.features.low,
+    };
+    BicModel::learned(alphabet, parts, header, std::mem::take(report))
 }
 
 /// Features that have a word, in the order of their poses.

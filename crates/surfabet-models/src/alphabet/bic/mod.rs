@@ -32,10 +32,11 @@ mod quality;
 mod reduce;
 mod score;
 mod sparsify;
+mod syntax;
 mod words;
 
 pub use learn::learn;
-pub use model::{BicAlphabet, BicHeader, BicModel, BicShape, MAX_WORDS};
+pub use model::{BicAlphabet, BicHeader, BicModel, BicShape, MAX_CELL, MAX_WORDS};
 pub use options::BicOptions;
 pub use pose::{BicPose, MAX_POSITION};
 pub use words::{BicWord, MAX_WORD_POINTS};

@@ -1,8 +1,11 @@
 //! The alphabet and the model, in the integers that a file stores.
 
-use super::descriptor::pixel_centers;
+use surfabet_entropy::Coder;
+
+use super::descriptor::{EMPTY, pixel_centers};
 use super::options::BicOptions;
-use super::pose::{BicPose, Frame, MAX_POSITION, NORMAL_BITS};
+use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
+use super::syntax::{code_occurrences, code_words};
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};
 use crate::alphabet::Upright;
 use crate::error::{Error, Result};
@@ -10,6 +13,9 @@ use crate::report::Report;
 
 /// Most words of an alphabet.
 pub const MAX_WORDS: usize = 1 << 16;
+
+/// Largest coordinate of a cell.
+pub const MAX_CELL: i32 = MAX_POSITION / CELL;
 
 /// Most pixels per side of a descriptor.
 const MAX_PIXELS: u32 = 32;
@@ -29,6 +35,21 @@ impl BicShape {
     /// Number of pixels of a descriptor: those within the circle.
     pub fn pixels(&self) -> usize {
         pixel_centers(self.descriptor_pixels, 1.0).len()
+    }
+
+    /// Heights of a descriptor, metres, as a square image: rows from the lowest up, not a number where the surface is
+    /// not known and outside of the circle.
+    pub fn heights(&self, word: &BicWord) -> Vec<f32> {
+        let side = self.descriptor_pixels as usize;
+        let mut image = vec![f32::NAN; side * side];
+        let column = |c: f32| (0.5 * (c + 1.0) * side as f32) as usize;
+        for ([u, v], &h) in pixel_centers(self.descriptor_pixels, 1.0).iter().zip(&word.descriptor)
+        {
+            if h != EMPTY {
+                image[column(*v) * side + column(*u)] = (f64::from(h) * self.point_step()) as f32;
+            }
+        }
+        image
     }
 
     /// Metres per step of a word's points and of a descriptor's heights.
@@ -112,6 +133,30 @@ impl BicAlphabet {
         Ok(())
     }
 
+    /// Writes the words.
+    ///
+    /// # Errors
+    /// Those of the coder.
+    pub fn write<C: Coder>(&self, coder: &mut C) -> Result<(), C::Error> {
+        let limit = usize::MAX;
+        code_words(coder, self.shape.pixels(), &self.words, self.len(), limit).map(|_| ())
+    }
+
+    /// Reads `n` words that [`BicAlphabet::write`] wrote, of no more than `max_points` points in all.
+    ///
+    /// # Errors
+    /// Those of the coder, also for words that no alphabet has.
+    pub fn read<C: Coder>(
+        shape: BicShape,
+        n: usize,
+        max_points: usize,
+        coder: &mut C,
+    ) -> Result<Self, C::Error> {
+        shape.check().map_err(|e| coder.corrupt(e.to_string()))?;
+        let words = code_words(coder, shape.pixels(), &[], n, max_points)?;
+        Self::new(shape, words).map_err(|e| coder.corrupt(e.to_string()))
+    }
+
     /// What the words have in common.
     pub fn shape(&self) -> BicShape {
         self.shape
@@ -166,6 +211,8 @@ pub struct BicHeader {
     pub origin: [f64; 3],
     /// Least distance of decoded points, metres.
     pub epsilon: f64,
+    /// Lowest cell that a pose may lie in: cells are 32 steps wide.
+    pub low: [i32; 3],
 }
 
 /// A cloud as occurrences of words (eq. 2); immutable.
@@ -198,6 +245,9 @@ impl BicModel {
         if !(1e-9..1e6).contains(&header.epsilon) {
             return fail(format!("an epsilon of {} m", header.epsilon));
         }
+        if header.low.iter().any(|c| c.unsigned_abs() > MAX_CELL as u32) {
+            return fail(format!("cells from {:?} are out of range", header.low));
+        }
         if poses.len() != words.len() {
             return fail(format!("{} poses for {} occurrences", poses.len(), words.len()));
         }
@@ -207,15 +257,19 @@ impl BicModel {
         let half = (1 << (NORMAL_BITS - 1)) - 1;
         let mut previous = None;
         for pose in &poses {
+            let cell = pose.cell();
+            if (0..3).any(|a| cell[a] < header.low[a]) {
+                return fail(format!("{pose:?} lies below cell {:?}", header.low));
+            }
             let far = pose.position.iter().any(|c| c.unsigned_abs() > MAX_POSITION as u32);
             let steep = pose.normal.iter().any(|&c| i32::from(c).abs() > half);
             if far || steep {
                 return fail(format!("{pose:?} is out of range"));
             }
-            if previous.is_some_and(|p| p >= pose.order()) {
+            if previous.is_some_and(|p| p >= pose.order(header.low)) {
                 return fail(format!("{pose:?} does not follow the one before it"));
             }
-            previous = Some(pose.order());
+            previous = Some(pose.order(header.low));
             if pose.roll != 0 && alphabet.upright() != Upright::ViewDirection {
                 return fail(format!("{pose:?} has a roll that its upright rule does not know"));
             }
@@ -227,15 +281,37 @@ impl BicModel {
     pub(super) fn learned(
         alphabet: BicAlphabet,
         occurrences: Occurrences,
-        origin: [f64; 3],
-        n_points: u64,
-        epsilon: f64,
+        header: BicHeader,
         report: Report,
     ) -> Result<Self> {
-        let header = BicHeader { n_points, origin, epsilon };
         let Occurrences { poses, words } = occurrences;
         let model = Self::new(header, alphabet, poses, words, false)?;
         Ok(Self { report, ..model })
+    }
+
+    /// Writes the occurrences.
+    ///
+    /// # Errors
+    /// Those of the coder.
+    pub fn write<C: Coder>(&self, coder: &mut C) -> Result<(), C::Error> {
+        let given = (self.poses.as_slice(), self.words.as_slice());
+        code_occurrences(coder, &self.alphabet, self.header.low, given, self.len()).map(|_| ())
+    }
+
+    /// Reads `n` occurrences that [`BicModel::write`] wrote.
+    ///
+    /// # Errors
+    /// Those of the coder, also for a header or occurrences that no model has.
+    pub fn read<C: Coder>(
+        header: BicHeader,
+        alphabet: BicAlphabet,
+        n: usize,
+        shares_alphabet: bool,
+        coder: &mut C,
+    ) -> Result<Self, C::Error> {
+        let (poses, words) = code_occurrences(coder, &alphabet, header.low, (&[], &[]), n)?;
+        Self::new(header, alphabet, poses, words, shares_alphabet)
+            .map_err(|e| coder.corrupt(e.to_string()))
     }
 
     /// What the file says before its streams.

@@ -111,13 +111,25 @@ impl BicPose {
         }
     }
 
-    /// What poses are ordered by: along a Morton curve over cells of one radius, so that neighbours in space are
-    /// neighbours in the list, then by their own numbers.
-    pub(super) fn order(&self) -> (u64, Self) {
-        // Positions are within ±2^25, cells of 32 steps within ±2^20: 21 bits each.
-        let cell = self.position.map(|c| (i64::from(c.div_euclid(CELL)) + (1 << 20)) as u64);
-        (morton(cell), *self)
+    /// The cell of one radius that the pose lies in.
+    pub(super) fn cell(&self) -> [i32; 3] {
+        self.position.map(|c| c.div_euclid(CELL))
     }
+
+    /// What poses are ordered by: along a Morton curve over their cells, counted from the `low` one, so that neighbours
+    /// in space are neighbours in the list; then by their own numbers.
+    pub(super) fn order(&self, low: [i32; 3]) -> (u64, Self) {
+        // Cells are within ±2^20, so that differences that are not negative have 21 bits.
+        let cell = self.cell();
+        let from_low = |a: usize| i64::from(cell[a]) - i64::from(low[a]);
+        (morton::encode(std::array::from_fn(|a| from_low(a) as u64)), *self)
+    }
+}
+
+/// The lowest cell in each axis.
+pub(super) fn low_cell(poses: &[BicPose]) -> [i32; 3] {
+    let low = poses.iter().map(BicPose::cell);
+    low.reduce(|a, b| std::array::from_fn(|i| a[i].min(b[i]))).unwrap_or_default()
 }
 
 /// The finaliser of SplitMix64 (G. L. Steele et al.: Fast splittable pseudorandom number generators, OOPSLA 2014).

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use rayon::prelude::*;
 use surfabet_geom::{Moments, PointCloud};
 
-use super::cells::{Groups, cell_of, key};
+use super::cells::{Cells, cell_of, key};
 
 /// Points that vote, at most.
 const MAX_POINTS: usize = 400_000;
@@ -113,11 +113,11 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn normals(cloud: &PointCloud, cell: f32) -> Vec<([f64; 3], f64)> {
     let stride = cloud.len().div_ceil(MAX_POINTS).max(1);
     let points: Vec<[f32; 3]> = cloud.positions().iter().step_by(stride).copied().collect();
-    let groups = Groups::new(points.len(), |i| key(cell_of(points[i], cell)));
-    (0..groups.len())
+    let cells = Cells::new(points.len(), |i| key(cell_of(points[i], cell)));
+    (0..cells.len())
         .into_par_iter()
         .filter_map(|g| {
-            let members = groups.of(g);
+            let members = cells.of(g);
             let moments = Moments::about(
                 points[members[0] as usize],
                 members.iter().map(|&i| points[i as usize]),

@@ -8,6 +8,8 @@
 //! Positions are multiples of half a pixel of the finest level, values integers: the decoder derives from depths
 //! what it reads next, so they must not depend on the platform.
 
+use super::model::PATCH_PIXELS;
+
 /// Highest order i + j.
 const ORDER: usize = 5;
 
@@ -92,6 +94,17 @@ impl Basis {
             })
             .collect();
         Self { halves, values }
+    }
+
+    /// Those of all levels, finest first.
+    pub fn of_levels(levels: u32) -> Vec<Self> {
+        (0..levels).map(|level| Self::new((PATCH_PIXELS << level) as usize)).collect()
+    }
+
+    /// Depth of a patch at a half-pixel position, in steps with fraction.
+    pub fn depth(&self, coefficients: &[i32; N_SHAPES], [hu, hv]: [usize; 2]) -> i64 {
+        let shapes = self.at(hu, hv);
+        coefficients.iter().zip(shapes).map(|(&c, shape)| i64::from(c) * i64::from(shape)).sum()
     }
 
     /// All shapes at half-pixel position `(hu, hv)` from the corner of the patch, 0 to `2 * pixels`.

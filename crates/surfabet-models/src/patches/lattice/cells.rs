@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::patches::groups::Groups;
+
 /// Bits of a cell coordinate in a key.
 const KEY_BITS: u32 = 21;
 
@@ -19,45 +21,38 @@ pub(super) fn cell_of(p: [f32; 3], size: f32) -> [i32; 3] {
     p.map(|c| (c / size).floor() as i32)
 }
 
-/// Things grouped by their keys.
-pub(super) struct Groups {
+/// Things grouped by the keys of their cells.
+pub(super) struct Cells {
     /// Different keys, growing.
-    pub keys: Vec<u64>,
-    /// Things of group i are `order[starts[i]..starts[i + 1]]`, by growing number.
-    pub starts: Vec<u32>,
-    /// Numbers of the things.
-    pub order: Vec<u32>,
+    keys: Vec<u64>,
+    /// Things of each key, by growing number.
+    groups: Groups,
 }
 
-impl Groups {
+impl Cells {
     /// Groups `count` things by `key`.
     pub fn new(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Self {
         let mut keyed: Vec<(u64, u32)> =
             (0..count).into_par_iter().map(|i| (key(i), i as u32)).collect();
         keyed.par_sort_unstable();
-        let mut keys = Vec::new();
-        let mut starts = Vec::new();
-        for (place, (key, _)) in (0..).zip(&keyed) {
-            if keys.last() != Some(key) {
-                keys.push(*key);
-                starts.push(place);
-            }
-        }
-        starts.push(keyed.len() as u32);
-        Self { keys, starts, order: keyed.into_iter().map(|(_, i)| i).collect() }
+        let (keys, sizes): (Vec<u64>, Vec<usize>) =
+            keyed.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.len())).unzip();
+        let mut groups = Groups::with_capacity(count);
+        groups.extend(&sizes, keyed.into_iter().map(|(_, i)| i));
+        Self { keys, groups }
     }
 
-    /// Number of groups.
+    /// Number of cells with anything in them.
     pub fn len(&self) -> usize {
-        self.keys.len()
+        self.groups.len()
     }
 
-    /// Things of group `i`.
+    /// Things of cell `i`.
     pub fn of(&self, i: usize) -> &[u32] {
-        &self.order[self.starts[i] as usize..self.starts[i + 1] as usize]
+        self.groups.of(i)
     }
 
-    /// Group with this key.
+    /// Place of the cell with this key.
     pub fn find(&self, key: u64) -> Option<usize> {
         self.keys.binary_search(&key).ok()
     }

@@ -6,13 +6,10 @@
 //! price in bits under the models of the coder, as trained by the round before.
 
 use super::basis::{Basis, DEGREES, FRACTION, N_SHAPES};
-use super::model::{LatticePatch, MAX_THICKNESS, Node, PATCH_PIXELS};
+use super::model::{LatticePatch, MAX_THICKNESS, Node, PATCH_PIXELS, THICKNESS_STEPS};
 use super::sheets::{Run, Sheet, THINNEST};
 use super::surroundings::UNKNOWN;
 use super::syntax::{GeometryModels, pixel_index};
-
-/// Steps of thickness per pixel.
-const THICKNESS_STEPS: f32 = 4.0;
 
 /// How much the distance of the thin surface from the mean of the samples counts: slabs overlap well even where
 /// their middles are apart.
@@ -332,11 +329,12 @@ impl Choice<'_> {
             .map(|(r, d)| r.n * (r.half * r.half / 3.0 + (r.depth - d) * (r.depth - d)))
             .sum::<f32>()
             / total;
-        let guess = ((3.0 * variance).sqrt() * THICKNESS_STEPS).round();
+        let guess = ((3.0 * variance).sqrt() * f32::from(THICKNESS_STEPS)).round();
         let mut thickness = guess.clamp(0.0, f32::from(MAX_THICKNESS)) as u8;
-        let mut distortion = loss(f32::from(thickness) / THICKNESS_STEPS);
+        let half = |steps: u8| f32::from(steps) / f32::from(THICKNESS_STEPS);
+        let mut distortion = loss(half(thickness));
         while thickness > 0 {
-            let thinner = loss(f32::from(thickness - 1) / THICKNESS_STEPS);
+            let thinner = loss(half(thickness - 1));
             if thinner >= distortion {
                 break;
             }

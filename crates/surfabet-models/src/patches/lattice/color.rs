@@ -8,8 +8,9 @@
 
 use rayon::prelude::*;
 use surfabet_entropy::{Bit, Coder, SInt};
+use surfabet_geom::morton::step;
 
-use super::nodes::{index, step};
+use super::nodes::index;
 
 /// Levels with models of their own.
 const LEVELS: usize = 12;

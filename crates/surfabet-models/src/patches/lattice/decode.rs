@@ -3,29 +3,19 @@
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
+use surfabet_geom::morton::{MortonMap, step};
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
 use super::basis::{DEGREES, N_SHAPES, derivative, value};
 use super::leaves::Leaf;
 use super::model::{LatticeModel, PATCH_PIXELS};
-use super::nodes::{KeyMap, cell_key, cell_of_key, index, step};
+use super::nodes::{cell_key, cell_of_key, index};
 use super::sheets::axes_of;
-use crate::error::{Error, Result};
-use crate::patches::DecodeOptions;
+use crate::error::Result;
+use crate::patches::points::{DecodeOptions, Points};
 
 /// Patches that one task decodes.
 const BLOCK: usize = 32;
-
-/// Points of some patches.
-#[derive(Default)]
-struct Points {
-    positions: Vec<[f32; 3]>,
-    colors: Vec<[u8; 3]>,
-    normals: Vec<[f32; 3]>,
-}
-
-/// Spacing that `decode` uses when told none, in pixels.
-pub(super) const DEFAULT_SPACING: f64 = 0.5;
 
 impl LatticeModel {
     /// The model as a cloud. Points come patch by patch, then those that no patch holds; their number and order
@@ -38,38 +28,18 @@ impl LatticeModel {
     /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`] above the
     /// limit, [`Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        let pixel = self.geometry().pixel_size;
-        let resolution = match options.resolution {
-            Some(r) if r.is_finite() && r > 0.0 => r,
-            Some(r) => return Err(Error::invalid("resolution", r, "a positive number of metres")),
-            None => DEFAULT_SPACING * pixel,
-        };
+        let pixel = self.lattice().pixel_size;
+        let resolution = options.spacing(pixel)?;
         let spacing = resolution / pixel;
         let points =
-            bound(self.leaves(), spacing, options.as_measured) + self.points().len() as f64;
-        if points > options.max_points as f64 {
-            let limit = options.max_points;
-            return Err(Error::TooManyPoints { resolution, points: points as u64, limit });
-        }
+            bound(self.leaves(), spacing, options.as_measured) + self.header().n_extra as f64;
+        options.check_points(resolution, points)?;
         let decoder = Decoder::new(self, spacing, options);
-        let decoded: Vec<Result<Points>> = self
-            .leaves()
-            .par_chunks(BLOCK)
-            .map(|leaves| {
-                progress.check()?;
-                let mut points = Points::default();
-                let mut cache = CornerCache::new();
-                leaves.iter().for_each(|leaf| decoder.leaf(leaf, &mut cache, &mut points));
-                Ok(points)
-            })
-            .collect();
         let mut all = Points::default();
-        for points in decoded {
-            let points = points?;
-            all.positions.extend(points.positions);
-            all.colors.extend(points.colors);
-            all.normals.extend(points.normals);
-        }
+        all.extend(self.leaves(), BLOCK, progress, |leaves, points| {
+            let mut cache = CornerCache::new();
+            leaves.iter().for_each(|leaf| decoder.leaf(leaf, &mut cache, points));
+        })?;
         let mut cache = CornerCache::new();
         for p in self.points() {
             let position = p.map(|c| c / pixel as f32);
@@ -82,13 +52,13 @@ impl LatticeModel {
             }
         }
         progress.update("decoding", 1.0);
-        let rows = self.geometry().orientation.rotation().map(|row| row.map(|c| c as f32));
+        let rows = self.lattice().orientation.rotation().map(|row| row.map(|c| c as f32));
         let rotate = |p: [f32; 3]| -> [f32; 3] {
             std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
         };
         let scale = pixel as f32;
         let parts = CloudParts {
-            origin: self.geometry().origin,
+            origin: self.lattice().origin,
             positions: all
                 .positions
                 .into_par_iter()
@@ -109,15 +79,15 @@ struct Decoder<'a> {
     /// Spacing, pixels.
     spacing: f64,
     options: DecodeOptions,
-    colors: Option<(KeyMap, &'a [[u8; 3]])>,
+    colors: Option<(MortonMap<u32>, &'a [[u8; 3]])>,
     /// Middles of the nodes, once anyone asks.
     tree: OnceLock<Option<KdTree>>,
 }
 
 /// Layers that fill the thickness of a patch; spacing in pixels.
 fn layers(leaf: &Leaf, spacing: f64, as_measured: bool) -> f64 {
-    let thickness = f64::from(leaf.patch.thickness) / 4.0;
-    if as_measured { (2.0 * thickness / spacing).round().max(1.0) } else { 1.0 }
+    let thickness = 2.0 * f64::from(leaf.patch.half_thickness());
+    if as_measured { (thickness / spacing).round().max(1.0) } else { 1.0 }
 }
 
 /// Samples along a side of a patch. The small slack keeps 0.01 / 0.005 at two samples per pixel although neither is
@@ -166,7 +136,7 @@ impl Grid {
 
 impl<'a> Decoder<'a> {
     fn new(model: &'a LatticeModel, spacing: f64, options: DecodeOptions) -> Self {
-        let grids = (0..model.geometry().levels).map(|l| Grid::new(l, spacing)).collect();
+        let grids = (0..model.lattice().levels).map(|l| Grid::new(l, spacing)).collect();
         let colors = model.node_colors().map(|(nodes, colors)| (index(nodes), colors));
         Self { model, grids, spacing, options, colors, tree: OnceLock::new() }
     }
@@ -206,7 +176,7 @@ impl<'a> Decoder<'a> {
         points: &mut Points,
     ) {
         let [d, u, v] = axes_of(leaf.side);
-        let step = self.model.geometry().depth_step as f32 / 16.0;
+        let step = self.model.lattice().depth_step as f32 / 16.0;
         let (x, y) = (&grid.values[column], &grid.values[row]);
         let (dx, dy) = (&grid.slopes[column], &grid.slopes[row]);
         let (mut depth, mut slope) = (0.0, [0.0; 2]);
@@ -218,7 +188,7 @@ impl<'a> Decoder<'a> {
             slope[1] += c * x[i] * dy[j];
         }
         let layers = self.layers(leaf);
-        let half = f32::from(leaf.patch.thickness) / 4.0;
+        let half = leaf.patch.half_thickness();
         let mut position = [0.0; 3];
         position[u] = leaf.corner[0] as f32 + grid.at[column];
         position[v] = leaf.corner[1] as f32 + grid.at[row];
@@ -290,7 +260,7 @@ impl CornerCache {
     }
 
     /// Places of the nodes at the cell `low` and its seven successors; `u32::MAX` where there is none.
-    fn around(&mut self, low: u64, places: &KeyMap) -> &[u32; 8] {
+    fn around(&mut self, low: u64, places: &MortonMap<u32>) -> &[u32; 8] {
         let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
         if slot.0 != low {
             let corner = |corner: usize| {

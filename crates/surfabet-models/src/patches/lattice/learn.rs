@@ -9,16 +9,16 @@ use super::basis::Basis;
 use super::cells::LIMIT;
 use super::choice::Choice;
 use super::color::{ColorModels, ColorSteps, Source, code_colors};
-use super::leaves::leaves;
-use super::model::{ColorField, Geometry, LatticeModel, Node, PATCH_PIXELS, Root, extra_key};
+use super::model::{ColorField, Lattice, LatticeModel, LevelSize, Node, Root, extra_key};
 use super::nodes::nodes;
 use super::options::LatticeOptions;
 use super::samples::{SAMPLE_SIZE, Samples};
 use super::sheets::{Sheet, grow};
-use super::syntax::{GeometryModels, code_geometry};
+use super::syntax::{GeometryModels, Said, code_geometry};
 use super::targets::targets;
 use crate::error::{Error, Result};
 use crate::patches::DecodeOptions;
+use crate::patches::extent::{check_extent, reach};
 use crate::report::{Report, beyond_color};
 
 /// Side of the cells that vote for the scene's axes, in pixels.
@@ -40,7 +40,9 @@ pub fn learn(
     progress: &dyn Progress,
 ) -> Result<LatticeModel> {
     options.check()?;
-    check_extent(cloud, options)?;
+    // Turned to its axes, the scene may reach as far along one as its corner is from the origin.
+    let extent = reach(cloud)?.map(|c| c * c).iter().sum::<f64>().sqrt();
+    check_extent(extent, options.resolution, SAMPLE_SIZE * f64::from(LIMIT - 2))?;
     let mut report = Report::default();
     progress.update("merging points", 0.0);
     let cell = (AXES_CELL * options.resolution) as f32;
@@ -48,26 +50,25 @@ pub fn learn(
     let samples = report.time("merging points", || {
         Samples::merge(cloud, orientation, options.resolution, options.sensor, progress)
     })?;
-    let tile_pixels = PATCH_PIXELS << (options.levels - 1);
-    progress.update("growing sheets", 0.3);
-    let sheets =
-        report.time("growing sheets", || grow(&samples, options.resolution as f32, tile_pixels))?;
-    progress.check()?;
-    progress.update("choosing patches", 0.4);
-    let empty = Geometry {
+    let lattice = Lattice {
         origin: cloud.origin(),
         orientation,
         pixel_size: options.resolution,
         levels: options.levels,
         depth_step: options.depth_step,
-        roots: Vec::new(),
     };
-    let geometry = choose(empty, &sheets, options, &mut report, progress)?;
+    progress.update("growing sheets", 0.3);
+    let sheets = report.time("growing sheets", || {
+        grow(&samples, options.resolution as f32, lattice.tile_pixels())
+    })?;
+    progress.check()?;
+    progress.update("choosing patches", 0.4);
+    let chosen = choose(lattice, &sheets, options, &mut report, progress)?;
     progress.update("colouring", 0.8);
     let start = std::time::Instant::now();
     // A learned model has no more cells than its samples call for; the bound is for files.
     let keys = if samples.has_color {
-        nodes(&geometry, &leaves(&geometry), u64::MAX).unwrap_or_default()
+        nodes(lattice, &chosen.leaves, u64::MAX).unwrap_or_default()
     } else {
         Vec::new()
     };
@@ -93,7 +94,7 @@ pub fn learn(
     ]);
     report.not_kept = beyond_color(cloud);
     report.stop_reason = "every sheet has the hierarchy of least cost";
-    let mut model = LatticeModel::new(cloud.len() as u64, geometry, color, keys, report)?;
+    let mut model = LatticeModel::new(cloud.len() as u64, lattice, chosen, color, keys, report)?;
     if let Some(bound) = options.max_error {
         let start = std::time::Instant::now();
         model = keep_far_points(model, cloud, bound, progress)?;
@@ -104,33 +105,16 @@ pub fn learn(
     Ok(model)
 }
 
-fn check_extent(cloud: &PointCloud, options: &LatticeOptions) -> Result<()> {
-    let Some((low, high)) = cloud.bounds() else { return Err(Error::EmptyCloud) };
-    let origin = cloud.origin();
-    let squared: f64 =
-        (0..3).map(|a| (low[a] - origin[a]).abs().max((high[a] - origin[a]).abs()).powi(2)).sum();
-    let extent = squared.sqrt();
-    // Samples of half a pixel must have cells of their own, and single precision must resolve a twentieth of a
-    // pixel at the far end.
-    let precise = options.resolution * 0.05 * f64::from(1 << 23);
-    let limit = precise.min(SAMPLE_SIZE * options.resolution * f64::from(LIMIT - 2));
-    if extent > limit {
-        return Err(Error::TooLarge { extent, limit, resolution: options.resolution });
-    }
-    Ok(())
-}
-
 /// Chooses the hierarchies of all sheets, a few rounds over, each with the prices that the round before taught.
 fn choose(
-    mut geometry: Geometry,
+    lattice: Lattice,
     sheets: &[Sheet],
     options: &LatticeOptions,
     report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Geometry> {
+) -> Result<Said> {
     let start = std::time::Instant::now();
-    let bases: Vec<Basis> =
-        (0..options.levels).map(|l| Basis::new((PATCH_PIXELS << l) as usize)).collect();
+    let bases = Basis::of_levels(options.levels);
     // Errors are summed over samples; what a bit must save is said per pixel, so that dense and sparse scans
     // are treated alike.
     let large = || sheets.iter().filter(|s| !s.small).flat_map(|s| &s.runs);
@@ -142,6 +126,7 @@ fn choose(
     report.figures.push(("samples per pixel", density));
     let mut models = GeometryModels::default();
     let mut bits = Vec::new();
+    let mut chosen = Said::default();
     for _ in 0..options.rounds {
         let choice = Choice {
             models: &models,
@@ -150,7 +135,7 @@ fn choose(
             step: options.depth_step as f32 / 16.0,
             levels: options.levels,
         };
-        geometry.roots = sheets
+        let roots: Vec<Root> = sheets
             .par_iter()
             .map(|sheet| {
                 progress.check()?;
@@ -164,13 +149,14 @@ fn choose(
             .collect();
         let mut price = Price::default();
         models = GeometryModels::default();
-        let Ok(()) = code_geometry(&mut price, &mut models, &mut geometry, usize::MAX);
+        let Ok(said) = code_geometry(&mut price, &mut models, lattice, &roots, usize::MAX);
+        chosen = said;
         bits.push(price.bits / 8.0);
     }
     report.add_time("choosing patches", start.elapsed().as_secs_f64());
     report.iterations = bits.len();
     report.objectives.push(("bytes of geometry".into(), bits));
-    Ok(geometry)
+    Ok(chosen)
 }
 
 /// Adds a point for every cell that holds input points further than `bound` from the decoded cloud.
@@ -182,7 +168,7 @@ fn keep_far_points(
 ) -> Result<LatticeModel> {
     let decoded =
         model.decode(DecodeOptions { as_measured: true, ..DecodeOptions::default() }, progress)?;
-    let rows = model.geometry().orientation.rotation();
+    let rows = model.lattice().orientation.rotation();
     let extent =
         cloud.positions().iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
     // What rounding of coordinates to single precision may add.
@@ -211,22 +197,15 @@ fn keep_far_points(
 }
 
 fn describe(model: &mut LatticeModel) {
-    let levels = model.geometry().levels as usize;
-    let pixel = model.geometry().pixel_size;
-    let (mut patches, mut areas) = (vec![0.0; levels], vec![0.0; levels]);
-    for leaf in model.leaves() {
-        let l = leaf.level as usize;
-        patches[l] += 1.0;
-        let side = pixel * f64::from(1 << leaf.level);
-        areas[l] += f64::from(leaf.patch.mask.count_ones()) * side * side;
-    }
-    let n = model.len() as f64;
-    let extra = model.points().len() as f64;
+    let lattice = model.lattice();
+    let level = |(l, of): (u32, LevelSize)| {
+        let pixel = lattice.pixel_of(l);
+        let area = of.set_pixels as f64 * pixel * pixel;
+        vec![("pixel size", pixel), ("patches", of.patches as f64), ("area", area)]
+    };
+    let levels = (0..lattice.levels).zip(model.level_sizes()).rev().map(level).collect();
+    let (n, extra) = (model.len() as f64, model.header().n_extra as f64);
     let report = model.report_mut();
     report.figures.extend([("patches", n), ("extra points", extra)]);
-    let level = |l: usize| {
-        let pixel = pixel * f64::from(1 << l);
-        vec![("pixel size", pixel), ("patches", patches[l]), ("area", areas[l])]
-    };
-    report.levels = (0..levels).rev().map(level).collect();
+    report.levels = levels;
 }

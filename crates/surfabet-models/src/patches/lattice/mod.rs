@@ -43,7 +43,7 @@ pub use color::ColorSteps;
 pub use learn::learn;
 pub use leaves::Leaf;
 pub use model::{
-    Geometry, LatticeHeader, LatticeLimits, LatticeModel, LatticePatch, MAX_LEVELS, Node,
+    Lattice, LatticeHeader, LatticeLimits, LatticeModel, LatticePatch, LevelSize, MAX_LEVELS, Node,
     PATCH_PIXELS, Root,
 };
 pub use options::LatticeOptions;

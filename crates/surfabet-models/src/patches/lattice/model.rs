@@ -5,10 +5,10 @@ use surfabet_entropy::{Coder, Price};
 use super::axes::Orientation;
 use super::basis::N_SHAPES;
 use super::color::{ColorModels, ColorSteps, Colors, Source, code_colors};
-use super::leaves::{Leaf, leaves};
+use super::leaves::Leaf;
 use super::nodes::{cell_key, cell_of_key, nodes};
 use super::points::{PointModels, code_points};
-use super::syntax::{GeometryModels, code_geometry};
+use super::syntax::{GeometryModels, Said, code_geometry};
 use crate::error::{Error, Result};
 use crate::report::Report;
 
@@ -24,7 +24,10 @@ pub const MAX_TILE: i32 = 1 << 20;
 /// Largest stored depth or coefficient, in steps.
 pub const MAX_DEPTH: i32 = 1 << 24;
 
-/// Largest half thickness, in steps of a quarter pixel.
+/// Steps of thickness per finest pixel.
+pub(super) const THICKNESS_STEPS: u8 = 4;
+
+/// Largest half thickness, in steps.
 pub const MAX_THICKNESS: u8 = 63;
 
 /// A patch: a height field of 8 x 8 pixels over its square.
@@ -34,8 +37,20 @@ pub struct LatticePatch {
     pub mask: u64,
     /// Coefficients of the shapes of `basis`, in depth steps; the first is the depth of the middle.
     pub coefficients: [i32; N_SHAPES],
-    /// Half thickness of the measured surface, in quarters of the finest pixel.
+    /// Half thickness of the measured surface, in steps of a quarter of the finest pixel.
     pub thickness: u8,
+}
+
+impl LatticePatch {
+    /// Half thickness of the measured surface, finest pixels.
+    pub fn half_thickness(&self) -> f32 {
+        f32::from(self.thickness) / f32::from(THICKNESS_STEPS)
+    }
+
+    /// Standard deviation of the scan about the surface, finest pixels: that of a slab of its thickness.
+    pub fn sigma(&self) -> f64 {
+        f64::from(self.half_thickness()) / 3.0_f64.sqrt()
+    }
 }
 
 /// What stands at a square of the hierarchy.
@@ -61,9 +76,9 @@ pub struct Root {
     pub node: Node,
 }
 
-/// Everything but colour.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Geometry {
+/// The pixel lattice that all patches share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lattice {
     /// World position of the lattice's zero, metres.
     pub origin: [f64; 3],
     /// Directions of the lattice's axes.
@@ -74,14 +89,17 @@ pub struct Geometry {
     pub levels: u32,
     /// Depth step, in sixteenths of the finest pixel.
     pub depth_step: u32,
-    /// Sheets by side, then along a space-filling curve of their tiles.
-    pub roots: Vec<Root>,
 }
 
-impl Geometry {
+impl Lattice {
     /// Finest pixels per side of a tile.
     pub fn tile_pixels(&self) -> i32 {
         PATCH_PIXELS << (self.levels - 1)
+    }
+
+    /// Side of a pixel of a level, 0 the finest, metres.
+    pub fn pixel_of(&self, level: u32) -> f64 {
+        self.pixel_size * f64::from(1_u32 << level)
     }
 
     /// Checks that all numbers are in their domains.
@@ -102,14 +120,20 @@ impl Geometry {
         if !(1..=256).contains(&self.depth_step) {
             return fail(format!("depth step of {} sixteenths, not 1 to 256", self.depth_step));
         }
-        for root in &self.roots {
-            if root.side >= 6 || root.tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
-                return fail(format!("side {} at tile {:?} is out of range", root.side, root.tile));
-            }
-            check_node(&root.node, self.levels - 1)?;
-        }
         Ok(())
     }
+}
+
+/// Checks that all sheets fit the lattice.
+fn check_roots(roots: &[Root], levels: u32) -> Result<()> {
+    for root in roots {
+        if root.side >= 6 || root.tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
+            let what = format!("side {} at tile {:?} is out of range", root.side, root.tile);
+            return Err(Error::Inconsistent(what));
+        }
+        check_node(&root.node, levels - 1)?;
+    }
+    Ok(())
 }
 
 fn check_node(node: &Node, level: u32) -> Result<()> {
@@ -141,16 +165,8 @@ fn check_node(node: &Node, level: u32) -> Result<()> {
 pub struct LatticeHeader {
     /// Points of the cloud that the model was learned from.
     pub n_points: u64,
-    /// World position of the lattice's zero, metres.
-    pub origin: [f64; 3],
-    /// Directions of the lattice's axes.
-    pub orientation: Orientation,
-    /// Side of the finest pixel, metres.
-    pub pixel_size: f64,
-    /// Number of levels.
-    pub levels: u32,
-    /// Depth step, in sixteenths of the finest pixel.
-    pub depth_step: u32,
+    /// The lattice of the patches.
+    pub lattice: Lattice,
     /// Number of patches.
     pub n_patches: u64,
     /// Rounding of the colours' coefficients, where there are colours.
@@ -175,7 +191,8 @@ pub(super) struct ColorField {
 #[derive(Debug, Clone, PartialEq)]
 pub struct LatticeModel {
     n_points: u64,
-    geometry: Geometry,
+    lattice: Lattice,
+    roots: Vec<Root>,
     leaves: Vec<Leaf>,
     color: Option<ColorField>,
     nodes: Vec<u64>,
@@ -184,6 +201,15 @@ pub struct LatticeModel {
     extra_size: f64,
     max_error: Option<f64>,
     report: Report,
+}
+
+/// What there is of a level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LevelSize {
+    /// Number of patches.
+    pub patches: u64,
+    /// Set pixels of all patches.
+    pub set_pixels: u64,
 }
 
 /// Most memory units that a stream may ask for.
@@ -197,24 +223,25 @@ impl LatticeModel {
     /// Puts the learned parts together.
     pub(super) fn new(
         n_points: u64,
-        geometry: Geometry,
+        lattice: Lattice,
+        Said { roots, leaves }: Said,
         color: Option<(ColorField, Vec<[u8; 3]>)>,
         nodes: Vec<u64>,
         report: Report,
     ) -> Result<Self> {
-        geometry.check()?;
-        let leaves = leaves(&geometry);
+        lattice.check()?;
+        check_roots(&roots, lattice.levels)?;
         let (color, node_colors) = color.map_or((None, Vec::new()), |(f, c)| (Some(f), c));
-        let extra_size = geometry.pixel_size;
         Ok(Self {
             n_points,
-            geometry,
+            lattice,
+            roots,
             leaves,
             color,
             nodes,
             node_colors,
             extra: Vec::new(),
-            extra_size,
+            extra_size: lattice.pixel_size,
             max_error: None,
             report,
         })
@@ -232,14 +259,9 @@ impl LatticeModel {
 
     /// What the file says before its streams.
     pub fn header(&self) -> LatticeHeader {
-        let Geometry { origin, orientation, pixel_size, levels, depth_step, .. } = self.geometry;
         LatticeHeader {
             n_points: self.n_points,
-            origin,
-            orientation,
-            pixel_size,
-            levels,
-            depth_step,
+            lattice: self.lattice,
             n_patches: self.leaves.len() as u64,
             color: self.color.as_ref().map(|c| c.steps),
             n_extra: self.extra.len() as u64,
@@ -259,7 +281,7 @@ impl LatticeModel {
         extra: &mut C,
     ) -> Result<(), C::Error> {
         let mut models = GeometryModels::default();
-        code_geometry(geometry, &mut models, &mut self.geometry.clone(), usize::MAX)?;
+        code_geometry(geometry, &mut models, self.lattice, &self.roots, usize::MAX)?;
         if let Some(field) = &self.color {
             let source = Source::Model(&field.coefficients);
             code_colors(color, &mut ColorModels::default(), &self.nodes, field.steps, source)?;
@@ -279,24 +301,22 @@ impl LatticeModel {
         color: &mut C,
         extra: &mut C,
     ) -> Result<Self, C::Error> {
-        let LatticeHeader { origin, orientation, pixel_size, levels, depth_step, .. } = *header;
-        let mut of =
-            Geometry { origin, orientation, pixel_size, levels, depth_step, roots: Vec::new() };
-        of.check().map_err(|e| geometry.corrupt(e.to_string()))?;
+        let lattice = header.lattice;
+        lattice.check().map_err(|e| geometry.corrupt(e.to_string()))?;
         let n_patches = usize::try_from(header.n_patches).unwrap_or(usize::MAX);
-        code_geometry(geometry, &mut GeometryModels::default(), &mut of, n_patches)?;
-        of.check().map_err(|e| geometry.corrupt(e.to_string()))?;
-        let found = leaves(&of);
-        if found.len() != n_patches {
-            return Err(geometry.corrupt(format!("{} patches instead of {n_patches}", found.len())));
+        let models = &mut GeometryModels::default();
+        let Said { roots, leaves } = code_geometry(geometry, models, lattice, &[], n_patches)?;
+        check_roots(&roots, lattice.levels).map_err(|e| geometry.corrupt(e.to_string()))?;
+        if leaves.len() != n_patches {
+            let found = leaves.len();
+            return Err(geometry.corrupt(format!("{found} patches instead of {n_patches}")));
         }
         let keys = match header.color {
             None => Vec::new(),
-            Some(_) => nodes(&of, &found, limits.nodes).ok_or_else(|| {
+            Some(_) => nodes(lattice, &leaves, limits.nodes).ok_or_else(|| {
                 geometry.corrupt(format!("more than {} cells of colour", limits.nodes))
             })?,
         };
-        let positive = |v: f64| v.is_finite() && v > 0.0;
         let colors = match header.color {
             None => None,
             Some(steps) if steps.is_valid() => {
@@ -315,7 +335,7 @@ impl LatticeModel {
             );
             return Err(extra.corrupt(what));
         }
-        if header.max_error.is_some_and(|e| !positive(e)) {
+        if header.max_error.is_some_and(|e| !(e.is_finite() && e > 0.0)) {
             return Err(extra.corrupt(format!("a largest error of {:?} m", header.max_error)));
         }
         let (color, node_colors) = match colors {
@@ -326,8 +346,9 @@ impl LatticeModel {
         };
         Ok(Self {
             n_points: header.n_points,
-            geometry: of,
-            leaves: found,
+            lattice,
+            roots,
+            leaves,
             color,
             nodes: keys,
             node_colors,
@@ -345,9 +366,25 @@ impl LatticeModel {
         [g.bits / 8.0, c.bits / 8.0, e.bits / 8.0]
     }
 
-    /// The hierarchy of patches.
-    pub fn geometry(&self) -> &Geometry {
-        &self.geometry
+    /// The lattice that all patches share.
+    pub fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    /// The hierarchies of all sheets, by side, then along a space-filling curve of their tiles.
+    pub fn roots(&self) -> &[Root] {
+        &self.roots
+    }
+
+    /// Number of patches and of their set pixels at each level, finest first.
+    pub fn level_sizes(&self) -> Vec<LevelSize> {
+        let mut sizes = vec![LevelSize::default(); self.lattice.levels as usize];
+        for leaf in &self.leaves {
+            let of = &mut sizes[leaf.level as usize];
+            of.patches += 1;
+            of.set_pixels += u64::from(leaf.patch.mask.count_ones());
+        }
+        sizes
     }
 
     /// All patches, in the order of the file.
@@ -369,7 +406,7 @@ impl LatticeModel {
 
     /// World position that the model computes about, metres.
     pub fn origin(&self) -> [f64; 3] {
-        self.geometry.origin
+        self.lattice.origin
     }
 
     /// Points of the cloud that the model was learned from.

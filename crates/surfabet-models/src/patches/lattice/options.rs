@@ -1,7 +1,7 @@
 //! What to learn, checked before anything is computed.
 
 use super::model::MAX_LEVELS;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 use crate::patches::sensor::Sensor;
 
 /// Parameters of [`learn`](super::learn).
@@ -53,14 +53,7 @@ impl LatticeOptions {
     /// # Errors
     /// [`Error::InvalidParameter`] naming the first one.
     pub fn check(&self) -> Result<()> {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        if !positive(self.resolution) {
-            return Err(Error::invalid(
-                "resolution",
-                self.resolution,
-                "a positive number of metres",
-            ));
-        }
+        positive("resolution", self.resolution, "a positive number of metres")?;
         if !(1..=MAX_LEVELS).contains(&self.levels) {
             return Err(Error::invalid("levels", self.levels, "1 to 4"));
         }
@@ -68,9 +61,7 @@ impl LatticeOptions {
         for (name, value) in
             [("lambda", self.lambda), ("color_lambda", self.color_lambda), ("chroma_ratio", ratio)]
         {
-            if !positive(value) {
-                return Err(Error::invalid(name, value, "a positive number"));
-            }
+            positive(name, value, "a positive number")?;
         }
         if !(1..=256).contains(&self.depth_step) {
             return Err(Error::invalid(
@@ -88,10 +79,8 @@ impl LatticeOptions {
         if !(1..=10).contains(&self.rounds) {
             return Err(Error::invalid("rounds", self.rounds, "1 to 10"));
         }
-        if let Some(error) = self.max_error
-            && !positive(error)
-        {
-            return Err(Error::invalid("max_error", error, "a positive number of metres"));
+        if let Some(error) = self.max_error {
+            positive("max_error", error, "a positive number of metres")?;
         }
         Ok(())
     }

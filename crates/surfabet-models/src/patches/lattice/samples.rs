@@ -4,10 +4,10 @@ use rayon::prelude::*;
 use surfabet_geom::{Moments, PointCloud, Progress};
 
 use super::axes::Orientation;
-use super::cells::{Groups, cell_of, key};
+use super::cells::{Cells, cell_of, key};
 use crate::error::Result;
 use crate::patches::frame::dot;
-use crate::patches::sensor::Sensor;
+use crate::patches::sensor::{Sensor, to_sensor};
 
 /// Side of the cells that points are merged in, in pixels.
 pub(super) const SAMPLE_SIZE: f64 = 0.5;
@@ -68,12 +68,12 @@ impl Samples {
         let rotated: Vec<[f32; 3]> =
             cloud.positions().par_iter().map(|&p| rotate(&rows, p)).collect();
         progress.check()?;
-        let groups = Groups::new(rotated.len(), |i| key(cell_of(rotated[i], cell)));
+        let cells = Cells::new(rotated.len(), |i| key(cell_of(rotated[i], cell)));
         progress.check()?;
-        let samples: Vec<Sample> = (0..groups.len())
+        let samples: Vec<Sample> = (0..cells.len())
             .into_par_iter()
             .with_min_len(1 << 12)
-            .map(|g| merge_cell(cloud, &rows, &rotated, sensor, groups.of(g)))
+            .map(|g| merge_cell(cloud, &rows, &rotated, sensor, cells.of(g)))
             .collect();
         progress.check()?;
         let sides = sides(&samples, NORMAL_CELL * resolution as f32, cloud.viewpoints().is_some());
@@ -93,18 +93,14 @@ fn merge_cell(
     let (mut position, mut color, mut view) = ([0.0_f64; 3], [0.0_f64; 3], [0.0_f64; 3]);
     for &i in points {
         let i = i as usize;
-        let weight = cloud.ranges().map_or(1.0, |r| f64::from(sensor.weight(r[i])));
+        let weight = f64::from(sensor.weight_of(cloud, i));
         weights += weight;
         (0..3).for_each(|a| position[a] += weight * f64::from(rotated[i][a]));
         if let Some(colors) = cloud.colors() {
             (0..3).for_each(|c| color[c] += weight * f64::from(colors[i][c]));
         }
-        if let Some(sensor) = cloud.local_viewpoint(i) {
-            let p = cloud.positions()[i];
-            let v: [f32; 3] = std::array::from_fn(|a| sensor[a] - p[a]);
-            let length = dot(v, v).sqrt().max(1e-6);
-            (0..3).for_each(|a| view[a] += weight * f64::from(v[a] / length));
-        }
+        let direction = to_sensor(cloud, i);
+        (0..3).for_each(|a| view[a] += weight * f64::from(direction[a]));
     }
     let mean = |sum: [f64; 3]| sum.map(|s| (s / weights) as f32);
     Sample {
@@ -116,13 +112,13 @@ fn merge_cell(
 }
 
 /// Sum of moments of a cell and its 26 neighbours.
-fn neighbourhood(groups: &Groups, moments: &[Moments], cell: [i32; 3]) -> (Moments, Vec<u32>) {
+fn neighbourhood(cells: &Cells, moments: &[Moments], cell: [i32; 3]) -> (Moments, Vec<u32>) {
     let mut sum = Moments::new();
     let mut around = Vec::with_capacity(27);
     for dx in -1..=1 {
         for dy in -1..=1 {
             for dz in -1..=1 {
-                if let Some(g) = groups.find(key([cell[0] + dx, cell[1] + dy, cell[2] + dz])) {
+                if let Some(g) = cells.find(key([cell[0] + dx, cell[1] + dy, cell[2] + dz])) {
                     sum.merge(&moments[g]);
                     around.push(g as u32);
                 }
@@ -133,20 +129,20 @@ fn neighbourhood(groups: &Groups, moments: &[Moments], cell: [i32; 3]) -> (Momen
 }
 
 fn sides(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
-    let groups = Groups::new(samples.len(), |i| key(cell_of(samples[i].position, cell)));
-    let moments: Vec<Moments> = (0..groups.len())
+    let cells = Cells::new(samples.len(), |i| key(cell_of(samples[i].position, cell)));
+    let moments: Vec<Moments> = (0..cells.len())
         .into_par_iter()
         .map(|g| {
-            let members = groups.of(g);
+            let members = cells.of(g);
             let at = samples[members[0] as usize].position;
             Moments::about(at, members.iter().map(|&i| samples[i as usize].position))
         })
         .collect();
-    let fitted: Vec<([f32; 3], f32, Vec<u32>)> = (0..groups.len())
+    let fitted: Vec<([f32; 3], f32, Vec<u32>)> = (0..cells.len())
         .into_par_iter()
         .map(|g| {
-            let at = samples[groups.of(g)[0] as usize].position;
-            let (sum, around) = neighbourhood(&groups, &moments, cell_of(at, cell));
+            let at = samples[cells.of(g)[0] as usize].position;
+            let (sum, around) = neighbourhood(&cells, &moments, cell_of(at, cell));
             match sum.principal_axes() {
                 Some(axes) if sum.weight() >= 5.0 && axes.variances[1] > 0.0 => {
                     let flat = 1.0 - (axes.variances[0] / axes.variances[1]).sqrt();
@@ -172,9 +168,9 @@ fn sides(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
         (0..3).max_by(|&a, &b| score(a).total_cmp(&score(b)).then(b.cmp(&a))).map_or(0, |a| a as u8)
     };
     let mut axes: Vec<u8> =
-        (0..groups.len()).into_par_iter().map(|g| best(&|a| fit(g, a))).collect();
+        (0..cells.len()).into_par_iter().map(|g| best(&|a| fit(g, a))).collect();
     for _ in 0..ROUNDS {
-        axes = (0..groups.len())
+        axes = (0..cells.len())
             .into_par_iter()
             .map(|g| {
                 let mut votes = [0.0_f32; 3];
@@ -186,11 +182,11 @@ fn sides(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
             .collect();
     }
     let mut sides = vec![0_u8; samples.len()];
-    let per_cell: Vec<Vec<u8>> = (0..groups.len())
+    let per_cell: Vec<Vec<u8>> = (0..cells.len())
         .into_par_iter()
         .map(|g| {
             let axis = axes[g] as usize;
-            let members = groups.of(g);
+            let members = cells.of(g);
             let (mut normal, _, _) = fitted[g];
             if normal[axis] < 0.0 {
                 normal = normal.map(|c| -c);
@@ -219,7 +215,7 @@ fn sides(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
         })
         .collect();
     for (g, of) in per_cell.into_iter().enumerate() {
-        for (&i, side) in groups.of(g).iter().zip(of) {
+        for (&i, side) in cells.of(g).iter().zip(of) {
             sides[i as usize] = side;
         }
     }

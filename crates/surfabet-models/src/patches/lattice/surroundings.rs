@@ -2,8 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::basis::{Basis, FRACTION, N_SHAPES};
-use super::model::{LatticePatch, PATCH_PIXELS};
+use super::basis::{Basis, FRACTION};
+use super::leaves::Leaf;
+use super::model::{Lattice, MAX_DEPTH, PATCH_PIXELS};
 
 /// Surfaces of other sheets go on here when their depths agree within this many finest pixels.
 const REACH: i64 = 8;
@@ -11,29 +12,12 @@ const REACH: i64 = 8;
 /// State of a pixel that may not have been coded yet.
 pub(super) const UNKNOWN: usize = 2;
 
-/// A patch and where it lies.
+/// A patch of a sheet.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Placed {
-    pub side: u8,
-    pub level: u32,
-    /// First column and row, in finest pixels.
-    pub corner: [i32; 2],
+    pub leaf: Leaf,
     /// Number of the sheet.
     pub sheet: u32,
-    pub patch: LatticePatch,
-}
-
-impl Placed {
-    /// Finest pixels per side.
-    pub fn width(&self) -> i32 {
-        PATCH_PIXELS << self.level
-    }
-
-    /// Whether the pixel of the finest level belongs to the patch's surface.
-    pub fn is_set(&self, at: [i32; 2]) -> bool {
-        let cell = |a: usize| (at[a] - self.corner[a]) >> self.level;
-        self.patch.mask >> (PATCH_PIXELS * cell(1) + cell(0)) & 1 != 0
-    }
 }
 
 /// Where the next patch will lie.
@@ -62,7 +46,7 @@ pub(super) struct Prediction {
 
 pub(super) struct Surroundings {
     bases: Vec<Basis>,
-    pub patches: Vec<Placed>,
+    patches: Vec<Placed>,
     by_block: HashMap<(u8, i32, i32), Vec<u32>>,
     done: HashSet<(u8, [i32; 2])>,
     tile_pixels: i32,
@@ -73,29 +57,40 @@ pub(super) struct Surroundings {
 }
 
 impl Surroundings {
-    /// Nothing yet. `depth_step` in sixteenths of a pixel.
-    pub fn new(levels: u32, depth_step: u32) -> Self {
+    /// Nothing yet.
+    pub fn new(lattice: Lattice) -> Self {
         Self {
-            bases: (0..levels).map(|l| Basis::new((PATCH_PIXELS << l) as usize)).collect(),
+            bases: Basis::of_levels(lattice.levels),
             patches: Vec::new(),
             by_block: HashMap::new(),
             done: HashSet::new(),
-            tile_pixels: PATCH_PIXELS << (levels - 1),
-            reach: (REACH << (FRACTION + 4)) / i64::from(depth_step),
+            tile_pixels: lattice.tile_pixels(),
+            reach: (REACH << (FRACTION + 4)) / i64::from(lattice.depth_step),
             thickness: 4,
         }
     }
 
+    /// Number of patches so far.
+    pub fn len(&self) -> usize {
+        self.patches.len()
+    }
+
+    /// All patches, in the order in which they were added.
+    pub fn into_leaves(self) -> Vec<Leaf> {
+        self.patches.into_iter().map(|placed| placed.leaf).collect()
+    }
+
     pub fn add(&mut self, placed: Placed) {
         let index = self.patches.len() as u32;
-        let block = placed.corner.map(|c| c.div_euclid(PATCH_PIXELS));
-        let blocks = 1 << placed.level;
+        let leaf = placed.leaf;
+        let block = leaf.corner.map(|c| c.div_euclid(PATCH_PIXELS));
+        let blocks = 1 << leaf.level;
         for bv in block[1]..block[1] + blocks {
             for bu in block[0]..block[0] + blocks {
-                self.by_block.entry((placed.side, bu, bv)).or_default().push(index);
+                self.by_block.entry((leaf.side, bu, bv)).or_default().push(index);
             }
         }
-        self.thickness = i32::from(placed.patch.thickness);
+        self.thickness = i32::from(leaf.patch.thickness);
         self.patches.push(placed);
     }
 
@@ -105,13 +100,11 @@ impl Surroundings {
     }
 
     /// Depth of a patch at a position in half pixels, in steps with fraction; outside it, of its tilted plane.
-    pub fn depth(&self, placed: &Placed, half: [i32; 2]) -> i64 {
-        let local: [i32; 2] = std::array::from_fn(|a| half[a] - 2 * placed.corner[a]);
-        let (c, limit) = (&placed.patch.coefficients, 2 * placed.width());
-        let inside = local.iter().all(|&x| (0..=limit).contains(&x));
-        if inside {
-            let shapes = self.bases[placed.level as usize].at(local[0] as usize, local[1] as usize);
-            return (0..N_SHAPES).map(|k| i64::from(c[k]) * i64::from(shapes[k])).sum();
+    fn depth(&self, leaf: &Leaf, half: [i32; 2]) -> i64 {
+        let local: [i32; 2] = std::array::from_fn(|a| half[a] - 2 * leaf.corner[a]);
+        let (c, limit) = (&leaf.patch.coefficients, 2 * leaf.width());
+        if local.iter().all(|&x| (0..=limit).contains(&x)) {
+            return self.bases[leaf.level as usize].depth(c, local.map(|x| x as usize));
         }
         // sqrt(3) with the fraction of the shapes.
         const ROOT_3: i64 = 7094;
@@ -120,28 +113,28 @@ impl Surroundings {
     }
 
     /// Patches of this sheet, or of others at about this depth, that hold a block's pixel.
-    fn at(&self, place: &Place, pixel: [i32; 2]) -> Option<&Placed> {
+    fn at(&self, place: &Place, pixel: [i32; 2]) -> Option<&Leaf> {
         let block = pixel.map(|c| c.div_euclid(PATCH_PIXELS));
         let found = self.by_block.get(&(place.side, block[0], block[1]))?;
         let half = pixel.map(|c| 2 * c + 1);
-        let mut best: Option<(&Placed, i64)> = None;
+        let mut best: Option<(&Leaf, i64)> = None;
         for &i in found {
-            let placed = &self.patches[i as usize];
-            if placed.sheet == place.sheet {
-                return Some(placed);
+            let Placed { leaf, sheet } = &self.patches[i as usize];
+            if *sheet == place.sheet {
+                return Some(leaf);
             }
-            let off = (self.depth(placed, half) - (i64::from(place.base) << FRACTION)).abs();
+            let off = (self.depth(leaf, half) - (i64::from(place.base) << FRACTION)).abs();
             if off <= self.reach && best.is_none_or(|(_, b)| off < b) {
-                best = Some((placed, off));
+                best = Some((leaf, off));
             }
         }
-        best.map(|(placed, _)| placed)
+        best.map(|(leaf, _)| leaf)
     }
 
     /// Whether the pixel is set, 0 or 1, or [`UNKNOWN`].
     pub fn state(&self, place: &Place, pixel: [i32; 2]) -> usize {
-        if let Some(placed) = self.at(place, pixel) {
-            return usize::from(placed.is_set(pixel));
+        if let Some(leaf) = self.at(place, pixel) {
+            return usize::from(leaf.is_set(pixel[0] - leaf.corner[0], pixel[1] - leaf.corner[1]));
         }
         let tile = pixel.map(|c| c.div_euclid(self.tile_pixels));
         let own = place.corner.map(|c| c.div_euclid(self.tile_pixels));
@@ -163,18 +156,18 @@ impl Surroundings {
         let center = [2 * u + width, 2 * v + width];
         let (mut depth, mut thickness, mut voices, mut finer) = (0_i64, 0, 0, 0);
         for pixel in beside {
-            let Some(placed) = self.at(place, pixel) else { continue };
-            depth += self.depth(placed, center);
-            thickness += i32::from(placed.patch.thickness);
+            let Some(leaf) = self.at(place, pixel) else { continue };
+            depth += self.depth(leaf, center);
+            thickness += i32::from(leaf.patch.thickness);
             voices += 1;
-            finer |= usize::from(placed.level < place.level);
+            finer |= usize::from(leaf.level < place.level);
         }
         if voices == 0 {
             return Prediction { depth: place.base, thickness: self.thickness, voices: 0, finer };
         }
         let rounding = voices << (FRACTION - 1);
         let mean = (depth + rounding).div_euclid(voices << FRACTION);
-        let bound = i64::from(super::model::MAX_DEPTH);
+        let bound = i64::from(MAX_DEPTH);
         Prediction {
             depth: mean.clamp(-bound, bound) as i32,
             thickness: (2 * thickness + voices as i32) / (2 * voices as i32),
@@ -201,8 +194,8 @@ impl Surroundings {
                 let Some(here) = self.by_block.get(&(side, block[0], block[1])) else { continue };
                 for &i in here {
                     let half = pixel.map(|c| 2 * c + 1);
-                    let depth = self.depth(&self.patches[i as usize], half) >> FRACTION;
-                    let bound = i64::from(super::model::MAX_DEPTH);
+                    let depth = self.depth(&self.patches[i as usize].leaf, half) >> FRACTION;
+                    let bound = i64::from(MAX_DEPTH);
                     let depth = depth.clamp(-bound, bound) as i32;
                     if found.len() < MAX_CANDIDATES
                         && found

@@ -3,9 +3,9 @@
 use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
 
 use super::basis::N_SHAPES;
+use super::leaves::Leaf;
 use super::model::{
-    Geometry, LatticePatch, MAX_DEPTH, MAX_LEVELS, MAX_THICKNESS, MAX_TILE, Node, PATCH_PIXELS,
-    Root,
+    Lattice, LatticePatch, MAX_DEPTH, MAX_LEVELS, MAX_THICKNESS, MAX_TILE, Node, PATCH_PIXELS, Root,
 };
 use super::surroundings::{Place, Placed, Surroundings, UNKNOWN};
 
@@ -72,25 +72,33 @@ pub(super) fn pixel_index(level: u32, states: [usize; 4]) -> usize {
     states.iter().fold(level as usize, |index, s| index * 3 + s)
 }
 
-/// Writes, reads or prices all sheets. When reading, `geometry` comes without sheets; in any case it comes back
-/// with all of them. No more than `max_patches` are read.
+/// All sheets as they were written, read or priced.
+#[derive(Debug, Default)]
+pub(super) struct Said {
+    pub roots: Vec<Root>,
+    /// Their patches, in the order of the file.
+    pub leaves: Vec<Leaf>,
+}
+
+/// Writes, reads or prices all sheets. When reading, none are `given`; in any case all come back. No more than `max_patches` are read.
 ///
 /// # Errors
 /// Whatever the coder finds wrong with what it reads.
 pub(super) fn code_geometry<C: Coder>(
     coder: &mut C,
     models: &mut GeometryModels,
-    geometry: &mut Geometry,
+    lattice: Lattice,
+    given: &[Root],
     max_patches: usize,
-) -> Result<(), C::Error> {
-    let given = std::mem::take(&mut geometry.roots);
+) -> Result<Said, C::Error> {
     let mut writer = Sheets {
         coder,
         models,
-        around: Surroundings::new(geometry.levels, geometry.depth_step),
+        around: Surroundings::new(lattice),
         roots: Vec::with_capacity(given.len()),
         max_patches,
-        levels: geometry.levels,
+        levels: lattice.levels,
+        tile_pixels: lattice.tile_pixels(),
         last_base: 0,
     };
     for side in 0..6 {
@@ -98,8 +106,7 @@ pub(super) fn code_geometry<C: Coder>(
         let to = given.partition_point(|r| r.side <= side);
         writer.side(side, &given[from..to])?;
     }
-    geometry.roots = writer.roots;
-    Ok(())
+    Ok(Said { roots: writer.roots, leaves: writer.around.into_leaves() })
 }
 
 struct Sheets<'a, C> {
@@ -109,6 +116,7 @@ struct Sheets<'a, C> {
     roots: Vec<Root>,
     max_patches: usize,
     levels: u32,
+    tile_pixels: i32,
     last_base: i32,
 }
 
@@ -126,7 +134,7 @@ impl<C: Coder> Sheets<'_, C> {
             *low = self.coder.sint(&mut self.models.corner, least)?;
         }
         // When reading there is nothing to sort.
-        let mut given = given.to_vec();
+        let mut given: Vec<&Root> = given.iter().collect();
         given.sort_by_key(|r| morton(std::array::from_fn(|a| (r.tile[a] - low[a]) as u32)));
         let height = u32::BITS - span.leading_zeros();
         let height = self.coder.bypass(u64::from(height), HEIGHT_BITS)? as u32;
@@ -144,7 +152,7 @@ impl<C: Coder> Sheets<'_, C> {
         side: u8,
         corner: [i32; 2],
         height: u32,
-        given: &[Root],
+        given: &[&Root],
     ) -> Result<(), C::Error> {
         if height == 0 {
             return self.tile(side, corner, given);
@@ -155,8 +163,8 @@ impl<C: Coder> Sheets<'_, C> {
         for child in 0..4_usize {
             let offset = [child as i32 & 1, child as i32 >> 1];
             let at: [i32; 2] = std::array::from_fn(|a| corner[a] + offset[a] * half);
-            let inside = |r: &Root| (0..2).all(|a| (at[a]..at[a] + half).contains(&r.tile[a]));
-            let here = rest.iter().take_while(|r| inside(r)).count();
+            let inside = |r: &&&Root| (0..2).all(|a| (at[a]..at[a] + half).contains(&r.tile[a]));
+            let here = rest.iter().take_while(inside).count();
             let certain = child == 3 && occupied == 0;
             let context = (height.min(3) - 1) as usize * 16 + child * 4 + occupied;
             if certain || self.coder.bit(&mut self.models.tiles[context], here > 0)? {
@@ -168,7 +176,7 @@ impl<C: Coder> Sheets<'_, C> {
         Ok(())
     }
 
-    fn tile(&mut self, side: u8, tile: [i32; 2], given: &[Root]) -> Result<(), C::Error> {
+    fn tile(&mut self, side: u8, tile: [i32; 2], given: &[&Root]) -> Result<(), C::Error> {
         let more = given.len().saturating_sub(1) as u32;
         let n = self.coder.uint(&mut self.models.sheets, more)? as usize + 1;
         if n > self.max_patches.min(MAX_SHEETS)
@@ -176,15 +184,14 @@ impl<C: Coder> Sheets<'_, C> {
         {
             return Err(self.coder.corrupt(format!("{n} sheets at tile {tile:?}")));
         }
-        let tile_pixels = PATCH_PIXELS << (self.levels - 1);
         for i in 0..n {
-            let root = given.get(i);
+            let root = given.get(i).copied();
             let candidates = self.around.candidates(side, tile);
             let base = self.base(&candidates, root)?;
             let place = Place {
                 side,
                 level: self.levels - 1,
-                corner: tile.map(|t| t * tile_pixels),
+                corner: tile.map(|t| t * self.tile_pixels),
                 sheet: self.roots.len() as u32,
                 base,
             };
@@ -285,11 +292,11 @@ impl<C: Coder> Sheets<'_, C> {
                 .corrupt(format!("a half thickness of {thickness} quarter pixels")));
         }
         patch.thickness = thickness as u8;
-        if self.around.patches.len() == self.max_patches {
+        if self.around.len() == self.max_patches {
             return Err(self.coder.corrupt(format!("more than {} patches", self.max_patches)));
         }
         let Place { side, level, corner, sheet, .. } = place;
-        self.around.add(Placed { side, level, corner, sheet, patch });
+        self.around.add(Placed { leaf: Leaf { side, level, corner, patch }, sheet });
         Ok(Node::Leaf(patch))
     }
 

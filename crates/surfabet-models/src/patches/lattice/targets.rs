@@ -1,8 +1,9 @@
 //! The colour that each node should have: that of the samples it will be compared with.
 
 use rayon::prelude::*;
+use surfabet_geom::morton::step;
 
-use super::nodes::{cell_key, index, step};
+use super::nodes::{cell_key, index};
 use super::samples::Samples;
 
 /// Mean colour of the samples in or next to each node's cell.
