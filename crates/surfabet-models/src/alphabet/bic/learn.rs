@@ -58,8 +58,9 @@ impl BicAlphabet {
     ) -> Result<BicModel> {
         self.check(options)?;
         with_stage(cloud, options, progress, |stage, report| {
-            let mut score =
-                report.time("placing words", || Score::of(stage, self.words().to_vec()));
+            let words = self.words().to_vec();
+            let matching = report.time("matching words", || Score::matching(stage, &words));
+            let mut score = report.time("placing words", || Score::of(stage, words, matching));
             report.stop_reason = "the alphabet was given";
             finish(cloud, stage, &mut score, report, progress)
         })

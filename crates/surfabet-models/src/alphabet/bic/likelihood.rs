@@ -190,38 +190,41 @@ impl Samples {
         Reaches { starts, blocks: parts.into_iter().flat_map(|(_, found)| found).collect() }
     }
 
-    /// Adds the Gaussian of a decoded point, with a sign, to the sums of all points that feel it; `touched` is told
-    /// each block that may have changed.
-    #[inline]
+    /// Adds the Gaussians of some decoded points, or takes them away, from the sums of all points that feel them;
+    /// `touched` is told each block that may have changed.
     pub fn scatter(
         &self,
-        point: [f32; 3],
+        decoded: &[[f32; 3]],
         reach: &[u32],
         add: bool,
         sums: &mut [[i64; LANES]],
         mut touched: impl FnMut(u32),
     ) {
-        for &b in reach {
-            let at = b as usize;
-            let block = &self.blocks[at];
-            if block.squared_distance(point) > block.reach * block.reach {
-                continue;
-            }
-            touched(b);
-            let ([x, y, z], narrow) = (&self.positions[at], &self.narrow[at]);
-            let mut values = [0_u32; LANES];
-            for lane in 0..LANES {
-                let (dx, dy, dz) = (x[lane] - point[0], y[lane] - point[1], z[lane] - point[2]);
-                values[lane] = kernel((dx * dx + dy * dy + dz * dz) * narrow[lane]);
-            }
-            let sums = &mut sums[at];
-            if add {
-                for lane in 0..LANES {
-                    sums[lane] += i64::from(values[lane]);
+        // So many Gaussians of at most 2^22 fit 32 bits.
+        for decoded in decoded.chunks(512) {
+            for &b in reach {
+                let at = b as usize;
+                let block = &self.blocks[at];
+                let limit = block.reach * block.reach;
+                let ([x, y, z], narrow) = (&self.positions[at], &self.narrow[at]);
+                let mut values = [0_u32; LANES];
+                let mut is_touched = false;
+                for &p in decoded {
+                    if block.squared_distance(p) > limit {
+                        continue;
+                    }
+                    is_touched = true;
+                    for lane in 0..LANES {
+                        let (dx, dy, dz) = (x[lane] - p[0], y[lane] - p[1], z[lane] - p[2]);
+                        values[lane] += kernel((dx * dx + dy * dy + dz * dz) * narrow[lane]);
+                    }
                 }
-            } else {
-                for lane in 0..LANES {
-                    sums[lane] -= i64::from(values[lane]);
+                if is_touched {
+                    touched(b);
+                    let sign = if add { 1 } else { -1 };
+                    for lane in 0..LANES {
+                        sums[at][lane] += sign * i64::from(values[lane]);
+                    }
                 }
             }
         }
@@ -345,9 +348,7 @@ mod tests {
             let frame = Frame { origin: [0.0; 3], rows: [[0.0; 3]; 3] };
             let reaches = samples.reaches(&[frame], 2.0);
             let mut state = samples.nothing();
-            for &r in &decoded {
-                samples.scatter(r, reaches.of(0), true, &mut state.sums, |_| ());
-            }
+            samples.scatter(&decoded, reaches.of(0), true, &mut state.sums, |_| ());
             let logs: i64 = (0..samples.n_blocks())
                 .flat_map(|b| state.sums[b][..samples.lanes(b)].iter())
                 .map(|&s| samples.log(s))
@@ -357,7 +358,7 @@ mod tests {
             // A point exactly at 3 sigma may fall on either side in single precision.
             prop_assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{found} {expected}");
             for &r in &decoded {
-                samples.scatter(r, reaches.of(0), false, &mut state.sums, |_| ());
+                samples.scatter(&[r], reaches.of(0), false, &mut state.sums, |_| ());
             }
             prop_assert_eq!(state, samples.nothing());
         }

@@ -72,6 +72,7 @@ pub(super) struct Bench {
     change: Change,
     distances: Vec<u32>,
     taken: Vec<u32>,
+    positions: Vec<[f32; 3]>,
     sums: Vec<[i64; LANES]>,
     touched: Vec<u32>,
     is_touched: Vec<bool>,
@@ -106,17 +107,21 @@ impl Score {
         }
     }
 
-    /// Everything at once.
-    pub fn of(stage: &Stage<'_>, words: Vec<BicWord>) -> Self {
+    /// The nearest word of every feature.
+    pub fn matching(stage: &Stage<'_>, words: &[BicWord]) -> Matching {
         let penalty = penalty_steps(stage.options.empty_penalty);
-        let matching = Matching::new(stage.descriptors, &words, penalty);
+        Matching::new(stage.descriptors, words, penalty)
+    }
+
+    /// Everything at once.
+    pub fn of(stage: &Stage<'_>, words: Vec<BicWord>, matching: Matching) -> Self {
         let stamps: Vec<Stamp> = words.iter().map(|w| stage.stamp(w)).collect();
         let frames = &stage.features.frames;
         let sparse = rebuild(frames, &matching.words, &stamps, stage.epsilon());
         let mut sums = stage.samples.nothing();
         for (p, _) in sparse.arena.points.iter().zip(&sparse.kept).filter(|(_, k)| **k) {
             let reach = stage.reaches.of(p.owner);
-            stage.samples.scatter(p.position, reach, true, &mut sums.sums, |_| ());
+            stage.samples.scatter(&[p.position], reach, true, &mut sums.sums, |_| ());
         }
         sums.total = 0;
         for (b, (sums_of, logs)) in sums.sums.iter().zip(&mut sums.logs).enumerate() {
@@ -194,9 +199,12 @@ impl Score {
 
     /// Adds the Gaussians of the points that come, or takes away those of the points that go.
     fn scatter(&self, stage: &Stage<'_>, bench: &mut Bench, come: bool) {
-        let Bench { change, sums, touched, is_touched, .. } = bench;
-        for &(position, owner, _) in change.flips.iter().filter(|f| f.2 == come) {
-            stage.samples.scatter(position, stage.reaches.of(owner), come, sums, |b| {
+        let Bench { change, positions, sums, touched, is_touched, .. } = bench;
+        for of_owner in change.flips.chunk_by(|a, b| a.1 == b.1) {
+            positions.clear();
+            positions.extend(of_owner.iter().filter(|f| f.2 == come).map(|f| f.0));
+            let reach = stage.reaches.of(of_owner[0].1);
+            stage.samples.scatter(positions, reach, come, sums, |b| {
                 if !is_touched[b as usize] {
                     is_touched[b as usize] = true;
                     touched.push(b);
@@ -248,5 +256,121 @@ impl Score {
         self.settle_sums(stage, bench);
         self.sparse.remove(&bench.change);
         self.matching.words[feature as usize] = u32::MAX;
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use proptest::prelude::*;
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::super::reduce::reduce;
+    use super::*;
+
+    /// A corner of two planes with a bump, sampled at random.
+    pub fn scene(points: &[[f32; 3]]) -> Scene {
+        let positions = points
+            .iter()
+            .map(|&[u, v, s]| {
+                let bump = 0.05 * (-((u - 0.3).powi(2) + (v - 0.3).powi(2)) / 0.005).exp();
+                if s < 0.5 { [u, v, bump] } else { [u, 0.0, v] }
+            })
+            .collect();
+        let (cloud, _) = PointCloud::from_positions(positions);
+        Scene::new(&cloud, crate::alphabet::Deviation::default(), 0.0, &Silent).unwrap()
+    }
+
+    pub fn on_stage<T>(
+        points: &[[f32; 3]],
+        options: &BicOptions,
+        work: impl FnOnce(&Stage<'_>) -> T,
+    ) -> T {
+        let scene = scene(points);
+        let tree = KdTree::new(&scene.positions).unwrap();
+        let features = Features::new(&scene, &tree, options, &Silent).unwrap();
+        let descriptors = Descriptors::new(&scene, &tree, &features, options, &Silent).unwrap();
+        work(&Stage::new(&scene, &tree, &features, &descriptors, options))
+    }
+
+    /// Kept points by rank, and everything that a score adds up.
+    fn content(score: &Score) -> (Vec<u64>, &Matching, &Sums, i64, usize) {
+        let pairs = score.sparse.arena.points.iter().zip(&score.sparse.kept);
+        let mut kept: Vec<u64> = pairs.filter(|(_, k)| **k).map(|(p, _)| p.rank).collect();
+        kept.sort_unstable();
+        (kept, &score.matching, &score.sums, score.decoded, score.parameters)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        #[test]
+        fn step_by_step_is_the_same_to_the_bit_as_all_at_once(
+            points in prop::collection::vec(prop::array::uniform3(0.0_f32..1.0), 100..500),
+            candidates in prop::collection::vec(any::<prop::sample::Index>(), 1..10),
+        ) {
+            let options = BicOptions { epsilon: Some(0.03), ..BicOptions::default() };
+            on_stage(&points, &options, |stage| {
+                let mut score = Score::nothing(stage);
+                let mut bench = Bench::default();
+                for candidate in candidates {
+                    let word = stage.word(candidate.index(stage.features.len()) as u32);
+                    if word.points.is_empty() {
+                        continue;
+                    }
+                    let words = [score.words.clone(), vec![word.clone()]].concat();
+                    let matching = Score::matching(stage, &words);
+                    let full = Score::of(stage, words, matching);
+                    let now = score.bic(stage);
+                    let found = score.with(stage, &word, f64::INFINITY, &mut bench);
+                    prop_assert_eq!(found, Some(full.bic(stage)));
+                    // What a bound rejects would not have been accepted.
+                    let bounded = score.with(stage, &word, now, &mut bench);
+                    prop_assert_eq!(bounded, found.filter(|&bic| bic < now));
+                    if bounded.is_some() {
+                        score.accept(stage, word, &bench);
+                        prop_assert_eq!(content(&score), content(&full));
+                        prop_assert_eq!(score.bic(stage), full.bic(stage));
+                    }
+                }
+                Ok(())
+            })?;
+        }
+
+        #[test]
+        fn a_reduction_never_lowers_the_likelihood_and_leaves_what_would(
+            points in prop::collection::vec(prop::array::uniform3(0.0_f32..1.0), 100..400),
+            chosen in prop::collection::vec(any::<prop::sample::Index>(), 1..4),
+        ) {
+            let options = BicOptions { epsilon: Some(0.03), ..BicOptions::default() };
+            on_stage(&points, &options, |stage| {
+                let at = |i: prop::sample::Index| stage.word(i.index(stage.features.len()) as u32);
+                let words: Vec<BicWord> =
+                    chosen.into_iter().map(at).filter(|w| !w.points.is_empty()).collect();
+                if words.is_empty() {
+                    return Ok(());
+                }
+                let matching = Score::matching(stage, &words);
+                let full = Score::of(stage, words, matching);
+                // One removal after the other, each held against the likelihood before it.
+                let mut plain = full.clone();
+                let mut bench = Bench::default();
+                for f in 0..stage.features.len() as u32 {
+                    let before = plain.log_likelihood(stage);
+                    let without = plain.without(stage, f, &mut bench);
+                    let mut removed = plain.clone();
+                    removed.remove(stage, f, &bench);
+                    prop_assert_eq!(removed.log_likelihood(stage), without);
+                    if without >= before {
+                        plain = removed;
+                    }
+                }
+                let mut reduced = full.clone();
+                reduce(stage, &mut reduced, &Silent).unwrap();
+                prop_assert!(reduced.log_likelihood(stage) >= full.log_likelihood(stage));
+                let left = |s: &Score| s.matching.words.iter().filter(|&&w| w != u32::MAX).count();
+                prop_assert!(left(&reduced) >= 1 && left(&reduced) <= left(&full));
+                Ok(())
+            })?;
+        }
     }
 }
