@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,8 @@ def model(cloud: sb.PointCloud) -> _core.BicAlphabetModel:
 
 def test_decoding_places_words_at_their_poses(model: _core.BicAlphabetModel) -> None:
     words, poses, ids = model.alphabet.points(), model.poses(), model.word_ids
-    assert len(words) == len(model.alphabet) and len(poses) == len(ids) == len(model)
+    assert len(words) == len(model.alphabet)
+    assert len(poses) == len(ids) == len(model)
     np.testing.assert_array_equal(model.counts, np.bincount(ids, minlength=len(words)))
     rotations = poses[:, :3, :3]
     np.testing.assert_allclose(
@@ -75,18 +77,20 @@ def test_the_report_tells_the_paper_s_measures(model: _core.BicAlphabetModel) ->
     figures = report["figures"]
     trace = report["objectives"]["bic"]
     assert len(trace) == report["iterations"] == 60
-    assert all(b <= a for a, b in zip(trace, trace[1:], strict=False))
+    assert all(b <= a for a, b in itertools.pairwise(trace))
     points = sum(len(p) for p in model.alphabet.points())
     assert figures["paper bytes reduced"] == 12 * points + 28 * len(model)
     assert figures["paper bytes"] > figures["paper bytes reduced"]
-    assert figures["inliers"] > 0.9 and figures["outliers"] < 0.1
+    assert figures["inliers"] > 0.9
+    assert figures["outliers"] < 0.1
     assert report["not_kept"] == ["viewpoints"]
 
 
 def test_descriptors_are_heights_over_a_disc(model: _core.BicAlphabetModel) -> None:
     images = model.alphabet.descriptors()
     assert images.shape == (len(model.alphabet), 8, 8)
-    assert np.isnan(images[:, 0, 0]).all() and np.isfinite(images[:, 4, 4]).all()
+    assert np.isnan(images[:, 0, 0]).all()
+    assert np.isfinite(images[:, 4, 4]).all()
     assert np.nanmax(np.abs(images)) <= RADIUS + 1e-6
 
 
@@ -100,7 +104,8 @@ def test_files_come_back_with_and_without_their_words(
     decoded = [m.decode(max_points=10**6, progress=None).points for m in (model, again)]
     np.testing.assert_array_equal(*decoded)
     shared = model.sharing_alphabet(True)
-    assert shared.shares_alphabet and len(shared.to_bytes()) < len(data)
+    assert shared.shares_alphabet
+    assert len(shared.to_bytes()) < len(data)
     back = _core.bic_from_bytes(
         shared.to_bytes(), max_items=10**6, max_bytes=10**8, alphabet=model.alphabet
     )
@@ -141,6 +146,8 @@ def test_the_paper_s_figures_on_a_real_room() -> None:
     model = learn(scans[0], **chosen)
     figures = model.report_dict["figures"]
     assert figures["distinct points"] == 44_973
-    assert figures["inliers"] >= 0.96 and figures["outliers"] <= 0.06
+    assert figures["inliers"] >= 0.96
+    assert figures["outliers"] <= 0.06
     rebuilt = learn(scans[1], **chosen, alphabet=model.alphabet).report_dict["figures"]
-    assert rebuilt["inliers"] >= 0.97 and rebuilt["outliers"] <= 0.05
+    assert rebuilt["inliers"] >= 0.97
+    assert rebuilt["outliers"] <= 0.05
