@@ -101,8 +101,8 @@ def test_files_come_back_with_and_without_their_words(
     assert model.save(str(tmp_path / "a.sfb")) == len(data)
     again = _core.load(str(tmp_path / "a.sfb"), max_items=10**6, max_bytes=10**8, dictionary=None)
     assert isinstance(again, _core.BicAlphabetModel)
-    decoded = [m.decode(max_points=10**6, progress=None).points for m in (model, again)]
-    np.testing.assert_array_equal(*decoded)
+    first, second = (m.decode(max_points=10**6, progress=None).points for m in (model, again))
+    np.testing.assert_array_equal(first, second)
     shared = model.sharing_alphabet(True)
     assert shared.shares_alphabet
     assert len(shared.to_bytes()) < len(data)
