@@ -94,11 +94,14 @@ impl Features {
     pub const SHARED_DICTIONARY: Self = Self(1);
     /// The patches lie on a lattice, with thickness, and colour on cells of their own.
     pub const LATTICE: Self = Self(2);
+    /// The words of the alphabet are points of the scene, chosen by the Bayesian information criterion.
+    pub const BIC_ALPHABET: Self = Self(4);
 
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 2] = [
+    const KNOWN: [(Self, &'static str, Version); 3] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
+        (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

@@ -30,6 +30,7 @@
 //! ```
 
 pub mod alphabet;
+pub mod alphabet_bic;
 pub mod bytes;
 mod container;
 mod entropy;

@@ -23,7 +23,7 @@ pub use error::{Error, Result};
 pub use kdtree::{KdTree, Neighbor, Neighborhoods};
 pub use metrics::{DirectedErrors, EvaluateOptions, Quality, Tolerance, evaluate};
 pub use moments::{FittedPlane, Moments, PrincipalAxes};
-pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal};
+pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal, orient_normal};
 pub use octree::Octree;
 pub use pose::Pose;
 pub use progress::{Cancelled, Progress, Silent};

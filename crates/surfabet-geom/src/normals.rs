@@ -109,7 +109,7 @@ pub fn estimate_normals(
                 match fit_normal(position, found.iter().map(|n| positions[n.index()])) {
                     Some((direction, share)) => {
                         let viewpoint = cloud.local_viewpoint(i);
-                        *normal = orient(direction, position, viewpoint);
+                        *normal = orient_normal(direction, position, viewpoint);
                         *curvature = share as f32;
                     }
                     None => unknown += 1,
@@ -122,7 +122,11 @@ pub fn estimate_normals(
 }
 
 /// The normal with the sign that [`estimate_normals`] promises.
-fn orient(normal: [f64; 3], position: [f32; 3], viewpoint: Option<[f32; 3]>) -> [f32; 3] {
+pub fn orient_normal(
+    normal: [f64; 3],
+    position: [f32; 3],
+    viewpoint: Option<[f32; 3]>,
+) -> [f32; 3] {
     let towards = viewpoint.map_or(0.0, |viewpoint| {
         (0..3).map(|a| normal[a] * (f64::from(viewpoint[a]) - f64::from(position[a]))).sum()
     });

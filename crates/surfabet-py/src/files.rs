@@ -6,23 +6,30 @@ use pyo3::prelude::*;
 use surfabet::{Container, Limits, Model, Shared};
 
 use crate::alphabet::{PyAlphabet, PyAlphabetModel};
+use crate::alphabet_bic::{PyBicAlphabet, PyBicModel};
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::lattice::PyLatticeModel;
 use crate::patches::{PyPatchDictionary, PyPatchModel};
 
 type Dictionary<'a, 'py> = Option<&'a Bound<'py, PyPatchDictionary>>;
 type Words<'a, 'py> = Option<&'a Bound<'py, PyAlphabet>>;
+type BicWords<'a, 'py> = Option<&'a Bound<'py, PyBicAlphabet>>;
 
-fn shared<'a>(dictionary: Dictionary<'a, '_>, alphabet: Words<'a, '_>) -> Shared<'a> {
+fn shared<'a>(
+    dictionary: Dictionary<'a, '_>,
+    alphabet: Words<'a, '_>,
+    bic_alphabet: BicWords<'a, '_>,
+) -> Shared<'a> {
     Shared {
         dictionary: dictionary.map(|d| &d.get().dictionary),
         alphabet: alphabet.map(|a| &a.get().alphabet),
+        bic_alphabet: bic_alphabet.map(|a| &a.get().alphabet),
     }
 }
 
 /// The model in the bytes of an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes, dictionary, alphabet))]
+#[pyo3(signature = (data, *, max_items, max_bytes, dictionary, alphabet, bic_alphabet))]
 fn from_bytes(
     py: Python<'_>,
     data: &[u8],
@@ -30,16 +37,17 @@ fn from_bytes(
     max_bytes: u64,
     dictionary: Dictionary<'_, '_>,
     alphabet: Words<'_, '_>,
+    bic_alphabet: BicWords<'_, '_>,
 ) -> PyResult<Py<PyAny>> {
     let limits = Limits { max_items, max_bytes };
-    let shared = shared(dictionary, alphabet);
+    let shared = shared(dictionary, alphabet, bic_alphabet);
     let model = py.detach(|| Model::from_bytes_with(data, &limits, shared));
     wrap(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
 /// The model in an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (path, *, max_items, max_bytes, dictionary, alphabet))]
+#[pyo3(signature = (path, *, max_items, max_bytes, dictionary, alphabet, bic_alphabet))]
 fn load(
     py: Python<'_>,
     path: PathBuf,
@@ -47,16 +55,17 @@ fn load(
     max_bytes: u64,
     dictionary: Dictionary<'_, '_>,
     alphabet: Words<'_, '_>,
+    bic_alphabet: BicWords<'_, '_>,
 ) -> PyResult<Py<PyAny>> {
     let limits = Limits { max_items, max_bytes };
-    let shared = shared(dictionary, alphabet);
+    let shared = shared(dictionary, alphabet, bic_alphabet);
     let model = py.detach(|| Model::open_with(path, &limits, shared));
     wrap(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
 /// Family, oldest release that reads the file, bytes by section, and the model, of the bytes of an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes, dictionary, alphabet))]
+#[pyo3(signature = (data, *, max_items, max_bytes, dictionary, alphabet, bic_alphabet))]
 fn inspect(
     py: Python<'_>,
     data: &[u8],
@@ -64,9 +73,10 @@ fn inspect(
     max_bytes: u64,
     dictionary: Dictionary<'_, '_>,
     alphabet: Words<'_, '_>,
+    bic_alphabet: BicWords<'_, '_>,
 ) -> PyResult<(&'static str, String, Vec<(String, usize)>, Py<PyAny>)> {
     let limits = Limits { max_items, max_bytes };
-    let shared = shared(dictionary, alphabet);
+    let shared = shared(dictionary, alphabet, bic_alphabet);
     let (container, model) = py
         .detach(|| {
             let container = Container::parse(data, &limits)?;
@@ -85,6 +95,7 @@ fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
         Model::Patches(model) => Ok(Py::new(py, PyPatchModel::from(model))?.into_any()),
         Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::from(model))?.into_any()),
         Model::Alphabet(model) => Ok(Py::new(py, PyAlphabetModel::from(model))?.into_any()),
+        Model::BicAlphabet(model) => Ok(Py::new(py, PyBicModel::from(model))?.into_any()),
         other => {
             Err(invalid_input(format!("models of family {} have no class yet", other.family())))
         }

@@ -28,14 +28,16 @@ pub use error::{Error, Result};
 pub use model::{Model, Shared};
 pub use save::Save;
 pub use surfabet_codec::alphabet::alphabet_hash;
+pub use surfabet_codec::alphabet_bic::{alphabet_hash as bic_alphabet_hash, shared_alphabet};
 pub use surfabet_codec::patches::{dictionary_hash, shared_dictionary};
 pub use surfabet_codec::{Container, ContentHash, Family, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
+pub use surfabet_models::alphabet::bic::{BicAlphabet, BicModel, BicOptions};
 pub use surfabet_models::alphabet::mdl::{
     Alphabet, AlphabetModel, MdlDecodeOptions, MdlOptions, Occurrence,
 };
-pub use surfabet_models::alphabet::{self, Deviation};
+pub use surfabet_models::alphabet::{self, Deviation, Upright, bic};
 pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::patches::{
     self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,

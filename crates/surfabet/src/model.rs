@@ -5,6 +5,7 @@ use std::path::Path;
 
 use surfabet_codec::{Container, Family, Features, Limits};
 use surfabet_geom::{PointCloud, Progress};
+use surfabet_models::alphabet::bic::{BicAlphabet, BicModel};
 use surfabet_models::alphabet::mdl::{Alphabet, AlphabetModel, MdlDecodeOptions};
 use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
@@ -22,6 +23,8 @@ pub enum Model {
     Lattice(LatticeModel),
     /// Words and where they occur.
     Alphabet(AlphabetModel),
+    /// Words chosen by the Bayesian information criterion, and where they occur.
+    BicAlphabet(BicModel),
 }
 
 /// What files may name instead of holding it.
@@ -31,6 +34,14 @@ pub struct Shared<'a> {
     pub dictionary: Option<&'a PatchDictionary>,
     /// The words of an alphabet.
     pub alphabet: Option<&'a Alphabet>,
+    /// The words of an alphabet by BIC.
+    pub bic_alphabet: Option<&'a BicAlphabet>,
+}
+
+impl From<BicModel> for Model {
+    fn from(model: BicModel) -> Self {
+        Self::BicAlphabet(model)
+    }
 }
 
 impl From<AlphabetModel> for Model {
@@ -56,7 +67,7 @@ impl Model {
     pub fn family(&self) -> Family {
         match self {
             Self::Patches(_) | Self::Lattice(_) => Family::Patches,
-            Self::Alphabet(_) => Family::Alphabet,
+            Self::Alphabet(_) | Self::BicAlphabet(_) => Family::Alphabet,
         }
     }
 
@@ -69,6 +80,7 @@ impl Model {
             Self::Patches(model) => model.to_bytes(),
             Self::Lattice(model) => model.to_bytes(),
             Self::Alphabet(model) => model.to_bytes(),
+            Self::BicAlphabet(model) => model.to_bytes(),
         }
     }
 
@@ -110,6 +122,11 @@ impl Model {
                 limits,
                 shared.dictionary,
             )?)),
+            Family::Alphabet if container.features().contains(Features::BIC_ALPHABET) => {
+                let known = shared.bic_alphabet;
+                let model = surfabet_codec::alphabet_bic::read(container, limits, known)?;
+                Ok(Self::BicAlphabet(model))
+            }
             Family::Alphabet => Ok(Self::Alphabet(surfabet_codec::alphabet::read(
                 container,
                 limits,
@@ -156,6 +173,8 @@ impl Model {
         match self {
             Self::Patches(model) => Ok(model.decode(options, progress)?),
             Self::Lattice(model) => Ok(model.decode(options, progress)?),
+            // Its spacing was chosen when it was learned.
+            Self::BicAlphabet(model) => Ok(model.decode(options.max_points, progress)?),
             Self::Alphabet(model) => {
                 let options = MdlDecodeOptions { resolution, ..MdlDecodeOptions::default() };
                 Ok(model.decode(options, progress)?)

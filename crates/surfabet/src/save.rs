@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use surfabet_models::alphabet::bic::BicModel;
 use surfabet_models::alphabet::mdl::AlphabetModel;
 use surfabet_models::patches::PatchModel;
 use surfabet_models::patches::lattice::LatticeModel;
@@ -35,6 +36,12 @@ impl Save for PatchModel {
 impl Save for LatticeModel {
     fn to_bytes(&self) -> Result<Vec<u8>> {
         Ok(surfabet_codec::lattice::write(self)?)
+    }
+}
+
+impl Save for BicModel {
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        Ok(surfabet_codec::alphabet_bic::write(self)?)
     }
 }
 

@@ -11,7 +11,7 @@ use surfabet::geom::KdTree;
 use surfabet::patches::{self, Placement};
 use surfabet::{
     CloudParts, DecodeOptions, Limits, Model, PatchModel, PatchOptions, PointCloud, Progress,
-    Sensor, Silent, Viewpoints,
+    Sensor, Shared, Silent, Viewpoints,
 };
 use surfabet_models::Error;
 
@@ -540,13 +540,14 @@ fn a_frozen_dictionary_codes_another_scene() {
     let bytes = Model::from(model.clone()).to_bytes().unwrap();
     assert!(bytes.len() < Model::from(learn(&second)).to_bytes().unwrap().len());
     let limits = Limits::default();
-    let again = Model::from_bytes_with(&bytes, &limits, Some(&dictionary)).unwrap();
+    let with = |dictionary| Shared { dictionary: Some(dictionary), ..Shared::default() };
+    let again = Model::from_bytes_with(&bytes, &limits, with(&dictionary)).unwrap();
     let Model::Patches(again) = again else { panic!("another family") };
     assert_eq!(again.levels(), model.levels());
     let missing = Model::from_bytes(&bytes, &limits).unwrap_err().to_string();
     assert!(missing.contains("does not hold it"), "{missing}");
     let other = learn(&second).dictionary();
-    let wrong = Model::from_bytes_with(&bytes, &limits, Some(&other)).unwrap_err().to_string();
+    let wrong = Model::from_bytes_with(&bytes, &limits, with(&other)).unwrap_err().to_string();
     assert!(wrong.contains("the one given is"), "{wrong}");
     let mismatch = patches::encode(&second, &with_levels(2), &dictionary, &Silent).unwrap_err();
     assert!(matches!(mismatch, Error::Inconsistent(_)), "{mismatch:?}");

@@ -3,6 +3,7 @@
 //! M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact 3D Models Based on the Detection
 //! of Recurrent Structures, ICRA 2010.
 
+pub mod bic;
 mod frame;
 pub mod mdl;
 mod scene;

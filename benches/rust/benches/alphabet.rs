@@ -1,0 +1,70 @@
+//! Alphabets, stage by stage as the models' own reports time them:
+//! `cargo bench -p surfabet-benches --bench alphabet`.
+#![allow(missing_docs)]
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use surfabet_codec::{Container, Limits, alphabet_bic as file};
+use surfabet_geom::{PointCloud, Silent};
+use surfabet_models::alphabet::bic::{BicModel, BicOptions, learn};
+use surfabet_sim::{LidarOptions, RoomOptions, Scene, scan_lidar};
+
+/// One laser scan of a furnished room.
+fn scan() -> PointCloud {
+    let room = Scene::room(&RoomOptions::default()).expect("the default room stands");
+    let poses = room.default_poses(1).expect("one pose");
+    let options = LidarOptions::default();
+    let mut scans = scan_lidar(&room, &poses, &options, &Silent).expect("a scan per pose");
+    scans.swap_remove(0).cloud
+}
+
+/// Seconds of one stage of a run.
+fn seconds(model: &BicModel, stage: &str) -> f64 {
+    model.report().stages.iter().find(|s| s.name == stage).map_or(0.0, |s| s.seconds)
+}
+
+fn bic(criterion: &mut Criterion) {
+    let cloud = scan();
+    let options = BicOptions { iterations: 100, ..BicOptions::default() };
+    let model = learn(&cloud, &options, &Silent).expect("a cloud with points");
+    let alphabet = model.alphabet().clone();
+    let bytes = file::write(&model).expect("a model of our own");
+    let limits = Limits::default();
+
+    let mut group = criterion.benchmark_group("bic");
+    group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
+    for stage in
+        ["extracting features", "describing features", "matching words", "removing occurrences"]
+    {
+        group.bench_function(stage, |b| {
+            b.iter_custom(|rounds| {
+                let run = |_| alphabet.describe(black_box(&cloud), &options, &Silent);
+                let of = |n| seconds(&run(n).expect("a cloud with points"), stage);
+                Duration::from_secs_f64((0..rounds).map(of).sum())
+            });
+        });
+    }
+    group.bench_function("BIC step", |b| {
+        b.iter_custom(|rounds| {
+            let run = |_| learn(black_box(&cloud), &options, &Silent).expect("a cloud with points");
+            let of = |n| {
+                let model = run(n);
+                seconds(&model, "choosing words") / model.report().iterations.max(1) as f64
+            };
+            Duration::from_secs_f64((0..rounds).map(of).sum())
+        });
+    });
+    group.bench_function("decode", |b| {
+        b.iter(|| black_box(&model).decode(u64::MAX, &Silent));
+    });
+    group.bench_function("write", |b| b.iter(|| file::write(black_box(&model))));
+    group.bench_function("read", |b| {
+        b.iter(|| file::read(&Container::parse(black_box(&bytes), &limits)?, &limits, None));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, bic);
+criterion_main!(benches);
