@@ -5,6 +5,7 @@
 //! | [`patches`] | sparse-coded surface patches | M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
 
 mod error;
+pub mod gas;
 pub mod patches;
 mod report;
 
