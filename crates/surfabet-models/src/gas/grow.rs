@@ -43,7 +43,7 @@ impl From<&GasOptions> for Rates {
             epsilon_w: options.epsilon_w as f32,
             epsilon_n: options.epsilon_n as f32,
             alpha: options.alpha,
-            beta: options.beta,
+            beta: options.beta(),
             max_age: options.max_age,
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 
-/// Largest seed-independent bound of the network: ids and counts stay well within 32 bits.
+/// Most neurons: ids and counts stay well within 32 bits.
 pub const MAX_NEURONS: usize = 1 << 26;
 
 /// How the winner and the second winner of a signal are found. Both give the same network.
@@ -15,9 +15,10 @@ pub enum Search {
     BruteForce,
 }
 
-/// Parameters of [`learn`](super::learn), with the paper's symbols. Rates and ages are by default those of B.
-/// Fritzke's later report and demonstration (*Some Competitive Learning Methods*, 1997), with which neurons jitter
-/// less than with those of 1995 (0.2, 0.006, 50 and a decay of 0.005).
+/// Memory of errors by default, in signals per neuron: the published decay of 0.005 is for networks of 100 neurons.
+const BETA_PER_NEURON: f64 = 0.5;
+
+/// Parameters of [`learn`](super::learn), with the paper's symbols; by default those of Fritzke (1995).
 #[derive(Debug, Clone, PartialEq)]
 pub struct GasOptions {
     /// Number of neurons at which the network stops growing.
@@ -30,8 +31,10 @@ pub struct GasOptions {
     pub epsilon_n: f64,
     /// Factor of the errors of the two neurons that a new one is put between (alpha).
     pub alpha: f64,
-    /// Share of every error that is forgotten with each signal (beta, 1 - d).
-    pub beta: f64,
+    /// Share of every error that is forgotten with each signal (beta, 1 - d). `None` takes 0.5 / `n_neurons`: the
+    /// published 0.005 for 100 neurons, and the same memory per neuron for more. With 0.005 a network of thousands
+    /// remembers the errors of the last few hundred signals only, most neurons having had none of them.
+    pub beta: Option<f64>,
     /// Age above which an edge is removed (a_max).
     pub max_age: u32,
     /// Mean distance of signals to their winners, metres, at which the network stops growing before `n_neurons`.
@@ -41,6 +44,8 @@ pub struct GasOptions {
     pub passes: Option<f64>,
     /// Rounding of positions, metres, taken to the next power of two below; a sixteenth of the mean edge if `None`.
     pub position_step: Option<f64>,
+    /// Rounding of colours, grey levels (0..255).
+    pub color_step: u32,
     /// How winners are found.
     pub search: Search,
     /// Seed of the signals.
@@ -52,14 +57,15 @@ impl Default for GasOptions {
         Self {
             n_neurons: 10_000,
             patterns: 300,
-            epsilon_w: 0.05,
-            epsilon_n: 0.0006,
+            epsilon_w: 0.2,
+            epsilon_n: 0.006,
             alpha: 0.5,
-            beta: 0.0005,
-            max_age: 88,
+            beta: None,
+            max_age: 50,
             target_error: None,
             passes: None,
             position_step: None,
+            color_step: 8,
             search: Search::Indexed,
             random_state: 0,
         }
@@ -67,6 +73,11 @@ impl Default for GasOptions {
 }
 
 impl GasOptions {
+    /// The decay in force.
+    pub fn beta(&self) -> f64 {
+        self.beta.unwrap_or_else(|| (BETA_PER_NEURON / self.n_neurons as f64).min(0.5))
+    }
+
     /// Refuses values outside their domain.
     ///
     /// # Errors
@@ -91,8 +102,11 @@ impl GasOptions {
         if !open(self.alpha) {
             return Err(Error::invalid("alpha", self.alpha, "between 0 and 1"));
         }
-        if !(0.0..=0.5).contains(&self.beta) {
-            return Err(Error::invalid("beta", self.beta, "0 to 0.5"));
+        if !(0.0..=0.5).contains(&self.beta()) {
+            return Err(Error::invalid("beta", self.beta(), "0 to 0.5"));
+        }
+        if !(1..=64).contains(&self.color_step) {
+            return Err(Error::invalid("color_step", self.color_step, "1 to 64"));
         }
         for (name, value) in
             [("target_error", self.target_error), ("position_step", self.position_step)]
