@@ -2,6 +2,7 @@
 //!
 //! | family | learns | paper |
 //! |---|---|---|
+//! | [`gas`] | a growing neural gas: neurons with a topology | V. Morell, M. Cazorla, S. Orts-Escolano, J. Garcia-Rodriguez: 3D Maps Representation Using GNG, 2014 |
 //! | [`patches`] | sparse-coded surface patches | M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
 
 mod error;

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use surfabet_codec::{Container, Family, Features, Limits};
 use surfabet_geom::{PointCloud, Progress};
+use surfabet_models::gas::{self, GasModel};
 use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
 
@@ -18,6 +19,14 @@ pub enum Model {
     Patches(PatchModel),
     /// Surface patches on a lattice.
     Lattice(LatticeModel),
+    /// A growing neural gas.
+    Gas(GasModel),
+}
+
+impl From<GasModel> for Model {
+    fn from(model: GasModel) -> Self {
+        Self::Gas(model)
+    }
 }
 
 impl From<LatticeModel> for Model {
@@ -37,6 +46,7 @@ impl Model {
     pub fn family(&self) -> Family {
         match self {
             Self::Patches(_) | Self::Lattice(_) => Family::Patches,
+            Self::Gas(_) => Family::Gas,
         }
     }
 
@@ -48,6 +58,7 @@ impl Model {
         match self {
             Self::Patches(model) => Ok(surfabet_codec::patches::write(model)?),
             Self::Lattice(model) => Ok(surfabet_codec::lattice::write(model)?),
+            Self::Gas(model) => Ok(surfabet_codec::gas::write(model)?),
         }
     }
 
@@ -76,6 +87,7 @@ impl Model {
             Family::Patches => {
                 Ok(Self::Patches(surfabet_codec::patches::read(&container, limits, dictionary)?))
             }
+            Family::Gas => Ok(Self::Gas(surfabet_codec::gas::read(&container, limits)?)),
             other => Err(surfabet_codec::Error::UnknownFamily {
                 found: other as u8,
                 needed: container.needed_version(),
@@ -143,6 +155,10 @@ impl Model {
             }
             Self::Lattice(model) => {
                 let options = DecodeOptions { resolution, ..DecodeOptions::default() };
+                Ok(model.decode(options, progress)?)
+            }
+            Self::Gas(model) => {
+                let options = gas::DecodeOptions { resolution, ..gas::DecodeOptions::default() };
                 Ok(model.decode(options, progress)?)
             }
         }

@@ -1,7 +1,5 @@
 //! Back to a cloud: the neurons alone, or their discs filled at any spacing, and edges where discs do not meet.
 
-
-
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
@@ -91,8 +89,8 @@ impl GasModel {
         }
         let squares = |i: usize| (2.0 * self.reach(i) / spacing + 1.0).powi(2);
         let links = |e: &[u32; 2]| self.length(*e) / spacing;
-        let most = (0..self.len()).map(squares).sum::<f64>()
-            + self.edges.iter().map(links).sum::<f64>();
+        let most =
+            (0..self.len()).map(squares).sum::<f64>() + self.edges.iter().map(links).sum::<f64>();
         if most > options.max_points as f64 {
             return Err(Error::TooManyPoints {
                 resolution: spacing,
@@ -233,9 +231,8 @@ impl GasModel {
                 let depth = 3.0_f64.sqrt()
                     * self.thickness(i)
                     * (2.0 * (at * GOLDEN_FRACTION).fract() - 1.0);
-                let p = |c: usize| {
-                    center[c] + radius * (cos * u[c] + sin * v[c]) + depth * normal[c]
-                };
+                let p =
+                    |c: usize| center[c] + radius * (cos * u[c] + sin * v[c]) + depth * normal[c];
                 positions.push([p(0), p(1), p(2)].map(|c| c as f32));
                 normals.push(self.normal(i));
                 of.push(i as u32);
@@ -258,4 +255,3 @@ fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
     let u = if length > 0.0 { u.map(|c| c / length) } else { axis };
     [u, cross(n, u)]
 }
-

@@ -38,6 +38,7 @@ pub(super) struct Edges {
 
 impl Edges {
     /// Number of edges.
+    #[cfg(test)]
     pub(super) fn len(&self) -> usize {
         self.count
     }

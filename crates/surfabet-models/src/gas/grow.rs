@@ -120,7 +120,12 @@ pub(super) fn grow<W: Winners>(
                 } else {
                     "number of signals reached"
                 };
-                return Ok(Grown { graph: network.graph(), signals: presented, trace, stop_reason });
+                return Ok(Grown {
+                    graph: network.graph(),
+                    signals: presented,
+                    trace,
+                    stop_reason,
+                });
             }
         }
     }

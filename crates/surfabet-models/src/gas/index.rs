@@ -334,11 +334,12 @@ fn median_plane(entries: &mut [Entry]) -> Option<(usize, f32, usize)> {
     let value = |i: usize| entries[i].position[axis];
     let n = entries.len();
     // The step from one value to a larger one that is nearest to the middle.
-    let half = (0..n).flat_map(|off| [n / 2 + off, (n / 2).wrapping_sub(off)]).find(|&i| {
-        (1..n).contains(&i) && value(i - 1) < value(i)
-    })?;
+    let half = (0..n)
+        .flat_map(|off| [n / 2 + off, (n / 2).wrapping_sub(off)])
+        .find(|&i| (1..n).contains(&i) && value(i - 1) < value(i))?;
     let middle = 0.5 * (value(half - 1) + value(half));
-    let split = if middle > value(half - 1) && middle <= value(half) { middle } else { value(half) };
+    let split =
+        if middle > value(half - 1) && middle <= value(half) { middle } else { value(half) };
     Some((axis, split, half))
 }
 
@@ -401,8 +402,7 @@ impl Winners for Index {
                 let above = u32::from(off >= 0.0);
                 let mut offset = now.offset;
                 offset[axis] = off;
-                let bound =
-                    (offset[0] * offset[0] + offset[1] * offset[1]) + offset[2] * offset[2];
+                let bound = (offset[0] * offset[0] + offset[1] * offset[1]) + offset[2] * offset[2];
                 // One place is put off per level of the path, of which there are no more than the stack has.
                 stack[waiting] = Postponed { node: node.first + 1 - above, bound, offset };
                 waiting += usize::from(bound <= best.limit());

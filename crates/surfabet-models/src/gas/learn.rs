@@ -59,9 +59,7 @@ pub fn learn(
         signals: planned,
         at_most: if options.passes.is_some() { planned } else { PATIENCE * planned },
     };
-    let grown = report.time("growing", || {
-        run(&start, &[], signals, options, stop, progress)
-    })?;
+    let grown = report.time("growing", || run(&start, &[], signals, options, stop, progress))?;
     let observed = Observed {
         points: &positions,
         colors: cloud.colors(),
@@ -151,9 +149,10 @@ impl GasModel {
     /// Neurons for this model's space together with that of `positions`, as many per occupied cube of two edges'
     /// length as now.
     fn grown_with(&self, positions: &[[f32; 3]], recalled: &[[f32; 3]]) -> usize {
-        let lengths = self.edges.iter().map(|&[a, b]| {
-            distance(self.position(a as usize), self.position(b as usize))
-        });
+        let lengths = self
+            .edges
+            .iter()
+            .map(|&[a, b]| distance(self.position(a as usize), self.position(b as usize)));
         let size = (2.0 * lengths.sum::<f64>() / self.edges.len() as f64).max(self.position_step());
         let cell = |p: &[f32; 3]| p.map(|c| (f64::from(c) / size).floor() as i64);
         let mut cells: HashSet<[i64; 3]> = recalled.iter().map(cell).collect();

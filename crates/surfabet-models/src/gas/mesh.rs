@@ -1,6 +1,6 @@
 //! The surface between the neurons: triangles of the induced graph, all seen from the same side.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use super::model::GasModel;
 
@@ -8,17 +8,22 @@ use super::model::GasModel;
 const LEAST_COSINE: f64 = 0.3;
 
 /// Most edges of a hole that is closed.
-const LARGEST_HOLE: usize = 6;
+const LARGEST_HOLE: usize = 12;
 
 impl GasModel {
     /// Triangles of neurons, anticlockwise seen from where their normals point to.
     ///
     /// Three neurons joined to each other are a triangle of the induced triangulation. Where more of them meet than
     /// a surface has room for, smaller ones go first. An edge is passed by at most one triangle in each direction,
-    /// so that the orientation is consistent. Holes of up to six edges, which the graph has where four neurons are
+    /// so that the orientation is consistent. Holes of up to twelve edges, which the graph has where four neurons or more are
     /// about equally far from each other, are closed.
     pub fn mesh(&self) -> Vec<[u32; 3]> {
-        let mut mesh = Mesh { model: self, positions: self.positions(), sides: HashSet::new(), triangles: Vec::new() };
+        let mut mesh = Mesh {
+            model: self,
+            positions: self.positions(),
+            sides: HashMap::new(),
+            triangles: Vec::new(),
+        };
         for (_, [i, j, k]) in mesh.cliques() {
             let triangle = match mesh.cosine([i, j, k]) {
                 Some(c) if c >= LEAST_COSINE => [i, j, k],
@@ -38,8 +43,8 @@ impl GasModel {
 struct Mesh<'a> {
     model: &'a GasModel,
     positions: Vec<[f32; 3]>,
-    /// Directed edges of the triangles so far.
-    sides: HashSet<[u32; 2]>,
+    /// Directed edges of the triangles so far, and the third corner of each.
+    sides: HashMap<[u32; 2], u32>,
     triangles: Vec<[u32; 3]>,
 }
 
@@ -53,9 +58,12 @@ impl Mesh<'_> {
         let adjacency = &self.model.adjacency;
         let mut found = Vec::new();
         for i in 0..adjacency.len() {
-            let later: Vec<u32> = adjacency.of(i).iter().copied().filter(|&j| j as usize > i).collect();
+            let later: Vec<u32> =
+                adjacency.of(i).iter().copied().filter(|&j| j as usize > i).collect();
             for (at, &j) in later.iter().enumerate() {
-                for &k in later[at + 1..].iter().filter(|&&k| adjacency.joined(j as usize, k as usize)) {
+                for &k in
+                    later[at + 1..].iter().filter(|&&k| adjacency.joined(j as usize, k as usize))
+                {
                     let triangle = [i as u32, j, k];
                     let size = sides(triangle).iter().map(|&e| self.squared(e)).sum();
                     found.push((size, triangle));
@@ -89,13 +97,14 @@ impl Mesh<'_> {
     }
 
     fn has_room(&self, triangle: [u32; 3]) -> bool {
-        sides(triangle).iter().all(|side| !self.sides.contains(side))
+        sides(triangle).iter().all(|side| !self.sides.contains_key(side))
     }
 
     fn add(&mut self, triangle: [u32; 3]) -> bool {
         let fits = self.has_room(triangle);
         if fits {
-            self.sides.extend(sides(triangle));
+            let [i, j, k] = triangle;
+            self.sides.extend(sides(triangle).into_iter().zip([k, i, j]));
             self.triangles.push(triangle);
         }
         fits
@@ -106,32 +115,38 @@ impl Mesh<'_> {
         // What a triangle would have to pass: the rim the other way round.
         let mut open: Vec<[u32; 2]> = self
             .sides
-            .iter()
-            .filter(|[a, b]| !self.sides.contains(&[*b, *a]))
+            .keys()
+            .filter(|[a, b]| !self.sides.contains_key(&[*b, *a]))
             .map(|&[a, b]| [b, a])
             .collect();
         open.sort_unstable();
-        let mut next: HashMap<u32, Option<u32>> = HashMap::new();
-        for &[a, b] in &open {
-            // Where several rims meet there is no telling which goes on.
-            next.entry(a).and_modify(|to| *to = None).or_insert(Some(b));
-        }
-        for &[start, second] in &open {
-            let mut ring = vec![start];
-            let mut at = second;
-            while at != start && ring.len() <= LARGEST_HOLE {
-                ring.push(at);
-                match next.get(&at) {
-                    Some(Some(to)) => at = *to,
-                    _ => break,
-                }
+        for [start, second] in open {
+            // A ring before may have filled this one too.
+            if self.sides.contains_key(&[start, second]) {
+                continue;
             }
-            // Once per ring: from its smallest neuron.
-            let smallest = ring.iter().all(|&i| i >= start);
-            if at == start && smallest && (4..=LARGEST_HOLE).contains(&ring.len()) {
+            let mut ring = vec![start];
+            let mut last = [start, second];
+            while last[1] != start && ring.len() < LARGEST_HOLE {
+                ring.push(last[1]);
+                last = self.next_open(last);
+            }
+            let mut corners = ring.clone();
+            corners.sort_unstable();
+            corners.dedup();
+            if last[1] == start && ring.len() >= 4 && corners.len() == ring.len() {
                 self.fill(ring);
             }
         }
+    }
+
+    /// The side of the rim that follows an open one: the other end of the fan of triangles about its end.
+    fn next_open(&self, [a, b]: [u32; 2]) -> [u32; 2] {
+        let mut to = a;
+        while let Some(&third) = self.sides.get(&[b, to]) {
+            to = third;
+        }
+        [b, to]
     }
 
     /// Cuts the ear with the shortest new side off a ring, as long as there is one on the surface.

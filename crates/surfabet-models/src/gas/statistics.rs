@@ -115,7 +115,8 @@ pub(super) fn describe(
             let known = adjacency.of(i).iter().map(|&j| &cells[j as usize]);
             known.filter(|cell| cell.colored > 0.0).map(of).next().unwrap_or([127.0; 3])
         };
-        let color = |(i, cell): (usize, &Cell)| if cell.colored > 0.0 { of(cell) } else { around(i) };
+        let color =
+            |(i, cell): (usize, &Cell)| if cell.colored > 0.0 { of(cell) } else { around(i) };
         cells.iter().enumerate().map(color).collect()
     });
     Ok(Statistics {

@@ -41,13 +41,7 @@ pub struct Streams<C> {
 impl<C> Streams<C> {
     /// Streams from whatever makes them.
     pub fn from_fn(mut make: impl FnMut() -> C) -> Self {
-        Self {
-            topology: make(),
-            positions: make(),
-            normals: make(),
-            sizes: make(),
-            colors: make(),
-        }
+        Self { topology: make(), positions: make(), normals: make(), sizes: make(), colors: make() }
     }
 
     /// The streams in the order of the fields.
@@ -293,7 +287,8 @@ fn candidates(state: &State<'_>, v: usize) -> Vec<(i64, u32, usize)> {
         }
     }
     found.sort_unstable();
-    let at = |u: u32| squared_distance(state.neurons[v].position, state.neurons[u as usize].position);
+    let at =
+        |u: u32| squared_distance(state.neurons[v].position, state.neurons[u as usize].position);
     let mut found: Vec<(i64, u32, usize)> =
         found.chunk_by(|a, b| a == b).map(|run| (at(run[0]), run[0], run.len())).collect();
     found.sort_unstable();
@@ -334,8 +329,7 @@ fn code_edges<C: Coder>(
     let found = state.neurons.len();
     let others: Vec<u32> = state.given.map_or_else(Vec::new, |(_, adjacency)| {
         let of = adjacency.of(v).iter().copied();
-        of.filter(|&u| (u as usize) > v && (u as usize) < found && !state.knows(v, u))
-            .collect()
+        of.filter(|&u| (u as usize) > v && (u as usize) < found && !state.knows(v, u)).collect()
     });
     let n_others = coder.uint(&mut models.n_others, others.len() as u32)? as usize;
     let mut last = v;
@@ -352,11 +346,7 @@ fn code_edges<C: Coder>(
     check_edges(coder, state, header)
 }
 
-fn check_edges<C: Coder>(
-    coder: &C,
-    state: &State<'_>,
-    header: &GasHeader,
-) -> Result<(), C::Error> {
+fn check_edges<C: Coder>(coder: &C, state: &State<'_>, header: &GasHeader) -> Result<(), C::Error> {
     if state.edges.len() as u64 > header.n_edges {
         return Err(coder.corrupt(format!("more than {} edges", header.n_edges)));
     }
@@ -384,7 +374,8 @@ fn code_children<C: Coder>(
     }
     let at = state.neurons[v].position.map(i64::from);
     let parent = state.parents[v];
-    let from = if parent == NOBODY { at } else { state.neurons[parent as usize].position.map(i64::from) };
+    let from =
+        if parent == NOBODY { at } else { state.neurons[parent as usize].position.map(i64::from) };
     // Growing from a root outwards, half of the edge that led here goes on.
     let ahead: [i64; 3] = std::array::from_fn(|a| at[a] + (at[a] - from[a]).div_euclid(2));
     let squared: i64 = (0..3).map(|a| (at[a] - from[a]).pow(2)).sum();

@@ -46,7 +46,11 @@ impl GasModel {
     /// [`Error::InvalidParameter`] when there is no neuron `source`.
     pub fn geodesic_distances(&self, source: usize) -> Result<Vec<f64>> {
         if source >= self.len() {
-            return Err(Error::invalid("source", source, "the number of a neuron, below their count"));
+            return Err(Error::invalid(
+                "source",
+                source,
+                "the number of a neuron, below their count",
+            ));
         }
         let positions = self.positions();
         let mut distances = vec![f64::INFINITY; self.len()];
@@ -60,7 +64,8 @@ impl GasModel {
             }
             for &j in self.adjacency.of(i) {
                 let (p, q) = (positions[i], positions[j as usize]);
-                let squared: f64 = (0..3).map(|a| (f64::from(p[a]) - f64::from(q[a])).powi(2)).sum();
+                let squared: f64 =
+                    (0..3).map(|a| (f64::from(p[a]) - f64::from(q[a])).powi(2)).sum();
                 let distance = so_far + squared.sqrt();
                 if distance < distances[j as usize] {
                     distances[j as usize] = distance;
