@@ -6,6 +6,7 @@
 mod arrays;
 mod cloud;
 mod errors;
+mod gas;
 mod kdtree;
 mod lattice;
 mod lzf;
@@ -14,6 +15,7 @@ mod normals;
 mod octree;
 mod patches;
 mod range_image;
+mod reduce;
 mod report;
 mod run;
 mod sim;
@@ -30,6 +32,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     cloud::register(module)?;
     patches::register(module)?;
     lattice::register(module)?;
+    gas::register(module)?;
     lzf::register(module)?;
     sim::register(module)?;
     kdtree::register(module)?;
@@ -37,6 +40,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     normals::register(module)?;
     octree::register(module)?;
     range_image::register(module)?;
+    reduce::register(module)?;
     voxel_grid::register(module)?;
     sparse::register(module)?;
     Ok(())

@@ -14,6 +14,7 @@ use surfabet::{
 
 use crate::cloud::PyPointCloud;
 use crate::errors::{IntoPyErr, invalid_input};
+use crate::gas::PyGasModel;
 use crate::lattice::PyLatticeModel;
 use crate::report::report_dict;
 use crate::run::run;
@@ -388,6 +389,7 @@ fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
     match model {
         Model::Patches(model) => Ok(Py::new(py, PyPatchModel { model })?.into_any()),
         Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::new(model))?.into_any()),
+        Model::Gas(model) => Ok(Py::new(py, PyGasModel::new(model))?.into_any()),
         other => {
             Err(invalid_input(format!("models of family {} have no class yet", other.family())))
         }
