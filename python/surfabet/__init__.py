@@ -11,6 +11,7 @@ from surfabet.errors import (
     MissingDependencyError,
 )
 from surfabet.files import FileInfo, from_bytes, inspect, load
+from surfabet.gas import GasModel, Neurons, learn_gas
 from surfabet.geometry import (
     KdTree,
     NormalEstimate,
@@ -18,6 +19,9 @@ from surfabet.geometry import (
     RangeImage,
     VoxelGrid,
     estimate_normals,
+    farthest_point_downsample,
+    octree_downsample,
+    random_downsample,
     voxel_downsample,
 )
 from surfabet.io import read, write
@@ -36,6 +40,7 @@ __all__ = [
     "DroppedPointsWarning",
     "FileInfo",
     "FormatError",
+    "GasModel",
     "InvalidInputError",
     "KdTree",
     "LatticeLevel",
@@ -44,6 +49,7 @@ __all__ = [
     "LearningReport",
     "LostAttributeWarning",
     "MissingDependencyError",
+    "Neurons",
     "NormalEstimate",
     "Octree",
     "PatchDictionary",
@@ -58,11 +64,15 @@ __all__ = [
     "__version__",
     "estimate_normals",
     "evaluate",
+    "farthest_point_downsample",
     "from_bytes",
     "get_num_threads",
     "inspect",
+    "learn_gas",
     "learn_patches",
     "load",
+    "octree_downsample",
+    "random_downsample",
     "read",
     "set_num_threads",
     "voxel_downsample",

@@ -10,6 +10,7 @@ from typing import Any
 
 from surfabet import _core
 from surfabet.errors import FormatError
+from surfabet.gas import GasModel
 from surfabet.lattice import LatticeModel
 from surfabet.patches import PatchDictionary, PatchModel
 
@@ -30,6 +31,10 @@ SECTIONS = {
     "DREF": "hash of the dictionary",
     "DPTH": "depth",
     "COLR": "colour",
+    "TOPO": "topology",
+    "POSN": "positions",
+    "NORM": "normals",
+    "SIZE": "sizes",
 }
 
 
@@ -59,7 +64,7 @@ def load(
     dictionary: PatchDictionary | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
-) -> LatticeModel | PatchModel:
+) -> GasModel | LatticeModel | PatchModel:
     """Reads a model file (`.sfb`), which need not be trusted.
 
     Parameters
@@ -94,7 +99,7 @@ def from_bytes(
     dictionary: PatchDictionary | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
-) -> LatticeModel | PatchModel:
+) -> GasModel | LatticeModel | PatchModel:
     """As `load`, from bytes as `PatchModel.to_bytes` gives them."""
     core = _core.from_bytes(
         data,
@@ -119,13 +124,38 @@ def inspect(path: str | os.PathLike[str], *, dictionary: PatchDictionary | None 
         model = from_bytes(data, dictionary=dictionary)
     except FormatError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
-    options = _lattice_options(model) if isinstance(model, LatticeModel) else _hscsm_options(model)
+    match model:
+        case LatticeModel():
+            options = _lattice_options(model)
+        case GasModel():
+            options = _gas_options(model)
+        case PatchModel():
+            options = _hscsm_options(model)
     named = {SECTIONS.get(tag, tag): size for tag, size in sections}
     return FileInfo(family, version, model.n_points, named, options)
 
 
-def _wrapped(core: _core.PatchModel | _core.LatticeModel) -> LatticeModel | PatchModel:
-    return LatticeModel(core) if isinstance(core, _core.LatticeModel) else PatchModel(core)
+def _wrapped(
+    core: _core.PatchModel | _core.LatticeModel | _core.GasModel,
+) -> GasModel | LatticeModel | PatchModel:
+    match core:
+        case _core.LatticeModel():
+            return LatticeModel(core)
+        case _core.GasModel():
+            return GasModel(core)
+        case _core.PatchModel():
+            return PatchModel(core)
+
+
+def _gas_options(model: GasModel) -> dict[str, Any]:
+    return {
+        "neurons": len(model),
+        "edges": len(model.edges),
+        "components": int(model.components().max()) + 1,
+        "colour": model.has_color,
+        "mean error (m)": model.mean_error,
+        "position step (m)": model.position_step,
+    }
 
 
 def _lattice_options(model: LatticeModel) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> 
 
 def load_model(
     path: Path, progress: ProgressCallback, dictionary: Path | None = None
-) -> surfabet.LatticeModel | surfabet.PatchModel:
+) -> surfabet.GasModel | surfabet.LatticeModel | surfabet.PatchModel:
     """The model in a `.sfb` file, which may rely on the dictionary of another."""
     shared = load_dictionary(dictionary, progress)
     progress(f"load {path.name}", 0.0)
@@ -70,10 +70,12 @@ def load_model(
 
 
 def decode(
-    model: surfabet.LatticeModel | surfabet.PatchModel, as_measured: bool, **options: Any
+    model: surfabet.GasModel | surfabet.LatticeModel | surfabet.PatchModel,
+    as_measured: bool,
+    **options: Any,
 ) -> surfabet.PointCloud:
     """The model as a cloud; as measured only where it keeps how thick the scan was."""
-    if isinstance(model, surfabet.LatticeModel):
+    if not isinstance(model, surfabet.PatchModel):
         return model.decode(as_measured=as_measured, **options)
     if as_measured:
         raise UsageError("--as-measured: a model of --method hscsm does not keep the thickness")
@@ -87,7 +89,7 @@ def load_dictionary(
     if path is None:
         return None
     model = load_model(path, progress)
-    if isinstance(model, surfabet.LatticeModel):
+    if not isinstance(model, surfabet.PatchModel):
         raise UsageError(f"{path}: has no dictionary; compress with --method hscsm makes one")
     return model.dictionary
 

@@ -80,12 +80,55 @@ class PatchOptions:
 PATCH_OPTIONS = PatchOptions()
 
 
+@Parameter(name="*", group=Group("Gas", sort_key=1))
+@dataclass(frozen=True)
+class GasOptions:
+    """Options of a gas, as `surfabet.learn_gas` documents them; its defaults hold."""
+
+    n_neurons: PositiveInt = None
+    """Number of neurons, 10000 by default."""
+
+    target_error: PositiveFloat = None
+    """Mean distance of points to their neurons, in metres, at which growth ends before."""
+
+    patterns: PositiveInt = None
+    """Signals per inserted neuron (lambda)."""
+
+    passes: PositiveFloat = None
+    """Number of signals as a multiple of the number of points, instead of patterns per neuron."""
+
+    epsilon_w: PositiveFloat = None
+    """Share of the way to a signal that the winner moves."""
+
+    epsilon_n: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None
+    """Share of the way to a signal that the winner's neighbours move."""
+
+    alpha: PositiveFloat = None
+    """Factor of the errors of the two neurons that a new one is put between."""
+
+    beta: Annotated[float | None, Parameter(validator=Number(gte=0, lte=0.5))] = None
+    """Share of every error that is forgotten with each signal."""
+
+    max_age: PositiveInt = None
+    """Age above which an edge is removed."""
+
+    position_step: PositiveFloat = None
+    """Rounding of positions in metres."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+GAS_OPTIONS = GasOptions()
+
+
 def compress(
     input_: Annotated[Path, Parameter(name="IN")],
     output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
-    model: Literal["patches"] = "patches",
+    model: Literal["patches", "gas"] = "patches",
     method: Literal["rate-distortion", "hscsm"] | None = None,
     resolution: PositiveFloat = None,
     max_error: PositiveFloat = None,
@@ -95,6 +138,7 @@ def compress(
     evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
     json: Flag = False,
     patches: PatchOptions = PATCH_OPTIONS,
+    gas: GasOptions = GAS_OPTIONS,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
@@ -109,6 +153,7 @@ def compress(
         surfabet compress frames/ room.sfb --frame-stride 2 --depth-max 4
         surfabet compress room.ply room.sfb --method hscsm --levels 3
         surfabet compress room2.ply room2.sfb --dictionary room.sfb
+        surfabet compress room.ply map.sfb --model gas --n-neurons 20000
 
     Parameters
     ----------
@@ -118,7 +163,7 @@ def compress(
     output
         The model file to write.
     model
-        The family of models. This version knows surface patches only.
+        The family of models: surface patches, or a growing neural gas of --n-neurons neurons.
     method
         How patches are learned: by least cost on a lattice (the default), or as published, with
         free poses and learned dictionaries (hscsm).
@@ -141,6 +186,8 @@ def compress(
         Print one JSON object instead of a line.
     """
     check_output(output, frozenset({MODEL_SUFFIX}), input_)
+    sizes = {"resolution": resolution, "levels": levels, "max_error": max_error}
+    _check_family(model, sizes, method, dictionary, patches, gas)
     seconds: dict[str, float] = {}
     quality = None
     with common.progress() as progress:
@@ -150,15 +197,17 @@ def compress(
         seconds["read"] = time.perf_counter() - started
 
         started = time.perf_counter()
-        sizes = {"resolution": resolution, "levels": levels, "max_error": max_error}
         options: dict[str, Any] = {
             **{name: value for name, value in sizes.items() if value is not None},
             "random_state": random_state,
             "progress": progress,
             **patches.given(),
+            **gas.given(),
         }
-        learned: surfabet.LatticeModel | surfabet.PatchModel
-        if shared is not None:
+        learned: surfabet.GasModel | surfabet.LatticeModel | surfabet.PatchModel
+        if model == "gas":
+            learned = surfabet.learn_gas(cloud, **options)
+        elif shared is not None:
             if method == "rate-distortion":
                 raise UsageError("--dictionary: only --method hscsm uses dictionaries")
             learned = shared.encode(cloud, **options)
@@ -184,7 +233,7 @@ def compress(
             started = time.perf_counter()
             again = surfabet.load(output, dictionary=shared)
             # Held against a scan that is thick with noise, a thin surface has the scan's own error.
-            as_measured = isinstance(again, surfabet.LatticeModel)
+            as_measured = not isinstance(again, surfabet.PatchModel)
             decoded = decode(again, as_measured, progress=progress)
             seconds["decode"] = time.perf_counter() - started
             started = time.perf_counter()
@@ -226,3 +275,22 @@ def compress(
             if quality.color_rmse_pooled is not None:
                 line += f"colour rmse {quality.color_rmse_pooled:.3g}, "
         print(line + f"{encode_seconds:.1f} s")
+
+
+def _check_family(
+    model: str,
+    sizes: dict[str, Any],
+    method: str | None,
+    dictionary: Path | None,
+    patches: PatchOptions,
+    gas: GasOptions,
+) -> None:
+    """Refuses options of another family."""
+    if model == "gas":
+        given = sizes | {"method": method, "dictionary": dictionary} | patches.given()
+        family = "patches"
+    else:
+        given, family = gas.given(), "gas"
+    names = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
+    if names:
+        raise UsageError(f"{', '.join(names)}: only for --model {family}")

@@ -39,7 +39,8 @@ def decompress(
     output
         The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
     resolution
-        Spacing of the points in metres, by default half a pixel of the model.
+        Spacing of the points in metres, by default half a pixel of the model; a gas gives its
+        neurons.
     as_measured
         Fill the thickness that the scan had, instead of giving the thin surface in its middle.
     dictionary

@@ -46,7 +46,7 @@ def verify(
     with common.progress() as progress:
         model = load_model(file, progress)
         if not isinstance(model, surfabet.LatticeModel):
-            raise UsageError(f"{file}: models of --method hscsm keep no bound")
+            raise UsageError(f"{file}: only patches by --method rate-distortion keep a bound")
         bound = max_error if max_error is not None else model.max_error
         if bound is None:
             raise UsageError(f"{file}: was made without --max-error; give a bound to check")
