@@ -26,7 +26,7 @@ const LEAF: u32 = 3;
 
 /// A neuron found. Orders by distance, then by id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Winner {
+pub struct Winner {
     key: u64,
 }
 
@@ -40,12 +40,14 @@ impl Winner {
     }
 
     #[inline(always)]
-    pub(super) fn id(self) -> u32 {
+    /// The neuron.
+    pub fn id(self) -> u32 {
         self.key as u32
     }
 
     #[inline(always)]
-    pub(super) fn squared_distance(self) -> f32 {
+    /// Its squared distance to the signal, square metres, as [`KdTree`](surfabet_geom::KdTree) computes it.
+    pub fn squared_distance(self) -> f32 {
         f32::from_bits((self.key >> 32) as u32)
     }
 }
@@ -72,7 +74,7 @@ impl Best {
 }
 
 /// What finds winners among neurons with ids below some bound.
-pub(super) trait Winners {
+pub trait Winners {
     /// A new neuron with an id that is not in use.
     fn insert(&mut self, id: u32, position: [f32; 3]);
     /// Takes a neuron out.
@@ -173,9 +175,9 @@ struct Postponed {
     offset: [f32; 3],
 }
 
-/// The k-d tree.
+/// The k-d tree that follows the neurons.
 #[derive(Debug, Clone)]
-pub(super) struct Index {
+pub struct Index {
     nodes: Vec<Node>,
     blocks: Vec<Block>,
     /// Block and slot of every id: `block * LANES + slot`.
@@ -184,8 +186,15 @@ pub(super) struct Index {
     built_len: usize,
 }
 
+impl Default for Index {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Index {
-    pub(super) fn new() -> Self {
+    /// No neurons.
+    pub fn new() -> Self {
         Self {
             nodes: vec![Node { split: 0.0, axis: LEAF, first: 0 }],
             blocks: vec![Block::new(Region::ALL)],
@@ -438,7 +447,7 @@ const BATCH: usize = 64;
 
 /// All distances for every signal, in columns.
 #[derive(Debug, Clone, Default)]
-pub(super) struct BruteForce {
+pub struct BruteForce {
     /// Unused ids are at infinity; a multiple of [`BATCH`] long.
     columns: [Vec<f32>; 3],
 }

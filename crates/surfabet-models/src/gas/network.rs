@@ -17,17 +17,22 @@ struct Unit {
 
 /// What adapts the network, rounded to the precision of positions.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rates {
+pub struct Rates {
+    /// Share of the way to a signal that the winner moves.
     pub epsilon_w: f32,
+    /// Share of the way to a signal that its neighbours move.
     pub epsilon_n: f32,
+    /// Factor of errors next to a new neuron.
     pub alpha: f64,
+    /// Share of errors forgotten with each signal.
     pub beta: f64,
+    /// Age above which edges go.
     pub max_age: u32,
 }
 
 /// Neurons, edges and accumulated errors.
 #[derive(Debug, Clone)]
-pub(super) struct Network<W> {
+pub struct Network<W> {
     units: Vec<Unit>,
     winners: W,
     edges: Edges,
@@ -42,7 +47,8 @@ pub(super) struct Network<W> {
 
 /// Neurons and edges by the order of their ids, without gaps.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Graph {
+pub struct Graph {
+    /// Positions, metres.
     pub positions: Vec<[f32; 3]>,
     /// Pairs of neurons, the smaller first, sorted.
     pub edges: Vec<[u32; 2]>,
@@ -50,7 +56,7 @@ pub(super) struct Graph {
 
 impl<W: Winners> Network<W> {
     /// Step 1: neurons, at first without edges or errors; at least two.
-    pub(super) fn new(winners: W, rates: Rates, positions: &[[f32; 3]]) -> Self {
+    pub fn new(winners: W, rates: Rates, positions: &[[f32; 3]]) -> Self {
         let mut network = Self {
             units: Vec::new(),
             winners,
@@ -68,15 +74,20 @@ impl<W: Winners> Network<W> {
     }
 
     /// Joins neurons of a new network that were joined before.
-    pub(super) fn join(&mut self, edges: &[[u32; 2]]) {
+    pub fn join(&mut self, edges: &[[u32; 2]]) {
         for &[a, b] in edges {
             self.edges.connect(a, b, self.wins_of_both(a, b));
         }
     }
 
     /// Number of neurons.
-    pub(super) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.alive
+    }
+
+    /// Never true: a network has two neurons at least.
+    pub fn is_empty(&self) -> bool {
+        self.alive == 0
     }
 
     fn add(&mut self, position: [f32; 3], error: f64) -> u32 {
@@ -96,7 +107,7 @@ impl<W: Winners> Network<W> {
     }
 
     /// Steps 3 to 8: adapts the network to a signal; gives back its squared distance to the winner before.
-    pub(super) fn present(&mut self, signal: [f32; 3]) -> f32 {
+    pub fn present(&mut self, signal: [f32; 3]) -> f32 {
         // 3: the winner and the second winner.
         let [first, second] = self.winners.two_nearest(signal);
         let distance = first.squared_distance();
@@ -137,7 +148,7 @@ impl<W: Winners> Network<W> {
     }
 
     /// Step 9: a neuron half way between the neuron q with the largest error and its neighbour f with the largest.
-    pub(super) fn insert(&mut self) {
+    pub fn insert(&mut self) {
         // There are two neurons at least, joined since the first signal.
         let Some(q) = self.errors.largest() else { return };
         let neighbours = self.edges.of(q).iter().map(|link| link.to);
@@ -157,12 +168,12 @@ impl<W: Winners> Network<W> {
 
     /// Step 10: all errors decay.
     #[inline]
-    pub(super) fn decay(&mut self) {
+    pub fn decay(&mut self) {
         self.errors.decay();
     }
 
     /// The neurons that have edges: all of them once a signal was presented.
-    pub(super) fn graph(&self) -> Graph {
+    pub fn graph(&self) -> Graph {
         let mut place = vec![u32::MAX; self.units.len()];
         let mut graph = Graph::default();
         for (id, unit) in self.units.iter().enumerate() {
