@@ -131,10 +131,8 @@ impl Mesh<'_> {
                 ring.push(last[1]);
                 last = self.next_open(last);
             }
-            let mut corners = ring.clone();
-            corners.sort_unstable();
-            corners.dedup();
-            if last[1] == start && ring.len() >= 4 && corners.len() == ring.len() {
+            // A rim may pass a neuron more than once.
+            if last[1] == start && ring.len() >= 4 {
                 self.fill(ring);
             }
         }
@@ -155,6 +153,7 @@ impl Mesh<'_> {
             let n = ring.len();
             let ear = |i: usize| [ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]];
             let best = (0..n)
+                .filter(|&i| ear(i)[0] != ear(i)[2])
                 .filter(|&i| self.cosine(ear(i)).is_some_and(|c| c >= LEAST_COSINE))
                 .filter(|&i| self.has_room(ear(i)))
                 .min_by_key(|&i| (self.squared([ear(i)[2], ear(i)[0]]), ring[i]));
