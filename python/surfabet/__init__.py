@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from surfabet._core import PointCloud, __version__, get_num_threads, set_num_threads
 from surfabet.alphabet import Alphabet, AlphabetModel, Occurrences, learn_alphabet
+from surfabet.alphabet_bic import BicAlphabet, BicAlphabetModel
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
@@ -12,6 +13,7 @@ from surfabet.errors import (
     MissingDependencyError,
 )
 from surfabet.files import FileInfo, from_bytes, inspect, load
+from surfabet.gas import GasModel, Neurons, learn_gas
 from surfabet.geometry import (
     KdTree,
     NormalEstimate,
@@ -19,6 +21,9 @@ from surfabet.geometry import (
     RangeImage,
     VoxelGrid,
     estimate_normals,
+    farthest_point_downsample,
+    octree_downsample,
+    random_downsample,
     voxel_downsample,
 )
 from surfabet.hscsm import PatchDictionary, Patches, PatchLevel, PatchModel
@@ -31,9 +36,12 @@ from surfabet.patches import learn_patches
 __all__ = [
     "Alphabet",
     "AlphabetModel",
+    "BicAlphabet",
+    "BicAlphabetModel",
     "DroppedPointsWarning",
     "FileInfo",
     "FormatError",
+    "GasModel",
     "InvalidInputError",
     "KdTree",
     "LatticeLevel",
@@ -42,6 +50,7 @@ __all__ = [
     "LearningReport",
     "LostAttributeWarning",
     "MissingDependencyError",
+    "Neurons",
     "NormalEstimate",
     "Occurrences",
     "Octree",
@@ -57,12 +66,16 @@ __all__ = [
     "__version__",
     "estimate_normals",
     "evaluate",
+    "farthest_point_downsample",
     "from_bytes",
     "get_num_threads",
     "inspect",
     "learn_alphabet",
+    "learn_gas",
     "learn_patches",
     "load",
+    "octree_downsample",
+    "random_downsample",
     "read",
     "set_num_threads",
     "voxel_downsample",

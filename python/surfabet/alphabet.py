@@ -7,15 +7,17 @@ by description length: every bit of words, occurrences and misfit counts.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, final
+from typing import Any, Literal, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet import _core
+from surfabet import _core, alphabet_bic
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
+from surfabet.alphabet_bic import BicAlphabetModel
 from surfabet.errors import InvalidInputError
 from surfabet.metrics import RangeSigma
 from surfabet.model import MAX_POINTS, Model
@@ -230,7 +232,179 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         )
 
 
+@overload
 def learn_alphabet(
+    cloud: PointCloud,
+    *,
+    method: Literal["mdl"] = ...,
+    radius: float | None = ...,
+    scales: int = ...,
+    max_words: int = ...,
+    preset: Preset = ...,
+    inlier_bits: float | None = ...,
+    outlier_bits: float | None = ...,
+    spacing: float = ...,
+    rounds: int = ...,
+    sigma_scale: float = ...,
+    angular_resolution: float | None = ...,
+    noise: float | None = ...,
+    min_range: float = ...,
+    color_step: int = ...,
+    random_state: int = ...,
+    progress: Progress = ...,
+) -> AlphabetModel: ...
+@overload
+def learn_alphabet(
+    cloud: PointCloud,
+    *,
+    method: Literal["bic"],
+    radius: float = ...,
+    sigma_scale: float = ...,
+    angular_resolution: float | None = ...,
+    noise: float | None = ...,
+    min_range: float = ...,
+    epsilon: float | None = ...,
+    feature_spacing: float | None = ...,
+    interest_scales: Sequence[float] = ...,
+    interest_threshold: float = ...,
+    normal_neighbors: int = ...,
+    upright: Literal["x", "z", "view"] = ...,
+    descriptor_pixels: int = ...,
+    empty_penalty: float = ...,
+    floor: float = ...,
+    min_points: int = ...,
+    iterations: int = ...,
+    max_rejections: int = ...,
+    reduce: bool = ...,
+    random_state: int = ...,
+    progress: Progress = ...,
+) -> BicAlphabetModel: ...
+def learn_alphabet(
+    cloud: PointCloud,
+    *,
+    method: Literal["mdl", "bic"] = "mdl",
+    progress: Progress = None,
+    **options: Any,
+) -> AlphabetModel | BicAlphabetModel:
+    """Learns an alphabet from a cloud, and describes the cloud by it.
+
+    Two methods share the idea of recurrent words placed by poses:
+
+    "mdl", the default, chooses by description length: bits of words and of occurrences against
+    what is not explained. Words are small height maps at several radii, poses are quantised before
+    they are scored, and files are a hundred times smaller.
+
+    "bic" is the published method: words are points of the scene, every feature takes the word with
+    the nearest descriptor, and candidates are accepted when the Bayesian information criterion
+    falls.
+
+    A point is explained when a decoded point lies within sigma of it (eq. 13):
+    sigma = sigma_scale * hypot(tan(angular_resolution / 2) * range, noise). Where the cloud has no
+    ranges, half the spacing of its points takes the place of the first term;
+    `surfabet.read(..., viewpoint=)` gives a scan its sensor back.
+
+    Parameters
+    ----------
+    cloud
+        What to describe. Duplicates count once. Ranges and viewpoints make sigma, and orient words.
+        "mdl" keeps colours and intensities as the mean of every occurrence.
+    method
+        "mdl" or "bic".
+    radius
+        Radius of a word, metres (delta): the smallest for "mdl", by default 0.1, or one and a half
+        times the median sigma where that is more; the only one for "bic", by default 0.1.
+    sigma_scale
+        Lambda of eq. 13, by default 3.
+    angular_resolution
+        Alpha, the angle between neighbouring beams, radians; estimated when not given.
+    noise
+        Standard deviation of a measured point about its surface, metres; estimated when not given
+        for "mdl", by default 0 for "bic".
+    min_range
+        What is nearer to the sensor is left out, metres: a robot sees itself.
+    random_state
+        Seed of the candidates of "bic". "mdl" leaves nothing to chance, so that every seed gives
+        the same.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Of "mdl":
+
+    scales
+        Number of radii, each twice the one before, 1 to 8, by default 4.
+    max_words
+        Most words beside the plane, by default 24. Those that do not pay for themselves are
+        dropped.
+    preset
+        "small", "balanced" or "fine": 4, 7 or 24 bits for `inlier_bits` and `outlier_bits`.
+    inlier_bits
+        What explaining a point is worth, bits. Points denser than half a sigma count once.
+    outlier_bits
+        What a decoded point that explains nothing costs, bits; by default as much as an inlier is
+        worth.
+    spacing
+        Distance of decoded points, in sigma, 0.25 to 4, by default 1.
+    rounds
+        How often the scene is covered, each time with the prices that the round before taught, by
+        default 4.
+    color_step
+        Rounding of mean colours, 1 to 255, by default 8.
+
+    Of "bic" (defaults and what they were chosen by stand in the guide):
+
+    epsilon
+        Least distance of decoded points, metres (eq. 3).
+    feature_spacing
+        No point is further than this from a feature, metres.
+    interest_scales, interest_threshold
+        Scales of the Laplacian of Gaussian, pixels, and its least response.
+    normal_neighbors
+        Points that a normal is fitted to.
+    upright
+        What is up about a vertical normal: "x", "z" or "view".
+    descriptor_pixels
+        Pixels per side of a descriptor.
+    empty_penalty
+        Distance of a pixel that only one of two descriptors has, in radii.
+    floor
+        Where a point without neighbour counts as having one, in sigma.
+    min_points
+        Least number of points of a candidate word.
+    iterations, max_rejections
+        Candidates at most, and rejected ones in a row.
+    reduce
+        Remove occurrences without which the likelihood does not fall (III-D).
+
+    Returns
+    -------
+    AlphabetModel or BicAlphabetModel
+        The same for any order of the points and any number of threads.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty cloud, a cloud too large for its radius, or an option outside of its domain.
+
+    Examples
+    --------
+    >>> import numpy as np, surfabet as sb
+    >>> square = np.stack(np.meshgrid(*[np.arange(100) * 0.02] * 2), -1).reshape(-1, 2)
+    >>> cloud = sb.PointCloud(np.column_stack([square, np.ones(len(square))]))
+    >>> model = sb.learn_alphabet(cloud)
+    >>> quality = sb.evaluate(cloud, model.decode(), sigma=model.sigma)
+    >>> quality.inliers > 0.95
+    True
+    """
+    match method:
+        case "mdl":
+            return _learn_mdl(cloud, progress=progress, **options)
+        case "bic":
+            return BicAlphabetModel(alphabet_bic.learn(cloud, progress=progress, **options))
+        case other:
+            raise InvalidInputError(f'method is {other!r}, but must be "mdl" or "bic"')
+
+
+def _learn_mdl(
     cloud: PointCloud,
     *,
     radius: float | None = None,
@@ -249,71 +423,6 @@ def learn_alphabet(
     random_state: int = 0,
     progress: Progress = None,
 ) -> AlphabetModel:
-    """Learns an alphabet from a cloud, and describes the cloud by it.
-
-    A point is explained when a decoded point lies within sigma of it (eq. 13):
-    sigma = sigma_scale * hypot(tan(angular_resolution / 2) * range, noise). Where the cloud has no
-    ranges, half the median distance of neighbouring points takes the place of the first term;
-    `surfabet.read(..., viewpoint=)` gives a scan its sensor back.
-
-    Parameters
-    ----------
-    cloud
-        What to describe. Duplicates count once. Ranges and viewpoints make sigma, and orient words;
-        colours and intensities are kept as the mean of every occurrence.
-    radius
-        Smallest radius of a word, metres (delta). By default 0.1, or one and a half times the
-        median sigma where that is more.
-    scales
-        Number of radii, each twice the one before, 1 to 8.
-    max_words
-        Most words beside the plane. Those that do not pay for themselves are dropped.
-    preset
-        "small", "balanced" or "fine": 4, 7 or 24 bits for `inlier_bits` and `outlier_bits`.
-    inlier_bits
-        What explaining a point is worth, bits. Points denser than half a sigma count once.
-    outlier_bits
-        What a decoded point that explains nothing costs, bits; by default as much as an inlier is
-        worth.
-    spacing
-        Distance of decoded points, in sigma, 0.25 to 4.
-    rounds
-        How often the scene is covered, each time with the prices that the round before taught.
-    sigma_scale
-        Lambda of eq. 13.
-    angular_resolution
-        Alpha, the angle between neighbouring beams, radians; estimated when not given.
-    noise
-        Standard deviation of a measured point about its surface, metres; estimated when not given.
-    min_range
-        What is nearer to the sensor is left out, metres: a robot sees itself.
-    color_step
-        Rounding of mean colours, 1 to 255.
-    random_state
-        Nothing is left to chance, so that every seed gives the same.
-    progress
-        None, True for a bar on stderr, or a callable of stage and fraction.
-
-    Returns
-    -------
-    AlphabetModel
-        The same for any order of the points and any number of threads.
-
-    Raises
-    ------
-    InvalidInputError
-        For an empty cloud, a cloud too large for its radius, or an option outside of its domain.
-
-    Examples
-    --------
-    >>> import numpy as np, surfabet as sb
-    >>> square = np.stack(np.meshgrid(*[np.arange(100) * 0.02] * 2), -1).reshape(-1, 2)
-    >>> cloud = sb.PointCloud(np.column_stack([square, np.ones(len(square))]))
-    >>> model = sb.learn_alphabet(cloud)
-    >>> quality = sb.evaluate(cloud, model.decode(), sigma=0.03)
-    >>> quality.inliers > 0.95
-    True
-    """
     if not 0 <= random_state < 2**64:
         raise InvalidInputError(f"random_state is {random_state}, but must be 0 to 2**64 - 1")
     bits = _bits(preset, inlier_bits, outlier_bits)

@@ -11,7 +11,9 @@ from typing import Any
 
 from surfabet import _core
 from surfabet.alphabet import Alphabet, AlphabetModel
+from surfabet.alphabet_bic import BicAlphabet, BicAlphabetModel
 from surfabet.errors import FormatError
+from surfabet.gas import GasModel
 from surfabet.hscsm import PatchDictionary, PatchModel
 from surfabet.lattice import LatticeModel
 from surfabet.metrics import RangeSigma
@@ -37,9 +39,13 @@ SECTIONS = {
     "WREF": "hash of the alphabet",
     "OCCR": "occurrences",
     "CHAN": "colour and intensity",
+    "TOPO": "topology",
+    "POSN": "positions",
+    "NORM": "normals",
+    "SIZE": "sizes",
 }
 
-AnyModel = AlphabetModel | LatticeModel | PatchModel
+AnyModel = AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel
 """A model of any family."""
 
 
@@ -67,7 +73,7 @@ def load(
     path: str | os.PathLike[str],
     *,
     dictionary: PatchDictionary | None = None,
-    alphabet: Alphabet | None = None,
+    alphabet: Alphabet | BicAlphabet | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
 ) -> AnyModel:
@@ -96,8 +102,7 @@ def load(
         os.fspath(path),
         max_items=max_items,
         max_bytes=max_bytes,
-        dictionary=None if dictionary is None else dictionary._core,
-        alphabet=None if alphabet is None else alphabet._core,
+        **_shared(dictionary, alphabet),
     )
     return _wrapped(core)
 
@@ -106,7 +111,7 @@ def from_bytes(
     data: bytes,
     *,
     dictionary: PatchDictionary | None = None,
-    alphabet: Alphabet | None = None,
+    alphabet: Alphabet | BicAlphabet | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
 ) -> AnyModel:
@@ -115,8 +120,7 @@ def from_bytes(
         data,
         max_items=max_items,
         max_bytes=max_bytes,
-        dictionary=None if dictionary is None else dictionary._core,
-        alphabet=None if alphabet is None else alphabet._core,
+        **_shared(dictionary, alphabet),
     )
     return _wrapped(core)
 
@@ -125,7 +129,7 @@ def inspect(
     path: str | os.PathLike[str],
     *,
     dictionary: PatchDictionary | None = None,
-    alphabet: Alphabet | None = None,
+    alphabet: Alphabet | BicAlphabet | None = None,
 ) -> FileInfo:
     """What a model file holds, with the bytes of each part.
 
@@ -140,8 +144,7 @@ def inspect(
             data,
             max_items=MAX_ITEMS,
             max_bytes=MAX_BYTES,
-            dictionary=None if dictionary is None else dictionary._core,
-            alphabet=None if alphabet is None else alphabet._core,
+            **_shared(dictionary, alphabet),
         )
     except FormatError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
@@ -151,10 +154,24 @@ def inspect(
     return FileInfo(family, version, model.n_points, named, options)
 
 
+def _shared(
+    dictionary: PatchDictionary | None, alphabet: Alphabet | BicAlphabet | None
+) -> dict[str, Any]:
+    return {
+        "dictionary": None if dictionary is None else dictionary._core,
+        "alphabet": alphabet._core if isinstance(alphabet, Alphabet) else None,
+        "bic_alphabet": alphabet._core if isinstance(alphabet, BicAlphabet) else None,
+    }
+
+
 def _wrapped(core: _core._AnyModel) -> AnyModel:
     match core:
         case _core.AlphabetModel():
             return AlphabetModel(core)
+        case _core.BicAlphabetModel():
+            return BicAlphabetModel(core)
+        case _core.GasModel():
+            return GasModel(core)
         case _core.LatticeModel():
             return LatticeModel(core)
         case _:
@@ -165,6 +182,10 @@ def _options(model: AnyModel) -> dict[str, Any]:
     match model:
         case AlphabetModel():
             return _alphabet_options(model)
+        case BicAlphabetModel():
+            return _bic_options(model)
+        case GasModel():
+            return _gas_options(model)
         case LatticeModel():
             return _lattice_options(model)
         case _:
@@ -191,6 +212,30 @@ def _alphabet_options(model: AlphabetModel) -> dict[str, Any]:
             options["sigma (m)"] = round(distance, 6)
     options["noise (m)"] = round(model.noise, 6)
     return options
+
+
+def _bic_options(model: BicAlphabetModel) -> dict[str, Any]:
+    words = model.alphabet
+    return {
+        "method": "bic",
+        "words": len(words),
+        "occurrences": len(model),
+        "radius (m)": words.radius,
+        "colour": model.has_color,
+        "alphabet": words.hash,
+        "shared alphabet": model.shares_alphabet,
+    }
+
+
+def _gas_options(model: GasModel) -> dict[str, Any]:
+    return {
+        "neurons": len(model),
+        "edges": len(model.edges),
+        "components": int(model.components().max()) + 1,
+        "colour": model.has_color,
+        "mean error (m)": model.mean_error,
+        "position step (m)": model.position_step,
+    }
 
 
 def _lattice_options(model: LatticeModel) -> dict[str, Any]:

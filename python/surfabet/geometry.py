@@ -7,7 +7,7 @@ calling thread.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import KdTree, Octree, PointCloud, RangeImage, VoxelGrid
 from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
 
 __all__ = [
     "KdTree",
@@ -23,6 +24,9 @@ __all__ = [
     "RangeImage",
     "VoxelGrid",
     "estimate_normals",
+    "farthest_point_downsample",
+    "octree_downsample",
+    "random_downsample",
     "voxel_downsample",
 ]
 
@@ -72,8 +76,9 @@ def estimate_normals(
 
 def voxel_downsample(
     cloud: PointCloud,
-    size: float,
+    size: float | None = None,
     *,
+    count: int | None = None,
     weights: ArrayLike | None = None,
     progress: Progress = None,
 ) -> PointCloud:
@@ -89,6 +94,9 @@ def voxel_downsample(
         The points.
     size
         Edge length in metres.
+    count
+        Instead of a size, the most points to keep: the smallest size found that gives no more,
+        which seldom is below 99.5 percent of them.
     weights
         (n,) positive numbers; without them all points count the same.
     progress
@@ -97,8 +105,90 @@ def voxel_downsample(
     Raises
     ------
     InvalidInputError
-        For a size that is not positive or too small to number the cubes, or weights that are not
-        positive.
+        For a size that is not positive or too small to number the cubes, both size and count or
+        neither, a count that no size gives, or weights that are not positive.
     """
     with progress_callback(progress) as callback:
-        return VoxelGrid(cloud, size, progress=callback).means(weights, progress=callback)
+        if size is not None and count is None:
+            grid = VoxelGrid(cloud, size, progress=callback)
+        elif count is not None and size is None:
+            grid = VoxelGrid.with_at_most(cloud, count, progress=callback)
+        else:
+            raise _one_of_both(size, count)
+        return grid.means(weights, progress=callback)
+
+
+def octree_downsample(
+    cloud: PointCloud,
+    size: float | None = None,
+    *,
+    count: int | None = None,
+    representative: Literal["centroid", "center"] = "centroid",
+    progress: Progress = None,
+) -> PointCloud:
+    """One point per occupied leaf of an octree that starts at the cloud's own lower corner.
+
+    Parameters
+    ----------
+    cloud
+        The points; only positions are kept.
+    size
+        Edge length of the leaves in metres.
+    count
+        Instead of a size, the most points to keep: the smallest size found that gives no more.
+    representative
+        The mean of a leaf's points, or its centre.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Raises
+    ------
+    InvalidInputError
+        For a size that is not positive or takes more than 21 levels, both size and count or
+        neither, or another representative.
+    """
+    if representative not in ("centroid", "center"):
+        raise InvalidInputError(
+            f'representative is {representative!r}, but must be "centroid" or "center"'
+        )
+    with progress_callback(progress) as callback:
+        if size is not None and count is None:
+            tree = Octree(cloud, size, progress=callback)
+        elif count is not None and size is None:
+            tree = Octree.with_at_most(cloud, count, progress=callback)
+        else:
+            raise _one_of_both(size, count)
+    return PointCloud(tree.centers() if representative == "center" else tree.centroids())
+
+
+def _one_of_both(size: float | None, count: int | None) -> InvalidInputError:
+    return InvalidInputError(f"size is {size} and count is {count}; give one of both")
+
+
+def random_downsample(cloud: PointCloud, count: int, *, random_state: int = 0) -> PointCloud:
+    """`count` points drawn at random without repetition, in the order of the cloud.
+
+    Raises
+    ------
+    InvalidInputError
+        For more points than there are.
+    """
+    return _core.random_downsample(cloud, count, random_state)
+
+
+def farthest_point_downsample(
+    cloud: PointCloud,
+    count: int,
+    *,
+    start: int = 0,
+    progress: Progress = None,
+) -> PointCloud:
+    """`count` points, each the farthest from all before it, beginning with point `start`.
+
+    Raises
+    ------
+    InvalidInputError
+        For more points than there are, or a start that is none.
+    """
+    with progress_callback(progress) as callback:
+        return _core.farthest_point_downsample(cloud, count, start, callback)

@@ -35,6 +35,7 @@ pub mod bytes;
 mod container;
 mod entropy;
 mod error;
+pub mod gas;
 mod hash;
 pub mod lattice;
 pub mod models;

@@ -16,6 +16,7 @@ mod octree;
 mod pose;
 mod progress;
 mod range_image;
+mod reduce;
 mod voxel_grid;
 
 pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
@@ -28,4 +29,5 @@ pub use octree::Octree;
 pub use pose::Pose;
 pub use progress::{Cancelled, Progress, Silent};
 pub use range_image::{Projection, RangeImage};
+pub use reduce::{farthest_points, octree_with, random_points, voxel_grid_with};
 pub use voxel_grid::VoxelGrid;

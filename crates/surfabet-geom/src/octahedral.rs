@@ -29,6 +29,12 @@ fn direction([u, v]: [i32; 2], half: i32) -> [i32; 3] {
     [away(half - v.abs(), u), away(half - u.abs(), v), z]
 }
 
+/// The direction of a code in integers, of absolute sum [`half`]; coordinates beyond the grid are taken to its rim.
+pub fn integer_direction(code: [i32; 2], bits: u32) -> [i32; 3] {
+    let half = half(bits);
+    direction(code.map(|c| c.clamp(-half, half)), half)
+}
+
 /// The code whose direction is nearest to `vector` among the four about its projection. The vector need not have
 /// unit length; one that is zero or not finite gets the code of the z-axis.
 pub fn encode(vector: [f32; 3], bits: u32) -> [i32; 2] {
@@ -56,8 +62,7 @@ pub fn encode(vector: [f32; 3], bits: u32) -> [i32; 2] {
 
 /// The unit vector of a code; coordinates beyond the grid are taken to its rim.
 pub fn decode(code: [i32; 2], bits: u32) -> [f32; 3] {
-    let half = half(bits);
-    let [x, y, z] = direction(code.map(|c| c.clamp(-half, half)), half).map(f64::from);
+    let [x, y, z] = integer_direction(code, bits).map(f64::from);
     // Sums of squares of integers below 2^15 are exact, and at least one coordinate is not zero.
     let norm = (x * x + y * y + z * z).sqrt();
     [x, y, z].map(|c| (c / norm) as f32)

@@ -22,6 +22,16 @@ pub enum Error {
     /// There is nothing to learn from.
     #[error("the cloud is empty; a model needs at least one point")]
     EmptyCloud,
+    /// A gas has no more neurons than its points have places.
+    #[error(
+        "{neurons} neurons need points at as many places, the cloud has {places}; ask for fewer neurons"
+    )]
+    TooFewPlaces {
+        /// Number of neurons asked for.
+        neurons: usize,
+        /// Number of distinct points.
+        places: usize,
+    },
     /// The scene is too large for the lattice that positions are stored on.
     #[error(
         "the cloud spans {extent} m, more than {limit} m at resolution {resolution} m; use a coarser \

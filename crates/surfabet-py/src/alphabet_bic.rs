@@ -9,7 +9,7 @@ use pyo3::types::{PyBytes, PyDict};
 use surfabet::{BicAlphabet, BicModel, BicOptions, Deviation, Upright, bic, bic_alphabet_hash};
 
 use crate::cloud::PyPointCloud;
-use crate::errors::{IntoPyErr, invalid_input};
+use crate::errors::invalid_input;
 use crate::report::report_dict;
 use crate::run::run;
 use crate::save;

@@ -8,6 +8,7 @@ use surfabet::{Container, Limits, Model, Shared};
 use crate::alphabet::{PyAlphabet, PyAlphabetModel};
 use crate::alphabet_bic::{PyBicAlphabet, PyBicModel};
 use crate::errors::{IntoPyErr, invalid_input};
+use crate::gas::PyGasModel;
 use crate::lattice::PyLatticeModel;
 use crate::patches::{PyPatchDictionary, PyPatchModel};
 
@@ -96,6 +97,7 @@ fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
         Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::from(model))?.into_any()),
         Model::Alphabet(model) => Ok(Py::new(py, PyAlphabetModel::from(model))?.into_any()),
         Model::BicAlphabet(model) => Ok(Py::new(py, PyBicModel::from(model))?.into_any()),
+        Model::Gas(model) => Ok(Py::new(py, PyGasModel::from(model))?.into_any()),
         other => {
             Err(invalid_input(format!("models of family {} have no class yet", other.family())))
         }

@@ -2,7 +2,7 @@
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
-use surfabet_geom::Octree;
+use surfabet_geom::{Octree, octree_with};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::IntoPyErr;
@@ -45,6 +45,20 @@ impl PyOctree {
     ) -> PyResult<Self> {
         let points = &cloud.get().cloud;
         let tree = run(py, progress, |p| Octree::new(points, leaf_size, p))?;
+        Ok(Self { tree, cloud })
+    }
+
+    /// The tree with the smallest leaf size found that has at most `count` leaves.
+    #[staticmethod]
+    #[pyo3(signature = (cloud, count, *, progress=None))]
+    fn with_at_most(
+        py: Python<'_>,
+        cloud: Py<PyPointCloud>,
+        count: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let points = &cloud.get().cloud;
+        let tree = run(py, progress, |p| octree_with(points, count, p))?;
         Ok(Self { tree, cloud })
     }
 

@@ -3,7 +3,7 @@
 use numpy::ndarray::ArrayView2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
-use surfabet_geom::VoxelGrid;
+use surfabet_geom::{VoxelGrid, voxel_grid_with};
 
 use crate::arrays;
 use crate::cloud::PyPointCloud;
@@ -33,6 +33,20 @@ impl PyVoxelGrid {
     ) -> PyResult<Self> {
         let points = &cloud.get().cloud;
         let grid = run(py, progress, |p| VoxelGrid::new(points, size, p))?;
+        Ok(Self { grid, cloud })
+    }
+
+    /// The grid with the smallest size found that has at most `count` voxels.
+    #[staticmethod]
+    #[pyo3(signature = (cloud, count, *, progress=None))]
+    fn with_at_most(
+        py: Python<'_>,
+        cloud: Py<PyPointCloud>,
+        count: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let points = &cloud.get().cloud;
+        let grid = run(py, progress, |p| voxel_grid_with(points, count, p))?;
         Ok(Self { grid, cloud })
     }
 

@@ -38,6 +38,7 @@ pub use surfabet_models::alphabet::mdl::{
     Alphabet, AlphabetModel, MdlDecodeOptions, MdlOptions, Occurrence,
 };
 pub use surfabet_models::alphabet::{self, Deviation, Upright, bic};
+pub use surfabet_models::gas::{self, GasModel, GasOptions};
 pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::patches::{
     self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,

@@ -7,6 +7,7 @@ use surfabet_codec::{Container, Family, Features, Limits};
 use surfabet_geom::{PointCloud, Progress};
 use surfabet_models::alphabet::bic::{BicAlphabet, BicModel};
 use surfabet_models::alphabet::mdl::{Alphabet, AlphabetModel, MdlDecodeOptions};
+use surfabet_models::gas::{self, GasModel};
 use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
 
@@ -25,6 +26,8 @@ pub enum Model {
     Alphabet(AlphabetModel),
     /// Words chosen by the Bayesian information criterion, and where they occur.
     BicAlphabet(BicModel),
+    /// A growing neural gas.
+    Gas(GasModel),
 }
 
 /// What files may name instead of holding it.
@@ -36,6 +39,12 @@ pub struct Shared<'a> {
     pub alphabet: Option<&'a Alphabet>,
     /// The words of an alphabet by BIC.
     pub bic_alphabet: Option<&'a BicAlphabet>,
+}
+
+impl From<GasModel> for Model {
+    fn from(model: GasModel) -> Self {
+        Self::Gas(model)
+    }
 }
 
 impl From<BicModel> for Model {
@@ -68,6 +77,7 @@ impl Model {
         match self {
             Self::Patches(_) | Self::Lattice(_) => Family::Patches,
             Self::Alphabet(_) | Self::BicAlphabet(_) => Family::Alphabet,
+            Self::Gas(_) => Family::Gas,
         }
     }
 
@@ -81,6 +91,7 @@ impl Model {
             Self::Lattice(model) => model.to_bytes(),
             Self::Alphabet(model) => model.to_bytes(),
             Self::BicAlphabet(model) => model.to_bytes(),
+            Self::Gas(model) => model.to_bytes(),
         }
     }
 
@@ -132,6 +143,7 @@ impl Model {
                 limits,
                 shared.alphabet,
             )?)),
+            Family::Gas => Ok(Self::Gas(surfabet_codec::gas::read(container, limits)?)),
             other => Err(surfabet_codec::Error::UnknownFamily {
                 found: other as u8,
                 needed: container.needed_version(),
@@ -175,6 +187,10 @@ impl Model {
             Self::Lattice(model) => Ok(model.decode(options, progress)?),
             // Its spacing was chosen when it was learned.
             Self::BicAlphabet(model) => Ok(model.decode(options.max_points, progress)?),
+            Self::Gas(model) => {
+                let options = gas::DecodeOptions { resolution, ..gas::DecodeOptions::default() };
+                Ok(model.decode(options, progress)?)
+            }
             Self::Alphabet(model) => {
                 let options = MdlDecodeOptions { resolution, ..MdlDecodeOptions::default() };
                 Ok(model.decode(options, progress)?)

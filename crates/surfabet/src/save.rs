@@ -5,6 +5,7 @@ use std::path::Path;
 
 use surfabet_models::alphabet::bic::BicModel;
 use surfabet_models::alphabet::mdl::AlphabetModel;
+use surfabet_models::gas::GasModel;
 use surfabet_models::patches::PatchModel;
 use surfabet_models::patches::lattice::LatticeModel;
 
@@ -42,6 +43,12 @@ impl Save for LatticeModel {
 impl Save for BicModel {
     fn to_bytes(&self) -> Result<Vec<u8>> {
         Ok(surfabet_codec::alphabet_bic::write(self)?)
+    }
+}
+
+impl Save for GasModel {
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        Ok(surfabet_codec::gas::write(self)?)
     }
 }
 

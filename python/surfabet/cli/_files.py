@@ -68,7 +68,7 @@ class Shared:
     """What model files may name instead of holding it."""
 
     dictionary: surfabet.PatchDictionary | None = None
-    alphabet: surfabet.Alphabet | None = None
+    alphabet: surfabet.Alphabet | surfabet.BicAlphabet | None = None
 
     @classmethod
     def load(cls, options: SharedOptions, progress: ProgressCallback) -> Shared:
@@ -83,7 +83,7 @@ class Shared:
             shared = replace(shared, dictionary=model.dictionary)
         if (path := options.alphabet) is not None:
             model = load_model(path, progress)
-            if not isinstance(model, surfabet.AlphabetModel):
+            if not isinstance(model, surfabet.AlphabetModel | surfabet.BicAlphabetModel):
                 raise UsageError(
                     f"{path}: has no alphabet; compress with --model alphabet makes one"
                 )
@@ -102,11 +102,12 @@ def load_model(path: Path, progress: ProgressCallback, shared: Shared = NOTHING)
 
 def decode(model: AnyModel, as_measured: bool, **options: Any) -> surfabet.PointCloud:
     """The model as a cloud; as measured only where it keeps how thick the scan was."""
-    if isinstance(model, surfabet.LatticeModel):
+    if isinstance(model, surfabet.LatticeModel | surfabet.GasModel):
         return model.decode(as_measured=as_measured, **options)
     if as_measured:
         raise UsageError(
-            "--as-measured: only patches of method rate-distortion keep how thick the scan was"
+            "--as-measured: only a gas, and patches of method rate-distortion, keep how thick the "
+            "scan was"
         )
     return model.decode(**options)
 

@@ -139,23 +139,71 @@ class AlphabetOptions:
 ALPHABET_OPTIONS = AlphabetOptions()
 
 
+@Parameter(name="*", group=Group("Gas", sort_key=1))
+@dataclass(frozen=True)
+class GasOptions:
+    """Options of a gas, as `surfabet.learn_gas` documents them; its defaults hold."""
+
+    n_neurons: PositiveInt = None
+    """Number of neurons, 10000 by default."""
+
+    target_error: PositiveFloat = None
+    """Mean distance of points to their neurons, in metres, at which growth ends before."""
+
+    patterns: PositiveInt = None
+    """Signals per inserted neuron (lambda)."""
+
+    passes: PositiveFloat = None
+    """Number of signals as a multiple of the number of points, instead of patterns per neuron."""
+
+    epsilon_w: PositiveFloat = None
+    """Share of the way to a signal that the winner moves."""
+
+    epsilon_n: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None
+    """Share of the way to a signal that the winner's neighbours move."""
+
+    alpha: PositiveFloat = None
+    """Factor of the errors of the two neurons that a new one is put between."""
+
+    beta: Annotated[float | None, Parameter(validator=Number(gte=0, lte=0.5))] = None
+    """Share of every error that is forgotten with each signal."""
+
+    max_age: PositiveInt = None
+    """Age above which an edge is removed."""
+
+    position_step: PositiveFloat = None
+    """Rounding of positions in metres."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+GAS_OPTIONS = GasOptions()
+
+
 def learn(
     cloud: surfabet.PointCloud,
-    model: Literal["patches", "alphabet"],
+    model: Literal["patches", "alphabet", "gas"],
     method: str | None,
     shared: Shared,
     **options: Any,
 ) -> AnyModel:
     """The model that the options ask for."""
+    learned: AnyModel
     if shared.alphabet is not None:
-        return shared.alphabet.describe(cloud, **options)
+        learned = shared.alphabet.describe(cloud, **options)
+        return learned
     if shared.dictionary is not None:
         if method == "rate-distortion":
             raise UsageError("--dictionary: only --method hscsm uses dictionaries")
         return shared.dictionary.encode(cloud, **options)
+    if model == "gas":
+        return surfabet.learn_gas(cloud, **options)
     if model == "alphabet":
+        if method == "bic":
+            return surfabet.learn_alphabet(cloud, method="bic", **options)
         return surfabet.learn_alphabet(cloud, **options)
-    learned: AnyModel
     if method == "hscsm":
         learned = surfabet.learn_patches(cloud, method="hscsm", **options)
     else:
@@ -170,6 +218,10 @@ def _far_enough(cloud: surfabet.PointCloud, min_range: float | None) -> surfabet
     return cloud.select(np.flatnonzero(cloud.ranges >= min_range))
 
 
+METHODS = {"patches": ("rate-distortion", "hscsm"), "alphabet": ("mdl", "bic"), "gas": ()}
+"""Methods of each family."""
+
+
 def check_family(
     model: str, method: str | None, general: dict[str, Any], shared: SharedOptions, **own: Any
 ) -> None:
@@ -178,12 +230,15 @@ def check_family(
         if family != model and options:
             names = ", ".join("--" + name.replace("_", "-") for name in options)
             raise UsageError(f"{names}: only for --model {family}")
-    if model == "alphabet":
-        patches = {**general, "method": method, "dictionary": shared.dictionary}
+    if method is not None and method not in METHODS[model]:
+        known = " or ".join(METHODS[model]) or "none"
+        raise UsageError(f"--method {method}: --model {model} knows {known}")
+    if model != "patches":
+        patches = {**general, "dictionary": shared.dictionary}
         given = [f"--{name.replace('_', '-')}" for name, v in patches.items() if v is not None]
         if given:
             raise UsageError(f"{', '.join(given)}: only for --model patches")
-    elif shared.alphabet is not None:
+    if model != "alphabet" and shared.alphabet is not None:
         raise UsageError("--alphabet: only for --model alphabet")
 
 
@@ -192,8 +247,8 @@ def compress(
     output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
-    model: Literal["patches", "alphabet"] = "patches",
-    method: Literal["rate-distortion", "hscsm"] | None = None,
+    model: Literal["patches", "alphabet", "gas"] = "patches",
+    method: Literal["rate-distortion", "hscsm", "mdl", "bic"] | None = None,
     resolution: PositiveFloat = None,
     max_error: PositiveFloat = None,
     levels: Annotated[int | None, Parameter(validator=Number(gte=1, lte=8))] = None,
@@ -202,6 +257,7 @@ def compress(
     json: Flag = False,
     patches: PatchOptions = PATCH_OPTIONS,
     alphabets: AlphabetOptions = ALPHABET_OPTIONS,
+    gas: GasOptions = GAS_OPTIONS,
     shared: SharedOptions = SHARED_OPTIONS,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
@@ -219,6 +275,7 @@ def compress(
         surfabet compress room2.ply room2.sfb --dictionary room.sfb
         surfabet compress scan1.pcd scan1.sfb --model alphabet --viewpoint 0 0 0
         surfabet compress scan2.pcd scan2.sfb --model alphabet --alphabet scan1.sfb
+        surfabet compress room.ply map.sfb --model gas --n-neurons 20000
 
     Parameters
     ----------
@@ -228,10 +285,12 @@ def compress(
     output
         The model file to write.
     model
-        The family of models: surface patches, or an alphabet of recurrent words.
+        The family of models: surface patches, an alphabet of recurrent words, or a growing neural
+        gas of --n-neurons neurons.
     method
         How patches are learned: by least cost on a lattice (the default), or as published, with
-        free poses and learned dictionaries (hscsm).
+        free poses and learned dictionaries (hscsm). How an alphabet is learned: by description
+        length (mdl, the default), or as published (bic).
     resolution
         Spacing of the model's finest pixels in metres, 0.01 by default: what is smaller is lost.
     max_error
@@ -249,7 +308,7 @@ def compress(
     """
     check_output(output, frozenset({MODEL_SUFFIX}), input_)
     general = {"resolution": resolution, "levels": levels, "max_error": max_error}
-    own = {"patches": patches.given(), "alphabet": alphabets.given()}
+    own = {"patches": patches.given(), "alphabet": alphabets.given(), "gas": gas.given()}
     check_family(model, method, general, shared, **own)
     seconds: dict[str, float] = {}
     quality = None
@@ -286,7 +345,7 @@ def compress(
             started = time.perf_counter()
             again = load_model(output, progress, known)
             # Held against a scan that is thick with noise, a thin surface has the scan's own error.
-            as_measured = isinstance(again, surfabet.LatticeModel)
+            as_measured = isinstance(again, surfabet.LatticeModel | surfabet.GasModel)
             decoded = decode(again, as_measured, progress=progress)
             seconds["decode"] = time.perf_counter() - started
             started = time.perf_counter()

@@ -1,0 +1,257 @@
+//! Back to a cloud: the neurons alone, or their discs filled at any spacing, and edges where discs do not meet.
+
+use rayon::prelude::*;
+use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
+
+use super::model::{GasModel, rounded};
+use crate::error::{Error, Result};
+
+/// Neurons per unit of parallel work.
+const BATCH: usize = 64;
+
+/// How far a neuron's points reach beyond a disc of the same spread: the corner of a hexagon.
+const REACH: f64 = 1.15;
+
+/// Golden angle, radians, and the golden ratio's fraction: sequences that fill a disc and an interval evenly.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+const GOLDEN_FRACTION: f64 = 0.618_033_988_749_895;
+
+/// How to decode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DecodeOptions {
+    /// Spacing of the points, metres; `None` gives the neurons.
+    pub resolution: Option<f64>,
+    /// Spread the points across their discs as the input was, instead of on the surface.
+    pub as_measured: bool,
+    /// Give the points normals.
+    pub normals: bool,
+    /// Most points to make.
+    pub max_points: u64,
+}
+
+impl Default for DecodeOptions {
+    fn default() -> Self {
+        Self { resolution: None, as_measured: false, normals: false, max_points: 500_000_000 }
+    }
+}
+
+/// A decoded point.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    position: [f32; 3],
+    normal: [f32; 3],
+    color: [u8; 3],
+}
+
+impl GasModel {
+    /// The model as a cloud about its origin.
+    ///
+    /// Without a spacing the neurons are the points. With one, every neuron's disc is filled with a square lattice,
+    /// as far as no other neuron is nearer, at the height to which its own plane and those of its neighbours
+    /// agree; where neighbours' discs do not meet, or have no plane, the edge between them is filled. Colours
+    /// blend from neuron to neuron.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
+    /// [`Error::Cancelled`].
+    pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        let points = match options.resolution {
+            None => (0..self.len()).map(|i| self.neuron_point(i)).collect(),
+            Some(spacing) => self.fill(spacing, &options, progress)?,
+        };
+        let parts = CloudParts {
+            origin: self.origin(),
+            positions: points.iter().map(|p| p.position).collect(),
+            colors: self.has_color().then(|| points.iter().map(|p| p.color).collect()),
+            normals: options.normals.then(|| points.iter().map(|p| p.normal).collect()),
+            ..CloudParts::default()
+        };
+        Ok(PointCloud::from_parts(parts)?.0)
+    }
+
+    fn neuron_point(&self, i: usize) -> Point {
+        Point { position: self.position(i), normal: self.normal(i), color: rounded(self.color(i)) }
+    }
+
+    /// Radius that a neuron's points are drawn in, metres; zero where its plane is unknown.
+    fn reach(&self, i: usize) -> f64 {
+        if self.neurons[i].normal.is_some() { REACH * self.radius(i) } else { 0.0 }
+    }
+
+    fn fill(
+        &self,
+        spacing: f64,
+        options: &DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Point>> {
+        if !(spacing > 0.0 && spacing.is_finite()) {
+            return Err(Error::invalid("resolution", spacing, "a positive number of metres"));
+        }
+        let squares = |i: usize| (2.0 * self.reach(i) / spacing + 1.0).powi(2);
+        let links = |e: &[u32; 2]| self.length(*e) / spacing;
+        let most =
+            (0..self.len()).map(squares).sum::<f64>() + self.edges.iter().map(links).sum::<f64>();
+        if most > options.max_points as f64 {
+            return Err(Error::TooManyPoints {
+                resolution: spacing,
+                points: most as u64,
+                limit: options.max_points,
+            });
+        }
+        let tree = KdTree::new(&self.positions())?;
+        let discs: Vec<Vec<Point>> = (0..self.len())
+            .into_par_iter()
+            .with_min_len(BATCH)
+            .map(|i| {
+                if i % BATCH == 0 {
+                    progress.check()?;
+                }
+                Ok(self.disc(i, spacing, options.as_measured, &tree))
+            })
+            .collect::<Result<_>>()?;
+        progress.update("decoding", 0.9);
+        let links: Vec<Vec<Point>> = self
+            .edges
+            .par_iter()
+            .with_min_len(BATCH)
+            .map(|&edge| self.link(edge, spacing))
+            .collect();
+        progress.check()?;
+        Ok(discs.into_iter().chain(links).flatten().collect())
+    }
+
+    fn length(&self, [a, b]: [u32; 2]) -> f64 {
+        let (p, q) = (self.position(a as usize), self.position(b as usize));
+        (0..3).map(|c| (f64::from(p[c]) - f64::from(q[c])).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// The points of a neuron's disc; its own position where it has none.
+    fn disc(&self, i: usize, spacing: f64, as_measured: bool, tree: &KdTree) -> Vec<Point> {
+        let reach = self.reach(i);
+        if reach < 0.5 * spacing {
+            return vec![self.neuron_point(i)];
+        }
+        let normal = self.normal(i).map(f64::from);
+        let [u, v] = tangents(normal);
+        let center = self.position(i).map(f64::from);
+        let half_depth = if as_measured { 3.0_f64.sqrt() * self.thickness(i) } else { 0.0 };
+        let n = (reach / spacing).floor() as i64;
+        let mut points = Vec::new();
+        for row in -n..=n {
+            for column in -n..=n {
+                let (a, b) = (column as f64 * spacing, row as f64 * spacing);
+                if a * a + b * b > reach * reach {
+                    continue;
+                }
+                let on: [f64; 3] = std::array::from_fn(|c| center[c] + a * u[c] + b * v[c]);
+                if tree.nearest(on.map(|c| c as f32)).is_none_or(|n| n.index() != i) {
+                    continue;
+                }
+                let (height, color) = self.blend(i, on, normal);
+                let share = (points.len() as f64 + 0.5) * GOLDEN_FRACTION;
+                let depth = height + half_depth * (2.0 * share.fract() - 1.0);
+                points.push(Point {
+                    position: std::array::from_fn(|c| (on[c] + depth * normal[c]) as f32),
+                    normal: normal.map(|c| c as f32),
+                    color: rounded(color),
+                });
+            }
+        }
+        if points.is_empty() { vec![self.neuron_point(i)] } else { points }
+    }
+
+    /// Height of the surface over a place on the plane of neuron `i`, and its colour: weighted means over the
+    /// neuron and its neighbours.
+    fn blend(&self, i: usize, on: [f64; 3], normal: [f64; 3]) -> (f64, [f32; 3]) {
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let width = 2.0 / self.radius(i).powi(2);
+        let (mut height, mut planes, mut total) = (0.0, 0.0, 0.0);
+        let mut color = [0.0; 3];
+        for j in std::iter::once(i).chain(self.adjacency.of(i).iter().map(|&j| j as usize)) {
+            let p = self.position(j);
+            let off: [f64; 3] = std::array::from_fn(|c| f64::from(p[c]) - on[c]);
+            let weight = (-width * dot(off, off)).exp();
+            let own = self.color(j);
+            (0..3).for_each(|c| color[c] += weight * f64::from(own[c]));
+            total += weight;
+            let plane = self.normal(j).map(f64::from);
+            let cosine = dot(plane, normal);
+            // Surfaces that turn away by more than 45 degrees are beyond an edge.
+            if cosine > 0.7 {
+                height += weight * dot(off, plane) / cosine;
+                planes += weight;
+            }
+        }
+        let height = if planes > 0.0 { height / planes } else { 0.0 };
+        let color = if total > 0.0 { color.map(|c| (c / total) as f32) } else { self.color(i) };
+        (height, color)
+    }
+
+    /// The points between neighbours whose discs do not meet.
+    fn link(&self, [a, b]: [u32; 2], spacing: f64) -> Vec<Point> {
+        let (i, j) = (a as usize, b as usize);
+        let length = self.length([a, b]);
+        let (from, to) = (self.reach(i), length - self.reach(j));
+        let n = ((to - from) / spacing).ceil() - 1.0;
+        // Negated, so that NaN is no number of points either.
+        if !(n >= 1.0) {
+            return Vec::new();
+        }
+        let (p, q) = (self.position(i).map(f64::from), self.position(j).map(f64::from));
+        let (c, d) = (self.color(i), self.color(j));
+        (1..=n as u64)
+            .map(|k| {
+                let share = (from + (to - from) * k as f64 / (n + 1.0)) / length;
+                let near = if share < 0.5 { i } else { j };
+                Point {
+                    position: std::array::from_fn(|x| (p[x] + share * (q[x] - p[x])) as f32),
+                    normal: self.normal(near),
+                    color: rounded(std::array::from_fn(|x| c[x] + share as f32 * (d[x] - c[x]))),
+                }
+            })
+            .collect()
+    }
+
+    /// About `most` points spread as the input was: for each neuron in proportion to its number of points, at least
+    /// one, over its disc and across it.
+    pub(super) fn recall(&self, most: f64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<u32>) {
+        let total: f64 = (0..self.len()).map(|i| self.count(i)).sum();
+        let share = (most / total).min(1.0);
+        let (mut positions, mut normals, mut of) = (Vec::new(), Vec::new(), Vec::new());
+        for i in (0..self.len()).filter(|&i| self.neurons[i].count > 0) {
+            let n = (share * self.count(i)).round().max(1.0);
+            let normal = self.normal(i).map(f64::from);
+            let [u, v] = tangents(normal);
+            let center = self.position(i).map(f64::from);
+            let flat = normal != [0.0; 3];
+            for k in 0..n as u64 {
+                let at = k as f64 + 0.5;
+                let radius = if flat { self.radius(i) * (at / n).sqrt() } else { 0.0 };
+                let (sin, cos) = (at * GOLDEN_ANGLE).sin_cos();
+                let depth = 3.0_f64.sqrt()
+                    * self.thickness(i)
+                    * (2.0 * (at * GOLDEN_FRACTION).fract() - 1.0);
+                let p =
+                    |c: usize| center[c] + radius * (cos * u[c] + sin * v[c]) + depth * normal[c];
+                positions.push([p(0), p(1), p(2)].map(|c| c as f32));
+                normals.push(self.normal(i));
+                of.push(i as u32);
+            }
+        }
+        (positions, normals, of)
+    }
+}
+
+/// Two unit vectors at right angles to a unit normal and each other.
+fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
+    let least = (1..3).fold(0, |m, a| if n[a].abs() < n[m].abs() { a } else { m });
+    let mut axis = [0.0; 3];
+    axis[least] = 1.0;
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let u = cross(n, axis);
+    let length = u.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let u = if length > 0.0 { u.map(|c| c / length) } else { axis };
+    [u, cross(n, u)]
+}

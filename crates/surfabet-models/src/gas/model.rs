@@ -1,0 +1,305 @@
+//! The model in the integers that a file stores.
+
+use surfabet_entropy::{Coder, Price};
+use surfabet_geom::octahedral;
+
+use super::adjacency::Adjacency;
+use super::order::traversal;
+use super::statistics::Statistics;
+use super::syntax::{Parts, Streams, code_gas};
+use crate::error::{Error, Result};
+use crate::report::Report;
+
+/// Largest coordinate in position steps, so that positions are exact in single precision.
+pub const MAX_COORDINATE: i32 = 1 << 23;
+
+/// Bits of each of the two numbers of a normal: within 0.64 degrees.
+pub const NORMAL_BITS: u32 = 8;
+
+/// Largest power of two of a position step, and the smallest's negative.
+pub const MAX_EXPONENT: i32 = 60;
+
+/// Steps per doubling of a number of points, a radius or a thickness.
+const STEPS_PER_DOUBLING: f64 = 4.0;
+
+/// Largest code of a number of points, a radius or a thickness.
+pub const MAX_SIZE_CODE: u8 = 255;
+
+/// Largest code of a colour component.
+pub const MAX_COLOR_CODE: i16 = 512;
+
+/// A neuron as it is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Neuron {
+    /// Position in steps from the model's origin.
+    pub position: [i32; 3],
+    /// Octahedral code of the normal, where there is one.
+    pub normal: Option<[i8; 2]>,
+    /// Code of the number of points that it stands for: none for 0, else `2^((code - 1) / 4)`.
+    pub count: u8,
+    /// Code of the radius of its disc: zero for 0, else `2^((code - 1) / 4)` eighths of a position step.
+    pub radius: u8,
+    /// Code of the standard deviation across its disc, as the radius.
+    pub thickness: u8,
+    /// Luma and two chromas in steps; zero without colour.
+    pub color: [i16; 3],
+}
+
+/// Code of a size that is `value` units; zero below half a unit.
+pub(super) fn size_code(value: f64) -> u8 {
+    if value.is_nan() || value < 0.5 {
+        return 0;
+    }
+    (1.0 + STEPS_PER_DOUBLING * value.log2()).round().clamp(1.0, f64::from(MAX_SIZE_CODE)) as u8
+}
+
+/// The size of a code, in units.
+pub(super) fn size_of_code(code: u8) -> f64 {
+    if code == 0 { 0.0 } else { ((f64::from(code) - 1.0) / STEPS_PER_DOUBLING).exp2() }
+}
+
+/// What a gas says of itself before its streams.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GasHeader {
+    /// Points of the clouds that the model was learned from.
+    pub n_points: u64,
+    /// World position of the model's zero, metres.
+    pub origin: [f64; 3],
+    /// Position step as a power of two, metres.
+    pub exponent: i32,
+    /// Rounding of colours, grey levels, where there are colours.
+    pub color_step: Option<u32>,
+    /// Mean distance of the input points to their nearest neurons, metres.
+    pub mean_error: f64,
+    /// Number of neurons.
+    pub n_neurons: u64,
+    /// Number of edges.
+    pub n_edges: u64,
+}
+
+impl GasHeader {
+    /// Checks that all numbers are in their domains.
+    fn check(&self) -> Result<()> {
+        let fail = |what: String| Err(Error::Inconsistent(what));
+        if self.origin.iter().any(|c| !c.is_finite()) {
+            return fail(format!("origin {:?} is not finite", self.origin));
+        }
+        if self.exponent.abs() > MAX_EXPONENT {
+            return fail(format!("a position step of 2^{} m", self.exponent));
+        }
+        if self.color_step.is_some_and(|step| !(1..=64).contains(&step)) {
+            return fail(format!("a colour step of {:?}, not 1 to 64", self.color_step));
+        }
+        if !(self.mean_error.is_finite() && self.mean_error >= 0.0) {
+            return fail(format!("a mean error of {} m", self.mean_error));
+        }
+        if self.n_neurons < 2 || self.n_neurons > super::MAX_NEURONS as u64 {
+            return fail(format!("{} neurons, not 2 to {}", self.n_neurons, super::MAX_NEURONS));
+        }
+        let n = self.n_neurons;
+        if self.n_edges < n.div_ceil(2) || self.n_edges > n * (n - 1) / 2 {
+            return fail(format!("{} edges between {n} neurons", self.n_edges));
+        }
+        Ok(())
+    }
+}
+
+/// A cloud as a gas of neurons with a topology; immutable.
+///
+/// Neurons are numbered along the topology, breadth first, as they stand in the file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GasModel {
+    pub(super) header: GasHeader,
+    pub(super) neurons: Vec<Neuron>,
+    pub(super) edges: Vec<[u32; 2]>,
+    pub(super) adjacency: Adjacency,
+    report: Report,
+}
+
+impl GasModel {
+    /// Puts the learned parts together: `positions` in steps of 2^exponent metres about `origin`.
+    pub(super) fn new(
+        header: GasHeader,
+        positions: &[[i32; 3]],
+        edges: &[[u32; 2]],
+        statistics: &Statistics,
+        report: Report,
+    ) -> Result<Self> {
+        header.check()?;
+        let unit = 0.125 * f64::from(header.exponent).exp2();
+        let neurons: Vec<Neuron> = positions
+            .iter()
+            .enumerate()
+            .map(|(i, &position)| {
+                let normal = statistics.normals[i];
+                let code = octahedral::encode(normal, NORMAL_BITS).map(|c| c as i8);
+                Neuron {
+                    position,
+                    normal: (normal != [0.0; 3]).then_some(code),
+                    count: size_code(statistics.counts[i]),
+                    radius: size_code(statistics.radii[i] / unit),
+                    thickness: size_code(statistics.thicknesses[i] / unit),
+                    color: match (&statistics.colors, header.color_step) {
+                        (Some(colors), Some(step)) => color_code(colors[i], step),
+                        _ => [0; 3],
+                    },
+                }
+            })
+            .collect();
+        let (order, place) = traversal(&neurons, &Adjacency::new(neurons.len(), edges));
+        let neurons: Vec<Neuron> = order.iter().map(|&i| neurons[i as usize]).collect();
+        let mut edges: Vec<[u32; 2]> = edges
+            .iter()
+            .map(|e| {
+                let [a, b] = e.map(|id| place[id as usize]);
+                [a.min(b), a.max(b)]
+            })
+            .collect();
+        edges.sort_unstable();
+        let adjacency = Adjacency::new(neurons.len(), &edges);
+        Ok(Self { header, neurons, edges, adjacency, report })
+    }
+
+    /// What the file says before its streams.
+    pub fn header(&self) -> &GasHeader {
+        &self.header
+    }
+
+    /// Writes the streams.
+    ///
+    /// # Errors
+    /// Those of the coders.
+    pub fn write<C: Coder>(&self, streams: &mut Streams<C>) -> Result<(), C::Error> {
+        code_gas(streams, &self.header, Some((&self.neurons, &self.adjacency)))?;
+        Ok(())
+    }
+
+    /// Reads the streams that [`GasModel::write`] wrote.
+    ///
+    /// # Errors
+    /// Those of the coders, also for a header or content that no model has.
+    pub fn read<C: Coder>(header: &GasHeader, streams: &mut Streams<C>) -> Result<Self, C::Error> {
+        header.check().map_err(|e| streams.topology.corrupt(e.to_string()))?;
+        let Parts { neurons, mut edges } = code_gas(streams, header, None)?;
+        edges.sort_unstable();
+        let adjacency = Adjacency::new(neurons.len(), &edges);
+        let report = Report::default();
+        Ok(Self { header: header.clone(), neurons, edges, adjacency, report })
+    }
+
+    /// Bytes that the streams take, nearly: their prices under the coder's models, as they come in [`Streams`].
+    pub fn price(&self) -> [f64; 5] {
+        let mut streams = Streams::from_fn(Price::default);
+        let Ok(()) = self.write(&mut streams);
+        streams.as_array().map(|price| price.bits / 8.0)
+    }
+
+    /// Number of neurons.
+    pub fn len(&self) -> usize {
+        self.neurons.len()
+    }
+
+    /// Never true: a gas has two neurons at least.
+    pub fn is_empty(&self) -> bool {
+        self.neurons.is_empty()
+    }
+
+    /// The neurons as they are stored.
+    pub fn neurons(&self) -> &[Neuron] {
+        &self.neurons
+    }
+
+    /// Pairs of joined neurons, the smaller number first, sorted.
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+
+    /// World position that the model computes about, metres.
+    pub fn origin(&self) -> [f64; 3] {
+        self.header.origin
+    }
+
+    /// Points of the clouds that the model was learned from.
+    pub fn n_points(&self) -> u64 {
+        self.header.n_points
+    }
+
+    /// Mean distance of the input points to their nearest neurons when the model was learned, metres.
+    pub fn mean_error(&self) -> f64 {
+        self.header.mean_error
+    }
+
+    /// Position step, metres.
+    pub fn position_step(&self) -> f64 {
+        f64::from(self.header.exponent).exp2()
+    }
+
+    /// True when the neurons carry colours.
+    pub fn has_color(&self) -> bool {
+        self.header.color_step.is_some()
+    }
+
+    /// Position of a neuron about the model's origin, metres: exact.
+    pub fn position(&self, i: usize) -> [f32; 3] {
+        let step = self.position_step();
+        self.neurons[i].position.map(|c| (f64::from(c) * step) as f32)
+    }
+
+    /// Positions of all neurons about the model's origin, metres.
+    pub fn positions(&self) -> Vec<[f32; 3]> {
+        (0..self.len()).map(|i| self.position(i)).collect()
+    }
+
+    /// Unit normal of a neuron; zero where unknown.
+    pub fn normal(&self, i: usize) -> [f32; 3] {
+        let code = self.neurons[i].normal;
+        code.map_or([0.0; 3], |c| octahedral::decode(c.map(i32::from), NORMAL_BITS))
+    }
+
+    /// Colour of a neuron, 0..255, before it is rounded; grey without colours.
+    pub(super) fn color(&self, i: usize) -> [f32; 3] {
+        self.header.color_step.map_or([127.0; 3], |step| color_of_code(self.neurons[i].color, step))
+    }
+
+    /// Colours of all neurons, where they carry any.
+    pub fn colors(&self) -> Option<Vec<[u8; 3]>> {
+        self.has_color().then(|| (0..self.len()).map(|i| rounded(self.color(i))).collect())
+    }
+
+    /// Number of points that a neuron stands for, rounded to a quarter of a doubling.
+    pub fn count(&self, i: usize) -> f64 {
+        size_of_code(self.neurons[i].count)
+    }
+
+    /// Radius of the disc over which a neuron's points spread, metres.
+    pub fn radius(&self, i: usize) -> f64 {
+        0.125 * self.position_step() * size_of_code(self.neurons[i].radius)
+    }
+
+    /// Standard deviation of a neuron's points across its disc, metres.
+    pub fn thickness(&self, i: usize) -> f64 {
+        0.125 * self.position_step() * size_of_code(self.neurons[i].thickness)
+    }
+
+    /// How the model was learned; empty for a model read from a file.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+}
+
+/// A colour as three bytes.
+pub(super) fn rounded(color: [f32; 3]) -> [u8; 3] {
+    color.map(|c| c.round().clamp(0.0, 255.0) as u8)
+}
+
+fn color_code([r, g, b]: [f32; 3], step: u32) -> [i16; 3] {
+    let limit = f32::from(MAX_COLOR_CODE);
+    let ycc = [0.25 * (r + 2.0 * g + b), r - b, g - 0.5 * (r + b)];
+    ycc.map(|c| (c / step as f32).round().clamp(-limit, limit) as i16)
+}
+
+fn color_of_code(code: [i16; 3], step: u32) -> [f32; 3] {
+    let [y, orange, green] = code.map(|c| f32::from(c) * step as f32);
+    let low = y - 0.5 * green;
+    [low + 0.5 * orange, y + 0.5 * green, low - 0.5 * orange]
+}

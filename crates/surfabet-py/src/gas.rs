@@ -1,0 +1,237 @@
+//! `surfabet.GasModel` and how it is learned.
+
+use std::path::PathBuf;
+
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use surfabet::gas::{self, Search};
+use surfabet::{GasModel, GasOptions};
+
+use crate::cloud::PyPointCloud;
+use crate::errors::{IntoPyErr, invalid_input};
+use crate::report::report_dict;
+use crate::run::run;
+use crate::save;
+
+/// A cloud as a gas of neurons with a topology; immutable.
+#[pyclass(name = "GasModel", module = "surfabet", frozen)]
+pub struct PyGasModel {
+    model: GasModel,
+}
+
+impl From<GasModel> for PyGasModel {
+    fn from(model: GasModel) -> Self {
+        Self { model }
+    }
+}
+
+/// Learns a gas; documented in `surfabet.gas`.
+#[pyfunction]
+#[pyo3(signature = (cloud, *, n_neurons, patterns, epsilon_w, epsilon_n, alpha, beta, max_age, target_error,
+                    passes, position_step, color_step, search, random_state, progress))]
+#[allow(clippy::too_many_arguments)]
+fn learn_gas(
+    py: Python<'_>,
+    cloud: &Bound<'_, PyPointCloud>,
+    n_neurons: usize,
+    patterns: u32,
+    epsilon_w: f64,
+    epsilon_n: f64,
+    alpha: f64,
+    beta: Option<f64>,
+    max_age: u32,
+    target_error: Option<f64>,
+    passes: Option<f64>,
+    position_step: Option<f64>,
+    color_step: u32,
+    search: &str,
+    random_state: u64,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<PyGasModel> {
+    let options = GasOptions {
+        n_neurons,
+        patterns,
+        epsilon_w,
+        epsilon_n,
+        alpha,
+        beta,
+        max_age,
+        target_error,
+        passes,
+        position_step,
+        color_step,
+        search: search_of(search)?,
+        random_state,
+    };
+    let cloud = &cloud.get().cloud;
+    let model = run(py, progress, |monitor| gas::learn(cloud, &options, monitor))?;
+    Ok(PyGasModel::from(model))
+}
+
+fn search_of(name: &str) -> PyResult<Search> {
+    match name {
+        "indexed" => Ok(Search::Indexed),
+        "brute-force" => Ok(Search::BruteForce),
+        other => Err(invalid_input(format!(
+            "search is {other:?}, but must be \"indexed\" or \"brute-force\""
+        ))),
+    }
+}
+
+impl PyGasModel {
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        value: impl Fn(usize) -> f64,
+    ) -> Bound<'py, PyArray1<f64>> {
+        (0..self.model.len()).map(value).collect::<Vec<f64>>().into_pyarray(py)
+    }
+}
+
+#[pymethods]
+impl PyGasModel {
+    #[pyo3(signature = (*, resolution, as_measured, normals, max_points, progress))]
+    fn decode(
+        slf: &Bound<'_, Self>,
+        resolution: Option<f64>,
+        as_measured: bool,
+        normals: bool,
+        max_points: u64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyPointCloud> {
+        let model = &slf.get().model;
+        let options = gas::DecodeOptions { resolution, as_measured, normals, max_points };
+        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
+        Ok(cloud.into())
+    }
+
+    #[pyo3(signature = (cloud, *, n_neurons, patterns, target_error, random_state, progress))]
+    fn update(
+        slf: &Bound<'_, Self>,
+        cloud: &Bound<'_, PyPointCloud>,
+        n_neurons: Option<usize>,
+        patterns: u32,
+        target_error: Option<f64>,
+        random_state: u64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let (model, cloud) = (&slf.get().model, &cloud.get().cloud);
+        let options = GasOptions { patterns, target_error, random_state, ..GasOptions::default() };
+        let updated =
+            run(slf.py(), progress, |monitor| model.update(cloud, n_neurons, &options, monitor))?;
+        Ok(updated.into())
+    }
+
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        save::to_bytes(py, &self.model)
+    }
+
+    /// Writes the file and returns its size in bytes.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
+        save::save(py, &self.model, path)
+    }
+
+    #[getter]
+    fn n_points(&self) -> u64 {
+        self.model.n_points()
+    }
+
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.model.origin()
+    }
+
+    #[getter]
+    fn has_color(&self) -> bool {
+        self.model.has_color()
+    }
+
+    #[getter]
+    fn mean_error(&self) -> f64 {
+        self.model.mean_error()
+    }
+
+    #[getter]
+    fn position_step(&self) -> f64 {
+        self.model.position_step()
+    }
+
+    /// Positions in the world, (n, 3).
+    fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let (model, origin) = (&self.model, self.model.origin());
+        let positions = model.positions();
+        Array2::from_shape_fn((positions.len(), 3), |(i, a)| origin[a] + f64::from(positions[i][a]))
+            .into_pyarray(py)
+    }
+
+    /// Unit normals, (n, 3), zero where unknown.
+    fn normals<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
+        let normals: Vec<[f32; 3]> = (0..self.model.len()).map(|i| self.model.normal(i)).collect();
+        Array2::from_shape_fn((normals.len(), 3), |(i, a)| normals[i][a]).into_pyarray(py)
+    }
+
+    /// Colours, (n, 3), where there are any.
+    fn colors<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<u8>>> {
+        let colors = self.model.colors()?;
+        Some(Array2::from_shape_fn((colors.len(), 3), |(i, c)| colors[i][c]).into_pyarray(py))
+    }
+
+    /// Numbers of points, (n,).
+    fn counts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |i| self.model.count(i))
+    }
+
+    /// Radii, (n,), metres.
+    fn radii<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |i| self.model.radius(i))
+    }
+
+    /// Standard deviations across the surface, (n,), metres.
+    fn thicknesses<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |i| self.model.thickness(i))
+    }
+
+    /// Pairs of neurons, (m, 2).
+    fn edges<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
+        let edges = self.model.edges();
+        Array2::from_shape_fn((edges.len(), 2), |(i, end)| edges[i][end]).into_pyarray(py)
+    }
+
+    /// Triangles, (t, 3).
+    fn mesh<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
+        let mesh = py.detach(|| self.model.mesh());
+        Array2::from_shape_fn((mesh.len(), 3), |(i, corner)| mesh[i][corner]).into_pyarray(py)
+    }
+
+    /// Component of every neuron, (n,).
+    fn components<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.model.components().into_pyarray(py)
+    }
+
+    /// Shortest ways along edges from one neuron to all, (n,), metres.
+    fn geodesic_distances<'py>(
+        &self,
+        py: Python<'py>,
+        source: usize,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let distances = py.detach(|| self.model.geodesic_distances(source));
+        Ok(distances.map_err(IntoPyErr::into_py_err)?.into_pyarray(py))
+    }
+
+    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
+    #[getter]
+    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        report_dict(py, self.model.report())
+    }
+
+    fn __len__(&self) -> usize {
+        self.model.len()
+    }
+}
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyGasModel>()?;
+    module.add_function(wrap_pyfunction!(learn_gas, module)?)
+}

@@ -1,0 +1,298 @@
+"""Growing neural gas: a map as neurons that spread over its surface and know who is next to them.
+
+A scan becomes a number of neurons chosen beforehand, joined by edges where the surface goes on;
+each knows colour, normal, how many points it stands for and how these spread.
+
+Fritzke: A Growing Neural Gas Network Learns Topologies, NIPS 1995; used for maps by Morell,
+Cazorla, Orts-Escolano and Garcia-Rodriguez: 3D Maps Representation Using GNG, 2014.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._progress import Progress, progress_callback
+from surfabet.model import MAX_POINTS, Model
+
+__all__ = ["GasModel", "Neurons", "learn_gas"]
+
+PATTERNS = 300
+"""Signals per neuron unless told otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Neurons:
+    """All n neurons of a model as arrays, in the order of the file: along the topology."""
+
+    positions: NDArray[np.float64]
+    """World positions, (n, 3), metres."""
+    normals: NDArray[np.float32]
+    """Unit normals, (n, 3), towards where the surface was seen from if the scan knew; zero where
+    unknown."""
+    colors: NDArray[np.uint8] | None
+    """Colours, (n, 3), 0 to 255; None without."""
+    counts: NDArray[np.float64]
+    """Points that each neuron stands for, (n,), to a quarter of a doubling."""
+    radii: NDArray[np.float64]
+    """Radius of the disc over which its points spread, (n,), metres."""
+    thicknesses: NDArray[np.float64]
+    """Standard deviation of its points across the disc, (n,), metres."""
+
+    @property
+    def densities(self) -> NDArray[np.float64]:
+        """Points per square metre of surface, (n,); infinite where the disc has no area."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.counts / (np.pi * self.radii**2)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+@final
+class GasModel(Model[_core.GasModel]):
+    """A cloud as a gas of neurons with a topology; immutable.
+
+    Made by `learn_gas` and `surfabet.load`. Everything in it is quantised already, so it decodes to
+    the same cloud before it is saved and after it is loaded.
+    """
+
+    __slots__ = ()
+
+    def decode(
+        self,
+        resolution: float | None = None,
+        *,
+        as_measured: bool = False,
+        normals: bool = False,
+        max_points: int = MAX_POINTS,
+        progress: Progress = None,
+    ) -> PointCloud:
+        """The model as a cloud: its neurons, or points at any spacing.
+
+        Parameters
+        ----------
+        resolution
+            Spacing of the points, metres: every neuron's disc is filled as far as no other neuron
+            is nearer, and so are edges between discs that do not meet. By default the neurons
+            themselves are the points.
+        as_measured
+            Spread the points across their discs as the scan's were, instead of on the surface.
+        normals
+            Give every point the unit normal of its neuron; zero where unknown.
+        max_points
+            Refuse to make more points than this.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Raises
+        ------
+        InvalidInputError
+            For a spacing that is not positive, or one that makes more than `max_points` points.
+        """
+        with progress_callback(progress) as callback:
+            return self._core.decode(
+                resolution=resolution,
+                as_measured=as_measured,
+                normals=normals,
+                max_points=max_points,
+                progress=callback,
+            )
+
+    def update(
+        self,
+        cloud: PointCloud,
+        n_neurons: int | None = None,
+        *,
+        patterns: int = PATTERNS,
+        target_error: float | None = None,
+        random_state: int = 0,
+        progress: Progress = None,
+    ) -> GasModel:
+        """Adds another scan of the same world: a larger model, this one stays as it is.
+
+        Signals come from the new scan and from points spread over this model's discs, in proportion
+        to the numbers of points of both, so that nothing is forgotten where the new scan does not
+        reach and both are averaged where it does.
+
+        Parameters
+        ----------
+        cloud
+            The new scan, in the same world frame.
+        n_neurons
+            Number of neurons afterwards; by default the space that both occupy gets as many per
+            volume as this model has.
+        patterns
+            Signals per new neuron.
+        target_error
+            Mean distance of signals to their neurons, metres, at which growth ends before.
+        random_state
+            Seed of the signals.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Raises
+        ------
+        InvalidInputError
+            For an empty scan, or fewer neurons than this model has.
+        """
+        with progress_callback(progress) as callback:
+            return GasModel(
+                self._core.update(
+                    cloud,
+                    n_neurons=n_neurons,
+                    patterns=patterns,
+                    target_error=target_error,
+                    random_state=random_state,
+                    progress=callback,
+                )
+            )
+
+    def mesh(self) -> NDArray[np.uint32]:
+        """Triangles of the induced triangulation as rows of three neurons, (t, 3).
+
+        Anticlockwise seen from where the normals point to; no edge is passed twice in one
+        direction. Holes of up to twelve edges are closed.
+        """
+        return self._core.mesh()
+
+    def components(self) -> NDArray[np.uint32]:
+        """Connected component of every neuron, (n,), numbered from zero."""
+        return self._core.components()
+
+    def geodesic_distances(self, source: int) -> NDArray[np.float64]:
+        """Length of the shortest way along edges from one neuron to all, (n,), metres; infinite to
+        other components."""
+        return self._core.geodesic_distances(source)
+
+    def geodesic_distance(self, source: int, target: int) -> float:
+        """Length of the shortest way along edges between two neurons, metres, or infinity."""
+        return float(self.geodesic_distances(source)[target])
+
+    @property
+    def neurons(self) -> Neurons:
+        """All neurons as arrays."""
+        return Neurons(
+            positions=self._core.positions(),
+            normals=self._core.normals(),
+            colors=self._core.colors(),
+            counts=self._core.counts(),
+            radii=self._core.radii(),
+            thicknesses=self._core.thicknesses(),
+        )
+
+    @property
+    def edges(self) -> NDArray[np.uint32]:
+        """Pairs of joined neurons, (m, 2), the smaller number first, sorted."""
+        return self._core.edges()
+
+    @property
+    def mean_error(self) -> float:
+        """Mean distance of the input points to their nearest neurons, metres (ME of the paper)."""
+        return self._core.mean_error
+
+    @property
+    def position_step(self) -> float:
+        """Rounding of positions, metres."""
+        return self._core.position_step
+
+    def __repr__(self) -> str:
+        return (
+            f"GasModel({self.n_points} points as {len(self)} neurons with {len(self.edges)} edges, "
+            f"mean error {self.mean_error:.3g} m" + (", coloured" if self.has_color else "") + ")"
+        )
+
+
+def learn_gas(
+    cloud: PointCloud,
+    n_neurons: int = 10_000,
+    *,
+    patterns: int = PATTERNS,
+    epsilon_w: float = 0.2,
+    epsilon_n: float = 0.006,
+    alpha: float = 0.5,
+    beta: float | None = None,
+    max_age: int = 50,
+    target_error: float | None = None,
+    passes: float | None = None,
+    position_step: float | None = None,
+    color_step: int = 8,
+    search: Literal["indexed", "brute-force"] = "indexed",
+    random_state: int = 0,
+    progress: Progress = None,
+) -> GasModel:
+    """Learns a growing neural gas: as many neurons as asked for, spread over the scan.
+
+    The ten steps are Fritzke's. Results depend on input, options and seed alone.
+
+    Parameters
+    ----------
+    cloud
+        The scan.
+    n_neurons
+        Number of neurons, at most as many as the points have places.
+    patterns
+        Signals per inserted neuron (lambda).
+    epsilon_w, epsilon_n
+        Share of the way to a signal that the winner and its neighbours move.
+    alpha
+        Factor of the errors of the two neurons that a new one is put between.
+    beta
+        Share of every error that is forgotten with each signal (1 - d). By default 0.5 / n_neurons:
+        Fritzke's 0.005 for a hundred neurons, and the same memory per neuron for more.
+    max_age
+        Age above which an edge is removed.
+    target_error
+        Mean distance of signals to their neurons, metres, at which growth ends before `n_neurons`.
+    passes
+        Number of signals as a multiple of the number of points: learning ends there, whether or not
+        the network has grown up. By default there are `patterns` signals per neuron.
+    position_step
+        Rounding of positions, metres, taken to the next power of two below; by default a sixteenth
+        of the mean edge.
+    color_step
+        Rounding of colours, grey levels.
+    search
+        How winners are found: "brute-force" gives the same network, slowly.
+    random_state
+        Seed of the signals.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty scan, more neurons than places, or options outside their domains.
+
+    Examples
+    --------
+    >>> import numpy as np, surfabet as sb
+    >>> points = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
+    >>> model = sb.learn_gas(sb.PointCloud(points), 50)
+    >>> len(model), model.components().max()
+    (50, np.uint32(0))
+    """
+    with progress_callback(progress) as callback:
+        learned = _core.learn_gas(
+            cloud,
+            n_neurons=n_neurons,
+            patterns=patterns,
+            epsilon_w=epsilon_w,
+            epsilon_n=epsilon_n,
+            alpha=alpha,
+            beta=beta,
+            max_age=max_age,
+            target_error=target_error,
+            passes=passes,
+            position_step=position_step,
+            color_step=color_step,
+            search=search,
+            random_state=random_state,
+            progress=callback,
+        )
+    return GasModel(learned)

@@ -1,0 +1,327 @@
+"""Growing neural gas from Python: arrays, files, topology against scipy, reducers, command line."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
+
+import surfabet as sb
+from surfabet.cli import main
+from surfabet.errors import InvalidInputError
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
+
+
+def corner(n: int = 30_000, noise: float = 0.004) -> sb.PointCloud:
+    """Floor and two walls of one metre, a colour each, and a ball apart from them."""
+    rng = np.random.default_rng(3)
+    points, colors = [], []
+    for axis, color in enumerate([(200, 60, 40), (40, 180, 60), (60, 60, 200)]):
+        p = np.empty((n // 4, 3))
+        p[:, axis] = noise * rng.standard_normal(n // 4)
+        p[:, (axis + 1) % 3], p[:, (axis + 2) % 3] = rng.random((2, n // 4))
+        points.append(p)
+        colors.append(np.tile(np.array(color, np.uint8), (n // 4, 1)))
+    ball = rng.standard_normal((n // 4, 3))
+    points.append(3 + 0.3 * ball / np.linalg.norm(ball, axis=1)[:, None])
+    colors.append(np.full((n // 4, 3), 128, np.uint8))
+    return sb.PointCloud(np.concatenate(points), colors=np.concatenate(colors))
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    return corner()
+
+
+@pytest.fixture(scope="module")
+def model(cloud: sb.PointCloud) -> sb.GasModel:
+    return sb.learn_gas(cloud, 600, patterns=200)
+
+
+def graph(model: sb.GasModel) -> coo_matrix:
+    (a, b), p = model.edges.T.astype(np.int64), model.neurons.positions
+    lengths = np.linalg.norm(p[a] - p[b], axis=1)
+    return coo_matrix((lengths, (a, b)), shape=(len(model), len(model)))
+
+
+def test_neurons_and_edges_as_arrays(model, cloud):
+    neurons = model.neurons
+    assert len(neurons) == len(model) == 600
+    assert neurons.positions.shape == (600, 3)
+    assert neurons.normals.shape == (600, 3)
+    assert neurons.colors is not None
+    assert neurons.colors.shape == (600, 3)
+    for column in (neurons.counts, neurons.radii, neurons.thicknesses, neurons.densities):
+        assert column.shape == (600,)
+        assert (column >= 0).all()
+    edges = model.edges
+    assert (edges[:, 0] < edges[:, 1]).all()
+    assert edges.max() < 600
+    assert len(np.unique(edges, axis=0)) == len(edges)
+    # Every neuron has a neighbour, else it would have been removed.
+    assert set(edges.ravel()) == set(range(600))
+    lengths = np.linalg.norm(neurons.normals, axis=1)
+    np.testing.assert_allclose(lengths[lengths > 0], 1, atol=1e-5)
+    assert "600 neurons" in repr(model)
+    assert f"{len(edges)} edges" in repr(model)
+
+
+def test_mean_error_and_statistics_are_those_of_the_nearest_points(model, cloud):
+    neurons = model.neurons
+    distances, nearest = cKDTree(neurons.positions).query(cloud.points)
+    assert model.mean_error == pytest.approx(distances.mean(), rel=1e-4)
+    counts = np.bincount(nearest, minlength=600)
+    some = counts > 0
+    # Rounded to a quarter of a doubling.
+    np.testing.assert_allclose(np.log2(neurons.counts[some] / counts[some]), 0, atol=0.126)
+    # Colours of walls away from the corner, rounded to steps of 8.
+    p = neurons.positions
+    floor = (p[:, 2] < 0.05) & (p[:, 0] > 0.15) & (p[:, 1] > 0.15) & (p[:, 0] < 1.5)
+    assert floor.sum() > 50
+    np.testing.assert_allclose(neurons.colors[floor], [[60, 60, 200]] * floor.sum(), atol=9)
+    assert (np.abs(neurons.normals[floor, 2]) > 0.97).all()
+    assert 0.003 < np.median(neurons.thicknesses[floor]) < 0.005
+
+
+def test_it_is_nearer_to_the_scan_than_grids_and_samples_of_as_many(cloud, model):
+    def error(points):
+        return cKDTree(points).query(cloud.points)[0].mean()
+
+    ours = error(model.neurons.positions)
+    assert ours < error(sb.voxel_downsample(cloud, count=600).points)
+    assert ours < error(sb.octree_downsample(cloud, count=600).points)
+    assert ours < error(sb.octree_downsample(cloud, count=600, representative="center").points)
+    assert ours < error(sb.random_downsample(cloud, 600).points)
+    assert ours < error(sb.farthest_point_downsample(cloud, 600).points)
+
+
+def test_components_and_ways_agree_with_scipy(model):
+    expected_n, expected = connected_components(graph(model), directed=False)
+    found = model.components()
+    assert found.max() + 1 == expected_n >= 2
+    assert len(set(zip(found, expected, strict=True))) == expected_n
+    ways = dijkstra(graph(model), directed=False, indices=17)
+    np.testing.assert_allclose(model.geodesic_distances(17), ways, rtol=1e-5)
+    assert model.geodesic_distance(17, 300) == pytest.approx(ways[300], rel=1e-5)
+    with pytest.raises(InvalidInputError, match="source"):
+        model.geodesic_distances(600)
+
+
+def test_the_mesh_is_of_the_graph_and_oriented_by_normals(model):
+    mesh, neurons = model.mesh(), model.neurons
+    sides = np.concatenate([mesh[:, [0, 1]], mesh[:, [1, 2]], mesh[:, [2, 0]]])
+    assert len(np.unique(sides, axis=0)) == len(sides)
+    p, q, r = (neurons.positions[mesh[:, i]] for i in range(3))
+    cross = np.cross(q - p, r - p)
+    agree = np.einsum("ij,ij->i", cross, neurons.normals[mesh].sum(axis=1))
+    assert (agree > 0).all()
+    # Three squares of a metre and a ball of radius 0.3; rims lose half an edge, some holes stay.
+    area = np.linalg.norm(cross, axis=1).sum() / 2
+    assert 0.65 < area / (3 + 4 * np.pi * 0.09) < 1.05
+
+
+def test_a_file_changes_nothing(model, tmp_path):
+    path = tmp_path / "gas.sfb"
+    size = model.save(path)
+    assert size == path.stat().st_size == len(model.to_bytes())
+    again = sb.load(path)
+    assert isinstance(again, sb.GasModel)
+    assert again.to_bytes() == model.to_bytes() == sb.from_bytes(path.read_bytes()).to_bytes()
+    for name in ("positions", "normals", "colors", "counts", "radii", "thicknesses"):
+        np.testing.assert_array_equal(getattr(again.neurons, name), getattr(model.neurons, name))
+    np.testing.assert_array_equal(again.edges, model.edges)
+    a, b = (m.decode(0.02, normals=True) for m in (again, model))
+    np.testing.assert_array_equal(a.points, b.points)
+    np.testing.assert_array_equal(a.colors, b.colors)
+    assert again.report.as_dict()["iterations"] == 0
+    info = sb.inspect(path)
+    assert info.family == "gas"
+    assert info.options["neurons"] == 600
+    assert set(info.sections) == {
+        "header", "topology", "positions", "normals", "sizes", "colour",
+    }  # fmt: skip
+
+
+def test_golden_file():
+    model = sb.load(GOLDEN / "gas_0_1.sfb")
+    assert model.to_bytes() == (GOLDEN / "gas_0_1.sfb").read_bytes()
+    rows = (GOLDEN / "gas_0_1.txt").read_text().splitlines()[: len(model)]
+    wanted = np.array([row.split() for row in rows], float)
+    np.testing.assert_allclose(model.neurons.positions, wanted[:, :3], atol=1e-6)
+    np.testing.assert_array_equal(model.neurons.colors, wanted[:, 6:9])
+
+
+def test_decoding_at_a_spacing(model, cloud):
+    assert len(model.decode()) == len(model)
+    decoded = model.decode(0.01)
+    forward = cKDTree(cloud.points).query(decoded.points)[0]
+    backward = cKDTree(decoded.points).query(cloud.points)[0]
+    assert np.sqrt((forward**2).mean()) < 0.012
+    assert np.sqrt((backward**2).mean()) < 0.012
+    # Decoded points are as far apart as asked for, by far most of them.
+    apart = cKDTree(decoded.points).query(decoded.points, 2)[0][:, 1]
+    assert 0.006 < np.median(apart) <= 0.0101
+    with pytest.raises(InvalidInputError, match="resolution"):
+        model.decode(0.0)
+    with pytest.raises(InvalidInputError, match="limit"):
+        model.decode(0.001, max_points=1000)
+
+
+def test_update_keeps_the_old_and_learns_the_new(model, cloud):
+    moved = sb.PointCloud(cloud.points + np.array([0.8, 0, 0]), colors=cloud.colors)
+    larger = model.update(moved, 1000)
+    assert len(larger) == 1000
+    assert len(model) == 600
+    assert larger.n_points == 2 * len(cloud)
+
+    def error(m, c):
+        return cKDTree(m.neurons.positions).query(c.points)[0].mean()
+
+    assert error(larger, cloud) < 1.1 * error(model, cloud)
+    assert error(larger, moved) < 1.2 * error(model, cloud)
+    assert error(model, moved) > 3 * error(larger, moved)
+    assert 600 < len(model.update(moved)) < 1200
+
+
+def test_both_searches_and_any_number_of_threads_give_the_same_bytes(cloud):
+    def learn(**options):
+        return sb.learn_gas(cloud, 200, patterns=50, random_state=5, **options).to_bytes()
+
+    expected = learn()
+    assert learn(search="brute-force") == expected
+    try:
+        for threads in (1, 2, 8):
+            sb.set_num_threads(threads)
+            assert learn() == expected
+    finally:
+        sb.set_num_threads(None)
+    assert sb.learn_gas(cloud, 200, patterns=50, random_state=6).to_bytes() != expected
+
+
+def test_stops(cloud):
+    by_error = sb.learn_gas(cloud, 5000, target_error=0.08)
+    assert by_error.mean_error == pytest.approx(0.08, rel=0.15)
+    assert by_error.report.stop_reason == "mean distance reached"
+    by_passes = sb.learn_gas(cloud, 5000, passes=1, patterns=300)
+    assert by_passes.report.iterations == len(cloud)
+    assert len(by_passes) <= len(cloud) / 300 + 2
+
+
+def test_input_that_cannot_be(cloud):
+    same = np.ones((100, 3))
+    for points, n, message in [
+        (np.zeros((0, 3)), 2, "empty"),
+        (same, 2, "the cloud has 1"),
+        (np.concatenate([same, 2 * same]), 3, "the cloud has 2"),
+    ]:
+        with pytest.raises(InvalidInputError, match=message):
+            sb.learn_gas(sb.PointCloud(points), n)
+    with pytest.warns(sb.DroppedPointsWarning):
+        holed = sb.PointCloud(np.concatenate([cloud.points, [[np.nan, 0, 0]]]))
+    assert len(sb.learn_gas(holed, 20, patterns=20)) == 20
+    for options in [
+        {"n_neurons": 1}, {"patterns": 0}, {"epsilon_w": 0.0}, {"epsilon_n": -1.0}, {"alpha": 1.0},
+        {"beta": 2.0}, {"max_age": 0}, {"target_error": -1.0}, {"passes": 0.0}, {"color_step": 0},
+        {"search": "guess"},
+    ]:  # fmt: skip
+        with pytest.raises(InvalidInputError, match=next(iter(options))):
+            sb.learn_gas(cloud, **{"n_neurons": 10, **options})
+
+
+def test_reducers(cloud):
+    for reduced in (
+        sb.voxel_downsample(cloud, count=500),
+        sb.octree_downsample(cloud, count=500),
+        sb.octree_downsample(cloud, count=500, representative="center"),
+    ):
+        assert 480 <= len(reduced) <= 500
+    chosen = sb.farthest_point_downsample(cloud, 50, start=3).points
+    np.testing.assert_allclose(chosen[0], cloud.points[3])
+    distances = np.full(len(cloud), np.inf)
+    for point, following in itertools.pairwise(chosen):
+        distances = np.minimum(distances, np.linalg.norm(cloud.points - point, axis=1))
+        far = np.linalg.norm(chosen[: len(chosen)] - following, axis=1)
+        assert far[far > 0].size
+        assert distances.max() == pytest.approx(
+            distances[np.linalg.norm(cloud.points - following, axis=1).argmin()], rel=1e-5
+        )
+    drawn = sb.random_downsample(cloud, 100, random_state=1)
+    assert len(drawn) == 100
+    assert drawn.colors is not None
+    assert (cKDTree(cloud.points).query(drawn.points)[0] == 0).all()
+    for wrong in ({}, {"size": 0.1, "count": 5}, {"count": 0}):
+        with pytest.raises(InvalidInputError):
+            sb.voxel_downsample(cloud, **wrong)
+        with pytest.raises(InvalidInputError):
+            sb.octree_downsample(cloud, **wrong)
+    with pytest.raises(InvalidInputError, match="representative"):
+        sb.octree_downsample(cloud, 0.1, representative="corner")
+    with pytest.raises(InvalidInputError, match="count"):
+        sb.random_downsample(cloud, len(cloud) + 1)
+    with pytest.raises(InvalidInputError, match="start"):
+        sb.farthest_point_downsample(cloud, 5, start=len(cloud))
+
+
+def test_command_line(cloud, tmp_path, capsys):
+    scan, model, again = (tmp_path / name for name in ("scan.ply", "gas.sfb", "again.ply"))
+    sb.write(scan, cloud)
+    arguments = ["compress", str(scan), str(model), "--model", "gas", "--n-neurons", "300"]
+    assert main([*arguments, "--patterns", "50", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["output"]["bytes"] == model.stat().st_size
+    assert told["report"]["figures"]["neurons"] == 300
+    assert main(["info", str(model), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["family"] == "gas"
+    assert main(["decompress", str(model), str(again), "--resolution", "0.02"]) == 0
+    assert len(sb.read(again)) > 5000
+    assert main(["evaluate", str(scan), str(model)]) == 0
+    capsys.readouterr()
+    assert main([*arguments, "--rate", "1"]) == 2
+    assert "--rate: only for --model patches" in capsys.readouterr().err
+    assert main(["compress", str(scan), str(model), "--n-neurons", "30"]) == 2
+    assert "--n-neurons: only for --model gas" in capsys.readouterr().err
+    assert main(["verify", str(scan), str(model)]) == 2
+
+
+def test_what_is_not_kept_is_told():
+    points = np.random.default_rng(0).random((500, 3))
+    cloud = sb.PointCloud(points, intensities=np.ones(500, np.float32))
+    assert sb.learn_gas(cloud, 10, patterns=10).report.not_kept == ("intensities",)
+
+
+def test_an_interrupt_is_felt(cloud):
+    script = (
+        "import numpy as np, signal, time, surfabet as sb\n"
+        "cloud = sb.PointCloud(np.random.default_rng(0).random((200_000, 3)))\n"
+        "signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))\n"
+        "signal.setitimer(signal.ITIMER_REAL, 1.0)\n"
+        "began = time.perf_counter()\n"
+        "try:\n"
+        "    sb.learn_gas(cloud, 100_000, patterns=10_000)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('stopped', time.perf_counter() - began < 10)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.split() == ["stopped", "True"], done.stderr
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs ../shared/data")
+def test_five_percent_nearer_than_a_voxel_grid_on_a_kinect_frame():
+    with pytest.warns(sb.DroppedPointsWarning):
+        frame = sb.read(DATA / "rgbd_frame" / "table.pcd")
+    model = sb.learn_gas(frame, 2000)
+    grid = sb.voxel_downsample(frame, count=2000)
+    error = cKDTree(grid.points).query(frame.points)[0].mean()
+    assert model.mean_error < 0.95 * error
