@@ -128,7 +128,7 @@ def compress(
         No input point is further than this from the decoded cloud, in metres; surfabet verify
         proves it.
     levels
-        Levels of detail of the patches; each doubles the size of the one below. By default 3, or 1
+        Levels of detail of the patches; each doubles the size of the one below. By default 2, or 1
         with hscsm.
     dictionary
         A model whose dictionaries to use instead of learning: the file then holds none, and needs
