@@ -84,7 +84,7 @@ THIN_PIXELS = Decode(", decoded thin, one point per pixel", as_measured=False, p
 
 def rows(scene: Scene) -> Iterator[Row]:
     """What is measured; ratios are to the default's options."""
-    rate = scene.options.get("rate", 0.7)
+    rate = scene.options.get("rate", 1.4)
     yield Row("default", {}, (Decode(), THIN, PIXELS, THIN_PIXELS), is_default=True)
     # Bytes and error move together: what the default makes of other pixels is what to judge by.
     for ratio in (0.85, 1.25, 1.6):
@@ -95,7 +95,7 @@ def rows(scene: Scene) -> Iterator[Row]:
             is_default=True,
         )
     yield Row("1 level", {"levels": 1})
-    yield Row("2 levels", {"levels": 2})
+    yield Row("3 levels", {"levels": 3})
     yield Row("4 levels", {"levels": 4})
     yield Row("1 round: no learned prices", {"rounds": 1})
     yield Row("rate / 4", {"rate": rate / 4})

@@ -189,7 +189,7 @@ def plots(out: Path) -> None:
             size = 100 * FRAME["resolution"] * FRAME["patch_pixels"] * 2 ** (3 - j)
             axes.plot(values, area, marker="o", label=f"patches of {size:g} cm")
         axes.set(xscale="log", xlabel=label, ylabel="area (m2)")
-        axes.legend(loc="center left")
+        figure.legend(loc="outside upper center", ncols=2)
         right = axes.twinx()
         right.plot(values, rmse, "k--", label="RMSE")
         right.set_ylabel("RMSE, pooled (mm)" if name == "depth" else "RMSE of colour, pooled")

@@ -91,7 +91,8 @@ class LatticeModel(Model[_core.LatticeModel]):
         as_measured
             Fill the thickness that the scan had about each patch, in layers at the spacing, instead
             of giving the thin surface in its middle. The thin surface is nearer to the true one,
-            the filled one to the scan.
+            the filled one to the scan. The thin one leaves fragments out: at most 16 finest pixels
+            that touch nothing and stand 1.5 to 10 of them off a larger piece.
         normals
             Give every point the unit normal of its patch, towards where it was seen from; points
             that no patch holds have none (zero).
@@ -181,9 +182,9 @@ def learn(
     cloud: PointCloud,
     *,
     resolution: float = 0.01,
-    levels: int = 3,
+    levels: int = 2,
     max_error: float | None = None,
-    rate: float = 0.7,
+    rate: float = 1.4,
     depth_step: float = 0.75,
     rounds: int = 3,
     color_step: int = 90,

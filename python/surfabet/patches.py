@@ -89,7 +89,7 @@ def learn_patches(
         one knob between size and error; all else follows it.
     levels
         Levels of the hierarchy; above the finest, pixels and patches double in size from level to
-        level. 1 to 4, by default 3, for "rate-distortion"; 1 to 8, by default 1, for "hscsm".
+        level. 1 to 4, by default 2, for "rate-distortion"; 1 to 8, by default 1, for "hscsm".
     sensor
         How the error of a range measurement grows: "structured-light" (with the square of the
         distance, as Kinects do) or "constant". Without ranges all points weigh the same.
@@ -106,7 +106,7 @@ def learn_patches(
         the default spacing, metres; points that would be are kept beside the patches.
     rate
         What a bit of geometry must save (lambda): squared error in squared pixels, summed over
-        pixels; by default 0.7. Larger makes smaller files.
+        pixels; by default 1.4. Larger makes smaller files.
     depth_step
         Rounding of depths, pixels of the finest level, by default 0.75.
     rounds

@@ -202,7 +202,7 @@ def test_compress_says_what_it_did(
     assert said["input"]["raw_bytes"] == 15 * len(cloud)
     assert said["output"]["bytes"] == n_bytes
     assert said["ratio"] == pytest.approx(15 * len(cloud) / n_bytes)
-    again = sb.evaluate(cloud, sb.load(output).decode())
+    again = sb.evaluate(cloud, sb.load(output).decode(as_measured=True))
     assert said["quality"]["rmse"] == pytest.approx(again.rmse)
 
     assert main(command) == 0

@@ -297,7 +297,7 @@ def compress(
         No input point is further than this from the decoded cloud, in metres; surfabet verify
         proves it.
     levels
-        Levels of detail of the patches; each doubles the size of the one below. By default 3, or 1
+        Levels of detail of the patches; each doubles the size of the one below. By default 2, or 1
         with hscsm.
     random_state
         Seed; the same seed, input and options give the same bytes.

@@ -95,8 +95,8 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
     assert!(off < 0.25 * PIXEL, "{off}");
     // Sampling by half a pixel leaves a quarter of it along each axis.
     assert!(rms_to(&cloud, &decoded) < 0.5 * PIXEL);
-    // Three planes of 1.44 m2: a few dozen large patches.
-    assert!(model.len() < 100, "{}", model.len());
+    // Three planes of 1.44 m2 in squares of 16 cm: 64 each, and some at the rims.
+    assert!(model.len() < 240, "{}", model.len());
     assert!(bytes(&model).len() < 1000, "{}", bytes(&model).len());
     for (p, c) in decoded.positions().iter().zip(decoded.colors().unwrap()) {
         let _ = p;

@@ -1,6 +1,8 @@
 //! A patch with its place.
 
-use super::model::{LatticePatch, PATCH_PIXELS};
+use super::basis::{Basis, FRACTION};
+use super::model::{LatticePatch, PATCH_PIXELS, THICKNESS_STEPS};
+use super::sheets::axes_of;
 
 /// A patch with its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,5 +27,37 @@ impl Leaf {
     pub(super) fn is_set(&self, column: i32, row: i32) -> bool {
         let cell = PATCH_PIXELS * (row >> self.level) + (column >> self.level);
         self.patch.mask >> cell & 1 != 0
+    }
+
+    /// Number of finest pixels that belong to its surface.
+    pub(super) fn area(&self) -> u32 {
+        self.patch.mask.count_ones() << (2 * self.level)
+    }
+
+    /// Set finest pixels as columns and rows of the patch, each with its depth in steps of thickness.
+    pub(super) fn depths(
+        &self,
+        basis: &Basis,
+        depth_step: u32,
+    ) -> impl Iterator<Item = ([i32; 2], i64)> {
+        let width = self.width();
+        let all = (0..width * width).map(move |i| [i % width, i / width]);
+        all.filter(|&[column, row]| self.is_set(column, row)).map(move |at| {
+            let steps = basis.depth(&self.patch.coefficients, at.map(|c| 2 * c as usize + 1));
+            // Sixteenths of a pixel with fraction to quarters.
+            (at, (steps * i64::from(depth_step)) >> (FRACTION + 2))
+        })
+    }
+
+    /// Middles of the set finest pixels on the surface, in pixels of the lattice.
+    pub(super) fn pixels(&self, basis: &Basis, depth_step: u32) -> impl Iterator<Item = [f32; 3]> {
+        let [d, u, v] = axes_of(self.side);
+        self.depths(basis, depth_step).map(move |([column, row], depth)| {
+            let mut p = [0.0; 3];
+            p[d] = depth as f32 / f32::from(THICKNESS_STEPS);
+            p[u] = (self.corner[0] + column) as f32 + 0.5;
+            p[v] = (self.corner[1] + row) as f32 + 0.5;
+            p
+        })
     }
 }

@@ -18,6 +18,7 @@
 //! | `nodes`, `targets`, `color` | colour on the cells around the surface |
 //! | `points` | points that no patch is near enough to |
 //! | `model`, `leaves` | the result |
+//! | `fragments` | which patches are noise that stands off a surface |
 //! | `decode` | back to a cloud, as a surface or as measured |
 
 mod axes;
@@ -26,6 +27,7 @@ mod cells;
 mod choice;
 mod color;
 mod decode;
+mod fragments;
 mod learn;
 mod leaves;
 mod model;

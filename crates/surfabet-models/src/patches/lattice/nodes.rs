@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 use surfabet_geom::morton::{self, BITS, MortonMap};
 
-use super::basis::{Basis, FRACTION};
+use super::basis::Basis;
 use super::leaves::Leaf;
 use super::model::{Lattice, THICKNESS_STEPS};
 use super::sheets::axes_of;
@@ -32,10 +32,8 @@ pub(super) fn cell_of_key(key: u64) -> [i32; 3] {
 /// be more than `limit`.
 pub(super) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec<u64>> {
     let layers = |leaf: &Leaf| 2 * u64::from(leaf.patch.thickness) / CELL as u64 + 2;
-    let bound: u64 = leaves
-        .iter()
-        .map(|l| (u64::from(l.patch.mask.count_ones()) << (2 * l.level)) * layers(l))
-        .fold(0, u64::saturating_add);
+    let bound: u64 =
+        leaves.iter().map(|l| u64::from(l.area()) * layers(l)).fold(0, u64::saturating_add);
     if bound > limit {
         return None;
     }
@@ -43,27 +41,17 @@ pub(super) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec
     let of_leaf = |leaf: &Leaf| {
         let basis = &bases[leaf.level as usize];
         let [d, u, v] = axes_of(leaf.side);
-        let width = leaf.width();
         let half = i64::from(leaf.patch.thickness);
         let mut keys = Vec::new();
-        for row in 0..width {
-            for column in 0..width {
-                if !leaf.is_set(column, row) {
-                    continue;
-                }
-                let middle = [column, row].map(|c| 2 * c as usize + 1);
-                let steps = basis.depth(&leaf.patch.coefficients, middle);
-                // Sixteenths of a pixel with fraction to quarters.
-                let depth = (steps * i64::from(lattice.depth_step)) >> (FRACTION + 2);
-                let low = (depth - half).div_euclid(CELL);
-                let high = (depth + half - i64::from(half > 0)).div_euclid(CELL);
-                let mut at = [0; 3];
-                at[u] = leaf.corner[0] + column;
-                at[v] = leaf.corner[1] + row;
-                for depth in low..=high {
-                    at[d] = depth.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
-                    keys.push(cell_key(at));
-                }
+        for ([column, row], depth) in leaf.depths(basis, lattice.depth_step) {
+            let low = (depth - half).div_euclid(CELL);
+            let high = (depth + half - i64::from(half > 0)).div_euclid(CELL);
+            let mut at = [0; 3];
+            at[u] = leaf.corner[0] + column;
+            at[v] = leaf.corner[1] + row;
+            for depth in low..=high {
+                at[d] = depth.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+                keys.push(cell_key(at));
             }
         }
         keys

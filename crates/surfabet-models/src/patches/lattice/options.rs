@@ -34,8 +34,8 @@ impl Default for LatticeOptions {
     fn default() -> Self {
         Self {
             resolution: 0.01,
-            levels: 3,
-            lambda: 0.7,
+            levels: 2,
+            lambda: 1.4,
             depth_step: 12,
             rounds: 3,
             color_step: 90,
