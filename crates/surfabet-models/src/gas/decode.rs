@@ -193,8 +193,7 @@ impl GasModel {
         let length = self.length([a, b]);
         let (from, to) = (self.reach(i), length - self.reach(j));
         let n = ((to - from) / spacing).ceil() - 1.0;
-        // Negated, so that NaN is no number of points either.
-        if !(n >= 1.0) {
+        if n.is_nan() || n < 1.0 {
             return Vec::new();
         }
         let (p, q) = (self.position(i).map(f64::from), self.position(j).map(f64::from));
