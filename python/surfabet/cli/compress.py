@@ -190,21 +190,19 @@ def learn(
     **options: Any,
 ) -> AnyModel:
     """The model that the options ask for."""
+    if shared.dictionary is not None and method == "rate-distortion":
+        raise UsageError("--dictionary: only --method hscsm uses dictionaries")
     learned: AnyModel
     if shared.alphabet is not None:
         learned = shared.alphabet.describe(cloud, **options)
-        return learned
-    if shared.dictionary is not None:
-        if method == "rate-distortion":
-            raise UsageError("--dictionary: only --method hscsm uses dictionaries")
-        return shared.dictionary.encode(cloud, **options)
-    if model == "gas":
-        return surfabet.learn_gas(cloud, **options)
-    if model == "alphabet":
-        if method == "bic":
-            return surfabet.learn_alphabet(cloud, method="bic", **options)
-        return surfabet.learn_alphabet(cloud, **options)
-    if method == "hscsm":
+    elif shared.dictionary is not None:
+        learned = shared.dictionary.encode(cloud, **options)
+    elif model == "gas":
+        learned = surfabet.learn_gas(cloud, **options)
+    elif model == "alphabet":
+        chosen: Any = {} if method is None else {"method": method}
+        learned = surfabet.learn_alphabet(cloud, **chosen, **options)
+    elif method == "hscsm":
         learned = surfabet.learn_patches(cloud, method="hscsm", **options)
     else:
         learned = surfabet.learn_patches(cloud, **options)
