@@ -142,6 +142,8 @@ def test_the_paper_s_figures_on_a_real_room() -> None:
         "min_range": 0.5,
         "angular_resolution": ROOM_RESOLUTION,
         "iterations": 500,
+        # Seeds spread by a point about 97 percent; this one is quick.
+        "random_state": 1,
     }
     model = learn(scans[0], **chosen)
     figures = model.report_dict["figures"]
