@@ -158,9 +158,8 @@ mod tests {
             prop_assume!(length > 0.1);
             let pose = BicPose::quantize(point, normal, view, rule, 0.1).unwrap();
             let frame = pose.frame(rule, 0.1);
-            for a in 0..3 {
-                prop_assert!((frame.origin[a] - point[a]).abs() <= 0.5 * 0.1 / 32.0 + 1e-5);
-            }
+            let step = 0.1 / 32.0 + 2e-5;
+            prop_assert!((0..3).all(|a| (frame.origin[a] - point[a]).abs() <= 0.5 * step));
             let cosine: f32 = (0..3).map(|a| frame.rows[2][a] * normal[a] / length).sum();
             prop_assert!(f64::from(cosine) >= octahedral::max_error(NORMAL_BITS).cos() - 1e-5);
             let stored = frame.rows[2].map(f64::from);

@@ -78,10 +78,11 @@ const FACTORS: [u32; 3] = [0x9e37_79b1, 0x85eb_ca77, 0xc2b2_ae3d];
 const GROUP_BITS: u32 = 6;
 
 impl Cells {
-    /// At least twice as many buckets as points.
+    /// Sixteen times as many buckets as points, since most cells of a group are empty; no more than two million while
+    /// these are twice as many.
     fn new(points: usize, epsilon: f32) -> Self {
-        let bits = usize::BITS - (2 * points).leading_zeros();
-        let bits = bits.clamp(GROUP_BITS + 4, 30);
+        let bits = |n: usize| usize::BITS - n.leading_zeros();
+        let bits = bits(16 * points).min(bits(2 * points).max(21)).clamp(GROUP_BITS + 4, 30);
         Self { per_metre: 0.499 / epsilon, shift: u32::BITS + GROUP_BITS - bits }
     }
 
