@@ -4,6 +4,7 @@
 //! callable and Ctrl-C stops the work.
 
 mod alphabet;
+mod alphabet_find;
 mod arrays;
 mod cloud;
 mod errors;
@@ -32,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     run::register(module)?;
     cloud::register(module)?;
     alphabet::register(module)?;
+    alphabet_find::register(module)?;
     files::register(module)?;
     patches::register(module)?;
     lattice::register(module)?;
