@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from surfabet._core import PointCloud, __version__, get_num_threads, set_num_threads
-from surfabet.alphabet import Alphabet, AlphabetModel, Occurrences, learn_alphabet
+from surfabet.alphabet import (
+    Alphabet,
+    AlphabetModel,
+    FoundOccurrence,
+    Occurrences,
+    WordShares,
+    learn_alphabet,
+    place_similarity,
+)
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
@@ -63,6 +71,7 @@ __all__ = [
     "learn_alphabet",
     "learn_patches",
     "load",
+    "place_similarity",
     "read",
     "set_num_threads",
     "voxel_downsample",

@@ -562,3 +562,23 @@ class PatchDictionary:
     @property
     def hash(self) -> str: ...
     def entries(self, channel: str) -> list[NDArray[np.float32]] | None: ...
+
+# Finding what looks like an example: crates/surfabet-py/src/alphabet_find.rs
+
+def find_occurrences(
+    model: AlphabetModel,
+    *,
+    ball: tuple[Sequence[float], float] | None,
+    corners: tuple[Sequence[float], Sequence[float]],
+    min_score: float,
+    max_found: int,
+    resolution: float | None,
+    tolerance: float | None,
+    progress: ProgressCallback | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float: ...
+def word_histogram(
+    model: AlphabetModel,
+) -> tuple[
+    NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]
+]: ...

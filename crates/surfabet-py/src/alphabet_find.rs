@@ -33,14 +33,13 @@ fn find_occurrences<'py>(
     let options = FindOptions { min_score, max_found, resolution, tolerance };
     let model = &model.get().model;
     let found: Vec<Found> = run(py, progress, |monitor| model.find(&region, &options, monitor))?;
-    let poses = Array3::from_shape_fn((found.len(), 4, 4), |(i, row, column)| {
-        match (row, column) {
+    let poses =
+        Array3::from_shape_fn((found.len(), 4, 4), |(i, row, column)| match (row, column) {
             (3, 3) => 1.0,
             (3, _) => 0.0,
             (_, 3) => found[i].pose.translation()[row],
             _ => found[i].pose.rotation()[row][column],
-        }
-    });
+        });
     let centers = Array2::from_shape_fn((found.len(), 3), |(i, a)| found[i].center[a]);
     let scores: Vec<f64> = found.iter().map(|f| f.score).collect();
     Ok((poses.into_pyarray(py), scores.into_pyarray(py), centers.into_pyarray(py)))
@@ -66,10 +65,7 @@ type WordShares<'py> = (
 
 /// Word, radius, class of inclination and share of area, as arrays.
 #[pyfunction]
-fn word_histogram<'py>(
-    py: Python<'py>,
-    model: &Bound<'_, PyAlphabetModel>,
-) -> WordShares<'py> {
+fn word_histogram<'py>(py: Python<'py>, model: &Bound<'_, PyAlphabetModel>) -> WordShares<'py> {
     let all = model.get().model.word_histogram();
     let words: Vec<i64> = all.iter().map(|s| i64::from(s.word)).collect();
     let radii: Vec<f64> = all.iter().map(|s| s.radius).collect();

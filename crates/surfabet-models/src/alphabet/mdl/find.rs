@@ -25,6 +25,9 @@ const TRIED: usize = 96;
 /// Samples of the example that motions are refined with, at first and to the end.
 const REFINED: [usize; 2] = [128, 512];
 
+/// Samples of the example that places are scored with.
+const MATCHED: usize = 4096;
+
 /// Guesses that are refined.
 const GUESSES: usize = 2000;
 
@@ -77,7 +80,11 @@ impl Region {
                 let room = (0..3).all(|a| low[a] < high[a] && (high[a] - low[a]).is_finite());
                 if !room {
                     let corners = format!("{low:?} to {high:?}");
-                    return Err(Error::invalid("region", corners, "from a lower to a higher corner"));
+                    return Err(Error::invalid(
+                        "region",
+                        corners,
+                        "from a lower to a higher corner",
+                    ));
                 }
             }
             Self::Ball { center, radius } => {
@@ -132,7 +139,7 @@ pub struct FindOptions {
 
 impl Default for FindOptions {
     fn default() -> Self {
-        Self { min_score: 0.5, max_found: 1000, resolution: None, tolerance: None }
+        Self { min_score: 0.55, max_found: 1000, resolution: None, tolerance: None }
     }
 }
 
@@ -222,7 +229,13 @@ impl AlphabetModel {
             .into_par_iter()
             .map(|motion| {
                 progress.check()?;
-                let motion = template.refined(&scene, motion, REFINED[0], [0.12 * diagonal, 3.0 * tolerance], 6);
+                let motion = template.refined(
+                    &scene,
+                    motion,
+                    REFINED[0],
+                    [0.12 * diagonal, 3.0 * tolerance],
+                    6,
+                );
                 let matches = template.matches(&scene, &motion, 2.0 * tolerance, REFINED[0]);
                 Ok((share(&matches, &template.weights), motion))
             })
@@ -235,7 +248,7 @@ impl AlphabetModel {
                 progress.check()?;
                 let reach = [6.0 * tolerance, tolerance];
                 let motion = template.refined(&scene, motion, REFINED[1], reach, 8);
-                Ok((motion, template.matches(&scene, &motion, tolerance, usize::MAX)))
+                Ok((motion, template.matches(&scene, &motion, tolerance, MATCHED)))
             })
             .collect::<Result<_>>()?;
         let rarity = template.rarity(&motions);
@@ -278,7 +291,8 @@ impl Place<'_> {
         pieces.sort_unstable();
         let share = |&i: &u32| {
             let piece = self.pieces[i as usize];
-            let n = pieces.partition_point(|&p| p <= piece) - pieces.partition_point(|&p| p < piece);
+            let n =
+                pieces.partition_point(|&p| p <= piece) - pieces.partition_point(|&p| p < piece);
             (n as f64 / f64::from(self.sizes[piece as usize])).sqrt()
         };
         samples.iter().map(share).collect()
@@ -406,7 +420,8 @@ impl Template {
         let met = |i: usize| motions.iter().map(|(_, m)| f64::from(m[i])).sum::<f64>();
         // Half a motion that meets nothing: what is always met still counts a little.
         let tells = |i| -((met(i) + 0.5) / n).clamp(RAREST, 1.0 - 0.5 / n).ln();
-        (0..self.points.len()).map(|i| self.weights[i] * tells(i)).collect()
+        let n_samples = self.points.len().min(MATCHED);
+        (0..n_samples).map(|i| self.weights[i] * tells(i)).collect()
     }
 
     /// The share of what the scene has in the region there, by weight, that the example explains.
@@ -448,7 +463,14 @@ impl Template {
 
     /// Improves a motion on the first `n` samples: Gauss-Newton steps on the distances to the nearest samples of the
     /// scene, those farther than a reach that falls from the first to the second of `reach` left out.
-    fn refined(&self, scene: &Place, start: Motion, n: usize, reach: [f64; 2], steps: usize) -> Motion {
+    fn refined(
+        &self,
+        scene: &Place,
+        start: Motion,
+        n: usize,
+        reach: [f64; 2],
+        steps: usize,
+    ) -> Motion {
         let n = self.points.len().min(n);
         let mut motion = start;
         for step in 0..steps {
@@ -605,7 +627,15 @@ impl Occupancy {
             let row = size[0];
             let layer = size[0] * size[1];
             // Two cells lie around every sample.
-            let around = [middle, middle - 1, middle + 1, middle - row, middle + row, middle - layer, middle + layer];
+            let around = [
+                middle,
+                middle - 1,
+                middle + 1,
+                middle - row,
+                middle + row,
+                middle - layer,
+                middle + layer,
+            ];
             for k in around {
                 if n[2].abs() < 0.85 {
                     grid.steep[k / 64] |= 1 << (k % 64);
@@ -698,7 +728,8 @@ fn guesses(
             let mut best = Vec::new();
             for (s, _) in all.iter().zip(&eligible).filter(|(_, e)| **e) {
                 let ratio = s.radius / e.radius;
-                if (s.rows[2][2].abs() - e.rows[2][2].abs()).abs() > 0.3 || !(0.4..2.5).contains(&ratio)
+                if (s.rows[2][2].abs() - e.rows[2][2].abs()).abs() > 0.3
+                    || !(0.4..2.5).contains(&ratio)
                 {
                     continue;
                 }

@@ -26,10 +26,13 @@ const RISE_LIMITS: [f64; 3] = [0.25, 1.0, 2.5];
 const TURNS: usize = 3;
 
 /// Most occurrences that are compared with one another, evenly taken.
-const COMPARED: usize = 3000;
+const COMPARED: usize = 1500;
+
+/// Weight of the words against the pairs, chosen on few scans: words alone vary more between scans of one place.
+const WORDS: f64 = 0.25;
 
 /// Squared difference of looks, per pixel and in squared radii, that makes words half as alike.
-const LOOK: f64 = 0.004;
+const LOOK: f64 = 0.03;
 
 /// Share of the surface that one word takes in one radius and inclination.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,7 +41,7 @@ pub struct WordShare {
     pub word: u16,
     /// Its radius, metres.
     pub radius: f64,
-    /// Class of the normal's |z|: 0 steep (a wall) to 3 level (a floor), in quarters of a right angle over it.
+    /// Class of its normal, of its elevation in quarters of a right angle: 0 steep (a wall) to 3 level (a floor).
     pub inclination: u8,
     /// Share of the area of all occurrences, 0 to 1.
     pub share: f64,
@@ -77,7 +80,7 @@ impl AlphabetModel {
 /// How alike two places are, 0 to 1: 1 for a model and itself, the same either way, and whatever the heading and the
 /// position of the scans.
 ///
-/// The geometric mean of two cosines: of the words that occur, by their looks, radii and inclinations, so that the
+/// A geometric mean of two cosines: of the words that occur, by their looks, radii and inclinations, so that the
 /// alphabets may differ; and of how occurrences lie to each other: distance, height and angle of every pair. Pairs tell
 /// places apart, words what they are made of. A model without occurrences is like none but another one without.
 ///
@@ -105,7 +108,7 @@ pub fn place_similarity(
         // Roots of shares have unit length: no class drowns the others.
         p.iter().zip(&q).map(|(x, y)| (x * y).sqrt()).sum::<f64>()
     };
-    Ok((of_words * of_pairs).sqrt().clamp(0.0, 1.0))
+    Ok((of_words.powf(WORDS) * of_pairs.powf(1.0 - WORDS)).clamp(0.0, 1.0))
 }
 
 /// A word that occurs, by its looks.
@@ -133,7 +136,7 @@ impl Used {
         let turn = f64::from(self.inclination.abs_diff(other.inclination));
         let octaves = (self.radius / other.radius).log2();
         let look = look_distance(&self.look, &other.look) / LOOK;
-        (-turn * turn - 0.5 * octaves * octaves - look * std::f64::consts::LN_2).exp()
+        (-turn * turn - 0.25 * octaves * octaves - look * std::f64::consts::LN_2).exp()
     }
 }
 

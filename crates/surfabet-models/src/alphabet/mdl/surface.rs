@@ -59,7 +59,8 @@ impl Surface {
                     let [right, up] = [at(i % n), at(i / n)];
                     let Some(height) = word.height(right, up) else { continue };
                     let place = [right, up, height].map(|c| c * o.radius);
-                    let along = |v: [f64; 3], a: usize| (0..3).map(|k| o.rows[k][a] * v[k]).sum::<f64>();
+                    let along =
+                        |v: [f64; 3], a: usize| (0..3).map(|k| o.rows[k][a] * v[k]).sum::<f64>();
                     let point = std::array::from_fn(|a| o.center[a] - origin[a] + along(place, a));
                     let [x, y] = slopes(word, right, up);
                     let length = (x * x + y * y + 1.0).sqrt();
@@ -113,7 +114,8 @@ impl Surface {
                 tree.within(self.points[i], reach, near);
                 let smooth = |j: usize| {
                     let [a, b] = [self.normals[i], self.normals[j]];
-                    let d: [f32; 3] = std::array::from_fn(|k| self.points[j][k] - self.points[i][k]);
+                    let d: [f32; 3] =
+                        std::array::from_fn(|k| self.points[j][k] - self.points[i][k]);
                     let [cosine, up, down] = [dot(a, b), dot(a, d), dot(b, d)];
                     cosine.abs() > SMOOTH && up.abs().max(down.abs()) < step
                 };
