@@ -771,3 +771,102 @@ fn guesses(
     motions.truncate(GUESSES);
     Ok(motions.into_iter().map(|m| m.1).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::*;
+    use crate::alphabet::Deviation;
+    use crate::alphabet::mdl::{MdlOptions, learn};
+
+    /// Where the things stand: x, y, yaw.
+    const PLACES: [[f64; 3]; 3] = [[-1.0, -0.9, 0.2], [1.0, -0.7, 1.4], [0.1, 1.1, 3.7]];
+
+    /// A seat with a back and one arm, so that it looks the same in no other direction, as rectangles: corner, two
+    /// edges.
+    const THING: [[[f64; 3]; 3]; 3] = [
+        [[-0.25, -0.25, 0.45], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0]],
+        [[-0.25, -0.25, 0.45], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]],
+        [[-0.25, -0.25, 0.45], [0.0, 0.4, 0.0], [0.0, 0.0, 0.2]],
+    ];
+
+    fn placed([x, y, yaw]: [f64; 3], p: [f64; 3]) -> [f64; 3] {
+        let (s, c) = yaw.sin_cos();
+        [x + c * p[0] - s * p[1], y + s * p[0] + c * p[1], p[2]]
+    }
+
+    /// Three things on a floor, and a box that is none.
+    fn model() -> AlphabetModel {
+        let mut points = Vec::new();
+        let mut rectangle = |place: [f64; 3], [corner, right, up]: [[f64; 3]; 3]| {
+            let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let n = [right, up].map(|v| (length(v) / 0.015).round() as usize);
+            for i in 0..n[0] * n[1] {
+                let s = ((i % n[0]) as f64 + 0.5) / n[0] as f64;
+                let t = ((i / n[0]) as f64 + 0.5) / n[1] as f64;
+                let p = std::array::from_fn(|a| corner[a] + s * right[a] + t * up[a]);
+                points.push(placed(place, p).map(|c| c as f32));
+            }
+        };
+        rectangle([0.0; 3], [[-2.0, -2.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]]);
+        for place in PLACES {
+            THING.iter().for_each(|&r| rectangle(place, r));
+        }
+        let other = [-1.2, 1.2, 0.4];
+        rectangle(other, [[0.0, 0.0, 0.6], [0.4, 0.0, 0.0], [0.0, 0.3, 0.0]]);
+        rectangle(other, [[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.0, 0.6]]);
+        let (cloud, _) = PointCloud::from_positions(points);
+        let deviation = Deviation { scale: 1.0, noise: Some(0.008), ..Deviation::default() };
+        learn(&cloud, &MdlOptions { deviation, ..MdlOptions::default() }, &Silent).unwrap()
+    }
+
+    fn example() -> Region {
+        let [x, y, _] = PLACES[0];
+        Region::Box { low: [x - 0.4, y - 0.4, 0.1], high: [x + 0.4, y + 0.4, 1.0] }
+    }
+
+    #[test]
+    fn equal_things_are_found_with_their_poses() {
+        let model = model();
+        let found = model.find(&example(), &FindOptions::default(), &Silent).unwrap();
+        assert_eq!(found.len(), 3, "{found:?}");
+        assert_eq!(found[0].pose, Pose::identity());
+        assert_eq!(found[0].score, 1.0);
+        assert!(found.windows(2).all(|w| w[0].score >= w[1].score));
+        for to in &PLACES[1..] {
+            let right = |f: &&Found| {
+                let corners = [[0.25, -0.25, 0.45], [-0.25, 0.25, 0.45], [-0.25, -0.25, 0.95]];
+                corners.iter().all(|&p| {
+                    let [at, should] = [f.pose.apply(placed(PLACES[0], p)), placed(*to, p)];
+                    (0..3).map(|a| (at[a] - should[a]).powi(2)).sum::<f64>() < 0.03_f64.powi(2)
+                })
+            };
+            assert_eq!(found.iter().filter(right).count(), 1, "{to:?}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn the_number_of_threads_is_of_no_account() {
+        let model = model();
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| model.find(&example(), &FindOptions::default(), &Silent).unwrap())
+        };
+        assert_eq!(on(1), on(3));
+    }
+
+    #[test]
+    fn regions_without_room_or_words_are_refused() {
+        let model = model();
+        let find = |region: Region| model.find(&region, &FindOptions::default(), &Silent);
+        let nowhere = Region::Ball { center: [50.0, 0.0, 0.0], radius: 1.0 };
+        let flat = Region::Box { low: [0.0; 3], high: [1.0, 0.0, 1.0] };
+        let none = Region::Ball { center: [0.0; 3], radius: f64::NAN };
+        for region in [nowhere, flat, none] {
+            assert!(matches!(find(region), Err(Error::InvalidParameter { .. })), "{region:?}");
+        }
+        let options = FindOptions { min_score: 1.5, ..FindOptions::default() };
+        assert!(model.find(&example(), &options, &Silent).is_err());
+    }
+}

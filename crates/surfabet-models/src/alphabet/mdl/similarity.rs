@@ -219,3 +219,59 @@ fn add(sums: &mut [f64], p: &[f64; 3], n: &[f64; 3], q: &[f64; 3], m: &[f64; 3],
         sums[class] += part * weight;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::*;
+    use crate::alphabet::mdl::{MdlOptions, learn};
+
+    /// A room without a ceiling, turned and moved.
+    fn room(size: [f64; 3], yaw: f64, shift: [f64; 3]) -> AlphabetModel {
+        let [x, y, z] = size;
+        let walls = [
+            [[x, 0.0, 0.0], [0.0, y, 0.0]],
+            [[x, 0.0, 0.0], [0.0, 0.0, z]],
+            [[0.0, y, 0.0], [0.0, 0.0, z]],
+        ];
+        let (s, c) = yaw.sin_cos();
+        let mut points = Vec::new();
+        for [right, up] in walls {
+            for i in 0..3600 {
+                let [a, b] = [f64::from(i % 60) / 60.0, f64::from(i / 60) / 60.0];
+                let p: [f64; 3] = std::array::from_fn(|k| a * right[k] + b * up[k]);
+                let turned = [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]];
+                points.push(std::array::from_fn(|k| (turned[k] + shift[k]) as f32));
+            }
+        }
+        let (cloud, _) = PointCloud::from_positions(points);
+        learn(&cloud, &MdlOptions::default(), &Silent).unwrap()
+    }
+
+    #[test]
+    fn shares_add_up_to_one() {
+        let histogram = room([4.0, 3.0, 2.5], 0.3, [0.0; 3]).word_histogram();
+        assert!((histogram.iter().map(|s| s.share).sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(histogram.iter().all(|s| s.share > 0.0));
+        // Floors are level, walls steep; nothing lies between.
+        let level: f64 = histogram.iter().filter(|s| s.inclination == 3).map(|s| s.share).sum();
+        let steep: f64 = histogram.iter().filter(|s| s.inclination == 0).map(|s| s.share).sum();
+        assert!(level > 0.2 && steep > 0.4 && level + steep > 0.9, "{level} {steep}");
+    }
+
+    #[test]
+    fn a_place_is_like_itself_whatever_the_heading() {
+        let place = room([4.0, 3.0, 2.5], 0.0, [0.0; 3]);
+        let again = room([4.0, 3.0, 2.5], 0.9, [30.0, -7.0, 1.0]);
+        let other = room([9.0, 2.0, 2.5], 0.4, [1.0, 1.0, 0.0]);
+        let like = |a, b| place_similarity(a, b, &Silent).unwrap();
+        assert!((like(&place, &place) - 1.0).abs() < 1e-9);
+        for (a, b) in [(&place, &again), (&place, &other), (&again, &other)] {
+            assert_eq!(like(a, b), like(b, a));
+            assert!((0.0..=1.0).contains(&like(a, b)));
+        }
+        assert!(like(&place, &again) > 0.9, "{}", like(&place, &again));
+        assert!(like(&place, &again) > like(&place, &other) + 0.05, "{}", like(&place, &other));
+    }
+}
