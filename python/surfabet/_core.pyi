@@ -390,6 +390,7 @@ def learn_lattice(
     sensor: str,
     progress: ProgressCallback | None,
 ) -> LatticeModel: ...
+
 _AnyModel: TypeAlias = AlphabetModel | PatchModel | LatticeModel
 
 def from_bytes(
@@ -434,6 +435,7 @@ def learn_alphabet(
     color_step: int,
     progress: ProgressCallback | None,
 ) -> AlphabetModel: ...
+
 @final
 class Alphabet:
     @property
@@ -579,6 +581,4 @@ def find_occurrences(
 def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float: ...
 def word_histogram(
     model: AlphabetModel,
-) -> tuple[
-    NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]
-]: ...
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]: ...
