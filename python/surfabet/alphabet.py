@@ -265,7 +265,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         point: Sequence[float] | None = None,
         radius: float | None = None,
         box: tuple[Sequence[float], Sequence[float]] | None = None,
-        min_score: float = 0.55,
+        min_score: float = 0.52,
         max_found: int = 1000,
         resolution: float | None = None,
         tolerance: float | None = None,
@@ -287,7 +287,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
             Lowest and highest corner of an upright box around it, in place of a ball.
         min_score
             Least score of what is returned. Things of one kind seen from different sides score
-            0.55 to 0.85 against each other.
+            0.5 to 0.85 against each other, unlike things up to 0.55.
         max_found
             Most places.
         resolution

@@ -24,7 +24,7 @@ def find(
     point: Annotated[Point | None, Parameter(negative=())] = None,
     radius: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
     box: Annotated[Box | None, Parameter(negative=())] = None,
-    min_score: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.55,
+    min_score: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.52,
     json: Flag = False,
     shared: SharedOptions = SHARED_OPTIONS,
     common: Common = COMMON,

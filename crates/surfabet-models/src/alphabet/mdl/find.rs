@@ -127,7 +127,8 @@ impl Region {
 /// How to look.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FindOptions {
-    /// Least score of what is found, 0 to 1.
+    /// Least score of what is found, 0 to 1. Things of one kind seen from different sides score 0.5 to 0.85 against
+    /// each other, unlike things up to 0.55.
     pub min_score: f64,
     /// Most places that are found.
     pub max_found: usize,
@@ -139,7 +140,7 @@ pub struct FindOptions {
 
 impl Default for FindOptions {
     fn default() -> Self {
-        Self { min_score: 0.55, max_found: 1000, resolution: None, tolerance: None }
+        Self { min_score: 0.52, max_found: 1000, resolution: None, tolerance: None }
     }
 }
 
