@@ -2,7 +2,7 @@
 
     python benches/papers/alphabet_mdl.py [--out FOLDER] [--only curve|rebuild|scans]
 
-"curve": one laser scan of a room at several presets, beside planes alone, Draco, voxel centres and a
+"curve": one laser scan of a room at several presets, beside planes alone, Draco, voxels and a
 plain range-image codec: bytes of whole files against inliers and outliers at lambda 3 (eq. 13).
 "rebuild" (IV-B): a second scan of the room by the words of the first, whose bytes do not count.
 "scans": bytes of a hall's map against the number of scans in it; three of the six stand at one

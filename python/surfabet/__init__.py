@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from surfabet._core import PointCloud, __version__, get_num_threads, set_num_threads
-from surfabet.alphabet import Alphabet, AlphabetModel, Occurrences, learn_alphabet
+from surfabet.alphabet import (
+    Alphabet,
+    AlphabetModel,
+    FoundOccurrence,
+    Occurrences,
+    WordShares,
+    learn_alphabet,
+    place_similarity,
+)
 from surfabet.alphabet_bic import BicAlphabet, BicAlphabetModel
 from surfabet.errors import (
     DroppedPointsWarning,
@@ -41,6 +49,7 @@ __all__ = [
     "DroppedPointsWarning",
     "FileInfo",
     "FormatError",
+    "FoundOccurrence",
     "GasModel",
     "InvalidInputError",
     "KdTree",
@@ -63,6 +72,7 @@ __all__ = [
     "RangeImage",
     "RangeSigma",
     "VoxelGrid",
+    "WordShares",
     "__version__",
     "estimate_normals",
     "evaluate",
@@ -75,6 +85,7 @@ __all__ = [
     "learn_patches",
     "load",
     "octree_downsample",
+    "place_similarity",
     "random_downsample",
     "read",
     "set_num_threads",

@@ -402,6 +402,7 @@ _AnyModel: TypeAlias = (
     AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel
 )
 
+
 def from_bytes(
     data: bytes,
     *,
@@ -447,6 +448,7 @@ def learn_alphabet(
     color_step: int,
     progress: ProgressCallback | None,
 ) -> AlphabetModel: ...
+
 @final
 class Alphabet:
     @property
@@ -713,3 +715,21 @@ class GasModel:
     @property
     def report_dict(self) -> dict[str, Any]: ...
     def __len__(self) -> int: ...
+
+# Finding what looks like an example: crates/surfabet-py/src/alphabet_find.rs
+
+def find_occurrences(
+    model: AlphabetModel,
+    *,
+    ball: tuple[Sequence[float], float] | None,
+    corners: tuple[Sequence[float], Sequence[float]],
+    min_score: float,
+    max_found: int,
+    resolution: float | None,
+    tolerance: float | None,
+    progress: ProgressCallback | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float: ...
+def word_histogram(
+    model: AlphabetModel,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]: ...

@@ -22,7 +22,15 @@ from surfabet.errors import InvalidInputError
 from surfabet.metrics import RangeSigma
 from surfabet.model import MAX_POINTS, Model
 
-__all__ = ["Alphabet", "AlphabetModel", "Occurrences", "learn_alphabet"]
+__all__ = [
+    "Alphabet",
+    "AlphabetModel",
+    "FoundOccurrence",
+    "Occurrences",
+    "WordShares",
+    "learn_alphabet",
+    "place_similarity",
+]
 
 PRESETS = {"small": 4.0, "balanced": 7.0, "fine": 24.0}
 """Bits that a point is worth, by preset."""
@@ -47,6 +55,36 @@ class Occurrences:
     """Mean red, green and blue, (m, 3); None without colour."""
     intensities: NDArray[np.float32] | None
     """Mean return strength, (m,), in the sensor's unit; None without."""
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+
+@dataclass(frozen=True, slots=True)
+class FoundOccurrence:
+    """A place that looks like the example."""
+
+    pose: NDArray[np.float64]
+    """Takes the example there, world to world, (4, 4): a turn about the vertical and a shift."""
+    score: float
+    """How alike, 0 to 1; 1 for the example itself."""
+    center: NDArray[np.float64]
+    """Where the middle of the region comes to lie, (3,), metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class WordShares:
+    """What a scene is made of: area per word, radius and inclination, all arrays of length k."""
+
+    words: NDArray[np.int64]
+    """Which word, (k,)."""
+    radii: NDArray[np.float64]
+    """In which radius, (k,), metres."""
+    inclinations: NDArray[np.int64]
+    """Class of its normal's inclination, (k,): 0 steep as on a wall to 3 level as on a floor, a
+    quarter of a right angle each."""
+    shares: NDArray[np.float64]
+    """Share of the area of all occurrences, (k,); they add up to 1."""
 
     def __len__(self) -> int:
         return len(self.words)
@@ -221,6 +259,86 @@ class AlphabetModel(Model[_core.AlphabetModel]):
             return self._core.decode(
                 resolution=resolution, normals=normals, max_points=max_points, progress=callback
             )
+
+    def find(
+        self,
+        *,
+        point: Sequence[float] | None = None,
+        radius: float | None = None,
+        box: tuple[Sequence[float], Sequence[float]] | None = None,
+        min_score: float = 0.52,
+        max_found: int = 1000,
+        resolution: float | None = None,
+        tolerance: float | None = None,
+        progress: Progress = None,
+    ) -> list[FoundOccurrence]:
+        """All places that look like an example in the scene: the surface within `radius` of `point`
+        or in `box`.
+
+        Scenes are upright: places differ by a turn about the vertical and a shift. A thing must
+        stand out of the deviation that the model was learned with, so learn finer than for the
+        smallest file: `sigma_scale` 1 to 1.5, and `angular_resolution` divided by the root of the
+        number of scans that overlap.
+
+        Parameters
+        ----------
+        point, radius
+            Middle and radius of a ball around the example, metres.
+        box
+            Lowest and highest corner of an upright box around it, in place of a ball.
+        min_score
+            Least score of what is returned. Things of one kind seen from different sides score
+            0.5 to 0.85 against each other, unlike things up to 0.55.
+        max_found
+            Most places.
+        resolution
+            Spacing of the samples compared, metres; by default a 64th of the region's diagonal.
+        tolerance
+            Deviation of equal surfaces, metres; by default the median sigma of the example's
+            occurrences.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Returns
+        -------
+        list of FoundOccurrence
+            Best first; the example itself, with score 1, comes first. The same for any number of
+            threads.
+
+        Raises
+        ------
+        InvalidInputError
+            For no region or two, a region where the model has no words, or an option outside of its
+            domain.
+        """
+        corners: tuple[list[float], list[float]] = ([0.0] * 3, [0.0] * 3)
+        ball: tuple[list[float], float] | None = None
+        if box is not None and point is None and radius is None:
+            low, high = box
+            corners = (_triple("box", low), _triple("box", high))
+        elif box is None and point is not None and radius is not None:
+            ball = (_triple("point", point), float(radius))
+        else:
+            raise InvalidInputError("give either point and radius, or box")
+        with progress_callback(progress) as callback:
+            poses, scores, centers = _core.find_occurrences(
+                self._core,
+                ball=ball,
+                corners=corners,
+                min_score=min_score,
+                max_found=max_found,
+                resolution=resolution,
+                tolerance=tolerance,
+                progress=callback,
+            )
+        return [
+            FoundOccurrence(pose, float(score), center)
+            for pose, score, center in zip(poses, scores, centers, strict=True)
+        ]
+
+    def word_histogram(self) -> WordShares:
+        """The share of area that every word takes, by radius and inclination."""
+        return WordShares(*_core.word_histogram(self._core))
 
     def __repr__(self) -> str:
         return (
@@ -444,6 +562,21 @@ def _learn_mdl(
             progress=callback,
         )
     return AlphabetModel(core)
+
+
+def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float:
+    """How alike two places are, 0 to 1, by the words that occur and how they lie to each other.
+
+    1 for a model and itself, the same either way, and whatever the heading and position of the
+    scans, as long as both are upright. Alphabets may differ: words are compared by their looks.
+    """
+    return _core.place_similarity(a._core, b._core)
+
+
+def _triple(name: str, values: Sequence[float]) -> list[float]:
+    if len(values) != 3:
+        raise InvalidInputError(f"{name} has {len(values)} coordinates, expected 3")
+    return [float(value) for value in values]
 
 
 def _bits(preset: str, inlier: float | None, outlier: float | None) -> dict[str, Any]:

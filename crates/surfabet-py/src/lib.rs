@@ -5,6 +5,7 @@
 
 mod alphabet;
 mod alphabet_bic;
+mod alphabet_find;
 mod arrays;
 mod cloud;
 mod errors;
@@ -36,6 +37,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     cloud::register(module)?;
     alphabet::register(module)?;
     alphabet_bic::register(module)?;
+    alphabet_find::register(module)?;
     files::register(module)?;
     gas::register(module)?;
     reduce::register(module)?;

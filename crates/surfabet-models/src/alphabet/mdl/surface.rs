@@ -1,0 +1,184 @@
+//! The surface that a model stands for, as evenly spaced oriented samples, and the smooth pieces that it falls into.
+
+use rayon::prelude::*;
+use surfabet_geom::{KdTree, Neighbor, Progress};
+
+use super::model::{AlphabetModel, Occurrence};
+use super::word::{PIXELS, Word};
+use crate::error::{Error, Result};
+
+/// Distance of raw samples over the spacing of those that are kept, so that no place is skipped.
+const RAW: f64 = 0.7;
+
+/// Samples up to so many spacings apart can belong to one piece.
+const REACH: f64 = 2.1;
+
+/// Least cosine between normals of neighbours in one piece.
+const SMOOTH: f32 = 0.94;
+
+/// Farthest that a neighbour in one piece lies from the other's plane, spacings.
+const STEP: f64 = 0.35;
+
+/// Most samples.
+const LIMIT: u64 = 20_000_000;
+
+/// Samples, one per cube of the spacing's side and per axis that normals are nearest to.
+pub(super) struct Surface {
+    /// Metres from the corner of the lattice.
+    pub points: Vec<[f32; 3]>,
+    /// Unit normals, towards the sensor where one is known.
+    pub normals: Vec<[f32; 3]>,
+    /// The occurrence that each sample is of, or one of several.
+    pub occurrences: Vec<u32>,
+    /// Metres.
+    pub spacing: f64,
+}
+
+impl Surface {
+    /// # Errors
+    /// [`Error::TooManyPoints`], [`Error::Cancelled`].
+    pub fn of(model: &AlphabetModel, spacing: f64, progress: &dyn Progress) -> Result<Self> {
+        let occurrences: Vec<Occurrence> = model.occurrences().collect();
+        let origin = model.header().origin;
+        let per_side = |radius: f64| (2.0 * radius / (RAW * spacing)).ceil().max(1.0);
+        let most: f64 = occurrences.iter().map(|o| per_side(o.radius).powi(2)).sum();
+        if most > LIMIT as f64 {
+            let points = most as u64;
+            return Err(Error::TooManyPoints { resolution: spacing, points, limit: LIMIT });
+        }
+        let raw: Vec<Vec<Raw>> = occurrences
+            .par_iter()
+            .enumerate()
+            .map(|(k, o)| {
+                progress.check()?;
+                let word = &model.alphabet().words()[usize::from(o.word)];
+                let n = per_side(o.radius) as u64;
+                let at = |i: u64| (2 * i + 1) as f64 / n as f64 - 1.0;
+                let mut samples = Vec::new();
+                for i in 0..n * n {
+                    let [right, up] = [at(i % n), at(i / n)];
+                    let Some(height) = word.height(right, up) else { continue };
+                    let place = [right, up, height].map(|c| c * o.radius);
+                    let along =
+                        |v: [f64; 3], a: usize| (0..3).map(|k| o.rows[k][a] * v[k]).sum::<f64>();
+                    let point = std::array::from_fn(|a| o.center[a] - origin[a] + along(place, a));
+                    let [x, y] = slopes(word, right, up);
+                    let length = (x * x + y * y + 1.0).sqrt();
+                    let normal = std::array::from_fn(|a| along([-x, -y, 1.0], a) / length);
+                    samples.push(Raw::new(point, normal, k as u32, spacing));
+                }
+                Ok(samples)
+            })
+            .collect::<Result<_>>()?;
+        let mut raw = raw.concat();
+        progress.check()?;
+        // Within a cube the order is that of the occurrences.
+        raw.par_sort_by_key(|r| r.key);
+        let mut surface =
+            Self { points: Vec::new(), normals: Vec::new(), occurrences: Vec::new(), spacing };
+        for same in raw.chunk_by(|a, b| a.key == b.key) {
+            let first = &same[0];
+            let (mut point, mut normal) = ([0.0; 3], [0.0; 3]);
+            for r in same {
+                // Both sides of a thin thing can fall into one cube.
+                let dot: f64 = (0..3).map(|a| first.normal[a] * r.normal[a]).sum();
+                (0..3).for_each(|a| point[a] += r.point[a]);
+                (0..3).for_each(|a| normal[a] += dot.signum() * r.normal[a]);
+            }
+            let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+            surface.points.push(point.map(|c| (c / same.len() as f64) as f32));
+            surface.normals.push(normal.map(|c| (c / length) as f32));
+            surface.occurrences.push(first.occurrence);
+        }
+        Ok(surface)
+    }
+
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The smooth piece that each sample belongs to, by the lowest sample in it; and the samples of that piece.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn pieces(&self, tree: &KdTree, progress: &dyn Progress) -> Result<(Vec<u32>, Vec<u32>)> {
+        let reach = (REACH * self.spacing) as f32;
+        let step = (STEP * self.spacing) as f32;
+        let links: Vec<Vec<[u32; 2]>> = (0..self.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map_init(Vec::new, |near: &mut Vec<Neighbor>, i| {
+                if i % 1024 == 0 {
+                    progress.check()?;
+                }
+                tree.within(self.points[i], reach, near);
+                let smooth = |j: usize| {
+                    let [a, b] = [self.normals[i], self.normals[j]];
+                    let d: [f32; 3] =
+                        std::array::from_fn(|k| self.points[j][k] - self.points[i][k]);
+                    let [cosine, up, down] = [dot(a, b), dot(a, d), dot(b, d)];
+                    cosine.abs() > SMOOTH && up.abs().max(down.abs()) < step
+                };
+                let later = near.iter().map(|n| n.index()).filter(|&j| j > i && smooth(j));
+                Ok(later.map(|j| [i as u32, j as u32]).collect())
+            })
+            .collect::<Result<_>>()?;
+        let mut parent: Vec<u32> = (0..self.len() as u32).collect();
+        for [i, j] in links.into_iter().flatten() {
+            let [a, b] = [root(&mut parent, i), root(&mut parent, j)];
+            // The lowest sample stands for the piece, whatever the order of joining.
+            parent[a.max(b) as usize] = a.min(b);
+        }
+        let piece: Vec<u32> = (0..self.len() as u32).map(|i| root(&mut parent, i)).collect();
+        let mut size = vec![0; self.len()];
+        piece.iter().for_each(|&p| size[p as usize] += 1);
+        Ok((piece, size))
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Raw {
+    key: ([i32; 3], u8),
+    point: [f64; 3],
+    normal: [f64; 3],
+    occurrence: u32,
+}
+
+impl Raw {
+    fn new(point: [f64; 3], normal: [f64; 3], occurrence: u32, spacing: f64) -> Self {
+        let cube = point.map(|c| (c / spacing).floor() as i32);
+        let axis = (0..3).fold(0, |m, a| if normal[a].abs() > normal[m].abs() { a } else { m });
+        Self { key: (cube, axis as u8), point, normal, occurrence }
+    }
+}
+
+/// Rise of a word's height to the right and up.
+fn slopes(word: &Word, right: f64, up: f64) -> [f64; 2] {
+    if word.is_flat() {
+        return [0.0; 2];
+    }
+    let pixel = 2.0 / PIXELS as f64;
+    let rise = |dx: f64, dy: f64| {
+        let ahead = word.height((right + dx).min(1.0), (up + dy).min(1.0));
+        let behind = word.height((right - dx).max(-1.0), (up - dy).max(-1.0));
+        let run = ((right + dx).min(1.0) - (right - dx).max(-1.0))
+            + ((up + dy).min(1.0) - (up - dy).max(-1.0));
+        match (ahead, behind) {
+            (Some(a), Some(b)) => (a - b) / run,
+            _ => 0.0,
+        }
+    };
+    [rise(0.5 * pixel, 0.0), rise(0.0, 0.5 * pixel)]
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -1,0 +1,78 @@
+"""`surfabet find`: where else in a scene stands what an example shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+import surfabet
+from surfabet.cli._files import Shared, load_model
+from surfabet.cli._format import print_json
+from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, SharedOptions, UsageError
+
+Point = tuple[float, float, float]
+Box = tuple[float, float, float, float, float, float]
+
+
+def find(
+    file: Annotated[Path, Parameter(name="FILE")],
+    /,
+    *,
+    point: Annotated[Point | None, Parameter(negative=())] = None,
+    radius: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    box: Annotated[Box | None, Parameter(negative=())] = None,
+    min_score: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.52,
+    json: Flag = False,
+    shared: SharedOptions = SHARED_OPTIONS,
+    common: Common = COMMON,
+) -> None:
+    """Find all places in a scene that look like an example in it.
+
+    The model must be of method mdl, and fine enough to show the thing: `surfabet compress` it with
+    a sigma scale of 1 to 1.5.
+
+        surfabet find room.sfb --point 1.2 0.4 0.5 --radius 0.5
+        surfabet find room.sfb --box 0.9 0.1 0.02 1.5 0.7 1.0 --json
+
+    Parameters
+    ----------
+    file
+        The model file.
+    point
+        Middle of a ball around the example, `X Y Z` in metres.
+    radius
+        Radius of the ball, metres.
+    box
+        Lowest and highest corner of a box around the example instead, `X0 Y0 Z0 X1 Y1 Z1`.
+    min_score
+        Least score of what is told, 0 to 1.
+    json
+        Print one JSON object instead of lines.
+    """
+    if (box is None) == (point is None) or (point is None) != (radius is None):
+        raise UsageError("give either --point and --radius, or --box")
+    with common.progress() as progress:
+        known = Shared.load(shared, progress)
+        model = load_model(file, progress, known)
+        if not isinstance(model, surfabet.AlphabetModel):
+            raise UsageError(f"{file}: only alphabets of method mdl know what recurs")
+        found = model.find(
+            point=point,
+            radius=radius,
+            box=None if box is None else (box[:3], box[3:]),
+            min_score=min_score,
+            progress=progress,
+        )
+    if json:
+        places = [
+            {"score": f.score, "center": f.center.tolist(), "pose": f.pose.tolist()} for f in found
+        ]
+        print_json({"path": str(file), "found": places})
+    elif not common.quiet:
+        print("score       x        y        z")
+        for f in found:
+            x, y, z = f.center
+            print(f"{f.score:.3f} {x:8.3f} {y:8.3f} {z:8.3f}")

@@ -1,0 +1,106 @@
+"""Finding what looks like an example, comparing places, and the verb `find`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import surfabet as sb
+from surfabet.cli import main
+
+PLACES = [(-1.0, -0.9, 0.2), (1.0, -0.7, 1.4), (0.1, 1.1, 3.7)]
+
+
+def placed(place: tuple[float, float, float], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    x, y, yaw = place
+    s, c = np.sin(yaw), np.cos(yaw)
+    return points @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + [x, y, 0]
+
+
+def rectangle(
+    corner: tuple[float, float, float],
+    right: tuple[float, float, float],
+    up: tuple[float, float, float],
+) -> NDArray[np.float64]:
+    n, m = (round(np.linalg.norm(v) / 0.015) for v in (right, up))
+    s, t = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m)
+    return corner + s.reshape(-1, 1) * np.array(right) + t.reshape(-1, 1) * np.array(up)
+
+
+@pytest.fixture(scope="module")
+def model() -> sb.AlphabetModel:
+    """Three seats with a back and one arm on a floor."""
+    corner = (-0.25, -0.25, 0.45)
+    thing = np.concatenate(
+        [
+            rectangle(corner, (0.5, 0, 0), (0, 0.5, 0)),
+            rectangle(corner, (0.5, 0, 0), (0, 0, 0.5)),
+            rectangle(corner, (0, 0.4, 0), (0, 0, 0.2)),
+        ]
+    )
+    floor = rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))
+    cloud = sb.PointCloud(np.concatenate([floor, *(placed(p, thing) for p in PLACES)]))
+    return sb.learn_alphabet(cloud, sigma_scale=1.0, noise=0.008)
+
+
+def test_equal_things_are_found_with_their_poses(model: sb.AlphabetModel) -> None:
+    x, y, _ = PLACES[0]
+    found = model.find(point=(x, y, 0.6), radius=0.52)
+    assert found[0].score == 1.0
+    assert np.allclose(found[0].pose, np.eye(4))
+    assert len(found) == 3
+    probe = np.array([[0.25, -0.25, 0.45], [-0.25, 0.25, 0.45], [-0.25, -0.25, 0.95]])
+    start = np.column_stack([placed(PLACES[0], probe), np.ones(3)])
+    for place in PLACES:
+        off = [np.abs((start @ f.pose.T)[:, :3] - placed(place, probe)).max() for f in found]
+        assert min(off) < 0.03
+    for f in found:
+        assert np.allclose(f.center, (f.pose @ [x, y, 0.6, 1])[:3])
+
+
+def test_a_box_and_a_ball_are_refused_together(model: sb.AlphabetModel) -> None:
+    with pytest.raises(sb.InvalidInputError, match="either point and radius, or box"):
+        model.find(point=(0, 0, 0), radius=1.0, box=((0, 0, 0), (1, 1, 1)))
+    with pytest.raises(sb.InvalidInputError, match="either"):
+        model.find(point=(0, 0, 0))
+    with pytest.raises(sb.InvalidInputError, match="2 coordinates"):
+        model.find(point=(0, 0), radius=1.0)
+    with pytest.raises(sb.InvalidInputError, match="region"):
+        model.find(point=(90, 0, 0), radius=1.0)
+
+
+def test_words_by_share_of_area(model: sb.AlphabetModel) -> None:
+    histogram = model.word_histogram()
+    assert histogram.shares.sum() == pytest.approx(1.0)
+    assert set(histogram.words) <= set(range(len(model.alphabet)))
+    assert set(histogram.radii) <= set(model.alphabet.radii)
+    # 16 of 17.9 square metres are floor.
+    assert histogram.shares[histogram.inclinations == 3].sum() > 0.7
+
+
+def test_a_model_is_like_itself(model: sb.AlphabetModel) -> None:
+    assert sb.place_similarity(model, model) == pytest.approx(1.0)
+    line = np.column_stack([np.linspace(0, 9, 3000), np.zeros(3000), np.zeros(3000)])
+    other = sb.learn_alphabet(sb.PointCloud(line))
+    assert sb.place_similarity(model, other) == sb.place_similarity(other, model)
+    assert 0.0 <= sb.place_similarity(model, other) < 0.9
+
+
+def test_the_verb(
+    model: sb.AlphabetModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "seats.sfb"
+    model.save(file)
+    x, y, _ = PLACES[0]
+    argv = ["find", str(file), "--point", str(x), str(y), "0.6", "--radius", "0.52"]
+    assert main([*argv, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len(told["found"]) == 3
+    assert told["found"][0]["score"] == 1.0
+    assert main(argv) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 4
+    assert main(["find", str(file), "--point", "0", "0", "0"]) == 2
