@@ -1,0 +1,190 @@
+"""Alphabets from Python: arrays, files, other scenes, options, command line."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import surfabet as sb
+from surfabet.cli import main
+from surfabet.errors import FormatError, InvalidInputError
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
+ALPHA = np.radians(0.972)
+
+
+def box_room(turn: float = 0.0) -> sb.PointCloud:
+    """A box of 4 x 3 x 2.4 m with a step in its floor, seen from its middle; red where x is low."""
+    beams = np.stack(
+        np.meshgrid(np.arange(-1.5, 1.5, 0.03), np.arange(-np.pi, np.pi, 0.03)), -1
+    ).reshape(-1, 2)
+    flat = np.cos(beams[:, 0])
+    rays = np.column_stack(
+        [flat * np.cos(beams[:, 1] + turn), flat * np.sin(beams[:, 1] + turn), np.sin(beams[:, 0])]
+    )
+    with np.errstate(divide="ignore"):
+        reach = np.min(np.array([2.0, 1.5, 1.2]) / np.abs(rays), axis=1)
+    points = (rays * reach[:, None]).astype(np.float32)
+    points[(points[:, 2] < -1.19) & (points[:, 1] > 0.5), 2] += 0.15
+    colors = np.where(points[:, :1] < 0, (200, 40, 30), (30, 60, 200)).astype(np.uint8)
+    return sb.PointCloud(
+        points,
+        colors=colors,
+        intensities=np.abs(points[:, 0]).astype(np.float32),
+        viewpoints=np.zeros((1, 3)),
+        viewpoint_index=np.zeros(len(points), np.uint32),
+    )
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    return box_room()
+
+
+@pytest.fixture(scope="module")
+def model(cloud: sb.PointCloud) -> sb.AlphabetModel:
+    return sb.learn_alphabet(cloud, angular_resolution=0.03, noise=0.0)
+
+
+def test_the_scene_is_explained_within_sigma(cloud, model):
+    quality = sb.evaluate(cloud, model.decode(), sigma=model.sigma, normal_neighbors=None)
+    assert quality.inliers > 0.98
+    assert quality.outliers < 0.05
+    assert len(model.to_bytes()) < 2000
+    # The same by an independent search.
+    decoded = model.decode().points
+    away = cKDTree(decoded).query(cloud.points)[0]
+    sigma = 3 * np.tan(0.015) * np.linalg.norm(cloud.points, axis=1)
+    assert np.mean(away <= sigma) == pytest.approx(quality.inliers, abs=1e-3)
+
+
+def test_occurrences_as_arrays_rebuild_the_cloud(model):
+    found = model.occurrences
+    m = len(model)
+    assert len(found) == m
+    rotations = found.poses[:, :3, :3]
+    identity = np.broadcast_to(np.eye(3), (m, 3, 3))
+    np.testing.assert_allclose(rotations.transpose(0, 2, 1) @ rotations, identity, atol=1e-9)
+    towards = -np.einsum("ij,ij->i", found.poses[:, :3, 2], found.poses[:, :3, 3])
+    assert (towards > 0).all()
+    assert set(found.radii) <= set(model.alphabet.radii)
+    np.testing.assert_array_equal(model.counts, np.bincount(found.words, minlength=1))
+    heights = model.alphabet.heights
+    assert heights.shape == (len(model.alphabet), 8, 8)
+    assert (heights[0] == 0).all()
+    # The middle of every plane is a point of the model when samples are fine enough.
+    planes = found.poses[found.words == 0, :3, 3]
+    away = cKDTree(model.decode(resolution=0.01).points).query(planes)[0]
+    assert away.max() < 0.0075
+
+
+def test_colours_intensities_and_viewpoints_come_back(cloud, model):
+    decoded = model.decode(normals=True)
+    near = cKDTree(cloud.points).query(decoded.points)[1]
+    away_from_the_border = np.abs(decoded.points[:, 0]) > 0.9
+    off = np.abs(decoded.colors.astype(int) - cloud.colors[near].astype(int)).max(axis=1)
+    assert np.mean(off[away_from_the_border] <= 8) > 0.95
+    assert decoded.intensities.min() >= 0
+    np.testing.assert_allclose(decoded.viewpoints, np.zeros((1, 3)), atol=1e-3)
+    np.testing.assert_allclose(np.linalg.norm(decoded.normals, axis=1), 1, atol=1e-6)
+    assert model.report.not_kept == ()
+
+
+def test_files_and_threads(tmp_path, cloud, model):
+    path = tmp_path / "room.sfb"
+    assert model.save(path) == path.stat().st_size
+    again = sb.load(path)
+    assert isinstance(again, sb.AlphabetModel)
+    assert again.to_bytes() == path.read_bytes()
+    np.testing.assert_array_equal(again.decode().points, model.decode().points)
+    info = sb.inspect(path)
+    assert info.family == "alphabet"
+    assert info.options["words"] == len(model.alphabet)
+    threads = sb.get_num_threads()
+    try:
+        for n in (1, 2, 8):
+            sb.set_num_threads(n)
+            one = sb.learn_alphabet(cloud, angular_resolution=0.03, noise=0.0)
+            assert one.to_bytes() == model.to_bytes()
+    finally:
+        sb.set_num_threads(threads)
+
+
+def test_another_scene_by_the_same_words(model):
+    other = model.alphabet.describe(box_room(0.4), angular_resolution=0.03, noise=0.0)
+    assert other.shares_alphabet
+    assert other.alphabet.hash == model.alphabet.hash
+    data = other.to_bytes()
+    assert sb.from_bytes(data, alphabet=model.alphabet).to_bytes() == data
+    with pytest.raises(FormatError, match=model.alphabet.hash):
+        sb.from_bytes(data)
+
+
+def test_wrong_input_is_refused_with_its_name(cloud):
+    for options, match in [
+        ({"radius": -1.0}, "radius"),
+        ({"scales": 9}, "scales"),
+        ({"preset": "huge"}, "preset"),
+        ({"random_state": -1}, "random_state"),
+        ({"sigma_scale": 0.0}, "scale"),
+        ({"method": "other"}, "method"),
+    ]:
+        with pytest.raises(InvalidInputError, match=match):
+            sb.learn_alphabet(cloud, **options)
+    with pytest.raises(InvalidInputError, match="empty"):
+        sb.learn_alphabet(sb.PointCloud(np.zeros((0, 3))))
+
+
+def test_the_published_method_has_the_same_door(cloud):
+    model = sb.learn_alphabet(
+        cloud, method="bic", radius=0.3, angular_resolution=0.03, iterations=20
+    )
+    assert isinstance(model, sb.BicAlphabetModel)
+    assert len(model.words) == len(model.poses) == len(model)
+    other = model.alphabet.describe(box_room(0.4), angular_resolution=0.03)
+    assert other.shares_alphabet
+    again = sb.from_bytes(other.to_bytes(), alphabet=model.alphabet)
+    assert again.to_bytes() == other.to_bytes()
+    with pytest.raises(InvalidInputError, match="resolution"):
+        model.decode(0.01)
+    with pytest.raises(InvalidInputError, match="max_words"):
+        sb.learn_alphabet(cloud, method="bic", max_words=3)
+
+
+def test_command_line(tmp_path, capsys, cloud):
+    scan, other = tmp_path / "scan.npz", tmp_path / "other.npz"
+    sb.write(scan, cloud)
+    sb.write(other, box_room(0.4))
+    first, second = tmp_path / "a.sfb", tmp_path / "b.sfb"
+    own = ["--model", "alphabet", "--angular-resolution", "1.7", "--noise", "0"]
+    assert main(["compress", str(scan), str(first), *own, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["quality"]["inliers"] > 0.9
+    assert main(["compress", str(other), str(second), *own, "--alphabet", str(first)]) == 0
+    capsys.readouterr()
+    assert main(["info", str(second)]) == 1
+    assert "hold" in capsys.readouterr().err
+    assert main(["decompress", str(second), str(tmp_path / "c.ply"), "--alphabet", str(first)]) == 0
+    for wrong in (["--levels", "2"], ["--method", "hscsm"], ["--n-neurons", "5"]):
+        assert main(["compress", str(scan), str(first), "--model", "alphabet", *wrong]) != 0
+    assert main(["compress", str(scan), str(first), "--radius", "0.2"]) != 0
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
+def test_a_real_scan_keeps_its_size_and_its_points():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scan = sb.read(DATA / "indoor_scan" / "room_scan1.pcd", viewpoint=(0, 0, 0))
+    options = {"angular_resolution": ALPHA, "noise": 0.0, "min_range": 0.5}
+    model = sb.learn_alphabet(scan, **options)
+    assert model.report.figures["duplicates"] > 40_000
+    far = scan.select(np.flatnonzero(scan.ranges >= 0.5))
+    quality = sb.evaluate(far, model.decode(), sigma=model.sigma, normal_neighbors=None)
+    assert len(model.to_bytes()) <= 2300
+    assert quality.inliers >= 0.95
+    assert quality.outliers <= 0.07
