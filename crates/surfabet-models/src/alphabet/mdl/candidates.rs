@@ -256,7 +256,6 @@ fn quantised(
         axis: axis as u8,
         slopes: [slope(1), slope(2)],
         offset: (offset / offset_step(level) as f64).round() as i32,
-        shift: [0; 2],
         word: 0,
         view,
     })

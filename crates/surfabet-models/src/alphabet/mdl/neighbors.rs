@@ -96,7 +96,7 @@ impl Neighbors {
             let slopes = suggested.slopes(scale, level);
             let trial = Placement { cell, scale: scale as u8, slopes, ..said.placement };
             let offset = suggested.offset(&trial, level);
-            let trial = Placement { offset, word: 0, view: 0, shift: [0; 2], ..trial };
+            let trial = Placement { offset, word: 0, view: 0, ..trial };
             if found.iter().all(|(other, _)| *other != trial) {
                 found.push((trial, suggested));
             }

@@ -3,9 +3,6 @@
 use super::lattice::{UNITS, cell_center, offset_step, slope_steps};
 use crate::alphabet::{Upright, upright_frame};
 
-/// Steps of a shift in the word's plane, per radius.
-pub const SHIFT_STEPS: i32 = 8;
-
 /// One occurrence of a word, everything quantised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Placement {
@@ -19,8 +16,6 @@ pub struct Placement {
     pub slopes: [i16; 2],
     /// From the cell's middle along the normal, in steps of half a sigma.
     pub offset: i32,
-    /// Right and up in the word's plane, in eighths of the radius.
-    pub shift: [i8; 2],
     /// Which word; 0 is the plane.
     pub word: u16,
     /// Which sensor saw it.
@@ -65,17 +60,13 @@ impl Placement {
         let length = towards.iter().map(|c| c * c).sum::<f64>().sqrt();
         let along = towards.map(|c| c / length);
         let offset = (i64::from(self.offset) * offset_step(level)) as f64;
-        let mut center: [f64; 3] = std::array::from_fn(|a| middle[a] + offset * along[a]);
+        let center: [f64; 3] = std::array::from_fn(|a| middle[a] + offset * along[a]);
         // Words are seen from outside; without a sensor the sign carries no meaning.
         let seen = sensor
             .map_or(1.0, |s| (0..3).map(|a| along[a] * (s[a] as f64 - center[a])).sum::<f64>());
         let normal = if seen < 0.0 { along.map(|c| -c) } else { along };
         let rows = upright_frame(normal, Upright::WorldX, [0.0; 3]);
         let radius = (UNITS << scale) as f64;
-        for (shift, row) in self.shift.iter().zip(&rows) {
-            let length = f64::from(*shift) * radius / f64::from(SHIFT_STEPS);
-            (0..3).for_each(|a| center[a] += length * row[a]);
-        }
         Stand { center, rows, radius, level }
     }
 }

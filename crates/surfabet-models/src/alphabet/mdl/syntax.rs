@@ -4,7 +4,7 @@ use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
 
 use super::lattice::{MAX_SCALE, MAX_SLOPE, SigmaRule, cell_center};
 use super::neighbors::{MAX_SUGGESTED, Neighbors};
-use super::placement::{Placement, SHIFT_STEPS};
+use super::placement::Placement;
 use super::word::{MAX_HEIGHT, PIXELS, Word};
 
 const SCALES: usize = MAX_SCALE as usize + 1;
@@ -50,7 +50,6 @@ pub(super) struct OccurrenceModels {
     offset_change: [SInt; 2],
     plane: [Bit; SCALES],
     word: Symbols,
-    shift: SInt,
 }
 
 impl OccurrenceModels {
@@ -73,7 +72,6 @@ impl OccurrenceModels {
             offset_change: [const { SInt::new() }; 2],
             plane: [Bit::new(); SCALES],
             word: symbols(setting.n_words as usize - 1),
-            shift: SInt::new(),
         }
     }
 }
@@ -182,7 +180,6 @@ impl<C: Coder> Occurrences<'_, C> {
             axis: 0,
             slopes: [0; 2],
             offset: 0,
-            shift: [0; 2],
             word: 0,
             view: 0,
         };
@@ -239,13 +236,6 @@ impl<C: Coder> Occurrences<'_, C> {
         if self.setting.n_words > 1 && self.coder.bit(plane, given.word != 0)? {
             let word = u32::from(given.word.saturating_sub(1));
             p.word = self.coder.symbol(&mut self.models.word, word)? as u16 + 1;
-            for a in 0..2 {
-                let shift = self.coder.sint(&mut self.models.shift, given.shift[a].into())?;
-                if shift.abs() > SHIFT_STEPS {
-                    return Err(self.coder.corrupt(format!("a shift of {shift} eighths")));
-                }
-                p.shift[a] = shift as i8;
-            }
         }
         if p.offset.abs() > 1 << 20 {
             return Err(self.coder.corrupt(format!("an offset of {} steps", p.offset)));
