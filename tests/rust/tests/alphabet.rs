@@ -129,8 +129,8 @@ fn far_from_the_origin_nothing_changes() {
     let [near, far] = [near, far].map(|parts| learn(&cloud(parts), &options()));
     assert_eq!(near.len(), far.len());
     for (a, b) in near.occurrences().zip(far.occurrences()) {
-        for k in 0..3 {
-            assert!((a.center[k] + origin[k] - b.center[k]).abs() < 1e-6);
+        for (k, shift) in origin.iter().enumerate() {
+            assert!((a.center[k] + shift - b.center[k]).abs() < 1e-6);
         }
     }
 }

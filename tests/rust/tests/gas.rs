@@ -1,4 +1,5 @@
 //! Growing neural gas: what mathematics and the paper say of it, and what may come in a file.
+#![allow(missing_docs, clippy::unwrap_used)]
 
 use std::path::PathBuf;
 

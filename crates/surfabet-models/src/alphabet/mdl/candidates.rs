@@ -31,7 +31,7 @@ const FITTED: usize = 2048;
 const MAX_SIDE: f64 = 128.0;
 
 /// Squared distance of a look to the plane's up to which it is one.
-const PLANE: f32 = 0.5 * HOLE;
+const PLANE: f32 = 1.5 * HOLE;
 
 /// Words tried at a place: those whose looks are nearest to what is there.
 pub(super) const NEAREST: usize = 3;

@@ -88,7 +88,7 @@ pub(super) fn code_occurrences<C: Coder>(
     most: usize,
     mark: &mut dyn FnMut(&C, &Placement),
 ) -> Result<Vec<Placement>, C::Error> {
-    let reach = given.iter().map(|p| p.cell.map(|c| (c + 1) << p.scale)).flatten().max();
+    let reach = given.iter().flat_map(|p| p.cell.map(|c| (c + 1) << p.scale)).max();
     let height = u32::BITS - (reach.unwrap_or(1) - 1).leading_zeros();
     let height = coder.bypass(u64::from(height), HEIGHT_BITS)? as u32;
     if height > MAX_TREE {
@@ -214,10 +214,10 @@ impl<C: Coder> Occurrences<'_, C> {
         if let Some(plane) = suggested.get(k) {
             p.axis = plane.placement.axis;
             let base = plane.slopes(scale, level);
-            for a in 0..2 {
-                let change = i32::from(given.slopes[a]) - i32::from(base[a]);
+            for (a, base) in base.map(i32::from).into_iter().enumerate() {
+                let change = i32::from(given.slopes[a]) - base;
                 let change = self.coder.sint(&mut self.models.slope_change[a], change)?;
-                p.slopes[a] = self.slope(i32::from(base[a]).saturating_add(change))?;
+                p.slopes[a] = self.slope(base.saturating_add(change))?;
             }
             let base = plane.offset(&p, level);
             let same = usize::from(p.slopes == plane.slopes(scale, level));

@@ -9,7 +9,7 @@ use super::word::{HEIGHT_STEPS, MAX_HEIGHT, Word};
 const ROUNDS: usize = 10;
 
 /// Descriptors that are clustered at most, spread evenly over those there are.
-const SAMPLE: usize = 6000;
+const SAMPLE: usize = 4096;
 
 /// Clusters `patches` around at most `n` words beside the plane, which comes first.
 pub(super) fn clustered(patches: &[&Patch], n: usize) -> Vec<Word> {
