@@ -6,9 +6,10 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use surfabet_codec::{Container, Limits, alphabet_bic as file};
+use surfabet_codec::{Container, Limits, alphabet, alphabet_bic as file};
 use surfabet_geom::{PointCloud, Silent};
 use surfabet_models::alphabet::bic::{BicModel, BicOptions, learn};
+use surfabet_models::alphabet::mdl::{self, MdlDecodeOptions, MdlOptions};
 use surfabet_sim::{LidarOptions, RoomOptions, Scene, scan_lidar};
 
 /// One laser scan of a furnished room.
@@ -66,5 +67,42 @@ fn bic(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, bic);
+/// By description length, stage by stage, and both ways through a file.
+fn mdl(criterion: &mut Criterion) {
+    let cloud = scan();
+    let options = MdlOptions::default();
+    let learn = || mdl::learn(black_box(&cloud), &options, &Silent).expect("a cloud with points");
+    let model = learn();
+    let bytes = alphabet::write(&model).expect("a model of our own");
+    let limits = Limits::default();
+
+    let mut group = criterion.benchmark_group("mdl");
+    group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
+    for stage in ["finding planes", "clustering words", "placing words", "choosing occurrences"] {
+        group.bench_function(stage, |b| {
+            b.iter_custom(|rounds| {
+                let of = |_| {
+                    let model = learn();
+                    model
+                        .report()
+                        .stages
+                        .iter()
+                        .find(|s| s.name == stage)
+                        .map_or(0.0, |s| s.seconds)
+                };
+                Duration::from_secs_f64((0..rounds).map(of).sum())
+            });
+        });
+    }
+    group.bench_function("decode", |b| {
+        b.iter(|| black_box(&model).decode(MdlDecodeOptions::default(), &Silent));
+    });
+    group.bench_function("write", |b| b.iter(|| alphabet::write(black_box(&model))));
+    group.bench_function("read", |b| {
+        b.iter(|| alphabet::read(&Container::parse(black_box(&bytes), &limits)?, &limits, None));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, bic, mdl);
 criterion_main!(benches);

@@ -139,3 +139,79 @@ fn remove_redundant(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::coverage::Coverage;
+    use super::super::placement::{Placement, Stand};
+    use super::*;
+
+    fn candidate(offset: i32, points: Vec<u32>, lone: u32) -> Candidate {
+        let placement =
+            Placement { scale: 0, cell: [0; 3], axis: 0, slopes: [0; 2], offset, word: 0, view: 0 };
+        let stand = Stand { center: [0.0; 3], rows: [[0.0; 3]; 3], radius: 1.0, level: 0 };
+        Candidate { placement, stand, coverage: Coverage { points, lone } }
+    }
+
+    fn prices() -> Prices {
+        Prices { point: 2.0, lone: 1.0, occurrence: vec![5.0], word: vec![0.5] }
+    }
+
+    /// Bits of what is not explained, of false samples, and of the occurrences.
+    fn length(all: &[Candidate], chosen: &[u32], n: usize) -> f32 {
+        let prices = prices();
+        let mut explained = vec![false; n];
+        let mut sum = 0.0;
+        for &k in chosen {
+            sum += prices.cost(&all[k as usize]);
+            all[k as usize].coverage.points.iter().for_each(|&i| explained[i as usize] = true);
+        }
+        sum + prices.point * explained.iter().filter(|&&e| !e).count() as f32
+    }
+
+    #[test]
+    fn the_better_of_two_for_the_same_points_is_taken() {
+        let same: Vec<u32> = (0..10).collect();
+        let all = [candidate(0, same.clone(), 3), candidate(1, same, 1), candidate(2, vec![0], 0)];
+        assert_eq!(cover(&all, &prices(), 10).0, [1]);
+    }
+
+    #[test]
+    fn what_later_ones_make_redundant_goes() {
+        // The first gains most at first; the two others explain all of it, and more.
+        let all = [
+            candidate(0, (4..16).collect(), 0),
+            candidate(1, (0..10).collect(), 0),
+            candidate(2, (10..20).collect(), 0),
+        ];
+        assert_eq!(cover(&all, &prices(), 20).0, [1, 2]);
+    }
+
+    proptest! {
+        #[test]
+        fn the_description_never_gets_longer(
+            sets in prop::collection::vec((prop::collection::btree_set(0_u32..30, 0..12), 0_u32..4), 0..12),
+        ) {
+            let one = |(k, (points, lone)): (usize, &(std::collections::BTreeSet<u32>, u32))| {
+                candidate(k as i32, points.iter().copied().collect(), *lone)
+            };
+            let all: Vec<Candidate> = sets.iter().enumerate().map(one).collect();
+            let (chosen, tally) = cover(&all, &prices(), 30);
+            let best = length(&all, &chosen, 30);
+            prop_assert!(best <= length(&all, &[], 30));
+            // Nor would it be shorter without any one of them.
+            for k in &chosen {
+                let others: Vec<u32> = chosen.iter().copied().filter(|c| c != k).collect();
+                prop_assert!(best <= length(&all, &others, 30) + 1e-3);
+            }
+            let explained = |i: u32| {
+                chosen.iter().filter(|&&k| all[k as usize].coverage.points.contains(&i)).count()
+            };
+            for i in 0..30 {
+                prop_assert_eq!(tally.count(&[i], explained(i) as u16), 1.0);
+            }
+        }
+    }
+}

@@ -98,3 +98,60 @@ impl<'a> Rasters<'a> {
         Coverage { points, lone: (there - found) as u32 }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn stand(level: u32) -> Stand {
+        let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Stand { center: [0.0; 3], rows, radius: 256.0, level }
+    }
+
+    proptest! {
+        #[test]
+        fn is_what_comparing_all_with_all_gives(
+            points in prop::collection::vec(
+                (-400.0_f32..400.0, -400.0_f32..400.0, -150.0_f32..150.0, 10.0_f32..120.0),
+                0..60,
+            ),
+            mask in any::<u64>(),
+            bump in -16_i8..=16,
+            level in 8_u32..14,
+        ) {
+            let height = |k: usize| if mask >> k & 1 != 0 && k % 3 == 0 { bump } else { 0 };
+            let words = [Word { mask: mask | 1, heights: std::array::from_fn(height) }];
+            let near: Vec<NearPoint> = (0..)
+                .zip(&points)
+                .map(|(index, &(right, up, height, sigma))| {
+                    NearPoint { right, up, height, sigma, index }
+                })
+                .collect();
+            let stand = stand(level);
+            let found = Rasters::new(&words).coverage(0, &stand, 1.0, &near);
+
+            let (n, step) = raster(&stand, 1.0);
+            let at = |i: usize| (i as f64 + 0.5) * step - stand.radius;
+            let samples: Vec<[f64; 3]> = (0..n * n)
+                .filter_map(|i| {
+                    let [u, v] = [at(i % n), at(i / n)];
+                    let height = words[0].height(u / stand.radius, v / stand.radius)?;
+                    Some([u, v, height * stand.radius])
+                })
+                .collect();
+            let over = |p: &NearPoint, s: &[f64; 3]| {
+                let d = [f64::from(p.right) - s[0], f64::from(p.up) - s[1], f64::from(p.height) - s[2]];
+                d.iter().map(|c| c * c).sum::<f64>().sqrt() - f64::from(p.sigma)
+            };
+            // Pairs on the very limit may fall on either side in single precision.
+            prop_assume!(near.iter().all(|p| samples.iter().all(|s| over(p, s).abs() > 1e-2)));
+            let covered = near.iter().filter(|p| samples.iter().any(|s| over(p, s) <= 0.0));
+            let covered: Vec<u32> = covered.map(|p| p.index).collect();
+            let lone = samples.iter().filter(|s| near.iter().all(|p| over(p, s) > 0.0)).count();
+            prop_assert_eq!(found.points, covered);
+            prop_assert_eq!(found.lone as usize, lone);
+        }
+    }
+}

@@ -80,3 +80,50 @@ pub fn cell_center(cell: [i32; 3], scale: u32) -> [i64; 3] {
     let side = UNITS << scale;
     cell.map(|c| i64::from(c) * side + side / 2)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_level_is_that_of_equation_13(
+            point in prop::array::uniform3(-1_000_000_i64..1_000_000),
+            sensor in prop::array::uniform3(-1_000_000_i64..1_000_000),
+            per_range in 0.0005_f64..0.2,
+            noise in 0.0_f64..0.1,
+        ) {
+            let unit = 0.001;
+            let rule = SigmaRule::new(per_range, noise, unit);
+            let squared: f64 = (0..3).map(|a| ((point[a] - sensor[a]) as f64).powi(2)).sum();
+            let exact = (per_range * per_range * squared + (noise / unit).powi(2)).sqrt().max(1.0);
+            let found = sigma(rule.level(point, Some(sensor)));
+            // Rounded down to half octaves, and the squares to whole numbers.
+            prop_assert!(found <= exact * 1.001 + 1.0, "{found} {exact}");
+            prop_assert!(found * 1.415 >= exact * 0.999 - 1.0, "{found} {exact}");
+        }
+
+        #[test]
+        fn steps_follow_sigma(level in 0_u32..=62, scale in 0_u32..=MAX_SCALE) {
+            let step = offset_step(level) as f64;
+            prop_assert!(step >= 1.0 && step <= 0.5 * sigma(level).max(2.0) + 1e-9);
+            let steps = slope_steps(scale, level);
+            prop_assert!((1..=MAX_SLOPE).contains(&steps));
+            let radius = (UNITS << scale) as f64;
+            // One step moves the rim by 0.7 sigma, where there is more than one and fewer than all.
+            if (4..MAX_SLOPE).contains(&steps) && level > 8 {
+                let rim = radius / f64::from(steps);
+                prop_assert!((0.55..0.85).contains(&(rim / sigma(level))), "{rim}");
+            }
+        }
+    }
+
+    #[test]
+    fn hostile_rules_have_a_level() {
+        let rule = SigmaRule { per_range: u64::MAX, constant: u64::MAX };
+        assert_eq!(rule.level([i64::MAX / 4; 3], Some([-(1 << 41); 3])), 62);
+        assert_eq!(SigmaRule { per_range: 0, constant: 0 }.level([0; 3], None), 0);
+    }
+}
