@@ -14,8 +14,8 @@ impl PatchModel {
     /// The model as a cloud. Points come patch by patch; their number and order are not those of the input.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`] above the
-    /// limit, [`Error::Cancelled`] when the caller asks to stop.
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
+    /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let finest = self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min);
         let resolution = options.spacing(finest)?;

@@ -27,8 +27,8 @@ impl LatticeModel {
     /// most 16 finest pixels that stand 1.5 to 10 of them off a larger piece and touch nothing.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`] above the
-    /// limit, [`Error::Cancelled`] when the caller asks to stop.
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
+    /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let pixel = self.lattice().pixel_size;
         let resolution = options.spacing(pixel)?;
