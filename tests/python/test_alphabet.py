@@ -86,7 +86,8 @@ def test_occurrences_as_arrays_rebuild_the_cloud(model):
 def test_colours_intensities_and_viewpoints_come_back(cloud, model):
     decoded = model.decode(normals=True)
     near = cKDTree(cloud.points).query(decoded.points)[1]
-    away_from_the_border = np.abs(decoded.points[:, 0]) > 0.9
+    # Words of 1.6 m that reach over the border between the colours have a mixture.
+    away_from_the_border = np.abs(decoded.points[:, 0]) > 1.7
     off = np.abs(decoded.colors.astype(int) - cloud.colors[near].astype(int)).max(axis=1)
     assert np.mean(off[away_from_the_border] <= 8) > 0.95
     assert decoded.intensities.min() >= 0
