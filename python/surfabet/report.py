@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfabet import KdTree, PointCloud, Quality
+from surfabet import AlphabetModel, KdTree, PointCloud, Quality
 from surfabet.errors import InvalidInputError, MissingDependencyError
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ __all__ = [
     "Camera",
     "choose_camera",
     "draw_comparison",
+    "draw_words",
     "point_spacing",
     "render",
 ]
@@ -438,3 +439,39 @@ def _colormap(
     table = (255 * colormaps[name](np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)
     rgb: NDArray[np.uint8] = table[(255 * scaled).astype(np.uint8)]
     return rgb
+
+
+def draw_words(path: str | os.PathLike[str], model: AlphabetModel) -> None:
+    """Draws the words of an alphabet, the most frequent first, with how often each occurs.
+
+    Parameters
+    ----------
+    path
+        File to write; the name tells the format, see `PICTURE_SUFFIXES`.
+    model
+        The model whose words to draw: heights from half a radius below to half a radius above
+        the word's plane, holes in white.
+
+    Raises
+    ------
+    MissingDependencyError
+        Without matplotlib.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingDependencyError(
+            "pictures need matplotlib: pip install 'surfabet[report]'"
+        ) from error
+    heights, counts = model.alphabet.heights, model.counts
+    columns = min(len(counts), 8)
+    rows = -(-len(counts) // columns)
+    figure = Figure(figsize=(1.4 * columns + 0.8, 1.65 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for place in axes:
+        place.axis("off")
+    for place, word in zip(axes, np.argsort(-counts, kind="stable"), strict=False):
+        shown = place.imshow(heights[word], origin="lower", vmin=-0.5, vmax=0.5, cmap="RdBu")
+        place.set_title(f"word {word}\n{counts[word]:,} times", fontsize=8)
+    figure.colorbar(shown, ax=axes, label="height / radius", shrink=0.8)
+    figure.savefig(os.fspath(path), dpi=110)

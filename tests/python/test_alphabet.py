@@ -171,6 +171,9 @@ def test_command_line(tmp_path, capsys, cloud):
     assert main(["info", str(second)]) == 1
     assert "hold" in capsys.readouterr().err
     assert main(["decompress", str(second), str(tmp_path / "c.ply"), "--alphabet", str(first)]) == 0
+    picture = tmp_path / "words.png"
+    assert main(["info", str(first), "--picture", str(picture), "--quiet"]) == 0
+    assert picture.read_bytes()[1:4] == b"PNG"
     for wrong in (["--levels", "2"], ["--method", "hscsm"], ["--n-neurons", "5"]):
         assert main(["compress", str(scan), str(first), "--model", "alphabet", *wrong]) != 0
     assert main(["compress", str(scan), str(first), "--radius", "0.2"]) != 0

@@ -10,15 +10,23 @@ from rich.console import Console
 from rich.table import Table
 
 import surfabet
-from surfabet.cli._files import Shared, size_on_disk
+from surfabet.cli._files import Shared, check_output, load_model, size_on_disk, whole_file
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, SharedOptions
+from surfabet.cli._options import (
+    COMMON,
+    SHARED_OPTIONS,
+    Common,
+    Flag,
+    SharedOptions,
+    UsageError,
+)
 
 
 def info(
     file: Annotated[Path, Parameter(name="FILE")],
     /,
     *,
+    picture: Path | None = None,
     json: Flag = False,
     shared: SharedOptions = SHARED_OPTIONS,
     common: Common = COMMON,
@@ -32,12 +40,17 @@ def info(
     ----------
     file
         The model file.
+    picture
+        Draw the words of an alphabet, with how often each occurs, into this file: png, jpg, pdf,
+        svg or webp.
     json
         Print one JSON object instead of tables.
     """
     with common.progress() as progress:
         known = Shared.load(shared, progress)
     found = surfabet.inspect(file, dictionary=known.dictionary, alphabet=known.alphabet)
+    if picture is not None:
+        _draw(file, picture, known)
     n_bytes = size_on_disk(file)
     if json:
         print_json({"path": str(file), "bytes": n_bytes, **found.as_dict()})
@@ -62,3 +75,14 @@ def info(
     for name, part in [*found.sections.items(), ("frame of the file", frame)]:
         parts.add_row(name, f"{part:,}", f"{part / n_bytes:.1%}")
     console.print(parts)
+
+
+def _draw(file: Path, picture: Path, known: Shared) -> None:
+    from surfabet import report
+
+    check_output(picture, report.PICTURE_SUFFIXES, file)
+    model = load_model(file, lambda _stage, _fraction: None, known)
+    if not isinstance(model, surfabet.AlphabetModel):
+        raise UsageError(f"--picture: {file} has no words to draw")
+    with whole_file(picture) as temporary:
+        report.draw_words(temporary, model)
