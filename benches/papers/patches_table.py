@@ -167,12 +167,12 @@ def plots(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     sweeps = [
         ("depth", "largest deviation of depth (mm)", 1e3, [0.5, 1, 1.5, 2, 3, 4, 6, 10, 20]),
-        ("color", "largest deviation of colour", 1.0, [2.5, 5, 10, 15, 20, 30, 40, 60, 100]),
+        ("color", "largest deviation of colour", 1.0, [5, 10, 15, 20, 30, 40, 60, 100]),
     ]
     for name, label, scale, values in sweeps:
         areas, rmse, sizes = [], [], []
         for value in values:
-            thresholds = {"max_depth_deviation": 1.0, "max_color_deviation": 100.0}
+            thresholds = {"max_depth_deviation": 0.02, "max_color_deviation": 100.0}
             thresholds[f"max_{name}_deviation"] = value / scale
             model = sb.learn_patches(
                 cloud, method="hscsm", **{**FRAME, **FRAME_LEVELS, **thresholds}
