@@ -121,7 +121,7 @@ mod tests {
             bump in -16_i8..=16,
             level in 8_u32..14,
         ) {
-            let height = |k: usize| if mask >> k & 1 != 0 && k % 3 == 0 { bump } else { 0 };
+            let height = |k: usize| if mask >> k & 1 != 0 && k.is_multiple_of(3) { bump } else { 0 };
             let words = [Word { mask: mask | 1, heights: std::array::from_fn(height) }];
             let near: Vec<NearPoint> = (0..)
                 .zip(&points)
