@@ -1,5 +1,7 @@
 //! The point cloud: local `f32` positions about an `f64` origin, and what the scanner knew of each point.
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 
 /// Largest absolute coordinate, in metres, that is stored without an origin of its own. An `f32` of this size
@@ -247,6 +249,23 @@ impl PointCloud {
         let viewpoints = self.viewpoints.as_ref()?;
         let o = viewpoints.origins[viewpoints.index[i] as usize];
         Some(std::array::from_fn(|a| (o[a] - self.origin[a]) as f32))
+    }
+
+    /// Unit vectors towards the side that each point was seen from, by its viewpoint or else its normal; zero where
+    /// unknown, `None` where the cloud knows of no sides.
+    pub fn facing(&self) -> Option<Vec<[f32; 3]>> {
+        if self.viewpoints.is_none() {
+            return self.normals.clone();
+        }
+        let towards = |(i, p): (usize, &[f32; 3])| {
+            let v = self.local_viewpoint(i)?;
+            let d: [f32; 3] = std::array::from_fn(|a| v[a] - p[a]);
+            let length = d.iter().map(|c| c * c).sum::<f32>().sqrt();
+            (length > 0.0).then(|| d.map(|c| c / length))
+        };
+        let unknown = [0.0; 3];
+        let positions = self.positions.par_iter().enumerate();
+        Some(positions.map(|at| towards(at).unwrap_or(unknown)).collect())
     }
 
     /// Lower and upper corner of the bounding box in world coordinates, metres; `None` without points.

@@ -149,6 +149,11 @@ impl Moments {
         self.weight = weight;
     }
 
+    /// The moments of the same points moved by `offset`.
+    pub fn shifted(self, offset: [f64; 3]) -> Self {
+        Self { mean: std::array::from_fn(|a| self.mean[a] + offset[a]), ..self }
+    }
+
     /// Sum of the weights; the number of points where all are one.
     pub fn weight(&self) -> f64 {
         self.weight

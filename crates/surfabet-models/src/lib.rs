@@ -5,11 +5,13 @@
 //! | [`alphabet`] | recurrent local scans and their places | M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact 3D Models Based on the Detection of Recurrent Structures, ICRA 2010 |
 //! | [`gas`] | a growing neural gas: neurons with a topology | V. Morell, M. Cazorla, S. Orts-Escolano, J. Garcia-Rodriguez: 3D Maps Representation Using GNG, 2014 |
 //! | [`patches`] | sparse-coded surface patches | M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
+//! | [`planes`] | planar patches with tiles | R. Lakaemper, L. J. Latecki: Extended EM for Planar Approximation of 3D Data, ICRA 2006 |
 
 pub mod alphabet;
 mod error;
 pub mod gas;
 pub mod patches;
+pub mod planes;
 mod report;
 
 pub use error::{Error, Result};

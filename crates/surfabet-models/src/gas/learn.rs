@@ -11,7 +11,7 @@ use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
 use super::network::{Graph, Network};
 use super::options::{GasOptions, MAX_NEURONS, Search};
 use super::signals::Signals;
-use super::statistics::{Observed, describe, facing};
+use super::statistics::{Observed, describe};
 use crate::error::{Error, Result};
 use crate::report::Report;
 
@@ -63,7 +63,7 @@ pub fn learn(
     let observed = Observed {
         points: &positions,
         colors: cloud.colors(),
-        facing: facing(cloud, &positions),
+        facing: cloud.facing(),
         weight: 1.0,
     };
     report.not_kept = not_kept(cloud);
@@ -135,7 +135,7 @@ impl GasModel {
             Observed {
                 points: &positions,
                 colors: cloud.colors(),
-                facing: facing(cloud, &positions),
+                facing: cloud.facing(),
                 weight: 1.0,
             },
         ];

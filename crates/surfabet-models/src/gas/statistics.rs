@@ -1,7 +1,7 @@
 //! What a neuron stands for: the points nearest to it, as number, colour, plane, radius and thickness.
 
 use rayon::prelude::*;
-use surfabet_geom::{KdTree, Moments, PointCloud, Progress};
+use surfabet_geom::{KdTree, Moments, Progress};
 
 use super::adjacency::Adjacency;
 use super::orient::orient;
@@ -34,23 +34,6 @@ pub(super) struct Statistics {
     pub thicknesses: Vec<f64>,
     /// Mean distance of points to their neurons, metres.
     pub mean_distance: f64,
-}
-
-/// What a cloud knows of the side that its points were seen from.
-pub(super) fn facing(cloud: &PointCloud, positions: &[[f32; 3]]) -> Option<Vec<[f32; 3]>> {
-    if cloud.viewpoints().is_some() {
-        let towards = |i: usize| -> [f32; 3] {
-            // Both about the cloud's own origin.
-            let (Some(v), p) = (cloud.local_viewpoint(i), cloud.positions()[i]) else {
-                return [0.0; 3];
-            };
-            let d: [f32; 3] = std::array::from_fn(|a| v[a] - p[a]);
-            let length = d.iter().map(|c| c * c).sum::<f32>().sqrt();
-            if length > 0.0 { d.map(|c| c / length) } else { [0.0; 3] }
-        };
-        return Some((0..positions.len()).into_par_iter().map(towards).collect());
-    }
-    cloud.normals().map(<[_]>::to_vec)
 }
 
 #[derive(Clone, Copy, Default)]

@@ -1,0 +1,110 @@
+//! Back to a cloud: the supported tiles, filled at any spacing.
+
+use rayon::prelude::*;
+use surfabet_geom::{CloudParts, PointCloud, Progress};
+
+use super::model::PlaneModel;
+use crate::error::{Error, Result, positive};
+
+/// The golden ratio's fraction: a sequence that fills an interval evenly.
+const GOLDEN_FRACTION: f64 = 0.618_033_988_749_895;
+
+/// How to decode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DecodeOptions {
+    /// Largest spacing of the points, metres; `None` takes half the grid size.
+    pub resolution: Option<f64>,
+    /// Spread the points across their planes as the input was, instead of on them.
+    pub as_measured: bool,
+    /// Give the points normals.
+    pub normals: bool,
+    /// Most points to make.
+    pub max_points: u64,
+}
+
+impl Default for DecodeOptions {
+    fn default() -> Self {
+        Self { resolution: None, as_measured: false, normals: false, max_points: 500_000_000 }
+    }
+}
+
+/// A decoded point.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    position: [f32; 3],
+    normal: [f32; 3],
+    color: [u8; 3],
+}
+
+impl PlaneModel {
+    /// The model as a cloud about its origin: every supported tile with a lattice of points, patch after patch, tile
+    /// after tile.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
+    /// [`Error::Cancelled`].
+    pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        let spacing = options.resolution.unwrap_or(0.5 * self.grid_size());
+        positive("resolution", spacing, "a positive number of metres")?;
+        let along = |extent: f64| (extent / spacing).ceil().max(1.0);
+        let edge = |i: usize| along(self.patches()[i].tiles.edge());
+        let most: f64 = (0..self.len())
+            .map(|i| edge(i) * edge(i) * self.patches()[i].tiles.n_supported() as f64)
+            .sum();
+        if most > options.max_points as f64 {
+            return Err(Error::TooManyPoints {
+                resolution: spacing,
+                points: most as u64,
+                limit: options.max_points,
+            });
+        }
+        let patches = (0..self.len()).into_par_iter().map(|i| {
+            progress.check()?;
+            Ok(self.fill(i, along, options.as_measured))
+        });
+        let points: Vec<Point> =
+            patches.collect::<Result<Vec<Vec<Point>>>>()?.into_iter().flatten().collect();
+        let parts = CloudParts {
+            origin: self.origin(),
+            positions: points.iter().map(|p| p.position).collect(),
+            colors: self.has_color().then(|| points.iter().map(|p| p.color).collect()),
+            normals: options.normals.then(|| points.iter().map(|p| p.normal).collect()),
+            ..CloudParts::default()
+        };
+        Ok(PointCloud::from_parts(parts)?.0)
+    }
+
+    fn fill(&self, i: usize, along: impl Fn(f64) -> f64, as_measured: bool) -> Vec<Point> {
+        let patch = &self.patches()[i];
+        let tiles = &patch.tiles;
+        let half_depth = if as_measured { 3.0_f64.sqrt() * patch.standard_deviation } else { 0.0 };
+        let colors = self.colors(i);
+        let nx = tiles.shape()[0];
+        let normal = patch.frame.normal.map(|c| c as f32);
+        let supported = tiles.supported().iter().enumerate().filter(|(_, s)| **s);
+        let mut points: Vec<Point> = Vec::new();
+        for (k, (t, _)) in supported.enumerate() {
+            let (low, high) = tiles.bounds(t % nx, t / nx);
+            let n: [f64; 2] = std::array::from_fn(|a| along(high[a] - low[a]));
+            let color = colors.get(k).copied().unwrap_or_default();
+            for row in 0..n[1] as usize {
+                for column in 0..n[0] as usize {
+                    let share = [column as f64 + 0.5, row as f64 + 0.5];
+                    let p = patch
+                        .frame
+                        .at(std::array::from_fn(|a| low[a] + share[a] / n[a] * (high[a] - low[a])));
+                    let depth = (points.len() as f64 + 0.5) * GOLDEN_FRACTION;
+                    let depth = half_depth * (2.0 * depth.fract() - 1.0);
+                    points.push(Point {
+                        position: std::array::from_fn(|a| {
+                            (p[a] + depth * patch.frame.normal[a]) as f32
+                        }),
+                        normal,
+                        color,
+                    });
+                }
+            }
+        }
+        points
+    }
+}

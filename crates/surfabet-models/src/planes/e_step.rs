@@ -1,0 +1,171 @@
+//! E-step: how probable it is that each point belongs to each patch (eq. 1 and 2).
+
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use super::patch::Patch;
+use super::points::Points;
+use crate::error::Result;
+
+/// Stands for no patch.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Blocks of points per unit of parallel work.
+const CHUNK: usize = 64;
+
+/// The probabilities p_ij that are not zero, by patch, and the patch that each point supports.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Responsibilities {
+    /// First entry of each patch, and the end.
+    starts: Vec<usize>,
+    /// Point and probability; points ascending for each patch.
+    entries: Vec<(u32, f32)>,
+    /// For each distinct point the patch with the largest probability.
+    pub(super) supports: Vec<u32>,
+    /// Distance to that patch, metres; zero for points that support none.
+    pub(super) distances: Vec<f32>,
+}
+
+impl Responsibilities {
+    /// Points with a chance to belong to a patch, and that chance (p_ij).
+    pub fn of(&self, patch: usize) -> &[(u32, f32)] {
+        &self.entries[self.starts[patch]..self.starts[patch + 1]]
+    }
+
+    /// Mean distance of the points that support a patch, and the share of all points that do.
+    pub(super) fn fit(&self) -> (f64, f64) {
+        let near = self.supports.iter().filter(|&&s| s != NONE).count();
+        let sum: f64 = self.distances.iter().map(|&d| f64::from(d)).sum();
+        (sum / near.max(1) as f64, near as f64 / self.supports.len().max(1) as f64)
+    }
+
+    /// The points that support each of `n` patches (S), ascending.
+    pub(super) fn support_sets(&self, n: usize) -> Vec<Vec<u32>> {
+        let mut sets = vec![Vec::new(); n];
+        for (i, &s) in self.supports.iter().enumerate() {
+            if s != NONE {
+                sets[s as usize].push(i as u32);
+            }
+        }
+        sets
+    }
+}
+
+/// The standard deviation S that gives a point at distance `grid_size` (G) the weight W (eq. 2), metres.
+pub fn weight_scale(grid_size: f64, weight_at_grid_size: f64) -> f64 {
+    grid_size / (-2.0 * weight_at_grid_size.ln()).sqrt()
+}
+
+/// What one chunk of blocks finds.
+struct Found {
+    /// Patch, point, probability.
+    entries: Vec<(u32, u32, f32)>,
+    supports: Vec<u32>,
+    distances: Vec<f32>,
+}
+
+/// Probabilities of all points for the patches within reach, which is the grid size G.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`] when the caller asks to stop.
+pub fn e_step(
+    points: &Points,
+    patches: &[Patch],
+    grid_size: f64,
+    weight_at_grid_size: f64,
+    progress: &dyn Progress,
+) -> Result<Responsibilities> {
+    let near = candidates(points, patches, grid_size);
+    let s = weight_scale(grid_size, weight_at_grid_size);
+    let exponent = -1.0 / (2.0 * s * s);
+    let n_blocks = points.n_blocks();
+    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Found> {
+        progress.check()?;
+        let mut found = Found { entries: Vec::new(), supports: Vec::new(), distances: Vec::new() };
+        let mut weights: Vec<(u32, f64)> = Vec::new();
+        for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
+            let near = near.of(b);
+            for i in points.block(b) {
+                weights.clear();
+                let mut closest = (f64::INFINITY, NONE);
+                for &j in near {
+                    let patch = &patches[j as usize];
+                    let Some((d, _)) = patch.distance(points.positions[i], grid_size) else {
+                        continue;
+                    };
+                    if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
+                        continue;
+                    }
+                    weights.push((j, (exponent * d * d).exp()));
+                    // The closest has the largest probability; of several the first.
+                    if d < closest.0 {
+                        closest = (d, j);
+                    }
+                }
+                let sum: f64 = weights.iter().map(|w| w.1).sum();
+                let shares = weights.iter().map(|&(j, w)| (j, i as u32, (w / sum) as f32));
+                found.entries.extend(shares);
+                found.supports.push(closest.1);
+                found.distances.push(if closest.1 == NONE { 0.0 } else { closest.0 as f32 });
+            }
+        }
+        Ok(found)
+    });
+    let chunks = chunks.collect::<Result<Vec<Found>>>()?;
+    Ok(by_patch(patches.len(), &chunks))
+}
+
+fn by_patch(n: usize, chunks: &[Found]) -> Responsibilities {
+    let mut starts = vec![0; n + 1];
+    for &(j, _, _) in chunks.iter().flat_map(|c| &c.entries) {
+        starts[j as usize + 1] += 1;
+    }
+    for j in 0..n {
+        starts[j + 1] += starts[j];
+    }
+    let mut next = starts.clone();
+    let mut entries = vec![(0, 0.0); starts[n]];
+    for &(j, i, p) in chunks.iter().flat_map(|c| &c.entries) {
+        entries[next[j as usize]] = (i, p);
+        next[j as usize] += 1;
+    }
+    Responsibilities {
+        starts,
+        entries,
+        supports: chunks.iter().flat_map(|c| &c.supports).copied().collect(),
+        distances: chunks.iter().flat_map(|c| &c.distances).copied().collect(),
+    }
+}
+
+/// The patches that may be within reach of each block.
+struct Candidates {
+    starts: Vec<usize>,
+    patches: Vec<u32>,
+}
+
+impl Candidates {
+    fn of(&self, block: usize) -> &[u32] {
+        &self.patches[self.starts[block]..self.starts[block + 1]]
+    }
+}
+
+fn candidates(points: &Points, patches: &[Patch], reach: f64) -> Candidates {
+    let blocks: Vec<Vec<u32>> =
+        patches.par_iter().map(|patch| patch.blocks(points, reach)).collect();
+    let mut starts = vec![0; points.n_blocks() + 1];
+    for &b in blocks.iter().flatten() {
+        starts[b as usize + 1] += 1;
+    }
+    for b in 0..points.n_blocks() {
+        starts[b + 1] += starts[b];
+    }
+    let mut next = starts.clone();
+    let mut of = vec![0; blocks.iter().map(Vec::len).sum()];
+    for (j, blocks) in blocks.iter().enumerate() {
+        for &b in blocks {
+            of[next[b as usize]] = j as u32;
+            next[b as usize] += 1;
+        }
+    }
+    Candidates { starts, patches: of }
+}

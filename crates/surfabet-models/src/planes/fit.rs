@@ -1,0 +1,235 @@
+//! Split and merge EM patch fitting, SMEMPF: EMPF, split, EMPF, merge, until distances are stable (section II-B).
+
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use super::e_step::{NONE, Responsibilities, e_step};
+use super::grid_size::grid_size;
+use super::m_step::m_step;
+use super::merge::merge;
+use super::options::PlanesOptions;
+use super::patch::{Frame, Patch};
+use super::points::Points;
+use super::seed;
+use super::split::split;
+use super::trim::trim;
+use crate::error::Result;
+
+/// Smallest grid size by default in standard deviations of the noise. Without this bound EM may lay several patches
+/// into the thickness of one noisy surface: each fits its slice well, G shrinks to the slice, and no two merge.
+const KNOWN_NOISE: f64 = 2.4;
+
+/// The state of a fit, to be moved on step by step.
+#[derive(Debug, Clone)]
+pub struct Fit<'a> {
+    points: &'a Points,
+    options: PlanesOptions,
+    min_points: usize,
+    smallest_grid_size: f64,
+    grid_size: f64,
+    patches: Vec<Patch>,
+}
+
+/// One iteration in numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iteration {
+    /// Number of patches after it.
+    pub patches: usize,
+    /// Grid size (G), metres.
+    pub grid_size: f64,
+    /// Mean distance of supporting points to their patches, metres.
+    pub mean_distance: f64,
+    /// Share of the distinct points that support a patch.
+    pub supporting: f64,
+}
+
+impl<'a> Fit<'a> {
+    /// A fit with the patches to start from.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidParameter`] for options outside their domain, [`crate::Error::Cancelled`].
+    pub fn new(
+        points: &'a Points,
+        options: &PlanesOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        options.check()?;
+        let noise = seed::noise(points);
+        let known = noise.map_or(0.0, |n| KNOWN_NOISE * n);
+        let smallest = options.min_grid_size.unwrap_or(points.spacing().max(known));
+        let min_points = options.min_points.unwrap_or((points.len() / 10_000).max(30));
+        let mut fit = Self {
+            points,
+            options: options.clone(),
+            min_points,
+            smallest_grid_size: smallest,
+            grid_size: smallest,
+            patches: Vec::new(),
+        };
+        if options.initial_patches > 0 {
+            fit.patches = seed::random(points, options.initial_patches, options.random_state);
+            fit.grid_size = fit.first_grid_size().max(smallest);
+        } else if let Some(noise) = noise {
+            fit.grid_size = (3.0 * noise).max(smallest);
+            fit.add_patches(progress)?;
+        }
+        Ok(fit)
+    }
+
+    /// The patches as they are now.
+    pub fn patches(&self) -> &[Patch] {
+        &self.patches
+    }
+
+    /// The grid size G, metres.
+    pub fn grid_size(&self) -> f64 {
+        self.grid_size
+    }
+
+    /// Number of points that a patch needs to be kept.
+    pub fn min_points(&self) -> usize {
+        self.min_points
+    }
+
+    /// G for patches placed anywhere: three times the root mean square distance to the closest.
+    fn first_grid_size(&self) -> f64 {
+        let far = 4.0 * self.points.extent().max(self.points.cell);
+        let squares: Vec<f64> = self
+            .points
+            .positions
+            .par_iter()
+            .map(|&p| {
+                let near = self.patches.iter().filter_map(|patch| patch.distance(p, far));
+                near.map(|(d, _)| d * d).fold(far * far, f64::min)
+            })
+            .collect();
+        3.0 * (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    }
+
+    /// E-step with the patches as they are.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn e_step(&self, progress: &dyn Progress) -> Result<Responsibilities> {
+        let weight = self.options.weight_at_grid_size;
+        e_step(self.points, &self.patches, self.grid_size, weight, progress)
+    }
+
+    /// M-step: the new planes.
+    pub fn m_step(&self, responsibilities: &Responsibilities) -> Vec<Option<Frame>> {
+        m_step(self.points, &self.patches, responsibilities)
+    }
+
+    /// Trims new planes to patches, with the grid size that their distances give.
+    pub fn trim(&mut self, planes: &[Option<Frame>], responsibilities: &Responsibilities) {
+        let sets = responsibilities.support_sets(planes.len());
+        self.grid_size = grid_size(self.points, planes, &sets, self.smallest_grid_size);
+        let (points, size) = (self.points, self.grid_size);
+        self.patches = planes
+            .par_iter()
+            .zip(&sets)
+            .filter_map(|(frame, set)| trim(points, (*frame)?, set, size))
+            .collect();
+    }
+
+    /// E-step, M-step and trimming (EMPF, section II-A), as often as the options say. Gives the last probabilities.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn em(&mut self, progress: &dyn Progress) -> Result<Responsibilities> {
+        let mut last = Responsibilities::default();
+        for _ in 0..self.options.em_steps {
+            last = self.e_step(progress)?;
+            let planes = self.m_step(&last);
+            self.trim(&planes, &last);
+        }
+        Ok(last)
+    }
+
+    /// Splits patches that are not evenly supported (section II-C).
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn split(&mut self, progress: &dyn Progress) -> Result<()> {
+        let (points, size) = (self.points, self.grid_size);
+        let threshold = self.options.split_threshold;
+        let parts: Vec<Vec<Patch>> = std::mem::take(&mut self.patches)
+            .into_par_iter()
+            .map(|patch| {
+                progress.check()?;
+                Ok(split(points, patch, threshold, size))
+            })
+            .collect::<Result<_>>()?;
+        self.patches = parts.into_iter().flatten().collect();
+        Ok(())
+    }
+
+    /// Merges similar patches (section II-D).
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn merge(&mut self, progress: &dyn Progress) -> Result<()> {
+        let patches = std::mem::take(&mut self.patches);
+        let tolerance = self.options.merge_tolerance;
+        self.patches = merge(self.points, patches, tolerance, self.grid_size, progress)?;
+        Ok(())
+    }
+
+    /// Adds patches where points are flat and support none (section II-B). Gives their number.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn add_patches(&mut self, progress: &dyn Progress) -> Result<usize> {
+        let supports = self.e_step(progress)?.supports;
+        let free: Vec<u32> =
+            (0..).zip(&supports).filter(|(_, s)| **s == NONE).map(|f| f.0).collect();
+        let added = seed::from_data(
+            self.points,
+            &free,
+            self.grid_size,
+            self.options.merge_tolerance,
+            self.min_points,
+            progress,
+        )?;
+        let n = added.len();
+        self.patches.extend(added);
+        Ok(n)
+    }
+
+    /// One iteration: EMPF, split, EMPF, merge (section II-B).
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn iterate(&mut self, progress: &dyn Progress) -> Result<Iteration> {
+        self.em(progress)?;
+        self.split(progress)?;
+        let last = self.em(progress)?;
+        self.merge(progress)?;
+        let (mean_distance, supporting) = last.fit();
+        let (patches, grid_size) = (self.patches.len(), self.grid_size);
+        Ok(Iteration { patches, grid_size, mean_distance, supporting })
+    }
+
+    /// The patch that each input point supports, [`u32::MAX`] for none.
+    pub fn labels(&self, responsibilities: &Responsibilities) -> Vec<u32> {
+        self.points.place.iter().map(|&i| responsibilities.supports[i as usize]).collect()
+    }
+
+    /// Removes patches with too few points, then fits the rest once more. Gives the patch that each distinct point
+    /// supports, [`u32::MAX`] for none.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn finish(&mut self, progress: &dyn Progress) -> Result<Responsibilities> {
+        self.patches.retain(|p| p.n_supporting >= self.min_points);
+        self.em(progress)?;
+        self.patches.retain(|p| p.n_supporting >= self.min_points);
+        self.e_step(progress)
+    }
+}
+
+/// Whether two iterations differ by less than `tolerance`.
+pub(super) fn stable(before: &Iteration, after: &Iteration, tolerance: f64) -> bool {
+    let close = |a: f64, b: f64| (a - b).abs() <= tolerance * a.abs().max(b.abs());
+    close(before.mean_distance, after.mean_distance) && close(before.supporting, after.supporting)
+}

@@ -1,0 +1,155 @@
+//! A patch: a plane, a rectangle in it, and the tiles of the rectangle (section II-A).
+
+use surfabet_geom::Moments;
+
+use super::points::{Aabb, Points};
+use super::tiles::Tiles;
+
+/// Axes of a plane: a point on it, two orthonormal directions in it and its unit normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// A point on the plane about the points' origin, metres.
+    pub center: [f64; 3],
+    /// Direction of the first axis.
+    pub u: [f64; 3],
+    /// Direction of the second axis.
+    pub v: [f64; 3],
+    /// Unit normal, u x v; towards the side that the points were seen from, where that is known.
+    pub normal: [f64; 3],
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn unit(a: [f64; 3]) -> [f64; 3] {
+    let length = dot(a, a).sqrt();
+    a.map(|c| c / length)
+}
+
+impl Frame {
+    /// A frame with this normal, which has length one; its axes lie any way in the plane.
+    pub(super) fn with_normal(center: [f64; 3], normal: [f64; 3]) -> Self {
+        let least = (1..3).fold(0, |m, a| if normal[a].abs() < normal[m].abs() { a } else { m });
+        let mut axis = [0.0; 3];
+        axis[least] = 1.0;
+        let u = unit(cross(axis, normal));
+        Self { center, u, v: cross(normal, u), normal }
+    }
+
+    /// The same plane with its axes turned by an angle given by its cosine and sine.
+    pub(super) fn turned(&self, [cosine, sine]: [f64; 2]) -> Self {
+        let u = std::array::from_fn(|a| cosine * self.u[a] + sine * self.v[a]);
+        Self { u, v: cross(self.normal, u), ..*self }
+    }
+
+    /// The same plane seen from its other side.
+    pub(super) fn flipped(&self) -> Self {
+        let normal = self.normal.map(|c| -c);
+        Self { normal, v: cross(normal, self.u), ..*self }
+    }
+
+    /// Coordinates in the plane, and height above it.
+    pub(super) fn local(&self, p: [f32; 3]) -> [f64; 3] {
+        let d = minus(p.map(f64::from), self.center);
+        [dot(d, self.u), dot(d, self.v), dot(d, self.normal)]
+    }
+
+    /// Position of a point of the plane.
+    pub(super) fn at(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+        std::array::from_fn(|a| self.center[a] + x * self.u[a] + y * self.v[a])
+    }
+}
+
+/// A planar rectangle of tiles with the points that support it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Patch {
+    /// Its plane and axes.
+    pub frame: Frame,
+    /// Its rectangle and tiles.
+    pub tiles: Tiles,
+    /// Standard deviation of the distances of its support (S, all of it) from the plane, metres: the measure of how
+    /// planar it is (the end of section III).
+    pub standard_deviation: f64,
+    /// The reduced support set (S^r): distinct points, ascending.
+    pub(super) support: Vec<u32>,
+    /// Number of points of the whole support set.
+    pub(super) n_supporting: usize,
+    /// Moments of the reduced support set.
+    pub(super) moments: Moments,
+    /// Sum of the sides that its points were seen from.
+    pub(super) facing: [f64; 3],
+    /// Standard deviation of the points about their tiles' own means: noise without the surface's shape, metres.
+    pub(super) noise: f64,
+}
+
+impl Patch {
+    /// A patch that no points support yet.
+    pub(super) fn bare(frame: Frame, tiles: Tiles) -> Self {
+        Self {
+            frame,
+            tiles,
+            standard_deviation: 0.0,
+            support: Vec::new(),
+            n_supporting: 0,
+            moments: Moments::new(),
+            facing: [0.0; 3],
+            noise: 0.0,
+        }
+    }
+
+    /// Distance of a point to the closest supported tile, where it is within `reach` (d(a, s) of eq. 1), with the
+    /// point's height above the plane.
+    ///
+    /// Tiles may be larger than the reach where points are sparse; distances beside them count in proportion.
+    #[inline]
+    pub(super) fn distance(&self, p: [f32; 3], reach: f64) -> Option<(f64, f64)> {
+        let [x, y, z] = self.frame.local(p);
+        if z.abs() > reach {
+            return None;
+        }
+        let scale = (reach / self.tiles.edge()).min(1.0);
+        let beside = self.tiles.squared_distance([x, y], reach / scale)?;
+        let squared = z * z + scale * scale * beside;
+        (squared <= reach * reach).then(|| (squared.sqrt(), z))
+    }
+
+    /// True when the point was seen from the patch's other side.
+    #[inline]
+    pub(super) fn turned_away(&self, facing: [f32; 3]) -> bool {
+        dot(facing.map(f64::from), self.frame.normal) < 0.0
+    }
+
+    /// False only if no point of the box is within `reach` of a supported tile.
+    pub(super) fn reaches(&self, aabb: &Aabb, reach: f64) -> bool {
+        let (middle, half) = aabb.middle();
+        let d = minus(middle, self.frame.center);
+        let extent = |axis: [f64; 3]| (0..3).map(|a| half[a] * axis[a].abs()).sum::<f64>();
+        let frame = &self.frame;
+        if dot(d, frame.normal).abs() > reach + extent(frame.normal) {
+            return false;
+        }
+        let beside = reach.max(self.tiles.edge());
+        let at = [dot(d, frame.u), dot(d, frame.v)];
+        let margin = [extent(frame.u) + beside, extent(frame.v) + beside];
+        self.tiles.any_in(
+            std::array::from_fn(|a| at[a] - margin[a]),
+            std::array::from_fn(|a| at[a] + margin[a]),
+        )
+    }
+
+    /// Blocks of points with points within `reach`, nearly.
+    pub(super) fn blocks(&self, points: &Points, reach: f64) -> Vec<u32> {
+        let mut found = Vec::new();
+        points.blocks_where(|aabb| self.reaches(aabb, reach), &mut found);
+        found
+    }
+}

@@ -1,0 +1,309 @@
+//! The points as learning sees them: distinct, weighted, along a space-filling curve, in a tree of boxes.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+use surfabet_geom::{Moments, PointCloud, morton};
+
+use crate::error::{Error, Result};
+
+/// Points per leaf of the tree of boxes.
+pub(super) const BLOCK: usize = 64;
+
+/// Points per cell that tells the spacing, on average.
+const PER_CELL: usize = 8;
+
+/// Share of neighbours with normals to the same side from which normals count as oriented.
+const AGREEMENT: f64 = 0.85;
+
+/// An axis-aligned box about the scene's origin, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Aabb {
+    pub low: [f32; 3],
+    pub high: [f32; 3],
+}
+
+impl Aabb {
+    const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
+
+    fn grown(self, other: &Self) -> Self {
+        Self {
+            low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
+            high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
+        }
+    }
+
+    fn of(points: &[[f32; 3]]) -> Self {
+        points.iter().fold(Self::EMPTY, |b, &p| b.grown(&Self { low: p, high: p }))
+    }
+
+    /// Middle and half the extent along each axis.
+    pub fn middle(&self) -> ([f64; 3], [f64; 3]) {
+        let [low, high] = [self.low, self.high].map(|p| p.map(f64::from));
+        (
+            std::array::from_fn(|a| 0.5 * (low[a] + high[a])),
+            std::array::from_fn(|a| 0.5 * (high[a] - low[a])),
+        )
+    }
+}
+
+/// The distinct points of a cloud.
+#[derive(Debug, Clone)]
+pub struct Points {
+    /// World position of the local zero, metres.
+    pub(super) origin: [f64; 3],
+    /// Positions about the origin along a Morton curve, metres.
+    pub(super) positions: Vec<[f32; 3]>,
+    /// Sum of the weights of the input points at each position.
+    pub(super) weights: Vec<f32>,
+    /// Unit vectors towards the side that each was seen from; zero where unknown.
+    pub(super) facing: Option<Vec<[f32; 3]>>,
+    /// The distinct point that each input point is.
+    pub(super) place: Vec<u32>,
+    /// Morton codes of the positions.
+    pub(super) codes: Vec<u64>,
+    /// Side of the smallest cell of the curve, metres.
+    pub(super) cell: f64,
+    /// Median spacing of the points, metres.
+    pub(super) spacing: f64,
+    /// Boxes, level by level: leaves of [`BLOCK`] points first, each box above holds two below.
+    boxes: Vec<Vec<Aabb>>,
+}
+
+impl Points {
+    /// Sorts the points of a cloud; `weights` are by how much each counts, one if `None`.
+    ///
+    /// # Errors
+    /// [`Error::EmptyCloud`]; [`Error::InvalidParameter`] for weights that are not one per point, finite and not
+    /// negative, or all zero.
+    pub fn new(cloud: &PointCloud, weights: Option<&[f32]>) -> Result<Self> {
+        let (low, high) = cloud.bounds().ok_or(Error::EmptyCloud)?;
+        let origin = std::array::from_fn(|a| (0.5 * (low[a] + high[a])).round());
+        Self::sorted(cloud, weights, origin)
+    }
+
+    /// The points about a given origin.
+    pub(super) fn about(cloud: &PointCloud, origin: [f64; 3]) -> Result<Self> {
+        Self::sorted(cloud, None, origin)
+    }
+
+    fn sorted(cloud: &PointCloud, weights: Option<&[f32]>, origin: [f64; 3]) -> Result<Self> {
+        let (low, high) = cloud.bounds().ok_or(Error::EmptyCloud)?;
+        check_weights(cloud.len(), weights)?;
+        let input = cloud.positions_about(origin);
+        let extent = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+        let cells = (1_u64 << morton::BITS) as f64;
+        // A cell more than fits, so that the largest coordinate is inside after rounding.
+        let cell = (extent / (cells - 2.0)).max(f64::MIN_POSITIVE.sqrt());
+        let code = |p: &[f32; 3]| {
+            morton::encode(std::array::from_fn(|a| {
+                (((f64::from(p[a]) + origin[a] - low[a]) / cell).max(0.0)) as u64
+            }))
+        };
+        let mut order: Vec<(u64, [u32; 3], u32)> = input
+            .par_iter()
+            // Zero is one place, whatever its sign.
+            .enumerate()
+            .map(|(i, p)| (code(p), p.map(|c| (c + 0.0).to_bits()), i as u32))
+            .collect();
+        order.par_sort_unstable();
+        let facing = cloud.facing().filter(|f| cloud.viewpoints().is_some() || agree(f, &order));
+        let mut points = Self {
+            origin,
+            positions: Vec::with_capacity(order.len()),
+            weights: Vec::with_capacity(order.len()),
+            facing: facing.is_some().then(|| Vec::with_capacity(order.len())),
+            place: vec![0; order.len()],
+            codes: Vec::with_capacity(order.len()),
+            cell,
+            spacing: 0.0,
+            boxes: Vec::new(),
+        };
+        let mut last = None;
+        for (code, bits, i) in order {
+            let weight = weights.map_or(1.0, |w| w[i as usize]);
+            if last != Some(bits) {
+                last = Some(bits);
+                points.positions.push(bits.map(f32::from_bits));
+                points.weights.push(0.0);
+                points.codes.push(code);
+                if let (Some(to), Some(from)) = (&mut points.facing, &facing) {
+                    to.push(from[i as usize]);
+                }
+            }
+            let at = points.positions.len() - 1;
+            points.weights[at] += weight;
+            points.place[i as usize] = at as u32;
+        }
+        points.spacing = points.median_spacing();
+        points.boxes = tree(&points.positions);
+        Ok(points)
+    }
+
+    /// Number of distinct points.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Never true: a cloud without points is refused.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Median spacing of the points, metres.
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Largest side of the bounding box, metres.
+    pub(super) fn extent(&self) -> f64 {
+        let (_, half) =
+            self.boxes.last().map_or_else(|| Aabb::of(&self.positions), |l| l[0]).middle();
+        2.0 * half.into_iter().fold(0.0, f64::max)
+    }
+
+    /// Number of blocks of consecutive points.
+    pub(super) fn n_blocks(&self) -> usize {
+        self.positions.len().div_ceil(BLOCK)
+    }
+
+    /// The points of a block.
+    pub(super) fn block(&self, b: usize) -> Range<usize> {
+        b * BLOCK..((b + 1) * BLOCK).min(self.positions.len())
+    }
+
+    /// Blocks of which `hits` lets the box and all boxes around it pass, in order.
+    pub(super) fn blocks_where(&self, hits: impl Fn(&Aabb) -> bool, found: &mut Vec<u32>) {
+        let mut stack = vec![(self.boxes.len() - 1, 0_usize)];
+        while let Some((level, i)) = stack.pop() {
+            if !hits(&self.boxes[level][i]) {
+                continue;
+            }
+            if level == 0 {
+                found.push(i as u32);
+                continue;
+            }
+            let children = self.boxes[level - 1].len();
+            stack.extend(
+                [2 * i + 1, 2 * i].into_iter().filter(|&c| c < children).map(|c| (level - 1, c)),
+            );
+        }
+    }
+
+    /// Consecutive points that share a cell of side `cell * 2^level`.
+    pub(super) fn cells(&self, level: u32) -> impl Iterator<Item = Range<usize>> {
+        let mut start = 0;
+        let key = move |code: u64| code >> (3 * level);
+        std::iter::from_fn(move || {
+            let first = key(*self.codes.get(start)?);
+            let more = self.codes[start..].iter().take_while(|&&c| key(c) == first).count();
+            let range = start..start + more;
+            start += more;
+            Some(range)
+        })
+    }
+
+    /// Number of cells that points occupy on each level, finest first.
+    pub(super) fn occupied(&self) -> [usize; morton::BITS as usize + 1] {
+        let mut parted = [0_usize; morton::BITS as usize + 1];
+        for pair in self.codes.windows(2) {
+            // The lowest level on which both are in one cell.
+            let shared = (u64::BITS - (pair[0] ^ pair[1]).leading_zeros()).div_ceil(3);
+            parted[shared as usize] += 1;
+        }
+        let mut left = self.codes.len();
+        std::array::from_fn(|level| {
+            left -= parted[level];
+            left
+        })
+    }
+
+    /// The finest level on which an occupied cell holds `count` points on average.
+    pub(super) fn level_with(&self, count: usize) -> u32 {
+        let occupied = self.occupied();
+        let fits = |&n: &usize| n * count <= self.len();
+        occupied.iter().position(fits).unwrap_or(morton::BITS as usize) as u32
+    }
+
+    /// Side of a cell of a level, metres.
+    pub(super) fn side(&self, level: u32) -> f64 {
+        self.cell * f64::from(level).exp2()
+    }
+
+    /// Median over all points of the spacing in their cells, as if these were filled by a surface.
+    fn median_spacing(&self) -> f64 {
+        let level = self.level_with(PER_CELL);
+        let mut counts: Vec<usize> = self.cells(level).map(|c| c.len()).collect();
+        counts.sort_unstable();
+        let mut seen = 0;
+        for n in counts {
+            seen += n;
+            if 2 * seen >= self.len() {
+                return self.side(level) / (n as f64).sqrt();
+            }
+        }
+        self.side(level)
+    }
+
+    /// Moments of consecutive points, with their weights.
+    pub(super) fn moments(&self, range: Range<usize>) -> Moments {
+        let Some(center) = self.positions.get(range.start).copied() else {
+            return Moments::new();
+        };
+        self.moments_about(center.map(f64::from), range.map(|i| (i as u32, 1.0)))
+    }
+
+    /// Moments of some points about the origin, computed near `center`; each with a share of its weight.
+    pub(super) fn moments_about(
+        &self,
+        center: [f64; 3],
+        points: impl IntoIterator<Item = (u32, f32)>,
+    ) -> Moments {
+        let offsets = points.into_iter().map(|(i, share)| {
+            let p = self.positions[i as usize];
+            let offset = std::array::from_fn(|a| (f64::from(p[a]) - center[a]) as f32);
+            (offset, share * self.weights[i as usize])
+        });
+        Moments::of_offsets(offsets).shifted(center)
+    }
+}
+
+fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {
+    let Some(weights) = weights else { return Ok(()) };
+    if weights.len() != len {
+        let given = format!("{} values for {len} points", weights.len());
+        return Err(Error::invalid("weights", given, "one per point"));
+    }
+    if let Some(bad) = weights.iter().find(|w| !(w.is_finite() && **w >= 0.0)) {
+        return Err(Error::invalid("weights", bad, "finite and not negative"));
+    }
+    if weights.iter().all(|&w| w == 0.0) {
+        return Err(Error::invalid("weights", "0 everywhere", "positive for some point"));
+    }
+    Ok(())
+}
+
+/// True when normals tell sides: those of neighbours along the curve mostly point the same way. Normals that nobody
+/// oriented have signs by chance.
+fn agree(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
+    let same = order
+        .windows(2)
+        .filter(|pair| {
+            let [a, b] = [pair[0].2, pair[1].2].map(|i| normals[i as usize]);
+            (0..3).map(|k| a[k] * b[k]).sum::<f32>() > 0.0
+        })
+        .count();
+    same as f64 >= AGREEMENT * (order.len() as f64 - 1.0)
+}
+
+fn tree(positions: &[[f32; 3]]) -> Vec<Vec<Aabb>> {
+    let mut levels = vec![positions.par_chunks(BLOCK).map(Aabb::of).collect::<Vec<_>>()];
+    while let Some(below) = levels.last()
+        && below.len() > 1
+    {
+        let above =
+            below.chunks(2).map(|pair| pair.iter().fold(Aabb::EMPTY, Aabb::grown)).collect();
+        levels.push(above);
+    }
+    levels
+}

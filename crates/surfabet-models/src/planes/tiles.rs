@@ -1,0 +1,150 @@
+//! Tiles of a patch and which of them points support (section II-A, figure 1).
+
+/// Most tiles of a patch; a larger one gets larger tiles.
+pub(super) const MAX_TILES: f64 = (1 << 24) as f64;
+
+/// A rectangle in the plane of a patch, cut into square tiles; those at its far sides are what is left over.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tiles {
+    low: [f64; 2],
+    size: [f64; 2],
+    edge: f64,
+    shape: [usize; 2],
+    supported: Vec<bool>,
+    /// Number of supported tiles before each column and row, with a border of zeros.
+    sums: Vec<u32>,
+    n_supported: usize,
+}
+
+impl Tiles {
+    /// A rectangle with corner `low` and size `size`, cut into tiles of side `edge`, none of them supported.
+    pub(super) fn new(low: [f64; 2], size: [f64; 2], edge: f64) -> Self {
+        let shape = size.map(|s| (s / edge).ceil().max(1.0) as usize);
+        let n = shape[0] * shape[1];
+        Self { low, size, edge, shape, supported: vec![false; n], sums: Vec::new(), n_supported: 0 }
+    }
+
+    /// Marks the supported tiles.
+    pub(super) fn support(&mut self, supported: Vec<bool>) {
+        debug_assert_eq!(supported.len(), self.supported.len());
+        self.supported = supported;
+        let [nx, ny] = self.shape;
+        self.sums = vec![0; (nx + 1) * (ny + 1)];
+        for y in 0..ny {
+            let mut row = 0;
+            for x in 0..nx {
+                row += u32::from(self.supported[y * nx + x]);
+                self.sums[(y + 1) * (nx + 1) + x + 1] = self.sums[y * (nx + 1) + x + 1] + row;
+            }
+        }
+        self.n_supported = self.sums.last().map_or(0, |&n| n as usize);
+    }
+
+    /// Corner with the lowest coordinates, metres about the middle of the frame.
+    pub fn low(&self) -> [f64; 2] {
+        self.low
+    }
+
+    /// Extent along both axes, metres.
+    pub fn size(&self) -> [f64; 2] {
+        self.size
+    }
+
+    /// Side of a tile, metres.
+    pub fn edge(&self) -> f64 {
+        self.edge
+    }
+
+    /// Number of tiles along both axes.
+    pub fn shape(&self) -> [usize; 2] {
+        self.shape
+    }
+
+    /// For each tile, along the first axis first, whether points support it.
+    pub fn supported(&self) -> &[bool] {
+        &self.supported
+    }
+
+    /// Number of supported tiles.
+    pub fn n_supported(&self) -> usize {
+        self.n_supported
+    }
+
+    /// Area of the supported tiles, square metres.
+    pub fn area(&self) -> f64 {
+        let nx = self.shape[0];
+        let of = |t: usize| {
+            let (low, high) = self.bounds(t % nx, t / nx);
+            (high[0] - low[0]) * (high[1] - low[1])
+        };
+        self.supported.iter().enumerate().filter(|(_, s)| **s).map(|(t, _)| of(t)).sum()
+    }
+
+    /// Corners of a tile.
+    pub(super) fn bounds(&self, x: usize, y: usize) -> ([f64; 2], [f64; 2]) {
+        let at = [x as f64, y as f64];
+        let low = std::array::from_fn(|a| self.low[a] + self.edge * at[a]);
+        let high = std::array::from_fn(|a| {
+            (self.low[a] + self.edge * (at[a] + 1.0)).min(self.low[a] + self.size[a])
+        });
+        (low, high)
+    }
+
+    /// The tile that a position of the plane is on; the border belongs to the rectangle.
+    pub(super) fn tile_at(&self, p: [f64; 2]) -> Option<usize> {
+        let mut tile = [0; 2];
+        for a in 0..2 {
+            let off = p[a] - self.low[a];
+            if !(0.0..=self.size[a]).contains(&off) {
+                return None;
+            }
+            tile[a] = ((off / self.edge) as usize).min(self.shape[a] - 1);
+        }
+        Some(tile[1] * self.shape[0] + tile[0])
+    }
+
+    /// First and last column and row of the tiles that touch a box; `None` beside the rectangle.
+    fn window(&self, low: [f64; 2], high: [f64; 2]) -> Option<[[usize; 2]; 2]> {
+        let mut window = [[0; 2]; 2];
+        for a in 0..2 {
+            let [from, to] = [low[a] - self.low[a], high[a] - self.low[a]];
+            if to < 0.0 || from > self.size[a] {
+                return None;
+            }
+            let last = self.shape[a] - 1;
+            window[a] = [from.max(0.0), to].map(|c| ((c / self.edge) as usize).min(last));
+        }
+        Some(window)
+    }
+
+    /// True when a supported tile touches the box from `low` to `high`, give or take what is left of a tile.
+    pub(super) fn any_in(&self, low: [f64; 2], high: [f64; 2]) -> bool {
+        self.window(low, high).is_some_and(|[[x0, x1], [y0, y1]]| {
+            let sum = |x: usize, y: usize| self.sums[y * (self.shape[0] + 1) + x];
+            sum(x1 + 1, y1 + 1) + sum(x0, y0) != sum(x0, y1 + 1) + sum(x1 + 1, y0)
+        })
+    }
+
+    /// Squared distance to the closest supported tile, where this is at most `reach` away.
+    pub(super) fn squared_distance(&self, p: [f64; 2], reach: f64) -> Option<f64> {
+        if let Some(t) = self.tile_at(p)
+            && self.supported[t]
+        {
+            return Some(0.0);
+        }
+        let [[x0, x1], [y0, y1]] = self.window(p.map(|c| c - reach), p.map(|c| c + reach))?;
+        let mut closest = f64::INFINITY;
+        for y in y0..=y1 {
+            for x in x0..=x1 {
+                if !self.supported[y * self.shape[0] + x] {
+                    continue;
+                }
+                let (low, high) = self.bounds(x, y);
+                let off: [f64; 2] =
+                    std::array::from_fn(|a| (low[a] - p[a]).max(p[a] - high[a]).max(0.0));
+                closest = closest.min(off[0] * off[0] + off[1] * off[1]);
+            }
+        }
+        (closest <= reach * reach).then_some(closest)
+    }
+}

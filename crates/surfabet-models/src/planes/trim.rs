@@ -1,0 +1,160 @@
+//! Trimming: planes become rectangles with supported tiles (section II-A, figures 2 and 3).
+
+use surfabet_geom::Moments;
+
+use super::patch::{Frame, Patch};
+use super::points::Points;
+use super::tiles::{MAX_TILES, Tiles};
+
+/// Points that a tile with points holds on average; tiles are as large as this needs where points are sparse.
+const PER_TILE: f64 = 4.0;
+
+/// Doublings of the grid size that a tile may have where points are sparse.
+const DOUBLINGS: usize = 5;
+
+/// The smallest threshold T: a tile is supported by more points than this.
+const LEAST_THRESHOLD: f64 = 1.0;
+
+/// Trims a plane to the patch that the points of `set` support, with tiles of side `grid_size` (G) or a power of two
+/// more. `None` when no tile is supported.
+pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -> Option<Patch> {
+    if set.len() < 3 {
+        return None;
+    }
+    let facing = facing(points, set);
+    let seen = facing.map_or(0.0, |f| super::patch::dot(f, frame.normal));
+    let frame = if seen < 0.0 { frame.flipped() } else { frame };
+    let flat = |frame: &Frame| -> Vec<[f64; 3]> {
+        set.iter().map(|&i| frame.local(points.positions[i as usize])).collect()
+    };
+    let frame = frame.turned(principal(&flat(&frame)));
+    let local = flat(&frame);
+    let range = |a: usize| {
+        local
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |r, p| [r[0].min(p[a]), r[1].max(p[a])])
+    };
+    let [[x0, x1], [y0, y1]] = [range(0), range(1)];
+    let (low, size) = ([x0, y0], [x1 - x0, y1 - y0]);
+    let mut edge = grid_size;
+    while (size[0] / edge + 1.0) * (size[1] / edge + 1.0) > MAX_TILES {
+        edge *= 2.0;
+    }
+    let within = |p: &[f64; 3]| p[2].abs() <= 0.5 * grid_size;
+    let mut tiles = Tiles::new(low, size, edge);
+    let mut counts = count(&tiles, &local, within);
+    for _ in 0..DOUBLINGS {
+        let held: u32 = counts.iter().sum();
+        let full = counts.iter().filter(|&&c| c > 0).count();
+        if f64::from(held) >= PER_TILE * full as f64 || full <= 1 {
+            break;
+        }
+        edge *= 2.0;
+        tiles = Tiles::new(low, size, edge);
+        counts = count(&tiles, &local, within);
+    }
+    let threshold = threshold(&counts);
+    tiles.support(counts.iter().map(|&c| f64::from(c) > threshold).collect());
+    if tiles.n_supported() == 0 {
+        return None;
+    }
+    let mut support = Vec::new();
+    let mut squares = 0.0;
+    let mut weight = 0.0;
+    let mut scatter = Scatter::new(counts.len());
+    for (&i, p) in set.iter().zip(&local) {
+        let w = f64::from(points.weights[i as usize]);
+        squares += w * p[2] * p[2];
+        weight += w;
+        if let Some(t) = tiles.tile_at([p[0], p[1]]).filter(|&t| within(p) && tiles.supported()[t])
+        {
+            support.push(i);
+            scatter.add(t, w, p[2]);
+        }
+    }
+    let moments = points.moments_about(frame.center, support.iter().map(|&i| (i, 1.0)));
+    Some(Patch {
+        frame,
+        tiles,
+        standard_deviation: if weight > 0.0 { (squares / weight).sqrt() } else { 0.0 },
+        support,
+        n_supporting: set.len(),
+        moments,
+        facing: facing.unwrap_or_default(),
+        noise: scatter.within(),
+    })
+}
+
+/// The support threshold T = mean - 2 std of the points per tile, which is below 1 unless points are evenly spread:
+/// then more than one point has to be there.
+fn threshold(counts: &[u32]) -> f64 {
+    let n = counts.len() as f64;
+    let mean = counts.iter().map(|&c| f64::from(c)).sum::<f64>() / n;
+    let variance = counts.iter().map(|&c| (f64::from(c) - mean).powi(2)).sum::<f64>() / n;
+    (mean - 2.0 * variance.sqrt()).max(LEAST_THRESHOLD)
+}
+
+fn count(tiles: &Tiles, local: &[[f64; 3]], within: impl Fn(&[f64; 3]) -> bool) -> Vec<u32> {
+    let mut counts = vec![0; tiles.supported().len()];
+    for p in local.iter().filter(|p| within(p)) {
+        if let Some(t) = tiles.tile_at([p[0], p[1]]) {
+            counts[t] += 1;
+        }
+    }
+    counts
+}
+
+/// Cosine and sine of the direction in which points of a plane spread the most.
+fn principal(local: &[[f64; 3]]) -> [f64; 2] {
+    let n = local.len() as f64;
+    let mean: [f64; 2] = std::array::from_fn(|a| local.iter().map(|p| p[a]).sum::<f64>() / n);
+    let of = |a: usize, b: usize| {
+        local.iter().map(|p| (p[a] - mean[a]) * (p[b] - mean[b])).sum::<f64>() / n
+    };
+    let angle = 0.5 * (2.0 * of(0, 1)).atan2(of(0, 0) - of(1, 1));
+    [angle.cos(), angle.sin()]
+}
+
+/// Sum of the sides that points were seen from.
+pub(super) fn facing(points: &Points, set: &[u32]) -> Option<[f64; 3]> {
+    let facing = points.facing.as_ref()?;
+    Some(set.iter().fold([0.0; 3], |sum, &i| {
+        std::array::from_fn(|a| sum[a] + f64::from(facing[i as usize][a]))
+    }))
+}
+
+/// Heights of points per tile: number, weight, weighted sum and weighted sum of squares.
+struct Scatter(Vec<[f64; 4]>);
+
+impl Scatter {
+    fn new(tiles: usize) -> Self {
+        Self(vec![[0.0; 4]; tiles])
+    }
+
+    fn add(&mut self, tile: usize, weight: f64, height: f64) {
+        let [n, w, sum, squares] = &mut self.0[tile];
+        *n += 1.0;
+        *w += weight;
+        *sum += weight * height;
+        *squares += weight * height * height;
+    }
+
+    /// Standard deviation of the heights about the means of their tiles.
+    fn within(&self) -> f64 {
+        let mut squares = 0.0;
+        let mut freedom = 0.0;
+        for &[n, w, sum, square] in self.0.iter().filter(|t| t[0] > 1.0 && t[1] > 0.0) {
+            squares += (square - sum * sum / w).max(0.0);
+            freedom += w * (n - 1.0) / n;
+        }
+        if freedom > 0.0 { (squares / freedom).sqrt() } else { 0.0 }
+    }
+}
+
+/// What the moments of some points say of their distances from a plane: the mean square.
+pub(super) fn mean_square(moments: &Moments, frame: &Frame) -> f64 {
+    let n = frame.normal;
+    let c = moments.covariance();
+    let off = super::patch::dot(super::patch::minus(moments.mean(), frame.center), n);
+    (0..3).map(|a| n[a] * super::patch::dot(c[a], n)).sum::<f64>().max(0.0) + off * off
+}
