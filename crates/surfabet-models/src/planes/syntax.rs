@@ -120,7 +120,8 @@ struct State {
     luma: [SInt; 3],
     chroma: [SInt; 4],
     references: Vec<Reference>,
-    before: StoredPatch,
+    /// Standard deviation and number of points of the patch before.
+    before: [u8; 2],
     color: [i16; 3],
     tiles: u64,
 }
@@ -142,7 +143,7 @@ impl State {
             luma: [const { SInt::new() }; 3],
             chroma: [const { SInt::new() }; 4],
             references: Vec::new(),
-            before: StoredPatch::default(),
+            before: [0; 2],
             color: [0; 3],
             tiles: 0,
         }
@@ -168,18 +169,13 @@ fn code_patches<C: Coder>(
         if header.color_step.is_some() {
             patch.colors = code_colors(&mut streams.colors, &mut state, wanted, &patch)?;
         }
-        state.before = StoredPatch {
-            position: patch.position,
-            deviation: patch.deviation,
-            count: patch.count,
-            ..StoredPatch::default()
-        };
+        state.before = [patch.deviation, patch.count];
         take(patch);
     }
     Ok(())
 }
 
-/// An integer by its difference to what is expected, within `0..=limit` or `-limit..=limit`.
+/// An integer by its difference to what is expected, checked against its domain.
 fn code_offset<C: Coder>(
     coder: &mut C,
     model: &mut SInt,
@@ -203,10 +199,9 @@ fn code_pose<C: Coder>(
     patch: &mut StoredPatch,
 ) -> Result<(), C::Error> {
     for axis in 0..3 {
-        let (model, before) = (&mut state.position[axis], state.before.position[axis]);
+        let (model, to) = (&mut state.position[axis], wanted.position[axis]);
         let domain = -MAX_COORDINATE..=MAX_COORDINATE;
-        let to = wanted.position[axis];
-        patch.position[axis] = code_offset(coder, model, before, to, domain, "a coordinate")?;
+        patch.position[axis] = code_offset(coder, model, 0, to, domain, "a coordinate")?;
     }
     let number = coder.uint(&mut state.reference, closest(&state.references, wanted.normal))?;
     let reference = match number.checked_sub(1) {
@@ -291,19 +286,12 @@ fn code_sizes<C: Coder>(
         patch.last[axis] = PARTS - less as u8;
     }
     let domain = 0..=i32::from(MAX_SIZE_CODE);
-    for (model, before, to, said, what) in [
-        (
-            &mut state.deviation,
-            state.before.deviation,
-            wanted.deviation,
-            &mut patch.deviation,
-            "a standard deviation",
-        ),
-        (&mut state.count, state.before.count, wanted.count, &mut patch.count, "a number"),
-    ] {
-        let (from, to) = (i32::from(before), i32::from(to));
-        *said = code_offset(coder, model, from, to, domain.clone(), what)? as u8;
-    }
+    let [deviation, count] = state.before.map(i32::from);
+    let (model, to) = (&mut state.deviation, i32::from(wanted.deviation));
+    let what = "a standard deviation";
+    patch.deviation = code_offset(coder, model, deviation, to, domain.clone(), what)? as u8;
+    let (model, to) = (&mut state.count, i32::from(wanted.count));
+    patch.count = code_offset(coder, model, count, to, domain, "a number of points")? as u8;
     Ok(())
 }
 
