@@ -154,6 +154,8 @@ impl PlaneModel {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let exponent = exponent(points, grid_size)?;
+        // A point or two have no resolution, and their grid size may be below any step.
+        let grid_size = grid_size.max(f64::from(exponent).exp2());
         let mut header = PlanesHeader {
             n_points: cloud.len() as u64,
             n_outliers: 0,
