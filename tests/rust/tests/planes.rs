@@ -343,7 +343,13 @@ fn forged(file: &[u8], replace: impl Fn(usize) -> Option<Vec<u8>>) -> Vec<u8> {
 }
 
 /// A patch that a file may hold: rows of tiles of which every `gap`-th is missing.
-fn stored(pose: [i32; 6], shape: [u32; 2], sizes: [u8; 5], gap: usize, colored: bool) -> StoredPatch {
+fn stored(
+    pose: [i32; 6],
+    shape: [u32; 2],
+    sizes: [u8; 5],
+    gap: usize,
+    colored: bool,
+) -> StoredPatch {
     let n = (shape[0] * shape[1]) as usize;
     let supported: Vec<bool> = (0..n).map(|i| i == 0 || i % gap != 1).collect();
     let n_supported = supported.iter().filter(|s| **s).count() as i16;
@@ -379,12 +385,10 @@ fn any_patch(colored: bool) -> impl Strategy<Value = StoredPatch> {
     let far = MAX_COORDINATE;
     let coordinate = || prop_oneof![-far..=far, -50..50_i32, Just(far), Just(-far)];
     let normal = || prop_oneof![-32767..=32767_i32, -3..3_i32, Just(32767), Just(-32767)];
-    let pose = (
-        (coordinate(), coordinate(), coordinate()),
-        (normal(), normal()),
-        0..DIRECTIONS as i32,
-    );
-    let shape = prop_oneof![[1..40_u32, 1..40_u32], [1..2_u32, 1..2000_u32], [1..2000_u32, 1..2_u32]];
+    let pose =
+        ((coordinate(), coordinate(), coordinate()), (normal(), normal()), 0..DIRECTIONS as i32);
+    let shape =
+        prop_oneof![[1..40_u32, 1..40_u32], [1..2_u32, 1..2000_u32], [1..2000_u32, 1..2_u32]];
     let sizes = (0..=40_u8, 1..=PARTS, 1..=PARTS, any::<u8>(), any::<u8>());
     (pose, shape, sizes, 2..50_usize).prop_map(move |(pose, shape, sizes, gap)| {
         let ((x, y, z), (u, v), direction) = pose;
@@ -570,7 +574,10 @@ fn files_of_release_0_1_stay_readable() {
     assert_eq!(found.lines().count(), expected.lines().count());
     for (found, expected) in found.lines().zip(expected.lines()) {
         for (f, e) in numbers(found).iter().zip(numbers(expected)) {
-            assert!((f - e).abs() <= 2e-6 * e.abs().max(1.0), "{found} where {expected} was written");
+            assert!(
+                (f - e).abs() <= 2e-6 * e.abs().max(1.0),
+                "{found} where {expected} was written"
+            );
         }
     }
 }
