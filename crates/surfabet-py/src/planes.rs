@@ -11,7 +11,7 @@ use surfabet::{PlaneModel, PlanesOptions};
 
 use crate::arrays::{column_f32, rows3};
 use crate::cloud::PyPointCloud;
-use crate::errors::{IntoPyErr, invalid_input};
+use crate::errors::invalid_input;
 use crate::report::report_dict;
 use crate::run::run;
 use crate::save;
