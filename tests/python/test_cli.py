@@ -86,7 +86,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["compres"], "compress"),
         (["compress", "a.ply"], "OUT"),
-        (["compress", "a.ply", "b.sfb", "--model", "planes"], "patches"),
+        (["compress", "a.ply", "b.sfb", "--model", "cubes"], "planes"),
         (["compress", "a.ply", "b.sfb", "--resolution", "0"], "> 0"),
         (["compress", "a.ply", "b.sfb", "--resolution", "fine"], "float"),
         (["compress", "a.ply", "b.sfb", "--colour"], "--colour"),

@@ -190,20 +190,24 @@ def test_a_wall_with_a_window_is_an_outline_and_a_hole():
     assert -1.2 < smallest < -0.6
 
 
-def test_viewpoints_tell_both_sides_of_a_thin_wall():
+@pytest.mark.parametrize("by", ["viewpoints", "normals"])
+def test_viewpoints_and_normals_tell_both_sides_of_a_thin_wall(by):
     rng = np.random.default_rng(2)
     n = 20_000
     points = np.column_stack([2 * rng.random(n), np.zeros(n), 2 * rng.random(n)])
     side = rng.integers(0, 2, n)
     points[:, 1] = 0.02 * side + 0.01 * rng.standard_normal(n)
-    known = sb.PointCloud(
-        points, viewpoints=[[1, -3, 1], [1, 3, 1]], viewpoint_index=side.astype(np.uint16)
+    facing = np.where(side == 0, -1, 1)
+    sensors = [[1, -3, 1], [1, 3, 1]]
+    known = (
+        {"viewpoints": sensors, "viewpoint_index": side.astype(np.uint16)}
+        if by == "viewpoints"
+        else {"normals": facing[:, None] * [[0, 1, 0]]}
     )
-    model = sb.learn_planes(known)
+    model = sb.learn_planes(sb.PointCloud(points, **known))
     assert len(model) == 2
     assert model.planes.normals[:, 1].prod() == pytest.approx(-1, abs=1e-3)
     labels = model.labels
-    facing = np.where(side == 0, -1, 1)
     kept = labels >= 0
     assert kept.mean() > 0.9
     assert (np.sign(model.planes.normals[labels[kept], 1]) == facing[kept]).all()
