@@ -194,23 +194,28 @@ def test_a_wall_with_a_window_is_an_outline_and_a_hole():
 def test_viewpoints_and_normals_tell_both_sides_of_a_thin_wall(by):
     rng = np.random.default_rng(2)
     n = 20_000
-    points = np.column_stack([2 * rng.random(n), np.zeros(n), 2 * rng.random(n)])
+    wall = np.column_stack([2 * rng.random(n), np.zeros(n), 2 * rng.random(n)])
     side = rng.integers(0, 2, n)
-    points[:, 1] = 0.02 * side + 0.01 * rng.standard_normal(n)
+    wall[:, 1] = 0.02 * side + 0.01 * rng.standard_normal(n)
+    # Normals count as oriented where most neighbours agree, as they do on a floor.
+    floor = np.column_stack([4 * rng.random((5 * n, 2)) - 1, np.full(5 * n, -1.0)])
+    floor[:, 2] += 0.01 * rng.standard_normal(5 * n)
     facing = np.where(side == 0, -1, 1)
-    sensors = [[1, -3, 1], [1, 3, 1]]
-    known = (
-        {"viewpoints": sensors, "viewpoint_index": side.astype(np.uint16)}
-        if by == "viewpoints"
-        else {"normals": facing[:, None] * [[0, 1, 0]]}
-    )
+    if by == "viewpoints":
+        index = np.concatenate([side, floor[:, 1] > 0]).astype(np.uint16)
+        known = {"viewpoints": [[1, -3, 1], [1, 3, 1]], "viewpoint_index": index}
+    else:
+        up = np.tile([0, 0, 1], (5 * n, 1))
+        known = {"normals": np.concatenate([facing[:, None] * [[0, 1, 0]], up])}
+    points = np.concatenate([wall, floor])
     model = sb.learn_planes(sb.PointCloud(points, **known))
-    assert len(model) == 2
-    assert model.planes.normals[:, 1].prod() == pytest.approx(-1, abs=1e-3)
-    labels = model.labels
+    assert len(model) == 3
+    normals, labels = model.planes.normals, model.labels[:n]
+    assert normals[0, 2] == pytest.approx(1, abs=1e-3)
+    assert normals[1:, 1].prod() == pytest.approx(-1, abs=1e-3)
     kept = labels >= 0
     assert kept.mean() > 0.9
-    assert (np.sign(model.planes.normals[labels[kept], 1]) == facing[kept]).all()
+    assert (np.sign(normals[labels[kept], 1]) == facing[kept]).all()
 
 
 def read_ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
