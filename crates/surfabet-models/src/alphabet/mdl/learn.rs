@@ -19,7 +19,7 @@ use super::thin::thinned;
 use super::word::Word;
 use super::words::{clustered, nearest_words};
 use crate::alphabet::Scene;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::report::{Report, beyond_color};
 
 /// Points that a normal is fitted to.
@@ -102,30 +102,27 @@ fn run(
             scale.planes.retain(|p| prices.point * points(p) > FIRST_PRICE);
         }
         match frozen {
-            Some(alphabet) => alphabet.words().to_vec(),
+            Some(alphabet) => Ok(alphabet.words().to_vec()),
             None => {
                 let all: Vec<&Patch> =
                     scales.iter().flat_map(|s| s.planes.iter().map(|p| &p.look)).collect();
-                clustered(&all, options.max_words as usize)
+                clustered(&all, options.max_words as usize, progress)
             }
         }
-    });
-    progress.check()?;
+    })?;
     prices.word = vec![FIRST_WORD_PRICE; words.len()];
     prices.word[0] = 1.0;
     progress.update("placing words", 0.4);
     let mut candidates = report.time("placing words", || {
-        let placed = |s: &Scale| {
-            let mut all = with_words(&data, &s.cells, &s.planes, &words, options.spacing);
-            all.extend(s.planes.iter().map(|p| p.candidate.clone()));
-            all
-        };
-        let mut all: Vec<Candidate> = scales.iter().flat_map(placed).collect();
+        let mut all: Vec<Candidate> = Vec::new();
+        for Scale { cells, planes } in &scales {
+            all.extend(with_words(&data, cells, planes, &words, options.spacing, progress)?);
+            all.extend(planes.iter().map(|p| p.candidate.clone()));
+        }
         all.retain(|c| prices.point * c.coverage.points.len() as f32 > prices.cost(c));
         all.sort_by_key(|c| c.placement);
-        all
-    });
-    progress.check()?;
+        Ok::<_, Error>(all)
+    })?;
     progress.update("choosing occurrences", 0.7);
     let start = std::time::Instant::now();
     let mut search = Search {
@@ -233,17 +230,17 @@ impl Search<'_> {
     ) -> Result<Vec<Candidate>> {
         for _ in 0..self.options.rounds {
             progress.check()?;
-            let (mut chosen, tally) = self.covered(candidates);
+            let (mut chosen, tally) = self.covered(candidates, progress)?;
             self.learn_prices(&chosen, &tally);
             if !self.frozen {
                 let paying = self.paying(candidates, &chosen, &tally);
                 self.keep_words(&paying, candidates, &mut chosen);
             }
         }
-        let (mut chosen, mut tally) = self.covered(candidates);
+        let (mut chosen, mut tally) = self.covered(candidates, progress)?;
         for _ in 0..PASSES {
             progress.check()?;
-            self.improve(&mut chosen, &mut tally);
+            self.improve(&mut chosen, &mut tally, progress)?;
             self.learn_prices(&chosen, &tally);
         }
         chosen.retain(|c| {
@@ -264,9 +261,13 @@ impl Search<'_> {
         Ok(chosen)
     }
 
-    fn covered(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Tally) {
-        let (chosen, tally) = cover(candidates, &self.prices, self.data.points.len());
-        (chosen.iter().map(|&k| candidates[k as usize].clone()).collect(), tally)
+    fn covered(
+        &self,
+        candidates: &[Candidate],
+        progress: &dyn Progress,
+    ) -> Result<(Vec<Candidate>, Tally)> {
+        let (chosen, tally) = cover(candidates, &self.prices, self.data.points.len(), progress)?;
+        Ok((chosen.iter().map(|&k| candidates[k as usize].clone()).collect(), tally))
     }
 
     /// What occurrences and words really take, and the length of the whole description.
@@ -367,16 +368,25 @@ impl Search<'_> {
     }
 
     /// Takes every occurrence out in turn and puts the best of its variants back: a step of its pose, another word.
-    fn improve(&self, chosen: &mut [Candidate], tally: &mut Tally) {
+    fn improve(
+        &self,
+        chosen: &mut [Candidate],
+        tally: &mut Tally,
+        progress: &dyn Progress,
+    ) -> Result<()> {
         let known: Vec<Patch> = self.words.iter().map(Patch::of_word).collect();
         let variants: Vec<Vec<Candidate>> = chosen
             .par_iter()
             .map_init(
                 || (Vec::new(), Vec::new(), Rasters::new(&self.words)),
-                |(around, close, rasters), c| self.variants(c, &known, around, close, rasters),
+                |(around, close, rasters), c| {
+                    progress.check()?;
+                    Ok(self.variants(c, &known, around, close, rasters))
+                },
             )
-            .collect();
+            .collect::<Result<_>>()?;
         for (c, variants) in chosen.iter_mut().zip(variants) {
+            progress.check()?;
             tally.remove(&c.coverage.points);
             let gain = |c: &Candidate| {
                 self.prices.point * tally.count(&c.coverage.points, 0) - self.prices.cost(c)
@@ -391,6 +401,7 @@ impl Search<'_> {
             }
             tally.add(&c.coverage.points);
         }
+        Ok(())
     }
 
     fn variants(
