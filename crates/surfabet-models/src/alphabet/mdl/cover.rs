@@ -53,6 +53,11 @@ impl Tally {
     pub fn count(&self, points: &[u32], n: u16) -> f32 {
         points.iter().filter(|&&i| self.times[i as usize] == n).count() as f32
     }
+
+    /// How many points of the scene nothing explains.
+    pub fn unexplained(&self) -> f32 {
+        self.times.iter().filter(|&&times| times == 0).count() as f32
+    }
 }
 
 struct Entry {
@@ -221,6 +226,7 @@ mod tests {
             let explained = |i: u32| {
                 chosen.iter().filter(|&&k| all[k as usize].coverage.points.contains(&i)).count()
             };
+            prop_assert_eq!(tally.unexplained(), (0..30).filter(|&i| explained(i) == 0).count() as f32);
             for i in 0..30 {
                 prop_assert_eq!(tally.count(&[i], explained(i) as u16), 1.0);
             }

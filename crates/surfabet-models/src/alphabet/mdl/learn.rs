@@ -296,10 +296,8 @@ impl Search<'_> {
             }
         }
         let Ok(_) = code_words(&mut price, self.words.len() - 1, &self.words[1..]);
-        let n_points = self.data.points.len();
-        let missed = (0..n_points as u32).filter(|&i| tally.count(&[i], 0) > 0.0).count() as f32;
         let lone: f32 = chosen.iter().map(|c| c.coverage.lone as f32).sum();
-        let misfit = self.prices.point * missed + self.prices.lone * lone;
+        let misfit = self.prices.point * tally.unexplained() + self.prices.lone * lone;
         self.costs.push(price.bits + f64::from(misfit));
     }
 
