@@ -144,7 +144,7 @@ fn run(
     report.add_time("choosing occurrences", start.elapsed().as_secs_f64());
     report.iterations = search.costs.len();
     report.objectives.push(("bits, misfit included".into(), search.costs.clone()));
-    report.stop_reason = "the description no longer gets shorter";
+    report.stop_reason = "every round was run";
     // Ranges follow from the sensors' places.
     let kept = |name: &str| {
         name == "intensities"
