@@ -183,6 +183,12 @@ impl Scene {
         self.positions.is_empty()
     }
 
+    /// Half of all points have a larger sigma, metres.
+    pub fn median_sigma(&self) -> f64 {
+        // A scene has at least one point.
+        median(self.sigma.iter().map(|&s| f64::from(s)).collect()).unwrap_or(LEAST_SIGMA)
+    }
+
     /// The points at `indices`, in that order.
     pub(super) fn select(&self, indices: &[u32]) -> Self {
         fn pick<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {

@@ -191,16 +191,9 @@ fn prepared(
     let (points, _) = PointCloud::from_positions(thin.positions.clone());
     let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
     let normals = estimate_normals(&points, near, progress)?.normals;
-    let radius = options.radius.unwrap_or_else(|| LEAST_RADIUS.max(RADIUS * median(&scene.sigma)));
+    let radius = options.radius.unwrap_or_else(|| LEAST_RADIUS.max(RADIUS * scene.median_sigma()));
     let data = Data::new(&thin, normals, radius)?;
     Ok((scene, thin, data))
-}
-
-fn median(values: &[f32]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    // A scene has at least one point.
-    f64::from(sorted[sorted.len() / 2])
 }
 
 struct Scale {
