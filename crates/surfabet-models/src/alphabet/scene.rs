@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Moments, PointCloud, Progress};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Points that the angular resolution and the noise are estimated from.
 const SAMPLE: usize = 4096;
@@ -51,13 +51,7 @@ impl Deviation {
     /// # Errors
     /// [`Error::InvalidParameter`] for values outside of their domain.
     pub fn check(&self) -> Result<()> {
-        if !(self.scale > 0.0 && self.scale.is_finite()) {
-            return Err(Error::invalid(
-                "scale of the deviation",
-                self.scale,
-                "positive and finite",
-            ));
-        }
+        positive("scale of the deviation", self.scale, "positive and finite")?;
         if let Some(alpha) = self.angular_resolution
             && !(alpha > 0.0 && alpha < std::f64::consts::PI)
         {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
 use super::model::{GasModel, rounded};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Neurons per unit of parallel work.
 const BATCH: usize = 64;
@@ -84,9 +84,7 @@ impl GasModel {
         options: &DecodeOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Point>> {
-        if !(spacing > 0.0 && spacing.is_finite()) {
-            return Err(Error::invalid("resolution", spacing, "a positive number of metres"));
-        }
+        positive("resolution", spacing, "a positive number of metres")?;
         let squares = |i: usize| (2.0 * self.reach(i) / spacing + 1.0).powi(2);
         let links = |e: &[u32; 2]| self.length(*e) / spacing;
         let most =

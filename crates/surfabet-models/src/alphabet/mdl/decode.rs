@@ -7,7 +7,7 @@ use super::coverage::raster;
 use super::model::AlphabetModel;
 use super::placement::Stand;
 use super::word::Word;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// How a model becomes a cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,10 +33,8 @@ impl AlphabetModel {
     /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
     /// [`Error::Cancelled`].
     pub fn decode(&self, options: MdlDecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        if let Some(resolution) = options.resolution
-            && !(resolution > 0.0 && resolution.is_finite())
-        {
-            return Err(Error::invalid("resolution", resolution, "positive and finite"));
+        if let Some(resolution) = options.resolution {
+            positive("resolution", resolution, "positive and finite")?;
         }
         let unit = self.unit();
         let raster_of = |stand: &Stand| match options.resolution {
