@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
 use super::model::{GasModel, rounded};
-use crate::error::{Error, Result, positive};
+use crate::error::{Result, check_points, positive};
 
 /// Neurons per unit of parallel work.
 const BATCH: usize = 64;
@@ -52,8 +52,8 @@ impl GasModel {
     /// blend from neuron to neuron.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
-    /// [`Error::Cancelled`].
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
+    /// [`crate::Error::Cancelled`].
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let points = match options.resolution {
             None => (0..self.len()).map(|i| self.neuron_point(i)).collect(),
@@ -89,13 +89,7 @@ impl GasModel {
         let links = |e: &[u32; 2]| self.length(*e) / spacing;
         let most =
             (0..self.len()).map(squares).sum::<f64>() + self.edges.iter().map(links).sum::<f64>();
-        if most > options.max_points as f64 {
-            return Err(Error::TooManyPoints {
-                resolution: spacing,
-                points: most as u64,
-                limit: options.max_points,
-            });
-        }
+        check_points(spacing, most, options.max_points)?;
         let tree = KdTree::new(&self.positions())?;
         let discs: Vec<Vec<Point>> = (0..self.len())
             .into_par_iter()

@@ -8,7 +8,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 use super::frame::Frame;
 use super::model::{Channel, Level, PatchModel};
 use super::points::{DecodeOptions, Points};
-use crate::error::Result;
+use crate::error::{Result, check_points};
 
 impl PatchModel {
     /// The model as a cloud. Points come patch by patch; their number and order are not those of the input.
@@ -28,7 +28,7 @@ impl PatchModel {
                 set * per_side * per_side
             })
             .sum();
-        options.check_points(resolution, bound)?;
+        check_points(resolution, bound, options.max_points)?;
         let mut all = Points::default();
         for level in self.levels() {
             let decoder = LevelDecoder::new(level, resolution, options.normals);
