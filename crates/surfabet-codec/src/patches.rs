@@ -3,6 +3,7 @@
 //! Patches come in Morton order of the cells of one patch size that their centres lie in, so a patch follows a
 //! neighbour, and most of what is stored is the difference to it. Byte by byte in `docs/format.md`.
 
+use surfabet_geom::morton::encode_wide;
 use surfabet_models::patches::order::{self, steps_per_cell};
 use surfabet_models::patches::{
     Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchDictionary, PatchModel,
@@ -302,7 +303,7 @@ fn write_poses(out: &mut Encoder, level: &Level) -> Result<()> {
 
     let mut keys: Vec<u128> = Vec::new();
     let mut counts: Vec<u32> = Vec::new();
-    for key in cells.iter().map(|&c| order::morton(c)) {
+    for key in cells.iter().map(|&c| encode_wide(c)) {
         match (keys.last(), counts.last_mut()) {
             (Some(last), Some(count)) if *last == key => *count += 1,
             (Some(last), _) if *last > key => {
