@@ -14,7 +14,7 @@ use super::order::{steps_per_cell, storing_order};
 use super::placement::{Placed, place};
 use super::samples::Samples;
 use crate::error::{Error, Result};
-use crate::report::{Report, beyond_color};
+use crate::report::{Report, lost};
 
 /// Position lattice, in pixels: a quarter of a pixel moves no sample visibly, since depth and colour are measured
 /// after the pose is rounded.
@@ -227,7 +227,7 @@ fn steps(options: &PatchOptions, j: u32) -> Steps {
 
 fn describe_cloud(report: &mut Report, cloud: &PointCloud, samples: &Samples) {
     report.figures.extend([("points", cloud.len() as f64), ("samples", samples.len() as f64)]);
-    report.not_kept = beyond_color(cloud);
+    report.not_kept = lost(cloud, &["colors"]);
 }
 
 /// The level that a channel is learned for.

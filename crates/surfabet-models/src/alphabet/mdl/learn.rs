@@ -20,7 +20,7 @@ use super::word::Word;
 use super::words::{clustered, nearest_words};
 use crate::alphabet::Scene;
 use crate::error::{Error, Result};
-use crate::report::{Report, beyond_color};
+use crate::report::{Report, lost};
 
 /// Points that a normal is fitted to.
 const NORMAL_NEIGHBORS: usize = 12;
@@ -146,11 +146,12 @@ fn run(
     report.objectives.push(("bits, misfit included".into(), search.costs.clone()));
     report.stop_reason = "every round was run";
     // Ranges follow from the sensors' places.
-    let kept = |name: &str| {
-        name == "intensities"
-            || !data.sensors.is_empty() && ["ranges", "viewpoints"].contains(&name)
+    let kept: &[&str] = if data.sensors.is_empty() {
+        &["colors", "intensities"]
+    } else {
+        &["colors", "intensities", "ranges", "viewpoints"]
     };
-    report.not_kept = beyond_color(cloud).into_iter().filter(|&name| !kept(name)).collect();
+    report.not_kept = lost(cloud, kept);
     report.figures.extend([
         ("points", cloud.len() as f64),
         ("distinct points", scene.len() as f64),
