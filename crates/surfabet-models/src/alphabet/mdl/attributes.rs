@@ -1,11 +1,9 @@
 //! Colour and intensity of occurrences: the mean of the points that each explains.
 
-use std::collections::HashMap;
-
 use surfabet_entropy::{Coder, SInt};
 
-use super::lattice::{UNITS, cell_center};
-use super::neighbors::REMEMBERED;
+use super::lattice::cell_center;
+use super::nearby::Nearby;
 use super::placement::Placement;
 use crate::alphabet::Scene;
 
@@ -90,19 +88,15 @@ pub(super) fn code_channels<C: Coder>(
     given: &[Vec<i32>],
 ) -> Result<Vec<Vec<i32>>, C::Error> {
     let mut models = vec![SInt::new(); channels];
-    let mut near: HashMap<[i32; 3], Vec<usize>> = HashMap::new();
+    let mut nearby: Nearby<usize> = Nearby::new(scales);
     let middle = |p: &Placement| cell_center(p.cell, u32::from(p.scale));
-    let coarse = |p: &Placement| middle(p).map(|c| (c / (UNITS << (scales - 1))) as i32);
     let mut said: Vec<Vec<i32>> = Vec::with_capacity(placements.len());
     for (k, p) in placements.iter().enumerate() {
-        let at = coarse(p);
-        let around = (0..27).map(|s| [at[0] + s % 3 - 1, at[1] + s / 3 % 3 - 1, at[2] + s / 9 - 1]);
-        let known = around.filter_map(|cell| near.get(&cell));
-        let candidates = known.flat_map(|there| there.iter().rev().take(REMEMBERED).copied());
         let apart = |j: usize| -> u64 {
             let [a, b] = [middle(p), middle(&placements[j])];
             (0..3).map(|c| a[c].abs_diff(b[c]).pow(2)).sum()
         };
+        let candidates = nearby.about(p.cell, u32::from(p.scale)).copied();
         let nearest = candidates.min_by_key(|&j| (apart(j), j)).or(k.checked_sub(1));
         let mut values = Vec::with_capacity(channels);
         for (c, model) in models.iter_mut().enumerate() {
@@ -115,7 +109,7 @@ pub(super) fn code_channels<C: Coder>(
             values.push(value);
         }
         said.push(values);
-        near.entry(at).or_default().push(k);
+        nearby.add(p.cell, u32::from(p.scale), k);
     }
     Ok(said)
 }

@@ -16,6 +16,7 @@ mod lattice;
 mod learn;
 mod model;
 mod near;
+mod nearby;
 mod neighbors;
 mod options;
 mod patch;
