@@ -7,6 +7,7 @@
 //! | [`patches`] | sparse-coded surface patches | M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
 
 pub mod alphabet;
+mod color;
 mod error;
 pub mod gas;
 pub mod patches;

@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
-use super::model::{GasModel, rounded};
+use super::model::GasModel;
+use crate::color::rounded;
 use crate::error::{Result, check_points, positive};
 
 /// Neurons per unit of parallel work.

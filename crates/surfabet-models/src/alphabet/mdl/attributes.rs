@@ -6,6 +6,7 @@ use super::lattice::cell_center;
 use super::nearby::Nearby;
 use super::placement::Placement;
 use crate::alphabet::Scene;
+use crate::color::{rounded, to_rgb};
 
 /// Steps between the least and the largest intensity of a scene.
 pub const INTENSITY_STEPS: i32 = 63;
@@ -62,11 +63,8 @@ impl Channels {
 
     /// Red, green and blue.
     pub(super) fn color(&self, said: &[i32]) -> Option<[u8; 3]> {
-        let step = f64::from(self.color_step?);
-        let [luma, orange, green] = [0, 1, 2].map(|c| f64::from(said[c]) * step);
-        let middle = luma - 0.5 * green;
-        let rgb = [middle + 0.5 * orange, middle + green, middle - 0.5 * orange];
-        Some(rgb.map(|c| c.round().clamp(0.0, 255.0) as u8))
+        let step = self.color_step? as f32;
+        Some(rounded(to_rgb([0, 1, 2].map(|c| said[c] as f32 * step))))
     }
 
     pub(super) fn intensity(&self, said: &[i32]) -> Option<f32> {
