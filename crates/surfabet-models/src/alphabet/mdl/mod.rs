@@ -11,11 +11,11 @@
 //! |---|---|---|
 //! | `options` | what to learn, and what a point is worth | |
 //! | `thin`, `data` | points no denser than sigma needs, in units and by cells | eq. 13 |
-//! | `lattice`, `word`, `placement` | the integers that radii, height maps and poses are made of | eq. 1 |
+//! | `lattice`, `word`, `placement` | the integers that radii, height maps and poses are made of | |
 //! | `candidates`, `near` | planes at every cell, and the words that look like what is there | III-C |
 //! | `patch`, `words` | descriptors, and their clusters as words | III-C |
 //! | `coverage` | points that a placed word explains, and samples that explain none | eq. 13 |
-//! | `cover` | the occurrences that explain most for their bits, without redundant ones | eq. 4, III-D |
+//! | `cover` | the occurrences that explain most for their bits, without redundant ones | III-D |
 //! | `learn` | all of it, and a scene by an alphabet that is given | III, IV-B |
 //! | `attributes` | colour and intensity of occurrences | |
 //! | `model` | the result | |
