@@ -112,6 +112,7 @@ impl Scene {
         let far = |&i: &u32| range_of(i as usize).is_none_or(|r| f64::from(r) >= min_range);
         let mut order: Vec<u32> = (0..all.len() as u32).into_par_iter().filter(far).collect();
         let too_near = all.len() - order.len();
+        progress.check()?;
         // Zero and minus zero are one place.
         let key = |i: u32| all[i as usize].map(|c| c + 0.0);
         let attributes = |i: u32| {
@@ -163,7 +164,7 @@ impl Scene {
             return Err(Error::EmptyCloud);
         }
         progress.check()?;
-        scene.allow_deviation()?;
+        scene.allow_deviation(progress)?;
         Ok(scene)
     }
 
@@ -201,12 +202,14 @@ impl Scene {
     }
 
     /// Estimates what is not given, and sets sigma.
-    fn allow_deviation(&mut self) -> Result<()> {
+    fn allow_deviation(&mut self, progress: &dyn Progress) -> Result<()> {
         let tree = KdTree::new(&self.positions)?;
+        progress.check()?;
         let noise = match self.deviation.noise {
             Some(noise) => noise,
             None => self.estimated_noise(&tree),
         };
+        progress.check()?;
         let spread: Vec<f64> = if self.ranges.is_empty() {
             self.deviation.angular_resolution = None;
             let apart = |i: usize| spacing(&self.positions, &tree, i);

@@ -74,9 +74,7 @@ pub(super) fn planes(
         .map_init(
             || (Buffers::default(), Rasters::new(&plane)),
             |(buffers, rasters), k| {
-                if k % 64 == 0 {
-                    progress.check()?;
-                }
+                progress.check()?;
                 let (cell, inside) = cells.get(k);
                 cells.some_around(cell, FITTED, &mut buffers.some);
                 Ok(in_cell(data, cells, cell, scale, spacing, inside, buffers, rasters))

@@ -187,12 +187,15 @@ fn prepared(
     progress: &dyn Progress,
 ) -> Result<(Scene, Scene, Data)> {
     let scene = Scene::new(cloud, options.deviation, options.min_range, progress)?;
+    progress.check()?;
     let kept = thinned(&scene);
+    progress.check()?;
     let thin = scene.select(&kept);
     let (points, _) = PointCloud::from_positions(thin.positions.clone());
     let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
     let normals = estimate_normals(&points, near, progress)?.normals;
     let radius = options.radius.unwrap_or_else(|| LEAST_RADIUS.max(RADIUS * scene.median_sigma()));
+    progress.check()?;
     let data = Data::new(&thin, normals, radius)?;
     Ok((scene, thin, data))
 }
