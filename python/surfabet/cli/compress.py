@@ -29,20 +29,20 @@ from surfabet.cli._options import (
     READ_OPTIONS,
     SHARED_OPTIONS,
     Common,
+    FamilyOptions,
     Flag,
+    PositiveFloat,
+    PositiveInt,
     ReadOptions,
     SharedOptions,
     UsageError,
 )
 from surfabet.files import AnyModel
 
-PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
-PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
-
 
 @Parameter(name="*", group=Group("Patches", sort_key=1))
 @dataclass(frozen=True)
-class PatchOptions:
+class PatchOptions(FamilyOptions):
     """Finer options of patches, as `surfabet.learn_patches` documents them; its defaults hold."""
 
     rate: PositiveFloat = None
@@ -85,17 +85,13 @@ class PatchOptions:
     sensor: Literal["structured-light", "constant"] | None = None
     """How the error of a range measurement grows."""
 
-    def given(self) -> dict[str, Any]:
-        """The options that were given."""
-        return {name: value for name, value in vars(self).items() if value is not None}
-
 
 PATCH_OPTIONS = PatchOptions()
 
 
 @Parameter(name="*", group=Group("Alphabet", sort_key=1))
 @dataclass(frozen=True)
-class AlphabetOptions:
+class AlphabetOptions(FamilyOptions):
     """Finer options of alphabets, as `surfabet.learn_alphabet` documents them."""
 
     preset: Literal["small", "balanced", "fine"] | None = None
@@ -130,7 +126,7 @@ class AlphabetOptions:
 
     def given(self) -> dict[str, Any]:
         """The options that were given."""
-        options = {name: value for name, value in vars(self).items() if value is not None}
+        options = super().given()
         if self.angular_resolution is not None:
             options["angular_resolution"] = math.radians(self.angular_resolution)
         return options
@@ -141,7 +137,7 @@ ALPHABET_OPTIONS = AlphabetOptions()
 
 @Parameter(name="*", group=Group("Gas", sort_key=1))
 @dataclass(frozen=True)
-class GasOptions:
+class GasOptions(FamilyOptions):
     """Options of a gas, as `surfabet.learn_gas` documents them; its defaults hold."""
 
     n_neurons: PositiveInt = None
@@ -173,10 +169,6 @@ class GasOptions:
 
     position_step: PositiveFloat = None
     """Rounding of positions in metres."""
-
-    def given(self) -> dict[str, Any]:
-        """The options that were given."""
-        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 GAS_OPTIONS = GasOptions()
