@@ -63,7 +63,7 @@ impl Default for BicOptions {
             descriptor_pixels: 8,
             empty_penalty: 0.5,
             floor: 3.0,
-            min_points: 5,
+            min_points: 8,
             iterations: 500,
             max_rejections: 500,
             reduce: true,
