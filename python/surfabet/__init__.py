@@ -40,6 +40,14 @@ from surfabet.lattice import LatticeLevel, LatticeModel, LatticePatches
 from surfabet.learning import LearningReport
 from surfabet.metrics import Quality, RangeSigma, evaluate
 from surfabet.patches import learn_patches
+from surfabet.planes import (
+    PlaneFit,
+    PlaneMesh,
+    PlaneModel,
+    Planes,
+    fit_planes_em,
+    learn_planes,
+)
 
 __all__ = [
     "Alphabet",
@@ -67,6 +75,10 @@ __all__ = [
     "PatchLevel",
     "PatchModel",
     "Patches",
+    "PlaneFit",
+    "PlaneMesh",
+    "PlaneModel",
+    "Planes",
     "PointCloud",
     "Quality",
     "RangeImage",
@@ -77,12 +89,14 @@ __all__ = [
     "estimate_normals",
     "evaluate",
     "farthest_point_downsample",
+    "fit_planes_em",
     "from_bytes",
     "get_num_threads",
     "inspect",
     "learn_alphabet",
     "learn_gas",
     "learn_patches",
+    "learn_planes",
     "load",
     "octree_downsample",
     "place_similarity",

@@ -398,10 +398,10 @@ def learn_lattice(
     sensor: str,
     progress: ProgressCallback | None,
 ) -> LatticeModel: ...
-_AnyModel: TypeAlias = (
-    AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel
-)
 
+_AnyModel: TypeAlias = (
+    AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel | PlaneModel
+)
 
 def from_bytes(
     data: bytes,
@@ -733,3 +733,83 @@ def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float: ...
 def word_histogram(
     model: AlphabetModel,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]: ...
+
+# Planes: crates/surfabet-py/src/planes.rs
+
+def learn_planes(
+    cloud: PointCloud,
+    *,
+    initial_patches: int,
+    min_grid_size: float | None,
+    weight_at_grid_size: float,
+    split_threshold: float,
+    merge_tolerance: float,
+    em_steps: int,
+    new_patches_every: int,
+    max_iterations: int,
+    tolerance: float,
+    min_points: int | None,
+    min_purity: float,
+    min_fill: float,
+    max_bend: float,
+    color_step: int,
+    weights: ArrayLike | None,
+    random_state: int,
+    progress: ProgressCallback | None,
+) -> PlaneModel: ...
+def fit_planes_em(
+    cloud: PointCloud,
+    *,
+    centers: ArrayLike,
+    normals: ArrayLike,
+    weights: ArrayLike | None,
+    max_iterations: int,
+    tolerance: float,
+    progress: ProgressCallback | None,
+) -> tuple[
+    NDArray[np.float64], NDArray[np.float64], NDArray[np.int32], float, NDArray[np.float64]
+]: ...
+
+@final
+class PlaneModel:
+    def decode(
+        self,
+        *,
+        resolution: float | None,
+        as_measured: bool,
+        normals: bool,
+        max_points: int,
+        progress: ProgressCallback | None,
+    ) -> PointCloud: ...
+    def segment(
+        self, cloud: PointCloud, *, progress: ProgressCallback | None
+    ) -> NDArray[np.int32]: ...
+    def project(self, cloud: PointCloud, *, progress: ProgressCallback | None) -> PointCloud: ...
+    def to_bytes(self) -> bytes: ...
+    def save(self, path: str) -> int: ...
+    @property
+    def n_points(self) -> int: ...
+    @property
+    def n_outliers(self) -> int: ...
+    @property
+    def origin(self) -> list[float]: ...
+    @property
+    def has_color(self) -> bool: ...
+    @property
+    def grid_size(self) -> float: ...
+    @property
+    def labels(self) -> NDArray[np.int32] | None: ...
+    def centers(self) -> NDArray[np.float64]: ...
+    def axes(self) -> NDArray[np.float64]: ...
+    def extents(self) -> NDArray[np.float64]: ...
+    def standard_deviations(self) -> NDArray[np.float64]: ...
+    def counts(self) -> NDArray[np.float64]: ...
+    def areas(self) -> NDArray[np.float64]: ...
+    def tile_edges(self) -> NDArray[np.float64]: ...
+    def supported(self) -> list[NDArray[np.bool_]]: ...
+    def colors(self) -> list[NDArray[np.uint8]] | None: ...
+    def polygons(self, patch: int) -> list[NDArray[np.float64]]: ...
+    def mesh(self) -> tuple[NDArray[np.float64], NDArray[np.uint32], NDArray[np.uint32]]: ...
+    @property
+    def report_dict(self) -> dict[str, Any]: ...
+    def __len__(self) -> int: ...

@@ -17,6 +17,7 @@ from surfabet.gas import GasModel
 from surfabet.hscsm import PatchDictionary, PatchModel
 from surfabet.lattice import LatticeModel
 from surfabet.metrics import RangeSigma
+from surfabet.planes import PlaneModel
 
 __all__ = ["AnyModel", "FileInfo", "from_bytes", "inspect", "load"]
 
@@ -45,7 +46,7 @@ SECTIONS = {
     "SIZE": "sizes",
 }
 
-AnyModel = AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel
+AnyModel = AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel | PlaneModel
 """A model of any family."""
 
 
@@ -174,6 +175,8 @@ def _wrapped(core: _core._AnyModel) -> AnyModel:
             return GasModel(core)
         case _core.LatticeModel():
             return LatticeModel(core)
+        case _core.PlaneModel():
+            return PlaneModel(core)
         case _:
             return PatchModel(core)
 
@@ -188,6 +191,8 @@ def _options(model: AnyModel) -> dict[str, Any]:
             return _gas_options(model)
         case LatticeModel():
             return _lattice_options(model)
+        case PlaneModel():
+            return _plane_options(model)
         case _:
             return _hscsm_options(model)
 
@@ -255,6 +260,20 @@ def _lattice_options(model: LatticeModel) -> dict[str, Any]:
     if model.max_error is not None:
         options["max error (m)"] = model.max_error
     return options
+
+
+def _plane_options(model: PlaneModel) -> dict[str, Any]:
+    planes = model.planes
+    return {
+        "planes": len(planes),
+        "of these planar": int(planes.planar.sum()),
+        "colour": model.has_color,
+        "grid size (m)": model.grid_size,
+        "area (m2)": float(planes.areas.sum()),
+        "tiles": sum(mask.size for mask in planes.supported),
+        "of these supported": sum(int(mask.sum()) for mask in planes.supported),
+        "outliers": model.n_outliers,
+    }
 
 
 def _hscsm_options(model: PatchModel) -> dict[str, Any]:

@@ -40,6 +40,7 @@ mod hash;
 pub mod lattice;
 pub mod models;
 pub mod patches;
+pub mod planes;
 
 pub use container::{Container, ContainerWriter, Family, Features, Limits, Section, Tag, Version};
 pub use entropy::{Decoder, Encoder};

@@ -11,6 +11,7 @@ use crate::errors::{IntoPyErr, invalid_input};
 use crate::gas::PyGasModel;
 use crate::lattice::PyLatticeModel;
 use crate::patches::{PyPatchDictionary, PyPatchModel};
+use crate::planes::PyPlaneModel;
 
 type Dictionary<'a, 'py> = Option<&'a Bound<'py, PyPatchDictionary>>;
 type Words<'a, 'py> = Option<&'a Bound<'py, PyAlphabet>>;
@@ -98,6 +99,7 @@ fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
         Model::Alphabet(model) => Ok(Py::new(py, PyAlphabetModel::from(model))?.into_any()),
         Model::BicAlphabet(model) => Ok(Py::new(py, PyBicModel::from(model))?.into_any()),
         Model::Gas(model) => Ok(Py::new(py, PyGasModel::from(model))?.into_any()),
+        Model::Planes(model) => Ok(Py::new(py, PyPlaneModel::from(model))?.into_any()),
         other => {
             Err(invalid_input(format!("models of family {} have no class yet", other.family())))
         }

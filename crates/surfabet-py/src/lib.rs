@@ -18,6 +18,7 @@ mod metrics;
 mod normals;
 mod octree;
 mod patches;
+mod planes;
 mod range_image;
 mod reduce;
 mod report;
@@ -43,6 +44,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     reduce::register(module)?;
     patches::register(module)?;
     lattice::register(module)?;
+    planes::register(module)?;
     lzf::register(module)?;
     sim::register(module)?;
     kdtree::register(module)?;

@@ -43,5 +43,6 @@ pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
 pub use surfabet_models::patches::{
     self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,
 };
+pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::{Report, Stage};
 pub use surfabet_sparse as sparse;

@@ -10,6 +10,7 @@ use surfabet_models::alphabet::mdl::{Alphabet, AlphabetModel, MdlDecodeOptions};
 use surfabet_models::gas::{self, GasModel};
 use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
+use surfabet_models::planes::{self, PlaneModel};
 
 use crate::error::{Error, Result};
 use crate::save::{Save, write};
@@ -28,6 +29,8 @@ pub enum Model {
     BicAlphabet(BicModel),
     /// A growing neural gas.
     Gas(GasModel),
+    /// Planar patches with tiles.
+    Planes(PlaneModel),
 }
 
 /// What files may name instead of holding it.
@@ -39,6 +42,12 @@ pub struct Shared<'a> {
     pub alphabet: Option<&'a Alphabet>,
     /// The words of an alphabet by BIC.
     pub bic_alphabet: Option<&'a BicAlphabet>,
+}
+
+impl From<PlaneModel> for Model {
+    fn from(model: PlaneModel) -> Self {
+        Self::Planes(model)
+    }
 }
 
 impl From<GasModel> for Model {
@@ -78,6 +87,7 @@ impl Model {
             Self::Patches(_) | Self::Lattice(_) => Family::Patches,
             Self::Alphabet(_) | Self::BicAlphabet(_) => Family::Alphabet,
             Self::Gas(_) => Family::Gas,
+            Self::Planes(_) => Family::Planes,
         }
     }
 
@@ -92,6 +102,7 @@ impl Model {
             Self::Alphabet(model) => model.to_bytes(),
             Self::BicAlphabet(model) => model.to_bytes(),
             Self::Gas(model) => model.to_bytes(),
+            Self::Planes(model) => model.to_bytes(),
         }
     }
 
@@ -144,11 +155,7 @@ impl Model {
                 shared.alphabet,
             )?)),
             Family::Gas => Ok(Self::Gas(surfabet_codec::gas::read(container, limits)?)),
-            other => Err(surfabet_codec::Error::UnknownFamily {
-                found: other as u8,
-                needed: container.needed_version(),
-            }
-            .into()),
+            Family::Planes => Ok(Self::Planes(surfabet_codec::planes::read(container, limits)?)),
         }
     }
 
@@ -189,6 +196,11 @@ impl Model {
             Self::BicAlphabet(model) => Ok(model.decode(options.max_points, progress)?),
             Self::Gas(model) => {
                 let options = gas::DecodeOptions { resolution, ..gas::DecodeOptions::default() };
+                Ok(model.decode(options, progress)?)
+            }
+            Self::Planes(model) => {
+                let options =
+                    planes::DecodeOptions { resolution, ..planes::DecodeOptions::default() };
                 Ok(model.decode(options, progress)?)
             }
             Self::Alphabet(model) => {

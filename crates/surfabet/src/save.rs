@@ -8,6 +8,7 @@ use surfabet_models::alphabet::mdl::AlphabetModel;
 use surfabet_models::gas::GasModel;
 use surfabet_models::patches::PatchModel;
 use surfabet_models::patches::lattice::LatticeModel;
+use surfabet_models::planes::PlaneModel;
 
 use crate::error::{Error, Result};
 
@@ -49,6 +50,12 @@ impl Save for BicModel {
 impl Save for GasModel {
     fn to_bytes(&self) -> Result<Vec<u8>> {
         Ok(surfabet_codec::gas::write(self)?)
+    }
+}
+
+impl Save for PlaneModel {
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        Ok(surfabet_codec::planes::write(self)?)
     }
 }
 

@@ -17,6 +17,7 @@ from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
 from surfabet.cli.evaluate import evaluate
+from surfabet.cli.export import export
 from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.verify import verify
@@ -43,7 +44,7 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
-for verb in (compress, decompress, info, evaluate, verify, find, convert):
+for verb in (compress, decompress, info, evaluate, verify, find, export, convert):
     app.command(verb)
 
 

@@ -100,14 +100,18 @@ def load_model(path: Path, progress: ProgressCallback, shared: Shared = NOTHING)
     return surfabet.load(path, dictionary=shared.dictionary, alphabet=shared.alphabet)
 
 
+THICK = surfabet.LatticeModel | surfabet.GasModel | surfabet.PlaneModel
+"""Models that keep how thick the scan was."""
+
+
 def decode(model: AnyModel, as_measured: bool, **options: Any) -> surfabet.PointCloud:
     """The model as a cloud; as measured only where it keeps how thick the scan was."""
-    if isinstance(model, surfabet.LatticeModel | surfabet.GasModel):
+    if isinstance(model, THICK):
         return model.decode(as_measured=as_measured, **options)
     if as_measured:
         raise UsageError(
-            "--as-measured: only a gas, and patches of method rate-distortion, keep how thick the "
-            "scan was"
+            "--as-measured: only planes, a gas, and patches of method rate-distortion, keep how "
+            "thick the scan was"
         )
     return model.decode(**options)
 

@@ -16,6 +16,7 @@ from cyclopts.validators import Number
 import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
+    THICK,
     Shared,
     check_output,
     decode,
@@ -174,9 +175,61 @@ class GasOptions(FamilyOptions):
 GAS_OPTIONS = GasOptions()
 
 
+@Parameter(name="*", group=Group("Planes", sort_key=1))
+@dataclass(frozen=True)
+class PlanesOptions:
+    """Options of planes, as `surfabet.learn_planes` documents them; its defaults hold."""
+
+    min_grid_size: PositiveFloat = None
+    """Smallest grid size in metres: flat is what is flat at this size."""
+
+    initial_patches: Annotated[int | None, Parameter(validator=Number(gte=0))] = None
+    """Number of patches to start from, at random; 0, the default, takes them from the data."""
+
+    min_points: Annotated[int | None, Parameter(validator=Number(gte=3))] = None
+    """Points that a plane needs."""
+
+    weight_at_grid_size: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1))] = None
+    """Weight of a point at the distance of the grid size (W)."""
+
+    split_threshold: Annotated[float | None, Parameter(validator=Number(gte=0, lt=1))] = None
+    """A patch is split where its density falls below this share of the mean."""
+
+    merge_tolerance: Annotated[float | None, Parameter(validator=Number(gte=1))] = None
+    """Factor by which points may be further from a common plane for two patches to merge."""
+
+    min_purity: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None
+    """Least share of the points before and behind a plane that support it; 0 keeps clutter."""
+
+    min_fill: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None
+    """Least share of a plane's rectangle that points support."""
+
+    max_bend: Annotated[float | None, Parameter(validator=Number(gte=1))] = None
+    """Most that points deviate from a plane, per deviation from the mean of their tile."""
+
+    em_steps: PositiveInt = None
+    """Passes of EM and trimming before each split and each merge."""
+
+    new_patches_every: PositiveInt = None
+    """Iterations after which patches are added where many points support none."""
+
+    max_iterations: PositiveInt = None
+    """Most iterations."""
+
+    tolerance: PositiveFloat = None
+    """Learning ends when distances change by less than this share."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+PLANES_OPTIONS = PlanesOptions()
+
+
 def learn(
     cloud: surfabet.PointCloud,
-    model: Literal["patches", "alphabet", "gas"],
+    model: Literal["patches", "alphabet", "gas", "planes"],
     method: str | None,
     shared: Shared,
     **options: Any,
@@ -191,6 +244,8 @@ def learn(
         learned = shared.dictionary.encode(cloud, **options)
     elif model == "gas":
         learned = surfabet.learn_gas(cloud, **options)
+    elif model == "planes":
+        learned = surfabet.learn_planes(cloud, **options)
     elif model == "alphabet":
         chosen: Any = {} if method is None else {"method": method}
         learned = surfabet.learn_alphabet(cloud, **chosen, **options)
@@ -208,7 +263,12 @@ def _far_enough(cloud: surfabet.PointCloud, min_range: float | None) -> surfabet
     return cloud.select(np.flatnonzero(cloud.ranges >= min_range))
 
 
-METHODS = {"patches": ("rate-distortion", "hscsm"), "alphabet": ("mdl", "bic"), "gas": ()}
+METHODS = {
+    "patches": ("rate-distortion", "hscsm"),
+    "alphabet": ("mdl", "bic"),
+    "gas": (),
+    "planes": (),
+}
 """Methods of each family."""
 
 
@@ -237,7 +297,7 @@ def compress(
     output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
-    model: Literal["patches", "alphabet", "gas"] = "patches",
+    model: Literal["patches", "alphabet", "gas", "planes"] = "patches",
     method: Literal["rate-distortion", "hscsm", "mdl", "bic"] | None = None,
     resolution: PositiveFloat = None,
     max_error: PositiveFloat = None,
@@ -248,6 +308,7 @@ def compress(
     patches: PatchOptions = PATCH_OPTIONS,
     alphabets: AlphabetOptions = ALPHABET_OPTIONS,
     gas: GasOptions = GAS_OPTIONS,
+    planes: PlanesOptions = PLANES_OPTIONS,
     shared: SharedOptions = SHARED_OPTIONS,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
@@ -266,6 +327,7 @@ def compress(
         surfabet compress scan1.pcd scan1.sfb --model alphabet --viewpoint 0 0 0
         surfabet compress scan2.pcd scan2.sfb --model alphabet --alphabet scan1.sfb
         surfabet compress room.ply map.sfb --model gas --n-neurons 20000
+        surfabet compress room.ply walls.sfb --model planes --min-grid-size 0.05
 
     Parameters
     ----------
@@ -275,8 +337,8 @@ def compress(
     output
         The model file to write.
     model
-        The family of models: surface patches, an alphabet of recurrent words, or a growing neural
-        gas of --n-neurons neurons.
+        The family of models: surface patches, an alphabet of recurrent words, a growing neural gas
+        of --n-neurons neurons, or planes.
     method
         How patches are learned: by least cost on a lattice (the default), or as published, with
         free poses and learned dictionaries (hscsm). How an alphabet is learned: by description
@@ -298,7 +360,12 @@ def compress(
     """
     check_output(output, frozenset({MODEL_SUFFIX}), input_)
     general = {"resolution": resolution, "levels": levels, "max_error": max_error}
-    own = {"patches": patches.given(), "alphabet": alphabets.given(), "gas": gas.given()}
+    own = {
+        "patches": patches.given(),
+        "alphabet": alphabets.given(),
+        "gas": gas.given(),
+        "planes": planes.given(),
+    }
     check_family(model, method, general, shared, **own)
     seconds: dict[str, float] = {}
     quality = None
@@ -335,7 +402,7 @@ def compress(
             started = time.perf_counter()
             again = load_model(output, progress, known)
             # Held against a scan that is thick with noise, a thin surface has the scan's own error.
-            as_measured = isinstance(again, surfabet.LatticeModel | surfabet.GasModel)
+            as_measured = isinstance(again, THICK)
             decoded = decode(again, as_measured, progress=progress)
             seconds["decode"] = time.perf_counter() - started
             started = time.perf_counter()

@@ -39,6 +39,7 @@ mod points;
 mod seed;
 mod split;
 mod surface;
+mod syntax;
 mod tiles;
 mod trim;
 
@@ -48,11 +49,12 @@ pub use e_step::{Responsibilities, weight_scale};
 pub use fit::{Fit, Iteration};
 pub use learn::learn;
 pub use model::{
-    DIRECTIONS, MAX_COLOR_CODE, MAX_COORDINATE, MAX_DOUBLINGS, MAX_EXPONENT, MAX_SIZE_CODE,
-    NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
+    DIRECTIONS, MAX_COLOR_CODE, MAX_COORDINATE, MAX_DOUBLINGS, MAX_EXPONENT, MAX_MODEL_TILES,
+    MAX_PATCH_TILES, MAX_SIZE_CODE, NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
 };
 pub use options::{MAX_PATCHES, PlanesOptions};
 pub use outline::PlaneMesh;
 pub use patch::{Frame, Patch};
 pub use points::Points;
+pub use syntax::Streams;
 pub use tiles::Tiles;

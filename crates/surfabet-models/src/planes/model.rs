@@ -29,6 +29,12 @@ pub const PARTS: u8 = 8;
 /// Largest power of two that a tile's side is of the grid size.
 pub const MAX_DOUBLINGS: u8 = 40;
 
+/// Most tiles of a patch, supported or not: those that learning allows, and what rounding adds.
+pub const MAX_PATCH_TILES: u64 = 2 * MAX_TILES as u64;
+
+/// Most tiles of all patches together, so that a small file cannot ask for much memory.
+pub const MAX_MODEL_TILES: u64 = 1 << 25;
+
 /// Largest code of a number of points or a standard deviation.
 pub const MAX_SIZE_CODE: u8 = 255;
 
@@ -145,6 +151,8 @@ impl PlaneModel {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let exponent = exponent(points, grid_size)?;
+        // A point or two have no resolution, and their grid size may be below any step.
+        let grid_size = grid_size.max(f64::from(exponent).exp2());
         let mut header = PlanesHeader {
             n_points: cloud.len() as u64,
             n_outliers: 0,
@@ -168,6 +176,10 @@ impl PlaneModel {
             }
         }
         header.check()?;
+        if n_tiles(&stored) > MAX_MODEL_TILES {
+            let requirement = "larger: the patches would have more than 2^25 tiles";
+            return Err(Error::invalid("min_grid_size", grid_size, requirement));
+        }
         report.add_figure("outliers", header.n_outliers as f64);
         Ok(Self { header, stored, patches, labels: Some(labels), report })
     }
@@ -184,6 +196,10 @@ impl PlaneModel {
         }
         for (i, patch) in stored.iter().enumerate() {
             check(patch, &header).map_err(|e| Error::Inconsistent(format!("patch {i}: {e}")))?;
+        }
+        if n_tiles(&stored) > MAX_MODEL_TILES {
+            let what = format!("{} tiles, more than {MAX_MODEL_TILES}", n_tiles(&stored));
+            return Err(Error::Inconsistent(what));
         }
         let patches = stored.par_iter().map(|patch| restore(patch, &header)).collect();
         Ok(Self { header, stored, patches, labels: None, report: Report::default() })
@@ -325,6 +341,11 @@ fn plain_frame(position: [i32; 3], normal: [i16; 2], step: f64) -> Frame {
     Frame::with_normal(position.map(|c| f64::from(c) * step), normal.map(|c| c / length))
 }
 
+/// Tiles of all patches, supported or not.
+fn n_tiles(stored: &[StoredPatch]) -> u64 {
+    stored.iter().map(|patch| patch.supported.len() as u64).sum()
+}
+
 fn store(patch: &Patch, header: &PlanesHeader) -> StoredPatch {
     let step = f64::from(header.exponent).exp2();
     let tiles = &patch.tiles;
@@ -369,7 +390,8 @@ fn restore(stored: &StoredPatch, header: &PlanesHeader) -> Patch {
         let last = f64::from(stored.last[a]) / f64::from(PARTS);
         edge * (f64::from(stored.shape[a]) - 1.0 + last)
     });
-    let mut tiles = Tiles::new(size.map(|s| -0.5 * s), size, edge);
+    let shape = stored.shape.map(|n| n as usize);
+    let mut tiles = Tiles::of_shape(size.map(|s| -0.5 * s), size, edge, shape);
     tiles.support(stored.supported.clone());
     let mut patch = Patch::bare(frame, tiles);
     patch.standard_deviation = DEVIATION_UNIT * step * size_of_code(stored.deviation);
@@ -387,14 +409,14 @@ fn check(patch: &StoredPatch, header: &PlanesHeader) -> Result<(), String> {
     if patch.doublings > MAX_DOUBLINGS {
         return Err(format!("tiles of 2^{} grid sizes", patch.doublings));
     }
-    let [nx, ny] = patch.shape.map(f64::from);
-    if patch.shape.contains(&0) || nx * ny > 2.0 * MAX_TILES {
+    let [nx, ny] = patch.shape.map(u64::from);
+    if patch.shape.contains(&0) || nx * ny > MAX_PATCH_TILES {
         return Err(format!("{:?} tiles", patch.shape));
     }
     if patch.last.iter().any(|&l| !(1..=PARTS).contains(&l)) {
         return Err(format!("a last tile of {:?} eighths", patch.last));
     }
-    if patch.supported.len() as f64 != nx * ny {
+    if patch.supported.len() as u64 != nx * ny {
         return Err(format!("{} tiles in a mask of {:?}", patch.supported.len(), patch.shape));
     }
     let supported = patch.supported.iter().filter(|s| **s).count();

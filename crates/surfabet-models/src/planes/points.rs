@@ -150,6 +150,11 @@ impl Points {
         self.positions.is_empty()
     }
 
+    /// World position of the local zero, metres.
+    pub fn origin(&self) -> [f64; 3] {
+        self.origin
+    }
+
     /// Median spacing of the points, metres.
     pub fn spacing(&self) -> f64 {
         self.spacing

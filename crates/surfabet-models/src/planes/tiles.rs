@@ -20,6 +20,11 @@ impl Tiles {
     /// A rectangle with corner `low` and size `size`, cut into tiles of side `edge`, none of them supported.
     pub(super) fn new(low: [f64; 2], size: [f64; 2], edge: f64) -> Self {
         let shape = size.map(|s| (s / edge).ceil().max(1.0) as usize);
+        Self::of_shape(low, size, edge, shape)
+    }
+
+    /// As [`Tiles::new`], with the number of tiles along both axes known: a quotient may round up to one more.
+    pub(super) fn of_shape(low: [f64; 2], size: [f64; 2], edge: f64, shape: [usize; 2]) -> Self {
         let n = shape[0] * shape[1];
         Self { low, size, edge, shape, supported: vec![false; n], sums: Vec::new(), n_supported: 0 }
     }

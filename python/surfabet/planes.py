@@ -1,0 +1,435 @@
+"""Planes: a cloud as planar patches with tiles, by EM with split and merge.
+
+Walls, floors, roofs and other flat surfaces become rectangles, cut into tiles of which those count
+that points support. How many there are is found out, not given.
+
+Lakaemper and Latecki: Extended EM for Planar Approximation of 3D Data, ICRA 2006.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
+from surfabet.io.polygons import EXPORTS, Surface
+from surfabet.model import MAX_POINTS, Model
+
+__all__ = ["PlaneFit", "PlaneMesh", "PlaneModel", "Planes", "fit_planes_em", "learn_planes"]
+
+
+@dataclass(frozen=True, slots=True)
+class Planes:
+    """All n patches of a model as arrays; those that most points support come first."""
+
+    centers: NDArray[np.float64]
+    """World positions of the rectangles' middles, (n, 3), metres."""
+    axes: NDArray[np.float64]
+    """Orthonormal axes as rows, (n, 3, 3): along the rectangle's first side, along its second, and
+    the normal, towards where the surface was seen from if the scan knew."""
+    extents: NDArray[np.float64]
+    """Sides of the rectangles along the first two axes, (n, 2), metres."""
+    standard_deviations: NDArray[np.float64]
+    """Standard deviation of the supporting points about the plane, (n,), metres."""
+    counts: NDArray[np.float64]
+    """Points that support each patch, (n,), to a quarter of a doubling."""
+    areas: NDArray[np.float64]
+    """Areas of the supported tiles, (n,), square metres."""
+    tile_edges: NDArray[np.float64]
+    """Sides of the tiles, (n,), metres: the grid size, or it times a power of two."""
+    supported: list[NDArray[np.bool_]]
+    """For each patch, which tiles are supported: tiles along the first axis are columns, along the
+    second rows. The last column and row may be narrower than the others."""
+    colors: list[NDArray[np.uint8]] | None
+    """For each patch the mean colours of its supported tiles, (k, 3), row by row; None without."""
+    planar: NDArray[np.bool_]
+    """Whether the points are as near to the plane as the grid size lets expect, (n,): a standard
+    deviation of half the grid size at most."""
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """Unit normals, (n, 3)."""
+        return self.axes[:, 2]
+
+    @property
+    def offsets(self) -> NDArray[np.float64]:
+        """Distances of the planes from the world's zero along their normals, (n,), metres."""
+        return np.einsum("ij,ij->i", self.centers, self.normals)
+
+    def __len__(self) -> int:
+        return len(self.centers)
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneMesh:
+    """The supported tiles of a model as triangles."""
+
+    vertices: NDArray[np.float64]
+    """World positions, (m, 3), metres."""
+    triangles: NDArray[np.uint32]
+    """Rows of three vertices, (t, 3), anticlockwise seen from where the normal points."""
+    patches: NDArray[np.uint32]
+    """The patch of each triangle, (t,)."""
+
+
+@final
+class PlaneModel(Model[_core.PlaneModel]):
+    """A cloud as planar patches with tiles; immutable.
+
+    Made by `learn_planes` and `surfabet.load`. Everything in it is quantised already, so it decodes
+    to the same cloud before it is saved and after it is loaded.
+    """
+
+    __slots__ = ()
+
+    def decode(
+        self,
+        resolution: float | None = None,
+        *,
+        as_measured: bool = False,
+        normals: bool = False,
+        max_points: int = MAX_POINTS,
+        progress: Progress = None,
+    ) -> PointCloud:
+        """The supported tiles as a cloud at any spacing.
+
+        Parameters
+        ----------
+        resolution
+            Largest spacing of the points, metres; half the grid size by default.
+        as_measured
+            Spread the points across their planes as the scan's were, instead of on them.
+        normals
+            Give every point the unit normal of its patch.
+        max_points
+            Refuse to make more points than this.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Raises
+        ------
+        InvalidInputError
+            For a spacing that is not positive, or one that makes more than `max_points` points.
+        """
+        with progress_callback(progress) as callback:
+            return self._core.decode(
+                resolution=resolution,
+                as_measured=as_measured,
+                normals=normals,
+                max_points=max_points,
+                progress=callback,
+            )
+
+    def segment(self, cloud: PointCloud, *, progress: Progress = None) -> NDArray[np.int32]:
+        """The patch that each point of any cloud supports, (n,); -1 for outliers.
+
+        It is the closest whose supported tiles are within the grid size. Where the cloud knows
+        viewpoints, or has oriented normals, only patches seen from the same side count. For the
+        cloud that the model was learned from these are its `labels`.
+
+        Raises
+        ------
+        InvalidInputError
+            For an empty cloud.
+        """
+        with progress_callback(progress) as callback:
+            return self._core.segment(cloud, progress=callback)
+
+    def project(self, cloud: PointCloud, *, progress: Progress = None) -> PointCloud:
+        """The points of a cloud that support a patch, moved onto it; outliers are left out.
+
+        Attributes stay with their points.
+
+        Raises
+        ------
+        InvalidInputError
+            For an empty cloud.
+        """
+        with progress_callback(progress) as callback:
+            return self._core.project(cloud, progress=callback)
+
+    def polygons(self, patch: int) -> list[NDArray[np.float64]]:
+        """Closed polygons around the supported area of a patch, each (k, 3), in the world, metres.
+
+        The last corner is not the first again. Seen from where the normal points, outlines run
+        anticlockwise and holes clockwise. Tiles that touch at a corner only are not joined there.
+
+        Raises
+        ------
+        InvalidInputError
+            When there is no such patch.
+        """
+        if not 0 <= patch < len(self):
+            raise InvalidInputError(f"patch is {patch}, but must be 0 to {len(self) - 1}")
+        return self._core.polygons(patch)
+
+    def mesh(self) -> PlaneMesh:
+        """The supported tiles of all patches as triangles, as few as rectangles of tiles allow."""
+        return PlaneMesh(*self._core.mesh())
+
+    def export(self, path: str | os.PathLike[str]) -> int:
+        """Writes the patches for other programs and returns the size of the file in bytes.
+
+        Coordinates are the world's, in double precision, so that georeferenced ones survive. An
+        existing file is replaced only when the new one is complete.
+
+        Parameters
+        ----------
+        path
+            Its ending tells the format. `.ply`: triangles, binary, with the patch of each and its
+            mean colour. `.obj`: an object per patch, with its triangles as faces and the polygons
+            around it as closed lines. `.dxf`: a layer per patch, with its triangles as 3D faces and
+            the polygons as closed 3D polylines; needs the package ezdxf.
+
+        Raises
+        ------
+        InvalidInputError
+            For another ending.
+        MissingDependencyError
+            For `.dxf` without ezdxf: `pip install 'surfabet[io]'`.
+        OSError
+            When the file cannot be written.
+        """
+        target = Path(path)
+        write = EXPORTS.get(target.suffix.lower())
+        if write is None:
+            known = ", ".join(sorted(EXPORTS))
+            raise InvalidInputError(f"{target}: patches are exported to {known} only")
+        mesh, colors = self.mesh(), self._core.colors()
+        surface = Surface(
+            vertices=mesh.vertices,
+            triangles=mesh.triangles,
+            parts=mesh.patches,
+            n_parts=len(self),
+            polygons=self._core.polygons,
+            colors=None if colors is None else _means(colors),
+        )
+        write(target, surface)
+        return target.stat().st_size
+
+    @property
+    def planes(self) -> Planes:
+        """All patches as arrays."""
+        deviations = self._core.standard_deviations()
+        return Planes(
+            centers=self._core.centers(),
+            axes=self._core.axes(),
+            extents=self._core.extents(),
+            standard_deviations=deviations,
+            counts=self._core.counts(),
+            areas=self._core.areas(),
+            tile_edges=self._core.tile_edges(),
+            supported=self._core.supported(),
+            colors=self._core.colors(),
+            planar=deviations <= 0.5 * self.grid_size,
+        )
+
+    @property
+    def labels(self) -> NDArray[np.int32] | None:
+        """The patch that each input point supports, (n_points,); -1 for outliers. None for a model
+        that was loaded: `segment` gives the labels of any cloud."""
+        return self._core.labels
+
+    @property
+    def grid_size(self) -> float:
+        """Grid size (G), metres: side of the smallest tiles, and how far a point may be from a
+        patch that it supports."""
+        return self._core.grid_size
+
+    @property
+    def n_outliers(self) -> int:
+        """Input points that support no patch."""
+        return self._core.n_outliers
+
+    def __repr__(self) -> str:
+        outliers = self.n_outliers / self.n_points
+        return (
+            f"PlaneModel({self.n_points} points as {len(self)} planes, {outliers:.1%} outliers, "
+            f"grid size {self.grid_size:.3g} m" + (", coloured" if self.has_color else "") + ")"
+        )
+
+
+def _means(colors: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    means = [np.rint(tiles.mean(axis=0)) for tiles in colors]
+    return np.array(means, np.uint8).reshape(-1, 3)
+
+
+def learn_planes(
+    cloud: PointCloud,
+    *,
+    initial_patches: int = 0,
+    min_grid_size: float | None = None,
+    weight_at_grid_size: float = 0.01,
+    split_threshold: float = 2 / 3,
+    merge_tolerance: float = 1.25,
+    em_steps: int = 2,
+    new_patches_every: int = 5,
+    max_iterations: int = 30,
+    tolerance: float = 0.01,
+    min_points: int | None = None,
+    min_purity: float = 0.85,
+    min_fill: float = 0.5,
+    max_bend: float = 1.55,
+    color_step: int = 8,
+    weights: ArrayLike | None = None,
+    random_state: int = 0,
+    progress: Progress = None,
+) -> PlaneModel:
+    """Learns planar patches: as many as the scan has, by EM with split and merge.
+
+    Viewpoints, where the cloud knows them, tell both sides of a thin wall apart; so do normals, if
+    they are oriented. A cloud without anything flat gives a model without patches. Results depend
+    on input, options and seed alone, not on the number of threads.
+
+    Parameters
+    ----------
+    cloud
+        The scan.
+    initial_patches
+        Number of patches to start from, placed at random; 0 takes them from the data.
+    min_grid_size
+        Grid size (G) that the learned one does not fall below, metres: flat is what is flat at this
+        size. By default the data's own resolution.
+    weight_at_grid_size
+        Weight of a point at distance G before normalisation (W).
+    split_threshold
+        A patch is split where its density falls below this share of the mean.
+    merge_tolerance
+        By which factor points of either of two patches may be further from their common plane than
+        from their own for the two to merge; infinite leaves the paper's two conditions alone.
+    em_steps
+        Passes of E-step, M-step and trimming before each split and each merge.
+    new_patches_every
+        Iterations after which patches are added where many points support none.
+    max_iterations
+        Most iterations of EMPF, split, EMPF, merge.
+    tolerance
+        Learning ends when the mean distance of points to their patches and the share of points that
+        support one change by less than this share.
+    min_points
+        Points that a patch needs. By default a thousandth of all points, 30 at least.
+    min_purity
+        Least share of the points before and behind a patch, up to the grid size, that support it;
+        patches through clutter have less. 0 keeps them.
+    min_fill
+        Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
+    max_bend
+        Largest ratio of the standard deviation of points about their patch to that about the mean
+        of their tile; patches across corners or along something bent have more. `inf` keeps them.
+    color_step
+        Rounding of the tiles' colours, grey levels.
+    weights
+        By how much each point counts, (n,), not negative; one if None.
+    random_state
+        Seed of the initial patches.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty scan, or weights or options outside their domains.
+
+    Examples
+    --------
+    >>> import numpy as np, surfabet as sb
+    >>> points = np.random.default_rng(0).random((3000, 3))
+    >>> points[:1500, 0], points[1500:, 2] = 0, 0
+    >>> model = sb.learn_planes(sb.PointCloud(points))
+    >>> len(model), np.abs(model.planes.normals).round(3).max(axis=1)
+    (2, array([1., 1.]))
+    """
+    with progress_callback(progress) as callback:
+        learned = _core.learn_planes(
+            cloud,
+            initial_patches=initial_patches,
+            min_grid_size=min_grid_size,
+            weight_at_grid_size=weight_at_grid_size,
+            split_threshold=split_threshold,
+            merge_tolerance=merge_tolerance,
+            em_steps=em_steps,
+            new_patches_every=new_patches_every,
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+            min_points=min_points,
+            min_purity=min_purity,
+            min_fill=min_fill,
+            max_bend=max_bend,
+            color_step=color_step,
+            weights=weights,
+            random_state=random_state,
+            progress=callback,
+        )
+    return PlaneModel(learned)
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneFit:
+    """What classical EM finds: k infinite planes."""
+
+    centers: NDArray[np.float64]
+    """A world position on each plane, the weighted mean of its points, (k, 3), metres."""
+    normals: NDArray[np.float64]
+    """Unit normals, (k, 3)."""
+    labels: NDArray[np.int32]
+    """The plane that each point most probably belongs to, (n,)."""
+    standard_deviation: float
+    """Standard deviation of the points about their planes (S), metres."""
+    log_likelihood: NDArray[np.float64]
+    """Mean log-likelihood of a point after each iteration; it never falls."""
+
+
+def fit_planes_em(
+    cloud: PointCloud,
+    centers: ArrayLike,
+    normals: ArrayLike,
+    *,
+    weights: ArrayLike | None = None,
+    max_iterations: int = 100,
+    tolerance: float = 1e-6,
+    progress: Progress = None,
+) -> PlaneFit:
+    """Fits infinite planes, as many as given, by classical EM: what `learn_planes` improves on.
+
+    A mixture of planes with noise of one standard deviation. The E-step weighs each point by
+    exp(-d^2 / 2 S^2) for its distances d to the planes; the M-step refits every plane, and S.
+
+    Parameters
+    ----------
+    cloud
+        The points.
+    centers, normals
+        Points on the planes to start from, and the planes' normals, (k, 3) each.
+    weights
+        By how much each point counts, (n,), not negative; one if None.
+    max_iterations
+        Most iterations.
+    tolerance
+        It ends when the mean log-likelihood of a point grows by less.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty cloud, no planes, or normals without a length.
+    """
+    with progress_callback(progress) as callback:
+        fitted = _core.fit_planes_em(
+            cloud,
+            centers=np.asarray(centers),
+            normals=np.asarray(normals),
+            weights=weights,
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+            progress=callback,
+        )
+    return PlaneFit(*fitted)

@@ -1,0 +1,568 @@
+"""Planes from Python: arrays, files, labels, polygons, exports read back, command line."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import surfabet as sb
+from surfabet import planes
+from surfabet.cli import main
+from surfabet.errors import InvalidInputError, MissingDependencyError
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+UTM = np.array([691_000.0, 5_334_000.0, 512.0])
+SIZE = np.array([3.0, 2.0, 1.5])
+COLORS = np.array([(200, 60, 40), (40, 180, 60), (60, 60, 200)], np.uint8)
+
+
+def room(n: int = 40_000, noise: float = 0.005, seed: int = 0, **more) -> sb.PointCloud:
+    """Six faces of a box, a colour per direction, points in proportion to the areas."""
+    rng = np.random.default_rng(seed)
+    areas = np.array([SIZE[1] * SIZE[2], SIZE[0] * SIZE[2], SIZE[0] * SIZE[1]])
+    face = rng.choice(6, n, p=np.tile(areas / areas.sum() / 2, 2))
+    points = rng.random((n, 3)) * SIZE
+    axis = face % 3
+    sides = np.where(face < 3, 0.0, SIZE[axis])
+    points[np.arange(n), axis] = sides + noise * rng.standard_normal(n)
+    return sb.PointCloud(points, colors=COLORS[axis], **more)
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    return room()
+
+
+@pytest.fixture(scope="module")
+def model(cloud: sb.PointCloud) -> sb.PlaneModel:
+    return sb.learn_planes(cloud)
+
+
+def shoelace(ring: np.ndarray, normal: np.ndarray) -> float:
+    about = ring - ring[0]
+    return float(np.cross(about, np.roll(about, -1, axis=0)).sum(axis=0) @ normal / 2)
+
+
+def mesh_areas(mesh: sb.PlaneMesh, n: int) -> np.ndarray:
+    p, q, r = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
+    areas = np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
+    return np.bincount(mesh.patches, areas, minlength=n)
+
+
+def test_the_doc_string_is_right():
+    assert doctest.testmod(planes).failed == 0
+
+
+def test_a_box_is_six_planes_as_arrays(model, cloud):
+    found = model.planes
+    assert len(found) == len(model) == 6
+    assert found.centers.shape == (6, 3)
+    assert found.axes.shape == (6, 3, 3)
+    assert found.extents.shape == (6, 2)
+    np.testing.assert_allclose(
+        np.einsum("nij,nkj->nik", found.axes, found.axes), np.tile(np.eye(3), (6, 1, 1)), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        np.cross(found.axes[:, 0], found.axes[:, 1]), found.normals, atol=1e-9
+    )
+    np.testing.assert_allclose(np.abs(found.normals).max(axis=1), 1, atol=1e-4)
+    # Every face once, where it is.
+    axis = np.abs(found.normals).argmax(axis=1)
+    places = np.round(found.centers[np.arange(6), axis], 1)
+    assert {*zip(axis.tolist(), places.tolist(), strict=True)} == {
+        (0, 0.0), (0, 3.0), (1, 0.0), (1, 2.0), (2, 0.0), (2, 1.5),
+    }  # fmt: skip
+    faces = np.array([3.0, 4.5, 6.0])[axis]
+    np.testing.assert_allclose(found.areas, faces, rtol=0.1)
+    np.testing.assert_allclose(found.standard_deviations, 0.005, rtol=0.2)
+    np.testing.assert_allclose(
+        np.abs(found.offsets), np.where(places == 0, 0, SIZE[axis]), atol=0.003
+    )
+    assert found.planar.all()
+    labels = model.labels
+    assert labels is not None
+    counts = np.bincount(labels[labels >= 0], minlength=6)
+    assert (np.diff(found.counts) <= 0).all()
+    # Rounded to a quarter of a doubling; rounding of the planes moves points at the edges.
+    np.testing.assert_allclose(np.log2(found.counts / counts), 0, atol=0.2)
+    assert found.colors is not None
+    for mask, colors, edge, area in zip(
+        found.supported, found.colors, found.tile_edges, found.areas, strict=True
+    ):
+        assert mask.sum() == len(colors)
+        assert edge >= model.grid_size * (1 - 1e-9)
+        assert area <= mask.sum() * edge**2 * (1 + 1e-9)
+    for k, colors in enumerate(found.colors):
+        off = np.abs(colors.astype(int) - COLORS[axis[k]]).max(axis=1)
+        assert (off < 12).mean() > 0.8
+    assert "6 planes" in repr(model)
+    assert model.n_points == len(cloud)
+
+
+def test_labels_are_those_of_the_faces_and_stay_after_a_file(model, cloud, tmp_path):
+    labels = model.labels
+    assert labels is not None
+    assert labels.dtype == np.int32
+    assert labels.shape == (len(cloud),)
+    assert (labels == -1).sum() == model.n_outliers
+    np.testing.assert_array_equal(model.segment(cloud), labels)
+    path = tmp_path / "planes.sfb"
+    size = model.save(path)
+    assert size == path.stat().st_size == len(model.to_bytes())
+    again = sb.load(path)
+    assert isinstance(again, sb.PlaneModel)
+    assert again.labels is None
+    np.testing.assert_array_equal(again.segment(cloud), labels)
+    assert again.to_bytes() == model.to_bytes() == sb.from_bytes(path.read_bytes()).to_bytes()
+    assert again.report.as_dict()["iterations"] == 0
+    for name in ("centers", "axes", "extents", "areas", "counts", "standard_deviations"):
+        np.testing.assert_array_equal(getattr(again.planes, name), getattr(model.planes, name))
+    a, b = (m.decode(0.02, normals=True) for m in (again, model))
+    np.testing.assert_array_equal(a.points, b.points)
+    np.testing.assert_array_equal(a.colors, b.colors)
+    # Points well inside the faces belong to the face that they lie on.
+    axis = np.array([np.flatnonzero((c == COLORS).all(axis=1))[0] for c in cloud.colors])
+    p = cloud.points
+    inside = ((p > 0.1) & (p < SIZE - 0.1)).sum(axis=1) == 2
+    assert (np.abs(model.planes.normals).argmax(axis=1)[labels[inside]] == axis[inside]).all()
+    info = sb.inspect(path)
+    assert info.family == "planes"
+    assert info.options["planes"] == 6
+    assert set(info.sections) == {"header", "poses", "masks", "sizes", "colour"}
+
+
+def test_golden_file():
+    model = sb.load(GOLDEN / "planes_0_1.sfb")
+    assert isinstance(model, sb.PlaneModel)
+    assert model.to_bytes() == (GOLDEN / "planes_0_1.sfb").read_bytes()
+    rows = (GOLDEN / "planes_0_1.txt").read_text().splitlines()
+    first = model.polygons(0)[0]
+    wanted = np.array([row.split() for row in rows[1 : 1 + len(first)]], float)
+    np.testing.assert_allclose(first, wanted, atol=1e-6)
+
+
+def test_projected_points_lie_on_their_planes(model, cloud):
+    labels = model.labels
+    projected = model.project(cloud)
+    kept = labels >= 0
+    assert len(projected) == kept.sum()
+    normals, centers = model.planes.normals[labels[kept]], model.planes.centers[labels[kept]]
+    heights = np.einsum("ij,ij->i", projected.points - centers, normals)
+    np.testing.assert_allclose(heights, 0, atol=1e-6)
+    moved = projected.points - cloud.points[kept]
+    np.testing.assert_allclose(np.cross(moved, normals), 0, atol=1e-6)
+    np.testing.assert_array_equal(projected.colors, cloud.colors[kept])
+
+
+def test_polygons_and_mesh_have_the_supported_area(model):
+    found, mesh = model.planes, model.mesh()
+    np.testing.assert_allclose(mesh_areas(mesh, len(model)), found.areas, rtol=1e-9)
+    for i, normal in enumerate(found.normals):
+        area = sum(shoelace(ring, normal) for ring in model.polygons(i))
+        assert area == pytest.approx(found.areas[i], rel=1e-9)
+    corners = mesh.vertices[mesh.triangles]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.einsum("ij,ij->i", cross, found.normals[mesh.patches]) > 0).all()
+    for wrong in (-1, 6):
+        with pytest.raises(InvalidInputError, match="patch is"):
+            model.polygons(wrong)
+
+
+def test_a_wall_with_a_window_is_an_outline_and_a_hole():
+    rng = np.random.default_rng(1)
+    points = np.column_stack([4 * rng.random(20_000), np.zeros(20_000), 3 * rng.random(20_000)])
+    window = (np.abs(points[:, 0] - 2) < 0.6) & (np.abs(points[:, 2] - 1.5) < 0.5)
+    model = sb.learn_planes(sb.PointCloud(points[~window]))
+    assert len(model) == 1
+    areas = [shoelace(ring, model.planes.normals[0]) for ring in model.polygons(0)]
+    largest, smallest = max(areas), min(areas)
+    assert largest == pytest.approx(12, rel=0.1)
+    assert -1.2 < smallest < -0.6
+
+
+def test_viewpoints_tell_both_sides_of_a_thin_wall():
+    rng = np.random.default_rng(2)
+    n = 20_000
+    points = np.column_stack([2 * rng.random(n), np.zeros(n), 2 * rng.random(n)])
+    side = rng.integers(0, 2, n)
+    points[:, 1] = 0.02 * side + 0.01 * rng.standard_normal(n)
+    known = sb.PointCloud(
+        points, viewpoints=[[1, -3, 1], [1, 3, 1]], viewpoint_index=side.astype(np.uint16)
+    )
+    model = sb.learn_planes(known)
+    assert len(model) == 2
+    assert model.planes.normals[:, 1].prod() == pytest.approx(-1, abs=1e-3)
+    labels = model.labels
+    facing = np.where(side == 0, -1, 1)
+    kept = labels >= 0
+    assert kept.mean() > 0.9
+    assert (np.sign(model.planes.normals[labels[kept], 1]) == facing[kept]).all()
+
+
+def read_ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    data = path.read_bytes()
+    header, body = data.split(b"end_header\n", 1)
+    lines = header.decode().splitlines()
+    count = {w[1]: int(w[2]) for w in map(str.split, lines) if w[0] == "element"}
+    vertices = np.frombuffer(body, "<f8", 3 * count["vertex"]).reshape(-1, 3)
+    face = [("n", "u1"), ("corners", "<i4", 3), ("plane", "<i4")]
+    if "property uchar red" in lines:
+        face.append(("color", "u1", 3))
+    faces = np.frombuffer(body, face, offset=vertices.nbytes)
+    assert len(faces) == count["face"]
+    assert (faces["n"] == 3).all()
+    return vertices, faces
+
+
+def read_obj(path: Path) -> tuple[np.ndarray, dict[str, list], dict[str, list]]:
+    vertices, faces, lines, name = [], {}, {}, ""
+    for kind, *words in map(str.split, path.read_text().splitlines()):
+        if kind == "o":
+            (name,) = words
+            faces[name], lines[name] = [], []
+        elif kind == "v":
+            vertices.append([float(word) for word in words])
+        elif kind in ("f", "l"):
+            (faces if kind == "f" else lines)[name].append([int(word) - 1 for word in words])
+    return np.array(vertices), faces, lines
+
+
+@pytest.mark.parametrize("offset", [np.zeros(3), UTM], ids=["local", "UTM"])
+def test_meshes_come_back_from_ply_and_obj(offset, tmp_path):
+    local = room(20_000, seed=3)
+    model = sb.learn_planes(sb.PointCloud(local.points + offset, colors=local.colors))
+    mesh, areas = model.mesh(), model.planes.areas
+    path = tmp_path / "walls.ply"
+    assert model.export(path) == path.stat().st_size
+    vertices, faces = read_ply_mesh(path)
+    np.testing.assert_array_equal(vertices, mesh.vertices)
+    np.testing.assert_array_equal(faces["corners"], mesh.triangles)
+    np.testing.assert_array_equal(faces["plane"], mesh.patches)
+    assert faces["color"].shape == (len(faces), 3)
+    # Other readers, ours of clouds among them, take its vertices.
+    np.testing.assert_allclose(sb.read(path).points, vertices, atol=1e-6)
+
+    path = tmp_path / "walls.obj"
+    model.export(path)
+    vertices, faces_of, lines_of = read_obj(path)
+    assert list(faces_of) == [f"plane_{i:04d}" for i in range(len(model))]
+    for i, (triangles, rings) in enumerate(zip(faces_of.values(), lines_of.values(), strict=True)):
+        corners = vertices[np.array(triangles)] - offset
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal = model.planes.normals[i]
+        assert cross.sum(axis=0) @ normal / 2 == pytest.approx(areas[i], rel=1e-6)
+        for ring, wanted in zip(rings, model.polygons(i), strict=True):
+            assert ring[0] == ring[-1]
+            np.testing.assert_array_equal(vertices[ring[:-1]], wanted)
+    with pytest.raises(InvalidInputError, match=r"\.dxf, \.obj, \.ply"):
+        model.export(tmp_path / "walls.stl")
+
+
+@pytest.mark.parametrize("offset", [np.zeros(3), UTM], ids=["local", "UTM"])
+def test_planes_come_back_from_dxf(offset, tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    local = room(20_000, seed=3)
+    model = sb.learn_planes(sb.PointCloud(local.points + offset, colors=local.colors))
+    path = tmp_path / "walls.dxf"
+    model.export(path)
+    drawing = ezdxf.readfile(path)
+    assert drawing.audit().errors == []
+    assert drawing.units == 6
+    space, mesh = drawing.modelspace(), model.mesh()
+    for i in range(len(model)):
+        layer = f"plane_{i:04d}"
+        on_layer = f'[layer=="{layer}"]'
+        rings = space.query(f"POLYLINE{on_layer}")
+        assert len(rings) == len(model.polygons(i))
+        for ring, wanted in zip(rings, model.polygons(i), strict=True):
+            assert ring.is_closed
+            np.testing.assert_allclose(
+                [list(v.dxf.location) for v in ring.vertices], wanted, atol=1e-6
+            )
+        faces = space.query(f"3DFACE{on_layer}")
+        assert len(faces) == (mesh.patches == i).sum()
+        corners = np.array([[list(f.dxf.vtx0), list(f.dxf.vtx1), list(f.dxf.vtx2)] for f in faces])
+        np.testing.assert_allclose(
+            corners, mesh.vertices[mesh.triangles[mesh.patches == i]], atol=1e-6
+        )
+        assert drawing.layers.get(layer).rgb is not None
+
+
+def test_without_ezdxf_it_says_what_to_install(model, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    with pytest.raises(MissingDependencyError, match="pip install"):
+        model.export(tmp_path / "walls.dxf")
+    assert not (tmp_path / "walls.dxf").exists()
+
+
+def test_georeferenced_coordinates_keep_their_millimetres(model, cloud):
+    far = sb.learn_planes(sb.PointCloud(cloud.points + UTM, colors=cloud.colors))
+    assert len(far) == len(model)
+    np.testing.assert_array_equal(far.labels, model.labels)
+    np.testing.assert_allclose(far.planes.centers - UTM, model.planes.centers, atol=1e-4)
+    np.testing.assert_allclose(far.mesh().vertices - UTM, model.mesh().vertices, atol=1e-4)
+
+
+def flat(n: int, seed: int = 4) -> np.ndarray:
+    return np.column_stack([np.random.default_rng(seed).random((n, 2)), np.zeros(n)])
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.ones((1, 3)),
+        np.array([[0, 0, 0], [1.0, 2, 3]]),
+        np.ones((100, 3)),
+        np.arange(300)[:, None] * np.array([[0.01, 0.02, -0.01]]),
+        np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]),
+    ],
+    ids=["one point", "two points", "duplicates", "collinear", "three points"],
+)
+def test_what_has_nothing_flat_has_no_planes(points, tmp_path):
+    model = sb.learn_planes(sb.PointCloud(points))
+    assert len(model) == 0
+    assert model.n_outliers == model.n_points == len(points)
+    assert (model.labels == -1).all()
+    assert len(model.decode()) == 0
+    assert model.planes.areas.shape == (0,)
+    assert model.planes.normals.shape == (0, 3)
+    assert model.mesh().triangles.shape == (0, 3)
+    assert "0 planes" in repr(model)
+    again = sb.from_bytes(model.to_bytes())
+    assert len(again) == 0
+    for suffix in (".ply", ".obj"):
+        again.export(tmp_path / f"none{suffix}")
+
+
+def test_one_plane_is_one_patch_even_when_exact_or_with_duplicates():
+    for points in (flat(5000), np.repeat(flat(5000), 3, axis=0)):
+        model = sb.learn_planes(sb.PointCloud(points))
+        assert len(model) == 1
+        assert model.n_outliers <= 0.02 * len(points)
+        assert model.planes.areas[0] == pytest.approx(1, rel=0.1)
+        assert abs(model.planes.normals[0, 2]) == pytest.approx(1, abs=1e-6)
+        assert model.planes.standard_deviations[0] < 1e-3
+        assert model.planes.colors is None
+        assert not model.has_color
+
+
+def test_noise_alone_explains_little():
+    points = np.random.default_rng(5).random((20_000, 3))
+    model = sb.learn_planes(sb.PointCloud(points))
+    assert model.n_outliers > 0.5 * len(points)
+
+
+def test_points_that_are_not_finite_are_left_out_and_said():
+    points = np.concatenate([flat(3000), [[np.nan, 0, 0], [np.inf, 0, 0]]])
+    with pytest.warns(sb.DroppedPointsWarning):
+        cloud = sb.PointCloud(points)
+    assert len(sb.learn_planes(cloud)) == 1
+
+
+def test_weights_count_like_repeated_points():
+    rng = np.random.default_rng(6)
+    points = flat(4000) + np.array([0, 0, 0.004]) * rng.standard_normal((4000, 1))
+    times = rng.integers(1, 4, 4000)
+    options = {"min_grid_size": 0.05, "min_points": 30}
+    weighted = sb.learn_planes(sb.PointCloud(points), weights=times, **options)
+    repeated = sb.learn_planes(sb.PointCloud(np.repeat(points, times, axis=0)), **options)
+    np.testing.assert_allclose(weighted.planes.normals, repeated.planes.normals, atol=1e-3)
+    for wrong in (times[:-1], -times, np.full(4000, np.nan), np.zeros(4000)):
+        with pytest.raises(InvalidInputError, match="weights"):
+            sb.learn_planes(sb.PointCloud(points), weights=wrong)
+
+
+def test_input_that_cannot_be(cloud):
+    with pytest.raises(InvalidInputError, match="empty"):
+        sb.learn_planes(sb.PointCloud(np.zeros((0, 3))))
+    for options in [
+        {"initial_patches": 1 << 40}, {"min_grid_size": 0.0}, {"min_grid_size": np.nan},
+        {"weight_at_grid_size": 1.0}, {"split_threshold": 1.0}, {"merge_tolerance": 0.5},
+        {"em_steps": 0}, {"new_patches_every": 0}, {"max_iterations": 0}, {"tolerance": 0.0},
+        {"min_points": 2}, {"color_step": 0},
+    ]:  # fmt: skip
+        with pytest.raises(InvalidInputError, match=next(iter(options))):
+            sb.learn_planes(cloud, **options)
+
+
+def test_any_number_of_threads_gives_the_same_bytes(cloud):
+    def learn(**options):
+        return sb.learn_planes(cloud, initial_patches=4, **options).to_bytes()
+
+    expected = learn()
+    try:
+        for threads in (1, 2, 8):
+            sb.set_num_threads(threads)
+            assert learn() == expected
+    finally:
+        sb.set_num_threads(None)
+
+
+def test_the_order_of_the_points_does_not_matter(model, cloud):
+    order = np.random.default_rng(7).permutation(len(cloud))
+    mixed = sb.learn_planes(sb.PointCloud(cloud.points[order], colors=cloud.colors[order]))
+    np.testing.assert_array_equal(mixed.labels, model.labels[order])
+
+
+def test_decoding_at_a_spacing(model):
+    area = model.planes.areas.sum()
+    for spacing in (0.05, 0.01):
+        decoded = model.decode(spacing, normals=True)
+        assert len(decoded) >= area / spacing**2
+        assert decoded.colors is not None
+        assert decoded.normals is not None
+        assert (model.segment(decoded) >= 0).all()
+    thin, thick = model.decode(0.02), model.decode(0.02, as_measured=True)
+    spread = np.linalg.norm(thick.points - thin.points, axis=1)
+    assert np.sqrt((spread**2).mean()) == pytest.approx(0.005, rel=0.15)
+    with pytest.raises(InvalidInputError, match="resolution"):
+        model.decode(-1.0)
+    with pytest.raises(InvalidInputError, match="limit"):
+        model.decode(0.001, max_points=1000)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    normal=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda n: np.linalg.norm(n) > 0.1),
+    center=st.tuples(*[st.floats(-100, 100)] * 3),
+    size=st.floats(0.01, 1000),
+)
+def test_any_exact_plane_is_found(normal, center, size):
+    normal = np.array(normal) / np.linalg.norm(normal)
+    u = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    u /= np.linalg.norm(u)
+    a, b = size * np.random.default_rng(8).random((2, 2000, 1))
+    model = sb.learn_planes(sb.PointCloud(center + a * u + b * np.cross(normal, u)))
+    assert len(model) == 1
+    assert abs(model.planes.normals[0] @ normal) == pytest.approx(1, abs=1e-4)
+    assert model.planes.areas[0] == pytest.approx(size**2, rel=0.15)
+
+
+def test_classical_em_finds_what_it_is_told_of_and_its_likelihood_never_falls():
+    rng = np.random.default_rng(9)
+    floor, wall = flat(2000, 10), flat(2000, 11)[:, [2, 0, 1]]
+    points = np.concatenate([floor, wall]) + 0.01 * rng.standard_normal((4000, 3)) + UTM
+    cloud = sb.PointCloud(points)
+    start = UTM + np.array([[0.5, 0.5, 0.1], [0.1, 0.5, 0.5]])
+    fit = sb.fit_planes_em(cloud, start, [[0.1, 0.1, 1], [1, 0.1, 0.1]])
+    assert np.abs(fit.normals[[0, 1], [2, 0]]) == pytest.approx(1, abs=1e-3)
+    assert fit.standard_deviation == pytest.approx(0.01, rel=0.1)
+    assert (np.diff(fit.log_likelihood) > -1e-9).all()
+    truth = np.repeat([0, 1], 2000)
+    clear = np.abs((points - UTM)[:, [0, 2]]).max(axis=1) > 0.05
+    assert (fit.labels[clear] == truth[clear]).all()
+    # One plane is least squares.
+    one = sb.fit_planes_em(sb.PointCloud(points[:2000]), UTM[None], [[0, 0.2, 1]])
+    centered = points[:2000] - points[:2000].mean(axis=0)
+    wanted = np.linalg.svd(centered, full_matrices=False)[2][2]
+    assert abs(one.normals[0] @ wanted) == pytest.approx(1, abs=1e-6)
+    for centers, normals, message in [
+        (np.zeros((0, 3)), np.zeros((0, 3)), "no planes"),
+        ([[0, 0, 0]], [[0, 0, 0]], "length"),
+        ([[0, 0, 0]], [[0, 0, 1], [0, 1, 0]], "rows"),
+    ]:
+        with pytest.raises(InvalidInputError, match=message):
+            sb.fit_planes_em(cloud, np.asarray(centers, float), np.asarray(normals, float))
+
+
+def test_what_is_not_kept_is_told():
+    cloud = sb.PointCloud(flat(1000), intensities=np.ones(1000, np.float32))
+    assert sb.learn_planes(cloud).report.not_kept == ("intensities",)
+
+
+def test_the_report_tells_how_it_went(model):
+    report = model.report
+    assert report.iterations == len(report.objectives["patches"]) > 0
+    assert report.figures["patches"] == len(model)
+    assert report.stop_reason
+    assert report.not_kept == ()
+
+
+def test_command_line(cloud, tmp_path, capsys):
+    scan, file, again = (tmp_path / name for name in ("scan.ply", "walls.sfb", "again.ply"))
+    sb.write(scan, cloud)
+    arguments = ["compress", str(scan), str(file), "--model", "planes"]
+    assert main([*arguments, "--min-grid-size", "0.05", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["output"]["bytes"] == file.stat().st_size
+    assert told["report"]["figures"]["patches"] == 6
+    assert main(["info", str(file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["family"] == "planes"
+    assert found["options"]["grid size (m)"] >= 0.05
+    assert main(["info", str(file)]) == 0
+    assert "planes" in capsys.readouterr().out
+    for more in ([], ["--resolution", "0.02"], ["--as-measured"]):
+        assert main(["decompress", str(file), str(again), *more]) == 0
+        assert len(sb.read(again)) > 1000
+    assert main(["evaluate", str(scan), str(file)]) == 0
+    capsys.readouterr()
+    for suffix in ("ply", "obj"):
+        output = tmp_path / f"walls_mesh.{suffix}"
+        assert main(["export", str(file), str(output), "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["output"] == {
+            "path": str(output), "bytes": output.stat().st_size, "planes": 6,
+        }  # fmt: skip
+    assert main(["export", str(file), str(tmp_path / "walls.stl")]) == 2
+    assert ".dxf, .obj, .ply" in capsys.readouterr().err
+    gas = str(GOLDEN / "gas_0_1.sfb")
+    assert main(["export", gas, str(tmp_path / "gas.ply")]) == 2
+    assert "--model planes" in capsys.readouterr().err
+    assert main([*arguments, "--rate", "1"]) == 2
+    assert "--rate: only for --model patches" in capsys.readouterr().err
+    assert main(["compress", str(scan), str(file), "--min-grid-size", "1"]) == 2
+    assert "--min-grid-size: only for --model planes" in capsys.readouterr().err
+
+
+def test_an_interrupt_is_felt():
+    script = (
+        "import numpy as np, signal, time, surfabet as sb\n"
+        "cloud = sb.PointCloud(np.random.default_rng(0).random((3_000_000, 3)))\n"
+        "signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))\n"
+        "signal.setitimer(signal.ITIMER_REAL, 0.5)\n"
+        "began = time.perf_counter()\n"
+        "try:\n"
+        "    sb.learn_planes(cloud)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('stopped', time.perf_counter() - began < 10)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.split() == ["stopped", "True"], done.stderr
+
+
+def test_other_threads_run_meanwhile():
+    cloud = room(300_000, seed=12)
+    done = threading.Event()
+    worker = threading.Thread(target=lambda: (sb.learn_planes(cloud), done.set()))
+    ticks = 0
+    worker.start()
+    while not done.is_set():
+        time.sleep(0.001)
+        ticks += 1
+    worker.join()
+    assert ticks >= 3
+
+
+def test_progress_is_told_and_can_stop():
+    stages = []
+    sb.learn_planes(room(200_000, seed=13), progress=lambda stage, _: stages.append(stage))
+    assert stages
+
+    def stop(stage: str, fraction: float) -> None:
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        sb.learn_planes(room(200_000, seed=13), progress=stop)

@@ -1,0 +1,583 @@
+//! Planes: what mathematics and the paper say of them, and what may come in a file.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+use std::path::PathBuf;
+
+use proptest::prelude::*;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use surfabet::planes::{
+    self, DIRECTIONS, DecodeOptions, MAX_COORDINATE, MAX_MODEL_TILES, PARTS, PlaneModel,
+    PlanesHeader, PlanesOptions, StoredPatch, Streams,
+};
+use surfabet::{CloudParts, Family, Limits, Model, PointCloud, Progress, Silent, Viewpoints};
+use surfabet_codec::{ContainerWriter, Encoder, Features, Tag};
+use surfabet_models::Error;
+
+const LIMITS: Limits = Limits { max_items: 1 << 20, max_bytes: 1 << 28 };
+
+fn plain(points: Vec<[f32; 3]>) -> PointCloud {
+    PointCloud::from_positions(points).0
+}
+
+fn learn(cloud: &PointCloud) -> PlaneModel {
+    planes::learn(cloud, None, &PlanesOptions::default(), &Silent).unwrap()
+}
+
+fn bytes(model: &PlaneModel) -> Vec<u8> {
+    Model::from(model.clone()).to_bytes().unwrap()
+}
+
+fn read(file: &[u8]) -> Result<PlaneModel, surfabet::Error> {
+    match Model::from_bytes(file, &LIMITS)? {
+        Model::Planes(model) => Ok(model),
+        other => panic!("a model of family {}", other.family()),
+    }
+}
+
+/// Faces of a box of 3 x 2 x 1.5 m seen from within, with 5 mm of noise and a colour per direction.
+fn room(n: usize, seed: u64) -> PointCloud {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let noise = rand_distr::Normal::new(0.0_f32, 0.005).unwrap();
+    let size = [3.0_f32, 2.0, 1.5];
+    let area = |face: usize| size[(face + 1) % 3] * size[(face + 2) % 3];
+    let mut parts = CloudParts::default();
+    let mut colors = Vec::new();
+    for _ in 0..n {
+        // Faces in proportion to their areas.
+        let mut at = rng.random_range(0.0..2.0 * (area(0) + area(1) + area(2)));
+        let mut face = 0;
+        while face < 5 && at > area(face % 3) {
+            at -= area(face % 3);
+            face += 1;
+        }
+        let axis = face % 3;
+        let mut p: [f32; 3] = std::array::from_fn(|a| rng.random_range(0.0..size[a]));
+        p[axis] = if face < 3 { 0.0 } else { size[axis] } + rng.sample(noise);
+        parts.positions.push(p);
+        colors.push([[200, 60, 40], [40, 180, 60], [60, 60, 200]][axis]);
+    }
+    parts.colors = Some(colors);
+    parts.viewpoints = Some(Viewpoints { origins: vec![[1.5, 1.0, 0.7]], index: vec![0; n] });
+    PointCloud::from_parts(parts).unwrap().0
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3])
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}
+
+#[test]
+fn a_box_is_six_planes_seen_from_within() {
+    let cloud = room(30_000, 0);
+    let model = learn(&cloud);
+    assert_eq!(model.len(), 6);
+    let middle = minus([1.5, 1.0, 0.75], model.origin());
+    let mut area = 0.0;
+    for (i, patch) in model.patches().iter().enumerate() {
+        let frame = &patch.frame;
+        let largest = frame.normal.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+        assert!(largest > 0.9999, "{:?}", frame.normal);
+        assert!(dot(frame.normal, minus(middle, frame.center)) > 0.5);
+        assert!((0.003..0.007).contains(&patch.standard_deviation));
+        area += patch.tiles.area();
+        let axis = (0..3).find(|&a| frame.normal[a].abs() > 0.9).unwrap();
+        let wanted = [[200, 60, 40], [40, 180, 60], [60, 60, 200]][axis];
+        // Tiles at the sides hold a few points of the next face.
+        let right = |c: &&[u8; 3]| (0..3).all(|k| i32::abs(i32::from(c[k]) - wanted[k]) < 12);
+        let colors = model.colors(i);
+        let share = colors.iter().filter(right).count() as f64 / colors.len() as f64;
+        assert!(share > 0.8, "{share}");
+    }
+    assert!((area / 27.0 - 1.0).abs() < 0.1, "{area}");
+    let outliers = model.header().n_outliers as f64 / cloud.len() as f64;
+    assert!(outliers < 0.02, "{outliers}");
+    let labels = model.labels().unwrap();
+    assert_eq!(model.segment(&cloud, &Silent).unwrap(), labels);
+    assert_eq!(read(&bytes(&model)).unwrap().segment(&cloud, &Silent).unwrap(), labels);
+}
+
+#[test]
+fn supported_points_are_projected_and_the_rest_left_out() {
+    let cloud = room(20_000, 1);
+    let model = learn(&cloud);
+    let labels = model.labels().unwrap();
+    let projected = model.project(&cloud, &Silent).unwrap();
+    let kept: Vec<usize> = (0..cloud.len()).filter(|&i| labels[i] != u32::MAX).collect();
+    assert_eq!(projected.len(), kept.len());
+    let local = cloud.positions_about(model.origin());
+    for (k, &i) in kept.iter().enumerate() {
+        let frame = &model.patches()[labels[i] as usize].frame;
+        let on = projected.positions()[k].map(f64::from);
+        assert!(dot(minus(on, frame.center), frame.normal).abs() < 1e-5);
+        // Straight along the normal.
+        let moved = minus(on, local[i].map(f64::from));
+        let across = cross(moved, frame.normal);
+        assert!(dot(across, across).sqrt() < 1e-5);
+    }
+    assert_eq!(projected.colors().unwrap().len(), kept.len());
+}
+
+#[test]
+fn polygons_and_triangles_have_the_area_of_the_supported_tiles() {
+    let model = read(&bytes(&learn(&room(20_000, 2)))).unwrap();
+    let mesh = model.mesh();
+    let mut areas = vec![0.0; model.len()];
+    for (t, &patch) in mesh.triangles.iter().zip(&mesh.patches) {
+        let [p, q, r] = t.map(|i| mesh.vertices[i as usize]);
+        let normal = model.patches()[patch as usize].frame.normal;
+        let doubled = dot(cross(minus(q, p), minus(r, p)), normal);
+        assert!(doubled > 0.0);
+        areas[patch as usize] += 0.5 * doubled;
+    }
+    for (i, patch) in model.patches().iter().enumerate() {
+        let around: f64 = model
+            .polygons(i)
+            .iter()
+            .map(|ring| {
+                // Shoelace about the first corner; holes count less than nothing.
+                let about = |k: usize| minus(ring[k % ring.len()], ring[0]);
+                let doubled = |k: usize| dot(cross(about(k), about(k + 1)), patch.frame.normal);
+                0.5 * (0..ring.len()).map(doubled).sum::<f64>()
+            })
+            .sum();
+        let area = patch.tiles.area();
+        assert!((around / area - 1.0).abs() < 1e-9, "{around} {area}");
+        assert!((areas[i] / area - 1.0).abs() < 1e-9, "{} {area}", areas[i]);
+    }
+}
+
+#[test]
+fn decoding_covers_the_supported_tiles_at_any_spacing() {
+    let cloud = room(30_000, 3);
+    let model = learn(&cloud);
+    let area: f64 = model.patches().iter().map(|p| p.tiles.area()).sum();
+    for spacing in [0.03, 0.01] {
+        let options =
+            DecodeOptions { resolution: Some(spacing), normals: true, ..DecodeOptions::default() };
+        let decoded = model.decode(options, &Silent).unwrap();
+        // At least as dense as asked for, and not much more than the tiles' sides make it.
+        let wanted = area / (spacing * spacing);
+        assert!(decoded.len() as f64 >= wanted, "{} {wanted}", decoded.len());
+        assert!(decoded.normals().is_some() && decoded.colors().is_some());
+        assert!(model.segment(&decoded, &Silent).unwrap().iter().all(|&l| l != u32::MAX));
+    }
+    let thick = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
+    let (thick, thin) = (
+        model.decode(thick, &Silent).unwrap(),
+        model.decode(DecodeOptions::default(), &Silent).unwrap(),
+    );
+    assert_eq!(thick.len(), thin.len());
+    let squares: f64 = thick
+        .positions()
+        .iter()
+        .zip(thin.positions())
+        .map(|(a, b)| (0..3).map(|i| f64::from(a[i] - b[i]).powi(2)).sum::<f64>())
+        .sum();
+    let spread = (squares / thin.len() as f64).sqrt();
+    assert!((0.004..0.006).contains(&spread), "{spread}");
+    let bounded = DecodeOptions { max_points: 10, ..DecodeOptions::default() };
+    assert!(matches!(model.decode(bounded, &Silent), Err(Error::TooManyPoints { .. })));
+    let wrong = DecodeOptions { resolution: Some(0.0), ..DecodeOptions::default() };
+    assert!(matches!(model.decode(wrong, &Silent), Err(Error::InvalidParameter { .. })));
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    let cloud = room(40_000, 4);
+    for initial_patches in [0, 5] {
+        let options = PlanesOptions { initial_patches, ..PlanesOptions::default() };
+        let with = |n: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+            pool.install(|| {
+                let model = planes::learn(&cloud, None, &options, &Silent).unwrap();
+                let decoded = model.decode(DecodeOptions::default(), &Silent).unwrap();
+                (bytes(&model), model.labels().unwrap().to_vec(), decoded)
+            })
+        };
+        let one = with(1);
+        assert_eq!(one, with(2));
+        assert_eq!(one, with(8));
+    }
+}
+
+#[test]
+fn clouds_without_anything_flat_give_a_model_without_patches() {
+    let empty = PointCloud::default();
+    let found = planes::learn(&empty, None, &PlanesOptions::default(), &Silent);
+    assert_eq!(found, Err(Error::EmptyCloud));
+    for points in [
+        vec![[1.0; 3]],
+        vec![[1.0; 3]; 100],
+        vec![[0.0; 3], [1.0, 2.0, 3.0]],
+        (0..500).map(|i| [i as f32 * 0.01, i as f32 * 0.02, 0.0]).collect(),
+    ] {
+        let model = learn(&plain(points.clone()));
+        assert!(model.is_empty(), "{} patches", model.len());
+        assert_eq!(model.header().n_outliers as usize, points.len());
+        assert!(model.labels().unwrap().iter().all(|&l| l == u32::MAX));
+        let again = read(&bytes(&model)).unwrap();
+        assert_eq!(again, model);
+        assert!(again.decode(DecodeOptions::default(), &Silent).unwrap().is_empty());
+        assert!(again.mesh().triangles.is_empty());
+    }
+}
+
+#[test]
+fn huge_coordinates_keep_their_millimetres() {
+    let near = room(10_000, 5);
+    let mut parts = near.clone().into_parts();
+    let offset = [691_000.0, 5_334_000.0, 512.0];
+    parts.origin = offset;
+    let origins = &mut parts.viewpoints.as_mut().unwrap().origins;
+    origins[0] = std::array::from_fn(|a| origins[0][a] + offset[a]);
+    let far = PointCloud::from_parts(parts).unwrap().0;
+    let (a, b) = (learn(&near), learn(&far));
+    assert_eq!(a.stored(), b.stored());
+    assert_eq!(a.labels(), b.labels());
+    assert!((0..3).all(|i| b.origin()[i] == a.origin()[i] + offset[i]));
+}
+
+#[test]
+fn wrong_options_and_weights_are_named() {
+    let cloud = plain(vec![[0.0; 3], [1.0; 3], [0.0, 1.0, 0.0]]);
+    let base = PlanesOptions::default;
+    for (options, name) in [
+        (PlanesOptions { initial_patches: usize::MAX, ..base() }, "initial_patches"),
+        (PlanesOptions { min_grid_size: Some(0.0), ..base() }, "min_grid_size"),
+        (PlanesOptions { weight_at_grid_size: 1.0, ..base() }, "weight_at_grid_size"),
+        (PlanesOptions { split_threshold: 1.0, ..base() }, "split_threshold"),
+        (PlanesOptions { merge_tolerance: f64::NAN, ..base() }, "merge_tolerance"),
+        (PlanesOptions { em_steps: 0, ..base() }, "em_steps"),
+        (PlanesOptions { new_patches_every: 0, ..base() }, "new_patches_every"),
+        (PlanesOptions { max_iterations: 0, ..base() }, "max_iterations"),
+        (PlanesOptions { tolerance: -1.0, ..base() }, "tolerance"),
+        (PlanesOptions { min_points: Some(2), ..base() }, "min_points"),
+        (PlanesOptions { color_step: 65, ..base() }, "color_step"),
+    ] {
+        match planes::learn(&cloud, None, &options, &Silent) {
+            Err(Error::InvalidParameter { name: found, .. }) => assert_eq!(found, name),
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+    for weights in [vec![1.0; 2], vec![1.0, f32::NAN, 1.0], vec![-1.0; 3], vec![0.0; 3]] {
+        let found = planes::learn(&cloud, Some(&weights), &base(), &Silent);
+        assert!(matches!(found, Err(Error::InvalidParameter { name: "weights", .. })), "{found:?}");
+    }
+}
+
+#[test]
+fn stopping_stops() {
+    struct Stop;
+    impl Progress for Stop {
+        fn update(&self, _: &'static str, _: f32) {}
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+    let found = planes::learn(&room(5000, 6), None, &PlanesOptions::default(), &Stop);
+    assert!(matches!(found, Err(Error::Cancelled(_))));
+}
+
+/// Faces of a coloured box at an odd place.
+fn small_model() -> PlaneModel {
+    let mut parts = room(3000, 7).into_parts();
+    parts.origin = [10.0, -20.0, 5.0];
+    parts.viewpoints.as_mut().unwrap().origins[0] = [11.5, -19.0, 5.7];
+    learn(&PointCloud::from_parts(parts).unwrap().0)
+}
+
+#[test]
+fn a_model_read_back_is_the_same() {
+    let model = small_model();
+    let file = bytes(&model);
+    let again = read(&file).unwrap();
+    assert_eq!(bytes(&again), file);
+    assert_eq!(again, model);
+    assert_eq!(again.patches(), model.patches());
+    let options =
+        DecodeOptions { resolution: Some(0.05), normals: true, ..DecodeOptions::default() };
+    assert_eq!(again.decode(options, &Silent), model.decode(options, &Silent));
+    // Prices are what the bytes come to.
+    let price: f64 = model.price().iter().sum();
+    assert!((file.len() as f64 - price) < 200.0, "{} {price}", file.len());
+}
+
+#[test]
+fn cut_at_any_byte_it_is_an_error() {
+    let file = bytes(&small_model());
+    for end in 0..file.len() {
+        assert!(read(&file[..end]).is_err(), "{end} of {}", file.len());
+    }
+}
+
+#[test]
+fn any_flipped_bit_is_an_error_or_harmless() {
+    let file = bytes(&small_model());
+    let whole = Model::from(read(&file).unwrap());
+    for bit in 0..8 * file.len() {
+        let mut damaged = file.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        if let Ok(found) = Model::from_bytes(&damaged, &LIMITS) {
+            assert_eq!(found, whole, "bit {bit}");
+        }
+    }
+}
+
+/// The file with some of its sections replaced; the checksums are right, so that only the content can be refused.
+fn forged(file: &[u8], replace: impl Fn(usize) -> Option<Vec<u8>>) -> Vec<u8> {
+    let container = surfabet::Container::parse(file, &LIMITS).unwrap();
+    let mut forged = ContainerWriter::new(Family::Planes, Features::NONE);
+    for (i, section) in container.sections().iter().enumerate() {
+        let bytes = replace(i).unwrap_or_else(|| section.bytes.to_vec());
+        forged = forged.section(section.tag, bytes);
+    }
+    forged.finish().unwrap()
+}
+
+/// A patch that a file may hold: rows of tiles of which every `gap`-th is missing.
+fn stored(
+    pose: [i32; 6],
+    shape: [u32; 2],
+    sizes: [u8; 5],
+    gap: usize,
+    colored: bool,
+) -> StoredPatch {
+    let n = (shape[0] * shape[1]) as usize;
+    let supported: Vec<bool> = (0..n).map(|i| i == 0 || i % gap != 1).collect();
+    let n_supported = supported.iter().filter(|s| **s).count() as i16;
+    StoredPatch {
+        position: [pose[0], pose[1], pose[2]],
+        normal: [pose[3] as i16, pose[4] as i16],
+        direction: pose[5] as u16,
+        doublings: sizes[0],
+        shape,
+        last: [sizes[1], sizes[2]],
+        deviation: sizes[3],
+        count: sizes[4],
+        supported,
+        colors: (0..if colored { n_supported } else { 0 })
+            .map(|i| [i % 512, -(i % 513), i % 100 - 50])
+            .collect(),
+    }
+}
+
+fn header(patches: &[StoredPatch], colored: bool) -> PlanesHeader {
+    PlanesHeader {
+        n_points: 1000,
+        n_outliers: 10,
+        origin: [1e6, -5.0, 0.25],
+        exponent: -10,
+        grid_size: 0.1,
+        color_step: colored.then_some(8),
+        n_patches: patches.len() as u64,
+    }
+}
+
+fn any_patch(colored: bool) -> impl Strategy<Value = StoredPatch> {
+    let far = MAX_COORDINATE;
+    let coordinate = || prop_oneof![-far..=far, -50..50_i32, Just(far), Just(-far)];
+    let normal = || prop_oneof![-32767..=32767_i32, -3..3_i32, Just(32767), Just(-32767)];
+    let pose =
+        ((coordinate(), coordinate(), coordinate()), (normal(), normal()), 0..DIRECTIONS as i32);
+    let shape =
+        prop_oneof![[1..40_u32, 1..40_u32], [1..2_u32, 1..2000_u32], [1..2000_u32, 1..2_u32]];
+    let sizes = (0..=40_u8, 1..=PARTS, 1..=PARTS, any::<u8>(), any::<u8>());
+    (pose, shape, sizes, 2..50_usize).prop_map(move |(pose, shape, sizes, gap)| {
+        let ((x, y, z), (u, v), direction) = pose;
+        let (doublings, last_x, last_y, deviation, count) = sizes;
+        let sizes = [doublings, last_x, last_y, deviation, count];
+        stored([x, y, z, u, v, direction], shape, sizes, gap, colored)
+    })
+}
+
+fn any_patches() -> impl Strategy<Value = (bool, Vec<StoredPatch>)> {
+    any::<bool>()
+        .prop_flat_map(|colored| (Just(colored), prop::collection::vec(any_patch(colored), 0..40)))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn whatever_patches_there_are_come_back((colored, patches) in any_patches()) {
+        let model = PlaneModel::from_stored(header(&patches, colored), patches.clone()).unwrap();
+        let file = bytes(&model);
+        let again = read(&file).unwrap();
+        prop_assert_eq!(again.stored(), &patches[..]);
+        prop_assert_eq!(again.header(), model.header());
+        prop_assert_eq!(bytes(&again), file);
+        // Nothing that a file may hold makes trouble later.
+        for i in 0..again.len() {
+            prop_assert!(again.patches()[i].tiles.area() > 0.0);
+            prop_assert!(!again.polygons(i).is_empty());
+            again.colors(i);
+        }
+        prop_assert!(again.mesh().triangles.len() >= 2 * again.len());
+        again.segment(&room(100, 8), &Silent).unwrap();
+        let spacing = DecodeOptions { resolution: Some(1e9), ..DecodeOptions::default() };
+        let _ = again.decode(spacing, &Silent);
+    }
+
+    #[test]
+    fn streams_of_random_bytes_never_panic(
+        streams in prop::collection::vec(prop::option::of(prop::collection::vec(any::<u8>(), 0..200)), 4),
+        meta in prop::option::of(prop::collection::vec(any::<u8>(), 0..50)),
+    ) {
+        let replace = |i: usize| if i == 0 { meta.clone() } else { streams[i - 1].clone() };
+        let _ = Model::from_bytes(&forged(&bytes(&small_model()), replace), &LIMITS);
+    }
+}
+
+#[test]
+fn stored_patches_that_contradict_themselves_are_refused() {
+    let good = stored([0, 0, 0, 5, 5, 7], [3, 2], [0, 8, 3, 4, 5], 4, false);
+    let of = |patch: StoredPatch| {
+        let patches = vec![patch];
+        PlaneModel::from_stored(header(&patches, false), patches)
+    };
+    assert!(of(good.clone()).is_ok());
+    for wrong in [
+        StoredPatch { position: [MAX_COORDINATE + 1, 0, 0], ..good.clone() },
+        StoredPatch { direction: DIRECTIONS as u16, ..good.clone() },
+        StoredPatch { doublings: 41, ..good.clone() },
+        StoredPatch { shape: [3, 3], ..good.clone() },
+        StoredPatch { shape: [0, 2], supported: Vec::new(), ..good.clone() },
+        StoredPatch { last: [0, 8], ..good.clone() },
+        StoredPatch { last: [8, 9], ..good.clone() },
+        StoredPatch { supported: vec![false; 6], ..good.clone() },
+        StoredPatch { colors: vec![[0; 3]], ..good.clone() },
+    ] {
+        assert!(matches!(of(wrong.clone()), Err(Error::Inconsistent(_))), "{wrong:?}");
+    }
+}
+
+#[test]
+fn a_small_file_cannot_ask_for_much_memory() {
+    // Masks without a gap cost next to nothing: eight patches of the largest size each.
+    let side = 4096;
+    let patch = |i: i32| StoredPatch {
+        position: [i, 0, 0],
+        shape: [side, side],
+        last: [8, 8],
+        supported: vec![true; (side * side) as usize],
+        ..StoredPatch::default()
+    };
+    let patches: Vec<StoredPatch> = (0..3).map(patch).collect();
+    let tiles = u64::from(side * side);
+    assert!(2 * tiles <= MAX_MODEL_TILES && 3 * tiles > MAX_MODEL_TILES);
+    let found = PlaneModel::from_stored(header(&patches, false), patches.clone());
+    assert!(matches!(found, Err(Error::Inconsistent(_))));
+    let model = PlaneModel::from_stored(header(&patches[..2], false), patches[..2].to_vec());
+    let mut streams = Streams::from_fn(Encoder::new);
+    let Ok(()) = model.unwrap().write(&mut streams);
+    let [poses, masks, sizes, _] = streams.as_array().map(Encoder::finish);
+    assert!(masks.len() < 5000, "{}", masks.len());
+    let file = ContainerWriter::new(Family::Planes, Features::NONE)
+        .section(Tag::new(b"META"), meta(&header(&patches[..2], false)))
+        .section(Tag::new(b"POSE"), poses)
+        .section(Tag::new(b"MASK"), masks)
+        .section(Tag::new(b"SIZE"), sizes)
+        .finish()
+        .unwrap();
+    assert!(Model::from_bytes(&file, &Limits::default()).is_ok());
+    let Err(error) = Model::from_bytes(&file, &LIMITS) else { panic!("read beyond the limits") };
+    assert!(error.to_string().contains("more than 1048576 tiles"), "{error}");
+}
+
+fn meta(header: &PlanesHeader) -> Vec<u8> {
+    let mut out = surfabet_codec::bytes::ByteWriter::new();
+    out.varint(header.n_points);
+    out.varint(header.n_outliers);
+    header.origin.iter().for_each(|&c| out.f64(c));
+    out.signed_varint(i64::from(header.exponent));
+    out.f64(header.grid_size);
+    out.varint(u64::from(header.color_step.unwrap_or(0)));
+    out.varint(header.n_patches);
+    out.finish()
+}
+
+#[test]
+fn headers_outside_their_domains_are_refused() {
+    let file = bytes(&small_model());
+    let good = small_model().header().clone();
+    assert!(read(&forged(&file, |i| (i == 0).then(|| meta(&good)))).is_ok());
+    for wrong in [
+        PlanesHeader { origin: [f64::NAN, 0.0, 0.0], ..good.clone() },
+        PlanesHeader { exponent: 61, ..good.clone() },
+        PlanesHeader { exponent: -61, ..good.clone() },
+        PlanesHeader { grid_size: 0.0, ..good.clone() },
+        PlanesHeader { grid_size: f64::INFINITY, ..good.clone() },
+        PlanesHeader { color_step: Some(65), ..good.clone() },
+        PlanesHeader { color_step: None, ..good.clone() },
+        PlanesHeader { n_outliers: good.n_points + 1, ..good.clone() },
+        PlanesHeader { n_patches: good.n_patches + 1, ..good.clone() },
+        PlanesHeader { n_patches: 1 << 60, ..good.clone() },
+    ] {
+        assert!(read(&forged(&file, |i| (i == 0).then(|| meta(&wrong)))).is_err(), "{wrong:?}");
+    }
+}
+
+fn golden(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden").join(name)
+}
+
+/// A line per patch: numbers of tiles and points, standard deviation, side of a tile; then one per corner of its
+/// polygons, in the world (metres), and one per colour.
+fn listing(model: &PlaneModel) -> String {
+    let patch = |i: usize| {
+        let patch = &model.patches()[i];
+        let tiles = &patch.tiles;
+        let sizes = format!(
+            "{} {:.4} {:.7} {:.7}\n",
+            tiles.n_supported(),
+            model.count(i),
+            patch.standard_deviation,
+            tiles.edge()
+        );
+        let corners = model.polygons(i).into_iter().flatten();
+        let corners = corners.map(|[x, y, z]| format!("{x:.6} {y:.6} {z:.6}\n"));
+        let colors = model.colors(i).into_iter().map(|[r, g, b]| format!("{r} {g} {b}\n"));
+        sizes + &corners.chain(colors).collect::<String>()
+    };
+    (0..model.len()).map(patch).collect()
+}
+
+/// Writes the golden file of this release. Run once per release, before it is published:
+/// `cargo test -p surfabet-tests --test planes -- --ignored`.
+#[test]
+#[ignore = "writes tests/golden; files of a published release must never change"]
+fn write_golden() {
+    let model = small_model();
+    Model::from(model.clone()).save(golden("planes_0_1.sfb")).unwrap();
+    std::fs::write(golden("planes_0_1.txt"), listing(&model)).unwrap();
+}
+
+#[test]
+fn files_of_release_0_1_stay_readable() {
+    let file = std::fs::read(golden("planes_0_1.sfb")).unwrap();
+    let model = read(&file).unwrap();
+    assert_eq!(bytes(&model), file);
+    assert_eq!((model.len(), model.n_points()), (6, 3000));
+    assert_eq!(model.origin(), [11.0, -19.0, 6.0]);
+    let expected = std::fs::read_to_string(golden("planes_0_1.txt")).unwrap();
+    let found = listing(&model);
+    let numbers =
+        |line: &str| -> Vec<f64> { line.split(' ').map(|n| n.parse().unwrap()).collect() };
+    assert_eq!(found.lines().count(), expected.lines().count());
+    for (found, expected) in found.lines().zip(expected.lines()) {
+        for (f, e) in numbers(found).iter().zip(numbers(expected)) {
+            assert!(
+                (f - e).abs() <= 2e-6 * e.abs().max(1.0),
+                "{found} where {expected} was written"
+            );
+        }
+    }
+}
