@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from alphabet_table import ROOM_RESOLUTION, distinct, gathered, room
+from alphabet_scans import HALL_SCANS, ROOM_RESOLUTION, at_origin, distinct, hall, room
 from numpy.typing import NDArray
-from paper_bench import DATA, check_data, print_header, print_row
+from paper_bench import check_data, print_header, print_row
 
 import surfabet as sb
 
@@ -36,7 +36,6 @@ OPTIONS: dict[str, Any] = {
 NAMES = ("", "bytes", "inliers", "outliers", "seconds")
 REGISTRATION_ERROR = 0.02
 """Metres: the hall's scans lie a few centimetres apart where they meet."""
-HALL_SCANS = (0, 10, 20, 30, 40, 50)
 Row = tuple[str, int, float, float]
 
 
@@ -45,13 +44,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, help="folder for the plots")
     parser.add_argument("--only", choices=["curve", "rebuild", "scans"])
     return parser.parse_args()
-
-
-def seen_from_origin(points: NDArray[Any]) -> sb.PointCloud:
-    index = np.zeros(len(points), np.uint32)
-    return sb.PointCloud(
-        points.astype(np.float32), viewpoints=np.zeros((1, 3)), viewpoint_index=index
-    )
 
 
 def row(
@@ -118,7 +110,7 @@ def curve() -> list[Row]:
     print("\n### One scan of a room\n")
     scan = room(1)
     points = distinct(scan, MIN_RANGE)
-    reference = seen_from_origin(points)
+    reference = at_origin(points)
     print_header(*NAMES)
     rows = []
     for bits in (2.0, 4.0, 7.0, 12.0, 24.0):
@@ -147,7 +139,7 @@ def curve() -> list[Row]:
 def rebuild() -> None:
     print("\n### A second scan by the words of the first\n")
     first, second = room(1), room(2)
-    reference = seen_from_origin(distinct(second, MIN_RANGE))
+    reference = at_origin(distinct(second, MIN_RANGE))
     print_header(*NAMES)
     for bits in (4.0, 7.0):
         words = sb.learn_alphabet(first, **OPTIONS, inlier_bits=bits).alphabet
@@ -160,20 +152,6 @@ def rebuild() -> None:
         model, seconds = timed(lambda options=options: sb.learn_alphabet(second, **options))
         name = f"words of its own, {bits:g} bits"
         row(name, reference, model.decode(), len(model.to_bytes()), seconds)
-
-
-def hall(n: int) -> sb.PointCloud:
-    """The first n scans in one frame; scan K has pose K of the list, four rows each."""
-    folder = DATA / "multi_scan"
-    table = np.loadtxt(folder / "alidarPose.csv", delimiter=",", usecols=range(4))
-    poses = table.reshape(-1, 4, 4)
-    scans, places = [], []
-    for k in HALL_SCANS[:n]:
-        points = sb.read(folder / f"full{k}.pcd").points
-        points = points[(np.abs(points) > 0).any(axis=1)]
-        scans.append(points @ poses[k, :3, :3].T + poses[k, :3, 3])
-        places.append(poses[k, :3, 3])
-    return gathered(scans, places)
 
 
 def scans() -> list[tuple[int, int, int]]:

@@ -23,14 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from paper_bench import DATA, check_data, print_header, print_row
+from alphabet_scans import ROOM_RESOLUTION, distinct, hall, room, street
+from paper_bench import check_data, print_header, print_row
 
 import surfabet as sb
 from surfabet import _core
 
-# Of the room's scanner: the finer of its two resolutions.
-ROOM_RESOLUTION = np.radians(0.972)
 RADII = (0.1, 0.25)
 NAMES = ("alphabet", "occurrences", "rate", "rate (zlib)", "inliers", "outliers", "seconds")
 
@@ -42,51 +40,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--iterations", type=int, default=500)
     parser.add_argument("--threads", type=int, default=2)
     return parser.parse_args()
-
-
-def at_origin(points: NDArray[Any]) -> sb.PointCloud:
-    """A scan whose sensor stands at the origin."""
-    points = np.ascontiguousarray(points, np.float32)
-    index = np.zeros(len(points), np.uint32)
-    return sb.PointCloud(points, viewpoints=np.zeros((1, 3)), viewpoint_index=index)
-
-
-def room(number: int) -> sb.PointCloud:
-    return at_origin(sb.read(DATA / "indoor_scan" / f"room_scan{number}.pcd").points)
-
-
-def gathered(scans: list[NDArray[Any]], places: list[NDArray[Any]]) -> sb.PointCloud:
-    index = np.repeat(np.arange(len(scans)), [len(s) for s in scans])
-    return sb.PointCloud(
-        np.concatenate(scans).astype(np.float32),
-        viewpoints=np.array(places),
-        viewpoint_index=index.astype(np.uint32),
-    )
-
-
-def hall() -> sb.PointCloud:
-    """Six scans in one frame; scan K has pose K of the list, four rows each."""
-    folder = DATA / "multi_scan"
-    rows = np.loadtxt(folder / "alidarPose.csv", delimiter=",", usecols=range(4))
-    poses = rows.reshape(-1, 4, 4)
-    scans, places = [], []
-    for k in (0, 10, 20, 30, 40, 50):
-        points = sb.read(folder / f"full{k}.pcd").points
-        points = points[np.isfinite(points).all(axis=1) & (np.abs(points) > 0).any(axis=1)]
-        # The last element of the last row is a time stamp.
-        rotation, shift = poses[k, :3, :3], poses[k, :3, 3]
-        scans.append(points @ rotation.T + shift)
-        places.append(shift)
-    return gathered(scans, places)
-
-
-def street() -> sb.PointCloud:
-    scans, places = [], []
-    for i, name in enumerate(("000000", "000002", "000004")):
-        place = np.array([0.0, 400.0 * (i - 1), 0.0])
-        scans.append(sb.read(DATA / "outdoor_360" / f"{name}.bin").points + place)
-        places.append(place)
-    return gathered(scans, places)
 
 
 def options(**changes: Any) -> dict[str, Any]:
@@ -111,14 +64,6 @@ def paper_file(model: _core.BicAlphabetModel) -> bytes:
     six = np.concatenate([vector, poses[:, :3, 3]], axis=1).astype(np.float32)
     points = [p.tobytes() for p in model.alphabet.points()]
     return b"".join(points) + six.tobytes() + model.word_ids.tobytes()
-
-
-def distinct(cloud: sb.PointCloud, min_range: float) -> NDArray[np.float32]:
-    points = np.asarray(cloud.points, np.float32)
-    assert cloud.viewpoints is not None
-    assert cloud.viewpoint_index is not None
-    away = np.linalg.norm(cloud.points - cloud.viewpoints[cloud.viewpoint_index], axis=1)
-    return np.unique(points[away >= min_range], axis=0)
 
 
 def rows(name: str, cloud: sb.PointCloud, chosen: dict[str, Any]) -> _core.BicAlphabetModel:

@@ -139,25 +139,21 @@ class Alphabet:
 
         Options, errors and determinism are those of `learn_alphabet`.
         """
-        bits = _bits(preset, inlier_bits, outlier_bits)
-        with progress_callback(progress) as callback:
-            core = _core.learn_alphabet(
-                cloud,
-                alphabet=self._core,
-                radius=None,
-                scales=self._core.scales,
-                max_words=0,
-                **bits,
-                spacing=spacing,
-                rounds=rounds,
-                sigma_scale=sigma_scale,
-                angular_resolution=angular_resolution,
-                noise=noise,
-                min_range=min_range,
-                color_step=color_step,
-                progress=callback,
-            )
-        return AlphabetModel(core)
+        return _learn_mdl(
+            cloud,
+            self._core,
+            preset=preset,
+            inlier_bits=inlier_bits,
+            outlier_bits=outlier_bits,
+            spacing=spacing,
+            rounds=rounds,
+            sigma_scale=sigma_scale,
+            angular_resolution=angular_resolution,
+            noise=noise,
+            min_range=min_range,
+            color_step=color_step,
+            progress=progress,
+        )
 
     def __len__(self) -> int:
         return len(self._core)
@@ -515,7 +511,7 @@ def learn_alphabet(
     """
     match method:
         case "mdl":
-            return _learn_mdl(cloud, progress=progress, **options)
+            return _learn_mdl(cloud, None, progress=progress, **options)
         case "bic":
             return BicAlphabetModel(alphabet_bic.learn(cloud, progress=progress, **options))
         case other:
@@ -524,6 +520,8 @@ def learn_alphabet(
 
 def _learn_mdl(
     cloud: PointCloud,
+    alphabet: _core.Alphabet | None,
+    /,
     *,
     radius: float | None = None,
     scales: int = 4,
@@ -541,17 +539,21 @@ def _learn_mdl(
     random_state: int = 0,
     progress: Progress = None,
 ) -> AlphabetModel:
+    """With an alphabet, radius and scales are its own, and no words are sought."""
     if not 0 <= random_state < 2**64:
         raise InvalidInputError(f"random_state is {random_state}, but must be 0 to 2**64 - 1")
-    bits = _bits(preset, inlier_bits, outlier_bits)
+    if preset not in PRESETS:
+        raise InvalidInputError(f"preset is {preset!r}, but must be one of {', '.join(PRESETS)}")
+    inlier_bits = PRESETS[preset] if inlier_bits is None else inlier_bits
     with progress_callback(progress) as callback:
         core = _core.learn_alphabet(
             cloud,
-            alphabet=None,
+            alphabet=alphabet,
             radius=radius,
             scales=scales,
             max_words=max_words,
-            **bits,
+            inlier_bits=inlier_bits,
+            outlier_bits=inlier_bits if outlier_bits is None else outlier_bits,
             spacing=spacing,
             rounds=rounds,
             sigma_scale=sigma_scale,
@@ -577,10 +579,3 @@ def _triple(name: str, values: Sequence[float]) -> list[float]:
     if len(values) != 3:
         raise InvalidInputError(f"{name} has {len(values)} coordinates, expected 3")
     return [float(value) for value in values]
-
-
-def _bits(preset: str, inlier: float | None, outlier: float | None) -> dict[str, Any]:
-    if preset not in PRESETS:
-        raise InvalidInputError(f"preset is {preset!r}, but must be one of {', '.join(PRESETS)}")
-    inlier = PRESETS[preset] if inlier is None else inlier
-    return {"inlier_bits": inlier, "outlier_bits": inlier if outlier is None else outlier}

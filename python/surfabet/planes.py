@@ -273,8 +273,11 @@ def learn_planes(
     em_steps: int = 2,
     new_patches_every: int = 5,
     max_iterations: int = 30,
-    tolerance: float = 0.002,
+    tolerance: float = 0.01,
     min_points: int | None = None,
+    min_purity: float = 0.85,
+    min_fill: float = 0.5,
+    max_bend: float = 1.55,
     color_step: int = 8,
     weights: ArrayLike | None = None,
     random_state: int = 0,
@@ -312,7 +315,15 @@ def learn_planes(
         Learning ends when the mean distance of points to their patches and the share of points that
         support one change by less than this share.
     min_points
-        Points that a patch needs. By default a ten-thousandth of all points, 30 at least.
+        Points that a patch needs. By default a thousandth of all points, 30 at least.
+    min_purity
+        Least share of the points before and behind a patch, up to the grid size, that support it;
+        patches through clutter have less. 0 keeps them.
+    min_fill
+        Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
+    max_bend
+        Largest ratio of the standard deviation of points about their patch to that about the mean
+        of their tile; patches across corners or along something bent have more. `inf` keeps them.
     color_step
         Rounding of the tiles' colours, grey levels.
     weights
@@ -349,6 +360,9 @@ def learn_planes(
             max_iterations=max_iterations,
             tolerance=tolerance,
             min_points=min_points,
+            min_purity=min_purity,
+            min_fill=min_fill,
+            max_bend=max_bend,
             color_step=color_step,
             weights=weights,
             random_state=random_state,

@@ -149,13 +149,13 @@ def test_the_paper_s_figures_on_a_real_room() -> None:
         "min_range": 0.5,
         "angular_resolution": ROOM_RESOLUTION,
         "iterations": 500,
-        # Seeds spread by a point about 97 percent; this one is quick.
+        # Seeds spread by half a point about 98 percent.
         "random_state": 1,
     }
     model = learn(scans[0], **chosen)
     figures = model.report_dict["figures"]
     assert 44_900 < figures["distinct points"] < 45_000
-    assert figures["inliers"] >= 0.96
+    assert figures["inliers"] >= 0.97
     assert figures["outliers"] <= 0.06
     rebuilt = learn(scans[1], **chosen, alphabet=model.alphabet).report_dict["figures"]
     assert rebuilt["inliers"] >= 0.97

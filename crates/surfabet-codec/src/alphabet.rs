@@ -85,8 +85,8 @@ pub fn read(
     container.expect_only(&expected)?;
 
     let wrong = |e: surfabet_models::Error| Error::corrupt(META, 0, e.to_string());
-    let alphabet = if shared {
-        named(container.require(WORDS_HASH)?, alphabet)?
+    let alphabet = if let Some(expected) = ContentHash::named_by(container, WORDS_HASH)? {
+        expected.of_given(alphabet, alphabet_hash)?.clone()
     } else {
         let mut decoder = Decoder::new(WORDS, container.require(WORDS)?);
         decoder.check_count("number of words", meta.n_words as u64)?;
@@ -115,22 +115,6 @@ pub fn read(
     occurrences.finish()?;
     channels.finish()?;
     Ok(model)
-}
-
-fn named(hash: &[u8], given: Option<&Alphabet>) -> Result<Alphabet> {
-    let mut input = ByteReader::new(WORDS_HASH, hash);
-    let bytes = input.bytes(16)?;
-    let mut needed = [0; 16];
-    needed.copy_from_slice(bytes);
-    input.finish()?;
-    let expected = ContentHash(needed);
-    let Some(alphabet) = given else { return Err(Error::MissingDictionary { expected }) };
-    let found = alphabet_hash(alphabet);
-    if found == expected {
-        Ok(alphabet.clone())
-    } else {
-        Err(Error::DictionaryMismatch { expected, found })
-    }
 }
 
 struct Meta {

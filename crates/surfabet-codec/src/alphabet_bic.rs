@@ -72,14 +72,7 @@ pub fn alphabet_hash(alphabet: &BicAlphabet) -> ContentHash {
 /// # Errors
 /// When the file says that it refers to one, and does not.
 pub fn shared_alphabet(container: &Container<'_>) -> Result<Option<ContentHash>> {
-    if !container.features().contains(Features::SHARED_DICTIONARY) {
-        return Ok(None);
-    }
-    let bytes = container.require(WORDS_HASH)?;
-    let hash = bytes.try_into().map_err(|_| {
-        Error::corrupt(WORDS_HASH, 0, format!("a hash of {} bytes, not 16", bytes.len()))
-    })?;
-    Ok(Some(ContentHash(hash)))
+    ContentHash::named_by(container, WORDS_HASH)
 }
 
 /// The model that a parsed file holds. `alphabet` is what a file without words of its own was made with; other files
@@ -94,17 +87,8 @@ pub fn read(
     alphabet: Option<&BicAlphabet>,
 ) -> Result<BicModel> {
     container.expect_family(Family::Alphabet)?;
-    let shared = match (shared_alphabet(container)?, alphabet) {
-        (None, _) => None,
-        (Some(expected), None) => return Err(Error::MissingDictionary { expected }),
-        (Some(expected), Some(alphabet)) => {
-            let found = alphabet_hash(alphabet);
-            if found != expected {
-                return Err(Error::DictionaryMismatch { expected, found });
-            }
-            Some(alphabet)
-        }
-    };
+    let shared = shared_alphabet(container)?;
+    let shared = shared.map(|h| h.of_given(alphabet, alphabet_hash)).transpose()?;
     let base = if shared.is_some() { Features::SHARED_DICTIONARY } else { Features::NONE };
     if container.features() != Features::BIC_ALPHABET.with(base) {
         return Err(Error::corrupt(META, 0, "an alphabet by BIC can only be shared or not"));

@@ -1,7 +1,8 @@
-//! Content hash by which a file names the shared dictionary it was made with.
+//! Content hash by which a file names the shared dictionary or alphabet it was made with.
 
 use std::fmt;
 
+use crate::container::{Container, Features, Tag};
 use crate::error::{Error, Result};
 
 /// The first 16 bytes of the BLAKE3 hash of some content.
@@ -20,14 +21,25 @@ impl ContentHash {
         Self(first)
     }
 
-    /// [`Error::DictionaryMismatch`] unless `content` has this hash.
-    pub fn verify(&self, content: &[u8]) -> Result<()> {
-        let found = Self::of(content);
-        if found == *self {
-            Ok(())
-        } else {
-            Err(Error::DictionaryMismatch { expected: *self, found })
+    /// The hash in section `tag` of a file that names shared content; `None` for one that holds its own.
+    pub(crate) fn named_by(container: &Container<'_>, tag: Tag) -> Result<Option<Self>> {
+        if !container.features().contains(Features::SHARED_DICTIONARY) {
+            return Ok(None);
         }
+        let bytes = container.require(tag)?;
+        let wrong = |_| Error::corrupt(tag, 0, format!("a hash of {} bytes, not 16", bytes.len()));
+        Ok(Some(Self(bytes.try_into().map_err(wrong)?)))
+    }
+
+    /// `given`, when it has this hash; [`Error::MissingDictionary`] without it, [`Error::DictionaryMismatch`] for
+    /// another.
+    pub(crate) fn of_given<T>(self, given: Option<&T>, hash: impl Fn(&T) -> Self) -> Result<&T> {
+        let given = given.ok_or(Error::MissingDictionary { expected: self })?;
+        let found = hash(given);
+        if found != self {
+            return Err(Error::DictionaryMismatch { expected: self, found });
+        }
+        Ok(given)
     }
 }
 
@@ -54,11 +66,15 @@ mod tests {
     }
 
     #[test]
-    fn verify_names_both_hashes() {
-        let hash = ContentHash::of(b"chairs");
-        assert_eq!(hash.verify(b"chairs"), Ok(()));
-        let message = hash.verify(b"doors").unwrap_err().to_string();
+    fn a_refusal_names_the_hashes() {
+        let of = |content: &&[u8]| ContentHash::of(content);
+        let [chairs, doors]: [&[u8]; 2] = [b"chairs", b"doors"];
+        let hash = of(&chairs);
+        assert_eq!(hash.of_given(Some(&chairs), of), Ok(&chairs));
+        let message = hash.of_given(Some(&doors), of).unwrap_err().to_string();
         assert!(message.contains(&hash.to_string()), "{message}");
-        assert!(message.contains(&ContentHash::of(b"doors").to_string()), "{message}");
+        assert!(message.contains(&of(&doors).to_string()), "{message}");
+        let message = hash.of_given(None, of).unwrap_err().to_string();
+        assert!(message.contains(&hash.to_string()), "{message}");
     }
 }

@@ -3,6 +3,7 @@
 //! Patches come in Morton order of the cells of one patch size that their centres lie in, so a patch follows a
 //! neighbour, and most of what is stored is the difference to it. Byte by byte in `docs/format.md`.
 
+use surfabet_geom::morton::encode_wide;
 use surfabet_models::patches::order::{self, steps_per_cell};
 use surfabet_models::patches::{
     Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchDictionary, PatchModel,
@@ -92,14 +93,7 @@ pub fn dictionary_hash(dictionary: &PatchDictionary) -> ContentHash {
 /// # Errors
 /// When the file says that it refers to one, and does not.
 pub fn shared_dictionary(container: &Container<'_>) -> Result<Option<ContentHash>> {
-    if !container.features().contains(Features::SHARED_DICTIONARY) {
-        return Ok(None);
-    }
-    let bytes = container.require(DICTIONARY_HASH)?;
-    let hash = bytes.try_into().map_err(|_| {
-        Error::corrupt(DICTIONARY_HASH, 0, format!("a hash of {} bytes, not 16", bytes.len()))
-    })?;
-    Ok(Some(ContentHash(hash)))
+    ContentHash::named_by(container, DICTIONARY_HASH)
 }
 
 /// The model that a parsed file holds. `dictionary` is what a file without dictionaries of its own was made
@@ -114,17 +108,8 @@ pub fn read(
     dictionary: Option<&PatchDictionary>,
 ) -> Result<PatchModel> {
     container.expect_family(Family::Patches)?;
-    let shared = match (shared_dictionary(container)?, dictionary) {
-        (None, _) => None,
-        (Some(expected), None) => return Err(Error::MissingDictionary { expected }),
-        (Some(expected), Some(dictionary)) => {
-            let found = dictionary_hash(dictionary);
-            if found != expected {
-                return Err(Error::DictionaryMismatch { expected, found });
-            }
-            Some(dictionary)
-        }
-    };
+    let shared = shared_dictionary(container)?;
+    let shared = shared.map(|h| h.of_given(dictionary, dictionary_hash)).transpose()?;
     let stored = if shared.is_some() { DICTIONARY_HASH } else { DICTIONARIES };
     container.expect_only(&[META, POSES, MASKS, stored, DEPTH, COLOR])?;
     let stream = |tag| container.require(tag).map(|bytes| Decoder::new(tag, bytes));
@@ -302,7 +287,7 @@ fn write_poses(out: &mut Encoder, level: &Level) -> Result<()> {
 
     let mut keys: Vec<u128> = Vec::new();
     let mut counts: Vec<u32> = Vec::new();
-    for key in cells.iter().map(|&c| order::morton(c)) {
+    for key in cells.iter().map(|&c| encode_wide(c)) {
         match (keys.last(), counts.last_mut()) {
             (Some(last), Some(count)) if *last == key => *count += 1,
             (Some(last), _) if *last > key => {

@@ -23,6 +23,12 @@ pub fn encode(cell: [u64; 3]) -> u64 {
     spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
 }
 
+/// Code of a cell from all bits of its coordinates, in the same order.
+pub fn encode_wide(cell: [u32; 3]) -> u128 {
+    let cell = cell.map(u64::from);
+    u128::from(encode(cell.map(|c| c >> BITS))) << (3 * BITS) | u128::from(encode(cell))
+}
+
 /// Cell of a code.
 pub fn decode(code: u64) -> [u64; 3] {
     let gather = |mut v: u64| {
@@ -87,6 +93,14 @@ mod tests {
         assert_eq!(encode([0, 0, 1]), 0b100);
         assert_eq!(encode([3, 0, 1]), 0b1101);
         assert_eq!(encode([(1 << BITS) - 1; 3]), u64::MAX >> 1);
+    }
+
+    #[test]
+    fn wide_codes_go_on_where_narrow_ones_end() {
+        assert_eq!(encode_wide([3, 0, 1]), 0b1101);
+        assert_eq!(encode_wide([1 << BITS, 0, 0]), 1 << (3 * BITS));
+        assert_eq!(encode_wide([0, 0, 1 << 31]), 1 << 95);
+        assert_eq!(encode_wide([u32::MAX; 3]), (1 << 96) - 1);
     }
 
     proptest! {

@@ -109,3 +109,11 @@ pub(crate) fn positive(name: &'static str, value: f64, requirement: &'static str
     }
     Err(Error::invalid(name, value, requirement))
 }
+
+/// Refuses to make up to `points` points at `resolution` metres where that is more than `limit`.
+pub(crate) fn check_points(resolution: f64, points: f64, limit: u64) -> Result<()> {
+    if points <= limit as f64 {
+        return Ok(());
+    }
+    Err(Error::TooManyPoints { resolution, points: points as u64, limit })
+}

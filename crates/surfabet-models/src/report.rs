@@ -58,15 +58,16 @@ impl Report {
     }
 }
 
-/// What `cloud` has beyond positions and colours, by name: all that surface patches do not keep.
-pub(crate) fn beyond_color(cloud: &PointCloud) -> Vec<&'static str> {
+/// What `cloud` has beyond positions and is not among `kept`, by name.
+pub(crate) fn lost(cloud: &PointCloud, kept: &[&str]) -> Vec<&'static str> {
     [
+        ("colors", cloud.colors().is_some()),
         ("intensities", cloud.intensities().is_some()),
         ("normals", cloud.normals().is_some()),
         ("ranges", cloud.ranges().is_some()),
         ("viewpoints", cloud.viewpoints().is_some()),
     ]
     .into_iter()
-    .filter_map(|(name, present)| present.then_some(name))
+    .filter_map(|(name, present)| (present && !kept.contains(&name)).then_some(name))
     .collect()
 }

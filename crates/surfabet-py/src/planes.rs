@@ -35,7 +35,8 @@ fn weights_of(weights: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<f32>>> 
 /// Learns planes; documented in `surfabet.planes`.
 #[pyfunction]
 #[pyo3(signature = (cloud, *, initial_patches, min_grid_size, weight_at_grid_size, split_threshold, merge_tolerance,
-                    em_steps, new_patches_every, max_iterations, tolerance, min_points, color_step, weights,
+                    em_steps, new_patches_every, max_iterations, tolerance, min_points, min_purity, min_fill, max_bend,
+                    color_step, weights,
                     random_state, progress))]
 #[allow(clippy::too_many_arguments)]
 fn learn_planes(
@@ -51,6 +52,9 @@ fn learn_planes(
     max_iterations: usize,
     tolerance: f64,
     min_points: Option<usize>,
+    min_purity: f64,
+    min_fill: f64,
+    max_bend: f64,
     color_step: u32,
     weights: Option<&Bound<'_, PyAny>>,
     random_state: u64,
@@ -67,6 +71,9 @@ fn learn_planes(
         max_iterations,
         tolerance,
         min_points,
+        min_purity,
+        min_fill,
+        max_bend,
         color_step,
         random_state,
     };

@@ -19,10 +19,20 @@ RGBD = Group("RGB-D folders", sort_key=1)
 
 
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
+PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
+PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
 
 
 class UsageError(Exception):
     """The options were understood, but do not fit together."""
+
+
+class FamilyOptions:
+    """Options of one family of models; None leaves them to the library."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @Parameter(name="*", group=GENERAL)
@@ -66,7 +76,7 @@ class ReadOptions:
     depth_max: Annotated[float, Parameter(validator=Number(gt=0))] = 4.0
     """Leave out what is farther than this, in metres."""
 
-    depth_scale: Annotated[float | None, Parameter(validator=Number(gt=0))] = None
+    depth_scale: PositiveFloat = None
     """Steps of the depth images per metre, by default what the folder's layout has."""
 
     intrinsics: Annotated[tuple[float, float, float, float] | None, Parameter(negative=())] = None

@@ -30,20 +30,20 @@ from surfabet.cli._options import (
     READ_OPTIONS,
     SHARED_OPTIONS,
     Common,
+    FamilyOptions,
     Flag,
+    PositiveFloat,
+    PositiveInt,
     ReadOptions,
     SharedOptions,
     UsageError,
 )
 from surfabet.files import AnyModel
 
-PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
-PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
-
 
 @Parameter(name="*", group=Group("Patches", sort_key=1))
 @dataclass(frozen=True)
-class PatchOptions:
+class PatchOptions(FamilyOptions):
     """Finer options of patches, as `surfabet.learn_patches` documents them; its defaults hold."""
 
     rate: PositiveFloat = None
@@ -86,17 +86,13 @@ class PatchOptions:
     sensor: Literal["structured-light", "constant"] | None = None
     """How the error of a range measurement grows."""
 
-    def given(self) -> dict[str, Any]:
-        """The options that were given."""
-        return {name: value for name, value in vars(self).items() if value is not None}
-
 
 PATCH_OPTIONS = PatchOptions()
 
 
 @Parameter(name="*", group=Group("Alphabet", sort_key=1))
 @dataclass(frozen=True)
-class AlphabetOptions:
+class AlphabetOptions(FamilyOptions):
     """Finer options of alphabets, as `surfabet.learn_alphabet` documents them."""
 
     preset: Literal["small", "balanced", "fine"] | None = None
@@ -131,7 +127,7 @@ class AlphabetOptions:
 
     def given(self) -> dict[str, Any]:
         """The options that were given."""
-        options = {name: value for name, value in vars(self).items() if value is not None}
+        options = super().given()
         if self.angular_resolution is not None:
             options["angular_resolution"] = math.radians(self.angular_resolution)
         return options
@@ -142,7 +138,7 @@ ALPHABET_OPTIONS = AlphabetOptions()
 
 @Parameter(name="*", group=Group("Gas", sort_key=1))
 @dataclass(frozen=True)
-class GasOptions:
+class GasOptions(FamilyOptions):
     """Options of a gas, as `surfabet.learn_gas` documents them; its defaults hold."""
 
     n_neurons: PositiveInt = None
@@ -175,10 +171,6 @@ class GasOptions:
     position_step: PositiveFloat = None
     """Rounding of positions in metres."""
 
-    def given(self) -> dict[str, Any]:
-        """The options that were given."""
-        return {name: value for name, value in vars(self).items() if value is not None}
-
 
 GAS_OPTIONS = GasOptions()
 
@@ -205,6 +197,15 @@ class PlanesOptions:
 
     merge_tolerance: Annotated[float | None, Parameter(validator=Number(gte=1))] = None
     """Factor by which points may be further from a common plane for two patches to merge."""
+
+    min_purity: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None
+    """Least share of the points before and behind a plane that support it; 0 keeps clutter."""
+
+    min_fill: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None
+    """Least share of a plane's rectangle that points support."""
+
+    max_bend: Annotated[float | None, Parameter(validator=Number(gte=1))] = None
+    """Most that points deviate from a plane, per deviation from the mean of their tile."""
 
     em_steps: PositiveInt = None
     """Passes of EM and trimming before each split and each merge."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
 import surfabet
 from surfabet.cli._files import (
@@ -19,7 +18,7 @@ from surfabet.cli._files import (
     size_on_disk,
 )
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, SharedOptions
+from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, PositiveFloat, SharedOptions
 
 
 def decompress(
@@ -27,7 +26,7 @@ def decompress(
     output: Annotated[Path, Parameter(name="OUT")],
     /,
     *,
-    resolution: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    resolution: PositiveFloat = None,
     as_measured: Flag = False,
     json: Flag = False,
     shared: SharedOptions = SHARED_OPTIONS,

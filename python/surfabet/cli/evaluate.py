@@ -30,12 +30,11 @@ from surfabet.cli._options import (
     SHARED_OPTIONS,
     Common,
     Flag,
+    PositiveFloat,
     ReadOptions,
     SharedOptions,
     UsageError,
 )
-
-PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
 
 
 def _percent(share: float) -> str:

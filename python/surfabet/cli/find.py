@@ -11,7 +11,15 @@ from cyclopts.validators import Number
 import surfabet
 from surfabet.cli._files import Shared, load_model
 from surfabet.cli._format import print_json
-from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, SharedOptions, UsageError
+from surfabet.cli._options import (
+    COMMON,
+    SHARED_OPTIONS,
+    Common,
+    Flag,
+    PositiveFloat,
+    SharedOptions,
+    UsageError,
+)
 
 Point = tuple[float, float, float]
 Box = tuple[float, float, float, float, float, float]
@@ -22,7 +30,7 @@ def find(
     /,
     *,
     point: Annotated[Point | None, Parameter(negative=())] = None,
-    radius: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    radius: PositiveFloat = None,
     box: Annotated[Box | None, Parameter(negative=())] = None,
     min_score: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.52,
     json: Flag = False,

@@ -6,12 +6,19 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
 import surfabet
 from surfabet.cli._files import load_model, read_cloud
 from surfabet.cli._format import millimetres, print_json
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions, UsageError
+from surfabet.cli._options import (
+    COMMON,
+    READ_OPTIONS,
+    Common,
+    Flag,
+    PositiveFloat,
+    ReadOptions,
+    UsageError,
+)
 
 
 def verify(
@@ -19,7 +26,7 @@ def verify(
     file: Annotated[Path, Parameter(name="FILE")],
     /,
     *,
-    max_error: Annotated[float | None, Parameter(validator=Number(gt=0))] = None,
+    max_error: PositiveFloat = None,
     json: Flag = False,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,

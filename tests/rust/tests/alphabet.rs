@@ -1,7 +1,6 @@
 //! Alphabets by description length, on scenes whose surface is known exactly, and their files.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use proptest::prelude::*;
@@ -11,14 +10,15 @@ use rand_distr::StandardNormal;
 use surfabet::alphabet::mdl;
 use surfabet::geom::KdTree;
 use surfabet::{
-    Alphabet, AlphabetModel, CloudParts, Deviation, Limits, MdlDecodeOptions, MdlOptions, Model,
-    PointCloud, Progress, Save, Shared, Silent, Viewpoints,
+    Alphabet, AlphabetModel, CloudParts, Deviation, MdlDecodeOptions, MdlOptions, Model,
+    PointCloud, Save, Shared, Silent, Viewpoints,
 };
 use surfabet_codec::{ContainerWriter, Family, Features};
 use surfabet_models::Error;
-
-/// What a reader of untrusted files would allow.
-const LIMITS: Limits = Limits { max_items: 1_000_000, max_bytes: 64 << 20 };
+use surfabet_tests::{
+    LIMITS, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_stops_when_asked,
+    golden,
+};
 
 /// Angle between the beams of the scanner below, radians.
 const ALPHA: f64 = 0.03;
@@ -269,20 +269,13 @@ fn options_outside_their_domain_are_refused() {
     assert!(matches!(decode(1e-6), Err(Error::TooManyPoints { .. })));
 }
 
-struct Stop;
-
-impl Progress for Stop {
-    fn update(&self, _stage: &'static str, _fraction: f32) {}
-
-    fn is_cancelled(&self) -> bool {
-        true
-    }
-}
-
 #[test]
 fn stops_when_asked_to() {
-    let found = mdl::learn(&cloud(room(0.0, 6)), &options(), &Stop);
-    assert!(matches!(found, Err(Error::Cancelled(_))));
+    let scan = windows(6, 6);
+    let asked = assert_stops_when_asked(|progress| mdl::learn(&scan, &fine(), progress));
+    // In two passes of improvement, every occurrence is one question before its variants and one after.
+    let occurrences = learn(&scan, &fine()).len();
+    assert!(asked > 4 * occurrences, "{asked} for {occurrences}");
 }
 
 /// A few windows with colour, far from the origin.
@@ -310,23 +303,12 @@ fn a_model_read_back_is_the_same() {
 
 #[test]
 fn cut_at_any_byte_it_is_an_error() {
-    let file = small_model().to_bytes().unwrap();
-    for end in 0..file.len() {
-        assert!(Model::from_bytes(&file[..end], &LIMITS).is_err(), "{end} of {}", file.len());
-    }
+    assert_cuts_are_errors(&small_model().to_bytes().unwrap());
 }
 
 #[test]
 fn any_flipped_bit_is_an_error_or_harmless() {
-    let file = small_model().to_bytes().unwrap();
-    let model = Model::from_bytes(&file, &LIMITS).unwrap();
-    for bit in 0..8 * file.len() {
-        let mut damaged = file.clone();
-        damaged[bit / 8] ^= 1 << (bit % 8);
-        if let Ok(found) = Model::from_bytes(&damaged, &LIMITS) {
-            assert_eq!(found, model, "bit {bit}");
-        }
-    }
+    assert_flipped_bits_are_noticed(&small_model().to_bytes().unwrap());
 }
 
 proptest! {
@@ -353,10 +335,6 @@ proptest! {
             .unwrap();
         let _ = Model::from_bytes(&forged, &LIMITS);
     }
-}
-
-fn golden(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden").join(name)
 }
 
 /// Every occurrence, to the micrometre and the thousandth.

@@ -1,8 +1,6 @@
 //! Alphabets chosen by BIC on scenes that are known exactly, and their files.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::path::PathBuf;
-
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -10,13 +8,15 @@ use rand_distr::StandardNormal;
 use surfabet::bic::{self, BicHeader, BicPose, BicShape, BicWord};
 use surfabet::geom::KdTree;
 use surfabet::{
-    BicAlphabet, BicModel, BicOptions, CloudParts, Container, Deviation, Limits, Model, PointCloud,
-    Progress, Save, Shared, Silent, Upright, Viewpoints, bic_alphabet_hash, shared_alphabet,
+    BicAlphabet, BicModel, BicOptions, CloudParts, Container, Deviation, Model, PointCloud, Save,
+    Shared, Silent, Upright, Viewpoints, bic_alphabet_hash, shared_alphabet,
 };
 use surfabet_codec::{ContainerWriter, Family, Features};
 use surfabet_models::Error;
-
-const LIMITS: Limits = Limits { max_items: 1_000_000, max_bytes: 64 << 20 };
+use surfabet_tests::{
+    LIMITS, Stop, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_same_numbers,
+    golden,
+};
 
 fn learn(cloud: &PointCloud, options: &BicOptions) -> BicModel {
     bic::learn(cloud, options, &Silent).unwrap()
@@ -218,13 +218,6 @@ fn wrong_options_are_named() {
 
 #[test]
 fn stopping_stops() {
-    struct Stop;
-    impl Progress for Stop {
-        fn update(&self, _: &'static str, _: f32) {}
-        fn is_cancelled(&self) -> bool {
-            true
-        }
-    }
     let found = bic::learn(&cloud(room(7)), &options(), &Stop);
     assert!(matches!(found, Err(Error::Cancelled(_))));
 }
@@ -293,23 +286,12 @@ fn a_shared_alphabet_is_checked_by_its_hash() {
 
 #[test]
 fn cut_at_any_byte_it_is_an_error() {
-    let file = small_model(Upright::WorldX).to_bytes().unwrap();
-    for end in 0..file.len() {
-        assert!(read(&file[..end]).is_err(), "{end} of {}", file.len());
-    }
+    assert_cuts_are_errors(&small_model(Upright::WorldX).to_bytes().unwrap());
 }
 
 #[test]
 fn any_flipped_bit_is_an_error_or_harmless() {
-    let file = small_model(Upright::ViewDirection).to_bytes().unwrap();
-    let model = Model::from(read(&file).unwrap());
-    for bit in 0..8 * file.len() {
-        let mut damaged = file.clone();
-        damaged[bit / 8] ^= 1 << (bit % 8);
-        if let Ok(found) = Model::from_bytes(&damaged, &LIMITS) {
-            assert_eq!(found, model, "bit {bit}");
-        }
-    }
+    assert_flipped_bits_are_noticed(&small_model(Upright::ViewDirection).to_bytes().unwrap());
 }
 
 prop_compose! {
@@ -384,10 +366,6 @@ proptest! {
     }
 }
 
-fn golden(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden").join(name)
-}
-
 /// One line per decoded point: position in the world, metres.
 fn listing(model: &BicModel) -> String {
     let cloud = decode(model);
@@ -416,14 +394,6 @@ fn files_of_release_0_1_stay_readable() {
     let model = read(&file).unwrap();
     assert_eq!((model.n_points(), model.origin()), (900, [10.0, -20.0, 5.0]));
     let expected = std::fs::read_to_string(golden("alphabet_bic_0_1.txt")).unwrap();
-    let numbers =
-        |line: &str| -> Vec<f64> { line.split(' ').map(|n| n.parse().unwrap()).collect() };
-    let found = listing(&model);
-    assert_eq!(found.lines().count(), expected.lines().count());
-    for (found, expected) in found.lines().zip(expected.lines()) {
-        for (f, e) in numbers(found).iter().zip(numbers(expected)) {
-            // The last step of a position in single precision may differ.
-            assert!((f - e).abs() <= 1e-6, "{found} where {expected} was written");
-        }
-    }
+    // The last step of a position in single precision may differ.
+    assert_same_numbers(&listing(&model), &expected, |_, _| 1e-6);
 }

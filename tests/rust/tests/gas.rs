@@ -1,18 +1,18 @@
 //! Growing neural gas: what mathematics and the paper say of it, and what may come in a file.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::path::PathBuf;
-
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use surfabet::gas::{self, DecodeOptions, GasModel, GasOptions, Search};
-use surfabet::{CloudParts, Family, Limits, Model, PointCloud, Progress, Silent, Viewpoints};
+use surfabet::{CloudParts, Family, Model, PointCloud, Silent, Viewpoints};
 use surfabet_codec::{ContainerWriter, Features};
 use surfabet_geom::{KdTree, VoxelGrid};
 use surfabet_models::Error;
-
-const LIMITS: Limits = Limits { max_items: 1 << 20, max_bytes: 1 << 28 };
+use surfabet_tests::{
+    LIMITS, Stop, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_same_numbers,
+    golden,
+};
 
 fn plain(points: Vec<[f32; 3]>) -> PointCloud {
     PointCloud::from_positions(points).0
@@ -382,13 +382,6 @@ fn wrong_options_are_named() {
 
 #[test]
 fn stopping_stops() {
-    struct Stop;
-    impl Progress for Stop {
-        fn update(&self, _: &'static str, _: f32) {}
-        fn is_cancelled(&self) -> bool {
-            true
-        }
-    }
     let found = gas::learn(&sphere(100, false, 13), &options(10), &Stop);
     assert!(matches!(found, Err(Error::Cancelled(_))));
 }
@@ -420,23 +413,12 @@ fn a_model_read_back_is_the_same() {
 
 #[test]
 fn cut_at_any_byte_it_is_an_error() {
-    let file = bytes(&small_model());
-    for end in 0..file.len() {
-        assert!(read(&file[..end]).is_err(), "{end} of {}", file.len());
-    }
+    assert_cuts_are_errors(&bytes(&small_model()));
 }
 
 #[test]
 fn any_flipped_bit_is_an_error_or_harmless() {
-    let file = bytes(&small_model());
-    let whole = Model::from(read(&file).unwrap());
-    for bit in 0..8 * file.len() {
-        let mut damaged = file.clone();
-        damaged[bit / 8] ^= 1 << (bit % 8);
-        if let Ok(found) = Model::from_bytes(&damaged, &LIMITS) {
-            assert_eq!(found, whole, "bit {bit}");
-        }
-    }
+    assert_flipped_bits_are_noticed(&bytes(&small_model()));
 }
 
 proptest! {
@@ -460,10 +442,6 @@ proptest! {
         }
         let _ = Model::from_bytes(&forged.finish().unwrap(), &LIMITS);
     }
-}
-
-fn golden(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden").join(name)
 }
 
 /// A line per neuron, position in the world (metres), normal, colour and sizes; then one per edge.
@@ -499,16 +477,5 @@ fn files_of_release_0_1_stay_readable() {
     assert_eq!((model.len(), model.n_points()), (60, 2000));
     assert_eq!(model.origin(), [15.0, -20.0, 5.0]);
     let expected = std::fs::read_to_string(golden("gas_0_1.txt")).unwrap();
-    let found = listing(&model);
-    let numbers =
-        |line: &str| -> Vec<f64> { line.split(' ').map(|n| n.parse().unwrap()).collect() };
-    assert_eq!(found.lines().count(), expected.lines().count());
-    for (found, expected) in found.lines().zip(expected.lines()) {
-        for (f, e) in numbers(found).iter().zip(numbers(expected)) {
-            assert!(
-                (f - e).abs() <= 1e-6 * e.abs().max(1.0),
-                "{found} where {expected} was written"
-            );
-        }
-    }
+    assert_same_numbers(&listing(&model), &expected, |_, e| 1e-6 * e.abs().max(1.0));
 }

@@ -8,16 +8,13 @@ use rand_distr::StandardNormal;
 use surfabet::geom::KdTree;
 use surfabet::patches::lattice;
 use surfabet::{
-    CloudParts, DecodeOptions, LatticeModel, LatticeOptions, Limits, Model, PointCloud, Progress,
-    Silent, Viewpoints,
+    CloudParts, DecodeOptions, LatticeModel, LatticeOptions, Model, PointCloud, Silent, Viewpoints,
 };
 use surfabet_codec::{ContainerWriter, Family, Features};
 use surfabet_models::Error;
+use surfabet_tests::{LIMITS, Stop, assert_cuts_are_errors, assert_flipped_bits_are_noticed};
 
 const PIXEL: f64 = 0.01;
-
-/// What a reader of untrusted files would allow.
-const LIMITS: Limits = Limits { max_items: 1_000_000, max_bytes: 64 << 20 };
 
 type Point = [f32; 3];
 
@@ -329,13 +326,6 @@ fn wrong_options_are_named() {
 
 #[test]
 fn stopping_stops() {
-    struct Stop;
-    impl Progress for Stop {
-        fn update(&self, _: &'static str, _: f32) {}
-        fn is_cancelled(&self) -> bool {
-            true
-        }
-    }
     let (cloud, _) = corner(0.0, 0.0, 8);
     let found = lattice::learn(&cloud, &LatticeOptions::default(), &Stop);
     assert!(matches!(found, Err(Error::Cancelled(_))));
@@ -381,23 +371,12 @@ fn a_model_read_back_is_the_same() {
 
 #[test]
 fn cut_at_any_byte_it_is_an_error() {
-    let file = bytes(&small_model());
-    for end in 0..file.len() {
-        assert!(read(&file[..end]).is_err(), "{end} of {}", file.len());
-    }
+    assert_cuts_are_errors(&bytes(&small_model()));
 }
 
 #[test]
 fn any_flipped_bit_is_an_error_or_harmless() {
-    let model = small_model();
-    let file = bytes(&model);
-    for bit in 0..8 * file.len() {
-        let mut damaged = file.clone();
-        damaged[bit / 8] ^= 1 << (bit % 8);
-        if let Ok(found) = Model::from_bytes(&damaged, &LIMITS) {
-            assert_eq!(found, Model::from(read(&file).unwrap()), "bit {bit}");
-        }
-    }
+    assert_flipped_bits_are_noticed(&bytes(&small_model()));
 }
 
 proptest! {

@@ -1,8 +1,6 @@
 //! The patches family on scenes whose surface is known exactly.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -10,10 +8,11 @@ use rand_distr::StandardNormal;
 use surfabet::geom::KdTree;
 use surfabet::patches::{self, Placement};
 use surfabet::{
-    CloudParts, DecodeOptions, Limits, Model, PatchModel, PatchOptions, PointCloud, Progress,
-    Sensor, Shared, Silent, Viewpoints,
+    CloudParts, DecodeOptions, Limits, Model, PatchModel, PatchOptions, PointCloud, Sensor, Shared,
+    Silent, Viewpoints,
 };
 use surfabet_models::Error;
+use surfabet_tests::assert_stops_when_asked;
 
 /// Side of a pixel in all tests that do not say otherwise, metres.
 const PIXEL: f64 = 0.01;
@@ -728,54 +727,13 @@ fn normals_stand_on_the_surface_and_face_the_sensor() {
     assert!(mean > 10.0_f32.to_radians().cos(), "{mean}");
 }
 
-/// Asks to stop from a certain question on.
-struct StopsAt {
-    question: usize,
-    asked: AtomicUsize,
-}
-
-impl StopsAt {
-    fn new(question: usize) -> Self {
-        Self { question, asked: AtomicUsize::new(0) }
-    }
-}
-
-impl Progress for StopsAt {
-    fn update(&self, _stage: &'static str, fraction: f32) {
-        assert!((0.0..=1.0).contains(&fraction), "{fraction}");
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.asked.fetch_add(1, Ordering::Relaxed) >= self.question
-    }
-}
-
 #[test]
 fn work_ends_when_the_caller_asks() {
     let input = colored_scene();
-    let asked = |work: &dyn Fn(&dyn Progress)| {
-        let never = StopsAt::new(usize::MAX);
-        work(&never);
-        never.asked.into_inner()
-    };
-    let learning = asked(&|progress| {
-        patches::learn(&input, &options(), progress).unwrap();
-    });
+    let learning = assert_stops_when_asked(|progress| patches::learn(&input, &options(), progress));
     assert!(learning > 10);
-    for question in (0..8).map(|i| i * (learning - 1) / 7) {
-        let result = patches::learn(&input, &options(), &StopsAt::new(question));
-        assert!(matches!(result, Err(Error::Cancelled(_))), "{question} of {learning}: {result:?}");
-    }
-
     let model = learn(&input);
-    let decoding = asked(&|progress| {
-        model.decode(DecodeOptions::default(), progress).unwrap();
-    });
-    assert!(decoding > 0);
-    for question in [0, decoding - 1] {
-        let result = model.decode(DecodeOptions::default(), &StopsAt::new(question));
-        assert!(matches!(result, Err(Error::Cancelled(_))), "{question} of {decoding}");
-    }
+    assert_stops_when_asked(|progress| model.decode(DecodeOptions::default(), progress));
 }
 
 proptest! {

@@ -1,25 +1,24 @@
 //! `.sfb` files that are damaged, hostile, random, or old.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::path::PathBuf;
-
 use proptest::prelude::*;
 use surfabet::patches::{self, order};
 use surfabet::{
-    CloudParts, Container, DecodeOptions, Family, Limits, Model, PatchModel, PatchOptions,
-    PointCloud, Silent,
+    CloudParts, Container, DecodeOptions, Family, Model, PatchModel, PatchOptions, PointCloud,
+    Silent,
 };
 use surfabet_codec::bytes::ByteWriter;
 use surfabet_codec::models::{SInt, UInt};
 use surfabet_codec::{ContainerWriter, Encoder, Error, Features, Tag};
+use surfabet_geom::morton::encode_wide;
 use surfabet_models::patches::{
     Channel, Codes, Level, PatchModelParts, PatchPose, QuantizedDictionary, Steps,
 };
+use surfabet_tests::{
+    LIMITS, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_same_numbers, golden,
+};
 
 const TAGS: [&[u8; 4]; 6] = [b"META", b"POSE", b"MASK", b"DICT", b"DPTH", b"COLR"];
-
-/// What a reader of untrusted files would allow.
-const LIMITS: Limits = Limits { max_items: 1_000_000, max_bytes: 64 << 20 };
 
 /// A striped dome of 0.3 m: a few patches with depth and colour codes.
 fn small_model() -> PatchModel {
@@ -147,23 +146,12 @@ fn bare(meta: &Meta) -> Vec<u8> {
 
 #[test]
 fn every_truncation_is_an_error() {
-    let file = small_file();
-    for length in 0..file.len() {
-        assert!(read(&file[..length]).is_err(), "{length} of {}", file.len());
-    }
+    assert_cuts_are_errors(&small_file());
 }
 
 #[test]
 fn every_flipped_bit_is_an_error_or_changes_nothing() {
-    let file = small_file();
-    let model = read(&file).unwrap();
-    for bit in 0..8 * file.len() {
-        let mut damaged = file.clone();
-        damaged[bit / 8] ^= 1 << (bit % 8);
-        if let Ok(found) = read(&damaged) {
-            assert_eq!(found, model, "bit {bit}");
-        }
-    }
+    assert_flipped_bits_are_noticed(&small_file());
 }
 
 #[test]
@@ -403,7 +391,7 @@ fn level() -> impl Strategy<Value = Level> {
                 let mut poses = poses.clone();
                 let side = order::steps_per_cell(pixel_size, pixels, position);
                 let (_, cells) = order::cells(&poses, side);
-                let mut keyed: Vec<_> = cells.into_iter().map(order::morton).zip(poses).collect();
+                let mut keyed: Vec<_> = cells.into_iter().map(encode_wide).zip(poses).collect();
                 keyed.sort();
                 poses = keyed.into_iter().map(|(_, pose)| pose).collect();
                 let steps = Steps {
@@ -433,10 +421,6 @@ proptest! {
         let bytes = Model::from(model.clone()).to_bytes().unwrap();
         prop_assert_eq!(read(&bytes).unwrap(), model);
     }
-}
-
-fn golden(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden").join(name)
 }
 
 /// One line per decoded point: position in the world, metres, and colour.
@@ -472,15 +456,6 @@ fn files_of_release_0_1_stay_readable() {
     assert_eq!((model.levels().len(), model.levels()[0].pixels), (1, 6));
     assert_eq!(model.levels()[0].pixel_size, 0.02);
     let expected = std::fs::read_to_string(golden("patches_0_1.txt")).unwrap();
-    let numbers =
-        |line: &str| -> Vec<f64> { line.split(' ').map(|n| n.parse().unwrap()).collect() };
-    let found = listing(&model);
-    assert_eq!(found.lines().count(), expected.lines().count());
-    for (found, expected) in found.lines().zip(expected.lines()) {
-        for (i, (f, e)) in numbers(found).iter().zip(numbers(expected)).enumerate() {
-            // The last step of a position in single precision may differ; a colour may round the other way.
-            let tolerance = if i < 3 { 1e-6 } else { 1.0 };
-            assert!((f - e).abs() <= tolerance, "{found} where {expected} was written");
-        }
-    }
+    // The last step of a position in single precision may differ; a colour may round the other way.
+    assert_same_numbers(&listing(&model), &expected, |i, _| if i < 3 { 1e-6 } else { 1.0 });
 }

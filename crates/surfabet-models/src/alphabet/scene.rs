@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Moments, PointCloud, Progress};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Points that the angular resolution and the noise are estimated from.
 const SAMPLE: usize = 4096;
@@ -51,13 +51,7 @@ impl Deviation {
     /// # Errors
     /// [`Error::InvalidParameter`] for values outside of their domain.
     pub fn check(&self) -> Result<()> {
-        if !(self.scale > 0.0 && self.scale.is_finite()) {
-            return Err(Error::invalid(
-                "scale of the deviation",
-                self.scale,
-                "positive and finite",
-            ));
-        }
+        positive("scale of the deviation", self.scale, "positive and finite")?;
         if let Some(alpha) = self.angular_resolution
             && !(alpha > 0.0 && alpha < std::f64::consts::PI)
         {
@@ -118,6 +112,7 @@ impl Scene {
         let far = |&i: &u32| range_of(i as usize).is_none_or(|r| f64::from(r) >= min_range);
         let mut order: Vec<u32> = (0..all.len() as u32).into_par_iter().filter(far).collect();
         let too_near = all.len() - order.len();
+        progress.check()?;
         // Zero and minus zero are one place.
         let key = |i: u32| all[i as usize].map(|c| c + 0.0);
         let attributes = |i: u32| {
@@ -169,7 +164,7 @@ impl Scene {
             return Err(Error::EmptyCloud);
         }
         progress.check()?;
-        scene.allow_deviation()?;
+        scene.allow_deviation(progress)?;
         Ok(scene)
     }
 
@@ -181,6 +176,12 @@ impl Scene {
     /// Never: a scene has at least one point.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
+    }
+
+    /// Half of all points have a larger sigma, metres.
+    pub fn median_sigma(&self) -> f64 {
+        // A scene has at least one point.
+        median(self.sigma.iter().map(|&s| f64::from(s)).collect()).unwrap_or(LEAST_SIGMA)
     }
 
     /// The points at `indices`, in that order.
@@ -201,12 +202,14 @@ impl Scene {
     }
 
     /// Estimates what is not given, and sets sigma.
-    fn allow_deviation(&mut self) -> Result<()> {
+    fn allow_deviation(&mut self, progress: &dyn Progress) -> Result<()> {
         let tree = KdTree::new(&self.positions)?;
+        progress.check()?;
         let noise = match self.deviation.noise {
             Some(noise) => noise,
             None => self.estimated_noise(&tree),
         };
+        progress.check()?;
         let spread: Vec<f64> = if self.ranges.is_empty() {
             self.deviation.angular_resolution = None;
             let apart = |i: usize| spacing(&self.positions, &tree, i);

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
-use super::model::{GasModel, rounded};
-use crate::error::{Error, Result};
+use super::model::GasModel;
+use crate::color::rounded;
+use crate::error::{Result, check_points, positive};
 
 /// Neurons per unit of parallel work.
 const BATCH: usize = 64;
@@ -52,8 +53,8 @@ impl GasModel {
     /// blend from neuron to neuron.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
-    /// [`Error::Cancelled`].
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
+    /// [`crate::Error::Cancelled`].
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let points = match options.resolution {
             None => (0..self.len()).map(|i| self.neuron_point(i)).collect(),
@@ -84,20 +85,12 @@ impl GasModel {
         options: &DecodeOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Point>> {
-        if !(spacing > 0.0 && spacing.is_finite()) {
-            return Err(Error::invalid("resolution", spacing, "a positive number of metres"));
-        }
+        positive("resolution", spacing, "a positive number of metres")?;
         let squares = |i: usize| (2.0 * self.reach(i) / spacing + 1.0).powi(2);
         let links = |e: &[u32; 2]| self.length(*e) / spacing;
         let most =
             (0..self.len()).map(squares).sum::<f64>() + self.edges.iter().map(links).sum::<f64>();
-        if most > options.max_points as f64 {
-            return Err(Error::TooManyPoints {
-                resolution: spacing,
-                points: most as u64,
-                limit: options.max_points,
-            });
-        }
+        check_points(spacing, most, options.max_points)?;
         let tree = KdTree::new(&self.positions())?;
         let discs: Vec<Vec<Point>> = (0..self.len())
             .into_par_iter()

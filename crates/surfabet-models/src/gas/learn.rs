@@ -13,7 +13,7 @@ use super::options::{GasOptions, MAX_NEURONS, Search};
 use super::signals::Signals;
 use super::statistics::{Observed, describe};
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Report, lost};
 
 /// Position steps per mean edge, by default: rounding adds a thousandth to the squared error.
 const STEPS_PER_EDGE: f64 = 16.0;
@@ -26,6 +26,9 @@ const MOST_RECALLED: f64 = 2e6;
 
 /// Signals per neuron of a network that has been updated, so that old neurons make room for new ones.
 const SETTLING: u64 = 30;
+
+/// What a gas keeps beyond positions.
+const KEPT: [&str; 2] = ["colors", "normals"];
 
 /// Learns a gas from a cloud.
 ///
@@ -66,7 +69,7 @@ pub fn learn(
         facing: cloud.facing(),
         weight: 1.0,
     };
-    report.not_kept = not_kept(cloud);
+    report.not_kept = lost(cloud, &KEPT);
     finish(grown, origin, &[observed], cloud.len() as u64, options, report, progress)
 }
 
@@ -139,7 +142,7 @@ impl GasModel {
                 weight: 1.0,
             },
         ];
-        report.not_kept = not_kept(cloud);
+        report.not_kept = lost(cloud, &KEPT);
         let n_points = self.n_points().saturating_add(cloud.len() as u64);
         // The origin stays, and so do the steps: positions of neurons that nothing pulled stay as they are.
         let options = GasOptions { position_step: Some(self.position_step()), ..options };
@@ -165,18 +168,6 @@ impl GasModel {
 
 fn distance(p: [f32; 3], q: [f32; 3]) -> f64 {
     (0..3).map(|a| (f64::from(p[a]) - f64::from(q[a])).powi(2)).sum::<f64>().sqrt()
-}
-
-/// What a cloud has that a gas does not keep.
-fn not_kept(cloud: &PointCloud) -> Vec<&'static str> {
-    [
-        ("intensities", cloud.intensities().is_some()),
-        ("ranges", cloud.ranges().is_some()),
-        ("viewpoints", cloud.viewpoints().is_some()),
-    ]
-    .into_iter()
-    .filter_map(|(name, present)| present.then_some(name))
-    .collect()
 }
 
 /// Refuses more neurons than points have places.

@@ -7,6 +7,7 @@ use super::adjacency::Adjacency;
 use super::order::traversal;
 use super::statistics::Statistics;
 use super::syntax::{Parts, Streams, code_gas};
+use crate::color::{rounded, to_rgb};
 use crate::error::{Error, Result};
 use crate::report::Report;
 
@@ -287,11 +288,6 @@ impl GasModel {
     }
 }
 
-/// A colour as three bytes.
-pub(super) fn rounded(color: [f32; 3]) -> [u8; 3] {
-    color.map(|c| c.round().clamp(0.0, 255.0) as u8)
-}
-
 fn color_code([r, g, b]: [f32; 3], step: u32) -> [i16; 3] {
     let limit = f32::from(MAX_COLOR_CODE);
     let ycc = [0.25 * (r + 2.0 * g + b), r - b, g - 0.5 * (r + b)];
@@ -299,7 +295,5 @@ fn color_code([r, g, b]: [f32; 3], step: u32) -> [i16; 3] {
 }
 
 fn color_of_code(code: [i16; 3], step: u32) -> [f32; 3] {
-    let [y, orange, green] = code.map(|c| f32::from(c) * step as f32);
-    let low = y - 0.5 * green;
-    [low + 0.5 * orange, y + 0.5 * green, low - 0.5 * orange]
+    to_rgb(code.map(|c| f32::from(c) * step as f32))
 }

@@ -1,6 +1,6 @@
 //! What to learn, checked before anything is computed.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Most neurons: ids and counts stay well within 32 bits.
 pub const MAX_NEURONS: usize = 1 << 26;
@@ -111,10 +111,8 @@ impl GasOptions {
         for (name, value) in
             [("target_error", self.target_error), ("position_step", self.position_step)]
         {
-            if let Some(value) = value
-                && !(value > 0.0 && value.is_finite())
-            {
-                return Err(Error::invalid(name, value, "a positive number of metres"));
+            if let Some(value) = value {
+                positive(name, value, "a positive number of metres")?;
             }
         }
         if let Some(passes) = self.passes

@@ -1,5 +1,7 @@
 //! The order of neurons in a model: along the topology, breadth first.
 
+use surfabet_geom::morton::encode_wide;
+
 use super::adjacency::Adjacency;
 use super::model::{MAX_COORDINATE, Neuron};
 
@@ -8,7 +10,9 @@ use super::model::{MAX_COORDINATE, Neuron};
 /// Components start at their lowest neuron along a Morton curve; a neuron's neighbours follow by position.
 pub(super) fn traversal(neurons: &[Neuron], adjacency: &Adjacency) -> (Vec<u32>, Vec<u32>) {
     let mut roots: Vec<u32> = (0..neurons.len() as u32).collect();
-    roots.sort_by_cached_key(|&i| (morton(neurons[i as usize].position), i));
+    // Coordinates are at least -MAX_COORDINATE.
+    let cell = |i: u32| neurons[i as usize].position.map(|c| (c + MAX_COORDINATE) as u32);
+    roots.sort_by_cached_key(|&i| (encode_wide(cell(i)), i));
     let mut place = vec![u32::MAX; neurons.len()];
     let mut order: Vec<u32> = Vec::with_capacity(neurons.len());
     for root in roots {
@@ -30,12 +34,4 @@ pub(super) fn traversal(neurons: &[Neuron], adjacency: &Adjacency) -> (Vec<u32>,
         }
     }
     (order, place)
-}
-
-/// Interleaved bits of a position.
-fn morton(position: [i32; 3]) -> u128 {
-    let cell = position.map(|c| (i64::from(c) + i64::from(MAX_COORDINATE)) as u128);
-    (0..25).fold(0, |key, bit| {
-        (0..3).fold(key, |key, axis| key | (cell[axis] >> bit & 1) << (3 * bit + axis))
-    })
 }

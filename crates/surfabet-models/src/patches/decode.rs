@@ -8,7 +8,8 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 use super::frame::Frame;
 use super::model::{Channel, Level, PatchModel};
 use super::points::{DecodeOptions, Points};
-use crate::error::Result;
+use crate::color::to_rgb;
+use crate::error::{Result, check_points};
 
 impl PatchModel {
     /// The model as a cloud. Points come patch by patch; their number and order are not those of the input.
@@ -28,7 +29,7 @@ impl PatchModel {
                 set * per_side * per_side
             })
             .sum();
-        options.check_points(resolution, bound)?;
+        check_points(resolution, bound, options.max_points)?;
         let mut all = Points::default();
         for level in self.levels() {
             let decoder = LevelDecoder::new(level, resolution, options.normals);
@@ -100,22 +101,6 @@ fn add_code(channel: &Channel, atoms: &[f32], step: f64, i: usize, image: &mut [
         let atom = &atoms[usize::from(entry) * n..(usize::from(entry) + 1) * n];
         image.iter_mut().zip(atom).for_each(|(value, d)| *value += lambda * d);
     }
-}
-
-/// Red, green and blue of luma, orange and green chroma; the inverse of [`to_ycocg`].
-pub(super) fn to_rgb([y, co, cg]: [f32; 3]) -> [f32; 3] {
-    let t = y - 0.5 * cg;
-    let green = cg + t;
-    let blue = t - 0.5 * co;
-    [blue + co, green, blue]
-}
-
-/// Luma, orange and green chroma, which vary more independently than red, green and blue do.
-pub(super) fn to_ycocg([r, g, b]: [f32; 3]) -> [f32; 3] {
-    let co = r - b;
-    let t = b + 0.5 * co;
-    let cg = g - t;
-    [t + 0.5 * cg, co, cg]
 }
 
 impl<'a> LevelDecoder<'a> {

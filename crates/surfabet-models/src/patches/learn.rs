@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
-use super::decode::to_ycocg;
 use super::dictionary::{ChannelOptions, LevelDictionary, PatchDictionary, learn_channel};
 use super::extent::{check_extent, reach};
 use super::field::{Grid, Rules};
@@ -13,8 +12,9 @@ use super::options::PatchOptions;
 use super::order::{steps_per_cell, storing_order};
 use super::placement::{Placed, place};
 use super::samples::Samples;
+use crate::color::{to_rgb, to_ycocg};
 use crate::error::{Error, Result};
-use crate::report::{Report, beyond_color};
+use crate::report::{Report, lost};
 
 /// Position lattice, in pixels: a quarter of a pixel moves no sample visibly, since depth and colour are measured
 /// after the pose is rounded.
@@ -227,7 +227,7 @@ fn steps(options: &PatchOptions, j: u32) -> Steps {
 
 fn describe_cloud(report: &mut Report, cloud: &PointCloud, samples: &Samples) {
     report.figures.extend([("points", cloud.len() as f64), ("samples", samples.len() as f64)]);
-    report.not_kept = beyond_color(cloud);
+    report.not_kept = lost(cloud, &["colors"]);
 }
 
 /// The level that a channel is learned for.
@@ -309,7 +309,7 @@ fn learn_color(
             });
             let stored = to_ycocg(rgb).map(|c| (f64::from(c) / steps.color_mean).round() as i32);
             let decoded = stored.map(|c| (f64::from(c) * steps.color_mean) as f32);
-            for (c, mean) in super::decode::to_rgb(decoded).into_iter().enumerate() {
+            for (c, mean) in to_rgb(decoded).into_iter().enumerate() {
                 subtract(&mut values[c * area..(c + 1) * area], mask, mean);
             }
             stored

@@ -2,6 +2,8 @@
 //!
 //! Neighbours in space are then neighbours in the list, where a file lets them predict each other.
 
+use surfabet_geom::morton::encode_wide;
+
 use super::frame::PatchPose;
 
 /// Position steps per side of the ordering cells: about one patch, at least 1 and at most 4096.
@@ -9,14 +11,6 @@ pub fn steps_per_cell(pixel_size: f64, pixels: u32, position_step: f64) -> i32 {
     let ratio = pixel_size * f64::from(pixels) / position_step;
     // Whatever a damaged file says, the cast saturates and the clamp makes it usable.
     (ratio.round() as i32).clamp(1, 1 << 12)
-}
-
-/// Interleaved bits of a cell: the x-axis gives the lowest of each three.
-pub fn morton(cell: [u32; 3]) -> u128 {
-    (0..32).fold(0, |key, bit| {
-        let triple = (0..3).fold(0, |t, a| t | u128::from((cell[a] >> bit) & 1) << a);
-        key | triple << (3 * bit)
-    })
 }
 
 /// Cells of `poses`, counted from the lowest in each axis, and that lowest cell.
@@ -34,22 +28,13 @@ pub fn cells(poses: &[PatchPose], steps_per_cell: i32) -> ([i32; 3], Vec<[u32; 3
 pub(super) fn storing_order(poses: &[PatchPose], steps_per_cell: i32) -> Vec<usize> {
     let (_, cells) = cells(poses, steps_per_cell);
     let mut order: Vec<usize> = (0..poses.len()).collect();
-    order.sort_by_cached_key(|&i| (morton(cells[i]), poses[i], i));
+    order.sort_by_cached_key(|&i| (encode_wide(cells[i]), poses[i], i));
     order
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn morton_interleaves_from_x() {
-        assert_eq!(morton([1, 0, 0]), 1);
-        assert_eq!(morton([0, 1, 0]), 2);
-        assert_eq!(morton([0, 0, 1]), 4);
-        assert_eq!(morton([3, 0, 1]), 0b1101);
-        assert_eq!(morton([u32::MAX; 3]), (1 << 96) - 1);
-    }
 
     #[test]
     fn cells_round_down_below_zero_too() {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use crate::error::{Error, Result, positive};
+use crate::error::{Result, positive};
 
 /// How to decode.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,15 +30,6 @@ impl DecodeOptions {
         let spacing = self.resolution.unwrap_or(0.5 * pixel);
         positive("resolution", spacing, "a positive number of metres")?;
         Ok(spacing)
-    }
-
-    /// Refuses to make `bound` points at `resolution` metres where that is too many.
-    pub(super) fn check_points(&self, resolution: f64, bound: f64) -> Result<()> {
-        let limit = self.max_points;
-        if bound > limit as f64 {
-            return Err(Error::TooManyPoints { resolution, points: bound as u64, limit });
-        }
-        Ok(())
     }
 }
 

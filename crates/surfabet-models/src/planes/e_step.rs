@@ -64,7 +64,11 @@ struct Found {
     distances: Vec<f32>,
 }
 
-/// Probabilities of all points for the patches within reach, which is the grid size G.
+/// Probabilities of all points for the patches within reach, which is the grid size G; `s` is S.
+///
+/// Eq. 1 weighs patches alike; here the weights are also in proportion to the number of points per area of each patch,
+/// as the mixing weights of a mixture of surfaces are. Otherwise a patch right through a noisy wall lives on the points
+/// that happen to lie far from the wall; it has few points for its area, and so it loses them.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`] when the caller asks to stop.
@@ -72,22 +76,25 @@ pub fn e_step(
     points: &Points,
     patches: &[Patch],
     grid_size: f64,
-    weight_at_grid_size: f64,
+    s: f64,
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
     let near = candidates(points, patches, grid_size);
-    let s = weight_scale(grid_size, weight_at_grid_size);
     let exponent = -1.0 / (2.0 * s * s);
+    let known = patches.iter().all(|p| p.density > 0.0);
+    // The logarithm of the density in the unit of a squared distance.
+    let prior = |p: &Patch| if known { 2.0 * s * s * p.density.ln() } else { 0.0 };
+    let prior: Vec<f64> = patches.iter().map(prior).collect();
     let n_blocks = points.n_blocks();
     let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Found> {
         progress.check()?;
         let mut found = Found { entries: Vec::new(), supports: Vec::new(), distances: Vec::new() };
-        let mut weights: Vec<(u32, f64)> = Vec::new();
+        let mut costs: Vec<(u32, f64)> = Vec::new();
         for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
             let near = near.of(b);
             for i in points.block(b) {
-                weights.clear();
-                let mut closest = (f64::INFINITY, NONE);
+                costs.clear();
+                let mut closest = (f64::INFINITY, NONE, 0.0);
                 for &j in near {
                     let patch = &patches[j as usize];
                     let Some((d, _)) = patch.distance(points.positions[i], grid_size) else {
@@ -96,17 +103,20 @@ pub fn e_step(
                     if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
                         continue;
                     }
-                    weights.push((j, (exponent * d * d).exp()));
-                    // The closest has the largest probability; of several the first.
-                    if d < closest.0 {
-                        closest = (d, j);
+                    let cost = d * d - prior[j as usize];
+                    costs.push((j, cost));
+                    // Of several the first.
+                    if cost < closest.0 {
+                        closest = (cost, j, d);
                     }
                 }
-                let sum: f64 = weights.iter().map(|w| w.1).sum();
-                let shares = weights.iter().map(|&(j, w)| (j, i as u32, (w / sum) as f32));
-                found.entries.extend(shares);
+                // The least is taken off first, so that a point far from all patches still counts for one.
+                let weight = |cost: f64| (exponent * (cost - closest.0)).exp();
+                let sum: f64 = costs.iter().map(|c| weight(c.1)).sum();
+                let share = |&(j, cost): &(u32, f64)| (j, i as u32, (weight(cost) / sum) as f32);
+                found.entries.extend(costs.iter().map(share));
                 found.supports.push(closest.1);
-                found.distances.push(if closest.1 == NONE { 0.0 } else { closest.0 as f32 });
+                found.distances.push(closest.2 as f32);
             }
         }
         Ok(found)

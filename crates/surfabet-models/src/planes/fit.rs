@@ -3,21 +3,25 @@
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::e_step::{NONE, Responsibilities, e_step};
-use super::grid_size::grid_size;
-use super::m_step::m_step;
-use super::merge::merge;
+use super::e_step::{NONE, Responsibilities, e_step, weight_scale};
+use super::grid_size::{PER_DEVIATION, deviation};
+use super::m_step::{Regression, m_step};
+use super::merge::{Rule, merge};
 use super::options::PlanesOptions;
-use super::patch::{Frame, Patch};
+use super::patch::Patch;
 use super::points::Points;
 use super::seed;
 use super::split::split;
+use super::surface::{Surfaces, surfaces};
 use super::trim::trim;
 use crate::error::Result;
 
 /// Smallest grid size by default in standard deviations of the noise. Without this bound EM may lay several patches
 /// into the thickness of one noisy surface: each fits its slice well, G shrinks to the slice, and no two merge.
-const KNOWN_NOISE: f64 = 2.4;
+const KNOWN_NOISE: f64 = 3.0;
+
+/// Smallest scale of the weights as a share of the grid size, for points that fit exactly.
+const LEAST_SHARE: f64 = 0.01;
 
 /// The state of a fit, to be moved on step by step.
 #[derive(Debug, Clone)]
@@ -27,6 +31,8 @@ pub struct Fit<'a> {
     min_points: usize,
     smallest_grid_size: f64,
     grid_size: f64,
+    /// Standard deviation of the distances, metres.
+    deviation: f64,
     patches: Vec<Patch>,
 }
 
@@ -57,20 +63,23 @@ impl<'a> Fit<'a> {
         let noise = seed::noise(points);
         let known = noise.map_or(0.0, |n| KNOWN_NOISE * n);
         let smallest = options.min_grid_size.unwrap_or(points.spacing().max(known));
-        let min_points = options.min_points.unwrap_or((points.len() / 10_000).max(30));
+        let min_points = options.min_points.unwrap_or((points.len() / 1000).max(30));
         let mut fit = Self {
             points,
             options: options.clone(),
             min_points,
             smallest_grid_size: smallest,
             grid_size: smallest,
+            deviation: 0.0,
             patches: Vec::new(),
         };
         if options.initial_patches > 0 {
             fit.patches = seed::random(points, options.initial_patches, options.random_state);
             fit.grid_size = fit.first_grid_size().max(smallest);
+            fit.deviation = fit.grid_size / PER_DEVIATION;
         } else if let Some(noise) = noise {
-            fit.grid_size = (3.0 * noise).max(smallest);
+            fit.grid_size = (PER_DEVIATION * noise).max(smallest);
+            fit.deviation = noise;
             fit.add_patches(progress)?;
         }
         Ok(fit)
@@ -106,29 +115,42 @@ impl<'a> Fit<'a> {
         3.0 * (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
     }
 
+    /// When two patches merge.
+    fn rule(&self) -> Rule {
+        Rule {
+            distance: self.grid_size,
+            deviation: self.grid_size / PER_DEVIATION,
+            min_points: self.min_points,
+            tolerance: self.options.merge_tolerance,
+        }
+    }
+
     /// E-step with the patches as they are.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn e_step(&self, progress: &dyn Progress) -> Result<Responsibilities> {
-        let weight = self.options.weight_at_grid_size;
-        e_step(self.points, &self.patches, self.grid_size, weight, progress)
+        // Where G is bounded from below, the weights still go by the distances as they are.
+        let own = (PER_DEVIATION * self.deviation).max(self.grid_size * LEAST_SHARE);
+        let s = weight_scale(own.min(self.grid_size), self.options.weight_at_grid_size);
+        e_step(self.points, &self.patches, self.grid_size, s, progress)
     }
 
     /// M-step: the new planes.
-    pub fn m_step(&self, responsibilities: &Responsibilities) -> Vec<Option<Frame>> {
+    pub fn m_step(&self, responsibilities: &Responsibilities) -> Vec<Option<Regression>> {
         m_step(self.points, &self.patches, responsibilities)
     }
 
     /// Trims new planes to patches, with the grid size that their distances give.
-    pub fn trim(&mut self, planes: &[Option<Frame>], responsibilities: &Responsibilities) {
+    pub fn trim(&mut self, planes: &[Option<Regression>], responsibilities: &Responsibilities) {
         let sets = responsibilities.support_sets(planes.len());
-        self.grid_size = grid_size(self.points, planes, &sets, self.smallest_grid_size);
+        self.deviation = deviation(planes);
+        self.grid_size = (PER_DEVIATION * self.deviation).max(self.smallest_grid_size);
         let (points, size) = (self.points, self.grid_size);
         self.patches = planes
             .par_iter()
             .zip(&sets)
-            .filter_map(|(frame, set)| trim(points, (*frame)?, set, size))
+            .filter_map(|(frame, set)| trim(points, frame.as_ref()?.frame, set, size))
             .collect();
     }
 
@@ -151,13 +173,13 @@ impl<'a> Fit<'a> {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn split(&mut self, progress: &dyn Progress) -> Result<()> {
-        let (points, size) = (self.points, self.grid_size);
+        let (points, rule) = (self.points, self.rule());
         let threshold = self.options.split_threshold;
         let parts: Vec<Vec<Patch>> = std::mem::take(&mut self.patches)
             .into_par_iter()
             .map(|patch| {
                 progress.check()?;
-                Ok(split(points, patch, threshold, size))
+                Ok(split(points, patch, threshold, &rule))
             })
             .collect::<Result<_>>()?;
         self.patches = parts.into_iter().flatten().collect();
@@ -170,8 +192,7 @@ impl<'a> Fit<'a> {
     /// [`crate::Error::Cancelled`].
     pub fn merge(&mut self, progress: &dyn Progress) -> Result<()> {
         let patches = std::mem::take(&mut self.patches);
-        let tolerance = self.options.merge_tolerance;
-        self.patches = merge(self.points, patches, tolerance, self.grid_size, progress)?;
+        self.patches = merge(self.points, patches, &self.rule(), progress)?;
         Ok(())
     }
 
@@ -215,15 +236,22 @@ impl<'a> Fit<'a> {
         self.points.place.iter().map(|&i| responsibilities.supports[i as usize]).collect()
     }
 
-    /// Removes patches with too few points, then fits the rest once more. Gives the patch that each distinct point
-    /// supports, [`u32::MAX`] for none.
+    /// Removes patches with too few points and those that are no surface, then fits the rest once more. Gives
+    /// the patch that each distinct point supports, [`u32::MAX`] for none.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn finish(&mut self, progress: &dyn Progress) -> Result<Responsibilities> {
-        self.patches.retain(|p| p.n_supporting >= self.min_points);
+        self.patches.retain(|p| p.n_supporting() >= self.min_points);
+        let patches = std::mem::take(&mut self.patches);
+        let wanted = Surfaces {
+            min_purity: self.options.min_purity,
+            min_fill: self.options.min_fill,
+            max_bend: self.options.max_bend,
+        };
+        self.patches = surfaces(self.points, patches, self.grid_size, wanted, progress)?;
         self.em(progress)?;
-        self.patches.retain(|p| p.n_supporting >= self.min_points);
+        self.patches.retain(|p| p.n_supporting() >= self.min_points);
         self.e_step(progress)
     }
 }

@@ -58,13 +58,20 @@ fn run(
 ) -> Result<(Vec<Iteration>, &'static str)> {
     let mut trace: Vec<Iteration> = Vec::new();
     let mut stop_reason = "reached the largest number of iterations";
+    // Patches are added once to what has settled; then it settles once more.
+    let mut complete = false;
     for i in 0..options.max_iterations {
         progress.update("fitting", i as f32 / options.max_iterations as f32);
         let now = fit.iterate(progress)?;
         let settled = trace.last().is_some_and(|last| stable(last, &now, options.tolerance));
         trace.push(now);
+        if settled && complete {
+            stop_reason = "distances to the patches are stable";
+            break;
+        }
         if settled || (i + 1) % options.new_patches_every == 0 {
             let added = fit.add_patches(progress)?;
+            complete = settled;
             if settled && added == 0 {
                 stop_reason = "distances to the patches are stable";
                 break;

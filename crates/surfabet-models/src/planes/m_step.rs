@@ -13,18 +13,27 @@ pub(super) fn plane(moments: &Moments) -> Option<Frame> {
     Some(Frame::with_normal(fitted.mean, fitted.normal))
 }
 
+/// A plane with the weighted moments of its points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Regression {
+    /// The plane.
+    pub frame: Frame,
+    pub(super) moments: Moments,
+}
+
 /// The plane of each patch, `None` where its points span none.
 pub fn m_step(
     points: &Points,
     patches: &[Patch],
     responsibilities: &Responsibilities,
-) -> Vec<Option<Frame>> {
+) -> Vec<Option<Regression>> {
     patches
         .par_iter()
         .enumerate()
         .map(|(j, patch)| {
             let entries = responsibilities.of(j).iter().copied();
-            plane(&points.moments_about(patch.frame.center, entries))
+            let moments = points.moments_about(patch.frame.center, entries);
+            Some(Regression { frame: plane(&moments)?, moments })
         })
         .collect()
 }

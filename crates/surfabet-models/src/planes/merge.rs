@@ -12,10 +12,6 @@ use super::points::Points;
 use super::trim::{mean_square, trim};
 use crate::error::Result;
 
-/// Standard deviation of a normal distribution cut off at 1.5 standard deviations, which is what the cubes of the
-/// tiles do, per grid size.
-const CUT_DEVIATION: f64 = 0.7427 / 3.0;
-
 /// Pairs looked at between two questions whether to go on.
 const PAIRS_PER_CHECK: usize = 4096;
 
@@ -37,13 +33,25 @@ pub(super) struct Rule {
     pub distance: f64,
     /// Standard deviation that every part may have, metres.
     pub deviation: f64,
+    /// Points that a part of a split patch needs.
+    pub min_points: usize,
     /// Factor of the deviation of a part about its own plane that is allowed about the common one.
     pub tolerance: f64,
 }
 
 impl Part {
+    /// The whole support of a patch.
+    pub fn of(patch: &Patch) -> Self {
+        Self {
+            moments: patch.moments,
+            frame: patch.frame,
+            facing: patch.facing,
+            noise: patch.noise * patch.noise,
+        }
+    }
+
     /// The union with another part and the mean square distance of its points from their plane, if `rule` allows.
-    fn joined(&self, other: &Self, rule: &Rule) -> Option<(f64, Self)> {
+    pub fn joined(&self, other: &Self, rule: &Rule) -> Option<(f64, Self)> {
         // The smaller of both mean distances, of which the paper takes the mean, not its square's root.
         let apart =
             mean_square(&self.moments, &other.frame).min(mean_square(&other.moments, &self.frame));
@@ -169,22 +177,13 @@ fn root(into: &mut [u32], mut i: u32) -> u32 {
 pub(super) fn merge(
     points: &Points,
     patches: Vec<Patch>,
-    tolerance: f64,
-    grid_size: f64,
+    rule: &Rule,
     progress: &dyn Progress,
 ) -> Result<Vec<Patch>> {
+    let grid_size = rule.distance;
     let pairs = close_pairs(&patches, grid_size);
-    let parts = patches
-        .iter()
-        .map(|patch| Part {
-            moments: patch.moments,
-            frame: patch.frame,
-            facing: patch.facing,
-            noise: patch.noise * patch.noise,
-        })
-        .collect();
-    let rule = Rule { distance: grid_size, deviation: CUT_DEVIATION * grid_size, tolerance };
-    let into = agglomerate(parts, &pairs, &rule, progress)?;
+    let parts = patches.iter().map(Part::of).collect();
+    let into = agglomerate(parts, &pairs, rule, progress)?;
     let mut groups: Vec<Vec<Patch>> = patches.iter().map(|_| Vec::new()).collect();
     for (patch, &to) in patches.into_iter().zip(&into) {
         groups[to as usize].push(patch);
@@ -195,7 +194,7 @@ pub(super) fn merge(
             if group.len() < 2 {
                 return group.pop();
             }
-            let mut support: Vec<u32> = group.iter().flat_map(|p| &p.support).copied().collect();
+            let mut support: Vec<u32> = group.iter().flat_map(|p| &p.whole).copied().collect();
             support.sort_unstable();
             let mut moments = Moments::new();
             group.iter().for_each(|p| moments.merge(&p.moments));

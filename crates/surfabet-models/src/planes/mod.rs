@@ -15,6 +15,7 @@
 //! | `trim` | rectangles and supported tiles, T | II-A, figures 2 and 3 |
 //! | `split` | unevenly supported patches | II-C |
 //! | `merge` | similar patches | II-D |
+//! | `surface` | no patches through clutter, across corners or along something bent | |
 //! | `fit` | the steps in turn until stable | II-B |
 //! | `learn` | all of it | |
 //! | `model`, `syntax` | the result, in the integers that a file stores; points of any cloud on their patches | III |
@@ -37,6 +38,7 @@ mod patch;
 mod points;
 mod seed;
 mod split;
+mod surface;
 mod syntax;
 mod tiles;
 mod trim;

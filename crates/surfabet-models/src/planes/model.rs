@@ -50,9 +50,6 @@ const DEVIATION_UNIT: f64 = 0.125;
 /// Position steps per grid size, at least: rounding is a tenth of the noise.
 const STEPS_PER_GRID_SIZE: f64 = 32.0;
 
-/// Weight W of eq. 2; which patch a point supports does not depend on it.
-const ANY_WEIGHT: f64 = 0.01;
-
 /// A patch as it is stored.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct StoredPatch {
@@ -166,7 +163,7 @@ impl PlaneModel {
             n_patches: patches.len() as u64,
         };
         let mut order: Vec<&Patch> = patches.iter().collect();
-        order.sort_by_key(|p| std::cmp::Reverse(p.n_supporting));
+        order.sort_by_key(|p| std::cmp::Reverse(p.n_supporting()));
         let mut stored: Vec<StoredPatch> =
             order.par_iter().map(|patch| store(patch, &header)).collect();
         let patches: Vec<Patch> = stored.par_iter().map(|patch| restore(patch, &header)).collect();
@@ -314,7 +311,8 @@ fn labels(
     grid_size: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
-    let supports = e_step(points, patches, grid_size, ANY_WEIGHT, progress)?.supports;
+    // Which patch a point supports does not depend on S.
+    let supports = e_step(points, patches, grid_size, grid_size, progress)?.supports;
     Ok(points.place.iter().map(|&i| supports[i as usize]).collect())
 }
 
@@ -377,7 +375,7 @@ fn store(patch: &Patch, header: &PlanesHeader) -> StoredPatch {
         shape: shape.map(|n| n as u32),
         last,
         deviation: size_code(patch.standard_deviation / (DEVIATION_UNIT * step)),
-        count: size_code(patch.n_supporting as f64),
+        count: size_code(patch.n_supporting() as f64),
         supported: tiles.supported().to_vec(),
         colors: Vec::new(),
     }

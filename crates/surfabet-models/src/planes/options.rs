@@ -30,8 +30,16 @@ pub struct PlanesOptions {
     /// Learning ends when the mean distance of points to their patches and the share of points that support one
     /// change by less than this share.
     pub tolerance: f64,
-    /// Points that a patch needs. `None` takes a ten-thousandth of all points, 30 at least.
+    /// Points that a patch needs. `None` takes a thousandth of all points, 30 at least.
     pub min_points: Option<usize>,
+    /// Least share of the points before and behind a patch, up to the grid size, that support it; lower ones lie in
+    /// the middle of clutter. 0 keeps them.
+    pub min_purity: f64,
+    /// Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
+    pub min_fill: f64,
+    /// Largest ratio of the standard deviation of points about their patch to that about the mean of their tile;
+    /// larger ones are bent or lie across a corner. Infinite keeps all.
+    pub max_bend: f64,
     /// Rounding of the colours of tiles, grey levels (0..255).
     pub color_step: u32,
     /// Seed of the initial patches.
@@ -49,8 +57,11 @@ impl Default for PlanesOptions {
             em_steps: 2,
             new_patches_every: 5,
             max_iterations: 30,
-            tolerance: 0.002,
+            tolerance: 0.01,
             min_points: None,
+            min_purity: 0.85,
+            min_fill: 0.5,
+            max_bend: 1.55,
             color_step: 8,
             random_state: 0,
         }
@@ -79,6 +90,14 @@ impl PlanesOptions {
         }
         if self.merge_tolerance.is_nan() || self.merge_tolerance < 1.0 {
             return Err(Error::invalid("merge_tolerance", self.merge_tolerance, "at least 1"));
+        }
+        for (name, value) in [("min_purity", self.min_purity), ("min_fill", self.min_fill)] {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(Error::invalid(name, value, "0 to 1"));
+            }
+        }
+        if self.max_bend.is_nan() || self.max_bend < 1.0 {
+            return Err(Error::invalid("max_bend", self.max_bend, "at least 1"));
         }
         for (name, value) in [
             ("em_steps", self.em_steps),

@@ -81,12 +81,14 @@ pub struct Patch {
     pub standard_deviation: f64,
     /// The reduced support set (S^r): distinct points, ascending.
     pub(super) support: Vec<u32>,
-    /// Number of points of the whole support set.
-    pub(super) n_supporting: usize,
-    /// Moments of the reduced support set.
+    /// The whole support set (S): distinct points, ascending.
+    pub(super) whole: Vec<u32>,
+    /// Moments of the whole support set.
     pub(super) moments: Moments,
     /// Sum of the sides that its points were seen from.
     pub(super) facing: [f64; 3],
+    /// Expected number of points per area of the supported tiles; zero for a patch that no points support yet.
+    pub(super) density: f64,
     /// Standard deviation of the points about their tiles' own means: noise without the surface's shape, metres.
     pub(super) noise: f64,
 }
@@ -99,11 +101,17 @@ impl Patch {
             tiles,
             standard_deviation: 0.0,
             support: Vec::new(),
-            n_supporting: 0,
+            whole: Vec::new(),
             moments: Moments::new(),
             facing: [0.0; 3],
+            density: 0.0,
             noise: 0.0,
         }
+    }
+
+    /// Number of distinct points that support it.
+    pub fn n_supporting(&self) -> usize {
+        self.whole.len()
     }
 
     /// Distance of a point to the closest supported tile, where it is within `reach` (d(a, s) of eq. 1), with the

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use surfabet_geom::morton::{self, MortonMap};
 use surfabet_geom::{Moments, Progress};
 
+use super::grid_size::PER_DEVIATION;
 use super::m_step::plane;
 use super::merge::{Part, Rule, agglomerate};
 use super::patch::{Frame, Patch};
@@ -139,7 +140,7 @@ pub(super) fn from_data(
     min_points: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<Patch>> {
-    let noise = grid_size / 3.0;
+    let noise = grid_size / PER_DEVIATION;
     let level_of =
         |side: f64| (side / points.cell).log2().ceil().clamp(0.0, f64::from(morton::BITS)) as u32;
     let first = level_of((LARGEST_CELL * noise).max(6.0 * points.spacing));
@@ -161,7 +162,7 @@ pub(super) fn from_data(
     let seeds: Vec<Seed> = seeds.into_iter().flatten().collect();
     let pairs = touching(&seeds, 1 << first);
     let parts = seeds.iter().map(|s| s.part.clone()).collect();
-    let rule = Rule { distance: grid_size, deviation: noise, tolerance };
+    let rule = Rule { distance: grid_size, deviation: noise, min_points, tolerance };
     let into = agglomerate(parts, &pairs, &rule, progress)?;
     let mut groups: Vec<Vec<u32>> = vec![Vec::new(); seeds.len()];
     for (seed, to) in seeds.iter().zip(into) {

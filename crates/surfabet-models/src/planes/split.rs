@@ -1,8 +1,12 @@
 //! Patch split: where a patch has too few points along a line across it, it becomes two (section II-C, figure 5).
 
+use surfabet_geom::Moments;
+
+use super::m_step::plane;
+use super::merge::{Part, Rule};
 use super::patch::Patch;
 use super::points::Points;
-use super::trim::trim;
+use super::trim::{mean_square, trim};
 
 /// Bins whose strip of the rectangle is shorter than this share of the longest are partial and do not count.
 const FULL: f64 = 0.5;
@@ -17,11 +21,13 @@ const DEPTH: u32 = 12;
 ///
 /// The paper compares the emptiest bin with two thirds of all points of the patch, which every bin falls below; here
 /// it is two thirds of the mean of the inner bins, per length of the strip that the rectangle has there.
-pub(super) fn split(points: &Points, patch: Patch, threshold: f64, grid_size: f64) -> Vec<Patch> {
+pub(super) fn split(points: &Points, patch: Patch, threshold: f64, rule: &Rule) -> Vec<Patch> {
     let mut parts = Vec::new();
     let mut stack = vec![(patch, DEPTH)];
     while let Some((patch, depth)) = stack.pop() {
-        let halves = (depth > 0).then(|| halve(points, &patch, threshold, grid_size)).flatten();
+        let halves = (depth > 0)
+            .then(|| halve(points, &patch, threshold, rule).or_else(|| fold(points, &patch, rule)))
+            .flatten();
         match halves {
             // The first half is looked at first, so that parts stay in a fixed order.
             Some([first, second]) => {
@@ -33,6 +39,54 @@ pub(super) fn split(points: &Points, patch: Patch, threshold: f64, grid_size: f6
     parts
 }
 
+const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Rotations by 0, 45, 90 and 135 degrees.
+const DIRECTIONS: [[f64; 2]; 4] =
+    [[1.0, 0.0], [DIAGONAL, DIAGONAL], [0.0, 1.0], [-DIAGONAL, DIAGONAL]];
+
+/// Strips across the rectangle of a patch, as wide as a tile.
+struct Bins {
+    direction: [f64; 2],
+    low: f64,
+    width: f64,
+    n: usize,
+    /// Half the length along the direction, and of the part over which strips have their full length.
+    reach: f64,
+    flat: f64,
+}
+
+impl Bins {
+    /// `None` for fewer than three.
+    fn new(patch: &Patch, direction: [f64; 2]) -> Option<Self> {
+        let tiles = &patch.tiles;
+        let [low, size] = [tiles.low(), tiles.size()];
+        let half = [0.5 * size[0] * direction[0].abs(), 0.5 * size[1] * direction[1].abs()];
+        let middle = along(direction, std::array::from_fn(|a| low[a] + 0.5 * size[a]));
+        let reach = half[0] + half[1];
+        let width = tiles.edge();
+        let n = (2.0 * reach / width).ceil().max(1.0) as usize;
+        let flat = (half[0] - half[1]).abs();
+        (n >= 3).then_some(Self { direction, low: middle - reach, width, n, reach, flat })
+    }
+
+    fn of(&self, p: [f64; 2]) -> usize {
+        let bin = ((along(self.direction, p) - self.low) / self.width).max(0.0) as usize;
+        bin.min(self.n - 1)
+    }
+
+    /// Where a bin starts.
+    fn edge(&self, bin: usize) -> f64 {
+        self.low + self.width * bin as f64
+    }
+
+    /// Length of the line across the rectangle in the middle of a bin, as a share of the longest.
+    fn share(&self, bin: usize) -> f64 {
+        let off = (self.width * (bin as f64 + 0.5) - self.reach).abs();
+        if off <= self.flat { 1.0 } else { (self.reach - off) / (self.reach - self.flat) }
+    }
+}
+
 /// Where to cut: along which direction, and at which coordinate of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Cut {
@@ -42,7 +96,7 @@ struct Cut {
     share: f64,
 }
 
-fn halve(points: &Points, patch: &Patch, threshold: f64, grid_size: f64) -> Option<[Patch; 2]> {
+fn halve(points: &Points, patch: &Patch, threshold: f64, rule: &Rule) -> Option<[Patch; 2]> {
     let local: Vec<[f64; 2]> = patch
         .support
         .iter()
@@ -57,9 +111,70 @@ fn halve(points: &Points, patch: &Patch, threshold: f64, grid_size: f64) -> Opti
         let side = if along(cut.direction, *p) < cut.at { &mut left } else { &mut right };
         side.push(i);
     }
-    let [left, right] = [left, right].map(|set| trim(points, patch.frame, &set, grid_size));
+    if left.len().min(right.len()) < rule.min_points {
+        return None;
+    }
+    let [left, right] = [left, right].map(|set| trim(points, patch.frame, &set, rule.distance));
     // A half without a supported tile would lose its points; the patch stays whole.
     Some([left?, right?])
+}
+
+/// Splits a patch that is two planes: along the line for which two planes leave the least of its points' squared
+/// distances, unless the two parts would be merged again. Its whole support counts, in each part about the part's own
+/// plane.
+fn fold(points: &Points, patch: &Patch, rule: &Rule) -> Option<[Patch; 2]> {
+    if mean_square(&patch.moments, &patch.frame) <= rule.deviation * rule.deviation {
+        return None;
+    }
+    let mut best: Option<(f64, [f64; 2], f64)> = None;
+    for direction in DIRECTIONS {
+        let bins = Bins::new(patch, direction)?;
+        let mut members: Vec<Vec<(u32, f32)>> = vec![Vec::new(); bins.n];
+        for &i in &patch.whole {
+            let [x, y, _] = patch.frame.local(points.positions[i as usize]);
+            members[bins.of([x, y])].push((i, 1.0));
+        }
+        let moments: Vec<Moments> =
+            members.into_iter().map(|m| points.moments_about(patch.frame.center, m)).collect();
+        let mut after = vec![Moments::new(); bins.n + 1];
+        for b in (0..bins.n).rev() {
+            after[b] = after[b + 1];
+            after[b].merge(&moments[b]);
+        }
+        let mut before = Moments::new();
+        for b in 1..bins.n {
+            before.merge(&moments[b - 1]);
+            let (Some(left), Some(right)) = (residual(&before), residual(&after[b])) else {
+                continue;
+            };
+            let cost = left + right;
+            if best.is_none_or(|x| cost < x.0) {
+                best = Some((cost, direction, bins.edge(b)));
+            }
+        }
+    }
+    let (_, direction, at) = best?;
+    let (mut left, mut right) = (Vec::new(), Vec::new());
+    for &i in &patch.whole {
+        let [x, y, _] = patch.frame.local(points.positions[i as usize]);
+        if along(direction, [x, y]) < at { left.push(i) } else { right.push(i) }
+    }
+    if left.len().min(right.len()) < rule.min_points {
+        return None;
+    }
+    let [left, right] = [left, right].map(|set| {
+        let center = patch.frame.center;
+        let frame = plane(&points.moments_about(center, set.iter().map(|&i| (i, 1.0))))?;
+        trim(points, frame, &set, rule.distance)
+    });
+    let (left, right) = (left?, right?);
+    Part::of(&left).joined(&Part::of(&right), rule).is_none().then_some([left, right])
+}
+
+/// Sum of squared distances of points from their own plane.
+fn residual(moments: &Moments) -> Option<f64> {
+    let axes = moments.principal_axes()?;
+    Some(axes.variances[0] * moments.weight())
 }
 
 fn along(direction: [f64; 2], p: [f64; 2]) -> f64 {
@@ -80,29 +195,14 @@ fn cut(patch: &Patch, local: &[[f64; 2]], threshold: f64) -> Option<Cut> {
 }
 
 fn emptiest(patch: &Patch, local: &[[f64; 2]], direction: [f64; 2], threshold: f64) -> Option<Cut> {
-    let tiles = &patch.tiles;
-    let [low, size] = [tiles.low(), tiles.size()];
-    let half = [0.5 * size[0] * direction[0].abs(), 0.5 * size[1] * direction[1].abs()];
-    let middle = along(direction, std::array::from_fn(|a| low[a] + 0.5 * size[a]));
-    let reach = half[0] + half[1];
-    let n = (2.0 * reach / tiles.edge()).ceil().max(1.0) as usize;
-    if n < 3 {
-        return None;
-    }
-    let width = tiles.edge();
+    let bins = Bins::new(patch, direction)?;
+    let n = bins.n;
     let mut counts = vec![0_u32; n];
-    for p in local {
-        let bin = ((along(direction, *p) - middle + reach) / width).max(0.0) as usize;
-        counts[bin.min(n - 1)] += 1;
+    for &p in local {
+        counts[bins.of(p)] += 1;
     }
-    // Length of the line across the rectangle in the middle of a bin, as a share of the longest.
-    let flat = (half[0] - half[1]).abs();
-    let share = |bin: usize| {
-        let off = (width * (bin as f64 + 0.5) - reach).abs();
-        if off <= flat { 1.0 } else { (reach - off) / (reach - flat) }
-    };
     let inner: Vec<(usize, f64)> =
-        (1..n - 1).map(|b| (b, share(b))).filter(|(_, s)| *s >= FULL).collect();
+        (1..n - 1).map(|b| (b, bins.share(b))).filter(|(_, s)| *s >= FULL).collect();
     let total: f64 = inner.iter().map(|&(b, _)| f64::from(counts[b])).sum();
     let mean = total / inner.iter().map(|(_, s)| s).sum::<f64>();
     let (bin, ratio, expected) = inner
@@ -113,6 +213,6 @@ fn emptiest(patch: &Patch, local: &[[f64; 2]], direction: [f64; 2], threshold: f
     if ratio.is_nan() || ratio >= threshold || chance {
         return None;
     }
-    let at = middle - reach + width * (bin as f64 + 0.5);
+    let at = bins.edge(bin) + 0.5 * bins.width;
     Some(Cut { direction, at, share: ratio })
 }

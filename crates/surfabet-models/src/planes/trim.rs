@@ -15,6 +15,10 @@ const DOUBLINGS: usize = 5;
 /// The smallest threshold T: a tile is supported by more points than this.
 const LEAST_THRESHOLD: f64 = 1.0;
 
+/// Share of the mean of the tiles around it, up to this many away, that a tile needs.
+const HALF: f64 = 0.75;
+const AROUND: usize = 2;
+
 /// Trims a plane to the patch that the points of `set` support, with tiles of side `grid_size` (G) or a power of two
 /// more. `None` when no tile is supported.
 pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -> Option<Patch> {
@@ -53,8 +57,8 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
         tiles = Tiles::new(low, size, edge);
         counts = count(&tiles, &local, within);
     }
-    let threshold = threshold(&counts);
-    tiles.support(counts.iter().map(|&c| f64::from(c) > threshold).collect());
+    let supported = supported(&tiles, &counts);
+    tiles.support(supported);
     if tiles.n_supported() == 0 {
         return None;
     }
@@ -72,26 +76,53 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
             scatter.add(t, w, p[2]);
         }
     }
-    let moments = points.moments_about(frame.center, support.iter().map(|&i| (i, 1.0)));
+    let moments = points.moments_about(frame.center, set.iter().map(|&i| (i, 1.0)));
+    let density = set.len() as f64 / tiles.area();
     Some(Patch {
         frame,
         tiles,
+        density,
         standard_deviation: if weight > 0.0 { (squares / weight).sqrt() } else { 0.0 },
         support,
-        n_supporting: set.len(),
+        whole: set.to_vec(),
         moments,
         facing: facing.unwrap_or_default(),
         noise: scatter.within(),
     })
 }
 
-/// The support threshold T = mean - 2 std of the points per tile, which is below 1 unless points are evenly spread:
-/// then more than one point has to be there.
-fn threshold(counts: &[u32]) -> f64 {
-    let n = counts.len() as f64;
-    let mean = counts.iter().map(|&c| f64::from(c)).sum::<f64>() / n;
-    let variance = counts.iter().map(|&c| (f64::from(c) - mean).powi(2)).sum::<f64>() / n;
-    (mean - 2.0 * variance.sqrt()).max(LEAST_THRESHOLD)
+/// Tiles with more points than the support threshold T = mean - 2 std of the points per tile, over the tiles with
+/// points. That is below 1 unless points are evenly spread: then more than one point has to be there.
+///
+/// A tile at the rim of a surface holds points that noise has carried over the edge. So that patches end where
+/// surfaces do, a tile also needs a good half of what the tiles around it hold, give or take chance.
+fn supported(tiles: &Tiles, counts: &[u32]) -> Vec<bool> {
+    let filled = || counts.iter().filter(|&&c| c > 0).map(|&c| f64::from(c));
+    let n = filled().count() as f64;
+    let mean = filled().sum::<f64>() / n;
+    let variance = filled().map(|c| (c - mean).powi(2)).sum::<f64>() / n;
+    let threshold = (mean - 2.0 * variance.sqrt()).max(LEAST_THRESHOLD);
+    let [nx, ny] = tiles.shape();
+    (0..counts.len())
+        .map(|t| {
+            if f64::from(counts[t]) <= threshold {
+                return false;
+            }
+            let (x, y) = (t % nx, t / nx);
+            let (mut around, mut full) = (0.0, 0.0);
+            for row in y.saturating_sub(AROUND)..(y + AROUND + 1).min(ny) {
+                for column in x.saturating_sub(AROUND)..(x + AROUND + 1).min(nx) {
+                    let c = counts[row * nx + column];
+                    if c > 0 {
+                        around += f64::from(c);
+                        full += 1.0;
+                    }
+                }
+            }
+            let around = around / full;
+            f64::from(counts[t]) >= HALF * around - f64::sqrt(around)
+        })
+        .collect()
 }
 
 fn count(tiles: &Tiles, local: &[[f64; 3]], within: impl Fn(&[f64; 3]) -> bool) -> Vec<u32> {

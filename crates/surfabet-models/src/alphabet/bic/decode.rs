@@ -5,7 +5,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 use super::model::BicModel;
 use super::pose::Frame;
 use super::sparsify::{Stamp, rebuild};
-use crate::error::{Error, Result};
+use crate::error::{Result, check_points};
 
 impl BicModel {
     /// The scene as points that keep a distance of epsilon, at most `max_points` of them before they are thinned out.
@@ -13,7 +13,7 @@ impl BicModel {
     /// The result is the same before a model is saved and after it is read.
     ///
     /// # Errors
-    /// [`Error::TooManyPoints`] and [`Error::Cancelled`].
+    /// [`crate::Error::TooManyPoints`] and [`crate::Error::Cancelled`].
     pub fn decode(&self, max_points: u64, progress: &dyn Progress) -> Result<PointCloud> {
         progress.check()?;
         let alphabet = self.alphabet();
@@ -21,10 +21,8 @@ impl BicModel {
         let stamps: Vec<Stamp> =
             alphabet.words().iter().map(|w| Stamp::new(w, radius, epsilon)).collect();
         let of = |word: u32| stamps.get(word as usize).map_or(0, Stamp::len) as u64;
-        let points = self.words().iter().map(|&w| of(w)).sum();
-        if points > max_points {
-            return Err(Error::TooManyPoints { resolution: epsilon, points, limit: max_points });
-        }
+        let points: u64 = self.words().iter().map(|&w| of(w)).sum();
+        check_points(epsilon, points as f64, max_points)?;
         let frames: Vec<Frame> =
             self.poses().iter().map(|p| p.frame(alphabet.upright(), radius)).collect();
         progress.check()?;

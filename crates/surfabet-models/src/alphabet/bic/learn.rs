@@ -16,7 +16,7 @@ use super::score::{Bench, Score, Stage};
 use super::words::MAX_WORD_POINTS;
 use crate::alphabet::Scene;
 use crate::error::Result;
-use crate::report::{Report, beyond_color};
+use crate::report::{Report, lost};
 
 /// Most candidates tried at once per thread.
 const MOST_PER_THREAD: usize = 4;
@@ -75,7 +75,7 @@ fn with_stage(
     work: impl FnOnce(&Stage<'_>, &mut Report) -> Result<BicModel>,
 ) -> Result<BicModel> {
     options.check()?;
-    let mut report = Report { not_kept: beyond_geometry(cloud), ..Report::default() };
+    let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
     let scene = report.time("preparing the scene", || {
         Scene::new(cloud, options.deviation, options.min_range, progress)
     })?;
@@ -95,15 +95,6 @@ fn with_stage(
     report.add_figure("features", features.len() as f64);
     report.add_figure("interest points", features.interest as f64);
     work(&stage, &mut report)
-}
-
-/// What a cloud has that these models do not keep.
-fn beyond_geometry(cloud: &PointCloud) -> Vec<&'static str> {
-    let mut lost = beyond_color(cloud);
-    if cloud.colors().is_some() {
-        lost.insert(0, "colors");
-    }
-    lost
 }
 
 /// Candidates in random order, each accepted when it lowers the BIC.

@@ -1,7 +1,7 @@
 //! What to learn, checked before anything is computed.
 
 use crate::alphabet::{Deviation, Upright};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Parameters of [`learn`](super::learn) and [`describe`](super::BicAlphabet::describe).
 ///
@@ -63,7 +63,7 @@ impl Default for BicOptions {
             descriptor_pixels: 8,
             empty_penalty: 0.5,
             floor: 3.0,
-            min_points: 5,
+            min_points: 8,
             iterations: 500,
             max_rejections: 500,
             reduce: true,
@@ -78,28 +78,21 @@ impl BicOptions {
     /// # Errors
     /// [`Error::InvalidParameter`] naming the first one.
     pub fn check(&self) -> Result<()> {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
         let lengths = [
             ("radius", Some(self.radius)),
             ("epsilon", self.epsilon),
             ("feature_spacing", self.feature_spacing),
         ];
         for (name, value) in lengths {
-            if let Some(value) = value.filter(|v| !positive(*v)) {
-                return Err(Error::invalid(name, value, "a positive number of metres"));
+            if let Some(value) = value {
+                positive(name, value, "a positive number of metres")?;
             }
         }
         self.deviation.check()?;
         if let Some(scale) = self.interest_scales.iter().find(|s| !(0.5..=32.0).contains(*s)) {
             return Err(Error::invalid("interest_scales", scale, "0.5 to 32 pixels"));
         }
-        if !positive(self.interest_threshold) {
-            return Err(Error::invalid(
-                "interest_threshold",
-                self.interest_threshold,
-                "a positive number",
-            ));
-        }
+        positive("interest_threshold", self.interest_threshold, "a positive number")?;
         if !(3..=1000).contains(&self.normal_neighbors) {
             return Err(Error::invalid("normal_neighbors", self.normal_neighbors, "3 to 1000"));
         }

@@ -1,13 +1,12 @@
 //! Colour and intensity of occurrences: the mean of the points that each explains.
 
-use std::collections::HashMap;
-
 use surfabet_entropy::{Coder, SInt};
 
-use super::lattice::{UNITS, cell_center};
-use super::neighbors::REMEMBERED;
+use super::lattice::cell_center;
+use super::nearby::Nearby;
 use super::placement::Placement;
 use crate::alphabet::Scene;
+use crate::color::{rounded, to_rgb};
 
 /// Steps between the least and the largest intensity of a scene.
 pub const INTENSITY_STEPS: i32 = 63;
@@ -64,11 +63,8 @@ impl Channels {
 
     /// Red, green and blue.
     pub(super) fn color(&self, said: &[i32]) -> Option<[u8; 3]> {
-        let step = f64::from(self.color_step?);
-        let [luma, orange, green] = [0, 1, 2].map(|c| f64::from(said[c]) * step);
-        let middle = luma - 0.5 * green;
-        let rgb = [middle + 0.5 * orange, middle + green, middle - 0.5 * orange];
-        Some(rgb.map(|c| c.round().clamp(0.0, 255.0) as u8))
+        let step = self.color_step? as f32;
+        Some(rounded(to_rgb([0, 1, 2].map(|c| said[c] as f32 * step))))
     }
 
     pub(super) fn intensity(&self, said: &[i32]) -> Option<f32> {
@@ -90,19 +86,15 @@ pub(super) fn code_channels<C: Coder>(
     given: &[Vec<i32>],
 ) -> Result<Vec<Vec<i32>>, C::Error> {
     let mut models = vec![SInt::new(); channels];
-    let mut near: HashMap<[i32; 3], Vec<usize>> = HashMap::new();
+    let mut nearby: Nearby<usize> = Nearby::new(scales);
     let middle = |p: &Placement| cell_center(p.cell, u32::from(p.scale));
-    let coarse = |p: &Placement| middle(p).map(|c| (c / (UNITS << (scales - 1))) as i32);
     let mut said: Vec<Vec<i32>> = Vec::with_capacity(placements.len());
     for (k, p) in placements.iter().enumerate() {
-        let at = coarse(p);
-        let around = (0..27).map(|s| [at[0] + s % 3 - 1, at[1] + s / 3 % 3 - 1, at[2] + s / 9 - 1]);
-        let known = around.filter_map(|cell| near.get(&cell));
-        let candidates = known.flat_map(|there| there.iter().rev().take(REMEMBERED).copied());
         let apart = |j: usize| -> u64 {
             let [a, b] = [middle(p), middle(&placements[j])];
             (0..3).map(|c| a[c].abs_diff(b[c]).pow(2)).sum()
         };
+        let candidates = nearby.about(p.cell, u32::from(p.scale)).copied();
         let nearest = candidates.min_by_key(|&j| (apart(j), j)).or(k.checked_sub(1));
         let mut values = Vec::with_capacity(channels);
         for (c, model) in models.iter_mut().enumerate() {
@@ -115,7 +107,7 @@ pub(super) fn code_channels<C: Coder>(
             values.push(value);
         }
         said.push(values);
-        near.entry(at).or_default().push(k);
+        nearby.add(p.cell, u32::from(p.scale), k);
     }
     Ok(said)
 }

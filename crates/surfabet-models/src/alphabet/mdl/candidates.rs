@@ -74,9 +74,7 @@ pub(super) fn planes(
         .map_init(
             || (Buffers::default(), Rasters::new(&plane)),
             |(buffers, rasters), k| {
-                if k % 64 == 0 {
-                    progress.check()?;
-                }
+                progress.check()?;
                 let (cell, inside) = cells.get(k);
                 cells.some_around(cell, FITTED, &mut buffers.some);
                 Ok(in_cell(data, cells, cell, scale, spacing, inside, buffers, rasters))
@@ -96,13 +94,15 @@ pub(super) fn with_words(
     planes: &[Plane],
     words: &[Word],
     spacing: f64,
-) -> Vec<Candidate> {
+    progress: &dyn Progress,
+) -> Result<Vec<Candidate>> {
     let known: Vec<Patch> = words.iter().map(Patch::of_word).collect();
-    planes
+    let placed: Vec<Vec<Candidate>> = planes
         .par_iter()
         .map_init(
             || (Buffers::default(), Rasters::new(words)),
             |(buffers, rasters), plane| {
+                progress.check()?;
                 let Candidate { placement, stand, .. } = plane.candidate;
                 let mut fitting = nearest_words(&plane.look, &known, NEAREST);
                 fitting.retain(|&word| word != 0);
@@ -121,11 +121,11 @@ pub(super) fn with_words(
                     stand,
                     coverage: rasters.coverage(word, &stand, spacing, near),
                 };
-                fitting.into_iter().map(place).collect::<Vec<_>>()
+                Ok(fitting.into_iter().map(place).collect())
             },
         )
-        .flatten()
-        .collect()
+        .collect::<Result<_>>()?;
+    Ok(placed.into_iter().flatten().collect())
 }
 
 #[allow(clippy::too_many_arguments)]

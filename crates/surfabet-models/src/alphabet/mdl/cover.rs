@@ -3,7 +3,10 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use surfabet_geom::Progress;
+
 use super::candidates::Candidate;
+use crate::error::Result;
 
 /// What explaining is worth, and what saying costs, in bits.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,6 +53,11 @@ impl Tally {
     pub fn count(&self, points: &[u32], n: u16) -> f32 {
         points.iter().filter(|&&i| self.times[i as usize] == n).count() as f32
     }
+
+    /// How many points of the scene nothing explains.
+    pub fn unexplained(&self) -> f32 {
+        self.times.iter().filter(|&&times| times == 0).count() as f32
+    }
 }
 
 struct Entry {
@@ -80,11 +88,15 @@ impl Ord for Entry {
 /// Chooses candidates one by one, always the one that gains most; ascending indices, and the tally of them.
 ///
 /// A gain only falls as others are chosen, so that an old gain is a bound: only the top of the heap is looked at anew.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
 pub(super) fn cover(
     candidates: &[Candidate],
     prices: &Prices,
     n_points: usize,
-) -> (Vec<u32>, Tally) {
+    progress: &dyn Progress,
+) -> Result<(Vec<u32>, Tally)> {
     let mut tally = Tally::new(n_points);
     let cost: Vec<f32> = candidates.iter().map(|c| prices.cost(c)).collect();
     let mut heap: BinaryHeap<Entry> = candidates
@@ -99,6 +111,7 @@ pub(super) fn cover(
         .collect();
     let mut chosen = Vec::new();
     while let Some(top) = heap.pop() {
+        progress.check()?;
         let k = top.candidate as usize;
         let points = &candidates[k].coverage.points;
         let now = prices.point * tally.count(points, 0) - cost[k];
@@ -112,9 +125,9 @@ pub(super) fn cover(
         tally.add(points);
         chosen.push(top.candidate);
     }
-    remove_redundant(candidates, &cost, prices.point, &mut chosen, &mut tally);
+    remove_redundant(candidates, &cost, prices.point, &mut chosen, &mut tally, progress)?;
     chosen.sort_unstable();
-    (chosen, tally)
+    Ok((chosen, tally))
 }
 
 /// What later ones made redundant goes, the least useful first.
@@ -124,7 +137,8 @@ fn remove_redundant(
     point: f32,
     chosen: &mut Vec<u32>,
     tally: &mut Tally,
-) {
+    progress: &dyn Progress,
+) -> Result<()> {
     let worth = |k: u32, tally: &Tally| {
         let alone = tally.count(&candidates[k as usize].coverage.points, 1);
         point * alone - cost[k as usize]
@@ -133,16 +147,19 @@ fn remove_redundant(
     let mut order: Vec<(f32, u32)> = chosen.iter().map(|&k| (worth(k, tally), k)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for (_, k) in order.into_iter().take_while(|(worth, _)| *worth < 0.0) {
+        progress.check()?;
         if worth(k, tally) < 0.0 {
             tally.remove(&candidates[k as usize].coverage.points);
             chosen.retain(|&c| c != k);
         }
     }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use surfabet_geom::Silent;
 
     use super::super::coverage::Coverage;
     use super::super::placement::{Placement, Stand};
@@ -175,7 +192,7 @@ mod tests {
     fn the_better_of_two_for_the_same_points_is_taken() {
         let same: Vec<u32> = (0..10).collect();
         let all = [candidate(0, same.clone(), 3), candidate(1, same, 1), candidate(2, vec![0], 0)];
-        assert_eq!(cover(&all, &prices(), 10).0, [1]);
+        assert_eq!(cover(&all, &prices(), 10, &Silent).unwrap().0, [1]);
     }
 
     #[test]
@@ -186,7 +203,7 @@ mod tests {
             candidate(1, (0..10).collect(), 0),
             candidate(2, (10..20).collect(), 0),
         ];
-        assert_eq!(cover(&all, &prices(), 20).0, [1, 2]);
+        assert_eq!(cover(&all, &prices(), 20, &Silent).unwrap().0, [1, 2]);
     }
 
     proptest! {
@@ -198,7 +215,7 @@ mod tests {
                 candidate(k as i32, points.iter().copied().collect(), *lone)
             };
             let all: Vec<Candidate> = sets.iter().enumerate().map(one).collect();
-            let (chosen, tally) = cover(&all, &prices(), 30);
+            let (chosen, tally) = cover(&all, &prices(), 30, &Silent).unwrap();
             let best = length(&all, &chosen, 30);
             prop_assert!(best <= length(&all, &[], 30));
             // Nor would it be shorter without any one of them.
@@ -209,6 +226,7 @@ mod tests {
             let explained = |i: u32| {
                 chosen.iter().filter(|&&k| all[k as usize].coverage.points.contains(&i)).count()
             };
+            prop_assert_eq!(tally.unexplained(), (0..30).filter(|&i| explained(i) == 0).count() as f32);
             for i in 0..30 {
                 prop_assert_eq!(tally.count(&[i], explained(i) as u16), 1.0);
             }

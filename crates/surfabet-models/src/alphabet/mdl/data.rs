@@ -69,11 +69,7 @@ impl Data {
                 SigmaRule::new(deviation.scale * (0.5 * alpha).tan(), noise, unit)
             }
             // Ranges without a sensor's place, or neither: one sigma for all.
-            _ => {
-                let mut sorted = scene.sigma.clone();
-                sorted.sort_by(f32::total_cmp);
-                SigmaRule::new(0.0, f64::from(sorted[sorted.len() / 2]), unit)
-            }
+            _ => SigmaRule::new(0.0, scene.median_sigma(), unit),
         };
         let sigma = scene.sigma.iter().map(|s| (f64::from(*s) / unit) as f32).collect();
         Ok(Self { origin, radius, points, sigma, normals, view, sensors, rule })

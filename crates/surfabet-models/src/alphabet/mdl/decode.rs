@@ -7,7 +7,7 @@ use super::coverage::raster;
 use super::model::AlphabetModel;
 use super::placement::Stand;
 use super::word::Word;
-use crate::error::{Error, Result};
+use crate::error::{Result, check_points, positive};
 
 /// How a model becomes a cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,13 +30,11 @@ impl AlphabetModel {
     /// The model as a cloud: word by word, row by row, seen from the sensors that saw the scan.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
-    /// [`Error::Cancelled`].
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
+    /// [`crate::Error::Cancelled`].
     pub fn decode(&self, options: MdlDecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        if let Some(resolution) = options.resolution
-            && !(resolution > 0.0 && resolution.is_finite())
-        {
-            return Err(Error::invalid("resolution", resolution, "positive and finite"));
+        if let Some(resolution) = options.resolution {
+            positive("resolution", resolution, "positive and finite")?;
         }
         let unit = self.unit();
         let raster_of = |stand: &Stand| match options.resolution {
@@ -51,13 +49,8 @@ impl AlphabetModel {
         };
         let stands: Vec<(Stand, &Word)> = self.stands().collect();
         let most: f64 = stands.iter().map(|(stand, _)| raster_of(stand).0.powi(2)).sum();
-        if most > options.max_points as f64 {
-            return Err(Error::TooManyPoints {
-                resolution: options.resolution.unwrap_or(stands[0].0.radius * unit),
-                points: most as u64,
-                limit: options.max_points,
-            });
-        }
+        let first = stands.first().map_or(0.0, |(stand, _)| stand.radius * unit);
+        check_points(options.resolution.unwrap_or(first), most, options.max_points)?;
         let blocks: Vec<Vec<[f32; 3]>> = stands
             .par_iter()
             .map(|(stand, word)| {

@@ -8,7 +8,7 @@ use surfabet_geom::{KdTree, Neighbor, Pose, Progress};
 
 use super::model::{AlphabetModel, Occurrence};
 use super::surface::{Surface, dot};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Samples along the diagonal of an example.
 const FINENESS: f64 = 64.0;
@@ -91,9 +91,7 @@ impl Region {
                 if !center.iter().all(|c| c.is_finite()) {
                     return Err(Error::invalid("point", format!("{center:?}"), "finite"));
                 }
-                if !(radius > 0.0 && radius.is_finite()) {
-                    return Err(Error::invalid("radius", radius, "positive and finite"));
-                }
+                positive("radius", radius, "positive and finite")?;
             }
         }
         Ok(())
@@ -150,10 +148,8 @@ impl FindOptions {
             return Err(Error::invalid("least score", self.min_score, "0 to 1"));
         }
         for (name, value) in [("resolution", self.resolution), ("tolerance", self.tolerance)] {
-            if let Some(value) = value
-                && !(value > 0.0 && value.is_finite())
-            {
-                return Err(Error::invalid(name, value, "positive and finite"));
+            if let Some(value) = value {
+                positive(name, value, "positive and finite")?;
             }
         }
         Ok(())

@@ -19,8 +19,8 @@ use super::thin::thinned;
 use super::word::Word;
 use super::words::{clustered, nearest_words};
 use crate::alphabet::Scene;
-use crate::error::Result;
-use crate::report::{Report, beyond_color};
+use crate::error::{Error, Result};
+use crate::report::{Report, lost};
 
 /// Points that a normal is fitted to.
 const NORMAL_NEIGHBORS: usize = 12;
@@ -102,30 +102,27 @@ fn run(
             scale.planes.retain(|p| prices.point * points(p) > FIRST_PRICE);
         }
         match frozen {
-            Some(alphabet) => alphabet.words().to_vec(),
+            Some(alphabet) => Ok(alphabet.words().to_vec()),
             None => {
                 let all: Vec<&Patch> =
                     scales.iter().flat_map(|s| s.planes.iter().map(|p| &p.look)).collect();
-                clustered(&all, options.max_words as usize)
+                clustered(&all, options.max_words as usize, progress)
             }
         }
-    });
-    progress.check()?;
+    })?;
     prices.word = vec![FIRST_WORD_PRICE; words.len()];
     prices.word[0] = 1.0;
     progress.update("placing words", 0.4);
     let mut candidates = report.time("placing words", || {
-        let placed = |s: &Scale| {
-            let mut all = with_words(&data, &s.cells, &s.planes, &words, options.spacing);
-            all.extend(s.planes.iter().map(|p| p.candidate.clone()));
-            all
-        };
-        let mut all: Vec<Candidate> = scales.iter().flat_map(placed).collect();
+        let mut all: Vec<Candidate> = Vec::new();
+        for Scale { cells, planes } in &scales {
+            all.extend(with_words(&data, cells, planes, &words, options.spacing, progress)?);
+            all.extend(planes.iter().map(|p| p.candidate.clone()));
+        }
         all.retain(|c| prices.point * c.coverage.points.len() as f32 > prices.cost(c));
         all.sort_by_key(|c| c.placement);
-        all
-    });
-    progress.check()?;
+        Ok::<_, Error>(all)
+    })?;
     progress.update("choosing occurrences", 0.7);
     let start = std::time::Instant::now();
     let mut search = Search {
@@ -147,13 +144,14 @@ fn run(
     report.add_time("choosing occurrences", start.elapsed().as_secs_f64());
     report.iterations = search.costs.len();
     report.objectives.push(("bits, misfit included".into(), search.costs.clone()));
-    report.stop_reason = "the description no longer gets shorter";
+    report.stop_reason = "every round was run";
     // Ranges follow from the sensors' places.
-    let kept = |name: &str| {
-        name == "intensities"
-            || !data.sensors.is_empty() && ["ranges", "viewpoints"].contains(&name)
+    let kept: &[&str] = if data.sensors.is_empty() {
+        &["colors", "intensities"]
+    } else {
+        &["colors", "intensities", "ranges", "viewpoints"]
     };
-    report.not_kept = beyond_color(cloud).into_iter().filter(|&name| !kept(name)).collect();
+    report.not_kept = lost(cloud, kept);
     report.figures.extend([
         ("points", cloud.len() as f64),
         ("distinct points", scene.len() as f64),
@@ -189,21 +187,17 @@ fn prepared(
     progress: &dyn Progress,
 ) -> Result<(Scene, Scene, Data)> {
     let scene = Scene::new(cloud, options.deviation, options.min_range, progress)?;
+    progress.check()?;
     let kept = thinned(&scene);
+    progress.check()?;
     let thin = scene.select(&kept);
     let (points, _) = PointCloud::from_positions(thin.positions.clone());
     let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
     let normals = estimate_normals(&points, near, progress)?.normals;
-    let radius = options.radius.unwrap_or_else(|| LEAST_RADIUS.max(RADIUS * median(&scene.sigma)));
+    let radius = options.radius.unwrap_or_else(|| LEAST_RADIUS.max(RADIUS * scene.median_sigma()));
+    progress.check()?;
     let data = Data::new(&thin, normals, radius)?;
     Ok((scene, thin, data))
-}
-
-fn median(values: &[f32]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    // A scene has at least one point.
-    f64::from(sorted[sorted.len() / 2])
 }
 
 struct Scale {
@@ -233,17 +227,17 @@ impl Search<'_> {
     ) -> Result<Vec<Candidate>> {
         for _ in 0..self.options.rounds {
             progress.check()?;
-            let (mut chosen, tally) = self.covered(candidates);
+            let (mut chosen, tally) = self.covered(candidates, progress)?;
             self.learn_prices(&chosen, &tally);
             if !self.frozen {
                 let paying = self.paying(candidates, &chosen, &tally);
                 self.keep_words(&paying, candidates, &mut chosen);
             }
         }
-        let (mut chosen, mut tally) = self.covered(candidates);
+        let (mut chosen, mut tally) = self.covered(candidates, progress)?;
         for _ in 0..PASSES {
             progress.check()?;
-            self.improve(&mut chosen, &mut tally);
+            self.improve(&mut chosen, &mut tally, progress)?;
             self.learn_prices(&chosen, &tally);
         }
         chosen.retain(|c| {
@@ -264,9 +258,13 @@ impl Search<'_> {
         Ok(chosen)
     }
 
-    fn covered(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Tally) {
-        let (chosen, tally) = cover(candidates, &self.prices, self.data.points.len());
-        (chosen.iter().map(|&k| candidates[k as usize].clone()).collect(), tally)
+    fn covered(
+        &self,
+        candidates: &[Candidate],
+        progress: &dyn Progress,
+    ) -> Result<(Vec<Candidate>, Tally)> {
+        let (chosen, tally) = cover(candidates, &self.prices, self.data.points.len(), progress)?;
+        Ok((chosen.iter().map(|&k| candidates[k as usize].clone()).collect(), tally))
     }
 
     /// What occurrences and words really take, and the length of the whole description.
@@ -295,10 +293,8 @@ impl Search<'_> {
             }
         }
         let Ok(_) = code_words(&mut price, self.words.len() - 1, &self.words[1..]);
-        let n_points = self.data.points.len();
-        let missed = (0..n_points as u32).filter(|&i| tally.count(&[i], 0) > 0.0).count() as f32;
         let lone: f32 = chosen.iter().map(|c| c.coverage.lone as f32).sum();
-        let misfit = self.prices.point * missed + self.prices.lone * lone;
+        let misfit = self.prices.point * tally.unexplained() + self.prices.lone * lone;
         self.costs.push(price.bits + f64::from(misfit));
     }
 
@@ -367,16 +363,25 @@ impl Search<'_> {
     }
 
     /// Takes every occurrence out in turn and puts the best of its variants back: a step of its pose, another word.
-    fn improve(&self, chosen: &mut [Candidate], tally: &mut Tally) {
+    fn improve(
+        &self,
+        chosen: &mut [Candidate],
+        tally: &mut Tally,
+        progress: &dyn Progress,
+    ) -> Result<()> {
         let known: Vec<Patch> = self.words.iter().map(Patch::of_word).collect();
         let variants: Vec<Vec<Candidate>> = chosen
             .par_iter()
             .map_init(
                 || (Vec::new(), Vec::new(), Rasters::new(&self.words)),
-                |(around, close, rasters), c| self.variants(c, &known, around, close, rasters),
+                |(around, close, rasters), c| {
+                    progress.check()?;
+                    Ok(self.variants(c, &known, around, close, rasters))
+                },
             )
-            .collect();
+            .collect::<Result<_>>()?;
         for (c, variants) in chosen.iter_mut().zip(variants) {
+            progress.check()?;
             tally.remove(&c.coverage.points);
             let gain = |c: &Candidate| {
                 self.prices.point * tally.count(&c.coverage.points, 0) - self.prices.cost(c)
@@ -391,6 +396,7 @@ impl Search<'_> {
             }
             tally.add(&c.coverage.points);
         }
+        Ok(())
     }
 
     fn variants(

@@ -4,6 +4,25 @@
 //! height maps with holes, in units of their radius, so that one word stands at several scales. Candidates stand on a
 //! lattice of cells; their poses are integers before anything is measured about them. A lazy greedy cover chooses among
 //! them, words that do not pay for themselves are dropped, and occurrences are improved one by one.
+//!
+//! A cloud runs through the files of this folder in this order:
+//!
+//! | file | step | paper |
+//! |---|---|---|
+//! | `options` | what to learn, and what a point is worth | |
+//! | `thin`, `data` | points no denser than sigma needs, in units and by cells | eq. 13 |
+//! | `lattice`, `word`, `placement` | the integers that radii, height maps and poses are made of | |
+//! | `candidates`, `near` | planes at every cell, and the words that look like what is there | III-C |
+//! | `patch`, `words` | descriptors, and their clusters as words | III-C |
+//! | `coverage` | points that a placed word explains, and samples that explain none | eq. 13 |
+//! | `cover` | the occurrences that explain most for their bits, without redundant ones | III-D |
+//! | `learn` | all of it, and a scene by an alphabet that is given | III, IV-B |
+//! | `attributes` | colour and intensity of occurrences | |
+//! | `model` | the result | |
+//! | `syntax`, `neighbors`, `nearby` | its bits, each occurrence after those near to it | |
+//! | `decode` | back to a cloud at any spacing | eq. 2 |
+//! | `surface`, `find` | all places that look like an example | |
+//! | `similarity` | how alike two places are | |
 
 mod attributes;
 mod candidates;
@@ -16,6 +35,7 @@ mod lattice;
 mod learn;
 mod model;
 mod near;
+mod nearby;
 mod neighbors;
 mod options;
 mod patch;

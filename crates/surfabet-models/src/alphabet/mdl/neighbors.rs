@@ -1,15 +1,11 @@
 //! What the occurrences said so far suggest for the next one: planes that go on.
 
-use std::collections::HashMap;
-
 use super::lattice::{UNITS, cell_center, offset_step, slope_steps};
+use super::nearby::Nearby;
 use super::placement::Placement;
 
 /// Planes suggested at most.
 pub(super) const MAX_SUGGESTED: usize = 6;
-
-/// Occurrences of a coarsest cell that are looked at, the last ones said; reading a hostile file takes bounded time.
-pub(super) const REMEMBERED: usize = 128;
 
 /// Fractional bits of the length of an integer normal.
 const LENGTH_BITS: u32 = 8;
@@ -32,11 +28,10 @@ pub(super) struct Suggested {
     constant: i128,
 }
 
-/// The occurrences said so far, by the coarsest cells.
-#[derive(Debug, Clone, Default)]
+/// The occurrences said so far.
+#[derive(Debug, Clone)]
 pub(super) struct Neighbors {
-    scales: u32,
-    by_cell: HashMap<[i32; 3], Vec<Said>>,
+    nearby: Nearby<Said>,
 }
 
 fn length(v: [i64; 3]) -> i128 {
@@ -50,39 +45,30 @@ fn dot(a: [i64; 3], b: [i64; 3]) -> i128 {
 
 impl Neighbors {
     pub fn new(scales: u32) -> Self {
-        Self { scales, by_cell: HashMap::new() }
-    }
-
-    fn coarse(&self, placement: &Placement) -> [i32; 3] {
-        placement.cell.map(|c| c >> (self.scales - 1 - u32::from(placement.scale)))
+        Self { nearby: Nearby::new(scales) }
     }
 
     pub fn add(&mut self, placement: Placement, level: u32) {
-        let middle = cell_center(placement.cell, u32::from(placement.scale));
+        let scale = u32::from(placement.scale);
+        let middle = cell_center(placement.cell, scale);
         let normal = placement.normal(level);
         let along = i128::from(placement.offset) * i128::from(offset_step(level));
         let constant = (dot(normal, middle) << LENGTH_BITS) + along * length(normal);
         let said = Said { placement, middle, normal, constant };
-        self.by_cell.entry(self.coarse(&placement)).or_default().push(said);
+        self.nearby.add(placement.cell, scale, said);
     }
 
     /// The planes that pass through a cell, those of the nearest occurrences first, and no two alike.
     pub fn suggested(&self, cell: [i32; 3], scale: u32, level: u32) -> Vec<Suggested> {
         let middle = cell_center(cell, scale);
-        let coarse = cell.map(|c| c >> (self.scales - 1 - scale));
         let side = UNITS << scale;
         let mut near: Vec<(i128, Said)> = Vec::new();
-        for shift in 0..27 {
-            let d = [shift % 3 - 1, shift / 3 % 3 - 1, shift / 9 - 1];
-            let at: [i32; 3] = std::array::from_fn(|a| coarse[a] + d[a]);
-            let there = self.by_cell.get(&at).map_or(&[][..], Vec::as_slice);
-            for said in there.iter().rev().take(REMEMBERED) {
-                // Within one side of the cell's middle.
-                let off = said.constant - (dot(said.normal, middle) << LENGTH_BITS);
-                if off.abs() <= length(said.normal) * i128::from(side) {
-                    let apart: [i64; 3] = std::array::from_fn(|a| said.middle[a] - middle[a]);
-                    near.push((dot(apart, apart), *said));
-                }
+        for said in self.nearby.about(cell, scale) {
+            // Within one side of the cell's middle.
+            let off = said.constant - (dot(said.normal, middle) << LENGTH_BITS);
+            if off.abs() <= length(said.normal) * i128::from(side) {
+                let apart: [i64; 3] = std::array::from_fn(|a| said.middle[a] - middle[a]);
+                near.push((dot(apart, apart), *said));
             }
         }
         near.sort_by_key(|(apart, said)| (*apart, said.placement));

@@ -2,7 +2,7 @@
 
 use super::lattice::MAX_SCALE;
 use crate::alphabet::Deviation;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 
 /// Most words of an alphabet.
 pub const MAX_WORDS: u32 = 4096;
@@ -54,15 +54,12 @@ impl MdlOptions {
     /// # Errors
     /// [`Error::InvalidParameter`] for values outside of their domain.
     pub fn check(&self) -> Result<()> {
-        let positive = [
+        for (name, value) in [
             ("radius", self.radius.unwrap_or(1.0)),
             ("bits of a point", self.point_bits),
             ("spacing", self.spacing),
-        ];
-        for (name, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::invalid(name, value, "positive and finite"));
-            }
+        ] {
+            positive(name, value, "positive and finite")?;
         }
         if !(self.lone_bits >= 0.0 && self.lone_bits.is_finite()) {
             return Err(Error::invalid("bits of a lone sample", self.lone_bits, "0 or more"));

@@ -5,7 +5,7 @@ use surfabet_geom::{KdTree, Neighbor, Progress};
 
 use super::model::{AlphabetModel, Occurrence};
 use super::word::{PIXELS, Word};
-use crate::error::{Error, Result};
+use crate::error::{Result, check_points};
 
 /// Distance of raw samples over the spacing of those that are kept, so that no place is skipped.
 const RAW: f64 = 0.7;
@@ -36,16 +36,13 @@ pub(super) struct Surface {
 
 impl Surface {
     /// # Errors
-    /// [`Error::TooManyPoints`], [`Error::Cancelled`].
+    /// [`crate::Error::TooManyPoints`], [`crate::Error::Cancelled`].
     pub fn of(model: &AlphabetModel, spacing: f64, progress: &dyn Progress) -> Result<Self> {
         let occurrences: Vec<Occurrence> = model.occurrences().collect();
         let origin = model.header().origin;
         let per_side = |radius: f64| (2.0 * radius / (RAW * spacing)).ceil().max(1.0);
         let most: f64 = occurrences.iter().map(|o| per_side(o.radius).powi(2)).sum();
-        if most > LIMIT as f64 {
-            let points = most as u64;
-            return Err(Error::TooManyPoints { resolution: spacing, points, limit: LIMIT });
-        }
+        check_points(spacing, most, LIMIT)?;
         let raw: Vec<Vec<Raw>> = occurrences
             .par_iter()
             .enumerate()
@@ -100,7 +97,7 @@ impl Surface {
     /// The smooth piece that each sample belongs to, by the lowest sample in it; and the samples of that piece.
     ///
     /// # Errors
-    /// [`Error::Cancelled`].
+    /// [`crate::Error::Cancelled`].
     pub fn pieces(&self, tree: &KdTree, progress: &dyn Progress) -> Result<(Vec<u32>, Vec<u32>)> {
         let reach = (REACH * self.spacing) as f32;
         let step = (STEP * self.spacing) as f32;

@@ -1,9 +1,11 @@
 //! Candidate words: centroids of clustered descriptors.
 
 use rayon::prelude::*;
+use surfabet_geom::Progress;
 
 use super::patch::{N, Patch};
 use super::word::{HEIGHT_STEPS, MAX_HEIGHT, Word};
+use crate::error::Result;
 
 /// Rounds of clustering at most.
 const ROUNDS: usize = 10;
@@ -12,12 +14,19 @@ const ROUNDS: usize = 10;
 const SAMPLE: usize = 4096;
 
 /// Clusters `patches` around at most `n` words beside the plane, which comes first.
-pub(super) fn clustered(patches: &[&Patch], n: usize) -> Vec<Word> {
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(super) fn clustered(
+    patches: &[&Patch],
+    n: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<Word>> {
     let step = patches.len().div_ceil(SAMPLE).max(1);
     let patches: Vec<&Patch> = patches.iter().copied().step_by(step).collect();
-    let mut words = farthest_first(&patches, n);
+    let mut words = farthest_first(&patches, n, progress)?;
     for _ in 0..ROUNDS {
-        let next = centroids(&patches, &words);
+        let next = centroids(&patches, &words, progress)?;
         if next == words {
             break;
         }
@@ -28,27 +37,34 @@ pub(super) fn clustered(patches: &[&Patch], n: usize) -> Vec<Word> {
     words.sort();
     words.dedup();
     words.insert(0, plane);
-    words
+    Ok(words)
 }
 
 /// The plane, and again and again the patch that the words so far tell worst.
-fn farthest_first(patches: &[&Patch], n: usize) -> Vec<Word> {
+fn farthest_first(patches: &[&Patch], n: usize, progress: &dyn Progress) -> Result<Vec<Word>> {
     let mut words = vec![Word::plane()];
     let mut worst = vec![f32::INFINITY; patches.len()];
     while words.len() <= n {
+        progress.check()?;
         let last = Patch::of_word(&words[words.len() - 1]);
         worst.par_iter_mut().zip(patches).for_each(|(d, p)| *d = d.min(p.distance(&last)));
         let far = worst.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)));
         let Some((k, _)) = far.filter(|(_, d)| **d > 0.0) else { break };
         words.push(rounded(patches[k].set.map(|s| s > 0.0), patches[k].heights));
     }
-    words
+    Ok(words)
 }
 
 /// The mean of the patches nearest to each word; the plane stays what it is.
-fn centroids(patches: &[&Patch], words: &[Word]) -> Vec<Word> {
+fn centroids(patches: &[&Patch], words: &[Word], progress: &dyn Progress) -> Result<Vec<Word>> {
     let looks: Vec<Patch> = words.iter().map(Patch::of_word).collect();
-    let nearest: Vec<usize> = patches.par_iter().map(|p| nearest(p, &looks)).collect();
+    let nearest: Vec<usize> = patches
+        .par_iter()
+        .map(|p| {
+            progress.check()?;
+            Ok(nearest(p, &looks))
+        })
+        .collect::<Result<_>>()?;
     let mut sums = vec![([0.0_f32; N], [0.0_f32; N], 0.0_f32); words.len()];
     for (p, &k) in patches.iter().zip(&nearest) {
         let (heights, set, all) = &mut sums[k];
@@ -65,7 +81,7 @@ fn centroids(patches: &[&Patch], words: &[Word]) -> Vec<Word> {
         let heights = std::array::from_fn(|i| heights[i] / set[i].max(1.0));
         rounded(set.map(|s| 2.0 * s > *all), heights)
     };
-    sums.iter().enumerate().map(mean).collect()
+    Ok(sums.iter().enumerate().map(mean).collect())
 }
 
 fn nearest(patch: &Patch, looks: &[Patch]) -> usize {

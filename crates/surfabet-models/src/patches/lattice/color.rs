@@ -11,6 +11,7 @@ use surfabet_entropy::{Bit, Coder, SInt};
 use surfabet_geom::morton::step;
 
 use super::nodes::index;
+use crate::color::rounded;
 
 /// Levels with models of their own.
 const LEVELS: usize = 12;
@@ -281,7 +282,7 @@ pub(super) fn code_colors<C: Coder>(
             .collect();
         means = decoded;
     }
-    let colors = means.into_iter().map(|m| to_rgb(m).map(|c| c.round().clamp(0.0, 255.0) as u8));
+    let colors = means.into_iter().map(|m| rounded(to_rgb(m)));
     Ok(Colors { colors: colors.collect(), coefficients: walk.coefficients })
 }
 

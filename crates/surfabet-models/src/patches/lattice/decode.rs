@@ -12,7 +12,7 @@ use super::leaves::Leaf;
 use super::model::{LatticeModel, PATCH_PIXELS};
 use super::nodes::{cell_key, cell_of_key, index};
 use super::sheets::axes_of;
-use crate::error::Result;
+use crate::error::{Result, check_points};
 use crate::patches::points::{DecodeOptions, Points};
 
 /// Patches that one task decodes.
@@ -35,7 +35,7 @@ impl LatticeModel {
         let spacing = resolution / pixel;
         let points =
             bound(self.leaves(), spacing, options.as_measured) + self.header().n_extra as f64;
-        options.check_points(resolution, points)?;
+        check_points(resolution, points, options.max_points)?;
         let decoder = Decoder::new(self, spacing, options);
         let mut all = Points::default();
         // Measured, what stands off the surface is part of the scan.

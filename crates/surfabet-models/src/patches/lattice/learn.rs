@@ -19,7 +19,7 @@ use super::targets::targets;
 use crate::error::{Error, Result};
 use crate::patches::DecodeOptions;
 use crate::patches::extent::{check_extent, reach};
-use crate::report::{Report, beyond_color};
+use crate::report::{Report, lost};
 
 /// Side of the cells that vote for the scene's axes, in pixels.
 const AXES_CELL: f64 = 6.0;
@@ -92,7 +92,7 @@ pub fn learn(
         ("sheets", sheets.len() as f64),
         ("cells of colour", keys.len() as f64),
     ]);
-    report.not_kept = beyond_color(cloud);
+    report.not_kept = lost(cloud, &["colors"]);
     report.stop_reason = "every sheet has the hierarchy of least cost";
     let mut model = LatticeModel::new(cloud.len() as u64, lattice, chosen, color, keys, report)?;
     if let Some(bound) = options.max_error {

@@ -1,0 +1,44 @@
+//! Colours as luma and two chromas (YCoCg), which vary more independently than red, green and blue do.
+
+/// Luma, orange and green chroma.
+pub(crate) fn to_ycocg([r, g, b]: [f32; 3]) -> [f32; 3] {
+    let co = r - b;
+    let t = b + 0.5 * co;
+    let cg = g - t;
+    [t + 0.5 * cg, co, cg]
+}
+
+/// Red, green and blue of luma, orange and green chroma; the inverse of [`to_ycocg`]. Exact for integers below 2^20.
+pub(crate) fn to_rgb([y, co, cg]: [f32; 3]) -> [f32; 3] {
+    let t = y - 0.5 * cg;
+    let green = cg + t;
+    let blue = t - 0.5 * co;
+    [blue + co, green, blue]
+}
+
+/// A colour as three bytes.
+pub(crate) fn rounded(color: [f32; 3]) -> [u8; 3] {
+    color.map(|c| c.round().clamp(0.0, 255.0) as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn bytes_come_back(rgb in prop::array::uniform3(0_u8..)) {
+            prop_assert_eq!(to_rgb(to_ycocg(rgb.map(f32::from))), rgb.map(f32::from));
+        }
+
+        #[test]
+        fn integers_are_transformed_exactly(code in prop::array::uniform3(-(1_i32 << 20)..1 << 20)) {
+            let [y, co, cg] = code.map(f64::from);
+            let low = y - 0.5 * cg;
+            let exact = [low + 0.5 * co, y + 0.5 * cg, low - 0.5 * co];
+            prop_assert_eq!(to_rgb(code.map(|c| c as f32)).map(f64::from), exact);
+        }
+    }
+}
