@@ -1,8 +1,6 @@
 //! Planes: what mathematics and the paper say of them, and what may come in a file.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::path::PathBuf;
-
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -10,11 +8,13 @@ use surfabet::planes::{
     self, DIRECTIONS, DecodeOptions, MAX_COORDINATE, MAX_MODEL_TILES, PARTS, PlaneModel,
     PlanesHeader, PlanesOptions, StoredPatch, Streams,
 };
-use surfabet::{CloudParts, Family, Limits, Model, PointCloud, Progress, Silent, Viewpoints};
+use surfabet::{CloudParts, Family, Limits, Model, PointCloud, Silent, Viewpoints};
 use surfabet_codec::{ContainerWriter, Encoder, Features, Tag};
 use surfabet_models::Error;
-
-const LIMITS: Limits = Limits { max_items: 1 << 20, max_bytes: 1 << 28 };
+use surfabet_tests::{
+    LIMITS, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_same_numbers,
+    assert_stops_when_asked, golden,
+};
 
 fn plain(points: Vec<[f32; 3]>) -> PointCloud {
     PointCloud::from_positions(points).0
@@ -281,16 +281,12 @@ fn wrong_options_and_weights_are_named() {
 }
 
 #[test]
-fn stopping_stops() {
-    struct Stop;
-    impl Progress for Stop {
-        fn update(&self, _: &'static str, _: f32) {}
-        fn is_cancelled(&self) -> bool {
-            true
-        }
-    }
-    let found = planes::learn(&room(5000, 6), None, &PlanesOptions::default(), &Stop);
-    assert!(matches!(found, Err(Error::Cancelled(_))));
+fn learning_stops_whenever_asked() {
+    let cloud = room(20_000, 6);
+    assert_stops_when_asked(|p| planes::learn(&cloud, None, &PlanesOptions::default(), p));
+    let model = learn(&cloud);
+    assert_stops_when_asked(|p| model.segment(&cloud, p));
+    assert_stops_when_asked(|p| model.decode(DecodeOptions::default(), p));
 }
 
 /// Faces of a coloured box at an odd place.
@@ -319,23 +315,12 @@ fn a_model_read_back_is_the_same() {
 
 #[test]
 fn cut_at_any_byte_it_is_an_error() {
-    let file = bytes(&small_model());
-    for end in 0..file.len() {
-        assert!(read(&file[..end]).is_err(), "{end} of {}", file.len());
-    }
+    assert_cuts_are_errors(&bytes(&small_model()));
 }
 
 #[test]
 fn any_flipped_bit_is_an_error_or_harmless() {
-    let file = bytes(&small_model());
-    let whole = Model::from(read(&file).unwrap());
-    for bit in 0..8 * file.len() {
-        let mut damaged = file.clone();
-        damaged[bit / 8] ^= 1 << (bit % 8);
-        if let Ok(found) = Model::from_bytes(&damaged, &LIMITS) {
-            assert_eq!(found, whole, "bit {bit}");
-        }
-    }
+    assert_flipped_bits_are_noticed(&bytes(&small_model()));
 }
 
 /// The file with some of its sections replaced; the checksums are right, so that only the content can be refused.
@@ -499,7 +484,7 @@ fn a_small_file_cannot_ask_for_much_memory() {
         .unwrap();
     assert!(Model::from_bytes(&file, &Limits::default()).is_ok());
     let Err(error) = Model::from_bytes(&file, &LIMITS) else { panic!("read beyond the limits") };
-    assert!(error.to_string().contains("more than 1048576 tiles"), "{error}");
+    assert!(error.to_string().contains("more than 1000000 tiles"), "{error}");
 }
 
 fn meta(header: &PlanesHeader) -> Vec<u8> {
@@ -533,10 +518,6 @@ fn headers_outside_their_domains_are_refused() {
     ] {
         assert!(read(&forged(&file, |i| (i == 0).then(|| meta(&wrong)))).is_err(), "{wrong:?}");
     }
-}
-
-fn golden(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../golden").join(name)
 }
 
 /// A line per patch: numbers of tiles and points, standard deviation, side of a tile; then one per corner of its
@@ -578,16 +559,5 @@ fn files_of_release_0_1_stay_readable() {
     assert_eq!((model.len(), model.n_points()), (6, 3000));
     assert_eq!(model.origin(), [11.0, -19.0, 6.0]);
     let expected = std::fs::read_to_string(golden("planes_0_1.txt")).unwrap();
-    let found = listing(&model);
-    let numbers =
-        |line: &str| -> Vec<f64> { line.split(' ').map(|n| n.parse().unwrap()).collect() };
-    assert_eq!(found.lines().count(), expected.lines().count());
-    for (found, expected) in found.lines().zip(expected.lines()) {
-        for (f, e) in numbers(found).iter().zip(numbers(expected)) {
-            assert!(
-                (f - e).abs() <= 2e-6 * e.abs().max(1.0),
-                "{found} where {expected} was written"
-            );
-        }
-    }
+    assert_same_numbers(&listing(&model), &expected, |_, e| 2e-6 * e.abs().max(1.0));
 }
