@@ -276,7 +276,7 @@ def learn_planes(
     tolerance: float = 0.01,
     min_points: int | None = None,
     min_purity: float = 0.85,
-    min_fill: float = 0.5,
+    min_fill: float = 0.6,
     max_bend: float = 1.55,
     color_step: int = 8,
     weights: ArrayLike | None = None,
@@ -320,7 +320,8 @@ def learn_planes(
         Least share of the points before and behind a patch, up to the grid size, that support it;
         patches through clutter have less. 0 keeps them.
     min_fill
-        Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
+        Least share of a patch's rectangle that its supported tiles cover, unless it has 20 times
+        `min_points`. 0 keeps all.
     max_bend
         Largest ratio of the standard deviation of points about their patch to that about the mean
         of their tile; patches across corners or along something bent have more. `inf` keeps them.

@@ -5,8 +5,8 @@ use surfabet_geom::Progress;
 
 use super::e_step::{NONE, Responsibilities, e_step, weight_scale};
 use super::grid_size::{PER_DEVIATION, deviation};
-use super::m_step::{Regression, m_step};
-use super::merge::{Rule, merge};
+use super::m_step::{Regression, clear_m_step, m_step};
+use super::merge::{Rule, close_pairs, merge};
 use super::options::PlanesOptions;
 use super::patch::Patch;
 use super::points::Points;
@@ -22,6 +22,13 @@ const KNOWN_NOISE: f64 = 3.0;
 
 /// Smallest scale of the weights as a share of the grid size, for points that fit exactly.
 const LEAST_SHARE: f64 = 0.01;
+
+/// A patch with this many times the points that it needs may have any outline: a floor around furniture, a corridor.
+const LARGE: usize = 20;
+
+/// Last passes, in which points near other patches are left out, and how near, in standard deviations.
+const CLEAR_STEPS: usize = 6;
+const CLEAR_OF: f64 = 2.0;
 
 /// The state of a fit, to be moved on step by step.
 #[derive(Debug, Clone)]
@@ -120,6 +127,7 @@ impl<'a> Fit<'a> {
         Rule {
             distance: self.grid_size,
             deviation: self.grid_size / PER_DEVIATION,
+            noise: self.smallest_grid_size / PER_DEVIATION,
             min_points: self.min_points,
             tolerance: self.options.merge_tolerance,
         }
@@ -247,10 +255,18 @@ impl<'a> Fit<'a> {
         let wanted = Surfaces {
             min_purity: self.options.min_purity,
             min_fill: self.options.min_fill,
+            large: LARGE * self.min_points,
             max_bend: self.options.max_bend,
         };
         self.patches = surfaces(self.points, patches, self.grid_size, wanted, progress)?;
         self.em(progress)?;
+        for _ in 0..CLEAR_STEPS {
+            let last = self.e_step(progress)?;
+            let pairs = close_pairs(&self.patches, self.grid_size);
+            let margin = CLEAR_OF * self.deviation.min(self.grid_size / PER_DEVIATION);
+            let planes = clear_m_step(self.points, &self.patches, &pairs, &last, margin);
+            self.trim(&planes, &last);
+        }
         self.patches.retain(|p| p.n_supporting() >= self.min_points);
         self.e_step(progress)
     }

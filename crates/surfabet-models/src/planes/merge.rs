@@ -33,6 +33,8 @@ pub(super) struct Rule {
     pub distance: f64,
     /// Standard deviation that every part may have, metres.
     pub deviation: f64,
+    /// Standard deviation of the noise, as far as it is known beforehand, metres.
+    pub noise: f64,
     /// Points that a part of a split patch needs.
     pub min_points: usize,
     /// Factor of the deviation of a part about its own plane that is allowed about the common one.
@@ -100,6 +102,9 @@ impl PartialOrd for Cost {
     }
 }
 
+/// A pair of parts to join: what it costs, which, and how often each had been joined when that was found out.
+type Candidate = Reverse<(Cost, [u32; 2], [u32; 2])>;
+
 /// Joins neighbouring parts, those first whose union is flattest, until no pair is left that `rule` allows. Gives
 /// the part that each has become, numbered by its first member.
 pub(super) fn agglomerate(
@@ -120,7 +125,7 @@ pub(super) fn agglomerate(
         .par_iter()
         .map(|&[a, b]| parts[a as usize].joined(&parts[b as usize], rule).map(|j| j.0))
         .collect();
-    let mut queue: BinaryHeap<Reverse<(Cost, [u32; 2], [u32; 2])>> = pairs
+    let mut queue: BinaryHeap<Candidate> = pairs
         .iter()
         .zip(costs)
         .filter_map(|(&pair, cost)| Some(Reverse((Cost(cost?), pair, [0, 0]))))
@@ -205,7 +210,7 @@ pub(super) fn merge(
 }
 
 /// Pairs of patches of which supported tiles come within G of each other, both expanded by G.
-fn close_pairs(patches: &[Patch], grid_size: f64) -> Vec<[u32; 2]> {
+pub(super) fn close_pairs(patches: &[Patch], grid_size: f64) -> Vec<[u32; 2]> {
     let boxes: Vec<([f64; 3], [f64; 3])> = patches.iter().map(|p| expanded(p, grid_size)).collect();
     // Along the axis on which the boxes overlap least, sorted by their lower ends.
     let axis = widest_axis(&boxes);

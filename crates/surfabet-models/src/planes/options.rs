@@ -35,7 +35,8 @@ pub struct PlanesOptions {
     /// Least share of the points before and behind a patch, up to the grid size, that support it; lower ones lie in
     /// the middle of clutter. 0 keeps them.
     pub min_purity: f64,
-    /// Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
+    /// Least share of a patch's rectangle that its supported tiles cover, unless it has 20 times `min_points`. 0 keeps
+    /// all.
     pub min_fill: f64,
     /// Largest ratio of the standard deviation of points about their patch to that about the mean of their tile;
     /// larger ones are bent or lie across a corner. Infinite keeps all.
@@ -60,7 +61,7 @@ impl Default for PlanesOptions {
             tolerance: 0.01,
             min_points: None,
             min_purity: 0.85,
-            min_fill: 0.5,
+            min_fill: 0.6,
             max_bend: 1.55,
             color_step: 8,
             random_state: 0,

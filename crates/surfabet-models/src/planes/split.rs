@@ -14,6 +14,12 @@ const FULL: f64 = 0.5;
 /// Standard deviations by which a bin has to fall below the mean, so that chance does not split.
 const SIGNIFICANCE: f64 = 3.0;
 
+/// A patch this close to its plane, in standard deviations of the noise, is not looked at for folds.
+const FLAT: f64 = 1.1;
+
+/// Share of the squared distances that two planes leave across a clear fold, at most.
+const CLEAR_FOLD: f64 = 0.5;
+
 /// Deepest recursion: a patch becomes at most two to this power.
 const DEPTH: u32 = 12;
 
@@ -120,10 +126,12 @@ fn halve(points: &Points, patch: &Patch, threshold: f64, rule: &Rule) -> Option<
 }
 
 /// Splits a patch that is two planes: along the line for which two planes leave the least of its points' squared
-/// distances, unless the two parts would be merged again. Its whole support counts, in each part about the part's own
+/// distances, if this is less than half of those from one, or if the two parts would not be merged again. (Of a
+/// single patch over everything G itself is too large to tell.) Its whole support counts, in each part about the part's own
 /// plane.
 fn fold(points: &Points, patch: &Patch, rule: &Rule) -> Option<[Patch; 2]> {
-    if mean_square(&patch.moments, &patch.frame) <= rule.deviation * rule.deviation {
+    let own = mean_square(&patch.moments, &patch.frame);
+    if own <= (FLAT * rule.noise).powi(2) {
         return None;
     }
     let mut best: Option<(f64, [f64; 2], f64)> = None;
@@ -153,7 +161,8 @@ fn fold(points: &Points, patch: &Patch, rule: &Rule) -> Option<[Patch; 2]> {
             }
         }
     }
-    let (_, direction, at) = best?;
+    let (cost, direction, at) = best?;
+    let clear = cost < CLEAR_FOLD * own * patch.moments.weight();
     let (mut left, mut right) = (Vec::new(), Vec::new());
     for &i in &patch.whole {
         let [x, y, _] = patch.frame.local(points.positions[i as usize]);
@@ -168,7 +177,8 @@ fn fold(points: &Points, patch: &Patch, rule: &Rule) -> Option<[Patch; 2]> {
         trim(points, frame, &set, rule.distance)
     });
     let (left, right) = (left?, right?);
-    Part::of(&left).joined(&Part::of(&right), rule).is_none().then_some([left, right])
+    let apart = clear || Part::of(&left).joined(&Part::of(&right), rule).is_none();
+    apart.then_some([left, right])
 }
 
 /// Sum of squared distances of points from their own plane.

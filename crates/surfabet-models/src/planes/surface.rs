@@ -16,8 +16,9 @@ const LEAST_NOISE: f64 = 0.15;
 pub(super) struct Surfaces {
     /// Least share of the points around it that support it.
     pub min_purity: f64,
-    /// Least share of its rectangle that supported tiles cover.
+    /// Least share of its rectangle that supported tiles cover, unless it has at least `large` points.
     pub min_fill: f64,
+    pub large: usize,
     /// Largest ratio of the standard deviation of its points about its plane to that about their tiles' means.
     pub max_bend: f64,
 }
@@ -53,7 +54,8 @@ pub(super) fn surfaces(
     for j in order {
         let patch = &patches[j];
         let [x, y] = patch.tiles.size();
-        let filled = patch.tiles.area() >= wanted.min_fill * x * y;
+        let filled =
+            patch.n_supporting() >= wanted.large || patch.tiles.area() >= wanted.min_fill * x * y;
         let noise = patch.noise.max(LEAST_NOISE * grid_size);
         let bent = patch.standard_deviation > wanted.max_bend * noise;
         let others = around[j].iter().filter(|(k, _)| *k == NONE || !kept[*k as usize]);

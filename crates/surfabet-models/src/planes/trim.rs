@@ -15,6 +15,15 @@ const DOUBLINGS: usize = 5;
 /// The smallest threshold T: a tile is supported by more points than this.
 const LEAST_THRESHOLD: f64 = 1.0;
 
+/// A rectangle turned away from the principal axes has to be smaller by this factor.
+const SMALLER: f64 = 0.95;
+
+/// Steps in which a right angle is searched for the smallest rectangle, and each step again.
+const TURNS: f64 = 30.0;
+
+/// Strips whose outermost points stand for all.
+const STRIPS: usize = 128;
+
 /// Share of the mean of the tiles around it, up to this many away, that a tile needs.
 const HALF: f64 = 0.75;
 const AROUND: usize = 2;
@@ -32,6 +41,7 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
         set.iter().map(|&i| frame.local(points.positions[i as usize])).collect()
     };
     let frame = frame.turned(principal(&flat(&frame)));
+    let frame = frame.turned(smallest(&flat(&frame)));
     let local = flat(&frame);
     let range = |a: usize| {
         local
@@ -144,6 +154,53 @@ fn principal(local: &[[f64; 3]]) -> [f64; 2] {
     };
     let angle = 0.5 * (2.0 * of(0, 1)).atan2(of(0, 0) - of(1, 1));
     [angle.cos(), angle.sin()]
+}
+
+/// Cosine and sine by which to turn the principal axes so that the bounding rectangle is clearly smaller; no turn
+/// where none is. For what is about as wide as long the principal axis is left to chance.
+fn smallest(local: &[[f64; 3]]) -> [f64; 2] {
+    let rim = rim(local);
+    let area = |angle: f64| {
+        let [c, s] = [angle.cos(), angle.sin()];
+        let side = |[x, y]: [f64; 2]| {
+            let along = rim.iter().map(|p| x * p[0] + y * p[1]);
+            let ends =
+                along.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)]);
+            ends[1] - ends[0]
+        };
+        side([c, s]) * side([-s, c])
+    };
+    let best = |angles: &mut dyn Iterator<Item = f64>| {
+        angles
+            .map(|a| (area(a), a))
+            .fold((f64::INFINITY, 0.0), |b, c| if c.0 < b.0 { c } else { b })
+    };
+    let coarse = std::f64::consts::FRAC_PI_2 / TURNS;
+    let (_, about) = best(&mut (0..TURNS as i32).map(|k| f64::from(k) * coarse));
+    let fine = coarse / TURNS;
+    let half = TURNS as i32;
+    let (least, angle) = best(&mut (-half..=half).map(|k| about + f64::from(k) * fine));
+    if least < SMALLER * area(0.0) { [angle.cos(), angle.sin()] } else { [1.0, 0.0] }
+}
+
+/// The points that bound others along the second axis, strip by strip of the first.
+fn rim(local: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let ends = local
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |e, p| [e[0].min(p[0]), e[1].max(p[0])]);
+    let per = STRIPS as f64 / (ends[1] - ends[0]).max(f64::MIN_POSITIVE);
+    let mut strips: Vec<Option<[[f64; 3]; 2]>> = vec![None; STRIPS];
+    for &p in local {
+        let strip = &mut strips[(((p[0] - ends[0]) * per) as usize).min(STRIPS - 1)];
+        let [low, high] = strip.get_or_insert([p, p]);
+        if p[1] < low[1] {
+            *low = p;
+        }
+        if p[1] > high[1] {
+            *high = p;
+        }
+    }
+    strips.into_iter().flatten().flatten().collect()
 }
 
 /// Sum of the sides that points were seen from.
