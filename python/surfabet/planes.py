@@ -62,7 +62,8 @@ class Planes:
     @property
     def offsets(self) -> NDArray[np.float64]:
         """Distances of the planes from the world's zero along their normals, (n,), metres."""
-        return np.einsum("ij,ij->i", self.centers, self.normals)
+        offsets: NDArray[np.float64] = np.einsum("ij,ij->i", self.centers, self.normals)
+        return offsets
 
     def __len__(self) -> int:
         return len(self.centers)

@@ -45,7 +45,8 @@ def decompress(
     output
         The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
     resolution
-        Spacing of the points in metres, by default half a pixel of patches, and sigma of words.
+        Spacing of the points in metres, by default half a pixel of patches, sigma of words, and
+        half the grid size of planes.
     as_measured
         Fill the thickness that the scan had, instead of giving the thin surface in its middle.
     json
