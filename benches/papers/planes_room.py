@@ -1,20 +1,20 @@
 """Planes of simulated rooms against the truth, beside Open3D's plane finders.
 
-    python benches/papers/planes_room.py [--noise 0 0.005 0.01 0.02 0.03] [--rooms 0 1] [--step 0.5]
-                                         [--ransac]
+    python benches/papers/planes_room.py [--noise 0 0.005 0.01 0.02 0.03] [--rooms 0 1]
+                                         [--step 0.5] [--ransac]
 
 Rooms are seen by a simulated laser from four places, with range noise. True planes are the flat
-pieces of surface; pieces that are coplanar to a millimetre and within 5 cm of each other (doors of a
-cupboard) are one. A plane with at least a thousandth of all points counts; this is also the least
-that a found plane needs, which is Open3D's own default. A found plane is right if its points and those of a true plane
-overlap by more than half (intersection over union).
+pieces of surface; pieces that are coplanar to a millimetre and within 5 cm of each other (doors of
+a cupboard) are one. A plane with at least a thousandth of all points counts; this is also the least
+that a found plane needs, which is Open3D's own default. A found plane is right if its points and
+those of a true plane overlap by more than half (intersection over union).
 
 Open3D: `estimate_normals` with its default of 30 neighbours, oriented to the sensor, then
-`detect_planar_patches` with its defaults. It gives boxes; a point belongs to the box that
-it lies in, grown to three standard deviations of the noise across where the box is thinner, and to
-the one whose plane is nearest if there are several. RANSAC is `segment_plane` at three standard deviations,
-1000 iterations, again and again on what is left until a plane has fewer points than counts.
-Seconds include normals and all labels. Prints a Markdown table.
+`detect_planar_patches` with its defaults. It gives boxes; a point belongs to the box that it lies
+in, grown to three standard deviations of the noise to both sides where the box is thinner, and to
+the one whose plane is nearest if there are several. RANSAC is `segment_plane` at three standard
+deviations, 1000 iterations, again and again on what is left until a plane has fewer points than
+count. Seconds include normals and all labels. Prints a Markdown table.
 """
 
 from __future__ import annotations
@@ -29,6 +29,19 @@ import open3d as o3d
 import surfabet as sb
 from surfabet import datasets
 
+COLUMNS = [
+    "room",
+    "noise mm",
+    "points",
+    "finder",
+    "planes (true)",
+    "precision",
+    "recall",
+    "planes per true plane",
+    "within 3 sigma",
+    "mean distance mm",
+    "seconds",
+]
 SHARE = 1e-3
 SAME_ANGLE = np.cos(np.radians(1.0))
 SAME_OFFSET = 1e-3
@@ -59,7 +72,11 @@ def true_planes(scene: datasets.Scene, truth: datasets.GroundTruth) -> np.ndarra
         for b in flat[:k]:
             parallel = np.dot(surfaces[a].direction, surfaces[b].direction) > SAME_ANGLE
             level = abs(surfaces[a].offset - surfaces[b].offset) < SAME_OFFSET
-            if parallel and level and np.all((low[a] <= high[b] + NEAR) & (low[b] <= high[a] + NEAR)):
+            if (
+                parallel
+                and level
+                and np.all((low[a] <= high[b] + NEAR) & (low[b] <= high[a] + NEAR))
+            ):
                 group[root(a)] = root(b)
     table = np.full(len(surfaces), OUTLIER)
     for s in flat:
@@ -165,9 +182,8 @@ def main() -> None:
     }
     if options.ransac:
         finders["segment_plane, repeated"] = ransac
-    print("| room | noise mm | points | finder | planes (true) | precision | recall | planes per true "
-          "plane | within 3 sigma | mean distance mm | seconds |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    print(f"| {' | '.join(COLUMNS)} |")
+    print("|---" * len(COLUMNS) + "|")
     for room in options.rooms:
         scene = datasets.make_room(seed=room)
         for noise in options.noise:
@@ -184,12 +200,20 @@ def main() -> None:
                 seconds = time.perf_counter() - began
                 score = Score(labels, true)
                 near, distance = fit_error(points, labels, max(noise, 1e-3))
-                print(
-                    f"| {room} | {1000 * noise:g} | {len(points):,} | {name} | {score.found} ({score.true}) | "
-                    f"{score.precision:.2f} | {score.recall:.2f} | {score.segments:.2f} | {near:.3f} | "
-                    f"{1000 * distance:.2f} | {seconds:.1f} |",
-                    flush=True,
-                )
+                cells = [
+                    f"{room}",
+                    f"{1000 * noise:g}",
+                    f"{len(points):,}",
+                    name,
+                    f"{score.found} ({score.true})",
+                    f"{score.precision:.2f}",
+                    f"{score.recall:.2f}",
+                    f"{score.segments:.2f}",
+                    f"{near:.3f}",
+                    f"{1000 * distance:.2f}",
+                    f"{seconds:.1f}",
+                ]
+                print(f"| {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

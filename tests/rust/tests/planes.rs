@@ -410,10 +410,10 @@ proptest! {
         prop_assert_eq!(bytes(&again), file);
         // Nothing that a file may hold makes trouble later.
         let triangles = areas_of_triangles(&again);
-        for i in 0..again.len() {
+        for (i, of_triangles) in triangles.into_iter().enumerate() {
             let (area, around) = (again.patches()[i].tiles.area(), area_around(&again, i));
             prop_assert!((around / area - 1.0).abs() < 1e-5, "{} {}", around, area);
-            prop_assert!((triangles[i] / area - 1.0).abs() < 1e-5, "{} {}", triangles[i], area);
+            prop_assert!((of_triangles / area - 1.0).abs() < 1e-5, "{} {}", of_triangles, area);
             again.colors(i);
         }
         again.segment(&room(100, 8), &Silent).unwrap();
