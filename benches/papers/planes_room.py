@@ -111,7 +111,7 @@ class Score:
 
 
 def fit_error(points: np.ndarray, labels: np.ndarray, sigma: float) -> tuple[float, float]:
-    """Share of points within 3 sigma of the least-squares plane of their label, and mean distance."""
+    """Share of points within 3 sigma of the fitted plane of their label, and mean distance."""
     near, total, n = 0, 0.0, 0
     for label in np.unique(labels[labels != OUTLIER]):
         own = points[labels == label]
