@@ -25,6 +25,7 @@ from collections.abc import Callable
 
 import numpy as np
 import open3d as o3d
+from paper_bench import print_header, print_row
 
 import surfabet as sb
 from surfabet import datasets
@@ -182,8 +183,7 @@ def main() -> None:
     }
     if options.ransac:
         finders["segment_plane, repeated"] = ransac
-    print(f"| {' | '.join(COLUMNS)} |")
-    print("|---" * len(COLUMNS) + "|")
+    print_header(*COLUMNS)
     for room in options.rooms:
         scene = datasets.make_room(seed=room)
         for noise in options.noise:
@@ -200,8 +200,8 @@ def main() -> None:
                 seconds = time.perf_counter() - began
                 score = Score(labels, true)
                 near, distance = fit_error(points, labels, max(noise, 1e-3))
-                cells = [
-                    f"{room}",
+                print_row(
+                    room,
                     f"{1000 * noise:g}",
                     f"{len(points):,}",
                     name,
@@ -212,8 +212,7 @@ def main() -> None:
                     f"{near:.3f}",
                     f"{1000 * distance:.2f}",
                     f"{seconds:.1f}",
-                ]
-                print(f"| {' | '.join(cells)} |", flush=True)
+                )
 
 
 if __name__ == "__main__":

@@ -319,10 +319,10 @@ def learn_planes(
         Points that a patch needs. By default a thousandth of all points, 30 at least.
     min_purity
         Least share of the points before and behind a patch, up to the grid size, that support it;
-        patches through clutter have less. 0 keeps them.
+        patches through clutter have less. 0 keeps them. Patches with 20 times `min_points` are kept
+        whatever this and the next two say.
     min_fill
-        Least share of a patch's rectangle that its supported tiles cover, unless it has 20 times
-        `min_points`. 0 keeps all.
+        Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
     max_bend
         Largest ratio of the standard deviation of points about their patch to that about the mean
         of their tile; patches across corners or along something bent have more. `inf` keeps them.

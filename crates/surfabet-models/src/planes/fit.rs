@@ -23,7 +23,8 @@ const KNOWN_NOISE: f64 = 3.0;
 /// Smallest scale of the weights as a share of the grid size, for points that fit exactly.
 const LEAST_SHARE: f64 = 0.01;
 
-/// A patch with this many times the points that it needs may have any outline: a floor around furniture, a corridor.
+/// A patch with this many times the points that it needs is kept whatever it looks like: no heap of things is that large,
+/// and a floor around furniture or a wall with pictures must not get lost.
 const LARGE: usize = 20;
 
 /// Last passes, in which points near other patches are left out, and how near, in standard deviations.

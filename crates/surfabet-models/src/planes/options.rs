@@ -33,10 +33,10 @@ pub struct PlanesOptions {
     /// Points that a patch needs. `None` takes a thousandth of all points, 30 at least.
     pub min_points: Option<usize>,
     /// Least share of the points before and behind a patch, up to the grid size, that support it; lower ones lie in
-    /// the middle of clutter. 0 keeps them.
+    /// the middle of clutter. 0 keeps them. Patches with 20 times `min_points` are kept whatever this and the next
+    /// two say.
     pub min_purity: f64,
-    /// Least share of a patch's rectangle that its supported tiles cover, unless it has 20 times `min_points`. 0 keeps
-    /// all.
+    /// Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
     pub min_fill: f64,
     /// Largest ratio of the standard deviation of points about their patch to that about the mean of their tile;
     /// larger ones are bent or lie across a corner. Infinite keeps all.

@@ -16,11 +16,12 @@ const LEAST_NOISE: f64 = 0.15;
 pub(super) struct Surfaces {
     /// Least share of the points around it that support it.
     pub min_purity: f64,
-    /// Least share of its rectangle that supported tiles cover, unless it has at least `large` points.
+    /// Least share of its rectangle that supported tiles cover.
     pub min_fill: f64,
-    pub large: usize,
     /// Largest ratio of the standard deviation of its points about its plane to that about their tiles' means.
     pub max_bend: f64,
+    /// Number of points from which a patch is kept whatever it looks like.
+    pub large: usize,
 }
 
 /// The patches that are surfaces, in their order.
@@ -54,15 +55,14 @@ pub(super) fn surfaces(
     for j in order {
         let patch = &patches[j];
         let [x, y] = patch.tiles.size();
-        let filled =
-            patch.n_supporting() >= wanted.large || patch.tiles.area() >= wanted.min_fill * x * y;
+        let filled = patch.tiles.area() >= wanted.min_fill * x * y;
         let noise = patch.noise.max(LEAST_NOISE * grid_size);
         let bent = patch.standard_deviation > wanted.max_bend * noise;
         let others = around[j].iter().filter(|(k, _)| *k == NONE || !kept[*k as usize]);
         let all: u32 = others.map(|(_, n)| n).sum();
         let own: u32 = around[j].iter().filter(|(k, _)| *k == j as u32).map(|(_, n)| n).sum();
         let pure = f64::from(own) >= wanted.min_purity * f64::from(all);
-        kept[j] = filled && pure && !bent;
+        kept[j] = patch.n_supporting() >= wanted.large || (filled && pure && !bent);
     }
     Ok(patches.into_iter().zip(kept).filter_map(|(patch, kept)| kept.then_some(patch)).collect())
 }
