@@ -179,3 +179,65 @@ fn candidates(points: &Points, patches: &[Patch], reach: f64) -> Candidates {
     }
     Candidates { starts, patches: of }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::super::seed;
+    use super::*;
+
+    #[test]
+    fn a_point_at_the_grid_size_weighs_w() {
+        for (g, w) in [(1.0, 0.01), (0.05, 0.3)] {
+            let s: f64 = weight_scale(g, w);
+            assert!(((-g * g / (2.0 * s * s)).exp() - w).abs() < 1e-12);
+        }
+    }
+
+    /// Against the distances of all points to all patches.
+    #[test]
+    fn probabilities_are_those_of_eq_1_for_all_patches_within_reach() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let cloud: Vec<[f32; 3]> =
+            (0..3000).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
+        let points = Points::new(&PointCloud::from_positions(cloud).0, None).unwrap();
+        let mut patches = seed::random(&points, 7, 5);
+        for (j, patch) in patches.iter_mut().enumerate() {
+            let n = patch.tiles.supported().len();
+            patch.tiles.support((0..n).map(|t| t % (j + 2) == 0).collect());
+            patch.density = 1.0 + j as f64;
+        }
+        let (g, s) = (0.2, 0.07);
+        let found = e_step(&points, &patches, g, s, &Silent).unwrap();
+        let mut wanted: Vec<Vec<(u32, f64)>> = vec![Vec::new(); patches.len()];
+        for (i, &p) in points.positions.iter().enumerate() {
+            let weights: Vec<(usize, f64)> = patches
+                .iter()
+                .enumerate()
+                .filter_map(|(j, patch)| {
+                    let (d, _) = patch.distance(p, g)?;
+                    Some((j, patch.density * (-d * d / (2.0 * s * s)).exp()))
+                })
+                .collect();
+            let sum: f64 = weights.iter().map(|w| w.1).sum();
+            for &(j, w) in &weights {
+                wanted[j].push((i as u32, w / sum));
+            }
+            let best =
+                weights.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(NONE, |b| b.0 as u32);
+            assert_eq!(found.supports[i], best);
+        }
+        assert!(wanted.iter().map(Vec::len).sum::<usize>() > 500);
+        for (j, wanted) in wanted.iter().enumerate() {
+            let of = found.of(j);
+            assert_eq!(of.len(), wanted.len());
+            for (&(i, p), &(k, w)) in of.iter().zip(wanted) {
+                assert_eq!(i, k);
+                assert!((f64::from(p) - w).abs() < 1e-5, "{p} {w}");
+            }
+        }
+    }
+}

@@ -20,3 +20,28 @@ pub(super) fn deviation(planes: &[Option<Regression>]) -> f64 {
     }
     if weight > 0.0 { (squares / weight).sqrt() } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use surfabet_geom::Moments;
+
+    use super::super::m_step::plane;
+    use super::*;
+
+    /// Two planes of four points each, of weights one and two, all 0.1 and 0.3 from theirs.
+    #[test]
+    fn is_the_root_of_the_weighted_mean_square() {
+        let regression = |height: f64, weight: f64| {
+            let mut moments = Moments::new();
+            for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                let z = if x == y { height } else { -height };
+                moments.add([3.0 * x, 3.0 * y, z], weight);
+            }
+            Some(Regression { frame: plane(&moments).unwrap(), moments })
+        };
+        let wanted = f64::sqrt((4.0 * 0.01 + 8.0 * 0.09) / 12.0);
+        let found = deviation(&[regression(0.1, 1.0), None, regression(0.3, 2.0)]);
+        assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
+        assert_eq!(deviation(&[None]), 0.0);
+    }
+}

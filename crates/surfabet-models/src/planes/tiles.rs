@@ -153,3 +153,67 @@ impl Tiles {
         (closest <= reach * reach).then_some(closest)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    fn any_tiles(rng: &mut ChaCha8Rng) -> Tiles {
+        let size = [rng.random_range(0.1..3.0), rng.random_range(0.1..3.0)];
+        let mut tiles = Tiles::new([-1.0, 0.5], size, 0.4);
+        let supported = (0..tiles.supported().len()).map(|_| rng.random_bool(0.3)).collect();
+        tiles.support(supported);
+        tiles
+    }
+
+    #[test]
+    fn distances_are_those_to_the_closest_of_all_supported_tiles() {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        for _ in 0..200 {
+            let tiles = any_tiles(&mut rng);
+            let nx = tiles.shape()[0];
+            for _ in 0..50 {
+                let p: [f64; 2] = [rng.random_range(-2.0..3.0), rng.random_range(-1.0..4.0)];
+                let to = |t: usize| {
+                    let (low, high) = tiles.bounds(t % nx, t / nx);
+                    (0..2).map(|a| (p[a] - p[a].clamp(low[a], high[a])).powi(2)).sum::<f64>()
+                };
+                let all = (0..tiles.supported().len()).filter(|&t| tiles.supported()[t]);
+                let closest = all.map(to).fold(f64::INFINITY, f64::min);
+                let reach: f64 = rng.random_range(0.01..1.0);
+                match tiles.squared_distance(p, reach) {
+                    Some(d) => assert!((d - closest).abs() < 1e-12 && d <= reach * reach),
+                    None => assert!(closest > reach * reach - 1e-12),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_find_supported_tiles_that_touch_them() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..200 {
+            let tiles = any_tiles(&mut rng);
+            let nx = tiles.shape()[0];
+            let low: [f64; 2] = [rng.random_range(-2.0..3.0), rng.random_range(-1.0..4.0)];
+            let high = low.map(|c| c + rng.random_range(0.0..1.0));
+            let touches = |t: usize| {
+                let (l, h) = tiles.bounds(t % nx, t / nx);
+                (0..2).all(|a| l[a] < high[a] && low[a] < h[a])
+            };
+            let any = (0..tiles.supported().len()).any(|t| tiles.supported()[t] && touches(t));
+            assert!(tiles.any_in(low, high) || !any);
+        }
+    }
+
+    #[test]
+    fn what_is_left_over_makes_the_last_tiles_smaller() {
+        let mut tiles = Tiles::new([0.0; 2], [1.0, 0.5], 0.4);
+        assert_eq!(tiles.shape(), [3, 2]);
+        tiles.support(vec![true; 6]);
+        assert!((tiles.area() - 0.5).abs() < 1e-12);
+    }
+}
