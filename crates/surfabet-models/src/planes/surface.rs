@@ -9,7 +9,7 @@ use super::points::Points;
 use crate::error::Result;
 
 /// Noise that is taken for granted, in grid sizes: points that fit exactly still deviate by their rounding.
-const LEAST_NOISE: f64 = 0.15;
+const LEAST_NOISE: f64 = 0.25;
 
 /// What a patch has to be, to be kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
