@@ -17,6 +17,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from alphabet_scans import at_origin, distinct
 from paper_bench import DATA, check_data, print_header, print_row
 from planes_room import OUTLIER, fit_error, planar_patches, ransac
 
@@ -32,8 +33,7 @@ SCANS = {
 def scan(name: str) -> np.ndarray:
     """Distinct points of a scan, without the robot's own body, (n, 3)."""
     path, nearest = SCANS[name]
-    points = np.unique(sb.read(DATA / path).points, axis=0)
-    return points[np.linalg.norm(points, axis=1) > nearest]
+    return distinct(at_origin(sb.read(DATA / path).points), nearest)
 
 
 def draw(points: np.ndarray, labels: np.ndarray, path: Path) -> None:
@@ -70,9 +70,7 @@ def main() -> None:
     for name in options.scans:
         points = scan(name)
         sensors = np.zeros_like(points)
-        cloud = sb.PointCloud(
-            points, viewpoints=[[0, 0, 0]], viewpoint_index=np.zeros(len(points), np.uint16)
-        )
+        cloud = at_origin(points)
 
         def row(finder: str, iterations: object, labels: np.ndarray, seconds: float) -> None:
             near, mean = fit_error(points, labels, sigma)  # noqa: B023

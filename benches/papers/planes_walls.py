@@ -10,8 +10,8 @@ they look like (`min_purity=0, min_fill=0, max_bend=inf`): there is nothing but 
 A result counts as found if there are exactly four patches, one nearest to the middle of each wall.
 Its error is the sum of the four angles between normals of patches and walls, in degrees. Beside it:
 the least-squares planes of the points of each wall, which nobody can do better than, and classical
-EM (`fit_planes_em`) from 3 random planes, each wall with the plane that most of its points belong
-to.
+EM (`fit_planes_em`) from the planes of the same 3 patches, each wall with the plane that most of
+its points belong to.
 Prints a Markdown table of medians over the seeds, and with `--out` draws the plot.
 """
 
@@ -84,9 +84,8 @@ def split_and_merge(points: np.ndarray, seed: int) -> tuple[int, float | None]:
 
 
 def classical(points: np.ndarray, wall: np.ndarray, seed: int) -> float:
-    rng = np.random.default_rng(seed)
-    centers = points[rng.choice(len(points), 3, replace=False)]
-    fitted = sb.fit_planes_em(sb.PointCloud(points), centers, rng.standard_normal((3, 3)))
+    cloud = sb.PointCloud(points)
+    fitted = sb.fit_planes_em(cloud, *sb.random_planes(cloud, 3, random_state=seed))
     most = [np.bincount(fitted.labels[wall == k], minlength=3).argmax() for k in range(4)]
     return sum(angle(fitted.normals[m], NORMALS[k]) for k, m in enumerate(most))
 

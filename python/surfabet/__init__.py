@@ -47,6 +47,7 @@ from surfabet.planes import (
     Planes,
     fit_planes_em,
     learn_planes,
+    random_planes,
 )
 
 __all__ = [
@@ -101,6 +102,7 @@ __all__ = [
     "octree_downsample",
     "place_similarity",
     "random_downsample",
+    "random_planes",
     "read",
     "set_num_threads",
     "voxel_downsample",

@@ -757,6 +757,9 @@ def learn_planes(
     random_state: int,
     progress: ProgressCallback | None,
 ) -> PlaneModel: ...
+def random_planes(
+    cloud: PointCloud, *, n_planes: int, random_state: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def fit_planes_em(
     cloud: PointCloud,
     *,

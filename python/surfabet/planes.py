@@ -23,7 +23,15 @@ from surfabet.errors import InvalidInputError
 from surfabet.io.polygons import EXPORTS, Surface
 from surfabet.model import MAX_POINTS, Model
 
-__all__ = ["PlaneFit", "PlaneMesh", "PlaneModel", "Planes", "fit_planes_em", "learn_planes"]
+__all__ = [
+    "PlaneFit",
+    "PlaneMesh",
+    "PlaneModel",
+    "Planes",
+    "fit_planes_em",
+    "learn_planes",
+    "random_planes",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,6 +395,46 @@ class PlaneFit:
     """Standard deviation of the points about their planes (S), metres."""
     log_likelihood: NDArray[np.float64]
     """Mean log-likelihood of a point after each iteration; it never falls."""
+
+
+def random_planes(
+    cloud: PointCloud, n_planes: int, *, random_state: int = 0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Planes through points of a cloud, turned at random: where `fit_planes_em` may start.
+
+    They are the planes of the patches that `learn_planes` starts from with as many
+    `initial_patches` and the same `random_state`, so that both can be compared.
+
+    Parameters
+    ----------
+    cloud
+        The points.
+    n_planes
+        How many planes, 1 to 2^20.
+    random_state
+        Seed; the same planes for the same cloud and seed.
+
+    Returns
+    -------
+    centers, normals
+        World positions on the planes, metres, and unit normals, (n_planes, 3) each.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty cloud or no planes.
+
+    Examples
+    --------
+    >>> import numpy as np, surfabet as sb
+    >>> cloud = sb.PointCloud(np.random.default_rng(0).random((1000, 3)) * [1, 1, 0])
+    >>> fit = sb.fit_planes_em(cloud, *sb.random_planes(cloud, 1))
+    >>> fit.normals.round(6).tolist() in ([[0, 0, 1]], [[0, 0, -1]])
+    True
+    """
+    if n_planes < 1:
+        raise InvalidInputError(f"n_planes is {n_planes}, but must be 1 to 2^20")
+    return _core.random_planes(cloud, n_planes=n_planes, random_state=random_state)
 
 
 def fit_planes_em(

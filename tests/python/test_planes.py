@@ -484,6 +484,18 @@ def test_classical_em_finds_what_it_is_told_of_and_its_likelihood_never_falls():
             sb.fit_planes_em(cloud, np.asarray(centers, float), np.asarray(normals, float))
 
 
+def test_random_planes_pass_through_points_and_follow_the_seed():
+    points = UTM + np.random.default_rng(12).random((500, 3))
+    cloud = sb.PointCloud(points)
+    centers, normals = sb.random_planes(cloud, 4, random_state=3)
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1)
+    assert np.abs(points[:, None] - centers).max(axis=2).min(axis=0).max() < 1e-6
+    assert (sb.random_planes(cloud, 4, random_state=3)[1] == normals).all()
+    assert (sb.random_planes(cloud, 4, random_state=4)[1] != normals).any()
+    with pytest.raises(InvalidInputError, match="n_planes is 0"):
+        sb.random_planes(cloud, 0)
+
+
 def test_what_is_not_kept_is_told():
     cloud = sb.PointCloud(flat(1000), intensities=np.ones(1000, np.float32))
     assert sb.learn_planes(cloud).report.not_kept == ("intensities",)

@@ -9,11 +9,15 @@
 
 pub mod alphabet;
 mod color;
+mod disjoint;
 mod error;
 pub mod gas;
 pub mod patches;
 pub mod planes;
 mod report;
+mod size_code;
+mod spread;
+mod vector;
 
 pub use error::{Error, Result};
 pub use report::{Report, Stage};

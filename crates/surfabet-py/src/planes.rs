@@ -6,7 +6,7 @@ use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use surfabet::planes::{self, Patch, Points};
+use surfabet::planes::{self, Fit, Frame, Patch, Points};
 use surfabet::{PlaneModel, PlanesOptions};
 
 use crate::arrays::{column_f32, rows3};
@@ -94,6 +94,35 @@ type Fitted<'py> = (
     Bound<'py, PyArray1<f64>>,
 );
 
+/// Centres and normals of the patches that a fit starts from; documented in `surfabet.planes`.
+#[pyfunction]
+#[pyo3(signature = (cloud, *, n_planes, random_state))]
+fn random_planes<'py>(
+    py: Python<'py>,
+    cloud: &Bound<'py, PyPointCloud>,
+    n_planes: usize,
+    random_state: u64,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    let options = PlanesOptions { initial_patches: n_planes, random_state, ..Default::default() };
+    let cloud = &cloud.get().cloud;
+    let (origin, frames) = run(py, None, |monitor| {
+        let points = Points::new(cloud, None)?;
+        let fit = Fit::new(&points, &options, monitor)?;
+        let frames: Vec<Frame> = fit.patches().iter().map(|patch| patch.frame).collect();
+        Ok::<_, surfabet_models::Error>((points.origin(), frames))
+    })?;
+    let (centers, normals) = planes_of(origin, &frames);
+    Ok((centers.into_pyarray(py), normals.into_pyarray(py)))
+}
+
+/// Points on planes and their normals, (n, 3).
+fn planes_of(origin: [f64; 3], frames: &[Frame]) -> (Array2<f64>, Array2<f64>) {
+    let centers =
+        Array2::from_shape_fn((frames.len(), 3), |(i, a)| origin[a] + frames[i].center[a]);
+    let normals = Array2::from_shape_fn((frames.len(), 3), |(i, a)| frames[i].normal[a]);
+    (centers, normals)
+}
+
 /// Classical EM with infinite planes; documented in `surfabet.planes`.
 #[pyfunction]
 #[pyo3(signature = (cloud, *, centers, normals, weights, max_iterations, tolerance, progress))]
@@ -127,9 +156,7 @@ fn fit_planes_em<'py>(
         let fit = planes::fit_planes(&points, &start, max_iterations, tolerance, monitor)?;
         Ok::<_, surfabet_models::Error>((origin, fit))
     })?;
-    let n = fit.planes.len();
-    let centers = Array2::from_shape_fn((n, 3), |(i, a)| origin[a] + fit.planes[i].center[a]);
-    let normals = Array2::from_shape_fn((n, 3), |(i, a)| fit.planes[i].normal[a]);
+    let (centers, normals) = planes_of(origin, &fit.planes);
     Ok((
         centers.into_pyarray(py),
         normals.into_pyarray(py),
@@ -340,5 +367,6 @@ impl PyPlaneModel {
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPlaneModel>()?;
     module.add_function(wrap_pyfunction!(learn_planes, module)?)?;
+    module.add_function(wrap_pyfunction!(random_planes, module)?)?;
     module.add_function(wrap_pyfunction!(fit_planes_em, module)?)
 }

@@ -1,5 +1,7 @@
 //! The frame of a feature: its normal, and what is up about it (III-C).
 
+use crate::vector::{cross, dot};
+
 /// From this share of the vertical on, the projected world z says little about what is up.
 const NEARLY_VERTICAL: f64 = 0.9;
 
@@ -34,14 +36,10 @@ pub fn upright_frame(normal: [f64; 3], rule: Upright, view: [f64; 3]) -> [[f64; 
 
 /// The unit vector along what of `v` is orthogonal to the unit vector `normal`.
 fn projected(v: [f64; 3], normal: [f64; 3]) -> Option<[f64; 3]> {
-    let along: f64 = (0..3).map(|a| v[a] * normal[a]).sum();
+    let along = dot(v, normal);
     let rest: [f64; 3] = std::array::from_fn(|a| v[a] - along * normal[a]);
-    let length = rest.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let length = dot(rest, rest).sqrt();
     (length > 1e-6).then(|| rest.map(|c| c / length))
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]

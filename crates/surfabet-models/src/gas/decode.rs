@@ -6,6 +6,8 @@ use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 use super::model::GasModel;
 use crate::color::rounded;
 use crate::error::{Result, check_points, positive};
+use crate::spread::across;
+use crate::vector::{cross, dot, least_axis};
 
 /// Neurons per unit of parallel work.
 const BATCH: usize = 64;
@@ -13,9 +15,8 @@ const BATCH: usize = 64;
 /// How far a neuron's points reach beyond a disc of the same spread: the corner of a hexagon.
 const REACH: f64 = 1.15;
 
-/// Golden angle, radians, and the golden ratio's fraction: sequences that fill a disc and an interval evenly.
+/// Golden angle, radians: turns by it fill a disc evenly.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-const GOLDEN_FRACTION: f64 = 0.618_033_988_749_895;
 
 /// How to decode.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,7 +128,7 @@ impl GasModel {
         let normal = self.normal(i).map(f64::from);
         let [u, v] = tangents(normal);
         let center = self.position(i).map(f64::from);
-        let half_depth = if as_measured { 3.0_f64.sqrt() * self.thickness(i) } else { 0.0 };
+        let thickness = if as_measured { self.thickness(i) } else { 0.0 };
         let n = (reach / spacing).floor() as i64;
         let mut points = Vec::new();
         for row in -n..=n {
@@ -141,8 +142,7 @@ impl GasModel {
                     continue;
                 }
                 let (height, color) = self.blend(i, on, normal);
-                let share = (points.len() as f64 + 0.5) * GOLDEN_FRACTION;
-                let depth = height + half_depth * (2.0 * share.fract() - 1.0);
+                let depth = height + across(thickness, points.len());
                 points.push(Point {
                     position: std::array::from_fn(|c| (on[c] + depth * normal[c]) as f32),
                     normal: normal.map(|c| c as f32),
@@ -156,7 +156,6 @@ impl GasModel {
     /// Height of the surface over a place on the plane of neuron `i`, and its colour: weighted means over the
     /// neuron and its neighbours.
     fn blend(&self, i: usize, on: [f64; 3], normal: [f64; 3]) -> (f64, [f32; 3]) {
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let width = 2.0 / self.radius(i).powi(2);
         let (mut height, mut planes, mut total) = (0.0, 0.0, 0.0);
         let mut color = [0.0; 3];
@@ -216,13 +215,11 @@ impl GasModel {
             let [u, v] = tangents(normal);
             let center = self.position(i).map(f64::from);
             let flat = normal != [0.0; 3];
-            for k in 0..n as u64 {
+            for k in 0..n as usize {
                 let at = k as f64 + 0.5;
                 let radius = if flat { self.radius(i) * (at / n).sqrt() } else { 0.0 };
                 let (sin, cos) = (at * GOLDEN_ANGLE).sin_cos();
-                let depth = 3.0_f64.sqrt()
-                    * self.thickness(i)
-                    * (2.0 * (at * GOLDEN_FRACTION).fract() - 1.0);
+                let depth = across(self.thickness(i), k);
                 let p =
                     |c: usize| center[c] + radius * (cos * u[c] + sin * v[c]) + depth * normal[c];
                 positions.push([p(0), p(1), p(2)].map(|c| c as f32));
@@ -236,14 +233,9 @@ impl GasModel {
 
 /// Two unit vectors at right angles to a unit normal and each other.
 fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
-    let least = (1..3).fold(0, |m, a| if n[a].abs() < n[m].abs() { a } else { m });
-    let mut axis = [0.0; 3];
-    axis[least] = 1.0;
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let axis = least_axis(n);
     let u = cross(n, axis);
-    let length = u.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let length = dot(u, u).sqrt();
     let u = if length > 0.0 { u.map(|c| c / length) } else { axis };
     [u, cross(n, u)]
 }

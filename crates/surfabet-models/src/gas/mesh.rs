@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::model::GasModel;
+use crate::vector::{cross, dot, minus};
 
 /// Least cosine between a triangle and the mean normal of its corners: steeper ones stand across the surface.
 const LEAST_COSINE: f64 = 0.3;
@@ -82,18 +83,14 @@ impl Mesh<'_> {
     /// Cosine between a triangle's normal and that of its corners; `None` where one of both is unknown.
     fn cosine(&self, triangle: [u32; 3]) -> Option<f64> {
         let [p, q, r] = triangle.map(|i| self.positions[i as usize].map(f64::from));
-        let (u, v): ([f64; 3], [f64; 3]) =
-            (std::array::from_fn(|a| q[a] - p[a]), std::array::from_fn(|a| r[a] - p[a]));
-        let cross =
-            [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let across = cross(minus(q, p), minus(r, p));
         let mut normal = [0.0; 3];
         for i in triangle {
             let n = self.model.normal(i as usize);
             (0..3).for_each(|a| normal[a] += f64::from(n[a]));
         }
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let lengths = (dot(cross, cross) * dot(normal, normal)).sqrt();
-        (lengths > 0.0).then(|| dot(cross, normal) / lengths)
+        let lengths = (dot(across, across) * dot(normal, normal)).sqrt();
+        (lengths > 0.0).then(|| dot(across, normal) / lengths)
     }
 
     fn has_room(&self, triangle: [u32; 3]) -> bool {

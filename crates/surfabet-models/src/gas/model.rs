@@ -10,6 +10,7 @@ use super::syntax::{Parts, Streams, code_gas};
 use crate::color::{rounded, to_rgb};
 use crate::error::{Error, Result};
 use crate::report::Report;
+use crate::size_code::{size_code, size_of_code};
 
 /// Largest coordinate in position steps, so that positions are exact in single precision.
 pub const MAX_COORDINATE: i32 = 1 << 23;
@@ -19,12 +20,6 @@ pub const NORMAL_BITS: u32 = 8;
 
 /// Largest power of two of a position step, and the smallest's negative.
 pub const MAX_EXPONENT: i32 = 60;
-
-/// Steps per doubling of a number of points, a radius or a thickness.
-const STEPS_PER_DOUBLING: f64 = 4.0;
-
-/// Largest code of a number of points, a radius or a thickness.
-pub const MAX_SIZE_CODE: u8 = 255;
 
 /// Largest code of a colour component.
 pub const MAX_COLOR_CODE: i16 = 512;
@@ -44,19 +39,6 @@ pub struct Neuron {
     pub thickness: u8,
     /// Luma and two chromas in steps; zero without colour.
     pub color: [i16; 3],
-}
-
-/// Code of a size that is `value` units; zero below half a unit.
-pub(super) fn size_code(value: f64) -> u8 {
-    if value.is_nan() || value < 0.5 {
-        return 0;
-    }
-    (1.0 + STEPS_PER_DOUBLING * value.log2()).round().clamp(1.0, f64::from(MAX_SIZE_CODE)) as u8
-}
-
-/// The size of a code, in units.
-pub(super) fn size_of_code(code: u8) -> f64 {
-    if code == 0 { 0.0 } else { ((f64::from(code) - 1.0) / STEPS_PER_DOUBLING).exp2() }
 }
 
 /// What a gas says of itself before its streams.

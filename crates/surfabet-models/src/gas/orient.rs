@@ -3,6 +3,7 @@
 use std::collections::BinaryHeap;
 
 use super::adjacency::Adjacency;
+use crate::vector::dot;
 
 /// Steps of how well two normals are parallel, for an order of integers.
 const STEPS: f64 = 1e6;
@@ -81,8 +82,4 @@ fn turn(normal: &mut [f64; 3], side: f64) {
     if side < 0.0 {
         *normal = normal.map(|c| -c);
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

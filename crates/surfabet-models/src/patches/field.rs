@@ -11,9 +11,10 @@ use std::collections::VecDeque;
 use surfabet_geom::Moments;
 
 use super::cells::Cells;
-use super::frame::{Frame, PatchPose, dot, sub};
+use super::frame::{Frame, PatchPose};
 use super::groups::Groups;
 use super::samples::{Sample, Samples};
+use crate::vector::{dot, minus};
 
 /// Radii of the neighbourhoods that compete for the normal of a patch, in patch sizes. The plane that explains
 /// most points wins, so that a patch beside a corner follows one wall and not the diagonal.
@@ -315,7 +316,7 @@ impl<'a> Field<'a> {
         let offsets = &mut scratch.offsets;
         offsets.clear();
         self.near(at.position, radius, |i, p| {
-            let d = sub(p, at.position);
+            let d = minus(p, at.position);
             if dot(d, d) < radius * radius {
                 let s = &self.points.all[i];
                 if view.is_none_or(|v| self.faces(s, v)) {
@@ -387,7 +388,7 @@ impl<'a> Field<'a> {
         let radius = FIT_RADII[0] * size;
         near.clear();
         self.near(seed.position, radius, |k, p| {
-            let d = sub(p, seed.position);
+            let d = minus(p, seed.position);
             let squared = dot(d, d);
             if squared < radius * radius {
                 let s = &self.points.all[k];
@@ -433,7 +434,7 @@ impl<'a> Field<'a> {
         for _ in 0..REFITS {
             match Self::plane(on(found.normal), view) {
                 Some(plane) if plane.seed_offset.abs() <= 2.0 * gate => {
-                    let turn = sub(plane.normal, found.normal);
+                    let turn = minus(plane.normal, found.normal);
                     found = plane;
                     if dot(turn, turn) < SAME_ANGLE * SAME_ANGLE {
                         break;
@@ -460,7 +461,7 @@ impl<'a> Field<'a> {
         let point = &self.points.all[seed];
         let free = self.children.of(seed).iter().filter(|&&i| !ownership.owned[i as usize]);
         let distance = |i: u32| {
-            let d = sub(self.samples.all[i as usize].position, point.position);
+            let d = minus(self.samples.all[i as usize].position, point.position);
             dot(d, d)
         };
         let seed = *free.min_by(|&&a, &&b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))?;

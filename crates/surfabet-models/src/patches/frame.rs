@@ -5,6 +5,8 @@
 
 use surfabet_geom::octahedral;
 
+use crate::vector::{cross, dot, minus};
+
 /// Bits per octahedral coordinate of a normal: at most 1.3 degrees off, so 0.9 mm at the rim of an 8 cm patch, which the depth image then measures away.
 pub const NORMAL_BITS: u32 = 7;
 
@@ -30,14 +32,6 @@ pub struct Frame {
     pub z: [f32; 3],
 }
 
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
 /// `v` at unit length; zero stays zero.
 pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
     let length = dot(v, v).sqrt();
@@ -47,10 +41,6 @@ pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
 /// `a + s * b`.
 pub(super) fn add_scaled(a: [f32; 3], s: f32, b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| a[i] + s * b[i])
-}
-
-fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 impl PatchPose {
@@ -92,7 +82,7 @@ impl Frame {
 
     /// Coordinates of `point` in this frame: along x, y and the normal, metres.
     pub fn to_local(&self, point: [f32; 3]) -> [f32; 3] {
-        let d = sub(point, self.center);
+        let d = minus(point, self.center);
         [dot(d, self.x), dot(d, self.y), dot(d, self.z)]
     }
 

@@ -17,10 +17,11 @@ use rayon::prelude::*;
 use surfabet_geom::Progress;
 
 use super::field::{Field, Grid, Ownership, Rules, Scratch, Trial};
-use super::frame::{Frame, PatchPose, add_scaled, dot, sub};
+use super::frame::{Frame, PatchPose, add_scaled};
 use super::options::Placement;
 use super::samples::Samples;
 use crate::error::Result;
+use crate::vector::{dot, minus};
 
 /// An aligned position is taken when at least this fraction of its pixels would be set.
 const ALIGNED_COVERAGE: f32 = 0.5;
@@ -255,7 +256,7 @@ impl Placer<'_> {
                     let Proposal { center, normal } = *proposal;
                     let seed = self.nearest_free(proposal)?;
                     // Moved along the normal to the surface, as the trial does.
-                    let off = dot(sub(self.field.points.all[seed].position, center), normal);
+                    let off = dot(minus(self.field.points.all[seed].position, center), normal);
                     let near = add_scaled(center, off, normal);
                     let hint = self.field.score(&self.ownership, near, normal, scratch);
                     if (hint as f32) < HINT * needed as f32 {
@@ -293,7 +294,7 @@ impl Placer<'_> {
         let mut best = (radius * radius, usize::MAX);
         self.field.near(proposal.center, radius, |k, p| {
             if self.ownership.free[k] > 0 {
-                let d = sub(p, proposal.center);
+                let d = minus(p, proposal.center);
                 let squared = dot(d, d);
                 if squared < best.0 || (squared == best.0 && k < best.1) {
                     best = (squared, k);
@@ -371,7 +372,7 @@ impl Placer<'_> {
                 }
                 let mean = mean.map(|c| c as f32);
                 let distance = |k: u32| {
-                    let d = sub(point(k).position, mean);
+                    let d = minus(point(k).position, mean);
                     dot(d, d)
                 };
                 let nearest =

@@ -9,11 +9,12 @@ use rayon::prelude::*;
 use surfabet_geom::morton::{self, BITS};
 use surfabet_geom::{PointCloud, Progress};
 
-use super::frame::{dot, unit};
+use super::frame::unit;
 use super::groups::Groups;
 use super::options::PatchOptions;
 use super::sensor::to_sensor;
 use crate::error::Result;
+use crate::vector::dot;
 
 /// Side of the cells that points are merged in, in pixels.
 const SAMPLE_SIZE: f64 = 0.5;

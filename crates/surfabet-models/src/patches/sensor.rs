@@ -5,7 +5,8 @@
 
 use surfabet_geom::PointCloud;
 
-use super::frame::{sub, unit};
+use super::frame::unit;
+use crate::vector::minus;
 
 /// Depth error as a function of the measured distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,7 +45,7 @@ impl Sensor {
 
 /// Unit direction from point `i` of `cloud` to the sensor that saw it; zero where unknown.
 pub(super) fn to_sensor(cloud: &PointCloud, i: usize) -> [f32; 3] {
-    let view = |sensor| unit(sub(sensor, cloud.positions()[i]));
+    let view = |sensor| unit(minus(sensor, cloud.positions()[i]));
     cloud.local_viewpoint(i).map_or([0.0; 3], view)
 }
 

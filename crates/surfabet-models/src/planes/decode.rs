@@ -4,10 +4,8 @@ use rayon::prelude::*;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use super::model::PlaneModel;
-use crate::error::{Error, Result, positive};
-
-/// The golden ratio's fraction: a sequence that fills an interval evenly.
-const GOLDEN_FRACTION: f64 = 0.618_033_988_749_895;
+use crate::error::{Result, check_points, positive};
+use crate::spread::across;
 
 /// How to decode.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,8 +39,8 @@ impl PlaneModel {
     /// after tile.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for a spacing that is not positive, [`Error::TooManyPoints`],
-    /// [`Error::Cancelled`].
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
+    /// [`crate::Error::Cancelled`].
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let spacing = options.resolution.unwrap_or(0.5 * self.grid_size());
         positive("resolution", spacing, "a positive number of metres")?;
@@ -51,13 +49,7 @@ impl PlaneModel {
         let most: f64 = (0..self.len())
             .map(|i| edge(i) * edge(i) * self.patches()[i].tiles.n_supported() as f64)
             .sum();
-        if most > options.max_points as f64 {
-            return Err(Error::TooManyPoints {
-                resolution: spacing,
-                points: most as u64,
-                limit: options.max_points,
-            });
-        }
+        check_points(spacing, most, options.max_points)?;
         let patches = (0..self.len()).into_par_iter().map(|i| {
             progress.check()?;
             Ok(self.fill(i, along, options.as_measured))
@@ -77,7 +69,7 @@ impl PlaneModel {
     fn fill(&self, i: usize, along: impl Fn(f64) -> f64, as_measured: bool) -> Vec<Point> {
         let patch = &self.patches()[i];
         let tiles = &patch.tiles;
-        let half_depth = if as_measured { 3.0_f64.sqrt() * patch.standard_deviation } else { 0.0 };
+        let thickness = if as_measured { patch.standard_deviation } else { 0.0 };
         let colors = self.colors(i);
         let nx = tiles.shape()[0];
         let normal = patch.frame.normal.map(|c| c as f32);
@@ -93,8 +85,7 @@ impl PlaneModel {
                     let p = patch
                         .frame
                         .at(std::array::from_fn(|a| low[a] + share[a] / n[a] * (high[a] - low[a])));
-                    let depth = (points.len() as f64 + 0.5) * GOLDEN_FRACTION;
-                    let depth = half_depth * (2.0 * depth.fract() - 1.0);
+                    let depth = across(thickness, points.len());
                     points.push(Point {
                         position: std::array::from_fn(|a| {
                             (p[a] + depth * patch.frame.normal[a]) as f32

@@ -11,7 +11,7 @@ use super::options::PlanesOptions;
 use super::patch::Patch;
 use super::points::Points;
 use super::seed;
-use super::split::split;
+use super::split::{SplitRule, split};
 use super::surface::{Surfaces, surfaces};
 use super::trim::trim;
 use crate::error::Result;
@@ -23,8 +23,8 @@ const KNOWN_NOISE: f64 = 3.0;
 /// Smallest scale of the weights as a share of the grid size, for points that fit exactly.
 const LEAST_SHARE: f64 = 0.01;
 
-/// A patch with this many times the points that it needs is kept whatever it looks like: no heap of things is that large,
-/// and a floor around furniture or a wall with pictures must not get lost.
+/// A patch with this many times the points that it needs is kept whatever it looks like: no heap of things is that
+/// large, and a floor around furniture or a wall with pictures must not get lost.
 const LARGE: usize = 20;
 
 /// Last passes, in which points near other patches are left out, and how near, in standard deviations.
@@ -108,7 +108,7 @@ impl<'a> Fit<'a> {
         self.min_points
     }
 
-    /// G for patches placed anywhere: three times the root mean square distance to the closest.
+    /// G for patches placed anywhere, as if the deviation were the root mean square distance to the closest.
     fn first_grid_size(&self) -> f64 {
         let far = 4.0 * self.points.extent().max(self.points.cell);
         let squares: Vec<f64> = self
@@ -120,7 +120,7 @@ impl<'a> Fit<'a> {
                 near.map(|(d, _)| d * d).fold(far * far, f64::min)
             })
             .collect();
-        3.0 * (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+        PER_DEVIATION * (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
     }
 
     /// When two patches merge.
@@ -128,8 +128,6 @@ impl<'a> Fit<'a> {
         Rule {
             distance: self.grid_size,
             deviation: self.grid_size / PER_DEVIATION,
-            noise: self.smallest_grid_size / PER_DEVIATION,
-            min_points: self.min_points,
             tolerance: self.options.merge_tolerance,
         }
     }
@@ -182,13 +180,18 @@ impl<'a> Fit<'a> {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn split(&mut self, progress: &dyn Progress) -> Result<()> {
-        let (points, rule) = (self.points, self.rule());
-        let threshold = self.options.split_threshold;
+        let points = self.points;
+        let rule = SplitRule {
+            threshold: self.options.split_threshold,
+            min_points: self.min_points,
+            noise: self.smallest_grid_size / PER_DEVIATION,
+            merge: self.rule(),
+        };
         let parts: Vec<Vec<Patch>> = std::mem::take(&mut self.patches)
             .into_par_iter()
             .map(|patch| {
                 progress.check()?;
-                Ok(split(points, patch, threshold, &rule))
+                Ok(split(points, patch, &rule))
             })
             .collect::<Result<_>>()?;
         self.patches = parts.into_iter().flatten().collect();
@@ -240,17 +243,11 @@ impl<'a> Fit<'a> {
         Ok(Iteration { patches, grid_size, mean_distance, supporting })
     }
 
-    /// The patch that each input point supports, [`u32::MAX`] for none.
-    pub fn labels(&self, responsibilities: &Responsibilities) -> Vec<u32> {
-        self.points.place.iter().map(|&i| responsibilities.supports[i as usize]).collect()
-    }
-
-    /// Removes patches with too few points and those that are no surface, then fits the rest once more. Gives
-    /// the patch that each distinct point supports, [`u32::MAX`] for none.
+    /// Removes patches with too few points and those that are no surface, then fits the rest once more.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn finish(&mut self, progress: &dyn Progress) -> Result<Responsibilities> {
+    pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
         self.patches.retain(|p| p.n_supporting() >= self.min_points);
         let patches = std::mem::take(&mut self.patches);
         let wanted = Surfaces {
@@ -269,7 +266,7 @@ impl<'a> Fit<'a> {
             self.trim(&planes, &last);
         }
         self.patches.retain(|p| p.n_supporting() >= self.min_points);
-        self.e_step(progress)
+        Ok(())
     }
 }
 

@@ -7,7 +7,7 @@ use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::points::Points;
 use crate::error::Result;
-use crate::report::Report;
+use crate::report::{Report, lost};
 
 /// Learns planar patches from a cloud; `weights` are by how much each point counts, one if `None`.
 ///
@@ -45,7 +45,7 @@ pub fn learn(
         ("patches".into(), of(|i| i.patches as f64)),
         ("grid size".into(), of(|i| i.grid_size)),
     ];
-    report.not_kept = not_kept(cloud);
+    report.not_kept = lost(cloud, &["colors", "normals"]);
     let (size, step) = (fit.grid_size(), options.color_step);
     PlaneModel::new(cloud, &points, fit.patches(), size, step, report, progress)
 }
@@ -80,15 +80,4 @@ fn run(
     }
     fit.finish(progress)?;
     Ok((trace, stop_reason))
-}
-
-fn not_kept(cloud: &PointCloud) -> Vec<&'static str> {
-    [
-        ("intensities", cloud.intensities().is_some()),
-        ("ranges", cloud.ranges().is_some()),
-        ("viewpoints", cloud.viewpoints().is_some()),
-    ]
-    .into_iter()
-    .filter_map(|(name, present)| present.then_some(name))
-    .collect()
 }

@@ -41,8 +41,8 @@ pub fn m_step(
         .collect()
 }
 
-/// As [`m_step`], without points whose foot on the plane is within `margin` of another of the patches, as long as enough
-/// are left.
+/// As [`m_step`], without points whose foot on the plane is within `margin` of another of the patches, as long as
+/// enough are left.
 ///
 /// Where two surfaces meet, which of them a point belongs to is guessed by its distances, so that the regression sees
 /// noise that is cut off on one side, and the planes lean into the corner. Points chosen by their place along the

@@ -7,10 +7,12 @@ use rayon::prelude::*;
 use surfabet_geom::{Moments, Progress};
 
 use super::m_step::plane;
-use super::patch::{Frame, Patch, dot, minus};
+use super::patch::{Frame, Patch};
 use super::points::Points;
 use super::trim::{mean_square, trim};
+use crate::disjoint::root;
 use crate::error::Result;
+use crate::vector::{dot, minus};
 
 /// Pairs looked at between two questions whether to go on.
 const PAIRS_PER_CHECK: usize = 4096;
@@ -33,10 +35,6 @@ pub(super) struct Rule {
     pub distance: f64,
     /// Standard deviation that every part may have, metres.
     pub deviation: f64,
-    /// Standard deviation of the noise, as far as it is known beforehand, metres.
-    pub noise: f64,
-    /// Points that a part of a split patch needs.
-    pub min_points: usize,
     /// Factor of the deviation of a part about its own plane that is allowed about the common one.
     pub tolerance: f64,
 }
@@ -170,14 +168,6 @@ pub(super) fn agglomerate(
     Ok((0..n as u32).map(|i| root(&mut into, i)).collect())
 }
 
-fn root(into: &mut [u32], mut i: u32) -> u32 {
-    while into[i as usize] != i {
-        into[i as usize] = into[into[i as usize] as usize];
-        i = into[i as usize];
-    }
-    i
-}
-
 /// Merges patches until all pairs are dissimilar.
 pub(super) fn merge(
     points: &Points,
@@ -297,8 +287,7 @@ mod tests {
 
     use super::*;
 
-    const RULE: Rule =
-        Rule { distance: 0.06, deviation: 0.02, noise: 0.02, min_points: 30, tolerance: 1.25 };
+    const RULE: Rule = Rule { distance: 0.06, deviation: 0.02, tolerance: 1.25 };
 
     /// Number of patches that remain of two of 1 m x 1 m; `second` moves a point of the unit square to the second.
     fn merged(rule: &Rule, second: impl Fn(f64, f64, f64) -> [f64; 3]) -> usize {

@@ -50,7 +50,7 @@ pub use fit::{Fit, Iteration};
 pub use learn::learn;
 pub use model::{
     DIRECTIONS, MAX_COLOR_CODE, MAX_COORDINATE, MAX_DOUBLINGS, MAX_EXPONENT, MAX_MODEL_TILES,
-    MAX_PATCH_TILES, MAX_SIZE_CODE, NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
+    MAX_PATCH_TILES, NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
 };
 pub use options::{MAX_PATCHES, PlanesOptions};
 pub use outline::PlaneMesh;

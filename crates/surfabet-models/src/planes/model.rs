@@ -8,8 +8,10 @@ use super::options::MAX_PATCHES;
 use super::patch::{Frame, Patch};
 use super::points::Points;
 use super::tiles::{MAX_TILES, Tiles};
+use crate::color::{rounded, to_rgb};
 use crate::error::{Error, Result};
 use crate::report::Report;
+use crate::size_code::{size_code, size_of_code};
 
 /// Largest coordinate in position steps, so that positions are exact in single precision.
 pub const MAX_COORDINATE: i32 = 1 << 23;
@@ -35,14 +37,8 @@ pub const MAX_PATCH_TILES: u64 = 2 * MAX_TILES as u64;
 /// Most tiles of all patches together, so that a small file cannot ask for much memory.
 pub const MAX_MODEL_TILES: u64 = 1 << 25;
 
-/// Largest code of a number of points or a standard deviation.
-pub const MAX_SIZE_CODE: u8 = 255;
-
 /// Largest code of a colour component.
 pub const MAX_COLOR_CODE: i16 = 512;
-
-/// Steps per doubling of a number of points or a standard deviation.
-const STEPS_PER_DOUBLING: f64 = 4.0;
 
 /// Standard deviations are stored in this share of a position step.
 const DEVIATION_UNIT: f64 = 0.125;
@@ -461,17 +457,6 @@ fn tile_colors(
         .collect()
 }
 
-fn size_code(value: f64) -> u8 {
-    if value.is_nan() || value < 0.5 {
-        return 0;
-    }
-    (1.0 + STEPS_PER_DOUBLING * value.log2()).round().clamp(1.0, f64::from(MAX_SIZE_CODE)) as u8
-}
-
-fn size_of_code(code: u8) -> f64 {
-    if code == 0 { 0.0 } else { ((f64::from(code) - 1.0) / STEPS_PER_DOUBLING).exp2() }
-}
-
 fn color_code([r, g, b]: [f64; 3], step: u32) -> [i16; 3] {
     let limit = f64::from(MAX_COLOR_CODE);
     let ycc = [0.25 * (r + 2.0 * g + b), r - b, g - 0.5 * (r + b)];
@@ -479,8 +464,5 @@ fn color_code([r, g, b]: [f64; 3], step: u32) -> [i16; 3] {
 }
 
 fn color_of_code(code: [i16; 3], step: u32) -> [u8; 3] {
-    let [y, orange, green] = code.map(|c| f64::from(c) * f64::from(step));
-    let low = y - 0.5 * green;
-    [low + 0.5 * orange, y + 0.5 * green, low - 0.5 * orange]
-        .map(|c| c.round().clamp(0.0, 255.0) as u8)
+    rounded(to_rgb(code.map(|c| f32::from(c) * step as f32)))
 }

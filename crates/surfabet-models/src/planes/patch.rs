@@ -4,6 +4,7 @@ use surfabet_geom::Moments;
 
 use super::points::{Aabb, Points};
 use super::tiles::Tiles;
+use crate::vector::{cross, dot, least_axis, minus};
 
 /// Axes of a plane: a point on it, two orthonormal directions in it and its unit normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,18 +19,6 @@ pub struct Frame {
     pub normal: [f64; 3],
 }
 
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 fn unit(a: [f64; 3]) -> [f64; 3] {
     let length = dot(a, a).sqrt();
     a.map(|c| c / length)
@@ -38,10 +27,7 @@ fn unit(a: [f64; 3]) -> [f64; 3] {
 impl Frame {
     /// A frame with this normal, which has length one; its axes lie any way in the plane.
     pub(super) fn with_normal(center: [f64; 3], normal: [f64; 3]) -> Self {
-        let least = (1..3).fold(0, |m, a| if normal[a].abs() < normal[m].abs() { a } else { m });
-        let mut axis = [0.0; 3];
-        axis[least] = 1.0;
-        let u = unit(cross(axis, normal));
+        let u = unit(cross(least_axis(normal), normal));
         Self { center, u, v: cross(normal, u), normal }
     }
 

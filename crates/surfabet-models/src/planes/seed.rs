@@ -162,7 +162,7 @@ pub(super) fn from_data(
     let seeds: Vec<Seed> = seeds.into_iter().flatten().collect();
     let pairs = touching(&seeds, 1 << first);
     let parts = seeds.iter().map(|s| s.part.clone()).collect();
-    let rule = Rule { distance: grid_size, deviation: noise, noise, min_points, tolerance };
+    let rule = Rule { distance: grid_size, deviation: noise, tolerance };
     let into = agglomerate(parts, &pairs, &rule, progress)?;
     let mut groups: Vec<Vec<u32>> = vec![Vec::new(); seeds.len()];
     for (seed, to) in seeds.iter().zip(into) {

@@ -23,16 +23,29 @@ const CLEAR_FOLD: f64 = 0.5;
 /// Deepest recursion: a patch becomes at most two to this power.
 const DEPTH: u32 = 12;
 
+/// When a patch becomes two.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SplitRule {
+    /// Share of the mean of the inner bins below which a bin is a gap.
+    pub threshold: f64,
+    /// Points that each part needs.
+    pub min_points: usize,
+    /// Standard deviation of the noise, as far as it is known beforehand, metres.
+    pub noise: f64,
+    /// When the parts beside a fold would become one again.
+    pub merge: Rule,
+}
+
 /// Splits a patch, and what comes of it again, until all parts are evenly supported.
 ///
 /// The paper compares the emptiest bin with two thirds of all points of the patch, which every bin falls below; here
 /// it is two thirds of the mean of the inner bins, per length of the strip that the rectangle has there.
-pub(super) fn split(points: &Points, patch: Patch, threshold: f64, rule: &Rule) -> Vec<Patch> {
+pub(super) fn split(points: &Points, patch: Patch, rule: &SplitRule) -> Vec<Patch> {
     let mut parts = Vec::new();
     let mut stack = vec![(patch, DEPTH)];
     while let Some((patch, depth)) = stack.pop() {
         let halves = (depth > 0)
-            .then(|| halve(points, &patch, threshold, rule).or_else(|| fold(points, &patch, rule)))
+            .then(|| halve(points, &patch, rule).or_else(|| fold(points, &patch, rule)))
             .flatten();
         match halves {
             // The first half is looked at first, so that parts stay in a fixed order.
@@ -98,49 +111,52 @@ impl Bins {
 struct Cut {
     direction: [f64; 2],
     at: f64,
-    /// Points in the bin as a share of the mean.
-    share: f64,
 }
 
-fn halve(points: &Points, patch: &Patch, threshold: f64, rule: &Rule) -> Option<[Patch; 2]> {
-    let local: Vec<[f64; 2]> = patch
-        .support
-        .iter()
-        .map(|&i| {
-            let [x, y, _] = patch.frame.local(points.positions[i as usize]);
-            [x, y]
-        })
-        .collect();
-    let cut = cut(patch, &local, threshold)?;
-    let (mut left, mut right) = (Vec::new(), Vec::new());
-    for (&i, p) in patch.support.iter().zip(&local) {
-        let side = if along(cut.direction, *p) < cut.at { &mut left } else { &mut right };
-        side.push(i);
+impl Cut {
+    /// The points on either side, `None` where one of both has fewer than `least`.
+    fn sides(self, set: &[u32], local: &[[f64; 2]], least: usize) -> Option<[Vec<u32>; 2]> {
+        let mut sides = [Vec::new(), Vec::new()];
+        for (&i, p) in set.iter().zip(local) {
+            sides[usize::from(along(self.direction, *p) >= self.at)].push(i);
+        }
+        sides.iter().all(|side| side.len() >= least).then_some(sides)
     }
-    if left.len().min(right.len()) < rule.min_points {
-        return None;
-    }
-    let [left, right] = [left, right].map(|set| trim(points, patch.frame, &set, rule.distance));
+}
+
+/// Splits a patch along its emptiest bin over the rotations by 0, 45, 90 and 135 degrees, if that is empty enough.
+fn halve(points: &Points, patch: &Patch, rule: &SplitRule) -> Option<[Patch; 2]> {
+    let local = flat(points, patch, &patch.support);
+    let gaps = DIRECTIONS.iter().filter_map(|&d| emptiest(patch, &local, d, rule.threshold));
+    let (_, cut) = gaps.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let sides = cut.sides(&patch.support, &local, rule.min_points)?;
     // A half without a supported tile would lose its points; the patch stays whole.
+    let [left, right] = sides.map(|set| trim(points, patch.frame, &set, rule.merge.distance));
     Some([left?, right?])
+}
+
+/// Coordinates of points in the plane of a patch.
+fn flat(points: &Points, patch: &Patch, set: &[u32]) -> Vec<[f64; 2]> {
+    let local = |i: u32| patch.frame.local(points.positions[i as usize]);
+    set.iter().map(|&i| local(i)).map(|[x, y, _]| [x, y]).collect()
 }
 
 /// Splits a patch that is two planes: along the line for which two planes leave the least of its points' squared
 /// distances, if this is less than half of those from one, or if the two parts would not be merged again. (Of a
-/// single patch over everything G itself is too large to tell.) Its whole support counts, in each part about the part's own
-/// plane.
-fn fold(points: &Points, patch: &Patch, rule: &Rule) -> Option<[Patch; 2]> {
+/// single patch over everything G itself is too large to tell.) Its whole support counts, in each part about the
+/// part's own plane.
+fn fold(points: &Points, patch: &Patch, rule: &SplitRule) -> Option<[Patch; 2]> {
     let own = mean_square(&patch.moments, &patch.frame);
     if own <= (FLAT * rule.noise).powi(2) {
         return None;
     }
-    let mut best: Option<(f64, [f64; 2], f64)> = None;
+    let local = flat(points, patch, &patch.whole);
+    let mut best: Option<(f64, Cut)> = None;
     for direction in DIRECTIONS {
         let bins = Bins::new(patch, direction)?;
         let mut members: Vec<Vec<(u32, f32)>> = vec![Vec::new(); bins.n];
-        for &i in &patch.whole {
-            let [x, y, _] = patch.frame.local(points.positions[i as usize]);
-            members[bins.of([x, y])].push((i, 1.0));
+        for (&i, &p) in patch.whole.iter().zip(&local) {
+            members[bins.of(p)].push((i, 1.0));
         }
         let moments: Vec<Moments> =
             members.into_iter().map(|m| points.moments_about(patch.frame.center, m)).collect();
@@ -157,27 +173,20 @@ fn fold(points: &Points, patch: &Patch, rule: &Rule) -> Option<[Patch; 2]> {
             };
             let cost = left + right;
             if best.is_none_or(|x| cost < x.0) {
-                best = Some((cost, direction, bins.edge(b)));
+                best = Some((cost, Cut { direction, at: bins.edge(b) }));
             }
         }
     }
-    let (cost, direction, at) = best?;
+    let (cost, cut) = best?;
     let clear = cost < CLEAR_FOLD * own * patch.moments.weight();
-    let (mut left, mut right) = (Vec::new(), Vec::new());
-    for &i in &patch.whole {
-        let [x, y, _] = patch.frame.local(points.positions[i as usize]);
-        if along(direction, [x, y]) < at { left.push(i) } else { right.push(i) }
-    }
-    if left.len().min(right.len()) < rule.min_points {
-        return None;
-    }
-    let [left, right] = [left, right].map(|set| {
+    let sides = cut.sides(&patch.whole, &local, rule.min_points)?;
+    let [left, right] = sides.map(|set| {
         let center = patch.frame.center;
         let frame = plane(&points.moments_about(center, set.iter().map(|&i| (i, 1.0))))?;
-        trim(points, frame, &set, rule.distance)
+        trim(points, frame, &set, rule.merge.distance)
     });
     let (left, right) = (left?, right?);
-    let apart = clear || Part::of(&left).joined(&Part::of(&right), rule).is_none();
+    let apart = clear || Part::of(&left).joined(&Part::of(&right), &rule.merge).is_none();
     apart.then_some([left, right])
 }
 
@@ -191,20 +200,14 @@ fn along(direction: [f64; 2], p: [f64; 2]) -> f64 {
     direction[0] * p[0] + direction[1] * p[1]
 }
 
-/// The emptiest bin over the rotations by 0, 45, 90 and 135 degrees, if it is empty enough.
-fn cut(patch: &Patch, local: &[[f64; 2]], threshold: f64) -> Option<Cut> {
-    const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
-    let directions = [[1.0, 0.0], [DIAGONAL, DIAGONAL], [0.0, 1.0], [-DIAGONAL, DIAGONAL]];
-    directions.into_iter().filter_map(|d| emptiest(patch, local, d, threshold)).fold(
-        None,
-        |best: Option<Cut>, c| match best {
-            Some(b) if b.share <= c.share => Some(b),
-            _ => Some(c),
-        },
-    )
-}
-
-fn emptiest(patch: &Patch, local: &[[f64; 2]], direction: [f64; 2], threshold: f64) -> Option<Cut> {
+/// The emptiest bin across a direction, if it is empty enough: its points as a share of the mean, and the cut through
+/// its middle.
+fn emptiest(
+    patch: &Patch,
+    local: &[[f64; 2]],
+    direction: [f64; 2],
+    threshold: f64,
+) -> Option<(f64, Cut)> {
     let bins = Bins::new(patch, direction)?;
     let n = bins.n;
     let mut counts = vec![0_u32; n];
@@ -224,7 +227,7 @@ fn emptiest(patch: &Patch, local: &[[f64; 2]], direction: [f64; 2], threshold: f
         return None;
     }
     let at = bins.edge(bin) + 0.5 * bins.width;
-    Some(Cut { direction, at, share: ratio })
+    Some((ratio, Cut { direction, at }))
 }
 
 #[cfg(test)]
@@ -235,8 +238,12 @@ mod tests {
 
     use super::*;
 
-    const RULE: Rule =
-        Rule { distance: 0.1, deviation: 0.03, noise: 0.01, min_points: 30, tolerance: 1.25 };
+    const RULE: SplitRule = SplitRule {
+        threshold: 2.0 / 3.0,
+        min_points: 30,
+        noise: 0.01,
+        merge: Rule { distance: 0.1, deviation: 0.03, tolerance: 1.25 },
+    };
 
     /// Points over 2 m x 1 m at heights that depend on their place, where `keep` says so, as one patch.
     fn patch(keep: impl Fn(f64, f64) -> bool, height: impl Fn(f64) -> f64) -> (Points, Patch) {
@@ -251,13 +258,13 @@ mod tests {
         let points = Points::new(&PointCloud::from_positions(positions).0, None).unwrap();
         let all: Vec<u32> = (0..points.len() as u32).collect();
         let frame = plane(&points.moments(0..points.len())).unwrap();
-        let patch = trim(&points, frame, &all, RULE.distance).unwrap();
+        let patch = trim(&points, frame, &all, RULE.merge.distance).unwrap();
         (points, patch)
     }
 
     fn parts(keep: impl Fn(f64, f64) -> bool, height: impl Fn(f64) -> f64) -> Vec<usize> {
         let (points, patch) = patch(keep, height);
-        let parts = split(&points, patch, 2.0 / 3.0, &RULE);
+        let parts = split(&points, patch, &RULE);
         let mut sizes: Vec<usize> = parts.iter().map(|p| p.whole.len()).collect();
         sizes.sort_unstable();
         sizes

@@ -9,8 +9,10 @@ use surfabet_geom::octahedral;
 
 use super::model::{
     DIRECTIONS, MAX_COLOR_CODE, MAX_COORDINATE, MAX_DOUBLINGS, MAX_MODEL_TILES, MAX_PATCH_TILES,
-    MAX_SIZE_CODE, NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
+    NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
 };
+
+use crate::size_code::MAX_SIZE_CODE;
 
 /// Directions that are remembered, the last used first.
 const MAX_REFERENCES: usize = 16;

@@ -5,6 +5,7 @@ use surfabet_geom::Moments;
 use super::patch::{Frame, Patch};
 use super::points::Points;
 use super::tiles::{MAX_TILES, Tiles};
+use crate::vector::{dot, minus};
 
 /// Points that a tile with points holds on average; tiles are as large as this needs where points are sparse.
 const PER_TILE: f64 = 4.0;
@@ -35,14 +36,17 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
         return None;
     }
     let facing = facing(points, set);
-    let seen = facing.map_or(0.0, |f| super::patch::dot(f, frame.normal));
-    let frame = if seen < 0.0 { frame.flipped() } else { frame };
-    let flat = |frame: &Frame| -> Vec<[f64; 3]> {
-        set.iter().map(|&i| frame.local(points.positions[i as usize])).collect()
-    };
-    let frame = frame.turned(principal(&flat(&frame)));
-    let frame = frame.turned(smallest(&flat(&frame)));
-    let local = flat(&frame);
+    let seen = facing.map_or(0.0, |f| dot(f, frame.normal));
+    let mut frame = if seen < 0.0 { frame.flipped() } else { frame };
+    let mut local: Vec<[f64; 3]> =
+        set.iter().map(|&i| frame.local(points.positions[i as usize])).collect();
+    for direction in [principal, smallest] {
+        let [cosine, sine] = direction(&local);
+        frame = frame.turned([cosine, sine]);
+        for p in &mut local {
+            *p = [cosine * p[0] + sine * p[1], cosine * p[1] - sine * p[0], p[2]];
+        }
+    }
     let range = |a: usize| {
         local
             .iter()
@@ -73,17 +77,12 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
         return None;
     }
     let mut support = Vec::new();
-    let mut squares = 0.0;
-    let mut weight = 0.0;
     let mut scatter = Scatter::new(counts.len());
     for (&i, p) in set.iter().zip(&local) {
-        let w = f64::from(points.weights[i as usize]);
-        squares += w * p[2] * p[2];
-        weight += w;
         if let Some(t) = tiles.tile_at([p[0], p[1]]).filter(|&t| within(p) && tiles.supported()[t])
         {
             support.push(i);
-            scatter.add(t, w, p[2]);
+            scatter.add(t, f64::from(points.weights[i as usize]), p[2]);
         }
     }
     let moments = points.moments_about(frame.center, set.iter().map(|&i| (i, 1.0)));
@@ -92,7 +91,7 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
         frame,
         tiles,
         density,
-        standard_deviation: if weight > 0.0 { (squares / weight).sqrt() } else { 0.0 },
+        standard_deviation: mean_square(&moments, &frame).sqrt(),
         support,
         whole: set.to_vec(),
         moments,
@@ -243,6 +242,6 @@ impl Scatter {
 pub(super) fn mean_square(moments: &Moments, frame: &Frame) -> f64 {
     let n = frame.normal;
     let c = moments.covariance();
-    let off = super::patch::dot(super::patch::minus(moments.mean(), frame.center), n);
-    (0..3).map(|a| n[a] * super::patch::dot(c[a], n)).sum::<f64>().max(0.0) + off * off
+    let off = dot(minus(moments.mean(), frame.center), n);
+    (0..3).map(|a| n[a] * dot(c[a], n)).sum::<f64>().max(0.0) + off * off
 }

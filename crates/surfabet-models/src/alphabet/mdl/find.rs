@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use surfabet_geom::{KdTree, Neighbor, Pose, Progress};
 
 use super::model::{AlphabetModel, Occurrence};
-use super::surface::{Surface, dot};
+use super::surface::Surface;
 use crate::error::{Error, Result, positive};
+use crate::vector::dot;
 
 /// Samples along the diagonal of an example.
 const FINENESS: f64 = 64.0;

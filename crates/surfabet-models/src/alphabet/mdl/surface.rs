@@ -5,7 +5,9 @@ use surfabet_geom::{KdTree, Neighbor, Progress};
 
 use super::model::{AlphabetModel, Occurrence};
 use super::word::{PIXELS, Word};
+use crate::disjoint::root;
 use crate::error::{Result, check_points};
+use crate::vector::dot;
 
 /// Distance of raw samples over the spacing of those that are kept, so that no place is skipped.
 const RAW: f64 = 0.7;
@@ -166,16 +168,4 @@ fn slopes(word: &Word, right: f64, up: f64) -> [f64; 2] {
         }
     };
     [rise(0.5 * pixel, 0.0), rise(0.0, 0.5 * pixel)]
-}
-
-fn root(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
-}
-
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

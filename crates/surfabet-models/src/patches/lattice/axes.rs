@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use surfabet_geom::{Moments, PointCloud};
 
 use super::cells::{Cells, cell_of, key};
+use crate::vector::dot;
 
 /// Points that vote, at most.
 const MAX_POINTS: usize = 400_000;
@@ -103,10 +104,6 @@ impl Orientation {
         let matrix = Matrix3::from_fn(|row, column| axes[column][row]);
         Self::nearest(&Rotation3::from_matrix_unchecked(matrix))
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Plane normals of the cells of a thinned cloud, weighted by how many points lie in how thin a plane.

@@ -6,8 +6,8 @@ use surfabet_geom::{Moments, PointCloud, Progress};
 use super::axes::Orientation;
 use super::cells::{Cells, cell_of, key};
 use crate::error::Result;
-use crate::patches::frame::dot;
 use crate::patches::sensor::{Sensor, to_sensor};
+use crate::vector::dot;
 
 /// Side of the cells that points are merged in, in pixels.
 pub(super) const SAMPLE_SIZE: f64 = 0.5;
