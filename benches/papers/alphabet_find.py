@@ -1,6 +1,6 @@
 """`AlphabetModel.find` on simulated rooms: all chairs and doors from one example.
 
-    python benches/papers/alphabet_find.py --seeds 3 --sensors lidar rgbd rgbd-low
+    python benches/papers/alphabet_find.py --seeds 0 1 2 --sensors lidar rgbd rgbd-low
 
 Every object of a kind is the example once. A find is right when it takes the middle of the example
 to within 0.25 m of the middle of an object of the kind that no better find has taken; the example
@@ -66,16 +66,19 @@ def judged(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--sensors", nargs="+", default=["lidar", "rgbd", "rgbd-low"])
     parser.add_argument("--kinds", nargs="+", default=["chair", "door"])
     parser.add_argument("--sigma-scale", type=float, default=1.5)
+    parser.add_argument("--color-tolerance", type=float, default=10.0, help="grey levels")
+    parser.add_argument("--shape-only", action="store_true")
+    parser.add_argument("--min-score", type=float, default=0.5)
     args = parser.parse_args()
     print_header("sensor", "kind", "examples", "recall", "precision", "median find, s")
     for sensor in args.sensors:
         sums: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
         seconds = defaultdict(list)
-        for seed in range(args.seeds):
+        for seed in args.seeds:
             seen, options = scan(seed, sensor)
             model = sb.learn_alphabet(seen.cloud, sigma_scale=args.sigma_scale, **options)
             for name in args.kinds:
@@ -85,7 +88,11 @@ def main() -> None:
                     low, high = low - MARGIN, high + MARGIN
                     low[2] += 2 * MARGIN  # not the floor
                     start = time.perf_counter()
-                    found = model.find(box=(low.tolist(), high.tolist()))
+                    found = model.find(
+                        box=(low.tolist(), high.tolist()),
+                        min_score=args.min_score,
+                        color_tolerance=None if args.shape_only else args.color_tolerance,
+                    )
                     seconds[name].append(time.perf_counter() - start)
                     right, wrong = judged(found, example, kind)
                     sums[name] = [

@@ -727,6 +727,7 @@ def find_occurrences(
     max_found: int,
     resolution: float | None,
     tolerance: float | None,
+    color_tolerance: float | None,
     progress: ProgressCallback | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float: ...

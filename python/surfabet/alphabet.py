@@ -262,10 +262,11 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         point: Sequence[float] | None = None,
         radius: float | None = None,
         box: tuple[Sequence[float], Sequence[float]] | None = None,
-        min_score: float = 0.52,
+        min_score: float = 0.5,
         max_found: int = 1000,
         resolution: float | None = None,
         tolerance: float | None = None,
+        color_tolerance: float | None = 10.0,
         progress: Progress = None,
     ) -> list[FoundOccurrence]:
         """All places that look like an example in the scene: the surface within `radius` of `point`
@@ -284,7 +285,8 @@ class AlphabetModel(Model[_core.AlphabetModel]):
             Lowest and highest corner of an upright box around it, in place of a ball.
         min_score
             Least score of what is returned. Things of one kind seen from different sides score
-            0.5 to 0.85 against each other, unlike things up to 0.55.
+            0.5 to 0.85 against each other; unlike things score up to 0.55 by shape alone, less with
+            colours.
         max_found
             Most places.
         resolution
@@ -292,6 +294,11 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         tolerance
             Deviation of equal surfaces, metres; by default the median sigma of the example's
             occurrences.
+        color_tolerance
+            Deviation of equal colours in chroma, grey levels; luma, which changes with the light,
+            may differ three times as much. None goes by shape alone, as in a model without colours:
+            things of one shape are found in any colour, but not what lies flush with a wall, such
+            as a door.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -325,6 +332,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
                 max_found=max_found,
                 resolution=resolution,
                 tolerance=tolerance,
+                color_tolerance=color_tolerance,
                 progress=callback,
             )
         return [

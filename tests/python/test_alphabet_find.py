@@ -62,6 +62,24 @@ def test_equal_things_are_found_with_their_poses(model: sb.AlphabetModel) -> Non
         assert np.allclose(f.center, (f.pose @ [x, y, 0.6, 1])[:3])
 
 
+def test_doors_in_a_wall_are_found_by_their_colour() -> None:
+    wall = rectangle((0, 0, 0), (6, 0, 0), (0, 0, 2))
+    doors = [0.7, 2.9, 4.6]
+    x, z = wall[:, 0], wall[:, 2]
+    on_door = np.any([(x > d) & (x < d + 0.8) & (z < 1.6) for d in doors], axis=0)
+    colors = np.where(on_door[:, None], (170, 150, 110), (204, 200, 196)).astype(np.uint8)
+    wall[:, 1] += 0.012 * on_door
+    model = sb.learn_alphabet(sb.PointCloud(wall, colors=colors), sigma_scale=1.0, noise=0.004)
+    box = ((doors[1], -0.1, 0.0), (doors[1] + 0.8, 0.1, 1.6))
+    found = model.find(box=box)
+    assert sorted(f.center[0] - 0.4 for f in found) == pytest.approx(doors, abs=0.2)
+    assert found[0].score == 1.0
+    # By shape alone the wall is full of doors.
+    assert len(model.find(box=box, color_tolerance=None)) > 3
+    with pytest.raises(sb.InvalidInputError, match="color_tolerance is 0"):
+        model.find(box=box, color_tolerance=0.0)
+
+
 def test_a_box_and_a_ball_are_refused_together(model: sb.AlphabetModel) -> None:
     with pytest.raises(sb.InvalidInputError, match="either point and radius, or box"):
         model.find(point=(0, 0, 0), radius=1.0, box=((0, 0, 0), (1, 1, 1)))

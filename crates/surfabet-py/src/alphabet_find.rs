@@ -13,7 +13,8 @@ type FoundArrays<'py> =
 
 /// Poses (k, 4, 4), scores (k,) and centres (k, 3); documented in `surfabet.alphabet`.
 #[pyfunction]
-#[pyo3(signature = (model, *, ball, corners, min_score, max_found, resolution, tolerance, progress))]
+#[pyo3(signature = (model, *, ball, corners, min_score, max_found, resolution, tolerance, color_tolerance,
+                    progress))]
 #[allow(clippy::too_many_arguments)]
 fn find_occurrences<'py>(
     py: Python<'py>,
@@ -24,13 +25,14 @@ fn find_occurrences<'py>(
     max_found: usize,
     resolution: Option<f64>,
     tolerance: Option<f64>,
+    color_tolerance: Option<f64>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<FoundArrays<'py>> {
     let region = match ball {
         Some((center, radius)) => Region::Ball { center, radius },
         None => Region::Box { low: corners.0, high: corners.1 },
     };
-    let options = FindOptions { min_score, max_found, resolution, tolerance };
+    let options = FindOptions { min_score, max_found, resolution, tolerance, color_tolerance };
     let model = &model.get().model;
     let found: Vec<Found> = run(py, progress, |monitor| model.find(&region, &options, monitor))?;
     let poses =

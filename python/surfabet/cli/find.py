@@ -32,7 +32,9 @@ def find(
     point: Annotated[Point | None, Parameter(negative=())] = None,
     radius: PositiveFloat = None,
     box: Annotated[Box | None, Parameter(negative=())] = None,
-    min_score: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.52,
+    min_score: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.5,
+    color_tolerance: PositiveFloat = None,
+    shape_only: Flag = False,
     json: Flag = False,
     shared: SharedOptions = SHARED_OPTIONS,
     common: Common = COMMON,
@@ -57,11 +59,18 @@ def find(
         Lowest and highest corner of a box around the example instead, `X0 Y0 Z0 X1 Y1 Z1`.
     min_score
         Least score of what is told, 0 to 1.
+    color_tolerance
+        Deviation of equal colours in chroma, grey levels; luma may differ three times as much.
+        Default: 10.
+    shape_only
+        Leave colours out of account: find things of one shape in any colour.
     json
         Print one JSON object instead of lines.
     """
     if (box is None) == (point is None) or (point is None) != (radius is None):
         raise UsageError("give either --point and --radius, or --box")
+    if shape_only and color_tolerance is not None:
+        raise UsageError("--shape-only leaves no use for --color-tolerance")
     with common.progress() as progress:
         known = Shared.load(shared, progress)
         model = load_model(file, progress, known)
@@ -72,6 +81,7 @@ def find(
             radius=radius,
             box=None if box is None else (box[:3], box[3:]),
             min_score=min_score,
+            color_tolerance=None if shape_only else color_tolerance or 10.0,
             progress=progress,
         )
     if json:

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use surfabet_geom::{KdTree, Neighbor, Pose, Progress};
 
 use super::model::{AlphabetModel, Occurrence};
-use super::surface::Surface;
+use super::surface::{self, Surface};
 use crate::error::{Error, Result, positive};
 use crate::vector::dot;
 
@@ -29,6 +29,9 @@ const REFINED: [usize; 2] = [128, 512];
 /// Samples of the example that places are scored with.
 const MATCHED: usize = 4096;
 
+/// Shifts that are tried one after the other, as shares of the example's diagonal.
+const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
+
 /// Guesses that are refined.
 const GUESSES: usize = 2000;
 
@@ -49,6 +52,12 @@ const LEVEL: f64 = 0.8;
 
 /// Normals of one and the same surface differ by less, |cosine|.
 const ALIKE: f32 = 0.6;
+
+/// Occurrences whose colours are less alike than this are no pair.
+const SAME_COLOR: f64 = 0.1;
+
+/// Two finds that share more of their region are one thing.
+const OVERLAP: f64 = 0.35;
 
 /// Two finds are nearer than this share of the example's diagonal: one thing.
 const APART: f64 = 0.25;
@@ -127,7 +136,7 @@ impl Region {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FindOptions {
     /// Least score of what is found, 0 to 1. Things of one kind seen from different sides score 0.5 to 0.85 against
-    /// each other, unlike things up to 0.55.
+    /// each other; unlike things score up to 0.55 by shape alone, less with colours.
     pub min_score: f64,
     /// Most places that are found.
     pub max_found: usize,
@@ -135,11 +144,20 @@ pub struct FindOptions {
     pub resolution: Option<f64>,
     /// Deviation of equal surfaces, metres; by default sigma of the example's occurrences, their median.
     pub tolerance: Option<f64>,
+    /// Deviation of equal colours in chroma, grey levels; luma, which changes with the light, may differ three times as
+    /// much. `None` goes by shape alone, as in a model without colours.
+    pub color_tolerance: Option<f64>,
 }
 
 impl Default for FindOptions {
     fn default() -> Self {
-        Self { min_score: 0.52, max_found: 1000, resolution: None, tolerance: None }
+        Self {
+            min_score: 0.5,
+            max_found: 1000,
+            resolution: None,
+            tolerance: None,
+            color_tolerance: Some(10.0),
+        }
     }
 }
 
@@ -148,7 +166,11 @@ impl FindOptions {
         if !(0.0..=1.0).contains(&self.min_score) {
             return Err(Error::invalid("least score", self.min_score, "0 to 1"));
         }
-        for (name, value) in [("resolution", self.resolution), ("tolerance", self.tolerance)] {
+        for (name, value) in [
+            ("resolution", self.resolution),
+            ("tolerance", self.tolerance),
+            ("color_tolerance", self.color_tolerance),
+        ] {
             if let Some(value) = value {
                 positive(name, value, "positive and finite")?;
             }
@@ -213,10 +235,16 @@ impl AlphabetModel {
         let tolerance = options.tolerance.unwrap_or(sigma.max(0.25 * spacing));
         let surface = Surface::of(self, spacing, progress)?;
         let tree = KdTree::new(&surface.points)?;
-        let (pieces, sizes) = surface.pieces(&tree, progress)?;
+        let color_tolerance = options.color_tolerance.filter(|_| surface.colors.is_some());
+        // What lies flush is one piece with its wall: where colours tell things apart, pieces do not.
+        let (pieces, sizes) = match color_tolerance {
+            Some(_) => ((0..surface.len() as u32).collect(), vec![1; surface.len()]),
+            None => surface.pieces(&tree, progress)?,
+        };
         progress.check()?;
         let scene = Place { surface: &surface, tree: &tree, pieces: &pieces, sizes: &sizes };
-        let Some(template) = Template::new(&scene, &region, tolerance, diagonal)? else {
+        let Some(template) = Template::new(&scene, &region, tolerance, color_tolerance, diagonal)?
+        else {
             let place = format!("{example:?}");
             return Err(Error::invalid("region", place, "where the model has a surface"));
         };
@@ -245,7 +273,10 @@ impl AlphabetModel {
             .map(|(_, motion)| {
                 progress.check()?;
                 let reach = [6.0 * tolerance, tolerance];
-                let motion = template.refined(&scene, motion, REFINED[1], reach, 8);
+                let mut motion = template.refined(&scene, motion, REFINED[1], reach, 8);
+                if color_tolerance.is_some() {
+                    motion = template.slid(&scene, motion);
+                }
                 Ok((motion, template.matches(&scene, &motion, tolerance, MATCHED)))
             })
             .collect::<Result<_>>()?;
@@ -258,8 +289,8 @@ impl AlphabetModel {
             })
             .collect::<Result<_>>()?;
         finals.push((1.0, Motion { yaw: 0.0, shift: [0.0; 3] }));
-        template.keep_apart(&mut finals, 1.0, options.max_found);
         finals.retain(|(score, _)| *score >= options.min_score);
+        template.keep_apart(&mut finals, 1.0, options.max_found);
         let middle = example.center();
         let found = |(score, motion): (f64, Motion)| {
             let pose = template.pose(&motion, origin)?;
@@ -318,12 +349,15 @@ struct Template {
     pivot: [f64; 3],
     points: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// Which samples of the scene they are.
+    samples: Vec<u32>,
     /// Samples of each sample's piece.
     sizes: Vec<f64>,
     /// The share of each sample's piece that lies in the region.
     weights: Vec<f64>,
     tree: KdTree,
     tolerance: f64,
+    color_tolerance: Option<f64>,
     spacing: f64,
     diagonal: f64,
     /// Farthest sample from the pivot.
@@ -331,7 +365,13 @@ struct Template {
 }
 
 impl Template {
-    fn new(scene: &Place, region: &Region, tolerance: f64, diagonal: f64) -> Result<Option<Self>> {
+    fn new(
+        scene: &Place,
+        region: &Region,
+        tolerance: f64,
+        color_tolerance: Option<f64>,
+        diagonal: f64,
+    ) -> Result<Option<Self>> {
         let surface = scene.surface;
         let mut inside: Vec<u32> = (0..surface.len() as u32)
             .filter(|&i| region.contains(surface.points[i as usize].map(f64::from)))
@@ -366,10 +406,12 @@ impl Template {
             region: *region,
             pivot,
             normals: inside.iter().map(|&i| surface.normals[i as usize]).collect(),
+            color_tolerance,
             sizes: inside.iter().map(|&i| scene.size(i as usize)).collect(),
             tree: KdTree::new(&points)?,
             points,
             weights,
+            samples: inside,
             tolerance,
             spacing: surface.spacing,
             diagonal,
@@ -394,6 +436,13 @@ impl Template {
         (-0.5 * (along * along + gap * gap) / (tolerance * tolerance)).exp()
     }
 
+    /// How alike the i-th sample and the j-th of the scene are in the sizes of their pieces and in colour, 1 to 0.
+    fn alike(&self, scene: &Place, i: usize, j: usize) -> f64 {
+        let size = alike(self.sizes[i], scene.size(j));
+        let colors = |t| scene.surface.alike(self.samples[i] as usize, j, t);
+        size * self.color_tolerance.map_or(1.0, colors)
+    }
+
     /// How near the scene comes to each of the first `n` samples there, 1 to 0.
     fn matches(&self, scene: &Place, motion: &Motion, tolerance: f64, n: usize) -> Vec<f32> {
         let near = |i: usize| {
@@ -406,7 +455,7 @@ impl Template {
             let d = std::array::from_fn(|a| p[a] - q[a]);
             let turned = motion.turned(self.normals[i]).map(|c| c as f32);
             let normal = scene.surface.normals[near.index()];
-            let like = alike(self.sizes[i], scene.size(near.index()));
+            let like = self.alike(scene, i, near.index());
             (like * self.nearness(d, normal, turned, tolerance)) as f32
         };
         (0..self.points.len().min(n)).map(near).collect()
@@ -447,7 +496,7 @@ impl Template {
             let q = self.points[near.index()];
             let d = std::array::from_fn(|a| p[a] - q[a]);
             let turned = back.turned(scene.surface.normals[i as usize]).map(|c| c as f32);
-            let like = alike(self.sizes[near.index()], scene.size(i as usize));
+            let like = self.alike(scene, near.index(), i as usize);
             sum += weight * like * self.nearness(d, self.normals[near.index()], turned, tolerance);
         }
         sum / all.max(f64::MIN_POSITIVE)
@@ -524,6 +573,27 @@ impl Template {
         motion
     }
 
+    /// A motion shifted to where more matches: surfaces hold nothing along themselves, colours do.
+    fn slid(&self, scene: &Place, start: Motion) -> Motion {
+        let worth = |motion: &Motion| {
+            share(&self.matches(scene, motion, self.tolerance, REFINED[1]), &self.weights)
+        };
+        let mut best = (worth(&start), start);
+        for step in SLIDES.map(|share| share * self.diagonal) {
+            for axis in 0..3 {
+                for by in [-step, step] {
+                    let mut motion = best.1;
+                    motion.shift[axis] += by;
+                    let value = worth(&motion);
+                    if value > best.0 {
+                        best = (value, motion);
+                    }
+                }
+            }
+        }
+        best.1
+    }
+
     /// The best of motions that take the pivot to nearly one place (times `share`), at most `most`.
     fn keep_apart(&self, motions: &mut Vec<(f64, Motion)>, share: f64, most: usize) {
         let order = |m: &Motion| [m.shift[0], m.shift[1], m.shift[2], m.yaw];
@@ -539,7 +609,10 @@ impl Template {
                 let far: f64 = (0..3).map(|a| (k.1.shift[a] - m.1.shift[a]).powi(2)).sum();
                 // Before the end, one place may keep several directions.
                 let turn = (k.1.yaw - m.1.yaw).rem_euclid(TAU);
-                far < limit && (share >= 1.0 || turn.min(TAU - turn) < FRAC_PI_8)
+                if share >= 1.0 {
+                    return far < limit || self.overlap(&k.1, &m.1) > OVERLAP;
+                }
+                far < limit && turn.min(TAU - turn) < FRAC_PI_8
             };
             if kept.len() == most {
                 break;
@@ -549,6 +622,19 @@ impl Template {
             }
         }
         *motions = kept;
+    }
+
+    /// The share of the example that `other` takes to where `motion` takes its region.
+    fn overlap(&self, motion: &Motion, other: &Motion) -> f64 {
+        let back = Motion { yaw: -motion.yaw, shift: [0.0; 3] };
+        let n = self.points.len().min(REFINED[1]);
+        let inside = |i: usize| {
+            let p = self.moved(other, i).map(f64::from);
+            let d = std::array::from_fn(|a| (p[a] - self.pivot[a] - motion.shift[a]) as f32);
+            let turned = back.turned(d);
+            self.region.contains(std::array::from_fn(|a| turned[a] + self.pivot[a]))
+        };
+        (0..n).filter(|&i| inside(i)).count() as f64 / n as f64
     }
 
     /// In world coordinates.
@@ -718,13 +804,19 @@ fn guesses(
         }
         sum / total
     };
+    let hues = surface::hues(model);
+    let same_color = |i: usize, j: usize| match (&hues, template.color_tolerance) {
+        (Some(hues), Some(tolerance)) => surface::alike(hues[i], hues[j], tolerance) > SAME_COLOR,
+        _ => true,
+    };
     let mut motions: Vec<(f64, Motion)> = seeds
         .par_iter()
         .map(|&(_, k)| {
             progress.check()?;
             let e = &all[k];
             let mut best = Vec::new();
-            for (s, _) in all.iter().zip(&eligible).filter(|(_, e)| **e) {
+            let there = (0..all.len()).filter(|&j| eligible[j] && same_color(k, j));
+            for s in there.map(|j| &all[j]) {
                 let ratio = s.radius / e.radius;
                 if (s.rows[2][2].abs() - e.rows[2][2].abs()).abs() > 0.3
                     || !(0.4..2.5).contains(&ratio)

@@ -5,9 +5,10 @@ use surfabet_geom::{KdTree, Neighbor, Progress};
 
 use super::model::{AlphabetModel, Occurrence};
 use super::word::{PIXELS, Word};
+use crate::color::to_ycocg;
 use crate::disjoint::root;
 use crate::error::{Result, check_points};
-use crate::vector::dot;
+use crate::vector::{dot, minus};
 
 /// Distance of raw samples over the spacing of those that are kept, so that no place is skipped.
 const RAW: f64 = 0.7;
@@ -21,6 +22,9 @@ const SMOOTH: f32 = 0.94;
 /// Farthest that a neighbour in one piece lies from the other's plane, spacings.
 const STEP: f64 = 0.35;
 
+/// Luma, which changes with the light, may differ by so many times as much as chroma.
+const LIGHT: f64 = 3.0;
+
 /// Most samples.
 const LIMIT: u64 = 20_000_000;
 
@@ -32,6 +36,8 @@ pub(super) struct Surface {
     pub normals: Vec<[f32; 3]>,
     /// The occurrence that each sample is of, or one of several.
     pub occurrences: Vec<u32>,
+    /// Luma, orange and green chroma, 0 to 255, where the model has colours.
+    pub colors: Option<Vec<[f32; 3]>>,
     /// Metres.
     pub spacing: f64,
 }
@@ -73,8 +79,14 @@ impl Surface {
         progress.check()?;
         // Within a cube the order is that of the occurrences.
         raw.par_sort_by_key(|r| r.key);
-        let mut surface =
-            Self { points: Vec::new(), normals: Vec::new(), occurrences: Vec::new(), spacing };
+        let hues = hues(model);
+        let mut surface = Self {
+            points: Vec::new(),
+            normals: Vec::new(),
+            occurrences: Vec::new(),
+            colors: hues.as_ref().map(|_| Vec::new()),
+            spacing,
+        };
         for same in raw.chunk_by(|a, b| a.key == b.key) {
             let first = &same[0];
             let (mut point, mut normal) = ([0.0; 3], [0.0; 3]);
@@ -88,8 +100,17 @@ impl Surface {
             surface.points.push(point.map(|c| (c / same.len() as f64) as f32));
             surface.normals.push(normal.map(|c| (c / length) as f32));
             surface.occurrences.push(first.occurrence);
+            if let (Some(hues), Some(colors)) = (&hues, &mut surface.colors) {
+                colors.push(blend(same, hues, &occurrences));
+            }
         }
         Ok(surface)
+    }
+
+    /// How alike two samples are in colour, 1 to 0, at a deviation of the chromas of `tolerance` grey levels; 1
+    /// without colours.
+    pub fn alike(&self, i: usize, j: usize, tolerance: f64) -> f64 {
+        self.colors.as_ref().map_or(1.0, |colors| alike(colors[i], colors[j], tolerance))
     }
 
     pub fn len(&self) -> usize {
@@ -133,6 +154,30 @@ impl Surface {
         piece.iter().for_each(|&p| size[p as usize] += 1);
         Ok((piece, size))
     }
+}
+
+/// Luma, orange and green chroma of all occurrences, 0 to 255.
+pub(super) fn hues(model: &AlphabetModel) -> Option<Vec<[f32; 3]>> {
+    Some(model.colors()?.iter().map(|rgb| to_ycocg(rgb.map(f32::from))).collect())
+}
+
+/// How alike two colours are, 1 to 0.
+pub(super) fn alike(a: [f32; 3], b: [f32; 3], tolerance: f64) -> f64 {
+    let [luma, orange, green] = minus(a, b).map(f64::from);
+    let squared = (luma / LIGHT).powi(2) + orange * orange + green * green;
+    (-0.5 * squared / (tolerance * tolerance)).exp()
+}
+
+/// Mean colour of samples at one place; those of small words know it better.
+fn blend(same: &[Raw], hues: &[[f32; 3]], occurrences: &[Occurrence]) -> [f32; 3] {
+    let (mut sum, mut all) = ([0.0; 3], 0.0);
+    for r in same {
+        let k = r.occurrence as usize;
+        let weight = occurrences[k].radius.powi(-2) as f32;
+        (0..3).for_each(|c| sum[c] += weight * hues[k][c]);
+        all += weight;
+    }
+    sum.map(|c| c / all)
 }
 
 #[derive(Clone, Copy)]
