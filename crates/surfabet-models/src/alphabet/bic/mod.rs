@@ -10,7 +10,7 @@
 //! | `descriptor` | range-image patches along the normal | III-C |
 //! | `words` | all points within delta of a feature | eq. 1 |
 //! | `matching` | the nearest word of every feature | III-C |
-//! | `sparsify` | decoded points epsilon apart | eq. 2, 3 |
+//! | `sparsify`, `grid` | decoded points epsilon apart | eq. 2, 3 |
 //! | `likelihood` | of the scene given the decoded points | eq. 6 to 13 |
 //! | `score` | the BIC, changed in place by a candidate | eq. 4, 5 |
 //! | `learn` | the loop | III |
@@ -21,6 +21,7 @@
 mod decode;
 mod descriptor;
 mod features;
+mod grid;
 mod interest;
 mod learn;
 mod likelihood;

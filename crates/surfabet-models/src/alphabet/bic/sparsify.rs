@@ -9,6 +9,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use super::grid::{Arena, Block, Taken};
 use super::pose::Frame;
 use super::words::{BicWord, point_step};
 
@@ -62,167 +63,6 @@ impl Stamp {
     }
 }
 
-/// Cells of slightly more than two epsilon, by bucket: what is nearer than epsilon to a point lies in a block of two by
-/// two by two of them. Four by four by four cells share a hash, so that neighbours in space are neighbours in memory.
-#[derive(Debug, Clone, Copy, Default)]
-struct Cells {
-    per_metre: f32,
-    /// Of 32-bit hashes to the number of groups of cells.
-    shift: u32,
-}
-
-/// Odd factors that scatter the three coordinates of a group of cells.
-const FACTORS: [u32; 3] = [0x9e37_79b1, 0x85eb_ca77, 0xc2b2_ae3d];
-
-/// Bits of a cell's place in its group.
-const GROUP_BITS: u32 = 6;
-
-impl Cells {
-    /// Sixteen times as many buckets as points, since most cells of a group are empty; no more than two million while
-    /// these are twice as many.
-    fn new(points: usize, epsilon: f32) -> Self {
-        let bits = |n: usize| usize::BITS - n.leading_zeros();
-        let bits = bits(16 * points).min(bits(2 * points).max(21)).clamp(GROUP_BITS + 4, 30);
-        Self { per_metre: 0.499 / epsilon, shift: u32::BITS + GROUP_BITS - bits }
-    }
-
-    fn buckets(self) -> usize {
-        1 << (u32::BITS + GROUP_BITS - self.shift)
-    }
-
-    /// Hash and place in the group of a coordinate.
-    #[inline]
-    fn part(cell: f32, axis: usize) -> (u32, u32) {
-        let cell = cell as i32;
-        (((cell >> 2) as u32).wrapping_mul(FACTORS[axis]), (cell & 3) as u32)
-    }
-
-    #[inline]
-    fn join(self, x: (u32, u32), y: (u32, u32), z: (u32, u32)) -> usize {
-        let group = (x.0 ^ y.0 ^ z.0).wrapping_mul(FACTORS[0]) >> self.shift;
-        (group << GROUP_BITS | z.1 << 4 | y.1 << 2 | x.1) as usize
-    }
-
-    #[inline]
-    fn bucket(self, position: [f32; 3]) -> usize {
-        let part = |a: usize| Self::part((position[a] * self.per_metre).floor(), a);
-        self.join(part(0), part(1), part(2))
-    }
-
-    /// Buckets of the eight cells about a position, some perhaps the same.
-    #[inline]
-    fn around(self, position: [f32; 3]) -> [usize; 8] {
-        let parts: [[(u32, u32); 2]; 3] = std::array::from_fn(|a| {
-            let at = position[a] * self.per_metre;
-            let cell = at.floor();
-            let other = if at - cell < 0.5 { cell - 1.0 } else { cell + 1.0 };
-            [cell, other].map(|c| Self::part(c, a))
-        });
-        std::array::from_fn(|k| self.join(parts[0][k & 1], parts[1][k >> 1 & 1], parts[2][k >> 2]))
-    }
-}
-
-#[inline]
-fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    let d: [f32; 3] = std::array::from_fn(|i| a[i] - b[i]);
-    d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-}
-
-/// Points in the order of their buckets.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Arena {
-    pub points: Vec<Placed>,
-    starts: Vec<u32>,
-    cells: Cells,
-}
-
-impl Arena {
-    /// The arena, and which of `points` each of its points is.
-    fn new(points: &[Placed], epsilon: f32) -> (Self, Vec<u32>) {
-        let cells = Cells::new(points.len(), epsilon);
-        let buckets: Vec<u32> = points.iter().map(|p| cells.bucket(p.position) as u32).collect();
-        let mut starts = vec![0_u32; cells.buckets() + 1];
-        for &b in &buckets {
-            starts[b as usize + 1] += 1;
-        }
-        for b in 0..cells.buckets() {
-            starts[b + 1] += starts[b];
-        }
-        let mut next = starts.clone();
-        let mut order = vec![0_u32; points.len()];
-        for (i, &b) in buckets.iter().enumerate() {
-            order[next[b as usize] as usize] = i as u32;
-            next[b as usize] += 1;
-        }
-        let points = order.iter().map(|&i| points[i as usize]).collect();
-        (Self { points, starts, cells }, order)
-    }
-
-    /// Shows `visit` every point nearer than the square root of `limit`, some perhaps twice, until it returns false.
-    #[inline]
-    fn near(&self, position: [f32; 3], limit: f32, mut visit: impl FnMut(usize, &Placed) -> bool) {
-        if self.points.is_empty() {
-            return;
-        }
-        for bucket in self.cells.around(position) {
-            let from = self.starts[bucket] as usize;
-            let to = self.starts[bucket + 1] as usize;
-            for (i, p) in self.points[from..to].iter().enumerate() {
-                if squared_distance(p.position, position) < limit && !visit(from + i, p) {
-                    return;
-                }
-            }
-        }
-    }
-}
-
-/// Points that were kept so far, in lists by bucket.
-#[derive(Debug, Clone, Default)]
-struct Taken {
-    cells: Cells,
-    heads: Vec<u32>,
-    /// Position, and the next of the list.
-    nodes: Vec<([f32; 3], u32)>,
-    used: Vec<u32>,
-}
-
-impl Taken {
-    const END: u32 = u32::MAX;
-
-    fn reset(&mut self, points: usize, epsilon: f32) {
-        self.used.drain(..).for_each(|b| self.heads[b as usize] = Self::END);
-        self.nodes.clear();
-        self.cells = Cells::new(points, epsilon);
-        let buckets = self.cells.buckets().max(self.heads.len());
-        self.heads.resize(buckets, Self::END);
-    }
-
-    #[inline]
-    fn is_clear(&self, around: &[usize; 8], position: [f32; 3], limit: f32) -> bool {
-        around.iter().all(|&b| {
-            let mut at = self.heads[b];
-            while let Some((p, next)) = self.nodes.get(at as usize) {
-                if squared_distance(*p, position) < limit {
-                    return false;
-                }
-                at = *next;
-            }
-            true
-        })
-    }
-
-    #[inline]
-    fn take(&mut self, position: [f32; 3]) {
-        let bucket = self.cells.bucket(position);
-        let head = &mut self.heads[bucket];
-        if *head == Self::END {
-            self.used.push(bucket as u32);
-        }
-        self.nodes.push((position, *head));
-        *head = self.nodes.len() as u32 - 1;
-    }
-}
-
 /// Every occurrence's points, and which of them are kept.
 #[derive(Debug, Clone)]
 pub(super) struct Sparse {
@@ -233,7 +73,6 @@ pub(super) struct Sparse {
     /// Points of each owner.
     owner_starts: Vec<u32>,
     owned: Vec<u32>,
-    limit: f32,
 }
 
 /// Not seen in the change under way.
@@ -271,7 +110,6 @@ impl Change {
 impl Sparse {
     /// Sparsifies `points`, whose owners are below `owners`.
     pub fn new(points: &[Placed], owners: usize, epsilon: f32) -> Self {
-        let limit = epsilon * epsilon;
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         order.sort_unstable_by_key(|&i| points[i as usize].rank);
         let mut taken = Taken::default();
@@ -279,17 +117,17 @@ impl Sparse {
         let mut kept = vec![false; points.len()];
         for i in order {
             let position = points[i as usize].position;
-            if taken.is_clear(&taken.cells.around(position), position, limit) {
+            if taken.is_clear(&Block::about(position, epsilon), position) {
                 taken.take(position);
                 kept[i as usize] = true;
             }
         }
-        let (arena, order) = Arena::new(points, epsilon);
+        let (arena, order) = Arena::new(points, &kept, epsilon);
         let kept = order.into_iter().map(|i| kept[i as usize]).collect();
-        Self::from_kept(arena, kept, owners, epsilon)
+        Self::from_kept(arena, kept, owners)
     }
 
-    fn from_kept(arena: Arena, kept: Vec<bool>, owners: usize, epsilon: f32) -> Self {
+    fn from_kept(arena: Arena, kept: Vec<bool>, owners: usize) -> Self {
         let mut owner_starts = vec![0_u32; owners + 1];
         for p in &arena.points {
             owner_starts[p.owner as usize + 1] += 1;
@@ -305,7 +143,7 @@ impl Sparse {
             *at += 1;
         }
         let gone = vec![false; arena.points.len()];
-        Self { arena, kept, gone, owner_starts, owned, limit: epsilon * epsilon }
+        Self { arena, kept, gone, owner_starts, owned }
     }
 
     /// Points of an owner.
@@ -335,7 +173,8 @@ impl Sparse {
             }
             let p = self.arena.points[i];
             flips.push((p.position, p.owner, false));
-            self.arena.near(p.position, self.limit, |o, other| {
+            let block = Block::about(p.position, epsilon);
+            self.arena.near(&block, p.position, false, |o, other| {
                 let waits = !self.kept[o] && !self.gone[o] && marks[o] == UNSEEN;
                 if waits && other.rank > p.rank {
                     marks[o] = QUEUED;
@@ -366,10 +205,12 @@ impl Sparse {
                 (None, None) => break,
             };
             // Those taken so far come before this one.
-            let mut clear = taken.is_clear(&taken.cells.around(p.position), p.position, self.limit);
+            let block = Block::about(p.position, epsilon);
+            let mut clear = taken.is_clear(&block, p.position);
             behind.clear();
             if clear || before {
-                self.arena.near(p.position, self.limit, |o, other| {
+                // One that comes has to do with kept points only.
+                self.arena.near(&block, p.position, !before, |o, other| {
                     if other.rank > p.rank {
                         behind.push(o as u32);
                         return true;
@@ -384,15 +225,13 @@ impl Sparse {
             }
             match in_play {
                 Some(i) => marks[i as usize] = if clear { KEPT } else { DROPPED },
-                None => {
-                    added_kept.push(clear);
-                    if clear {
-                        taken.take(p.position);
-                    }
-                }
+                None => added_kept.push(clear),
             }
             if clear == before {
                 continue;
+            }
+            if clear {
+                taken.take(p.position);
             }
             flips.push((p.position, p.owner, clear));
             for &o in &behind {
@@ -413,7 +252,10 @@ impl Sparse {
             let at = i as usize;
             match change.marks[at] {
                 REMOVED => (self.gone[at], self.kept[at]) = (true, false),
-                KEPT => self.kept[at] = true,
+                KEPT => {
+                    self.kept[at] = true;
+                    self.arena.keep(at);
+                }
                 DROPPED => self.kept[at] = false,
                 _ => {}
             }
@@ -434,9 +276,9 @@ impl Sparse {
         }
         points.extend_from_slice(&change.added);
         kept.extend_from_slice(&change.added_kept);
-        let (arena, order) = Arena::new(&points, epsilon);
+        let (arena, order) = Arena::new(&points, &kept, epsilon);
         let kept = order.into_iter().map(|i| kept[i as usize]).collect();
-        Self::from_kept(arena, kept, owners, epsilon)
+        Self::from_kept(arena, kept, owners)
     }
 
     /// Number of kept points, M.
