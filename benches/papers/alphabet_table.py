@@ -103,6 +103,7 @@ def plot(out: Path, name: str, model: _core.BicAlphabetModel, title: str) -> Non
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import MaxNLocator
 
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
     trace = np.array(model.report_dict["objectives"]["bic"])
@@ -111,6 +112,7 @@ def plot(out: Path, name: str, model: _core.BicAlphabetModel, title: str) -> Non
     counts = np.sort(model.counts)[::-1]
     axes[1].bar(np.arange(1, len(counts) + 1), counts)
     axes[1].set(xlabel="word", ylabel="occurrences", title=f"{len(counts)} words")
+    axes[1].xaxis.set_major_locator(MaxNLocator(integer=True))
     out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / f"{name}.png", dpi=110)
     plt.close(figure)

@@ -16,6 +16,21 @@ pub(crate) fn to_rgb([y, co, cg]: [f32; 3]) -> [f32; 3] {
     [blue + co, green, blue]
 }
 
+/// Largest number of a [`code`], either way.
+pub(crate) const MAX_COLOR_CODE: i16 = 512;
+
+/// Luma, orange and green chroma of red, green and blue, in whole steps.
+pub(crate) fn code([r, g, b]: [f64; 3], step: u32) -> [i16; 3] {
+    let limit = f64::from(MAX_COLOR_CODE);
+    let ycc = [0.25 * (r + 2.0 * g + b), r - b, g - 0.5 * (r + b)];
+    ycc.map(|c| (c / f64::from(step)).round().clamp(-limit, limit) as i16)
+}
+
+/// Red, green and blue of a [`code`].
+pub(crate) fn of_code(code: [i16; 3], step: u32) -> [f32; 3] {
+    to_rgb(code.map(|c| f32::from(c) * step as f32))
+}
+
 /// A colour as three bytes.
 pub(crate) fn rounded(color: [f32; 3]) -> [u8; 3] {
     color.map(|c| c.round().clamp(0.0, 255.0) as u8)

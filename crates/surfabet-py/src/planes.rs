@@ -6,7 +6,7 @@ use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use surfabet::planes::{self, Fit, Frame, Patch, Points};
+use surfabet::planes::{self, Frame, Patch, Points};
 use surfabet::{PlaneModel, PlanesOptions};
 
 use crate::arrays::{column_f32, rows3};
@@ -103,12 +103,10 @@ fn random_planes<'py>(
     n_planes: usize,
     random_state: u64,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
-    let options = PlanesOptions { initial_patches: n_planes, random_state, ..Default::default() };
     let cloud = &cloud.get().cloud;
-    let (origin, frames) = run(py, None, |monitor| {
+    let (origin, frames) = run(py, None, |_| {
         let points = Points::new(cloud, None)?;
-        let fit = Fit::new(&points, &options, monitor)?;
-        let frames: Vec<Frame> = fit.patches().iter().map(|patch| patch.frame).collect();
+        let frames = planes::random_planes(&points, n_planes, random_state)?;
         Ok::<_, surfabet_models::Error>((points.origin(), frames))
     })?;
     let (centers, normals) = planes_of(origin, &frames);

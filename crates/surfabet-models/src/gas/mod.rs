@@ -40,9 +40,7 @@ mod topology;
 pub use decode::DecodeOptions;
 pub use index::{BruteForce, Index, Winner, Winners};
 pub use learn::learn;
-pub use model::{
-    GasHeader, GasModel, MAX_COLOR_CODE, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron,
-};
+pub use model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron};
 pub use network::{Graph, Network, Rates};
 pub use options::{GasOptions, MAX_NEURONS, Search};
 pub use syntax::Streams;

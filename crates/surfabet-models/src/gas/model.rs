@@ -7,7 +7,7 @@ use super::adjacency::Adjacency;
 use super::order::traversal;
 use super::statistics::Statistics;
 use super::syntax::{Parts, Streams, code_gas};
-use crate::color::{rounded, to_rgb};
+use crate::color::{self, rounded};
 use crate::error::{Error, Result};
 use crate::report::Report;
 use crate::size_code::{size_code, size_of_code};
@@ -20,9 +20,6 @@ pub const NORMAL_BITS: u32 = 8;
 
 /// Largest power of two of a position step, and the smallest's negative.
 pub const MAX_EXPONENT: i32 = 60;
-
-/// Largest code of a colour component.
-pub const MAX_COLOR_CODE: i16 = 512;
 
 /// A neuron as it is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -123,7 +120,7 @@ impl GasModel {
                     radius: size_code(statistics.radii[i] / unit),
                     thickness: size_code(statistics.thicknesses[i] / unit),
                     color: match (&statistics.colors, header.color_step) {
-                        (Some(colors), Some(step)) => color_code(colors[i], step),
+                        (Some(colors), Some(step)) => color::code(colors[i].map(f64::from), step),
                         _ => [0; 3],
                     },
                 }
@@ -241,7 +238,9 @@ impl GasModel {
 
     /// Colour of a neuron, 0..255, before it is rounded; grey without colours.
     pub(super) fn color(&self, i: usize) -> [f32; 3] {
-        self.header.color_step.map_or([127.0; 3], |step| color_of_code(self.neurons[i].color, step))
+        self.header
+            .color_step
+            .map_or([127.0; 3], |step| color::of_code(self.neurons[i].color, step))
     }
 
     /// Colours of all neurons, where they carry any.
@@ -268,14 +267,4 @@ impl GasModel {
     pub fn report(&self) -> &Report {
         &self.report
     }
-}
-
-fn color_code([r, g, b]: [f32; 3], step: u32) -> [i16; 3] {
-    let limit = f32::from(MAX_COLOR_CODE);
-    let ycc = [0.25 * (r + 2.0 * g + b), r - b, g - 0.5 * (r + b)];
-    ycc.map(|c| (c / step as f32).round().clamp(-limit, limit) as i16)
-}
-
-fn color_of_code(code: [i16; 3], step: u32) -> [f32; 3] {
-    to_rgb(code.map(|c| f32::from(c) * step as f32))
 }

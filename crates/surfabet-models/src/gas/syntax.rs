@@ -9,7 +9,8 @@ use surfabet_entropy::{Bit, Coder, SInt, UInt};
 use surfabet_geom::octahedral;
 
 use super::adjacency::Adjacency;
-use super::model::{GasHeader, MAX_COLOR_CODE, MAX_COORDINATE, NORMAL_BITS, Neuron};
+use super::model::{GasHeader, MAX_COORDINATE, NORMAL_BITS, Neuron};
+use crate::color::MAX_COLOR_CODE;
 
 /// Neighbours of neighbours that are asked about, at most: keeps damaged files from taking long.
 const MAX_CANDIDATES: usize = 32;

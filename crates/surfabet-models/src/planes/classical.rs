@@ -3,9 +3,12 @@
 use surfabet_geom::{Moments, Progress};
 
 use super::m_step::plane;
+use super::options::MAX_PATCHES;
 use super::patch::Frame;
 use super::points::Points;
+use super::seed;
 use crate::error::{Error, Result, positive};
+use crate::vector;
 
 /// Planes and the standard deviation of the points about them.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +21,18 @@ pub struct PlaneFit {
     pub standard_deviation: f64,
     /// Mean log-likelihood of a point after each iteration; it never falls.
     pub log_likelihood: Vec<f64>,
+}
+
+/// The planes of the `n` patches at random that learning starts from when it is asked to (experiment I), about the
+/// points' origin.
+///
+/// # Errors
+/// [`Error::InvalidParameter`] for none or more than [`MAX_PATCHES`].
+pub fn random_planes(points: &Points, n: usize, random_state: u64) -> Result<Vec<Frame>> {
+    if !(1..=MAX_PATCHES).contains(&n) {
+        return Err(Error::invalid("n_planes", n, "1 to 1048576"));
+    }
+    Ok(seed::random(points, n, random_state).into_iter().map(|patch| patch.frame).collect())
 }
 
 /// A mixture of planes with noise of one standard deviation, by expectation maximisation, as Healy and Westmacott
@@ -45,7 +60,7 @@ pub fn fit_planes(
     let mut planes = start
         .iter()
         .map(|&(center, normal)| {
-            let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let length = vector::length(normal);
             if !(length.is_finite() && length > 0.0 && center.iter().all(|c| c.is_finite())) {
                 let given = format!("{center:?} with normal {normal:?}");
                 return Err(Error::invalid(

@@ -43,14 +43,14 @@ mod syntax;
 mod tiles;
 mod trim;
 
-pub use classical::{PlaneFit, fit_planes};
+pub use classical::{PlaneFit, fit_planes, random_planes};
 pub use decode::DecodeOptions;
 pub use e_step::{Responsibilities, weight_scale};
 pub use fit::{Fit, Iteration};
 pub use learn::learn;
 pub use model::{
-    DIRECTIONS, MAX_COLOR_CODE, MAX_COORDINATE, MAX_DOUBLINGS, MAX_EXPONENT, MAX_MODEL_TILES,
-    MAX_PATCH_TILES, NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
+    DIRECTIONS, MAX_COORDINATE, MAX_DOUBLINGS, MAX_EXPONENT, MAX_MODEL_TILES, MAX_PATCH_TILES,
+    NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
 };
 pub use options::{MAX_PATCHES, PlanesOptions};
 pub use outline::PlaneMesh;

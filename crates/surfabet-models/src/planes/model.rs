@@ -8,10 +8,11 @@ use super::options::MAX_PATCHES;
 use super::patch::{Frame, Patch};
 use super::points::Points;
 use super::tiles::{MAX_TILES, Tiles};
-use crate::color::{rounded, to_rgb};
+use crate::color::{self, rounded};
 use crate::error::{Error, Result};
 use crate::report::Report;
 use crate::size_code::{size_code, size_of_code};
+use crate::vector;
 
 /// Largest coordinate in position steps, so that positions are exact in single precision.
 pub const MAX_COORDINATE: i32 = 1 << 23;
@@ -36,9 +37,6 @@ pub const MAX_PATCH_TILES: u64 = 2 * MAX_TILES as u64;
 
 /// Most tiles of all patches together, so that a small file cannot ask for much memory.
 pub const MAX_MODEL_TILES: u64 = 1 << 25;
-
-/// Largest code of a colour component.
-pub const MAX_COLOR_CODE: i16 = 512;
 
 /// Standard deviations are stored in this share of a position step.
 const DEVIATION_UNIT: f64 = 0.125;
@@ -168,7 +166,7 @@ impl PlaneModel {
         if let (Some(step), Some(colors)) = (header.color_step, cloud.colors()) {
             let means = tile_colors(points, &patches, &labels, colors);
             for (patch, means) in stored.iter_mut().zip(means) {
-                patch.colors = means.into_iter().map(|c| color_code(c, step)).collect();
+                patch.colors = means.into_iter().map(|c| color::code(c, step)).collect();
             }
         }
         header.check()?;
@@ -292,7 +290,7 @@ impl PlaneModel {
     /// Colours of the supported tiles of a patch; empty without colours.
     pub fn colors(&self, patch: usize) -> Vec<[u8; 3]> {
         let step = self.header.color_step.unwrap_or(1);
-        self.stored[patch].colors.iter().map(|&c| color_of_code(c, step)).collect()
+        self.stored[patch].colors.iter().map(|&c| rounded(color::of_code(c, step))).collect()
     }
 
     /// How the model was learned; empty for a model read from a file.
@@ -333,7 +331,7 @@ fn exponent(points: &Points, grid_size: f64) -> Result<i32> {
 /// The frame that a patch's plane has with direction zero.
 fn plain_frame(position: [i32; 3], normal: [i16; 2], step: f64) -> Frame {
     let normal = octahedral::integer_direction(normal.map(i32::from), NORMAL_BITS).map(f64::from);
-    let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let length = vector::length(normal);
     Frame::with_normal(position.map(|c| f64::from(c) * step), normal.map(|c| c / length))
 }
 
@@ -455,14 +453,4 @@ fn tile_colors(
             supported.map(|(sum, _)| if sum[3] > 0.0 { mean(sum) } else { whole }).collect()
         })
         .collect()
-}
-
-fn color_code([r, g, b]: [f64; 3], step: u32) -> [i16; 3] {
-    let limit = f64::from(MAX_COLOR_CODE);
-    let ycc = [0.25 * (r + 2.0 * g + b), r - b, g - 0.5 * (r + b)];
-    ycc.map(|c| (c / f64::from(step)).round().clamp(-limit, limit) as i16)
-}
-
-fn color_of_code(code: [i16; 3], step: u32) -> [u8; 3] {
-    rounded(to_rgb(code.map(|c| f32::from(c) * step as f32)))
 }

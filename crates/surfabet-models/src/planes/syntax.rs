@@ -8,9 +8,10 @@ use surfabet_entropy::{Bit, Coder, Price, SInt, UInt};
 use surfabet_geom::octahedral;
 
 use super::model::{
-    DIRECTIONS, MAX_COLOR_CODE, MAX_COORDINATE, MAX_DOUBLINGS, MAX_MODEL_TILES, MAX_PATCH_TILES,
-    NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
+    DIRECTIONS, MAX_COORDINATE, MAX_DOUBLINGS, MAX_MODEL_TILES, MAX_PATCH_TILES, NORMAL_BITS,
+    PARTS, PlaneModel, PlanesHeader, StoredPatch,
 };
+use crate::color::MAX_COLOR_CODE;
 
 use crate::size_code::MAX_SIZE_CODE;
 

@@ -14,6 +14,7 @@ use super::word::Word;
 use super::words::nearest_words;
 use crate::alphabet::{Upright, upright_frame};
 use crate::error::Result;
+use crate::vector;
 
 /// Planes sought per cell.
 const PLANES: usize = 3;
@@ -223,7 +224,7 @@ fn fitted(
         let x = m.try_inverse()? * b;
         let tilted: [f64; 3] =
             std::array::from_fn(|a| rows[2][a] - (x[1] * rows[0][a] + x[2] * rows[1][a]) / radius);
-        let length = tilted.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let length = vector::length(tilted);
         // The plane through the same point at the cell's middle.
         offset = (offset + x[0]) / length;
         normal = tilted.map(|c| c / length);

@@ -2,6 +2,7 @@
 
 use super::lattice::{UNITS, cell_center, offset_step, slope_steps};
 use crate::alphabet::{Upright, upright_frame};
+use crate::vector;
 
 /// One occurrence of a word, everything quantised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -57,7 +58,7 @@ impl Placement {
         let scale = u32::from(self.scale);
         let middle = cell_center(self.cell, scale).map(|c| c as f64);
         let towards = self.normal(level).map(|c| c as f64);
-        let length = towards.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let length = vector::length(towards);
         let along = towards.map(|c| c / length);
         let offset = (i64::from(self.offset) * offset_step(level)) as f64;
         let center: [f64; 3] = std::array::from_fn(|a| middle[a] + offset * along[a]);

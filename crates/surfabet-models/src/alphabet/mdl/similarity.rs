@@ -6,6 +6,7 @@ use surfabet_geom::Progress;
 use super::model::AlphabetModel;
 use super::word::{HEIGHT_STEPS, PIXELS, Word};
 use crate::error::Result;
+use crate::vector;
 
 /// Classes of inclination of a normal, from level to steep.
 const INCLINATIONS: usize = 4;
@@ -199,7 +200,7 @@ const CLASSES: usize = DISTANCES * RISES * 3 * 3 * TURNS;
 
 fn add(sums: &mut [f64], p: &[f64; 3], n: &[f64; 3], q: &[f64; 3], m: &[f64; 3], weight: f64) {
     let d: [f64; 3] = std::array::from_fn(|a| q[a] - p[a]);
-    let far = d.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let far = vector::length(d);
     let place = (2.0 * (far / NEAREST).log2()).clamp(0.0, (DISTANCES - 1) as f64 - 1e-9);
     let over = RISE_LIMITS.iter().filter(|&&limit| d[2].abs() >= limit).count();
     let rise = if d[2] < 0.0 { RISES / 2 - over } else { RISES / 2 + over };

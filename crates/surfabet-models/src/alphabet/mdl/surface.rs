@@ -8,7 +8,7 @@ use super::word::{PIXELS, Word};
 use crate::color::to_ycocg;
 use crate::disjoint::root;
 use crate::error::{Result, check_points};
-use crate::vector::{dot, minus};
+use crate::vector::{self, dot, minus};
 
 /// Distance of raw samples over the spacing of those that are kept, so that no place is skipped.
 const RAW: f64 = 0.7;
@@ -38,6 +38,8 @@ pub(super) struct Surface {
     pub occurrences: Vec<u32>,
     /// Luma, orange and green chroma, 0 to 255, where the model has colours.
     pub colors: Option<Vec<[f32; 3]>>,
+    /// The same of all occurrences.
+    pub hues: Option<Vec<[f32; 3]>>,
     /// Metres.
     pub spacing: f64,
 }
@@ -79,12 +81,15 @@ impl Surface {
         progress.check()?;
         // Within a cube the order is that of the occurrences.
         raw.par_sort_by_key(|r| r.key);
-        let hues = hues(model);
+        let to_hue = |rgb: &[u8; 3]| to_ycocg(rgb.map(f32::from));
+        let hues: Option<Vec<[f32; 3]>> =
+            model.colors().map(|colors| colors.iter().map(to_hue).collect());
         let mut surface = Self {
             points: Vec::new(),
             normals: Vec::new(),
             occurrences: Vec::new(),
             colors: hues.as_ref().map(|_| Vec::new()),
+            hues,
             spacing,
         };
         for same in raw.chunk_by(|a, b| a.key == b.key) {
@@ -96,11 +101,11 @@ impl Surface {
                 (0..3).for_each(|a| point[a] += r.point[a]);
                 (0..3).for_each(|a| normal[a] += dot.signum() * r.normal[a]);
             }
-            let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let length = vector::length(normal);
             surface.points.push(point.map(|c| (c / same.len() as f64) as f32));
             surface.normals.push(normal.map(|c| (c / length) as f32));
             surface.occurrences.push(first.occurrence);
-            if let (Some(hues), Some(colors)) = (&hues, &mut surface.colors) {
+            if let (Some(hues), Some(colors)) = (&surface.hues, &mut surface.colors) {
                 colors.push(blend(same, hues, &occurrences));
             }
         }
@@ -154,11 +159,6 @@ impl Surface {
         piece.iter().for_each(|&p| size[p as usize] += 1);
         Ok((piece, size))
     }
-}
-
-/// Luma, orange and green chroma of all occurrences, 0 to 255.
-pub(super) fn hues(model: &AlphabetModel) -> Option<Vec<[f32; 3]>> {
-    Some(model.colors()?.iter().map(|rgb| to_ycocg(rgb.map(f32::from))).collect())
 }
 
 /// How alike two colours are, 1 to 0.
