@@ -3,12 +3,12 @@
 #![allow(missing_docs)]
 
 use std::hint::black_box;
-use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use surfabet_benches::{bench_part, bench_stages, seconds};
 use surfabet_codec::{Container, Limits, alphabet, alphabet_bic as file};
 use surfabet_geom::{PointCloud, Silent};
-use surfabet_models::alphabet::bic::{BicModel, BicOptions, learn};
+use surfabet_models::alphabet::bic::{BicOptions, learn};
 use surfabet_models::alphabet::mdl::{self, MdlDecodeOptions, MdlOptions};
 use surfabet_sim::{LidarOptions, RoomOptions, Scene, scan_lidar};
 
@@ -21,11 +21,6 @@ fn scan() -> PointCloud {
     scans.swap_remove(0).cloud
 }
 
-/// Seconds of one stage of a run.
-fn seconds(model: &BicModel, stage: &str) -> f64 {
-    model.report().stages.iter().find(|s| s.name == stage).map_or(0.0, |s| s.seconds)
-}
-
 fn bic(criterion: &mut Criterion) {
     let cloud = scan();
     let options = BicOptions { iterations: 100, ..BicOptions::default() };
@@ -36,26 +31,16 @@ fn bic(criterion: &mut Criterion) {
 
     let mut group = criterion.benchmark_group("bic");
     group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
-    for stage in
-        ["extracting features", "describing features", "matching words", "removing occurrences"]
-    {
-        group.bench_function(stage, |b| {
-            b.iter_custom(|rounds| {
-                let run = |_| alphabet.describe(black_box(&cloud), &options, &Silent);
-                let of = |n| seconds(&run(n).expect("a cloud with points"), stage);
-                Duration::from_secs_f64((0..rounds).map(of).sum())
-            });
-        });
-    }
-    group.bench_function("BIC step", |b| {
-        b.iter_custom(|rounds| {
-            let run = |_| learn(black_box(&cloud), &options, &Silent).expect("a cloud with points");
-            let of = |n| {
-                let model = run(n);
-                seconds(&model, "choosing words") / model.report().iterations.max(1) as f64
-            };
-            Duration::from_secs_f64((0..rounds).map(of).sum())
-        });
+    let stages =
+        ["extracting features", "describing features", "matching words", "removing occurrences"];
+    bench_stages(&mut group, &stages, || {
+        let described = alphabet.describe(black_box(&cloud), &options, &Silent);
+        described.expect("a cloud with points").report().clone()
+    });
+    bench_part(&mut group, "BIC step", || {
+        let learned = learn(black_box(&cloud), &options, &Silent).expect("a cloud with points");
+        let steps = learned.report().iterations.max(1) as f64;
+        seconds(learned.report(), "choosing words") / steps
     });
     group.bench_function("decode", |b| {
         b.iter(|| black_box(&model).decode(u64::MAX, &Silent));
@@ -78,22 +63,8 @@ fn mdl(criterion: &mut Criterion) {
 
     let mut group = criterion.benchmark_group("mdl");
     group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
-    for stage in ["finding planes", "clustering words", "placing words", "choosing occurrences"] {
-        group.bench_function(stage, |b| {
-            b.iter_custom(|rounds| {
-                let of = |_| {
-                    let model = learn();
-                    model
-                        .report()
-                        .stages
-                        .iter()
-                        .find(|s| s.name == stage)
-                        .map_or(0.0, |s| s.seconds)
-                };
-                Duration::from_secs_f64((0..rounds).map(of).sum())
-            });
-        });
-    }
+    let stages = ["finding planes", "clustering words", "placing words", "choosing occurrences"];
+    bench_stages(&mut group, &stages, || learn().report().clone());
     group.bench_function("decode", |b| {
         b.iter(|| black_box(&model).decode(MdlDecodeOptions::default(), &Silent));
     });

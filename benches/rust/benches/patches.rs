@@ -2,9 +2,9 @@
 #![allow(missing_docs)]
 
 use std::hint::black_box;
-use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use surfabet_benches::bench_stages;
 use surfabet_codec::{Container, Limits, lattice as lattice_file, patches as file};
 use surfabet_geom::{PointCloud, Silent};
 use surfabet_models::patches::lattice::{self, LatticeOptions};
@@ -53,21 +53,12 @@ fn lattice_road(criterion: &mut Criterion) {
     group.bench_function("learn", |b| {
         b.iter(|| lattice::learn(black_box(&cloud), &options, &Silent));
     });
-    for stage in
-        ["finding axes", "merging points", "growing sheets", "choosing patches", "colouring"]
-    {
-        group.bench_function(stage, |b| {
-            b.iter_custom(|rounds| {
-                let seconds = |_| {
-                    let model = lattice::learn(black_box(&cloud), &options, &Silent);
-                    let report = model.expect("a cloud with points").report().clone();
-                    let of = report.stages.iter().find(|s| s.name == stage);
-                    of.map_or(0.0, |s| s.seconds)
-                };
-                Duration::from_secs_f64((0..rounds).map(seconds).sum())
-            });
-        });
-    }
+    let stages =
+        ["finding axes", "merging points", "growing sheets", "choosing patches", "colouring"];
+    bench_stages(&mut group, &stages, || {
+        let model = lattice::learn(black_box(&cloud), &options, &Silent);
+        model.expect("a cloud with points").report().clone()
+    });
     group.bench_function("write", |b| b.iter(|| lattice_file::write(black_box(&model))));
     group.bench_function("read", |b| {
         b.iter(|| lattice_file::read(&Container::parse(black_box(&bytes), &limits)?, &limits));
