@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from matplotlib import colormaps
@@ -17,6 +18,8 @@ import surfabet as sb
 from surfabet import datasets, report
 
 WIDTH, HEIGHT = 520, 390
+# Width of the two clouds of the README, pixels.
+COMPARISON = 1200
 # Side of a drawn point, metres: one for all clouds, so that none looks denser than it is.
 SPACING = 0.012
 MARGIN = 8
@@ -29,6 +32,7 @@ def main() -> None:
     scan = datasets.load_demo()
     cloud = scan.cloud
     camera = report.choose_camera(cloud)
+    comparison(folder / "demo.png", cloud)
     for resolution in (0.04, 0.02, 0.01):
         model = sb.learn_patches(cloud, method="hscsm", resolution=resolution)
         decoded = model.decode()
@@ -52,6 +56,21 @@ def main() -> None:
     color = entries_by_use(model, "color")
     tiles = [as_rgb(entry.reshape(3, 8, 8)) for entry in color[:ENTRIES]]
     save(folder / "color_dictionary.png", mosaic(tiles), colors=256)
+
+
+def comparison(path: Path, cloud: sb.PointCloud) -> None:
+    """The clouds of the README: those of the picture that `surfabet evaluate` draws."""
+    model = sb.learn_patches(cloud, resolution=0.02)
+    decoded = model.decode(as_measured=True)
+    quality = sb.evaluate(cloud, decoded, bytes=len(model.to_bytes()))
+    print(f"{model}\n  {quality}")
+    with TemporaryDirectory() as folder:
+        whole = Path(folder) / "whole.png"
+        report.draw_comparison(whole, cloud, decoded, quality)
+        picture = Image.open(whole).convert("RGB")
+    clouds = picture.crop((0, 0, picture.width, picture.height * 19 // 40))
+    height = COMPARISON * clouds.height // clouds.width
+    save(path, np.asarray(clouds.resize((COMPARISON, height))), colors=256)
 
 
 def print_figures(
