@@ -12,7 +12,6 @@ use super::model::{
     PARTS, PlaneModel, PlanesHeader, StoredPatch,
 };
 use crate::color::MAX_COLOR_CODE;
-
 use crate::size_code::MAX_SIZE_CODE;
 
 /// Directions that are remembered, the last used first.

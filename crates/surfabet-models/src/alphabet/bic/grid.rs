@@ -5,6 +5,7 @@
 //! since points come along a curve through space, neighbours in space are neighbours in memory.
 
 use super::sparsify::Placed;
+use crate::vector::{dot, minus};
 
 /// Odd factors that scatter the three coordinates of a group.
 const FACTORS: [u32; 3] = [0x9e37_79b1, 0x85eb_ca77, 0xc2b2_ae3d];
@@ -56,9 +57,9 @@ fn cell_of(position: [f32; 3], epsilon: f32) -> Cell {
 }
 
 #[inline]
-pub(super) fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    let d: [f32; 3] = std::array::from_fn(|i| a[i] - b[i]);
-    d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let d = minus(a, b);
+    dot(d, d)
 }
 
 /// Numbers of the groups that hold points. Groups whose hashes agree share a number.

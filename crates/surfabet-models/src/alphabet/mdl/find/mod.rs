@@ -81,12 +81,7 @@ impl AlphabetModel {
         let region = example.about(origin);
         let inside: Vec<Occurrence> =
             self.occurrences().filter(|o| example.contains(o.center)).collect();
-        let diagonal = match region {
-            Region::Box { low, high } => {
-                (0..3).map(|a| (high[a] - low[a]).powi(2)).sum::<f64>().sqrt()
-            }
-            Region::Ball { radius, .. } => 2.0 * radius,
-        };
+        let diagonal = region.diagonal();
         let spacing = options.resolution.unwrap_or((diagonal / FINENESS).max(LEAST_SPACING));
         let mut sigmas: Vec<f64> = inside.iter().map(|o| o.sigma).collect();
         sigmas.sort_by(f64::total_cmp);

@@ -1,6 +1,7 @@
 //! What to look for, and how.
 
 use crate::error::{Error, Result, positive};
+use crate::vector::{self, minus};
 
 /// What to look for, in world coordinates, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +61,14 @@ impl Region {
         match *self {
             Self::Box { low, high } => std::array::from_fn(|a| 0.5 * (low[a] + high[a])),
             Self::Ball { center, .. } => center,
+        }
+    }
+
+    /// Metres; of a ball its diameter.
+    pub(super) fn diagonal(&self) -> f64 {
+        match *self {
+            Self::Box { low, high } => vector::length(minus(high, low)),
+            Self::Ball { radius, .. } => 2.0 * radius,
         }
     }
 
