@@ -74,7 +74,7 @@ def comparison(path: Path, cloud: sb.PointCloud) -> None:
 
 
 def print_figures(
-    scan: datasets.SimulatedScan, model: sb.PatchModel, decoded: sb.PointCloud
+    scan: datasets.SimulatedScan, model: sb.HscsmModel, decoded: sb.PointCloud
 ) -> None:
     """Size, and errors against the scan and against the room itself."""
     n_bytes = len(model.to_bytes())
@@ -100,7 +100,7 @@ def draw(cloud: sb.PointCloud, rgb: NDArray[np.uint8], camera: report.Camera) ->
     return report.render(cloud, camera, rgb, spacing=SPACING, width=WIDTH, height=HEIGHT)
 
 
-def patch_colors(model: sb.PatchModel, decoded: sb.PointCloud) -> NDArray[np.uint8]:
+def patch_colors(model: sb.HscsmModel, decoded: sb.PointCloud) -> NDArray[np.uint8]:
     """A random colour per patch; `decoded` is `model.decode()`: four points per set pixel."""
     points_per_patch = 4 * model.masks().sum(axis=(1, 2))
     assert points_per_patch.sum() == len(decoded)
@@ -109,7 +109,7 @@ def patch_colors(model: sb.PatchModel, decoded: sb.PointCloud) -> NDArray[np.uin
     return np.repeat(palette[chosen], points_per_patch, axis=0)
 
 
-def entries_by_use(model: sb.PatchModel, channel: sb.patches.Channel) -> NDArray[np.float32]:
+def entries_by_use(model: sb.HscsmModel, channel: sb.patches.Channel) -> NDArray[np.float32]:
     """Dictionary entries, those that most patches use first."""
     entries = model.dictionary.concatenated(channel)[0]
     _, used, _ = model.codes(channel=channel)

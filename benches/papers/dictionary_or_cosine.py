@@ -80,7 +80,7 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def scene(name: str) -> tuple[sb.PointCloud, sb.LatticeModel]:
+def scene(name: str) -> tuple[sb.PointCloud, sb.PatchModel]:
     if name == "room":
         cloud = room()
         return cloud, sb.learn_patches(cloud, resolution=0.011)
@@ -123,7 +123,7 @@ class Columns:
 
 
 def measured_images(
-    cloud: sb.PointCloud, model: sb.LatticeModel
+    cloud: sb.PointCloud, model: sb.PatchModel
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Mean depth (m) and luma of all pixels of all patches, and which of them were measured."""
     patches = model.patches

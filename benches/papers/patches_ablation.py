@@ -171,7 +171,7 @@ def measure(scene: Scene, named: str, only_json: bool) -> None:
         sizes = parts(data)
         for way in row.decodes:
             spacing = way.pixels * model.levels[-1].pixel_size
-            thick = {} if isinstance(model, sb.PatchModel) else {"as_measured": way.as_measured}
+            thick = {} if isinstance(model, sb.HscsmModel) else {"as_measured": way.as_measured}
             decoded = model.decode(spacing, **thick)
             q = sb.evaluate(reference, decoded, normal_neighbors=None)
             result = {

@@ -34,9 +34,9 @@ from surfabet.geometry import (
     random_downsample,
     voxel_downsample,
 )
-from surfabet.hscsm import PatchDictionary, Patches, PatchLevel, PatchModel
+from surfabet.hscsm import HscsmDictionary, Patches, PatchLevel, HscsmModel
 from surfabet.io import read, write
-from surfabet.lattice import LatticeLevel, LatticeModel, LatticePatches
+from surfabet.lattice import LatticeLevel, PatchModel, LatticePatches
 from surfabet.learning import LearningReport
 from surfabet.metrics import Quality, RangeSigma, evaluate
 from surfabet.patches import learn_patches
@@ -63,7 +63,7 @@ __all__ = [
     "InvalidInputError",
     "KdTree",
     "LatticeLevel",
-    "LatticeModel",
+    "PatchModel",
     "LatticePatches",
     "LearningReport",
     "LostAttributeWarning",
@@ -72,9 +72,9 @@ __all__ = [
     "NormalEstimate",
     "Occurrences",
     "Octree",
-    "PatchDictionary",
+    "HscsmDictionary",
     "PatchLevel",
-    "PatchModel",
+    "HscsmModel",
     "Patches",
     "PlaneFit",
     "PlaneMesh",

@@ -380,9 +380,9 @@ def learn_patches(
     iterations: int,
     sensor: str,
     random_state: int,
-    dictionary: PatchDictionary | None,
+    dictionary: HscsmDictionary | None,
     progress: ProgressCallback | None,
-) -> PatchModel: ...
+) -> HscsmModel: ...
 def learn_lattice(
     cloud: PointCloud,
     *,
@@ -397,10 +397,10 @@ def learn_lattice(
     max_error: float | None,
     sensor: str,
     progress: ProgressCallback | None,
-) -> LatticeModel: ...
+) -> PatchModel: ...
 
 _AnyModel: TypeAlias = (
-    AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel | PlaneModel
+    AlphabetModel | BicAlphabetModel | GasModel | PatchModel | HscsmModel | PlaneModel
 )
 
 def from_bytes(
@@ -408,7 +408,7 @@ def from_bytes(
     *,
     max_items: int,
     max_bytes: int,
-    dictionary: PatchDictionary | None,
+    dictionary: HscsmDictionary | None,
     alphabet: Alphabet | None,
     bic_alphabet: BicAlphabet | None,
 ) -> _AnyModel: ...
@@ -417,7 +417,7 @@ def load(
     *,
     max_items: int,
     max_bytes: int,
-    dictionary: PatchDictionary | None,
+    dictionary: HscsmDictionary | None,
     alphabet: Alphabet | None,
     bic_alphabet: BicAlphabet | None,
 ) -> _AnyModel: ...
@@ -426,7 +426,7 @@ def inspect(
     *,
     max_items: int,
     max_bytes: int,
-    dictionary: PatchDictionary | None,
+    dictionary: HscsmDictionary | None,
     alphabet: Alphabet | None,
     bic_alphabet: BicAlphabet | None,
 ) -> tuple[str, str, list[tuple[str, int]], _AnyModel]: ...
@@ -567,7 +567,7 @@ class BicAlphabetModel:
     def __len__(self) -> int: ...
 
 @final
-class PatchModel:
+class HscsmModel:
     def decode(
         self,
         *,
@@ -595,7 +595,7 @@ class PatchModel:
     def masks(self, level: int) -> NDArray[np.bool_]: ...
     def means(self, level: int, channel: str) -> NDArray[np.float64]: ...
     def dictionary(self, level: int, channel: str) -> NDArray[np.float32]: ...
-    def dictionaries(self) -> PatchDictionary: ...
+    def dictionaries(self) -> HscsmDictionary: ...
     @property
     def shares_dictionary(self) -> bool: ...
     def codes(
@@ -604,7 +604,7 @@ class PatchModel:
     def __len__(self) -> int: ...
 
 @final
-class LatticeModel:
+class PatchModel:
     def decode(
         self,
         *,
@@ -639,7 +639,7 @@ class LatticeModel:
     def __len__(self) -> int: ...
 
 @final
-class PatchDictionary:
+class HscsmDictionary:
     @property
     def levels(self) -> list[tuple[float, int]]: ...
     @property

@@ -14,8 +14,8 @@ from surfabet.alphabet import Alphabet, AlphabetModel
 from surfabet.alphabet_bic import BicAlphabet, BicAlphabetModel
 from surfabet.errors import FormatError
 from surfabet.gas import GasModel
-from surfabet.hscsm import PatchDictionary, PatchModel
-from surfabet.lattice import LatticeModel
+from surfabet.hscsm import HscsmDictionary, HscsmModel
+from surfabet.lattice import PatchModel
 from surfabet.metrics import RangeSigma
 from surfabet.planes import PlaneModel
 
@@ -46,7 +46,7 @@ SECTIONS = {
     "SIZE": "sizes",
 }
 
-AnyModel = AlphabetModel | BicAlphabetModel | GasModel | LatticeModel | PatchModel | PlaneModel
+AnyModel = AlphabetModel | BicAlphabetModel | GasModel | PatchModel | HscsmModel | PlaneModel
 """A model of any family."""
 
 
@@ -73,7 +73,7 @@ class FileInfo:
 def load(
     path: str | os.PathLike[str],
     *,
-    dictionary: PatchDictionary | None = None,
+    dictionary: HscsmDictionary | None = None,
     alphabet: Alphabet | BicAlphabet | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
@@ -111,12 +111,12 @@ def load(
 def from_bytes(
     data: bytes,
     *,
-    dictionary: PatchDictionary | None = None,
+    dictionary: HscsmDictionary | None = None,
     alphabet: Alphabet | BicAlphabet | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
 ) -> AnyModel:
-    """As `load`, from bytes as `PatchModel.to_bytes` gives them."""
+    """As `load`, from bytes as `HscsmModel.to_bytes` gives them."""
     core = _core.from_bytes(
         data,
         max_items=max_items,
@@ -129,7 +129,7 @@ def from_bytes(
 def inspect(
     path: str | os.PathLike[str],
     *,
-    dictionary: PatchDictionary | None = None,
+    dictionary: HscsmDictionary | None = None,
     alphabet: Alphabet | BicAlphabet | None = None,
 ) -> FileInfo:
     """What a model file holds, with the bytes of each part.
@@ -156,7 +156,7 @@ def inspect(
 
 
 def _shared(
-    dictionary: PatchDictionary | None, alphabet: Alphabet | BicAlphabet | None
+    dictionary: HscsmDictionary | None, alphabet: Alphabet | BicAlphabet | None
 ) -> dict[str, Any]:
     return {
         "dictionary": None if dictionary is None else dictionary._core,
@@ -173,12 +173,12 @@ def _wrapped(core: _core._AnyModel) -> AnyModel:
             return BicAlphabetModel(core)
         case _core.GasModel():
             return GasModel(core)
-        case _core.LatticeModel():
-            return LatticeModel(core)
+        case _core.PatchModel():
+            return PatchModel(core)
         case _core.PlaneModel():
             return PlaneModel(core)
         case _:
-            return PatchModel(core)
+            return HscsmModel(core)
 
 
 def _options(model: AnyModel) -> dict[str, Any]:
@@ -189,7 +189,7 @@ def _options(model: AnyModel) -> dict[str, Any]:
             return _bic_options(model)
         case GasModel():
             return _gas_options(model)
-        case LatticeModel():
+        case PatchModel():
             return _lattice_options(model)
         case PlaneModel():
             return _plane_options(model)
@@ -243,7 +243,7 @@ def _gas_options(model: GasModel) -> dict[str, Any]:
     }
 
 
-def _lattice_options(model: LatticeModel) -> dict[str, Any]:
+def _lattice_options(model: PatchModel) -> dict[str, Any]:
     options: dict[str, Any] = {
         "method": "rate-distortion",
         "levels": len(model.levels),
@@ -276,7 +276,7 @@ def _plane_options(model: PlaneModel) -> dict[str, Any]:
     }
 
 
-def _hscsm_options(model: PatchModel) -> dict[str, Any]:
+def _hscsm_options(model: HscsmModel) -> dict[str, Any]:
     options: dict[str, Any] = {
         "method": "hscsm",
         "levels": len(model.levels),

@@ -19,7 +19,7 @@ from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
 from surfabet.model import MAX_POINTS, Model
 
-__all__ = ["PatchDictionary", "PatchLevel", "PatchModel", "Patches", "SparseColumns", "learn"]
+__all__ = ["HscsmDictionary", "PatchLevel", "HscsmModel", "Patches", "SparseColumns", "learn"]
 
 Channel = Literal["depth", "color"]
 
@@ -55,7 +55,7 @@ class SparseColumns:
     offsets: NDArray[np.int64]
     """(m + 1,)."""
     atoms: NDArray[np.int64]
-    """Entries of the concatenated dictionary (`PatchDictionary.concatenated`)."""
+    """Entries of the concatenated dictionary (`HscsmDictionary.concatenated`)."""
     coefficients: NDArray[np.float64]
     """Metres for depth, 0..255 for colour."""
 
@@ -88,16 +88,16 @@ class Patches:
 
 
 @final
-class PatchDictionary:
+class HscsmDictionary:
     """The dictionaries of a model, for other clouds to be described with; immutable.
 
-    Made by `PatchModel.dictionary`. A model that `encode` makes holds no dictionary in its file,
+    Made by `HscsmModel.dictionary`. A model that `encode` makes holds no dictionary in its file,
     only the hash of this one, and needs it again when it is loaded.
     """
 
     __slots__ = ("_core",)
 
-    def __init__(self, core: _core.PatchDictionary) -> None:
+    def __init__(self, core: _core.HscsmDictionary) -> None:
         self._core = core
 
     @property
@@ -135,7 +135,7 @@ class PatchDictionary:
         offsets = np.cumsum([0, *map(len, found)], dtype=np.int64)
         return np.concatenate(found), offsets
 
-    def encode(self, cloud: PointCloud, **options: Any) -> PatchModel:
+    def encode(self, cloud: PointCloud, **options: Any) -> HscsmModel:
         """Describes a cloud in these dictionaries: nothing is learned.
 
         Parameters
@@ -159,7 +159,7 @@ class PatchDictionary:
         return learn(cloud, dictionary=self, **{**hierarchy, **options})
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, PatchDictionary) and self.hash == other.hash
+        return isinstance(other, HscsmDictionary) and self.hash == other.hash
 
     def __hash__(self) -> int:
         return hash(self.hash)
@@ -167,14 +167,14 @@ class PatchDictionary:
     def __repr__(self) -> str:
         color = self.color or ()
         return (
-            f"PatchDictionary({' + '.join(str(len(d)) for d in self.depth)} depth"
+            f"HscsmDictionary({' + '.join(str(len(d)) for d in self.depth)} depth"
             + (f" and {' + '.join(str(len(d)) for d in color)} colour" if color else "")
             + f" entries, {self.hash})"
         )
 
 
 @final
-class PatchModel(Model[_core.PatchModel]):
+class HscsmModel(Model[_core.HscsmModel]):
     """A cloud as sparse-coded surface patches; immutable.
 
     Made by `learn_patches` and `surfabet.load`.
@@ -245,9 +245,9 @@ class PatchModel(Model[_core.PatchModel]):
         return self._core.means(level, channel)
 
     @property
-    def dictionary(self) -> PatchDictionary:
+    def dictionary(self) -> HscsmDictionary:
         """The dictionaries of all levels, for other clouds to be described with."""
-        return PatchDictionary(self._core.dictionaries())
+        return HscsmDictionary(self._core.dictionaries())
 
     @property
     def shares_dictionary(self) -> bool:
@@ -312,7 +312,7 @@ class PatchModel(Model[_core.PatchModel]):
             + " entries"
             for level in self.levels
         )
-        return f"PatchModel({self.n_points} points as {levels})"
+        return f"HscsmModel({self.n_points} points as {levels})"
 
 
 def learn(
@@ -334,9 +334,9 @@ def learn(
     iterations: int = 8,
     sensor: Literal["structured-light", "constant"] = "structured-light",
     random_state: int = 0,
-    dictionary: PatchDictionary | None = None,
+    dictionary: HscsmDictionary | None = None,
     progress: Progress = None,
-) -> PatchModel:
+) -> HscsmModel:
     """As `surfabet.learn_patches` with `method="hscsm"`, or in a given dictionary."""
     with progress_callback(progress) as callback:
         learned = _core.learn_patches(
@@ -360,4 +360,4 @@ def learn(
             dictionary=None if dictionary is None else dictionary._core,
             progress=callback,
         )
-    return PatchModel(learned)
+    return HscsmModel(learned)

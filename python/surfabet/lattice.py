@@ -17,7 +17,7 @@ from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.model import MAX_POINTS, Model
 
-__all__ = ["LatticeLevel", "LatticeModel", "LatticePatches", "learn"]
+__all__ = ["LatticeLevel", "PatchModel", "LatticePatches", "learn"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class LatticePatches:
     facing: NDArray[np.int64]
     """1 where the surface is seen from growing depth, -1 from falling depth, (m,)."""
     level: NDArray[np.int64]
-    """Level, 0 the coarsest as in `LatticeModel.levels`, (m,)."""
+    """Level, 0 the coarsest as in `PatchModel.levels`, (m,)."""
     size: NDArray[np.float64]
     """Side of each patch, (m,), metres."""
     masks: NDArray[np.bool_]
@@ -65,7 +65,7 @@ class LatticePatches:
 
 
 @final
-class LatticeModel(Model[_core.LatticeModel]):
+class PatchModel(Model[_core.PatchModel]):
     """A cloud as surface patches on a lattice, with thickness and colour; immutable.
 
     Made by `learn_patches` and `surfabet.load`.
@@ -171,7 +171,7 @@ class LatticeModel(Model[_core.LatticeModel]):
     def __repr__(self) -> str:
         counts = " + ".join(str(level.patches) for level in self.levels)
         return (
-            f"LatticeModel({self.n_points} points as {counts} patches with pixels of "
+            f"PatchModel({self.n_points} points as {counts} patches with pixels of "
             f"{' / '.join(f'{level.pixel_size:g}' for level in self.levels)} m"
             + (", coloured" if self.has_color else "")
             + ")"
@@ -193,7 +193,7 @@ def learn(
     sensor: Literal["structured-light", "constant"] = "structured-light",
     random_state: int = 0,
     progress: Progress = None,
-) -> LatticeModel:
+) -> PatchModel:
     """As `surfabet.learn_patches` with `method="rate-distortion"`."""
     del random_state
     with progress_callback(progress) as callback:
@@ -211,4 +211,4 @@ def learn(
             sensor=sensor,
             progress=callback,
         )
-    return LatticeModel(learned)
+    return PatchModel(learned)

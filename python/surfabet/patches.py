@@ -12,8 +12,8 @@ from surfabet import hscsm, lattice
 from surfabet._core import PointCloud
 from surfabet._progress import Progress
 from surfabet.errors import InvalidInputError
-from surfabet.hscsm import PatchModel
-from surfabet.lattice import LatticeModel
+from surfabet.hscsm import HscsmModel
+from surfabet.lattice import PatchModel
 
 __all__ = ["learn_patches"]
 
@@ -35,7 +35,7 @@ def learn_patches(
     sensor: Literal["structured-light", "constant"] = ...,
     random_state: int = ...,
     progress: Progress = ...,
-) -> LatticeModel: ...
+) -> PatchModel: ...
 @overload
 def learn_patches(
     cloud: PointCloud,
@@ -58,14 +58,14 @@ def learn_patches(
     sensor: Literal["structured-light", "constant"] = ...,
     random_state: int = ...,
     progress: Progress = ...,
-) -> PatchModel: ...
+) -> HscsmModel: ...
 def learn_patches(
     cloud: PointCloud,
     *,
     method: Literal["rate-distortion", "hscsm"] = "rate-distortion",
     progress: Progress = None,
     **options: Any,
-) -> LatticeModel | PatchModel:
+) -> PatchModel | HscsmModel:
     """Learns a model of surface patches from a cloud.
 
     Two methods share the idea of patches with depth, colour and bitmask on several levels:
@@ -151,7 +151,7 @@ def learn_patches(
 
     Returns
     -------
-    LatticeModel or PatchModel
+    PatchModel or HscsmModel
         The same for the same cloud, options and seed, whatever the number of threads.
 
     Raises
@@ -175,7 +175,7 @@ def learn_patches(
     return LEARNERS[method](cloud, progress=progress, **options)
 
 
-LEARNERS: dict[str, Callable[..., LatticeModel | PatchModel]] = {
+LEARNERS: dict[str, Callable[..., PatchModel | HscsmModel]] = {
     "rate-distortion": lattice.learn,
     "hscsm": hscsm.learn,
 }

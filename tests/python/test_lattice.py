@@ -38,7 +38,7 @@ def cloud() -> sb.PointCloud:
 
 
 @pytest.fixture(scope="module")
-def model(cloud: sb.PointCloud) -> sb.LatticeModel:
+def model(cloud: sb.PointCloud) -> sb.PatchModel:
     return sb.learn_patches(cloud, resolution=PIXEL)
 
 
@@ -88,7 +88,7 @@ def test_a_file_gives_the_model_back(cloud, model, tmp_path):
     path = tmp_path / "corner.sfb"
     assert model.save(path) == path.stat().st_size == len(model.to_bytes())
     again = sb.load(path)
-    assert isinstance(again, sb.LatticeModel)
+    assert isinstance(again, sb.PatchModel)
     assert again.to_bytes() == model.to_bytes()
     np.testing.assert_array_equal(again.decode().points, model.decode().points)
     info = sb.inspect(path)
@@ -99,10 +99,10 @@ def test_a_file_gives_the_model_back(cloud, model, tmp_path):
 
 def test_the_file_of_the_first_release_reads_as_ever():
     golden = Path(__file__).parents[1] / "golden"
-    model = sb.load(golden / "lattice_0_1.sfb")
-    assert model.to_bytes() == (golden / "lattice_0_1.sfb").read_bytes()
+    model = sb.load(golden / "patches_0_1.sfb")
+    assert model.to_bytes() == (golden / "patches_0_1.sfb").read_bytes()
     decoded = model.decode(0.01, as_measured=True)
-    wanted = np.loadtxt(golden / "lattice_0_1.txt")
+    wanted = np.loadtxt(golden / "patches_0_1.txt")
     np.testing.assert_allclose(decoded.points, wanted[:, :3], atol=2e-6)
     assert np.abs(decoded.colors.astype(int) - wanted[:, 3:]).max() <= 1
 

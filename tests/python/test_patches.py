@@ -32,7 +32,7 @@ def cloud() -> sb.PointCloud:
 
 
 @pytest.fixture(scope="module")
-def model(cloud: sb.PointCloud) -> sb.PatchModel:
+def model(cloud: sb.PointCloud) -> sb.HscsmModel:
     return sb.learn_patches(cloud, method="hscsm", resolution=PIXEL, iterations=3)
 
 
@@ -224,7 +224,7 @@ def test_a_real_frame():
     assert quality.rmse_pooled < 0.006
 
 
-def learn_hierarchy(cloud: sb.PointCloud) -> sb.PatchModel:
+def learn_hierarchy(cloud: sb.PointCloud) -> sb.HscsmModel:
     return sb.learn_patches(
         cloud,
         method="hscsm",
@@ -237,7 +237,7 @@ def learn_hierarchy(cloud: sb.PointCloud) -> sb.PatchModel:
 
 
 @pytest.fixture(scope="module")
-def levelled(cloud: sb.PointCloud) -> sb.PatchModel:
+def levelled(cloud: sb.PointCloud) -> sb.HscsmModel:
     return learn_hierarchy(cloud)
 
 

@@ -6,10 +6,10 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use surfabet_benches::{bench_part, bench_stages, seconds};
-use surfabet_codec::{Container, Limits, alphabet, alphabet_bic as file};
+use surfabet_codec::{Container, Limits, alphabet as alphabet_file, bic_alphabet as file};
 use surfabet_geom::{PointCloud, Silent};
-use surfabet_models::alphabet::bic::{BicOptions, learn};
-use surfabet_models::alphabet::mdl::{self, MdlDecodeOptions, MdlOptions};
+use surfabet_models::alphabet::{self, AlphabetOptions, MdlDecodeOptions};
+use surfabet_models::bic_alphabet::{BicAlphabetOptions, learn};
 use surfabet_sim::{LidarOptions, RoomOptions, Scene, scan_lidar};
 
 /// One laser scan of a furnished room.
@@ -23,7 +23,7 @@ fn scan() -> PointCloud {
 
 fn bic(criterion: &mut Criterion) {
     let cloud = scan();
-    let options = BicOptions { iterations: 100, ..BicOptions::default() };
+    let options = BicAlphabetOptions { iterations: 100, ..BicAlphabetOptions::default() };
     let model = learn(&cloud, &options, &Silent).expect("a cloud with points");
     let alphabet = model.alphabet().clone();
     let bytes = file::write(&model).expect("a model of our own");
@@ -55,10 +55,11 @@ fn bic(criterion: &mut Criterion) {
 /// By description length, stage by stage, and both ways through a file.
 fn mdl(criterion: &mut Criterion) {
     let cloud = scan();
-    let options = MdlOptions::default();
-    let learn = || mdl::learn(black_box(&cloud), &options, &Silent).expect("a cloud with points");
+    let options = AlphabetOptions::default();
+    let learn =
+        || alphabet::learn(black_box(&cloud), &options, &Silent).expect("a cloud with points");
     let model = learn();
-    let bytes = alphabet::write(&model).expect("a model of our own");
+    let bytes = alphabet_file::write(&model).expect("a model of our own");
     let limits = Limits::default();
 
     let mut group = criterion.benchmark_group("mdl");
@@ -68,9 +69,11 @@ fn mdl(criterion: &mut Criterion) {
     group.bench_function("decode", |b| {
         b.iter(|| black_box(&model).decode(MdlDecodeOptions::default(), &Silent));
     });
-    group.bench_function("write", |b| b.iter(|| alphabet::write(black_box(&model))));
+    group.bench_function("write", |b| b.iter(|| alphabet_file::write(black_box(&model))));
     group.bench_function("read", |b| {
-        b.iter(|| alphabet::read(&Container::parse(black_box(&bytes), &limits)?, &limits, None));
+        b.iter(|| {
+            alphabet_file::read(&Container::parse(black_box(&bytes), &limits)?, &limits, None)
+        });
     });
     group.finish();
 }

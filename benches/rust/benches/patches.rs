@@ -5,10 +5,11 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use surfabet_benches::bench_stages;
-use surfabet_codec::{Container, Limits, lattice as lattice_file, patches as file};
+use surfabet_codec::{Container, Limits, hscsm as file, patches as patches_file};
 use surfabet_geom::{PointCloud, Silent};
-use surfabet_models::patches::lattice::{self, LatticeOptions};
-use surfabet_models::patches::{DecodeOptions, PatchOptions, learn};
+use surfabet_models::DecodeOptions;
+use surfabet_models::hscsm::{HscsmOptions, learn};
+use surfabet_models::patches::{self, PatchesOptions};
 use surfabet_sim::{Intrinsics, RgbdOptions, RoomOptions, Scene, scan_rgbd};
 
 /// One noisy frame of a furnished room, 320 x 240 pixels.
@@ -22,7 +23,7 @@ fn frame() -> PointCloud {
 
 fn road(criterion: &mut Criterion) {
     let cloud = frame();
-    let options = PatchOptions { resolution: 0.02, iterations: 4, ..PatchOptions::default() };
+    let options = HscsmOptions { resolution: 0.02, iterations: 4, ..HscsmOptions::default() };
     let model = learn(&cloud, &options, &Silent).expect("a cloud with points");
     let bytes = file::write(&model).expect("a model of our own");
     let limits = Limits::default();
@@ -43,25 +44,25 @@ fn road(criterion: &mut Criterion) {
 /// The road of the default method, and its stages as the model's own report times them.
 fn lattice_road(criterion: &mut Criterion) {
     let cloud = frame();
-    let options = LatticeOptions { resolution: 0.02, ..LatticeOptions::default() };
-    let model = lattice::learn(&cloud, &options, &Silent).expect("a cloud with points");
-    let bytes = lattice_file::write(&model).expect("a model of our own");
+    let options = PatchesOptions { resolution: 0.02, ..PatchesOptions::default() };
+    let model = patches::learn(&cloud, &options, &Silent).expect("a cloud with points");
+    let bytes = patches_file::write(&model).expect("a model of our own");
     let limits = Limits::default();
 
     let mut group = criterion.benchmark_group("lattice");
     group.sample_size(10).throughput(Throughput::Elements(cloud.len() as u64));
     group.bench_function("learn", |b| {
-        b.iter(|| lattice::learn(black_box(&cloud), &options, &Silent));
+        b.iter(|| patches::learn(black_box(&cloud), &options, &Silent));
     });
     let stages =
         ["finding axes", "merging points", "growing sheets", "choosing patches", "colouring"];
     bench_stages(&mut group, &stages, || {
-        let model = lattice::learn(black_box(&cloud), &options, &Silent);
+        let model = patches::learn(black_box(&cloud), &options, &Silent);
         model.expect("a cloud with points").report().clone()
     });
-    group.bench_function("write", |b| b.iter(|| lattice_file::write(black_box(&model))));
+    group.bench_function("write", |b| b.iter(|| patches_file::write(black_box(&model))));
     group.bench_function("read", |b| {
-        b.iter(|| lattice_file::read(&Container::parse(black_box(&bytes), &limits)?, &limits));
+        b.iter(|| patches_file::read(&Container::parse(black_box(&bytes), &limits)?, &limits));
     });
     for as_measured in [false, true] {
         let how = if as_measured { "decode as measured" } else { "decode" };

@@ -3,10 +3,10 @@
 //! The streams themselves are said by `surfabet-models`, in one function for both directions; here they become
 //! sections. Byte by byte in `docs/format.md`.
 
-use surfabet_models::alphabet::Deviation;
-use surfabet_models::alphabet::mdl::{
+use surfabet_models::alphabet::{
     Alphabet, AlphabetModel, Channels, Header, MAX_SCALE, MAX_WORDS, SigmaRule,
 };
+use surfabet_models::scans::Deviation;
 
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::container::{Container, ContainerWriter, Family, Features, Limits, Tag};

@@ -30,14 +30,14 @@
 //! ```
 
 pub mod alphabet;
-pub mod alphabet_bic;
+pub mod bic_alphabet;
 pub mod bytes;
 mod container;
 mod entropy;
 mod error;
 pub mod gas;
 mod hash;
-pub mod lattice;
+pub mod hscsm;
 pub mod models;
 pub mod patches;
 pub mod planes;

@@ -8,16 +8,26 @@
 //! | [`planes`] | planar patches with tiles | R. Lakaemper, L. J. Latecki: Extended EM for Planar Approximation of 3D Data, ICRA 2006 |
 
 pub mod alphabet;
+pub mod bic_alphabet;
 mod color;
 mod disjoint;
 mod error;
+mod extent;
 pub mod gas;
+mod groups;
+pub mod hscsm;
 pub mod patches;
 pub mod planes;
+mod points;
+pub mod recognition;
 mod report;
+pub mod scans;
+mod sensor;
 mod size_code;
 mod spread;
 mod vector;
 
 pub use error::{Error, Result};
+pub use points::DecodeOptions;
 pub use report::{Report, Stage};
+pub use sensor::Sensor;

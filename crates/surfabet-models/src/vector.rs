@@ -18,6 +18,17 @@ pub(crate) fn length(v: [f64; 3]) -> f64 {
     dot(v, v).sqrt()
 }
 
+/// `v` at unit length; zero stays zero.
+pub(crate) fn unit(v: [f32; 3]) -> [f32; 3] {
+    let length = dot(v, v).sqrt();
+    if length > 0.0 { v.map(|c| c / length) } else { v }
+}
+
+/// `a + s * b`.
+pub(crate) fn add_scaled(a: [f32; 3], s: f32, b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|i| a[i] + s * b[i])
+}
+
 /// The axis with the smallest component; the first of equal ones.
 pub(crate) fn least_axis(v: [f64; 3]) -> [f64; 3] {
     let least = (1..3).fold(0, |m, a| if v[a].abs() < v[m].abs() { a } else { m });

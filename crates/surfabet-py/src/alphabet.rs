@@ -6,9 +6,10 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use surfabet::alphabet::mdl;
+use surfabet::alphabet;
 use surfabet::{
-    Alphabet, AlphabetModel, Deviation, MdlDecodeOptions, MdlOptions, Occurrence, alphabet_hash,
+    Alphabet, AlphabetModel, AlphabetOptions, Deviation, MdlDecodeOptions, Occurrence,
+    alphabet_hash,
 };
 
 use crate::cloud::PyPointCloud;
@@ -57,7 +58,7 @@ fn learn_alphabet(
     color_step: u32,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyAlphabetModel> {
-    let options = MdlOptions {
+    let options = AlphabetOptions {
         radius,
         scales,
         max_words,
@@ -72,8 +73,8 @@ fn learn_alphabet(
     let cloud = &cloud.get().cloud;
     let alphabet = alphabet.map(|a| &a.get().alphabet);
     let model = run(py, progress, |monitor| match alphabet {
-        Some(alphabet) => mdl::describe(cloud, alphabet, &options, monitor),
-        None => mdl::learn(cloud, &options, monitor),
+        Some(alphabet) => alphabet::describe(cloud, alphabet, &options, monitor),
+        None => alphabet::learn(cloud, &options, monitor),
     })?;
     Ok(model.into())
 }
@@ -98,11 +99,11 @@ impl PyAlphabet {
     /// Heights of the pixels of every word over its radius, NaN where it has a hole, (n, 8, 8).
     fn heights<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
         let words = self.alphabet.words();
-        let shape = (words.len(), mdl::PIXELS, mdl::PIXELS);
+        let shape = (words.len(), alphabet::PIXELS, alphabet::PIXELS);
         Array3::from_shape_fn(shape, |(k, row, column)| {
-            let pixel = mdl::PIXELS * row + column;
+            let pixel = alphabet::PIXELS * row + column;
             let is_set = words[k].mask >> pixel & 1 != 0;
-            let height = f32::from(words[k].heights[pixel]) / mdl::HEIGHT_STEPS as f32;
+            let height = f32::from(words[k].heights[pixel]) / alphabet::HEIGHT_STEPS as f32;
             if is_set { height } else { f32::NAN }
         })
         .into_pyarray(py)

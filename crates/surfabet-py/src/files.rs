@@ -6,14 +6,14 @@ use pyo3::prelude::*;
 use surfabet::{Container, Limits, Model, Shared};
 
 use crate::alphabet::{PyAlphabet, PyAlphabetModel};
-use crate::alphabet_bic::{PyBicAlphabet, PyBicModel};
+use crate::bic_alphabet::{PyBicAlphabet, PyBicAlphabetModel};
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::gas::PyGasModel;
-use crate::lattice::PyLatticeModel;
-use crate::patches::{PyPatchDictionary, PyPatchModel};
+use crate::hscsm::{PyHscsmDictionary, PyHscsmModel};
+use crate::patches::PyPatchModel;
 use crate::planes::PyPlaneModel;
 
-type Dictionary<'a, 'py> = Option<&'a Bound<'py, PyPatchDictionary>>;
+type Dictionary<'a, 'py> = Option<&'a Bound<'py, PyHscsmDictionary>>;
 type Words<'a, 'py> = Option<&'a Bound<'py, PyAlphabet>>;
 type BicWords<'a, 'py> = Option<&'a Bound<'py, PyBicAlphabet>>;
 
@@ -94,10 +94,10 @@ fn inspect(
 
 fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
     match model {
+        Model::Hscsm(model) => Ok(Py::new(py, PyHscsmModel::from(model))?.into_any()),
         Model::Patches(model) => Ok(Py::new(py, PyPatchModel::from(model))?.into_any()),
-        Model::Lattice(model) => Ok(Py::new(py, PyLatticeModel::from(model))?.into_any()),
         Model::Alphabet(model) => Ok(Py::new(py, PyAlphabetModel::from(model))?.into_any()),
-        Model::BicAlphabet(model) => Ok(Py::new(py, PyBicModel::from(model))?.into_any()),
+        Model::BicAlphabet(model) => Ok(Py::new(py, PyBicAlphabetModel::from(model))?.into_any()),
         Model::Gas(model) => Ok(Py::new(py, PyGasModel::from(model))?.into_any()),
         Model::Planes(model) => Ok(Py::new(py, PyPlaneModel::from(model))?.into_any()),
         other => {

@@ -4,15 +4,14 @@
 //! callable and Ctrl-C stops the work.
 
 mod alphabet;
-mod alphabet_bic;
-mod alphabet_find;
 mod arrays;
+mod bic_alphabet;
 mod cloud;
 mod errors;
 mod files;
 mod gas;
+mod hscsm;
 mod kdtree;
-mod lattice;
 mod lzf;
 mod metrics;
 mod normals;
@@ -20,6 +19,7 @@ mod octree;
 mod patches;
 mod planes;
 mod range_image;
+mod recognition;
 mod reduce;
 mod report;
 mod run;
@@ -37,13 +37,13 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     run::register(module)?;
     cloud::register(module)?;
     alphabet::register(module)?;
-    alphabet_bic::register(module)?;
-    alphabet_find::register(module)?;
+    bic_alphabet::register(module)?;
+    recognition::register(module)?;
     files::register(module)?;
     gas::register(module)?;
     reduce::register(module)?;
+    hscsm::register(module)?;
     patches::register(module)?;
-    lattice::register(module)?;
     planes::register(module)?;
     lzf::register(module)?;
     sim::register(module)?;

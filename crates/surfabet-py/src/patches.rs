@@ -2,31 +2,59 @@
 
 use std::path::PathBuf;
 
-use numpy::ndarray::{Array2, Array3, ArrayView2};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use numpy::ndarray::{Array2, Array3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use surfabet::patches::Placement;
-use surfabet::{
-    DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor, dictionary_hash, patches,
-};
+use surfabet::{DecodeOptions, PatchModel, PatchesOptions, patches};
 
 use crate::cloud::PyPointCloud;
-use crate::errors::invalid_input;
+use crate::hscsm::sensor_of;
 use crate::report::report_dict;
 use crate::run::run;
 use crate::save;
 
-/// A cloud as sparse-coded surface patches; immutable.
+/// A cloud as patches on a lattice; immutable.
 #[pyclass(name = "PatchModel", module = "surfabet", frozen)]
 pub struct PyPatchModel {
     model: PatchModel,
 }
 
-/// The dictionaries of a model; immutable.
-#[pyclass(name = "PatchDictionary", module = "surfabet", frozen)]
-pub struct PyPatchDictionary {
-    pub dictionary: PatchDictionary,
+/// Learns patches on a lattice; documented in `surfabet.patches`.
+#[pyfunction]
+#[pyo3(signature = (cloud, *, resolution, levels, rate, depth_step, rounds, color_step, chroma_ratio,
+                    color_rate, max_error, sensor, progress))]
+#[allow(clippy::too_many_arguments)]
+fn learn_lattice(
+    py: Python<'_>,
+    cloud: &Bound<'_, PyPointCloud>,
+    resolution: f64,
+    levels: u32,
+    rate: f64,
+    depth_step: u32,
+    rounds: u32,
+    color_step: u32,
+    chroma_ratio: f64,
+    color_rate: f64,
+    max_error: Option<f64>,
+    sensor: &str,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<PyPatchModel> {
+    let options = PatchesOptions {
+        resolution,
+        levels,
+        lambda: rate,
+        depth_step,
+        rounds,
+        color_step,
+        chroma_ratio,
+        color_lambda: color_rate,
+        max_error,
+        sensor: sensor_of(sensor)?,
+    };
+    let cloud = &cloud.get().cloud;
+    let model = run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?;
+    Ok(model.into())
 }
 
 impl From<PatchModel> for PyPatchModel {
@@ -36,124 +64,18 @@ impl From<PatchModel> for PyPatchModel {
 }
 
 #[pymethods]
-impl PyPatchDictionary {
-    /// `(pixel_size, pixels)` of each level, coarsest first.
-    #[getter]
-    fn levels(&self) -> Vec<(f64, u32)> {
-        self.dictionary.levels.iter().map(|l| (l.pixel_size, l.pixels)).collect()
-    }
-
-    #[getter]
-    fn hash(&self) -> String {
-        dictionary_hash(&self.dictionary).to_string()
-    }
-
-    /// Entries of one channel of each level, unit norm, (k, n * n) or (k, 3 * n * n); `None` without colour.
-    fn entries<'py>(
-        &self,
-        py: Python<'py>,
-        channel: &str,
-    ) -> PyResult<Option<Vec<Bound<'py, PyArray2<f32>>>>> {
-        let levels = self.dictionary.levels.iter();
-        let of: Option<Vec<&patches::QuantizedDictionary>> = match channel {
-            "depth" => levels.map(|l| Some(&l.depth)).collect(),
-            "color" => levels.map(|l| l.color.as_ref()).collect(),
-            other => return Err(unknown_channel(other)),
-        };
-        of.map(|all| all.into_iter().map(|d| atoms(py, d)).collect()).transpose()
-    }
-}
-
-fn atoms<'py>(
-    py: Python<'py>,
-    dictionary: &patches::QuantizedDictionary,
-) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let shape = (dictionary.n_atoms(), dictionary.n_features());
-    let atoms = Array2::from_shape_vec(shape, dictionary.atoms()).map_err(invalid_input)?;
-    Ok(atoms.into_pyarray(py))
-}
-
-fn unknown_channel(other: &str) -> PyErr {
-    invalid_input(format!("channel is {other:?}, but must be \"depth\" or \"color\""))
-}
-
-/// Learns surface patches, or describes a cloud in given dictionaries; documented in `surfabet.patches`.
-#[pyfunction]
-#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, max_depth_deviation, max_color_deviation,
-                    min_coverage, placement, depth_atoms, color_atoms, depth_sparsity, color_sparsity,
-                    depth_tolerance, color_tolerance, iterations, sensor, random_state, dictionary, progress))]
-#[allow(clippy::too_many_arguments)]
-fn learn_patches(
-    py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
-    resolution: f64,
-    patch_pixels: u32,
-    levels: u32,
-    max_depth_deviation: Option<f64>,
-    max_color_deviation: f64,
-    min_coverage: f64,
-    placement: &str,
-    depth_atoms: u32,
-    color_atoms: u32,
-    depth_sparsity: u32,
-    color_sparsity: u32,
-    depth_tolerance: Option<f64>,
-    color_tolerance: f64,
-    iterations: u32,
-    sensor: &str,
-    random_state: u64,
-    dictionary: Option<&Bound<'_, PyPatchDictionary>>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<PyPatchModel> {
-    let sensor = sensor_of(sensor)?;
-    let placement = match placement {
-        "greedy" => Placement::Greedy,
-        "subsampled" => Placement::Subsampled,
-        other => {
-            return Err(invalid_input(format!(
-                "placement is {other:?}, but must be \"greedy\" or \"subsampled\""
-            )));
-        }
-    };
-    let options = PatchOptions {
-        resolution,
-        patch_pixels,
-        levels,
-        max_depth_deviation,
-        max_color_deviation,
-        min_coverage,
-        placement,
-        depth_atoms,
-        color_atoms,
-        depth_sparsity,
-        color_sparsity,
-        depth_tolerance,
-        color_tolerance,
-        iterations,
-        sensor,
-        random_state,
-    };
-    let cloud = &cloud.get().cloud;
-    let dictionary = dictionary.map(|d| &d.get().dictionary);
-    let model = run(py, progress, |monitor| match dictionary {
-        None => patches::learn(cloud, &options, monitor),
-        Some(dictionary) => patches::encode(cloud, &options, dictionary, monitor),
-    })?;
-    Ok(PyPatchModel { model })
-}
-
-#[pymethods]
 impl PyPatchModel {
-    #[pyo3(signature = (*, resolution, normals, max_points, progress))]
+    #[pyo3(signature = (*, resolution, as_measured, normals, max_points, progress))]
     fn decode(
         slf: &Bound<'_, Self>,
         resolution: Option<f64>,
+        as_measured: bool,
         normals: bool,
         max_points: u64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyPointCloud> {
         let model = &slf.get().model;
-        let options = DecodeOptions { resolution, as_measured: false, normals, max_points };
+        let options = DecodeOptions { resolution, as_measured, normals, max_points };
         let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
         Ok(cloud.into())
     }
@@ -177,123 +99,73 @@ impl PyPatchModel {
         self.model.origin()
     }
 
+    /// Lattice to world, rows of a rotation.
+    #[getter]
+    fn rotation(&self) -> [[f64; 3]; 3] {
+        self.model.lattice().orientation.rotation()
+    }
+
     #[getter]
     fn has_color(&self) -> bool {
         self.model.has_color()
     }
 
-    /// `(pixel_size, pixels, patches, depth entries, colour entries, set pixels, area)` of each level,
-    /// coarsest first.
     #[getter]
-    fn levels(&self) -> Vec<(f64, u32, usize, usize, usize, usize, f64)> {
-        let atoms = |c: &patches::Channel| c.dictionary.n_atoms();
-        let color = |l: &patches::Level| l.color.as_ref().map_or(0, atoms);
-        let levels = self.model.levels().iter();
-        levels
-            .map(|l| {
-                let (depth, color) = (atoms(&l.depth), color(l));
-                let (pixels, area) = (l.set_pixels(), l.covered_area());
-                (l.pixel_size, l.pixels, l.len(), depth, color, pixels, area)
-            })
-            .collect()
-    }
-
-    /// Means of one channel of the patches of one level: (m, 1) metres, or (m, 3) luma, orange, green chroma.
-    fn means<'py>(
-        &self,
-        py: Python<'py>,
-        level: usize,
-        channel: &str,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let of = self.level(level)?;
-        let (data, _) = self.channel(level, channel)?;
-        let step = if channel == "depth" { of.steps.depth_mean } else { of.steps.color_mean };
-        let means: Vec<f64> = data.means.iter().map(|&m| f64::from(m) * step).collect();
-        let planes = if channel == "depth" { 1 } else { 3 };
-        means.into_pyarray(py).reshape([of.len(), planes])
+    fn max_error(&self) -> Option<f64> {
+        self.model.max_error()
     }
 
     #[getter]
-    fn centers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let origin = self.model.origin();
-        let centers: Vec<[f64; 3]> = self
-            .model
-            .levels()
-            .iter()
-            .flat_map(|l| {
-                l.poses.iter().map(move |p| {
-                    std::array::from_fn(|a| origin[a] + f64::from(p.position[a]) * l.steps.position)
-                })
-            })
-            .collect();
-        ArrayView2::from(&centers[..]).to_owned().into_pyarray(py)
+    fn n_extra_points(&self) -> u64 {
+        self.model.header().n_extra
     }
 
+    /// `(pixel_size, pixels, patches, set pixels)` of each level, coarsest first.
     #[getter]
-    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let axes: Vec<f32> = self
-            .model
-            .levels()
-            .iter()
-            .flat_map(|l| {
-                l.poses.iter().map(|p| {
-                    let frame = p.frame(l.steps.position as f32);
-                    [frame.x, frame.y, frame.z].into_iter().flatten()
-                })
-            })
-            .flatten()
-            .collect();
-        axes.into_pyarray(py).reshape([self.model.len(), 3, 3])
+    fn levels(&self) -> Vec<(f64, u32, u64, u64)> {
+        let lattice = self.model.lattice();
+        let level = |(l, of): (u32, patches::LevelSize)| {
+            (lattice.pixel_of(l), patches::PATCH_PIXELS as u32, of.patches, of.set_pixels)
+        };
+        (0..lattice.levels).zip(self.model.level_sizes()).rev().map(level).collect()
     }
 
-    /// Bitmasks of the patches of one level, (m, n, n).
-    fn masks<'py>(&self, py: Python<'py>, level: usize) -> PyResult<Bound<'py, PyArray3<bool>>> {
-        let level = self.level(level)?;
-        let n = level.pixels as usize;
-        let masks = Array3::from_shape_fn((level.len(), n, n), |(i, row, column)| {
-            level.mask(i)[row * n + column] != 0
-        });
-        Ok(masks.into_pyarray(py))
+    /// Side, level and the first column and row (finest pixels) of every patch, (m, 4).
+    fn places<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<i64>> {
+        let leaves = self.model.leaves();
+        Array2::from_shape_fn((leaves.len(), 4), |(i, column)| match column {
+            0 => i64::from(leaves[i].side),
+            1 => i64::from(leaves[i].level),
+            c => i64::from(leaves[i].corner[c - 2]),
+        })
+        .into_pyarray(py)
     }
 
-    /// Dictionary entries of one channel of one level, unit norm, (k, n * n) or (k, 3 * n * n).
-    fn dictionary<'py>(
-        &self,
-        py: Python<'py>,
-        level: usize,
-        channel: &str,
-    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        atoms(py, &self.channel(level, channel)?.0.dictionary)
+    /// Set pixels of every patch, (m, 8, 8).
+    fn masks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<bool>> {
+        let leaves = self.model.leaves();
+        Array3::from_shape_fn((leaves.len(), 8, 8), |(i, row, column)| {
+            leaves[i].patch.mask >> (8 * row + column) & 1 != 0
+        })
+        .into_pyarray(py)
     }
 
-    /// The dictionaries of all levels.
-    fn dictionaries(&self) -> PyPatchDictionary {
-        PyPatchDictionary { dictionary: self.model.dictionary() }
+    /// Coefficients of the shapes of every patch, (m, 21), metres.
+    fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let (leaves, lattice) = (self.model.leaves(), self.model.lattice());
+        let step = lattice.pixel_size * f64::from(lattice.depth_step) / 16.0;
+        let shapes = leaves.first().map_or(0, |l| l.patch.coefficients.len());
+        Array2::from_shape_fn((leaves.len(), shapes), |(i, k)| {
+            f64::from(leaves[i].patch.coefficients[k]) * step
+        })
+        .into_pyarray(py)
     }
 
-    /// Whether the file refers to the dictionaries of another model.
-    #[getter]
-    fn shares_dictionary(&self) -> bool {
-        self.model.shares_dictionary()
-    }
-
-    /// Sparse codes of one channel of one level as CSR columns `(offsets, entries, coefficients)`.
-    fn codes<'py>(
-        &self,
-        py: Python<'py>,
-        level: usize,
-        channel: &str,
-    ) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u16>>, Bound<'py, PyArray1<f64>>)>
-    {
-        let (channel, step) = self.channel(level, channel)?;
-        let codes = &channel.codes;
-        let coefficients: Vec<f64> =
-            codes.coefficients.iter().map(|&c| f64::from(c) * step).collect();
-        Ok((
-            codes.offsets.clone().into_pyarray(py),
-            codes.atoms.clone().into_pyarray(py),
-            coefficients.into_pyarray(py),
-        ))
+    /// Standard deviation of the scan about every patch, (m,), metres.
+    fn sigma<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let pixel = self.model.lattice().pixel_size;
+        let sigma = |leaf: &patches::Leaf| leaf.patch.sigma() * pixel;
+        self.model.leaves().iter().map(sigma).collect::<Vec<f64>>().into_pyarray(py)
     }
 
     /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
@@ -307,41 +179,7 @@ impl PyPatchModel {
     }
 }
 
-impl PyPatchModel {
-    fn level(&self, level: usize) -> PyResult<&patches::Level> {
-        let levels = self.model.levels();
-        levels.get(level).ok_or_else(|| {
-            invalid_input(format!("level is {level}, but the model has {}", levels.len()))
-        })
-    }
-
-    fn channel(&self, level: usize, channel: &str) -> PyResult<(&patches::Channel, f64)> {
-        let level = self.level(level)?;
-        match channel {
-            "depth" => Ok((&level.depth, level.steps.depth_code)),
-            "color" => match &level.color {
-                Some(color) => Ok((color, level.steps.color_code)),
-                None => Err(invalid_input("this model has no colour")),
-            },
-            other => Err(unknown_channel(other)),
-        }
-    }
-}
-
-/// The sensor of a name.
-pub fn sensor_of(name: &str) -> PyResult<Sensor> {
-    match name {
-        "structured-light" => Ok(Sensor::StructuredLight),
-        "constant" => Ok(Sensor::Constant),
-        other => Err(invalid_input(format!(
-            "sensor is {other:?}, but must be \"structured-light\" or \"constant\""
-        ))),
-    }
-}
-
-/// Adds this file's names to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPatchModel>()?;
-    module.add_class::<PyPatchDictionary>()?;
-    module.add_function(wrap_pyfunction!(learn_patches, module)?)
+    module.add_function(wrap_pyfunction!(learn_lattice, module)?)
 }

@@ -4,13 +4,13 @@
 //! model in a `.sfb` file whatever its family.
 //!
 //! ```
-//! use surfabet::{Limits, Model, PatchOptions, PointCloud, Save, Silent, patches};
+//! use surfabet::{Limits, Model, PatchesOptions, PointCloud, Save, Silent, patches};
 //!
 //! // A square of 0.3 m, a point every 5 mm.
 //! let points = (0..3600).map(|i| [(i % 60) as f32 * 0.005, (i / 60) as f32 * 0.005, 1.0]).collect();
 //! let (cloud, _) = PointCloud::from_positions(points);
 //!
-//! let options = PatchOptions { resolution: 0.01, ..PatchOptions::default() };
+//! let options = PatchesOptions { resolution: 0.01, ..PatchesOptions::default() };
 //! let model = patches::learn(&cloud, &options, &Silent)?;
 //! let file = model.to_bytes()?;
 //! assert!(file.len() < 400);
@@ -28,21 +28,20 @@ pub use error::{Error, Result};
 pub use model::{Model, Shared};
 pub use save::Save;
 pub use surfabet_codec::alphabet::alphabet_hash;
-pub use surfabet_codec::alphabet_bic::{alphabet_hash as bic_alphabet_hash, shared_alphabet};
-pub use surfabet_codec::patches::{dictionary_hash, shared_dictionary};
+pub use surfabet_codec::bic_alphabet::{alphabet_hash as bic_alphabet_hash, shared_alphabet};
+pub use surfabet_codec::hscsm::{dictionary_hash, shared_dictionary};
 pub use surfabet_codec::{Container, ContentHash, Family, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
-pub use surfabet_models::alphabet::bic::{BicAlphabet, BicModel, BicOptions};
-pub use surfabet_models::alphabet::mdl::{
-    Alphabet, AlphabetModel, MdlDecodeOptions, MdlOptions, Occurrence,
+pub use surfabet_models::alphabet::{
+    self, Alphabet, AlphabetModel, AlphabetOptions, MdlDecodeOptions, Occurrence,
 };
-pub use surfabet_models::alphabet::{self, Deviation, Upright, bic};
+pub use surfabet_models::bic_alphabet::{self, BicAlphabet, BicAlphabetModel, BicAlphabetOptions};
 pub use surfabet_models::gas::{self, GasModel, GasOptions};
-pub use surfabet_models::patches::lattice::{LatticeModel, LatticeOptions};
-pub use surfabet_models::patches::{
-    self, DecodeOptions, PatchDictionary, PatchModel, PatchOptions, Sensor,
-};
+pub use surfabet_models::hscsm::{self, HscsmDictionary, HscsmModel, HscsmOptions};
+pub use surfabet_models::patches::{self, PatchModel, PatchesOptions};
 pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
-pub use surfabet_models::{Report, Stage};
+pub use surfabet_models::recognition;
+pub use surfabet_models::scans::{Deviation, Upright};
+pub use surfabet_models::{DecodeOptions, Report, Sensor, Stage};
 pub use surfabet_sparse as sparse;

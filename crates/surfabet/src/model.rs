@@ -5,11 +5,12 @@ use std::path::Path;
 
 use surfabet_codec::{Container, Family, Features, Limits};
 use surfabet_geom::{PointCloud, Progress};
-use surfabet_models::alphabet::bic::{BicAlphabet, BicModel};
-use surfabet_models::alphabet::mdl::{Alphabet, AlphabetModel, MdlDecodeOptions};
+use surfabet_models::DecodeOptions;
+use surfabet_models::alphabet::{Alphabet, AlphabetModel, MdlDecodeOptions};
+use surfabet_models::bic_alphabet::{BicAlphabet, BicAlphabetModel};
 use surfabet_models::gas::{self, GasModel};
-use surfabet_models::patches::lattice::LatticeModel;
-use surfabet_models::patches::{DecodeOptions, PatchDictionary, PatchModel};
+use surfabet_models::hscsm::{HscsmDictionary, HscsmModel};
+use surfabet_models::patches::PatchModel;
 use surfabet_models::planes::{self, PlaneModel};
 
 use crate::error::{Error, Result};
@@ -20,13 +21,13 @@ use crate::save::{Save, write};
 #[non_exhaustive]
 pub enum Model {
     /// Sparse-coded surface patches.
-    Patches(PatchModel),
+    Hscsm(HscsmModel),
     /// Surface patches on a lattice.
-    Lattice(LatticeModel),
+    Patches(PatchModel),
     /// Words and where they occur.
     Alphabet(AlphabetModel),
     /// Words chosen by the Bayesian information criterion, and where they occur.
-    BicAlphabet(BicModel),
+    BicAlphabet(BicAlphabetModel),
     /// A growing neural gas.
     Gas(GasModel),
     /// Planar patches with tiles.
@@ -37,7 +38,7 @@ pub enum Model {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shared<'a> {
     /// Dictionaries of patches.
-    pub dictionary: Option<&'a PatchDictionary>,
+    pub dictionary: Option<&'a HscsmDictionary>,
     /// The words of an alphabet.
     pub alphabet: Option<&'a Alphabet>,
     /// The words of an alphabet by BIC.
@@ -56,8 +57,8 @@ impl From<GasModel> for Model {
     }
 }
 
-impl From<BicModel> for Model {
-    fn from(model: BicModel) -> Self {
+impl From<BicAlphabetModel> for Model {
+    fn from(model: BicAlphabetModel) -> Self {
         Self::BicAlphabet(model)
     }
 }
@@ -68,15 +69,15 @@ impl From<AlphabetModel> for Model {
     }
 }
 
-impl From<LatticeModel> for Model {
-    fn from(model: LatticeModel) -> Self {
-        Self::Lattice(model)
-    }
-}
-
 impl From<PatchModel> for Model {
     fn from(model: PatchModel) -> Self {
         Self::Patches(model)
+    }
+}
+
+impl From<HscsmModel> for Model {
+    fn from(model: HscsmModel) -> Self {
+        Self::Hscsm(model)
     }
 }
 
@@ -84,7 +85,7 @@ impl Model {
     /// The family that this model belongs to.
     pub fn family(&self) -> Family {
         match self {
-            Self::Patches(_) | Self::Lattice(_) => Family::Patches,
+            Self::Hscsm(_) | Self::Patches(_) => Family::Patches,
             Self::Alphabet(_) | Self::BicAlphabet(_) => Family::Alphabet,
             Self::Gas(_) => Family::Gas,
             Self::Planes(_) => Family::Planes,
@@ -97,8 +98,8 @@ impl Model {
     /// When the container cannot hold the model.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         match self {
+            Self::Hscsm(model) => model.to_bytes(),
             Self::Patches(model) => model.to_bytes(),
-            Self::Lattice(model) => model.to_bytes(),
             Self::Alphabet(model) => model.to_bytes(),
             Self::BicAlphabet(model) => model.to_bytes(),
             Self::Gas(model) => model.to_bytes(),
@@ -137,16 +138,14 @@ impl Model {
     pub fn read(container: &Container<'_>, limits: &Limits, shared: Shared<'_>) -> Result<Self> {
         match container.family() {
             Family::Patches if container.features().contains(Features::LATTICE) => {
-                Ok(Self::Lattice(surfabet_codec::lattice::read(container, limits)?))
+                Ok(Self::Patches(surfabet_codec::patches::read(container, limits)?))
             }
-            Family::Patches => Ok(Self::Patches(surfabet_codec::patches::read(
-                container,
-                limits,
-                shared.dictionary,
-            )?)),
+            Family::Patches => {
+                Ok(Self::Hscsm(surfabet_codec::hscsm::read(container, limits, shared.dictionary)?))
+            }
             Family::Alphabet if container.features().contains(Features::BIC_ALPHABET) => {
                 let known = shared.bic_alphabet;
-                let model = surfabet_codec::alphabet_bic::read(container, limits, known)?;
+                let model = surfabet_codec::bic_alphabet::read(container, limits, known)?;
                 Ok(Self::BicAlphabet(model))
             }
             Family::Alphabet => Ok(Self::Alphabet(surfabet_codec::alphabet::read(
@@ -190,8 +189,8 @@ impl Model {
     pub fn decode(&self, resolution: Option<f64>, progress: &dyn Progress) -> Result<PointCloud> {
         let options = DecodeOptions { resolution, ..DecodeOptions::default() };
         match self {
+            Self::Hscsm(model) => Ok(model.decode(options, progress)?),
             Self::Patches(model) => Ok(model.decode(options, progress)?),
-            Self::Lattice(model) => Ok(model.decode(options, progress)?),
             // Its spacing was chosen when it was learned.
             Self::BicAlphabet(model) => Ok(model.decode(options.max_points, progress)?),
             Self::Gas(model) => {

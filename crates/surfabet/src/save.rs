@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use surfabet_models::alphabet::bic::BicModel;
-use surfabet_models::alphabet::mdl::AlphabetModel;
+use surfabet_models::alphabet::AlphabetModel;
+use surfabet_models::bic_alphabet::BicAlphabetModel;
 use surfabet_models::gas::GasModel;
+use surfabet_models::hscsm::HscsmModel;
 use surfabet_models::patches::PatchModel;
-use surfabet_models::patches::lattice::LatticeModel;
 use surfabet_models::planes::PlaneModel;
 
 use crate::error::{Error, Result};
@@ -29,21 +29,21 @@ pub trait Save {
     }
 }
 
+impl Save for HscsmModel {
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        Ok(surfabet_codec::hscsm::write(self)?)
+    }
+}
+
 impl Save for PatchModel {
     fn to_bytes(&self) -> Result<Vec<u8>> {
         Ok(surfabet_codec::patches::write(self)?)
     }
 }
 
-impl Save for LatticeModel {
+impl Save for BicAlphabetModel {
     fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::lattice::write(self)?)
-    }
-}
-
-impl Save for BicModel {
-    fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::alphabet_bic::write(self)?)
+        Ok(surfabet_codec::bic_alphabet::write(self)?)
     }
 }
 

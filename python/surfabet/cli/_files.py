@@ -67,7 +67,7 @@ def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> 
 class Shared:
     """What model files may name instead of holding it."""
 
-    dictionary: surfabet.PatchDictionary | None = None
+    dictionary: surfabet.HscsmDictionary | None = None
     alphabet: surfabet.Alphabet | surfabet.BicAlphabet | None = None
 
     @classmethod
@@ -76,7 +76,7 @@ class Shared:
         shared = cls()
         if (path := options.dictionary) is not None:
             model = load_model(path, progress)
-            if not isinstance(model, surfabet.PatchModel):
+            if not isinstance(model, surfabet.HscsmModel):
                 raise UsageError(
                     f"{path}: has no dictionary; compress with --method hscsm makes one"
                 )
@@ -100,7 +100,7 @@ def load_model(path: Path, progress: ProgressCallback, shared: Shared = NOTHING)
     return surfabet.load(path, dictionary=shared.dictionary, alphabet=shared.alphabet)
 
 
-THICK = surfabet.LatticeModel | surfabet.GasModel | surfabet.PlaneModel
+THICK = surfabet.PatchModel | surfabet.GasModel | surfabet.PlaneModel
 """Models that keep how thick the scan was."""
 
 

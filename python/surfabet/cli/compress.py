@@ -43,7 +43,7 @@ from surfabet.files import AnyModel
 
 @Parameter(name="*", group=Group("Patches", sort_key=1))
 @dataclass(frozen=True)
-class PatchOptions(FamilyOptions):
+class HscsmOptions(FamilyOptions):
     """Finer options of patches, as `surfabet.learn_patches` documents them; its defaults hold."""
 
     rate: PositiveFloat = None
@@ -87,7 +87,7 @@ class PatchOptions(FamilyOptions):
     """How the error of a range measurement grows."""
 
 
-PATCH_OPTIONS = PatchOptions()
+PATCH_OPTIONS = HscsmOptions()
 
 
 @Parameter(name="*", group=Group("Alphabet", sort_key=1))
@@ -305,7 +305,7 @@ def compress(
     random_state: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
     json: Flag = False,
-    patches: PatchOptions = PATCH_OPTIONS,
+    patches: HscsmOptions = PATCH_OPTIONS,
     alphabets: AlphabetOptions = ALPHABET_OPTIONS,
     gas: GasOptions = GAS_OPTIONS,
     planes: PlanesOptions = PLANES_OPTIONS,

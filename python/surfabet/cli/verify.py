@@ -52,7 +52,7 @@ def verify(
     """
     with common.progress() as progress:
         model = load_model(file, progress)
-        if not isinstance(model, surfabet.LatticeModel):
+        if not isinstance(model, surfabet.PatchModel):
             raise UsageError(f"{file}: only patches of method rate-distortion keep a bound")
         bound = max_error if max_error is not None else model.max_error
         if bound is None:

@@ -7,10 +7,10 @@ use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use surfabet::alphabet::mdl;
+use surfabet::alphabet;
 use surfabet::geom::KdTree;
 use surfabet::{
-    Alphabet, AlphabetModel, CloudParts, Deviation, MdlDecodeOptions, MdlOptions, Model,
+    Alphabet, AlphabetModel, AlphabetOptions, CloudParts, Deviation, MdlDecodeOptions, Model,
     PointCloud, Save, Shared, Silent, Viewpoints,
 };
 use surfabet_codec::{ContainerWriter, Family, Features};
@@ -50,13 +50,13 @@ fn cloud(parts: CloudParts) -> PointCloud {
     PointCloud::from_parts(parts).unwrap().0
 }
 
-fn options() -> MdlOptions {
+fn options() -> AlphabetOptions {
     let deviation = Deviation { scale: 3.0, angular_resolution: Some(ALPHA), noise: Some(0.0) };
-    MdlOptions { deviation, ..MdlOptions::default() }
+    AlphabetOptions { deviation, ..AlphabetOptions::default() }
 }
 
-fn learn(cloud: &PointCloud, options: &MdlOptions) -> AlphabetModel {
-    mdl::learn(cloud, options, &Silent).unwrap()
+fn learn(cloud: &PointCloud, options: &AlphabetOptions) -> AlphabetModel {
+    alphabet::learn(cloud, options, &Silent).unwrap()
 }
 
 fn decode(model: &AlphabetModel) -> PointCloud {
@@ -156,16 +156,16 @@ fn windows(seed: u64, n: usize) -> PointCloud {
     cloud(CloudParts { positions, viewpoints: Some(viewpoints), ..CloudParts::default() })
 }
 
-fn fine() -> MdlOptions {
+fn fine() -> AlphabetOptions {
     let deviation = Deviation { scale: 3.0, angular_resolution: Some(0.005), noise: Some(0.0) };
-    MdlOptions { deviation, ..MdlOptions::default() }
+    AlphabetOptions { deviation, ..AlphabetOptions::default() }
 }
 
 #[test]
 fn what_recurs_becomes_words_and_pays() {
     let wall = windows(3, 24);
     let cost = |m: &AlphabetModel| *m.report().objectives[0].1.last().unwrap();
-    let planes = learn(&wall, &MdlOptions { max_words: 0, ..fine() });
+    let planes = learn(&wall, &AlphabetOptions { max_words: 0, ..fine() });
     let words = learn(&wall, &fine());
     assert_eq!(planes.alphabet().words().len(), 1);
     assert!(words.alphabet().words().len() > 1);
@@ -181,12 +181,12 @@ fn an_alphabet_describes_another_scene() {
     let learned = learn(&windows(3, 24), &fine());
     let other = windows(8, 24);
     let words = learned.alphabet();
-    let described = mdl::describe(&other, words, &fine(), &Silent).unwrap();
+    let described = alphabet::describe(&other, words, &fine(), &Silent).unwrap();
     assert!(described.shares_alphabet());
     assert_eq!(described.alphabet(), words);
     let cost = |m: &AlphabetModel| *m.report().objectives[0].1.last().unwrap();
     let plane = Alphabet::plane(words.radius(), words.scales()).unwrap();
-    let by_planes = mdl::describe(&other, &plane, &fine(), &Silent).unwrap();
+    let by_planes = alphabet::describe(&other, &plane, &fine(), &Silent).unwrap();
     assert!(cost(&described) < cost(&by_planes));
 
     let file = described.to_bytes().unwrap();
@@ -222,7 +222,7 @@ fn colour_and_intensity_come_back_as_means() {
 fn degenerate_clouds_give_an_answer_or_an_error() {
     let of = |positions: Vec<Point>| {
         let (cloud, _) = PointCloud::from_positions(positions);
-        mdl::learn(&cloud, &MdlOptions::default(), &Silent)
+        alphabet::learn(&cloud, &AlphabetOptions::default(), &Silent)
     };
     assert!(matches!(of(vec![]), Err(Error::EmptyCloud)));
     assert!(matches!(of(vec![[f32::NAN; 3]; 5]), Err(Error::EmptyCloud)));
@@ -236,28 +236,28 @@ fn degenerate_clouds_give_an_answer_or_an_error() {
     // Sigma follows the spacing, and the radius sigma: even these two have their cells.
     assert!(of(far).is_ok());
     let (pair, _) = PointCloud::from_positions(vec![[0.0; 3], [1e7, 0.0, 0.0]]);
-    let small = MdlOptions { radius: Some(0.1), ..MdlOptions::default() };
-    assert!(matches!(mdl::learn(&pair, &small, &Silent), Err(Error::TooLarge { .. })));
+    let small = AlphabetOptions { radius: Some(0.1), ..AlphabetOptions::default() };
+    assert!(matches!(alphabet::learn(&pair, &small, &Silent), Err(Error::TooLarge { .. })));
 }
 
 #[test]
 fn options_outside_their_domain_are_refused() {
     let scan = cloud(room(0.0, 5));
-    let default = MdlOptions::default();
+    let default = AlphabetOptions::default();
     let wrong = [
-        MdlOptions { radius: Some(0.0), ..default },
-        MdlOptions { scales: 0, ..default },
-        MdlOptions { scales: 9, ..default },
-        MdlOptions { max_words: 5000, ..default },
-        MdlOptions { point_bits: f64::NAN, ..default },
-        MdlOptions { lone_bits: -1.0, ..default },
-        MdlOptions { spacing: 0.1, ..default },
-        MdlOptions { rounds: 0, ..default },
-        MdlOptions { color_step: 0, ..default },
-        MdlOptions { min_range: -1.0, ..default },
+        AlphabetOptions { radius: Some(0.0), ..default },
+        AlphabetOptions { scales: 0, ..default },
+        AlphabetOptions { scales: 9, ..default },
+        AlphabetOptions { max_words: 5000, ..default },
+        AlphabetOptions { point_bits: f64::NAN, ..default },
+        AlphabetOptions { lone_bits: -1.0, ..default },
+        AlphabetOptions { spacing: 0.1, ..default },
+        AlphabetOptions { rounds: 0, ..default },
+        AlphabetOptions { color_step: 0, ..default },
+        AlphabetOptions { min_range: -1.0, ..default },
     ];
     for options in wrong {
-        let found = mdl::learn(&scan, &options, &Silent);
+        let found = alphabet::learn(&scan, &options, &Silent);
         assert!(matches!(found, Err(Error::InvalidParameter { .. })), "{options:?}");
     }
     let model = learn(&scan, &options());
@@ -272,7 +272,7 @@ fn options_outside_their_domain_are_refused() {
 #[test]
 fn stops_when_asked_to() {
     let scan = windows(6, 6);
-    let asked = assert_stops_when_asked(|progress| mdl::learn(&scan, &fine(), progress));
+    let asked = assert_stops_when_asked(|progress| alphabet::learn(&scan, &fine(), progress));
     // In two passes of improvement, every occurrence is one question before its variants and one after.
     let occurrences = learn(&scan, &fine()).len();
     assert!(asked > 4 * occurrences, "{asked} for {occurrences}");

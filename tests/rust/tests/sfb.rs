@@ -2,17 +2,17 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use proptest::prelude::*;
-use surfabet::patches::{self, order};
+use surfabet::hscsm::{self, order};
 use surfabet::{
-    CloudParts, Container, DecodeOptions, Family, Model, PatchModel, PatchOptions, PointCloud,
+    CloudParts, Container, DecodeOptions, Family, HscsmModel, HscsmOptions, Model, PointCloud,
     Silent,
 };
 use surfabet_codec::bytes::ByteWriter;
 use surfabet_codec::models::{SInt, UInt};
 use surfabet_codec::{ContainerWriter, Encoder, Error, Features, Tag};
 use surfabet_geom::morton::encode_wide;
-use surfabet_models::patches::{
-    Channel, Codes, Level, PatchModelParts, PatchPose, QuantizedDictionary, Steps,
+use surfabet_models::hscsm::{
+    Channel, Codes, HscsmModelParts, Level, PatchPose, QuantizedDictionary, Steps,
 };
 use surfabet_tests::{
     LIMITS, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_same_numbers, golden,
@@ -21,7 +21,7 @@ use surfabet_tests::{
 const TAGS: [&[u8; 4]; 6] = [b"META", b"POSE", b"MASK", b"DICT", b"DPTH", b"COLR"];
 
 /// A striped dome of 0.3 m: a few patches with depth and colour codes.
-fn small_model() -> PatchModel {
+fn small_model() -> HscsmModel {
     let mut parts = CloudParts { origin: [10.0, -20.0, 5.0], ..CloudParts::default() };
     let mut colors = Vec::new();
     for i in 0..900 {
@@ -33,15 +33,15 @@ fn small_model() -> PatchModel {
     }
     parts.colors = Some(colors);
     let cloud = PointCloud::from_parts(parts).unwrap().0;
-    let options = PatchOptions {
+    let options = HscsmOptions {
         resolution: 0.02,
         patch_pixels: 6,
         depth_atoms: 4,
         color_atoms: 4,
         iterations: 2,
-        ..PatchOptions::default()
+        ..HscsmOptions::default()
     };
-    let model = patches::learn(&cloud, &options, &Silent).unwrap();
+    let model = hscsm::learn(&cloud, &options, &Silent).unwrap();
     let level = &model.levels()[0];
     assert!(!level.depth.codes.atoms.is_empty());
     assert!(!level.color.as_ref().unwrap().codes.atoms.is_empty());
@@ -52,9 +52,9 @@ fn small_file() -> Vec<u8> {
     Model::from(small_model()).to_bytes().unwrap()
 }
 
-fn read(file: &[u8]) -> Result<PatchModel, surfabet::Error> {
+fn read(file: &[u8]) -> Result<HscsmModel, surfabet::Error> {
     match Model::from_bytes(file, &LIMITS)? {
-        Model::Patches(model) => Ok(model),
+        Model::Hscsm(model) => Ok(model),
         other => panic!("a model of family {}", other.family()),
     }
 }
@@ -85,7 +85,7 @@ fn with_section(tag: &[u8; 4], bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// Whatever was read must be usable: it decodes, and is written to bytes that give it back.
-fn assert_sound(model: &PatchModel) {
+fn assert_sound(model: &HscsmModel) {
     let options = DecodeOptions { max_points: 100_000, normals: true, ..DecodeOptions::default() };
     let _ = model.decode(options, &Silent);
     let coarse = DecodeOptions { resolution: Some(1.0), ..options };
@@ -284,7 +284,7 @@ fn other_families_features_and_versions_are_refused_by_name() {
     let planes = with_header_byte(7, Family::Planes as u8);
     let container = Container::parse(&planes, &LIMITS).unwrap();
     assert_eq!(
-        surfabet_codec::patches::read(&container, &LIMITS, None).unwrap_err(),
+        surfabet_codec::hscsm::read(&container, &LIMITS, None).unwrap_err(),
         Error::WrongFamily { expected: Family::Patches, found: Family::Planes }
     );
     assert!(read(&planes).is_err());
@@ -377,7 +377,7 @@ fn channel(patches: usize, area: usize, planes: usize) -> impl Strategy<Value = 
 }
 
 fn level() -> impl Strategy<Value = Level> {
-    let far = patches::MAX_POSITION;
+    let far = hscsm::MAX_POSITION;
     let coordinate = prop_oneof![4 => -300..300, 1 => -far..=far];
     let pose = (prop::array::uniform3(coordinate), prop::array::uniform2(-63_i16..=63))
         .prop_map(|(position, normal)| PatchPose { position, normal });
@@ -416,15 +416,15 @@ proptest! {
         origin in prop::array::uniform3(-1e7..1e7),
         n_points: u64,
     ) {
-        let parts = PatchModelParts { origin, n_points, levels, shared_dictionary: false };
-        let model = PatchModel::from_parts(parts).unwrap();
+        let parts = HscsmModelParts { origin, n_points, levels, shared_dictionary: false };
+        let model = HscsmModel::from_parts(parts).unwrap();
         let bytes = Model::from(model.clone()).to_bytes().unwrap();
         prop_assert_eq!(read(&bytes).unwrap(), model);
     }
 }
 
 /// One line per decoded point: position in the world, metres, and colour.
-fn listing(model: &PatchModel) -> String {
+fn listing(model: &HscsmModel) -> String {
     let options = DecodeOptions { resolution: Some(0.04), ..DecodeOptions::default() };
     let cloud = model.decode(options, &Silent).unwrap();
     let colors = cloud.colors().unwrap();
@@ -441,13 +441,13 @@ fn listing(model: &PatchModel) -> String {
 #[ignore = "writes tests/golden; files of a published release must never change"]
 fn write_golden() {
     let model = small_model();
-    Model::from(model.clone()).save(golden("patches_0_1.sfb")).unwrap();
-    std::fs::write(golden("patches_0_1.txt"), listing(&model)).unwrap();
+    Model::from(model.clone()).save(golden("hscsm_0_1.sfb")).unwrap();
+    std::fs::write(golden("hscsm_0_1.txt"), listing(&model)).unwrap();
 }
 
 #[test]
 fn files_of_release_0_1_stay_readable() {
-    let file = std::fs::read(golden("patches_0_1.sfb")).unwrap();
+    let file = std::fs::read(golden("hscsm_0_1.sfb")).unwrap();
     let container = Container::parse(&file, &LIMITS).unwrap();
     assert_eq!(container.needed_version().to_string(), "0.1");
     let model = read(&file).unwrap();
@@ -455,7 +455,7 @@ fn files_of_release_0_1_stay_readable() {
     assert_eq!(model.origin(), [10.0, -20.0, 5.0]);
     assert_eq!((model.levels().len(), model.levels()[0].pixels), (1, 6));
     assert_eq!(model.levels()[0].pixel_size, 0.02);
-    let expected = std::fs::read_to_string(golden("patches_0_1.txt")).unwrap();
+    let expected = std::fs::read_to_string(golden("hscsm_0_1.txt")).unwrap();
     // The last step of a position in single precision may differ; a colour may round the other way.
     assert_same_numbers(&listing(&model), &expected, |i, _| if i < 3 { 1e-6 } else { 1.0 });
 }

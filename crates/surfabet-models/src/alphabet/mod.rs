@@ -1,12 +1,51 @@
-//! Alphabets of local scans: recurrent surface pieces ("words") and where they stand in the scene.
+//! Words by minimum description length: beyond the paper, and the default.
 //!
-//! M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact 3D Models Based on the Detection
-//! of Recurrent Structures, ICRA 2010.
+//! Every bit counts: those of the alphabet, of every occurrence, and of what the model does not explain. Words are small
+//! height maps with holes, in units of their radius, so that one word stands at several scales. Candidates stand on a
+//! lattice of cells; their poses are integers before anything is measured about them. A lazy greedy cover chooses among
+//! them, words that do not pay for themselves are dropped, and occurrences are improved one by one.
+//!
+//! A cloud runs through the files of this folder in this order:
+//!
+//! | file | step | paper |
+//! |---|---|---|
+//! | `options` | what to learn, and what a point is worth | |
+//! | `thin`, `data` | points no denser than sigma needs, in units and by cells | eq. 13 |
+//! | `lattice`, `word`, `placement` | the integers that radii, height maps and poses are made of | |
+//! | `candidates`, `near` | planes at every cell, and the words that look like what is there | III-C |
+//! | `patch`, `words` | descriptors, and their clusters as words | III-C |
+//! | `coverage` | points that a placed word explains, and samples that explain none | eq. 13 |
+//! | `cover` | the occurrences that explain most for their bits, without redundant ones | III-D |
+//! | `learn` | all of it, and a scene by an alphabet that is given | III, IV-B |
+//! | `attributes` | colour and intensity of occurrences | |
+//! | `model` | the result | |
+//! | `syntax`, `neighbors`, `nearby` | its bits, each occurrence after those near to it | |
+//! | `decode` | back to a cloud at any spacing | eq. 2 |
 
-pub mod bic;
-mod frame;
-pub mod mdl;
-mod scene;
+mod attributes;
+mod candidates;
+mod cover;
+mod coverage;
+mod data;
+mod decode;
+mod lattice;
+mod learn;
+pub(crate) mod model;
+mod near;
+mod nearby;
+mod neighbors;
+mod options;
+mod patch;
+mod placement;
+mod syntax;
+mod thin;
+pub(crate) mod word;
+mod words;
 
-pub use frame::{Upright, upright_frame};
-pub use scene::{Deviation, Scene};
+pub use attributes::{Channels, INTENSITY_STEPS};
+pub use decode::MdlDecodeOptions;
+pub use lattice::{MAX_SCALE, SigmaRule};
+pub use learn::{describe, learn};
+pub use model::{Alphabet, AlphabetModel, Attributes, Header, Occurrence};
+pub use options::{AlphabetOptions, MAX_WORDS};
+pub use word::{HEIGHT_STEPS, PIXELS, Word};

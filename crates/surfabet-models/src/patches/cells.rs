@@ -1,39 +1,59 @@
-//! Points by cell, for looking up what lies in a box.
+//! Sorting things into the cubic cells of a grid.
 
-use std::ops::Range;
+use rayon::prelude::*;
 
-use surfabet_geom::morton::{MortonMap, encode};
+use crate::groups::Groups;
 
-use super::samples::{Lattice, Samples};
+/// Bits of a cell coordinate in a key.
+const KEY_BITS: u32 = 21;
 
-/// The samples of a cloud by cells of several of theirs.
+/// Cell coordinates are above `-LIMIT` and below `LIMIT`.
+pub(super) const LIMIT: i32 = 1 << (KEY_BITS - 1);
+
+/// Integer cell coordinates as one number; sorts by x, then y, then z. Coordinates beyond the grid are taken to
+/// its rim; callers check the extent of a cloud before.
+pub(super) fn key(cell: [i32; 3]) -> u64 {
+    cell.iter().fold(0, |key, &c| key << KEY_BITS | (c.clamp(1 - LIMIT, LIMIT - 1) + LIMIT) as u64)
+}
+
+/// Cell of a position in a grid of cells of side `size`.
+pub(super) fn cell_of(p: [f32; 3], size: f32) -> [i32; 3] {
+    p.map(|c| (c / size).floor() as i32)
+}
+
+/// Things grouped by the keys of their cells.
 pub(super) struct Cells {
-    lattice: Lattice,
-    ranges: MortonMap<(u32, u32)>,
+    /// Different keys, growing.
+    keys: Vec<u64>,
+    /// Things of each key, by growing number.
+    groups: Groups,
 }
 
 impl Cells {
-    /// Cells whose side is that of the samples' own times two to the power of `doublings`.
-    pub fn new(samples: &Samples, doublings: u32) -> Self {
-        let mut ranges = MortonMap::<(u32, u32)>::default();
-        for (i, sample) in (0..).zip(&samples.all) {
-            let range = ranges.entry(sample.key >> (3 * doublings)).or_insert((i, i));
-            range.1 = i + 1;
-        }
-        Self { lattice: samples.lattice(doublings), ranges }
+    /// Groups `count` things by `key`.
+    pub fn new(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Self {
+        let mut keyed: Vec<(u64, u32)> =
+            (0..count).into_par_iter().map(|i| (key(i), i as u32)).collect();
+        keyed.par_sort_unstable();
+        let (keys, sizes): (Vec<u64>, Vec<usize>) =
+            keyed.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.len())).unzip();
+        let mut groups = Groups::with_capacity(count);
+        groups.extend(&sizes, keyed.into_iter().map(|(_, i)| i));
+        Self { keys, groups }
     }
 
-    /// Calls `each` with the places of the samples of every cell that the box touches.
-    pub fn in_box(&self, low: [f32; 3], high: [f32; 3], mut each: impl FnMut(Range<usize>)) {
-        let (low, high) = (self.lattice.coordinates(low), self.lattice.coordinates(high));
-        for z in low[2]..=high[2] {
-            for y in low[1]..=high[1] {
-                for x in low[0]..=high[0] {
-                    if let Some(&(from, to)) = self.ranges.get(&encode([x, y, z])) {
-                        each(from as usize..to as usize);
-                    }
-                }
-            }
-        }
+    /// Number of cells with anything in them.
+    pub fn len(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Things of cell `i`.
+    pub fn of(&self, i: usize) -> &[u32] {
+        self.groups.of(i)
+    }
+
+    /// Place of the cell with this key.
+    pub fn find(&self, key: u64) -> Option<usize> {
+        self.keys.binary_search(&key).ok()
     }
 }

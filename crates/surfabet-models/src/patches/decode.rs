@@ -1,269 +1,285 @@
-//! A model back into a cloud (section III-B, eq. 2 and 3), at any spacing.
-//!
-//! Each patch is a continuous surface: between pixel centres depth and colour are interpolated inside the mask.
-//! Every set pixel yields points, so nothing that the model covers is lost at a coarse spacing either.
+//! A lattice model back into a cloud, at any spacing, as a surface or as measured.
 
-use surfabet_geom::{CloudParts, PointCloud, Progress};
+use std::sync::OnceLock;
 
-use super::frame::Frame;
-use super::model::{Channel, Level, PatchModel};
-use super::points::{DecodeOptions, Points};
-use crate::color::to_rgb;
+use rayon::prelude::*;
+use surfabet_geom::morton::{MortonMap, step};
+use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
+
+use super::basis::{DEGREES, N_SHAPES, derivative, value};
+use super::fragments::fragments;
+use super::leaves::Leaf;
+use super::model::{PATCH_PIXELS, PatchModel};
+use super::nodes::{cell_key, cell_of_key, index};
+use super::sheets::axes_of;
 use crate::error::{Result, check_points};
+use crate::points::{DecodeOptions, Points};
+
+/// Patches that one task decodes.
+const BLOCK: usize = 32;
 
 impl PatchModel {
-    /// The model as a cloud. Points come patch by patch; their number and order are not those of the input.
+    /// The model as a cloud. Points come patch by patch, then those that no patch holds; their number and order
+    /// are not those of the input.
+    ///
+    /// With `as_measured`, the thickness that the scan had at each patch is filled with layers at the spacing;
+    /// otherwise the surface is thin, and nearer to the true one than the scan was; fragments are left out then, at
+    /// most 16 finest pixels that stand 1.5 to 10 of them off a larger piece and touch nothing.
     ///
     /// # Errors
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
     /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        let finest = self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min);
-        let resolution = options.spacing(finest)?;
-        let bound: f64 = self
-            .levels()
-            .iter()
-            .map(|l| {
-                let per_side = l.pixel_size / sampling(l, resolution).spacing.min(l.pixel_size);
-                let set = l.masks.iter().filter(|&&m| m != 0).count() as f64;
-                set * per_side * per_side
-            })
-            .sum();
-        check_points(resolution, bound, options.max_points)?;
+        let pixel = self.lattice().pixel_size;
+        let resolution = options.spacing(pixel)?;
+        let spacing = resolution / pixel;
+        let points =
+            bound(self.leaves(), spacing, options.as_measured) + self.header().n_extra as f64;
+        check_points(resolution, points, options.max_points)?;
+        let decoder = Decoder::new(self, spacing, options);
         let mut all = Points::default();
-        for level in self.levels() {
-            let decoder = LevelDecoder::new(level, resolution, options.normals);
-            let patches: Vec<usize> = (0..level.len()).collect();
-            all.extend(&patches, BLOCK, progress, |patches, points| {
-                patches.iter().for_each(|&i| decoder.decode(i, points));
-            })?;
+        // Measured, what stands off the surface is part of the scan.
+        let is_left_out = if options.as_measured {
+            vec![false; self.len()]
+        } else {
+            fragments(self.lattice(), self.leaves())?
+        };
+        let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
+        let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
+        all.extend(&kept, BLOCK, progress, |leaves, points| {
+            let mut cache = CornerCache::new();
+            leaves.iter().for_each(|leaf| decoder.leaf(leaf, &mut cache, points));
+        })?;
+        let mut cache = CornerCache::new();
+        for p in self.points() {
+            let position = p.map(|c| c / pixel as f32);
+            all.positions.push(position);
+            if decoder.colors.is_some() {
+                all.colors.push(decoder.color(position, &mut cache));
+            }
+            if options.normals {
+                all.normals.push([0.0; 3]);
+            }
         }
         progress.update("decoding", 1.0);
+        let rows = self.lattice().orientation.rotation().map(|row| row.map(|c| c as f32));
+        let rotate = |p: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
+        };
+        let scale = pixel as f32;
         let parts = CloudParts {
-            origin: self.origin(),
+            origin: self.lattice().origin,
+            positions: all
+                .positions
+                .into_par_iter()
+                .map(|p| rotate(p.map(|c| c * scale)))
+                .collect(),
             colors: self.has_color().then_some(all.colors),
-            normals: options.normals.then_some(all.normals),
-            positions: all.positions,
+            normals: options.normals.then(|| all.normals.into_par_iter().map(rotate).collect()),
             ..CloudParts::default()
         };
         Ok(PointCloud::from_parts(parts)?.0)
     }
 }
 
-/// Patches that one task decodes.
-const BLOCK: usize = 64;
-
-/// How a level is sampled at a given resolution.
-struct Sampling {
-    /// Distance of the samples, metres; divides the pixel or the patch evenly.
+struct Decoder<'a> {
+    model: &'a PatchModel,
+    /// Samples per side of a patch, and the values of all shapes' factors there, per level.
+    grids: Vec<Grid>,
+    /// Spacing, pixels.
     spacing: f64,
-    /// Samples per side of a pixel; zero when the spacing is coarser than a pixel.
-    per_pixel: usize,
-    /// Cells per side of a patch when the spacing is coarser than a pixel.
-    per_patch: usize,
+    options: DecodeOptions,
+    colors: Option<(MortonMap<u32>, &'a [[u8; 3]])>,
+    /// Middles of the nodes, once anyone asks.
+    tree: OnceLock<Option<KdTree>>,
 }
 
-fn sampling(level: &Level, resolution: f64) -> Sampling {
-    // The small slack keeps 0.01 / 0.005 at two samples although neither is exact in binary.
-    let per_pixel = (level.pixel_size / resolution - 1e-9).ceil().max(1.0);
-    if resolution <= level.pixel_size * (1.0 + 1e-9) {
-        let spacing = level.pixel_size / per_pixel;
-        return Sampling { spacing, per_pixel: per_pixel as usize, per_patch: 0 };
-    }
-    let size = level.pixel_size * f64::from(level.pixels);
-    let per_patch = (size / resolution - 1e-9).ceil().max(1.0);
-    Sampling { spacing: size / per_patch, per_pixel: 0, per_patch: per_patch as usize }
+/// Layers that fill the thickness of a patch; spacing in pixels.
+fn layers(leaf: &Leaf, spacing: f64, as_measured: bool) -> f64 {
+    let thickness = 2.0 * f64::from(leaf.patch.half_thickness());
+    if as_measured { (thickness / spacing).round().max(1.0) } else { 1.0 }
 }
 
-struct LevelDecoder<'a> {
-    level: &'a Level,
-    sampling: Sampling,
-    depth_atoms: Vec<f32>,
-    color_atoms: Vec<f32>,
-    normals: bool,
+/// Samples along a side of a patch. The small slack keeps 0.01 / 0.005 at two samples per pixel although neither is
+/// exact in binary.
+fn samples(level: u32, spacing: f64) -> f64 {
+    (f64::from(PATCH_PIXELS << level) / spacing - 1e-9).ceil().max(1.0)
 }
 
-/// Depth and colour of one patch at its pixels.
-struct Pixels<'a> {
-    n: usize,
-    mask: &'a [u8],
-    depth: Vec<f32>,
-    /// Planes of red, green and blue; empty without colour.
-    color: Vec<f32>,
+/// Most points that all patches give; spacing in pixels.
+fn bound(leaves: &[Leaf], spacing: f64, as_measured: bool) -> f64 {
+    let of = |leaf: &Leaf| {
+        let per_pixel = (samples(leaf.level, spacing) / f64::from(PATCH_PIXELS)).ceil();
+        let set = f64::from(leaf.patch.mask.count_ones());
+        set * per_pixel * per_pixel * layers(leaf, spacing, as_measured)
+    };
+    leaves.iter().map(of).sum()
 }
 
-/// Adds Σ λ d over the entries of patch `i` (eq. 3) to `image`.
-fn add_code(channel: &Channel, atoms: &[f32], step: f64, i: usize, image: &mut [f32]) {
-    let (entries, coefficients) = channel.codes.of(i);
-    let n = image.len();
-    for (&entry, &coefficient) in entries.iter().zip(coefficients) {
-        let lambda = (f64::from(coefficient) * step) as f32;
-        let atom = &atoms[usize::from(entry) * n..(usize::from(entry) + 1) * n];
-        image.iter_mut().zip(atom).for_each(|(value, d)| *value += lambda * d);
-    }
+/// The samples along a side of the patches of a level.
+struct Grid {
+    /// Positions in pixels of the finest level.
+    at: Vec<f32>,
+    /// Row or column of the mask.
+    cell: Vec<usize>,
+    /// Factors and their derivatives by position.
+    values: Vec<[f32; 6]>,
+    slopes: Vec<[f32; 6]>,
 }
 
-impl<'a> LevelDecoder<'a> {
-    fn new(level: &'a Level, resolution: f64, normals: bool) -> Self {
+impl Grid {
+    fn new(level: u32, spacing: f64) -> Self {
+        let width = f64::from(PATCH_PIXELS << level);
+        let n = samples(level, spacing) as usize;
+        let part = |i: usize| (i as f64 + 0.5) / n as f64;
+        let x = |i: usize| 2.0 * part(i) - 1.0;
         Self {
-            level,
-            sampling: sampling(level, resolution),
-            depth_atoms: level.depth.dictionary.atoms(),
-            color_atoms: level.color.as_ref().map(|c| c.dictionary.atoms()).unwrap_or_default(),
-            normals,
+            at: (0..n).map(|i| (part(i) * width) as f32).collect(),
+            cell: (0..n).map(|i| (part(i) * f64::from(PATCH_PIXELS)) as usize).collect(),
+            values: (0..n).map(|i| std::array::from_fn(|k| value(k, x(i)) as f32)).collect(),
+            slopes: (0..n)
+                .map(|i| std::array::from_fn(|k| (derivative(k, x(i)) * 2.0 / width) as f32))
+                .collect(),
         }
     }
+}
 
-    /// Depth and colour images of patch `i` (eq. 2).
-    fn pixels(&self, i: usize) -> Pixels<'a> {
-        let level = self.level;
-        let area = level.area();
-        let mean = (f64::from(level.depth.means[i]) * level.steps.depth_mean) as f32;
-        let mut depth = vec![mean; area];
-        add_code(&level.depth, &self.depth_atoms, level.steps.depth_code, i, &mut depth);
-        let mut color = Vec::new();
-        if let Some(channel) = &level.color {
-            let means: [f32; 3] = std::array::from_fn(|c| {
-                (f64::from(channel.means[3 * i + c]) * level.steps.color_mean) as f32
-            });
-            for mean in to_rgb(means) {
-                color.resize(color.len() + area, mean);
-            }
-            add_code(channel, &self.color_atoms, level.steps.color_code, i, &mut color);
-        }
-        Pixels { n: level.pixels as usize, mask: level.mask(i), depth, color }
+impl<'a> Decoder<'a> {
+    fn new(model: &'a PatchModel, spacing: f64, options: DecodeOptions) -> Self {
+        let grids = (0..model.lattice().levels).map(|l| Grid::new(l, spacing)).collect();
+        let colors = model.node_colors().map(|(nodes, colors)| (index(nodes), colors));
+        Self { model, grids, spacing, options, colors, tree: OnceLock::new() }
     }
 
-    fn decode(&self, i: usize, points: &mut Points) {
-        let pixels = self.pixels(i);
-        let n = pixels.n;
-        let frame = self.level.poses[i].frame(self.level.steps.position as f32);
-        if self.sampling.per_pixel > 0 {
-            let m = self.sampling.per_pixel;
-            for pixel in (0..n * n).filter(|&p| pixels.mask[p] != 0) {
-                for sub in 0..m * m {
-                    let at = |whole: usize, part: usize| {
-                        whole as f32 + (part as f32 + 0.5) / m as f32 - 0.5
-                    };
-                    self.emit(
-                        &pixels,
-                        &frame,
-                        [at(pixel % n, sub % m), at(pixel / n, sub / m)],
-                        points,
-                    );
+    fn layers(&self, leaf: &Leaf) -> usize {
+        layers(leaf, self.spacing, self.options.as_measured) as usize
+    }
+
+    fn leaf(&self, leaf: &Leaf, cache: &mut CornerCache, points: &mut Points) {
+        let grid = &self.grids[leaf.level as usize];
+        let n = grid.at.len();
+        let before = points.positions.len();
+        for row in 0..n {
+            for column in 0..n {
+                let pixel = PATCH_PIXELS as usize * grid.cell[row] + grid.cell[column];
+                if leaf.patch.mask >> pixel & 1 != 0 {
+                    self.sample(leaf, grid, [column, row], cache, points);
                 }
             }
-        } else {
-            // One point per coarse cell that has a set pixel, at the mean of its set pixels.
-            let cells = self.sampling.per_patch;
-            let cell_of = |c: usize| (c * cells / n).min(cells - 1);
-            let mut sums = vec![([0.0_f32; 2], 0.0_f32); cells * cells];
-            for pixel in (0..n * n).filter(|&p| pixels.mask[p] != 0) {
-                let (column, row) = (pixel % n, pixel / n);
-                let sum = &mut sums[cell_of(row) * cells + cell_of(column)];
-                sum.0[0] += column as f32;
-                sum.0[1] += row as f32;
-                sum.1 += 1.0;
+        }
+        if points.positions.len() == before {
+            // A spacing coarser than the set pixels stepped over them all: the sample nearest to the first one.
+            let pixel = leaf.patch.mask.trailing_zeros() as usize % 64;
+            let side = PATCH_PIXELS as usize;
+            let nearest = |p: usize| ((p * n + n / 2) / side).min(n - 1);
+            let at = [nearest(pixel % side), nearest(pixel / side)];
+            self.sample(leaf, grid, at, cache, points);
+        }
+    }
+
+    fn sample(
+        &self,
+        leaf: &Leaf,
+        grid: &Grid,
+        [column, row]: [usize; 2],
+        cache: &mut CornerCache,
+        points: &mut Points,
+    ) {
+        let [d, u, v] = axes_of(leaf.side);
+        let step = self.model.lattice().depth_step as f32 / 16.0;
+        let (x, y) = (&grid.values[column], &grid.values[row]);
+        let (dx, dy) = (&grid.slopes[column], &grid.slopes[row]);
+        let (mut depth, mut slope) = (0.0, [0.0; 2]);
+        for k in (0..N_SHAPES).filter(|&k| leaf.patch.coefficients[k] != 0) {
+            let (i, j) = (usize::from(DEGREES[k].0), usize::from(DEGREES[k].1));
+            let c = leaf.patch.coefficients[k] as f32 * step;
+            depth += c * x[i] * y[j];
+            slope[0] += c * dx[i] * y[j];
+            slope[1] += c * x[i] * dy[j];
+        }
+        let layers = self.layers(leaf);
+        let half = leaf.patch.half_thickness();
+        let mut position = [0.0; 3];
+        position[u] = leaf.corner[0] as f32 + grid.at[column];
+        position[v] = leaf.corner[1] as f32 + grid.at[row];
+        for layer in 0..layers {
+            let offset = (2.0 * layer as f32 + 1.0) / layers as f32 - 1.0;
+            position[d] = depth + if layers > 1 { half * offset } else { 0.0 };
+            points.positions.push(position);
+            if self.colors.is_some() {
+                points.colors.push(self.color(position, cache));
             }
-            for (sum, count) in sums.iter().filter(|(_, count)| *count > 0.0) {
-                self.emit(&pixels, &frame, sum.map(|s| s / count), points);
+            if self.options.normals {
+                let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+                let facing = if leaf.side.is_multiple_of(2) { 1.0 } else { -1.0 };
+                let mut normal = [0.0; 3];
+                normal[d] = facing / length;
+                normal[u] = -facing * slope[0] / length;
+                normal[v] = -facing * slope[1] / length;
+                points.normals.push(normal);
             }
         }
     }
 
-    /// One point at pixel coordinates `at` (0 is the centre of the first pixel).
-    fn emit(&self, pixels: &Pixels<'_>, frame: &Frame, at: [f32; 2], points: &mut Points) {
-        let corners = Corners::around(pixels, at);
-        let depth = corners.mean(&pixels.depth);
-        let pixel = self.level.pixel_size as f32;
-        let center = 0.5 * (pixels.n as f32 - 1.0);
-        let local = [(at[0] - center) * pixel, (at[1] - center) * pixel, depth];
-        points.positions.push(frame.to_world(local));
-        if !pixels.color.is_empty() {
-            let area = pixels.n * pixels.n;
-            points.colors.push(std::array::from_fn(|c| {
-                // A cast from float to u8 saturates at 0 and 255.
-                corners.mean(&pixels.color[c * area..(c + 1) * area]).round() as u8
-            }));
+    /// Colour of the nodes around a position (pixels), interpolated between their middles.
+    fn color(&self, position: [f32; 3], cache: &mut CornerCache) -> [u8; 3] {
+        let Some((places, colors)) = &self.colors else { return [0; 3] };
+        let shifted = position.map(|c| c - 0.5);
+        let low = shifted.map(f32::floor);
+        let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a]);
+        let corners = cache.around(cell_key(low.map(|c| c as i32)), places);
+        let (mut sum, mut total) = ([0.0_f32; 3], 0.0_f32);
+        for (corner, &place) in corners.iter().enumerate() {
+            let side = |a: usize| if corner >> a & 1 != 0 { part[a] } else { 1.0 - part[a] };
+            let weight = side(0) * side(1) * side(2);
+            if let Some(color) = colors.get(place as usize) {
+                (0..3).for_each(|c| sum[c] += weight * f32::from(color[c]));
+                total += weight;
+            }
         }
-        if self.normals {
-            let slope = corners.slope(pixels);
-            let length = (slope[0] * slope[0] + slope[1] * slope[1] + pixel * pixel).sqrt();
-            points.normals.push(std::array::from_fn(|a| {
-                (pixel * frame.z[a] - slope[0] * frame.x[a] - slope[1] * frame.y[a]) / length
-            }));
+        if total > 1e-6 {
+            return sum.map(|s| (s / total).round() as u8);
         }
+        self.nearest(position).map_or([0; 3], |i| colors[i])
+    }
+
+    /// The nearest node of all; only points off every patch ask for it.
+    fn nearest(&self, position: [f32; 3]) -> Option<usize> {
+        let (nodes, _) = self.model.node_colors()?;
+        let tree = self.tree.get_or_init(|| {
+            let middle = |&key: &u64| cell_of_key(key).map(|c| c as f32 + 0.5);
+            let middles: Vec<[f32; 3]> = nodes.iter().map(middle).collect();
+            KdTree::new(&middles).ok()
+        });
+        tree.as_ref()?.nearest(position).map(|n| n.index())
     }
 }
 
-/// The set pixels about a position and their bilinear weights, which sum to one.
-struct Corners {
-    pixels: [usize; 4],
-    weights: [f32; 4],
-    low: [usize; 2],
+/// Nodes at the corners of the cubes between cell middles, for those looked at lately.
+struct CornerCache {
+    slots: Vec<(u64, [u32; 8])>,
 }
 
-impl Corners {
-    fn around(pixels: &Pixels<'_>, at: [f32; 2]) -> Self {
-        let n = pixels.n;
-        let last = (n - 1) as f32;
-        let clamped = at.map(|c| c.clamp(0.0, last));
-        let low = clamped.map(|c| (c.floor() as usize).min(n - 2));
-        let part: [f32; 2] = std::array::from_fn(|a| clamped[a] - low[a] as f32);
-        let mut corners = Self { pixels: [0; 4], weights: [0.0; 4], low };
-        let mut total = 0.0;
-        for k in 0..4 {
-            let (dx, dy) = (k % 2, k / 2);
-            let pixel = (low[1] + dy) * n + low[0] + dx;
-            let wx = if dx == 1 { part[0] } else { 1.0 - part[0] };
-            let wy = if dy == 1 { part[1] } else { 1.0 - part[1] };
-            corners.pixels[k] = pixel;
-            corners.weights[k] = if pixels.mask[pixel] != 0 { wx * wy } else { 0.0 };
-            total += corners.weights[k];
-        }
-        if total > 0.0 {
-            corners.weights = corners.weights.map(|w| w / total);
-        } else {
-            // Only a mean over a coarse cell can fall between unset pixels: take the nearest set one.
-            let distance = |p: usize| {
-                let (dx, dy) = ((p % n) as f32 - at[0], (p / n) as f32 - at[1]);
-                dx * dx + dy * dy
+impl CornerCache {
+    /// Slots; a patch passes through a few hundred cubes.
+    const SIZE: usize = 1 << 10;
+
+    fn new() -> Self {
+        // No key has its highest bit set.
+        Self { slots: vec![(u64::MAX, [u32::MAX; 8]); Self::SIZE] }
+    }
+
+    /// Places of the nodes at the cell `low` and its seven successors; `u32::MAX` where there is none.
+    fn around(&mut self, low: u64, places: &MortonMap<u32>) -> &[u32; 8] {
+        let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
+        if slot.0 != low {
+            let corner = |corner: usize| {
+                let along = (0..3).filter(|a| corner >> a & 1 != 0);
+                let key = along.fold(low, |key, axis| step(key, axis, true));
+                places.get(&key).copied().unwrap_or(u32::MAX)
             };
-            let set = (0..n * n).filter(|&p| pixels.mask[p] != 0);
-            if let Some(nearest) = set.min_by(|&a, &b| distance(a).total_cmp(&distance(b))) {
-                corners.pixels[0] = nearest;
-                corners.weights = [1.0, 0.0, 0.0, 0.0];
-            }
+            *slot = (low, std::array::from_fn(corner));
         }
-        corners
-    }
-
-    fn mean(&self, image: &[f32]) -> f32 {
-        (0..4).map(|k| self.weights[k] * image[self.pixels[k]]).sum()
-    }
-
-    /// Change of depth per pixel along columns and rows, from the set pixels alone.
-    fn slope(&self, pixels: &Pixels<'_>) -> [f32; 2] {
-        let n = pixels.n;
-        let value = |x: usize, y: usize| {
-            let pixel = y * n + x;
-            (pixels.mask[pixel] != 0).then(|| pixels.depth[pixel])
-        };
-        let difference = |a: Option<f32>, b: Option<f32>| Some(b? - a?);
-        let [x, y] = self.low;
-        let mean = |pairs: [Option<f32>; 2]| {
-            let known: Vec<f32> = pairs.into_iter().flatten().collect();
-            known.iter().sum::<f32>() / known.len().max(1) as f32
-        };
-        [
-            mean([
-                difference(value(x, y), value(x + 1, y)),
-                difference(value(x, y + 1), value(x + 1, y + 1)),
-            ]),
-            mean([
-                difference(value(x, y), value(x, y + 1)),
-                difference(value(x + 1, y), value(x + 1, y + 1)),
-            ]),
-        ]
+        &slot.1
     }
 }

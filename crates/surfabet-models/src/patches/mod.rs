@@ -1,47 +1,51 @@
-//! Sparse-coded surface patches: local depth and colour images, described with few dictionary entries each.
+//! Patches on a lattice: surfaces of least Lagrangian cost, with thickness and colour.
 //!
-//! One level is the Sparse Coded Surface Model (SCSM), several are the Hierarchical one (HSCSM) of M. Ruhnke,
-//! L. Bo, D. Fox, W. Burgard: *Hierarchical Sparse Coded Surface Models*, ICRA 2014. A cloud runs through the
-//! files of this folder in this order:
+//! The frames of all patches follow the scene's own three axes and share one pixel lattice, so that a pose is a
+//! tile and a depth, every point of the surface belongs to one patch, and neighbours meet without gaps. What is
+//! said of a sheet of surface - how finely it is split, which pixels are set, which shapes make its depth, how
+//! thick the scan was - is what costs least, bits weighed against squared error. A cloud runs through the files
+//! of this folder in this order:
 //!
-//! | file | step | paper |
-//! |---|---|---|
-//! | `options` | what to learn | |
-//! | `sensor` | weight of a point from the depth error of its sensor | III, ref. 15 |
-//! | `samples` | points merged to half a pixel, with their moments | III-A, the sub-sampled cloud P' |
-//! | `frame` | pose of a patch: normal and two global axes | III-A |
-//! | `field`, `cells` | what a patch at some place would cover | III-A |
-//! | `placement` | where patches go, and which patch owns which sample | III-A |
-//! | `images` | depth, colour and bitmask of a patch | III, fig. 2 |
-//! | `dictionary` | wK-SVD per channel, sparse codes | III-B, eq. 1 |
-//! | `order` | patches along a space-filling curve | |
-//! | `model` | the result, in the integers that a file stores | III |
-//! | `decode` | back to a cloud at any spacing | III-B, eq. 2 and 3 |
+//! | file | step |
+//! |---|---|
+//! | `options` | what to learn |
+//! | `axes` | the scene's own axes |
+//! | `samples` | points merged to half a pixel, each with the side it faces |
+//! | `sheets` | samples of a side as height fields over tiles |
+//! | `choice` | hierarchy, masks, shapes and thickness of least cost |
+//! | `basis` | the shapes, in integers |
+//! | `surroundings`, `syntax` | how all that is said in binary decisions, given the neighbours |
+//! | `nodes`, `targets`, `color` | colour on the cells around the surface |
+//! | `points` | points that no patch is near enough to |
+//! | `model`, `leaves` | the result |
+//! | `fragments` | which patches are noise that stands off a surface |
+//! | `decode` | back to a cloud, as a surface or as measured |
 
+mod axes;
+mod basis;
 mod cells;
+mod choice;
+mod color;
 mod decode;
-mod dictionary;
-mod extent;
-mod field;
-mod frame;
-mod groups;
-mod images;
-pub mod lattice;
+mod fragments;
 mod learn;
+mod leaves;
 mod model;
+mod nodes;
 mod options;
-pub mod order;
-mod placement;
 mod points;
 mod samples;
-mod sensor;
+mod sheets;
+mod surroundings;
+mod syntax;
+mod targets;
 
-pub use dictionary::{LevelDictionary, PatchDictionary, QuantizedDictionary};
-pub use frame::{Frame, PatchPose};
-pub use learn::{encode, learn};
+pub use axes::Orientation;
+pub use color::ColorSteps;
+pub use learn::learn;
+pub use leaves::Leaf;
 pub use model::{
-    Channel, Codes, Level, MAX_POSITION, MAX_SPARSITY, PatchModel, PatchModelParts, Steps,
+    Lattice, LatticePatch, LevelSize, MAX_LEVELS, Node, PATCH_PIXELS, PatchModel, PatchesHeader,
+    PatchesLimits, Root,
 };
-pub use options::{MAX_LEVELS, PatchOptions, Placement};
-pub use points::DecodeOptions;
-pub use sensor::Sensor;
+pub use options::PatchesOptions;

@@ -1,278 +1,447 @@
-//! The model M(H, D_depth, D_rgb, I) of section III, in the integers that a file stores.
-//!
-//! Everything is quantised when it is learned, so a model decodes to the same cloud before it is saved and after
-//! it is read back.
+//! The lattice model in the integers that a file stores.
 
-use super::dictionary::{LevelDictionary, PatchDictionary, QuantizedDictionary};
-use super::frame::{NORMAL_BITS, PatchPose};
-use surfabet_geom::octahedral;
+use surfabet_entropy::{Coder, Price};
 
+use super::axes::Orientation;
+use super::basis::N_SHAPES;
+use super::color::{ColorModels, ColorSteps, Colors, Source, code_colors};
+use super::leaves::Leaf;
+use super::nodes::{cell_key, cell_of_key, nodes};
+use super::points::{PointModels, code_points};
+use super::syntax::{GeometryModels, Said, code_geometry};
 use crate::error::{Error, Result};
 use crate::report::Report;
 
-/// Largest absolute lattice coordinate of a patch centre.
-pub const MAX_POSITION: i32 = 1 << 28;
+/// Pixels per side of a patch at every level.
+pub const PATCH_PIXELS: i32 = 8;
 
-/// Most dictionary entries in one patch's code.
-pub const MAX_SPARSITY: usize = 64;
+/// Most levels.
+pub const MAX_LEVELS: u32 = 4;
 
-/// What the integers of a level are multiplied with.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Steps {
-    /// Lattice of patch centres, metres.
-    pub position: f64,
-    /// Mean depth of a patch, metres.
-    pub depth_mean: f64,
-    /// Coefficients of the depth dictionary's unit-norm entries, metres.
-    pub depth_code: f64,
-    /// Mean colour of a patch, 0..255.
-    pub color_mean: f64,
-    /// Coefficients of the colour dictionary's unit-norm entries, 0..255.
-    pub color_code: f64,
+/// Largest tile coordinate.
+pub const MAX_TILE: i32 = 1 << 20;
+
+/// Largest stored depth or coefficient, in steps.
+pub const MAX_DEPTH: i32 = 1 << 24;
+
+/// Steps of thickness per finest pixel.
+pub(super) const THICKNESS_STEPS: u8 = 4;
+
+/// Largest half thickness, in steps.
+pub const MAX_THICKNESS: u8 = 63;
+
+/// A patch: a height field of 8 x 8 pixels over its square.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LatticePatch {
+    /// Bit `8 * row + column` is set where the pixel belongs to the surface.
+    pub mask: u64,
+    /// Coefficients of the shapes of `basis`, in depth steps; the first is the depth of the middle.
+    pub coefficients: [i32; N_SHAPES],
+    /// Half thickness of the measured surface, in steps of a quarter of the finest pixel.
+    pub thickness: u8,
 }
 
-/// Sparse codes c of all patches of a level: for each patch, which dictionary entries and how much of each.
+impl LatticePatch {
+    /// Half thickness of the measured surface, finest pixels.
+    pub fn half_thickness(&self) -> f32 {
+        f32::from(self.thickness) / f32::from(THICKNESS_STEPS)
+    }
+
+    /// Standard deviation of the scan about the surface, finest pixels: that of a slab of its thickness.
+    pub fn sigma(&self) -> f64 {
+        f64::from(self.half_thickness()) / 3.0_f64.sqrt()
+    }
+}
+
+/// What stands at a square of the hierarchy.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Codes {
-    /// Entries of patch i are `offsets[i]..offsets[i + 1]` of the other two columns; one more than patches.
-    pub offsets: Vec<u32>,
-    /// Dictionary entry, growing within a patch.
-    pub atoms: Vec<u16>,
-    /// Coefficient λ in steps, never zero.
+pub enum Node {
+    /// No surface.
+    #[default]
+    Empty,
+    /// One patch.
+    Leaf(LatticePatch),
+    /// Four squares of the next level: left to right, then the next row.
+    Split(Box<[Node; 4]>),
+}
+
+/// A sheet of surface over a tile of the coarsest level.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Root {
+    /// Twice the depth axis, plus one where the surface faces down that axis.
+    pub side: u8,
+    /// Tile coordinates along the two axes that follow the depth axis.
+    pub tile: [i32; 2],
+    /// The hierarchy below.
+    pub node: Node,
+}
+
+/// The pixel lattice that all patches share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lattice {
+    /// World position of the lattice's zero, metres.
+    pub origin: [f64; 3],
+    /// Directions of the lattice's axes.
+    pub orientation: Orientation,
+    /// Side of the finest pixel, metres.
+    pub pixel_size: f64,
+    /// Number of levels, 1 to 4; pixels of level 0, the finest, have side `pixel_size`, each further one doubles.
+    pub levels: u32,
+    /// Depth step, in sixteenths of the finest pixel.
+    pub depth_step: u32,
+}
+
+impl Lattice {
+    /// Finest pixels per side of a tile.
+    pub fn tile_pixels(&self) -> i32 {
+        PATCH_PIXELS << (self.levels - 1)
+    }
+
+    /// Side of a pixel of a level, 0 the finest, metres.
+    pub fn pixel_of(&self, level: u32) -> f64 {
+        self.pixel_size * f64::from(1_u32 << level)
+    }
+
+    /// Checks that all numbers are in their domains.
+    pub(super) fn check(&self) -> Result<()> {
+        let fail = |what: String| Err(Error::Inconsistent(what));
+        if self.origin.iter().any(|c| !c.is_finite()) {
+            return fail(format!("origin {:?} is not finite", self.origin));
+        }
+        if !self.orientation.is_valid() {
+            return fail(format!("{:?} is no rotation", self.orientation));
+        }
+        if !(self.pixel_size.is_finite() && self.pixel_size > 0.0) {
+            return fail(format!("pixel size is {}, but must be positive", self.pixel_size));
+        }
+        if !(1..=MAX_LEVELS).contains(&self.levels) {
+            return fail(format!("{} levels, not 1 to {MAX_LEVELS}", self.levels));
+        }
+        if !(1..=256).contains(&self.depth_step) {
+            return fail(format!("depth step of {} sixteenths, not 1 to 256", self.depth_step));
+        }
+        Ok(())
+    }
+}
+
+/// Checks that all sheets fit the lattice.
+fn check_roots(roots: &[Root], levels: u32) -> Result<()> {
+    for root in roots {
+        if root.side >= 6 || root.tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
+            let what = format!("side {} at tile {:?} is out of range", root.side, root.tile);
+            return Err(Error::Inconsistent(what));
+        }
+        check_node(&root.node, levels - 1)?;
+    }
+    Ok(())
+}
+
+fn check_node(node: &Node, level: u32) -> Result<()> {
+    match node {
+        Node::Empty => Ok(()),
+        Node::Leaf(patch) => {
+            let large = patch.coefficients.iter().find(|c| c.unsigned_abs() > MAX_DEPTH as u32);
+            if let Some(c) = large {
+                return Err(Error::Inconsistent(format!("a depth of {c} steps is out of range")));
+            }
+            if patch.mask == 0 {
+                return Err(Error::Inconsistent("a patch without pixels".into()));
+            }
+            if patch.thickness > MAX_THICKNESS {
+                let what = format!("a thickness of {}, above {MAX_THICKNESS}", patch.thickness);
+                return Err(Error::Inconsistent(what));
+            }
+            Ok(())
+        }
+        Node::Split(_) if level == 0 => {
+            Err(Error::Inconsistent("a split below the finest level".into()))
+        }
+        Node::Split(children) => children.iter().try_for_each(|c| check_node(c, level - 1)),
+    }
+}
+
+/// What a lattice model says of itself before its streams.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchesHeader {
+    /// Points of the cloud that the model was learned from.
+    pub n_points: u64,
+    /// The lattice of the patches.
+    pub lattice: Lattice,
+    /// Number of patches.
+    pub n_patches: u64,
+    /// Rounding of the colours' coefficients, where there are colours.
+    pub color: Option<ColorSteps>,
+    /// Number of points that no patch holds.
+    pub n_extra: u64,
+    /// Side of the cells that those points are rounded to, metres.
+    pub extra_size: f64,
+    /// Largest distance of any input point to the decoded cloud, metres, where it was asked for: decoded as
+    /// measured, at half a pixel.
+    pub max_error: Option<f64>,
+}
+
+/// Colours as a file stores them.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ColorField {
+    pub steps: ColorSteps,
     pub coefficients: Vec<i32>,
 }
 
-impl Codes {
-    /// Dictionary entries and coefficients of patch `i`.
-    pub fn of(&self, i: usize) -> (&[u16], &[i32]) {
-        let range = self.offsets[i] as usize..self.offsets[i + 1] as usize;
-        (&self.atoms[range.clone()], &self.coefficients[range])
-    }
-
-    fn check(&self, patches: usize, dictionary: &QuantizedDictionary) -> Result<(), String> {
-        let used = self.atoms.len();
-        if self.offsets.len() != patches + 1
-            || self.offsets.first() != Some(&0)
-            || self.offsets.last().map(|&o| o as usize) != Some(used)
-            || self.coefficients.len() != used
-            || self.offsets.windows(2).any(|w| w[0] > w[1])
-        {
-            return Err(format!("codes of {patches} patches do not line up"));
-        }
-        if let Some(w) = self.offsets.windows(2).find(|w| (w[1] - w[0]) as usize > MAX_SPARSITY) {
-            return Err(format!("a code of {} entries, more than {MAX_SPARSITY}", w[1] - w[0]));
-        }
-        let n_atoms = dictionary.n_atoms();
-        match self.atoms.iter().find(|&&a| usize::from(a) >= n_atoms) {
-            Some(atom) => Err(format!("a code uses entry {atom} of a dictionary of {n_atoms}")),
-            None => Ok(()),
-        }
-    }
-}
-
-/// One channel of a level: its dictionary, and mean and code of every patch.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Channel {
-    /// Entries shared by all patches of the level.
-    pub dictionary: QuantizedDictionary,
-    /// Mean of each patch in steps: one value for depth; luma, orange and green chroma for colour.
-    pub means: Vec<i32>,
-    /// Sparse code of what remains.
-    pub codes: Codes,
-}
-
-impl Channel {
-    fn check(&self, name: &str, patches: usize, area: usize, planes: usize) -> Result<(), String> {
-        if self.means.len() != patches * planes {
-            return Err(format!("{} {name} means for {patches} patches", self.means.len()));
-        }
-        if self.dictionary.n_features() != area * planes {
-            return Err(format!(
-                "{name} dictionary entries have {} values, patches have {}",
-                self.dictionary.n_features(),
-                area * planes
-            ));
-        }
-        self.codes.check(patches, &self.dictionary).map_err(|e| format!("{name} {e}"))
-    }
-}
-
-/// All patches of one size and pixel size (h = (ps, pr), section III).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Level {
-    /// Side of a pixel (pr), metres.
-    pub pixel_size: f64,
-    /// Pixels per side of a patch, so that ps = `pixels` times `pixel_size`.
-    pub pixels: u32,
-    /// Quantiser steps.
-    pub steps: Steps,
-    /// Pose T of each patch.
-    pub poses: Vec<PatchPose>,
-    /// Bitmask b of each patch, row-major, 1 where a pixel is set; one byte per pixel.
-    pub masks: Vec<u8>,
-    /// Depth along the normal.
-    pub depth: Channel,
-    /// Red, green and blue, where the cloud had colours.
-    pub color: Option<Channel>,
-}
-
-impl Level {
-    /// Number of patches.
-    pub fn len(&self) -> usize {
-        self.poses.len()
-    }
-
-    /// True without patches.
-    pub fn is_empty(&self) -> bool {
-        self.poses.is_empty()
-    }
-
-    /// Pixels of a patch.
-    pub fn area(&self) -> usize {
-        (self.pixels * self.pixels) as usize
-    }
-
-    /// Bitmask of patch `i`.
-    pub fn mask(&self, i: usize) -> &[u8] {
-        &self.masks[i * self.area()..(i + 1) * self.area()]
-    }
-
-    /// Number of set pixels.
-    pub fn set_pixels(&self) -> usize {
-        self.masks.iter().filter(|&&m| m != 0).count()
-    }
-
-    /// Area that set pixels cover, square metres of their patches' planes.
-    pub fn covered_area(&self) -> f64 {
-        self.set_pixels() as f64 * self.pixel_size * self.pixel_size
-    }
-
-    fn check(&self) -> Result<(), String> {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        let steps = self.steps;
-        let all = [
-            ("pixel size", self.pixel_size),
-            ("position step", steps.position),
-            ("depth mean step", steps.depth_mean),
-            ("depth code step", steps.depth_code),
-            ("colour mean step", steps.color_mean),
-            ("colour code step", steps.color_code),
-        ];
-        if let Some((name, value)) = all.iter().find(|(_, v)| !positive(*v)) {
-            return Err(format!("{name} is {value}, but must be positive"));
-        }
-        if !(2..=32).contains(&self.pixels) {
-            return Err(format!("patches of {} pixels per side, not 2 to 32", self.pixels));
-        }
-        let (n, area) = (self.len(), self.area());
-        if self.masks.len() != n * area {
-            return Err(format!("{} mask pixels for {n} patches", self.masks.len()));
-        }
-        if let Some(p) = self
-            .poses
-            .iter()
-            .flat_map(|p| p.position)
-            .find(|c| !(-MAX_POSITION..=MAX_POSITION).contains(c))
-        {
-            return Err(format!("a patch centre at lattice coordinate {p} is out of range"));
-        }
-        let half = octahedral::half(NORMAL_BITS) as u16;
-        if self.poses.iter().flat_map(|p| p.normal).any(|c| c.unsigned_abs() > half) {
-            return Err(format!("a normal's code is beyond {half}"));
-        }
-        self.depth.check("depth", n, area, 1)?;
-        self.color.as_ref().map_or(Ok(()), |c| c.check("colour", n, area, 3))
-    }
-}
-
-/// What a [`PatchModel`] is made of, before it is checked.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PatchModelParts {
-    /// World position that poses are relative to, metres.
-    pub origin: [f64; 3],
-    /// Points of the cloud that the model was learned from.
-    pub n_points: u64,
-    /// The hierarchy H, coarsest level first.
-    pub levels: Vec<Level>,
-    /// True when the dictionaries are those of another model, which a file then refers to.
-    pub shared_dictionary: bool,
-}
-
-/// A cloud as sparse-coded surface patches; immutable.
+/// A cloud as patches on a lattice, with colour on the cells around them; immutable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchModel {
-    parts: PatchModelParts,
+    n_points: u64,
+    lattice: Lattice,
+    roots: Vec<Root>,
+    leaves: Vec<Leaf>,
+    color: Option<ColorField>,
+    nodes: Vec<u64>,
+    node_colors: Vec<[u8; 3]>,
+    extra: Vec<u64>,
+    extra_size: f64,
+    max_error: Option<f64>,
     report: Report,
 }
 
+/// What there is of a level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LevelSize {
+    /// Number of patches.
+    pub patches: u64,
+    /// Set pixels of all patches.
+    pub set_pixels: u64,
+}
+
+/// Most memory units that a stream may ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PatchesLimits {
+    /// Most cells that carry colour, counted once per patch.
+    pub nodes: u64,
+}
+
 impl PatchModel {
-    /// Checks that the parts fit together.
-    ///
-    /// # Errors
-    /// [`Error::Inconsistent`] naming the first contradiction.
-    pub fn from_parts(parts: PatchModelParts) -> Result<Self> {
-        if parts.origin.iter().any(|c| !c.is_finite()) {
-            return Err(Error::Inconsistent(format!("origin {:?} is not finite", parts.origin)));
-        }
-        for (j, level) in parts.levels.iter().enumerate() {
-            level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
-        }
-        Ok(Self { parts, report: Report::default() })
+    /// Puts the learned parts together.
+    pub(super) fn new(
+        n_points: u64,
+        lattice: Lattice,
+        Said { roots, leaves }: Said,
+        color: Option<(ColorField, Vec<[u8; 3]>)>,
+        nodes: Vec<u64>,
+        report: Report,
+    ) -> Result<Self> {
+        lattice.check()?;
+        check_roots(&roots, lattice.levels)?;
+        let (color, node_colors) = color.map_or((None, Vec::new()), |(f, c)| (Some(f), c));
+        Ok(Self {
+            n_points,
+            lattice,
+            roots,
+            leaves,
+            color,
+            nodes,
+            node_colors,
+            extra: Vec::new(),
+            extra_size: lattice.pixel_size,
+            max_error: None,
+            report,
+        })
     }
 
-    pub(super) fn with_report(mut self, report: Report) -> Self {
-        self.report = report;
+    /// With points that no patch is near enough to, as cells of side `size`, and the bound that they keep.
+    pub(super) fn with_extra(mut self, extra: Vec<u64>, size: f64, max_error: f64) -> Self {
+        (self.extra, self.extra_size, self.max_error) = (extra, size, Some(max_error));
         self
     }
 
-    /// World position that poses are relative to, metres.
+    pub(super) fn report_mut(&mut self) -> &mut Report {
+        &mut self.report
+    }
+
+    /// What the file says before its streams.
+    pub fn header(&self) -> PatchesHeader {
+        PatchesHeader {
+            n_points: self.n_points,
+            lattice: self.lattice,
+            n_patches: self.leaves.len() as u64,
+            color: self.color.as_ref().map(|c| c.steps),
+            n_extra: self.extra.len() as u64,
+            extra_size: self.extra_size,
+            max_error: self.max_error,
+        }
+    }
+
+    /// Writes the streams of geometry, colour and extra points.
+    ///
+    /// # Errors
+    /// Those of the coders.
+    pub fn write<C: Coder>(
+        &self,
+        geometry: &mut C,
+        color: &mut C,
+        extra: &mut C,
+    ) -> Result<(), C::Error> {
+        let mut models = GeometryModels::default();
+        code_geometry(geometry, &mut models, self.lattice, &self.roots, usize::MAX)?;
+        if let Some(field) = &self.color {
+            let source = Source::Model(&field.coefficients);
+            code_colors(color, &mut ColorModels::default(), &self.nodes, field.steps, source)?;
+        }
+        code_points(extra, &mut PointModels::default(), &self.extra, usize::MAX)?;
+        Ok(())
+    }
+
+    /// Reads the streams that [`PatchModel::write`] wrote.
+    ///
+    /// # Errors
+    /// Those of the coders, also for a header or content that no model has.
+    pub fn read<C: Coder>(
+        header: &PatchesHeader,
+        limits: PatchesLimits,
+        geometry: &mut C,
+        color: &mut C,
+        extra: &mut C,
+    ) -> Result<Self, C::Error> {
+        let lattice = header.lattice;
+        lattice.check().map_err(|e| geometry.corrupt(e.to_string()))?;
+        let n_patches = usize::try_from(header.n_patches).unwrap_or(usize::MAX);
+        let models = &mut GeometryModels::default();
+        let Said { roots, leaves } = code_geometry(geometry, models, lattice, &[], n_patches)?;
+        check_roots(&roots, lattice.levels).map_err(|e| geometry.corrupt(e.to_string()))?;
+        if leaves.len() != n_patches {
+            let found = leaves.len();
+            return Err(geometry.corrupt(format!("{found} patches instead of {n_patches}")));
+        }
+        let keys = match header.color {
+            None => Vec::new(),
+            Some(_) => nodes(lattice, &leaves, limits.nodes).ok_or_else(|| {
+                geometry.corrupt(format!("more than {} cells of colour", limits.nodes))
+            })?,
+        };
+        let colors = match header.color {
+            None => None,
+            Some(steps) if steps.is_valid() => {
+                let models = &mut ColorModels::default();
+                Some((steps, code_colors(color, models, &keys, steps, Source::Stream)?))
+            }
+            Some(steps) => return Err(color.corrupt(format!("{steps:?} are not 1 to 4096"))),
+        };
+        let n_extra = usize::try_from(header.n_extra).unwrap_or(usize::MAX);
+        let points = code_points(extra, &mut PointModels::default(), &[], n_extra)?;
+        if points.len() != n_extra || !(1e-9..1e6).contains(&header.extra_size) {
+            let what = format!(
+                "{} points of size {} instead of {n_extra}",
+                points.len(),
+                header.extra_size
+            );
+            return Err(extra.corrupt(what));
+        }
+        if header.max_error.is_some_and(|e| !(e.is_finite() && e > 0.0)) {
+            return Err(extra.corrupt(format!("a largest error of {:?} m", header.max_error)));
+        }
+        let (color, node_colors) = match colors {
+            Some((steps, Colors { colors, coefficients })) => {
+                (Some(ColorField { steps, coefficients }), colors)
+            }
+            None => (None, Vec::new()),
+        };
+        Ok(Self {
+            n_points: header.n_points,
+            lattice,
+            roots,
+            leaves,
+            color,
+            nodes: keys,
+            node_colors,
+            extra: points,
+            extra_size: header.extra_size,
+            max_error: header.max_error,
+            report: Report::default(),
+        })
+    }
+
+    /// Bytes that geometry, colour and extra points take, nearly: their prices under the coder's models.
+    pub fn price(&self) -> [f64; 3] {
+        let [mut g, mut c, mut e] = [Price::default(); 3];
+        let Ok(()) = self.write(&mut g, &mut c, &mut e);
+        [g.bits / 8.0, c.bits / 8.0, e.bits / 8.0]
+    }
+
+    /// The lattice that all patches share.
+    pub fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    /// The hierarchies of all sheets, by side, then along a space-filling curve of their tiles.
+    pub fn roots(&self) -> &[Root] {
+        &self.roots
+    }
+
+    /// Number of patches and of their set pixels at each level, finest first.
+    pub fn level_sizes(&self) -> Vec<LevelSize> {
+        let mut sizes = vec![LevelSize::default(); self.lattice.levels as usize];
+        for leaf in &self.leaves {
+            let of = &mut sizes[leaf.level as usize];
+            of.patches += 1;
+            of.set_pixels += u64::from(leaf.patch.mask.count_ones());
+        }
+        sizes
+    }
+
+    /// All patches, in the order of the file.
+    pub fn leaves(&self) -> &[Leaf] {
+        &self.leaves
+    }
+
+    /// Keys and colours of the cells that carry colour.
+    pub(super) fn node_colors(&self) -> Option<(&[u64], &[[u8; 3]])> {
+        self.color.as_ref().map(|_| (&self.nodes[..], &self.node_colors[..]))
+    }
+
+    /// Points that no patch holds, in the frame of the lattice, metres.
+    pub fn points(&self) -> Vec<[f32; 3]> {
+        let size = self.extra_size;
+        let middle = |c: i32| ((f64::from(c) + 0.5) * size) as f32;
+        self.extra.iter().map(|&k| cell_of_key(k).map(middle)).collect()
+    }
+
+    /// World position that the model computes about, metres.
     pub fn origin(&self) -> [f64; 3] {
-        self.parts.origin
+        self.lattice.origin
     }
 
     /// Points of the cloud that the model was learned from.
     pub fn n_points(&self) -> u64 {
-        self.parts.n_points
+        self.n_points
     }
 
-    /// The hierarchy H, coarsest level first.
-    pub fn levels(&self) -> &[Level] {
-        &self.parts.levels
-    }
-
-    /// True when the dictionaries are those of another model, which a file then refers to.
-    pub fn shares_dictionary(&self) -> bool {
-        self.parts.shared_dictionary
-    }
-
-    /// The dictionaries of all levels.
-    pub fn dictionary(&self) -> PatchDictionary {
-        let level = |l: &Level| LevelDictionary {
-            pixel_size: l.pixel_size,
-            pixels: l.pixels,
-            depth: l.depth.dictionary.clone(),
-            color: l.color.as_ref().map(|c| c.dictionary.clone()),
-        };
-        PatchDictionary { levels: self.levels().iter().map(level).collect() }
-    }
-
-    /// Number of patches over all levels.
+    /// Number of patches.
     pub fn len(&self) -> usize {
-        self.parts.levels.iter().map(Level::len).sum()
+        self.leaves.len()
     }
 
     /// True without patches.
     pub fn is_empty(&self) -> bool {
-        self.len() == 0
+        self.leaves.is_empty()
     }
 
-    /// True when the patches carry colour.
+    /// True when the model carries colour.
     pub fn has_color(&self) -> bool {
-        self.parts.levels.iter().any(|l| l.color.is_some())
+        self.color.is_some()
+    }
+
+    /// Largest distance of any input point to the cloud decoded as measured at half a pixel, metres, where
+    /// learning was asked to keep one.
+    pub fn max_error(&self) -> Option<f64> {
+        self.max_error
     }
 
     /// How the model was learned; empty for a model read from a file.
     pub fn report(&self) -> &Report {
         &self.report
     }
+}
+
+/// Key of the cell of side `size` that a position lies in.
+pub(super) fn extra_key(p: [f32; 3], size: f64) -> u64 {
+    cell_key(p.map(|c| (f64::from(c) / size).floor() as i32))
 }

@@ -1,200 +1,87 @@
 //! What to learn, checked before anything is computed.
 
-use super::model::MAX_SPARSITY;
-use super::sensor::Sensor;
+use super::model::MAX_LEVELS;
 use crate::error::{Error, Result, positive};
+use crate::sensor::Sensor;
 
-/// Most levels of a hierarchy.
-pub const MAX_LEVELS: u32 = 8;
-
-/// How places of patches are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Placement {
-    /// Best coverage first, then aligned neighbours along its axes (HSCSM, section III-A).
-    #[default]
-    Greedy,
-    /// By spatial subsampling at the patch size, without regard to coverage and alignment (SCSM).
-    Subsampled,
-}
-
-/// Parameters of [`learn`](super::learn). [`Default`] is a good start for indoor scans.
+/// Parameters of [`learn`](super::learn).
 #[derive(Debug, Clone, PartialEq)]
-pub struct PatchOptions {
-    /// Side of a pixel (pr, "patch resolution") of the lowest level, metres.
+pub struct PatchesOptions {
+    /// Side of the finest pixel, metres.
     pub resolution: f64,
-    /// Pixels per side of a patch, so that the patch size ps is `patch_pixels` times `resolution`; 2 to 32.
-    pub patch_pixels: u32,
-    /// Levels of the hierarchy, 1 to 8; each has pixels of twice the side of those below it.
+    /// Number of levels, 1 to 4; patches of the finest are 8 pixels wide, each further level doubles.
     pub levels: u32,
-    /// Largest standard deviation of depth in a pixel (rho_max_depth), metres: what deviates more goes to the
-    /// level below; `None`: the resolution divided by the square root of three, at which every level accepts sheets as
-    /// thick as those of the lowest. The lowest level takes all.
-    pub max_depth_deviation: Option<f64>,
-    /// Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the channels, 0..255.
-    pub max_color_deviation: f64,
-    /// Fraction of its pixels that a patch covers at least, or it goes to the level below.
-    pub min_coverage: f64,
-    /// How places of patches are chosen.
-    pub placement: Placement,
-    /// Most entries of the depth dictionary of a level.
-    pub depth_atoms: u32,
-    /// Most entries of the colour dictionary of a level.
-    pub color_atoms: u32,
-    /// Most dictionary entries that describe one patch's depth (k, eq. 1).
-    pub depth_sparsity: u32,
-    /// Most dictionary entries that describe one patch's colour (k, eq. 1).
-    pub color_sparsity: u32,
-    /// Coding of depth stops at this root mean square error on the lowest level, metres; `None`: 0.2 times the
-    /// resolution. Each level above has half the tolerance of the one below.
-    pub depth_tolerance: Option<f64>,
-    /// Coding of colour stops at this root mean square error on the lowest level, 0..255; halved likewise.
-    pub color_tolerance: f64,
-    /// Most iterations of wK-SVD.
-    pub iterations: u32,
+    /// What a bit of geometry must save (lambda): squared error in squared pixels, summed over both directions and
+    /// over pixels.
+    pub lambda: f64,
+    /// Depth step, in sixteenths of a pixel.
+    pub depth_step: u32,
+    /// Rounds of choosing and training the coder's models.
+    pub rounds: u32,
+    /// Quantiser step of luma, grey levels of a single node (0..255).
+    pub color_step: u32,
+    /// Quantiser step of chroma as a multiple of luma's.
+    pub chroma_ratio: f64,
+    /// What a bit of colour must save, in squared colour steps.
+    pub color_lambda: f64,
+    /// Largest distance of any input point to the decoded cloud, metres: points further away are kept.
+    pub max_error: Option<f64>,
     /// How far a depth measurement can be trusted, for clouds that know their ranges.
     pub sensor: Sensor,
-    /// Seed of the dictionaries' first entries.
-    pub random_state: u64,
 }
 
-impl Default for PatchOptions {
+impl Default for PatchesOptions {
     fn default() -> Self {
         Self {
             resolution: 0.01,
-            patch_pixels: 8,
-            levels: 1,
-            max_depth_deviation: None,
-            max_color_deviation: 60.0,
-            min_coverage: 0.9,
-            placement: Placement::default(),
-            depth_atoms: 128,
-            color_atoms: 256,
-            depth_sparsity: 6,
-            color_sparsity: 12,
-            depth_tolerance: None,
-            color_tolerance: 7.0,
-            iterations: 8,
+            levels: 2,
+            lambda: 1.4,
+            depth_step: 12,
+            rounds: 3,
+            color_step: 90,
+            chroma_ratio: 1.5,
+            color_lambda: 0.15,
+            max_error: None,
             sensor: Sensor::default(),
-            random_state: 0,
         }
     }
 }
 
-impl PatchOptions {
-    /// How many times the pixels of `level`, counted from the coarsest, were doubled; 0 at the lowest level.
-    pub(super) fn doublings(&self, level: u32) -> u32 {
-        self.levels - 1 - level
-    }
-
-    /// Side of a pixel (pr) of `level`, counted from the coarsest, metres.
-    pub fn pixel_size(&self, level: u32) -> f64 {
-        self.resolution * f64::from(1_u32 << self.doublings(level))
-    }
-
-    /// Side of a patch (ps) of `level`, metres.
-    pub fn patch_size(&self, level: u32) -> f64 {
-        self.pixel_size(level) * f64::from(self.patch_pixels)
-    }
-
-    /// Largest standard deviation of depth in force, metres.
-    pub fn max_depth_deviation(&self) -> f64 {
-        self.max_depth_deviation.unwrap_or(self.resolution / 3.0_f64.sqrt())
-    }
-
-    /// Depth tolerance in force at `level`, metres.
-    pub fn depth_tolerance(&self, level: u32) -> f64 {
-        let lowest = self.depth_tolerance.unwrap_or(0.2 * self.resolution);
-        lowest / f64::from(1_u32 << self.doublings(level))
-    }
-
-    /// Colour tolerance in force at `level`, 0..255.
-    pub fn color_tolerance(&self, level: u32) -> f64 {
-        self.color_tolerance / f64::from(1_u32 << self.doublings(level))
-    }
-
+impl PatchesOptions {
     /// Refuses values outside their domain.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] naming the first one.
     pub fn check(&self) -> Result<()> {
         positive("resolution", self.resolution, "a positive number of metres")?;
-        if !(2..=32).contains(&self.patch_pixels) {
-            return Err(Error::invalid("patch_pixels", self.patch_pixels, "2 to 32"));
-        }
         if !(1..=MAX_LEVELS).contains(&self.levels) {
-            return Err(Error::invalid("levels", self.levels, "1 to 8"));
+            return Err(Error::invalid("levels", self.levels, "1 to 4"));
         }
-        let deviation = self.max_depth_deviation();
-        positive("max_depth_deviation", deviation, "a positive number of metres")?;
-        positive("max_color_deviation", self.max_color_deviation, "positive")?;
-        if !(self.min_coverage > 0.0 && self.min_coverage <= 1.0) {
-            return Err(Error::invalid("min_coverage", self.min_coverage, "above 0 and at most 1"));
-        }
-        for (name, value) in [("depth_atoms", self.depth_atoms), ("color_atoms", self.color_atoms)]
-        {
-            if !(1..=65_535).contains(&value) {
-                return Err(Error::invalid(name, value, "1 to 65535"));
-            }
-        }
+        let ratio = self.chroma_ratio;
         for (name, value) in
-            [("depth_sparsity", self.depth_sparsity), ("color_sparsity", self.color_sparsity)]
+            [("lambda", self.lambda), ("color_lambda", self.color_lambda), ("chroma_ratio", ratio)]
         {
-            if !(1..=MAX_SPARSITY as u32).contains(&value) {
-                return Err(Error::invalid(name, value, "1 to 64"));
-            }
+            positive(name, value, "a positive number")?;
         }
-        let tolerance = self.depth_tolerance(self.levels - 1);
-        positive("depth_tolerance", tolerance, "a positive number of metres")?;
-        if !(self.color_tolerance > 0.0 && self.color_tolerance <= 255.0) {
+        if !(1..=256).contains(&self.depth_step) {
             return Err(Error::invalid(
-                "color_tolerance",
-                self.color_tolerance,
-                "above 0 and at most 255",
+                "depth_step",
+                self.depth_step,
+                "1 to 256 sixteenths of a pixel",
             ));
         }
-        if !(1..=1000).contains(&self.iterations) {
-            return Err(Error::invalid("iterations", self.iterations, "1 to 1000"));
+        if !(1..=1024).contains(&self.color_step) {
+            return Err(Error::invalid("color_step", self.color_step, "1 to 1024"));
+        }
+        if !(0.25..=4.0).contains(&ratio) {
+            return Err(Error::invalid("chroma_ratio", ratio, "0.25 to 4"));
+        }
+        if !(1..=10).contains(&self.rounds) {
+            return Err(Error::invalid("rounds", self.rounds, "1 to 10"));
+        }
+        if let Some(error) = self.max_error {
+            positive("max_error", error, "a positive number of metres")?;
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_defaults_pass() {
-        assert_eq!(PatchOptions::default().check(), Ok(()));
-    }
-
-    #[test]
-    fn sizes_double_and_tolerances_halve_from_level_to_level_above() {
-        let options = PatchOptions { levels: 3, ..PatchOptions::default() };
-        let levels = [0, 1, 2];
-        assert_eq!(levels.map(|j| options.pixel_size(j)), [0.04, 0.02, 0.01]);
-        assert_eq!(levels.map(|j| options.patch_size(j)), [0.32, 0.16, 0.08]);
-        assert_eq!(levels.map(|j| options.depth_tolerance(j)), [0.0005, 0.001, 0.002]);
-        assert_eq!(levels.map(|j| options.color_tolerance(j)), [1.75, 3.5, 7.0]);
-    }
-
-    #[test]
-    fn a_refusal_names_value_and_limit() {
-        let wrong = PatchOptions { resolution: -1.0, ..PatchOptions::default() };
-        let message = wrong.check().unwrap_err().to_string();
-        assert_eq!(message, "resolution is -1, but must be a positive number of metres");
-        for wrong in [
-            PatchOptions { patch_pixels: 33, ..PatchOptions::default() },
-            PatchOptions { levels: 0, ..PatchOptions::default() },
-            PatchOptions { levels: 9, ..PatchOptions::default() },
-            PatchOptions { max_depth_deviation: Some(0.0), ..PatchOptions::default() },
-            PatchOptions { max_color_deviation: f64::NAN, ..PatchOptions::default() },
-            PatchOptions { min_coverage: 1.5, ..PatchOptions::default() },
-            PatchOptions { color_tolerance: f64::NAN, ..PatchOptions::default() },
-            PatchOptions { depth_tolerance: Some(0.0), ..PatchOptions::default() },
-            PatchOptions { depth_sparsity: 0, ..PatchOptions::default() },
-        ] {
-            assert!(matches!(wrong.check(), Err(Error::InvalidParameter { .. })));
-        }
     }
 }

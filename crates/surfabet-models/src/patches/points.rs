@@ -1,70 +1,87 @@
-//! What both methods share in making points: options, limits and the gathering of what many tasks made.
+//! Points that no patch is near enough to: cells of a cubic grid, said as an octree.
 
-use rayon::prelude::*;
-use surfabet_geom::Progress;
+use surfabet_entropy::{Bit, Coder};
 
-use crate::error::{Result, positive};
+/// Bits of a cell coordinate.
+const BITS: u32 = 21;
 
-/// How to decode.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DecodeOptions {
-    /// Spacing of the points, metres; `None`: half of the finest level's pixel.
-    pub resolution: Option<f64>,
-    /// Fill the thickness that the scan had, where the model keeps it.
-    pub as_measured: bool,
-    /// Give each point the normal of its patch surface.
-    pub normals: bool,
-    /// Refuse to produce more points than this.
-    pub max_points: u64,
-}
+/// Heights above the leaves with models of their own.
+const HEIGHTS: usize = 4;
 
-impl Default for DecodeOptions {
+/// Adaptive models of the octree: by height, child and number of occupied children before it.
+#[derive(Debug, Clone)]
+pub(super) struct PointModels(Vec<Bit>);
+
+impl Default for PointModels {
     fn default() -> Self {
-        Self { resolution: None, as_measured: false, normals: false, max_points: 2_000_000_000 }
+        Self(vec![Bit::new(); HEIGHTS * 64])
     }
 }
 
-impl DecodeOptions {
-    /// Spacing in force for pixels of `pixel` metres on the finest level.
-    pub(super) fn spacing(&self, pixel: f64) -> Result<f64> {
-        let spacing = self.resolution.unwrap_or(0.5 * pixel);
-        positive("resolution", spacing, "a positive number of metres")?;
-        Ok(spacing)
+/// Writes, reads or prices sorted, different keys of cells.
+///
+/// # Errors
+/// Whatever the coder finds wrong, which includes more than `max_points` of them.
+pub(super) fn code_points<C: Coder>(
+    coder: &mut C,
+    models: &mut PointModels,
+    keys: &[u64],
+    max_points: usize,
+) -> Result<Vec<u64>, C::Error> {
+    let mut found = Vec::with_capacity(keys.len());
+    if coder.bypass(u64::from(!keys.is_empty()), 1)? != 0 {
+        let mut octree = Octree { coder, models, found: &mut found, max_points };
+        octree.cell(keys, 0, BITS)?;
     }
+    Ok(found)
 }
 
-/// Points of some patches.
-#[derive(Default)]
-pub(super) struct Points {
-    pub positions: Vec<[f32; 3]>,
-    pub colors: Vec<[u8; 3]>,
-    pub normals: Vec<[f32; 3]>,
+struct Octree<'a, C> {
+    coder: &'a mut C,
+    models: &'a mut PointModels,
+    found: &'a mut Vec<u64>,
+    max_points: usize,
 }
 
-impl Points {
-    /// Adds what `make` makes of `patches`, `block` of them at a time, in their order.
-    pub fn extend<T: Sync>(
-        &mut self,
-        patches: &[T],
-        block: usize,
-        progress: &dyn Progress,
-        make: impl Fn(&[T], &mut Self) + Sync,
-    ) -> Result<()> {
-        let made: Vec<Result<Self>> = patches
-            .par_chunks(block)
-            .map(|patches| {
-                progress.check()?;
-                let mut points = Self::default();
-                make(patches, &mut points);
-                Ok(points)
-            })
-            .collect();
-        for points in made {
-            let points = points?;
-            self.positions.extend(points.positions);
-            self.colors.extend(points.colors);
-            self.normals.extend(points.normals);
+impl<C: Coder> Octree<'_, C> {
+    fn cell(&mut self, keys: &[u64], prefix: u64, height: u32) -> Result<(), C::Error> {
+        if height == 0 {
+            if self.found.len() == self.max_points {
+                return Err(self.coder.corrupt(format!("more than {} points", self.max_points)));
+            }
+            self.found.push(prefix);
+            return Ok(());
+        }
+        let (mut rest, mut occupied) = (keys, 0);
+        for child in 0..8_usize {
+            let at = prefix << 3 | child as u64;
+            let here = rest.partition_point(|&k| k >> (3 * (height - 1)) <= at);
+            let certain = child == 7 && occupied == 0;
+            let context = (height as usize).min(HEIGHTS) - 1;
+            let model = &mut self.models.0[context * 64 + child * 8 + occupied];
+            if certain || self.coder.bit(model, here > 0)? {
+                occupied += 1;
+                self.cell(&rest[..here], at, height - 1)?;
+            }
+            rest = &rest[here..];
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use surfabet_entropy::Price;
+
+    proptest! {
+        #[test]
+        fn every_key_is_walked(keys in prop::collection::btree_set(0_u64..1 << 63, 0..50)) {
+            let keys: Vec<u64> = keys.into_iter().collect();
+            let mut price = Price::default();
+            let Ok(found) = code_points(&mut price, &mut PointModels::default(), &keys, usize::MAX);
+            prop_assert_eq!(found, keys);
+        }
     }
 }

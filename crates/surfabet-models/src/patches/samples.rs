@@ -1,271 +1,223 @@
-//! Points merged into samples of half a pixel: the sub-sampled cloud P' of section III-A.
-//!
-//! A sample keeps what pixels need: the weighted mean of position and colour, the total weight, the mean
-//! direction to the sensors that saw it, and second moments, so that the standard deviation of a pixel is that
-//! of the points and not that of their means. Cells are the nodes of one octree: those of a coarser level of
-//! the hierarchy are made of those of the finest.
+//! Points merged into samples of half a pixel in the frame of the lattice, each with the side it faces.
 
 use rayon::prelude::*;
-use surfabet_geom::morton::{self, BITS};
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::{Moments, PointCloud, Progress};
 
-use super::frame::unit;
-use super::groups::Groups;
-use super::options::PatchOptions;
-use super::sensor::to_sensor;
+use super::axes::Orientation;
+use super::cells::{Cells, cell_of, key};
 use crate::error::Result;
+use crate::sensor::{Sensor, to_sensor};
 use crate::vector::dot;
 
 /// Side of the cells that points are merged in, in pixels.
-const SAMPLE_SIZE: f64 = 0.5;
+pub(super) const SAMPLE_SIZE: f64 = 0.5;
 
-/// Cells that one task merges.
-const BLOCK: usize = 1 << 12;
+/// Side of the cells that normals are fitted in, in pixels; each takes its 26 neighbours in.
+const NORMAL_CELL: f32 = 2.0;
 
-/// Merged points.
-#[derive(Debug, Clone, Copy)]
+/// How much a neighbour's axis counts against the own normal when axes are chosen.
+const NEIGHBOUR_PULL: f32 = 0.04;
+
+/// How much the axis of a cell counts whose samples lie on a line, against 1 for a plane.
+const LINE_TRUST: f32 = 0.2;
+
+/// Rounds of choosing axes.
+const ROUNDS: usize = 4;
+
+/// A cell whose samples agree on the side to this share is on that side as a whole.
+const AGREEMENT: f32 = 0.85;
+
+/// A merged sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sample {
-    /// Morton code of the cell.
-    pub key: u64,
-    /// Weighted mean position relative to the cloud's origin, metres.
+    /// Position in the frame of the lattice, metres.
     pub position: [f32; 3],
-    /// Weighted covariance of the points' positions: xx, xy, xz, yy, yz, zz, square metres.
-    pub covariance: [f32; 6],
-    /// Sum of the points' weights.
-    pub weight: f32,
-    /// Weighted mean colour, 0 to 255; zero without colours.
+    /// Mean colour, 0 to 255.
     pub color: [f32; 3],
-    /// Weighted variance of the points' colours, mean of the three channels.
-    pub color_variance: f32,
-    /// Unit direction towards the sensors, weighted mean; zero where unknown or where they cancel out.
-    pub view: [f32; 3],
+    /// Sum of the weights of its points.
+    pub weight: f32,
+    /// Mean direction to the sensors; zero where unknown.
+    view: [f32; 3],
 }
 
-/// Samples in the Morton order of their cells.
-#[derive(Debug, Clone, Default)]
+/// Samples in the order of their cells.
 pub(super) struct Samples {
-    pub all: Vec<Sample>,
-    /// Side of a cell, metres.
-    pub cell: f32,
-    /// Halvings from the finest cells to these, so that keys have `3 * (21 - halvings)` bits.
-    pub halvings: u32,
+    pub samples: Vec<Sample>,
+    /// Twice the axis that the surface is closest to being orthogonal to, plus one where it faces down that axis.
+    pub sides: Vec<u8>,
     pub has_color: bool,
-    pub has_views: bool,
 }
 
-/// The lattice that cells of one side lie on, and its Morton codes.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Lattice {
-    cell: f32,
-    halvings: u32,
-}
-
-impl Lattice {
-    /// Coordinates of the cell of `point`, never negative: half the range is added. Outside of the lattice they
-    /// are those of its rim; [`learn`](super::learn) checks a cloud's extent before.
-    pub fn coordinates(self, point: [f32; 3]) -> [u64; 3] {
-        point.map(|c| {
-            let index = (c / self.cell).floor() as i64 + ((1 << (BITS - 1)) >> self.halvings);
-            index.clamp(0, ((1 << BITS) - 1) >> self.halvings) as u64
-        })
-    }
-
-    pub fn key(self, point: [f32; 3]) -> u64 {
-        morton::encode(self.coordinates(point))
-    }
-}
-
-/// Sums over the points of a cell, positions about the first of them.
-#[derive(Default)]
-struct Sums {
-    base: Option<[f32; 3]>,
-    weight: f64,
-    offset: [f64; 3],
-    product: [f64; 6],
-    color: [f64; 3],
-    /// Mean over the channels of the squared colour.
-    color_square: f64,
-    view: [f64; 3],
-}
-
-fn outer([x, y, z]: [f64; 3]) -> [f64; 6] {
-    [x * x, x * y, x * z, y * y, y * z, z * z]
-}
-
-fn mean_square(v: [f64; 3]) -> f64 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / 3.0
-}
-
-impl Sums {
-    fn add(&mut self, s: &Sample) {
-        let base = *self.base.get_or_insert(s.position);
-        let w = f64::from(s.weight);
-        let offset: [f64; 3] =
-            std::array::from_fn(|a| f64::from(s.position[a]) - f64::from(base[a]));
-        let color = s.color.map(f64::from);
-        let square = outer(offset);
-        self.weight += w;
-        for a in 0..3 {
-            self.offset[a] += w * offset[a];
-            self.color[a] += w * color[a];
-            self.view[a] += w * f64::from(s.view[a]);
-        }
-        for (i, p) in self.product.iter_mut().enumerate() {
-            *p += w * (square[i] + f64::from(s.covariance[i]));
-        }
-        self.color_square += w * (mean_square(color) + f64::from(s.color_variance));
-    }
-
-    fn sample(&self, key: u64) -> Sample {
-        let mean = |sum: [f64; 3]| sum.map(|s| s / self.weight);
-        let (offset, color) = (mean(self.offset), mean(self.color));
-        let base = self.base.unwrap_or_default();
-        let square = outer(offset);
-        Sample {
-            key,
-            position: std::array::from_fn(|a| (f64::from(base[a]) + offset[a]) as f32),
-            covariance: std::array::from_fn(|i| (self.product[i] / self.weight - square[i]) as f32),
-            weight: self.weight as f32,
-            color: color.map(|c| c as f32),
-            color_variance: (self.color_square / self.weight - mean_square(color)).max(0.0) as f32,
-            view: unit(mean(self.view).map(|c| c as f32)),
-        }
-    }
-}
-
-/// Merges the samples of a cell: those seen from one side, and those seen from the other side if there are any,
-/// so that the faces of a wall thinner than a cell stay apart. `mark` tells which samples joined the second.
-fn merge_cell(
-    key: u64,
-    samples: impl Iterator<Item = Sample>,
-    mut mark: impl FnMut(bool),
-) -> [Option<Sample>; 2] {
-    let mut sides = [Sums::default(), Sums::default()];
-    let mut reference = [0.0; 3];
-    for s in samples {
-        if reference == [0.0; 3] {
-            reference = s.view;
-        }
-        let behind = dot(reference, s.view) < 0.0;
-        mark(behind);
-        sides[usize::from(behind)].add(&s);
-    }
-    sides.map(|side| side.base.is_some().then(|| side.sample(key)))
+fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
 }
 
 impl Samples {
-    /// Number of samples.
-    pub fn len(&self) -> usize {
-        self.all.len()
-    }
-
-    /// The lattice of cells whose side is that of these samples' times two to the power of `doublings`.
-    pub fn lattice(&self, doublings: u32) -> Lattice {
-        Lattice {
-            cell: self.cell * (1_u32 << doublings) as f32,
-            halvings: self.halvings + doublings,
-        }
-    }
-
-    /// Merges the points of `cloud`, each weighted by what its sensor's depth error makes of its range.
-    ///
-    /// The cloud must span less than 2^21 cells; [`learn`](super::learn) checks its extent before.
+    /// Merges the points of `cloud`.
     pub fn merge(
         cloud: &PointCloud,
-        options: &PatchOptions,
+        orientation: Orientation,
+        resolution: f64,
+        sensor: Sensor,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let mut merged = Self {
-            all: Vec::new(),
-            cell: (SAMPLE_SIZE * options.resolution) as f32,
-            halvings: 0,
-            has_color: cloud.colors().is_some(),
-            has_views: cloud.viewpoints().is_some(),
-        };
-        let lattice = merged.lattice(0);
-        let positions = cloud.positions();
-        let mut order: Vec<(u64, u32)> =
-            positions.par_iter().enumerate().map(|(i, p)| (lattice.key(*p), i as u32)).collect();
+        let to_world = orientation.rotation();
+        let rows: [[f32; 3]; 3] =
+            std::array::from_fn(|a| std::array::from_fn(|k| to_world[k][a] as f32));
+        let cell = (SAMPLE_SIZE * resolution) as f32;
+        let rotated: Vec<[f32; 3]> =
+            cloud.positions().par_iter().map(|&p| rotate(&rows, p)).collect();
         progress.check()?;
-        order.par_sort_unstable();
+        let cells = Cells::new(rotated.len(), |i| key(cell_of(rotated[i], cell)));
         progress.check()?;
-        let point = |i: u32| {
-            let i = i as usize;
-            Sample {
-                key: 0,
-                position: positions[i],
-                covariance: [0.0; 6],
-                weight: options.sensor.weight_of(cloud, i),
-                color: cloud.colors().map_or([0.0; 3], |c| c[i].map(f32::from)),
-                color_variance: 0.0,
-                view: to_sensor(cloud, i),
-            }
-        };
-        let starts = starts(order.len(), |i| order[i].0);
-        let blocks: Vec<Vec<Sample>> = starts
-            .par_windows(2)
-            .chunks(BLOCK)
-            .map(|cells| {
-                let mut out = Vec::with_capacity(cells.len());
-                for cell in cells {
-                    let members = &order[cell[0] as usize..cell[1] as usize];
-                    let points = members.iter().map(|&(_, i)| point(i));
-                    out.extend(merge_cell(members[0].0, points, |_| ()).into_iter().flatten());
-                }
-                out
-            })
+        let samples: Vec<Sample> = (0..cells.len())
+            .into_par_iter()
+            .with_min_len(1 << 12)
+            .map(|g| merge_cell(cloud, &rows, &rotated, sensor, cells.of(g)))
             .collect();
         progress.check()?;
-        merged.all = blocks.concat();
-        Ok(merged)
-    }
-
-    /// Samples of cells whose side is that of these times two to the power of `doublings`, and which of these
-    /// each was made of.
-    pub fn coarser(&self, doublings: u32) -> (Self, Groups) {
-        let key = |i: usize| self.all[i].key >> (3 * doublings);
-        let starts = starts(self.len(), key);
-        let blocks: Vec<(Vec<Sample>, Vec<usize>, Vec<u32>)> = starts
-            .par_windows(2)
-            .chunks(BLOCK)
-            .map(|cells| {
-                let (mut out, mut sizes, mut members) = (Vec::new(), Vec::new(), Vec::new());
-                let mut behind = Vec::new();
-                for cell in cells {
-                    let (from, to) = (cell[0], cell[1]);
-                    let samples = self.all[from as usize..to as usize].iter().copied();
-                    behind.clear();
-                    let sides = merge_cell(key(from as usize), samples, |b| behind.push(b));
-                    for (side, sample) in [false, true].into_iter().zip(sides) {
-                        let Some(sample) = sample else { continue };
-                        let before = members.len();
-                        members
-                            .extend((from..to).zip(&behind).filter(|m| *m.1 == side).map(|m| m.0));
-                        sizes.push(members.len() - before);
-                        out.push(sample);
-                    }
-                }
-                (out, sizes, members)
-            })
-            .collect();
-        let mut groups = Groups::with_capacity(self.len());
-        let mut all = Vec::new();
-        for (samples, sizes, members) in blocks {
-            all.extend(samples);
-            groups.extend(&sizes, members);
-        }
-        let Lattice { cell, halvings } = self.lattice(doublings);
-        (Self { all, cell, halvings, ..*self }, groups)
+        let sides = sides(&samples, NORMAL_CELL * resolution as f32, cloud.viewpoints().is_some());
+        progress.check()?;
+        Ok(Self { samples, sides, has_color: cloud.colors().is_some() })
     }
 }
 
-/// Where runs of equal keys start, and the end of the last.
-fn starts(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Vec<u32> {
-    let mut starts: Vec<u32> = (0..count)
+fn merge_cell(
+    cloud: &PointCloud,
+    rows: &[[f32; 3]; 3],
+    rotated: &[[f32; 3]],
+    sensor: Sensor,
+    points: &[u32],
+) -> Sample {
+    let mut weights = 0.0_f64;
+    let (mut position, mut color, mut view) = ([0.0_f64; 3], [0.0_f64; 3], [0.0_f64; 3]);
+    for &i in points {
+        let i = i as usize;
+        let weight = f64::from(sensor.weight_of(cloud, i));
+        weights += weight;
+        (0..3).for_each(|a| position[a] += weight * f64::from(rotated[i][a]));
+        if let Some(colors) = cloud.colors() {
+            (0..3).for_each(|c| color[c] += weight * f64::from(colors[i][c]));
+        }
+        let direction = to_sensor(cloud, i);
+        (0..3).for_each(|a| view[a] += weight * f64::from(direction[a]));
+    }
+    let mean = |sum: [f64; 3]| sum.map(|s| (s / weights) as f32);
+    Sample {
+        position: mean(position),
+        color: mean(color),
+        weight: weights as f32,
+        view: rotate(rows, mean(view)),
+    }
+}
+
+/// Sum of moments of a cell and its 26 neighbours.
+fn neighbourhood(cells: &Cells, moments: &[Moments], cell: [i32; 3]) -> (Moments, Vec<u32>) {
+    let mut sum = Moments::new();
+    let mut around = Vec::with_capacity(27);
+    for dx in -1..=1 {
+        for dy in -1..=1 {
+            for dz in -1..=1 {
+                if let Some(g) = cells.find(key([cell[0] + dx, cell[1] + dy, cell[2] + dz])) {
+                    sum.merge(&moments[g]);
+                    around.push(g as u32);
+                }
+            }
+        }
+    }
+    (sum, around)
+}
+
+fn sides(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
+    let cells = Cells::new(samples.len(), |i| key(cell_of(samples[i].position, cell)));
+    let moments: Vec<Moments> = (0..cells.len())
         .into_par_iter()
-        .filter(|&i| i == 0 || key(i - 1) != key(i))
-        .map(|i| i as u32)
+        .map(|g| {
+            let members = cells.of(g);
+            let at = samples[members[0] as usize].position;
+            Moments::about(at, members.iter().map(|&i| samples[i as usize].position))
+        })
         .collect();
-    starts.push(count as u32);
-    starts
+    let fitted: Vec<([f32; 3], f32, Vec<u32>)> = (0..cells.len())
+        .into_par_iter()
+        .map(|g| {
+            let at = samples[cells.of(g)[0] as usize].position;
+            let (sum, around) = neighbourhood(&cells, &moments, cell_of(at, cell));
+            match sum.principal_axes() {
+                Some(axes) if sum.weight() >= 5.0 && axes.variances[1] > 0.0 => {
+                    let flat = 1.0 - (axes.variances[0] / axes.variances[1]).sqrt();
+                    (axes.normal().map(|c| c as f32), flat as f32, around)
+                }
+                Some(axes) => {
+                    // A line or less: any plane along it will do, so not one across it.
+                    let along = axes.directions[2].map(|c| c.abs());
+                    let across = (0..3).min_by(|&a, &b| along[a].total_cmp(&along[b])).unwrap_or(0);
+                    let mut normal = [0.0; 3];
+                    normal[across] = 1.0;
+                    (normal, LINE_TRUST, around)
+                }
+                None => ([0.0; 3], 0.0, around),
+            }
+        })
+        .collect();
+    let fit = |g: usize, axis: usize| {
+        let (normal, flat, _) = &fitted[g];
+        normal[axis] * normal[axis] * flat
+    };
+    let best = |score: &dyn Fn(usize) -> f32| {
+        (0..3).max_by(|&a, &b| score(a).total_cmp(&score(b)).then(b.cmp(&a))).map_or(0, |a| a as u8)
+    };
+    let mut axes: Vec<u8> =
+        (0..cells.len()).into_par_iter().map(|g| best(&|a| fit(g, a))).collect();
+    for _ in 0..ROUNDS {
+        axes = (0..cells.len())
+            .into_par_iter()
+            .map(|g| {
+                let mut votes = [0.0_f32; 3];
+                for &near in &fitted[g].2 {
+                    votes[axes[near as usize] as usize] += NEIGHBOUR_PULL;
+                }
+                best(&|a| fit(g, a) + votes[a])
+            })
+            .collect();
+    }
+    let mut sides = vec![0_u8; samples.len()];
+    let per_cell: Vec<Vec<u8>> = (0..cells.len())
+        .into_par_iter()
+        .map(|g| {
+            let axis = axes[g] as usize;
+            let members = cells.of(g);
+            let (mut normal, _, _) = fitted[g];
+            if normal[axis] < 0.0 {
+                normal = normal.map(|c| -c);
+            }
+            if normal[axis] == 0.0 {
+                normal = [0.0; 3];
+                normal[axis] = 1.0;
+            }
+            let down: Vec<bool> = members
+                .iter()
+                .map(|&i| has_views && dot(samples[i as usize].view, normal) < 0.0)
+                .collect();
+            let share = down.iter().filter(|d| **d).count() as f32 / down.len() as f32;
+            let side = |d: bool| 2 * axes[g] + u8::from(d);
+            down.into_iter()
+                .map(|d| {
+                    if share >= AGREEMENT {
+                        side(true)
+                    } else if share <= 1.0 - AGREEMENT {
+                        side(false)
+                    } else {
+                        side(d)
+                    }
+                })
+                .collect()
+        })
+        .collect();
+    for (g, of) in per_cell.into_iter().enumerate() {
+        for (&i, side) in cells.of(g).iter().zip(of) {
+            sides[i as usize] = side;
+        }
+    }
+    sides
 }

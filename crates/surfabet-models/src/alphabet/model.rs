@@ -1,0 +1,334 @@
+//! The model: an alphabet, and where its words occur.
+
+use surfabet_entropy::{Coder, Price};
+
+use super::attributes::{Channels, code_channels};
+use super::lattice::{MAX_CELL, MAX_SCALE, SigmaRule, UNITS, sigma};
+use super::options::MAX_WORDS;
+use super::placement::{Placement, Stand};
+use super::syntax::{Setting, code_occurrences, code_words};
+use super::word::Word;
+use crate::error::{Error, Result};
+use crate::report::Report;
+use crate::scans::Deviation;
+
+/// Words and the radii that they stand in, for any number of scenes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alphabet {
+    radius: f64,
+    scales: u32,
+    words: Vec<Word>,
+}
+
+impl Alphabet {
+    /// An alphabet with `words` beside the plane, which is word 0 of every alphabet and stands first.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for a radius that is not positive, 0 or more than 8 scales, no or too many words, or
+    /// another first word than the plane.
+    pub fn new(radius: f64, scales: u32, words: Vec<Word>) -> Result<Self> {
+        let wrong = |what: String| Err(Error::Inconsistent(what));
+        if !(radius > 0.0 && radius.is_finite()) {
+            return wrong(format!("a radius of {radius} m"));
+        }
+        if !(1..=MAX_SCALE + 1).contains(&scales) {
+            return wrong(format!("{scales} scales"));
+        }
+        if words.len() > MAX_WORDS as usize || words.first() != Some(&Word::plane()) {
+            return wrong(format!(
+                "an alphabet of {} words, or one without its plane",
+                words.len()
+            ));
+        }
+        Ok(Self { radius, scales, words })
+    }
+
+    /// The alphabet of the plane alone.
+    ///
+    /// # Errors
+    /// As [`Alphabet::new`].
+    pub fn plane(radius: f64, scales: u32) -> Result<Self> {
+        Self::new(radius, scales, vec![Word::plane()])
+    }
+
+    /// Smallest radius of a word, metres.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Number of radii, each twice the one before.
+    pub fn scales(&self) -> u32 {
+        self.scales
+    }
+
+    /// The words; the first is the plane.
+    pub fn words(&self) -> &[Word] {
+        &self.words
+    }
+
+    /// Writes, reads or prices the words; when reading, those of `self` are of no account but for their number.
+    ///
+    /// # Errors
+    /// Whatever the coder finds wrong with what it reads.
+    pub fn code<C: Coder>(&self, coder: &mut C, n_words: usize) -> Result<Vec<Word>, C::Error> {
+        let mut words = vec![Word::plane()];
+        words.extend(code_words(
+            coder,
+            n_words.saturating_sub(1),
+            self.words.get(1..).unwrap_or(&[]),
+        )?);
+        Ok(words)
+    }
+}
+
+/// What a model says before its occurrences.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Header {
+    /// Points of the cloud that was described.
+    pub n_points: u64,
+    /// Corner of the lattice in world coordinates, metres.
+    pub origin: [f64; 3],
+    /// Spacing of decoded points, in sigma.
+    pub spacing: f64,
+    /// Sigma in metres, as learned; for information.
+    pub deviation: Deviation,
+    /// Sigma in units.
+    pub rule: SigmaRule,
+    /// Where sensors stood, units from the corner of the lattice; ascending.
+    pub sensors: Vec<[i64; 3]>,
+}
+
+/// Colours and intensities of all occurrences.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Attributes {
+    /// How they are rounded.
+    pub channels: Channels,
+    /// Per occurrence, the steps of every channel.
+    pub values: Vec<Vec<i32>>,
+}
+
+/// Where a word occurs, in world coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Occurrence {
+    /// Which word.
+    pub word: u16,
+    /// Its radius, metres.
+    pub radius: f64,
+    /// Middle of the word, metres.
+    pub center: [f64; 3],
+    /// Rows: what is right, what is up, and the normal towards the sensor.
+    pub rows: [[f64; 3]; 3],
+    /// Deviation allowed there, metres.
+    pub sigma: f64,
+}
+
+/// A scene as occurrences of words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AlphabetModel {
+    header: Header,
+    alphabet: Alphabet,
+    placements: Vec<Placement>,
+    attributes: Option<Attributes>,
+    shares_alphabet: bool,
+    report: Report,
+}
+
+fn setting(header: &Header, alphabet: &Alphabet) -> Setting {
+    Setting {
+        scales: alphabet.scales,
+        rule: header.rule,
+        sensors: header.sensors.clone(),
+        n_words: alphabet.words.len() as u32,
+    }
+}
+
+impl AlphabetModel {
+    /// From occurrences in any order, each with its channels; they are brought into the file's order.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] when an occurrence does not fit the alphabet or the lattice.
+    pub(super) fn new(
+        header: Header,
+        alphabet: Alphabet,
+        mut placed: Vec<(Placement, Vec<i32>)>,
+        channels: Channels,
+        shares_alphabet: bool,
+    ) -> Result<Self> {
+        let fits = |p: &Placement| {
+            u32::from(p.scale) < alphabet.scales
+                && usize::from(p.word) < alphabet.words.len()
+                && usize::from(p.view) < header.sensors.len().max(1)
+                && p.cell.iter().all(|c| (0..MAX_CELL).contains(c))
+        };
+        if let Some((p, _)) = placed.iter().find(|(p, _)| !fits(p)) {
+            return Err(Error::Inconsistent(format!(
+                "{p:?} does not fit the alphabet or the lattice"
+            )));
+        }
+        placed.sort();
+        let given: Vec<Placement> = placed.iter().map(|(p, _)| *p).collect();
+        let setting = setting(&header, &alphabet);
+        let mut price = Price::default();
+        let Ok(placements) =
+            code_occurrences(&mut price, &setting, &given, given.len(), &mut |_, _| {});
+        let attributes = (channels.count() > 0).then(|| Attributes {
+            channels,
+            values: placements
+                .iter()
+                .map(|p| {
+                    let k = placed.partition_point(|(other, _)| other < p);
+                    placed[k].1.clone()
+                })
+                .collect(),
+        });
+        let report = Report::default();
+        Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
+    }
+
+    /// Writes or prices the occurrences to one coder and their channels to another.
+    ///
+    /// # Errors
+    /// Those of the coders.
+    pub fn write<C: Coder>(&self, occurrences: &mut C, channels: &mut C) -> Result<(), C::Error> {
+        let setting = setting(&self.header, &self.alphabet);
+        let n = self.placements.len();
+        code_occurrences(occurrences, &setting, &self.placements, n, &mut |_, _| {})?;
+        if let Some(a) = &self.attributes {
+            let scales = self.alphabet.scales;
+            code_channels(channels, &self.placements, scales, a.channels.count(), &a.values)?;
+        }
+        Ok(())
+    }
+
+    /// Reads `n` occurrences from one coder and their channels from another. Header and alphabet are checked already.
+    ///
+    /// # Errors
+    /// Whatever the coders find wrong with what they read.
+    pub fn read<C: Coder>(
+        header: Header,
+        alphabet: Alphabet,
+        n: usize,
+        kept: Channels,
+        shares_alphabet: bool,
+        occurrences: &mut C,
+        channels: &mut C,
+    ) -> Result<Self, C::Error> {
+        let setting = setting(&header, &alphabet);
+        let placements = code_occurrences(occurrences, &setting, &[], n, &mut |_, _| {})?;
+        if placements.len() != n {
+            let found = placements.len();
+            return Err(occurrences.corrupt(format!("{found} occurrences where {n} were promised")));
+        }
+        let count = kept.count();
+        let attributes = if count > 0 {
+            let scales = alphabet.scales;
+            let values = code_channels(channels, &placements, scales, count, &[])?;
+            Some(Attributes { channels: kept, values })
+        } else {
+            None
+        };
+        let report = Report::default();
+        Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
+    }
+
+    /// Number of occurrences.
+    pub fn len(&self) -> usize {
+        self.placements.len()
+    }
+
+    /// True when no word occurs.
+    pub fn is_empty(&self) -> bool {
+        self.placements.is_empty()
+    }
+
+    /// The words that occur.
+    pub fn alphabet(&self) -> &Alphabet {
+        &self.alphabet
+    }
+
+    /// Whether the model's file names its alphabet instead of holding it.
+    pub fn shares_alphabet(&self) -> bool {
+        self.shares_alphabet
+    }
+
+    /// What is said before the occurrences.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Colours and intensities; `None` without either.
+    pub fn attributes(&self) -> Option<&Attributes> {
+        self.attributes.as_ref()
+    }
+
+    /// Sigma at no range, metres: all of it where no range is known.
+    pub fn constant_sigma(&self) -> f64 {
+        (self.header.rule.constant as f64).sqrt() * self.unit()
+    }
+
+    /// Whether occurrences have a colour.
+    pub fn has_color(&self) -> bool {
+        self.attributes.as_ref().is_some_and(|a| a.channels.color_step.is_some())
+    }
+
+    /// Whether occurrences have an intensity.
+    pub fn has_intensity(&self) -> bool {
+        self.attributes.as_ref().is_some_and(|a| a.channels.intensities.is_some())
+    }
+
+    /// Red, green and blue of every occurrence; `None` without colour.
+    pub fn colors(&self) -> Option<Vec<[u8; 3]>> {
+        let kept = self.attributes.as_ref()?;
+        kept.values.iter().map(|said| kept.channels.color(said)).collect()
+    }
+
+    /// Intensity of every occurrence, in the sensor's own unit; `None` without.
+    pub fn intensities(&self) -> Option<Vec<f32>> {
+        let kept = self.attributes.as_ref()?;
+        kept.values.iter().map(|said| kept.channels.intensity(said)).collect()
+    }
+
+    /// Points of the cloud that was described.
+    pub fn n_points(&self) -> u64 {
+        self.header.n_points
+    }
+
+    /// How the model came about; empty for one that was read from a file.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    pub(super) fn report_mut(&mut self) -> &mut Report {
+        &mut self.report
+    }
+
+    pub(super) fn placements(&self) -> &[Placement] {
+        &self.placements
+    }
+
+    /// Metres per unit.
+    pub(crate) fn unit(&self) -> f64 {
+        self.alphabet.radius / UNITS as f64
+    }
+
+    /// Poses in units, with the words that stand there.
+    pub(crate) fn stands(&self) -> impl ExactSizeIterator<Item = (Stand, &Word)> + use<'_> {
+        let setting = setting(&self.header, &self.alphabet);
+        self.placements.iter().map(move |p| {
+            let stand = p.stand(setting.level(p), setting.sensor(p.view));
+            (stand, &self.alphabet.words[usize::from(p.word)])
+        })
+    }
+
+    /// Where words occur, in the file's order.
+    pub fn occurrences(&self) -> impl ExactSizeIterator<Item = Occurrence> + use<'_> {
+        let unit = self.unit();
+        self.stands().zip(&self.placements).map(move |((stand, _), p)| Occurrence {
+            word: p.word,
+            radius: stand.radius * unit,
+            center: std::array::from_fn(|a| self.header.origin[a] + stand.center[a] * unit),
+            rows: stand.rows,
+            sigma: sigma(stand.level) * unit,
+        })
+    }
+}

@@ -1,0 +1,88 @@
+//! Where a word stands: a pose of integers.
+
+use super::lattice::{UNITS, cell_center, offset_step, slope_steps};
+use crate::scans::{Upright, upright_frame};
+use crate::vector;
+
+/// One occurrence of a word, everything quantised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Placement {
+    /// Its radius is `2^scale` times the smallest.
+    pub scale: u8,
+    /// The cell that it stands in.
+    pub cell: [i32; 3],
+    /// The axis that its normal is nearest to.
+    pub axis: u8,
+    /// Components of the normal along the next two axes, in steps of the component along `axis`.
+    pub slopes: [i16; 2],
+    /// From the cell's middle along the normal, in steps of half a sigma.
+    pub offset: i32,
+    /// Which word; 0 is the plane.
+    pub word: u16,
+    /// Which sensor saw it.
+    pub view: u16,
+}
+
+/// A pose in numbers: lengths in units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stand {
+    /// Middle of the word.
+    pub center: [f64; 3],
+    /// Rows: right, up, normal.
+    pub rows: [[f64; 3]; 3],
+    /// Radius of the word.
+    pub radius: f64,
+    /// Level of sigma.
+    pub level: u32,
+}
+
+impl Placement {
+    /// The normal as an integer vector, from the axis that it is nearest to.
+    pub fn normal(&self, level: u32) -> [i64; 3] {
+        let mut normal = [0; 3];
+        let axis = usize::from(self.axis);
+        normal[axis] = i64::from(slope_steps(u32::from(self.scale), level));
+        normal[(axis + 1) % 3] = i64::from(self.slopes[0]);
+        normal[(axis + 2) % 3] = i64::from(self.slopes[1]);
+        normal
+    }
+
+    /// Whether the axis is the one that the normal is nearest to.
+    pub fn slopes_fit(&self, level: u32) -> bool {
+        let steps = slope_steps(u32::from(self.scale), level);
+        self.slopes.iter().all(|&s| i32::from(s).abs() <= steps)
+    }
+
+    /// The pose, where sigma has `level` and `sensor` is where it was seen from.
+    pub fn stand(&self, level: u32, sensor: Option<[i64; 3]>) -> Stand {
+        let scale = u32::from(self.scale);
+        let middle = cell_center(self.cell, scale).map(|c| c as f64);
+        let towards = self.normal(level).map(|c| c as f64);
+        let length = vector::length(towards);
+        let along = towards.map(|c| c / length);
+        let offset = (i64::from(self.offset) * offset_step(level)) as f64;
+        let center: [f64; 3] = std::array::from_fn(|a| middle[a] + offset * along[a]);
+        // Words are seen from outside; without a sensor the sign carries no meaning.
+        let seen = sensor
+            .map_or(1.0, |s| (0..3).map(|a| along[a] * (s[a] as f64 - center[a])).sum::<f64>());
+        let normal = if seen < 0.0 { along.map(|c| -c) } else { along };
+        let rows = upright_frame(normal, Upright::WorldX, [0.0; 3]);
+        let radius = (UNITS << scale) as f64;
+        Stand { center, rows, radius, level }
+    }
+}
+
+impl Stand {
+    /// Right, up and height of a point about the word.
+    pub fn local(&self, point: [f64; 3]) -> [f64; 3] {
+        let d: [f64; 3] = std::array::from_fn(|a| point[a] - self.center[a]);
+        self.rows.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2])
+    }
+
+    /// A point from its coordinates about the word.
+    pub fn global(&self, local: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            self.center[a] + (0..3).map(|k| self.rows[k][a] * local[k]).sum::<f64>()
+        })
+    }
+}

@@ -1,0 +1,41 @@
+//! Back to a cloud: every word at its places (eq. 2), sparsified (eq. 3).
+
+use surfabet_geom::{CloudParts, PointCloud, Progress};
+
+use super::model::BicAlphabetModel;
+use super::pose::Frame;
+use super::sparsify::{Stamp, rebuild};
+use crate::error::{Result, check_points};
+
+impl BicAlphabetModel {
+    /// The scene as points that keep a distance of epsilon, at most `max_points` of them before they are thinned out.
+    ///
+    /// The result is the same before a model is saved and after it is read.
+    ///
+    /// # Errors
+    /// [`crate::Error::TooManyPoints`] and [`crate::Error::Cancelled`].
+    pub fn decode(&self, max_points: u64, progress: &dyn Progress) -> Result<PointCloud> {
+        progress.check()?;
+        let alphabet = self.alphabet();
+        let (radius, epsilon) = (alphabet.radius(), self.epsilon());
+        let stamps: Vec<Stamp> =
+            alphabet.words().iter().map(|w| Stamp::new(w, radius, epsilon)).collect();
+        let of = |word: u32| stamps.get(word as usize).map_or(0, Stamp::len) as u64;
+        let points: u64 = self.words().iter().map(|&w| of(w)).sum();
+        check_points(epsilon, points as f64, max_points)?;
+        let frames: Vec<Frame> =
+            self.poses().iter().map(|p| p.frame(alphabet.upright(), radius)).collect();
+        progress.check()?;
+        let sparse = rebuild(&frames, self.words(), &stamps, epsilon as f32);
+        let kept = sparse.arena.points.iter().zip(&sparse.kept).filter(|(_, k)| **k);
+        let mut kept: Vec<_> = kept.map(|(p, _)| p).collect();
+        // Occurrence after occurrence, the middle of each first.
+        kept.sort_unstable_by_key(|p| (p.owner, p.rank));
+        let parts = CloudParts {
+            origin: self.origin(),
+            positions: kept.into_iter().map(|p| p.position).collect(),
+            ..CloudParts::default()
+        };
+        Ok(PointCloud::from_parts(parts)?.0)
+    }
+}

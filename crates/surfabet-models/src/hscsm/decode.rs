@@ -1,0 +1,269 @@
+//! A model back into a cloud (section III-B, eq. 2 and 3), at any spacing.
+//!
+//! Each patch is a continuous surface: between pixel centres depth and colour are interpolated inside the mask.
+//! Every set pixel yields points, so nothing that the model covers is lost at a coarse spacing either.
+
+use surfabet_geom::{CloudParts, PointCloud, Progress};
+
+use super::frame::Frame;
+use super::model::{Channel, HscsmModel, Level};
+use crate::color::to_rgb;
+use crate::error::{Result, check_points};
+use crate::points::{DecodeOptions, Points};
+
+impl HscsmModel {
+    /// The model as a cloud. Points come patch by patch; their number and order are not those of the input.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
+    /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
+    pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        let finest = self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min);
+        let resolution = options.spacing(finest)?;
+        let bound: f64 = self
+            .levels()
+            .iter()
+            .map(|l| {
+                let per_side = l.pixel_size / sampling(l, resolution).spacing.min(l.pixel_size);
+                let set = l.masks.iter().filter(|&&m| m != 0).count() as f64;
+                set * per_side * per_side
+            })
+            .sum();
+        check_points(resolution, bound, options.max_points)?;
+        let mut all = Points::default();
+        for level in self.levels() {
+            let decoder = LevelDecoder::new(level, resolution, options.normals);
+            let patches: Vec<usize> = (0..level.len()).collect();
+            all.extend(&patches, BLOCK, progress, |patches, points| {
+                patches.iter().for_each(|&i| decoder.decode(i, points));
+            })?;
+        }
+        progress.update("decoding", 1.0);
+        let parts = CloudParts {
+            origin: self.origin(),
+            colors: self.has_color().then_some(all.colors),
+            normals: options.normals.then_some(all.normals),
+            positions: all.positions,
+            ..CloudParts::default()
+        };
+        Ok(PointCloud::from_parts(parts)?.0)
+    }
+}
+
+/// Patches that one task decodes.
+const BLOCK: usize = 64;
+
+/// How a level is sampled at a given resolution.
+struct Sampling {
+    /// Distance of the samples, metres; divides the pixel or the patch evenly.
+    spacing: f64,
+    /// Samples per side of a pixel; zero when the spacing is coarser than a pixel.
+    per_pixel: usize,
+    /// Cells per side of a patch when the spacing is coarser than a pixel.
+    per_patch: usize,
+}
+
+fn sampling(level: &Level, resolution: f64) -> Sampling {
+    // The small slack keeps 0.01 / 0.005 at two samples although neither is exact in binary.
+    let per_pixel = (level.pixel_size / resolution - 1e-9).ceil().max(1.0);
+    if resolution <= level.pixel_size * (1.0 + 1e-9) {
+        let spacing = level.pixel_size / per_pixel;
+        return Sampling { spacing, per_pixel: per_pixel as usize, per_patch: 0 };
+    }
+    let size = level.pixel_size * f64::from(level.pixels);
+    let per_patch = (size / resolution - 1e-9).ceil().max(1.0);
+    Sampling { spacing: size / per_patch, per_pixel: 0, per_patch: per_patch as usize }
+}
+
+struct LevelDecoder<'a> {
+    level: &'a Level,
+    sampling: Sampling,
+    depth_atoms: Vec<f32>,
+    color_atoms: Vec<f32>,
+    normals: bool,
+}
+
+/// Depth and colour of one patch at its pixels.
+struct Pixels<'a> {
+    n: usize,
+    mask: &'a [u8],
+    depth: Vec<f32>,
+    /// Planes of red, green and blue; empty without colour.
+    color: Vec<f32>,
+}
+
+/// Adds Σ λ d over the entries of patch `i` (eq. 3) to `image`.
+fn add_code(channel: &Channel, atoms: &[f32], step: f64, i: usize, image: &mut [f32]) {
+    let (entries, coefficients) = channel.codes.of(i);
+    let n = image.len();
+    for (&entry, &coefficient) in entries.iter().zip(coefficients) {
+        let lambda = (f64::from(coefficient) * step) as f32;
+        let atom = &atoms[usize::from(entry) * n..(usize::from(entry) + 1) * n];
+        image.iter_mut().zip(atom).for_each(|(value, d)| *value += lambda * d);
+    }
+}
+
+impl<'a> LevelDecoder<'a> {
+    fn new(level: &'a Level, resolution: f64, normals: bool) -> Self {
+        Self {
+            level,
+            sampling: sampling(level, resolution),
+            depth_atoms: level.depth.dictionary.atoms(),
+            color_atoms: level.color.as_ref().map(|c| c.dictionary.atoms()).unwrap_or_default(),
+            normals,
+        }
+    }
+
+    /// Depth and colour images of patch `i` (eq. 2).
+    fn pixels(&self, i: usize) -> Pixels<'a> {
+        let level = self.level;
+        let area = level.area();
+        let mean = (f64::from(level.depth.means[i]) * level.steps.depth_mean) as f32;
+        let mut depth = vec![mean; area];
+        add_code(&level.depth, &self.depth_atoms, level.steps.depth_code, i, &mut depth);
+        let mut color = Vec::new();
+        if let Some(channel) = &level.color {
+            let means: [f32; 3] = std::array::from_fn(|c| {
+                (f64::from(channel.means[3 * i + c]) * level.steps.color_mean) as f32
+            });
+            for mean in to_rgb(means) {
+                color.resize(color.len() + area, mean);
+            }
+            add_code(channel, &self.color_atoms, level.steps.color_code, i, &mut color);
+        }
+        Pixels { n: level.pixels as usize, mask: level.mask(i), depth, color }
+    }
+
+    fn decode(&self, i: usize, points: &mut Points) {
+        let pixels = self.pixels(i);
+        let n = pixels.n;
+        let frame = self.level.poses[i].frame(self.level.steps.position as f32);
+        if self.sampling.per_pixel > 0 {
+            let m = self.sampling.per_pixel;
+            for pixel in (0..n * n).filter(|&p| pixels.mask[p] != 0) {
+                for sub in 0..m * m {
+                    let at = |whole: usize, part: usize| {
+                        whole as f32 + (part as f32 + 0.5) / m as f32 - 0.5
+                    };
+                    self.emit(
+                        &pixels,
+                        &frame,
+                        [at(pixel % n, sub % m), at(pixel / n, sub / m)],
+                        points,
+                    );
+                }
+            }
+        } else {
+            // One point per coarse cell that has a set pixel, at the mean of its set pixels.
+            let cells = self.sampling.per_patch;
+            let cell_of = |c: usize| (c * cells / n).min(cells - 1);
+            let mut sums = vec![([0.0_f32; 2], 0.0_f32); cells * cells];
+            for pixel in (0..n * n).filter(|&p| pixels.mask[p] != 0) {
+                let (column, row) = (pixel % n, pixel / n);
+                let sum = &mut sums[cell_of(row) * cells + cell_of(column)];
+                sum.0[0] += column as f32;
+                sum.0[1] += row as f32;
+                sum.1 += 1.0;
+            }
+            for (sum, count) in sums.iter().filter(|(_, count)| *count > 0.0) {
+                self.emit(&pixels, &frame, sum.map(|s| s / count), points);
+            }
+        }
+    }
+
+    /// One point at pixel coordinates `at` (0 is the centre of the first pixel).
+    fn emit(&self, pixels: &Pixels<'_>, frame: &Frame, at: [f32; 2], points: &mut Points) {
+        let corners = Corners::around(pixels, at);
+        let depth = corners.mean(&pixels.depth);
+        let pixel = self.level.pixel_size as f32;
+        let center = 0.5 * (pixels.n as f32 - 1.0);
+        let local = [(at[0] - center) * pixel, (at[1] - center) * pixel, depth];
+        points.positions.push(frame.to_world(local));
+        if !pixels.color.is_empty() {
+            let area = pixels.n * pixels.n;
+            points.colors.push(std::array::from_fn(|c| {
+                // A cast from float to u8 saturates at 0 and 255.
+                corners.mean(&pixels.color[c * area..(c + 1) * area]).round() as u8
+            }));
+        }
+        if self.normals {
+            let slope = corners.slope(pixels);
+            let length = (slope[0] * slope[0] + slope[1] * slope[1] + pixel * pixel).sqrt();
+            points.normals.push(std::array::from_fn(|a| {
+                (pixel * frame.z[a] - slope[0] * frame.x[a] - slope[1] * frame.y[a]) / length
+            }));
+        }
+    }
+}
+
+/// The set pixels about a position and their bilinear weights, which sum to one.
+struct Corners {
+    pixels: [usize; 4],
+    weights: [f32; 4],
+    low: [usize; 2],
+}
+
+impl Corners {
+    fn around(pixels: &Pixels<'_>, at: [f32; 2]) -> Self {
+        let n = pixels.n;
+        let last = (n - 1) as f32;
+        let clamped = at.map(|c| c.clamp(0.0, last));
+        let low = clamped.map(|c| (c.floor() as usize).min(n - 2));
+        let part: [f32; 2] = std::array::from_fn(|a| clamped[a] - low[a] as f32);
+        let mut corners = Self { pixels: [0; 4], weights: [0.0; 4], low };
+        let mut total = 0.0;
+        for k in 0..4 {
+            let (dx, dy) = (k % 2, k / 2);
+            let pixel = (low[1] + dy) * n + low[0] + dx;
+            let wx = if dx == 1 { part[0] } else { 1.0 - part[0] };
+            let wy = if dy == 1 { part[1] } else { 1.0 - part[1] };
+            corners.pixels[k] = pixel;
+            corners.weights[k] = if pixels.mask[pixel] != 0 { wx * wy } else { 0.0 };
+            total += corners.weights[k];
+        }
+        if total > 0.0 {
+            corners.weights = corners.weights.map(|w| w / total);
+        } else {
+            // Only a mean over a coarse cell can fall between unset pixels: take the nearest set one.
+            let distance = |p: usize| {
+                let (dx, dy) = ((p % n) as f32 - at[0], (p / n) as f32 - at[1]);
+                dx * dx + dy * dy
+            };
+            let set = (0..n * n).filter(|&p| pixels.mask[p] != 0);
+            if let Some(nearest) = set.min_by(|&a, &b| distance(a).total_cmp(&distance(b))) {
+                corners.pixels[0] = nearest;
+                corners.weights = [1.0, 0.0, 0.0, 0.0];
+            }
+        }
+        corners
+    }
+
+    fn mean(&self, image: &[f32]) -> f32 {
+        (0..4).map(|k| self.weights[k] * image[self.pixels[k]]).sum()
+    }
+
+    /// Change of depth per pixel along columns and rows, from the set pixels alone.
+    fn slope(&self, pixels: &Pixels<'_>) -> [f32; 2] {
+        let n = pixels.n;
+        let value = |x: usize, y: usize| {
+            let pixel = y * n + x;
+            (pixels.mask[pixel] != 0).then(|| pixels.depth[pixel])
+        };
+        let difference = |a: Option<f32>, b: Option<f32>| Some(b? - a?);
+        let [x, y] = self.low;
+        let mean = |pairs: [Option<f32>; 2]| {
+            let known: Vec<f32> = pairs.into_iter().flatten().collect();
+            known.iter().sum::<f32>() / known.len().max(1) as f32
+        };
+        [
+            mean([
+                difference(value(x, y), value(x + 1, y)),
+                difference(value(x, y + 1), value(x + 1, y + 1)),
+            ]),
+            mean([
+                difference(value(x, y), value(x, y + 1)),
+                difference(value(x + 1, y), value(x + 1, y + 1)),
+            ]),
+        ]
+    }
+}

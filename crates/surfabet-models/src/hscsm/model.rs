@@ -1,0 +1,278 @@
+//! The model M(H, D_depth, D_rgb, I) of section III, in the integers that a file stores.
+//!
+//! Everything is quantised when it is learned, so a model decodes to the same cloud before it is saved and after
+//! it is read back.
+
+use super::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
+use super::frame::{NORMAL_BITS, PatchPose};
+use surfabet_geom::octahedral;
+
+use crate::error::{Error, Result};
+use crate::report::Report;
+
+/// Largest absolute lattice coordinate of a patch centre.
+pub const MAX_POSITION: i32 = 1 << 28;
+
+/// Most dictionary entries in one patch's code.
+pub const MAX_SPARSITY: usize = 64;
+
+/// What the integers of a level are multiplied with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// Lattice of patch centres, metres.
+    pub position: f64,
+    /// Mean depth of a patch, metres.
+    pub depth_mean: f64,
+    /// Coefficients of the depth dictionary's unit-norm entries, metres.
+    pub depth_code: f64,
+    /// Mean colour of a patch, 0..255.
+    pub color_mean: f64,
+    /// Coefficients of the colour dictionary's unit-norm entries, 0..255.
+    pub color_code: f64,
+}
+
+/// Sparse codes c of all patches of a level: for each patch, which dictionary entries and how much of each.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Codes {
+    /// Entries of patch i are `offsets[i]..offsets[i + 1]` of the other two columns; one more than patches.
+    pub offsets: Vec<u32>,
+    /// Dictionary entry, growing within a patch.
+    pub atoms: Vec<u16>,
+    /// Coefficient λ in steps, never zero.
+    pub coefficients: Vec<i32>,
+}
+
+impl Codes {
+    /// Dictionary entries and coefficients of patch `i`.
+    pub fn of(&self, i: usize) -> (&[u16], &[i32]) {
+        let range = self.offsets[i] as usize..self.offsets[i + 1] as usize;
+        (&self.atoms[range.clone()], &self.coefficients[range])
+    }
+
+    fn check(&self, patches: usize, dictionary: &QuantizedDictionary) -> Result<(), String> {
+        let used = self.atoms.len();
+        if self.offsets.len() != patches + 1
+            || self.offsets.first() != Some(&0)
+            || self.offsets.last().map(|&o| o as usize) != Some(used)
+            || self.coefficients.len() != used
+            || self.offsets.windows(2).any(|w| w[0] > w[1])
+        {
+            return Err(format!("codes of {patches} patches do not line up"));
+        }
+        if let Some(w) = self.offsets.windows(2).find(|w| (w[1] - w[0]) as usize > MAX_SPARSITY) {
+            return Err(format!("a code of {} entries, more than {MAX_SPARSITY}", w[1] - w[0]));
+        }
+        let n_atoms = dictionary.n_atoms();
+        match self.atoms.iter().find(|&&a| usize::from(a) >= n_atoms) {
+            Some(atom) => Err(format!("a code uses entry {atom} of a dictionary of {n_atoms}")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// One channel of a level: its dictionary, and mean and code of every patch.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Channel {
+    /// Entries shared by all patches of the level.
+    pub dictionary: QuantizedDictionary,
+    /// Mean of each patch in steps: one value for depth; luma, orange and green chroma for colour.
+    pub means: Vec<i32>,
+    /// Sparse code of what remains.
+    pub codes: Codes,
+}
+
+impl Channel {
+    fn check(&self, name: &str, patches: usize, area: usize, planes: usize) -> Result<(), String> {
+        if self.means.len() != patches * planes {
+            return Err(format!("{} {name} means for {patches} patches", self.means.len()));
+        }
+        if self.dictionary.n_features() != area * planes {
+            return Err(format!(
+                "{name} dictionary entries have {} values, patches have {}",
+                self.dictionary.n_features(),
+                area * planes
+            ));
+        }
+        self.codes.check(patches, &self.dictionary).map_err(|e| format!("{name} {e}"))
+    }
+}
+
+/// All patches of one size and pixel size (h = (ps, pr), section III).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Level {
+    /// Side of a pixel (pr), metres.
+    pub pixel_size: f64,
+    /// Pixels per side of a patch, so that ps = `pixels` times `pixel_size`.
+    pub pixels: u32,
+    /// Quantiser steps.
+    pub steps: Steps,
+    /// Pose T of each patch.
+    pub poses: Vec<PatchPose>,
+    /// Bitmask b of each patch, row-major, 1 where a pixel is set; one byte per pixel.
+    pub masks: Vec<u8>,
+    /// Depth along the normal.
+    pub depth: Channel,
+    /// Red, green and blue, where the cloud had colours.
+    pub color: Option<Channel>,
+}
+
+impl Level {
+    /// Number of patches.
+    pub fn len(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// True without patches.
+    pub fn is_empty(&self) -> bool {
+        self.poses.is_empty()
+    }
+
+    /// Pixels of a patch.
+    pub fn area(&self) -> usize {
+        (self.pixels * self.pixels) as usize
+    }
+
+    /// Bitmask of patch `i`.
+    pub fn mask(&self, i: usize) -> &[u8] {
+        &self.masks[i * self.area()..(i + 1) * self.area()]
+    }
+
+    /// Number of set pixels.
+    pub fn set_pixels(&self) -> usize {
+        self.masks.iter().filter(|&&m| m != 0).count()
+    }
+
+    /// Area that set pixels cover, square metres of their patches' planes.
+    pub fn covered_area(&self) -> f64 {
+        self.set_pixels() as f64 * self.pixel_size * self.pixel_size
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let steps = self.steps;
+        let all = [
+            ("pixel size", self.pixel_size),
+            ("position step", steps.position),
+            ("depth mean step", steps.depth_mean),
+            ("depth code step", steps.depth_code),
+            ("colour mean step", steps.color_mean),
+            ("colour code step", steps.color_code),
+        ];
+        if let Some((name, value)) = all.iter().find(|(_, v)| !positive(*v)) {
+            return Err(format!("{name} is {value}, but must be positive"));
+        }
+        if !(2..=32).contains(&self.pixels) {
+            return Err(format!("patches of {} pixels per side, not 2 to 32", self.pixels));
+        }
+        let (n, area) = (self.len(), self.area());
+        if self.masks.len() != n * area {
+            return Err(format!("{} mask pixels for {n} patches", self.masks.len()));
+        }
+        if let Some(p) = self
+            .poses
+            .iter()
+            .flat_map(|p| p.position)
+            .find(|c| !(-MAX_POSITION..=MAX_POSITION).contains(c))
+        {
+            return Err(format!("a patch centre at lattice coordinate {p} is out of range"));
+        }
+        let half = octahedral::half(NORMAL_BITS) as u16;
+        if self.poses.iter().flat_map(|p| p.normal).any(|c| c.unsigned_abs() > half) {
+            return Err(format!("a normal's code is beyond {half}"));
+        }
+        self.depth.check("depth", n, area, 1)?;
+        self.color.as_ref().map_or(Ok(()), |c| c.check("colour", n, area, 3))
+    }
+}
+
+/// What a [`HscsmModel`] is made of, before it is checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HscsmModelParts {
+    /// World position that poses are relative to, metres.
+    pub origin: [f64; 3],
+    /// Points of the cloud that the model was learned from.
+    pub n_points: u64,
+    /// The hierarchy H, coarsest level first.
+    pub levels: Vec<Level>,
+    /// True when the dictionaries are those of another model, which a file then refers to.
+    pub shared_dictionary: bool,
+}
+
+/// A cloud as sparse-coded surface patches; immutable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HscsmModel {
+    parts: HscsmModelParts,
+    report: Report,
+}
+
+impl HscsmModel {
+    /// Checks that the parts fit together.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] naming the first contradiction.
+    pub fn from_parts(parts: HscsmModelParts) -> Result<Self> {
+        if parts.origin.iter().any(|c| !c.is_finite()) {
+            return Err(Error::Inconsistent(format!("origin {:?} is not finite", parts.origin)));
+        }
+        for (j, level) in parts.levels.iter().enumerate() {
+            level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
+        }
+        Ok(Self { parts, report: Report::default() })
+    }
+
+    pub(super) fn with_report(mut self, report: Report) -> Self {
+        self.report = report;
+        self
+    }
+
+    /// World position that poses are relative to, metres.
+    pub fn origin(&self) -> [f64; 3] {
+        self.parts.origin
+    }
+
+    /// Points of the cloud that the model was learned from.
+    pub fn n_points(&self) -> u64 {
+        self.parts.n_points
+    }
+
+    /// The hierarchy H, coarsest level first.
+    pub fn levels(&self) -> &[Level] {
+        &self.parts.levels
+    }
+
+    /// True when the dictionaries are those of another model, which a file then refers to.
+    pub fn shares_dictionary(&self) -> bool {
+        self.parts.shared_dictionary
+    }
+
+    /// The dictionaries of all levels.
+    pub fn dictionary(&self) -> HscsmDictionary {
+        let level = |l: &Level| LevelDictionary {
+            pixel_size: l.pixel_size,
+            pixels: l.pixels,
+            depth: l.depth.dictionary.clone(),
+            color: l.color.as_ref().map(|c| c.dictionary.clone()),
+        };
+        HscsmDictionary { levels: self.levels().iter().map(level).collect() }
+    }
+
+    /// Number of patches over all levels.
+    pub fn len(&self) -> usize {
+        self.parts.levels.iter().map(Level::len).sum()
+    }
+
+    /// True without patches.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// True when the patches carry colour.
+    pub fn has_color(&self) -> bool {
+        self.parts.levels.iter().any(|l| l.color.is_some())
+    }
+
+    /// How the model was learned; empty for a model read from a file.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+}

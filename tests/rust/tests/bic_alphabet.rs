@@ -1,0 +1,399 @@
+//! Alphabets chosen by BIC on scenes that are known exactly, and their files.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+use proptest::prelude::*;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use surfabet::bic_alphabet::{self, BicHeader, BicPose, BicShape, BicWord};
+use surfabet::geom::KdTree;
+use surfabet::{
+    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, CloudParts, Container, Deviation, Model,
+    PointCloud, Save, Shared, Silent, Upright, Viewpoints, bic_alphabet_hash, shared_alphabet,
+};
+use surfabet_codec::{ContainerWriter, Family, Features};
+use surfabet_models::Error;
+use surfabet_tests::{
+    LIMITS, Stop, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_same_numbers,
+    golden,
+};
+
+fn learn(cloud: &PointCloud, options: &BicAlphabetOptions) -> BicAlphabetModel {
+    bic_alphabet::learn(cloud, options, &Silent).unwrap()
+}
+
+fn decode(model: &BicAlphabetModel) -> PointCloud {
+    model.decode(1_000_000, &Silent).unwrap()
+}
+
+fn figure(model: &BicAlphabetModel, name: &str) -> f64 {
+    model.report().figures.iter().find(|f| f.0 == name).unwrap().1
+}
+
+/// A room of 2 x 2 x 1.5 m seen from its middle, with boxes on the floor, in steps of 2 degrees.
+fn room(seed: u64) -> CloudParts {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let eye = [0.0_f64, 0.0, 0.8];
+    let boxes: Vec<[f64; 3]> = (0..6)
+        .map(|k| {
+            let angle = f64::from(k) + rng.random_range(-0.2..0.2);
+            [0.7 * angle.cos(), 0.7 * angle.sin(), 0.1]
+        })
+        .collect();
+    let mut parts = CloudParts::default();
+    for row in -44..45 {
+        for column in 0..180 {
+            let (e, a) = (f64::from(row) * 0.035, f64::from(column) * 0.035);
+            let d = [e.cos() * a.cos(), e.cos() * a.sin(), e.sin()];
+            // The nearest plane of the room from inside, and of the boxes from outside.
+            let mut range = f64::INFINITY;
+            for (axis, (low, high)) in
+                [(-1.0, 1.0), (-1.0, 1.0), (0.0, 1.5)].into_iter().enumerate()
+            {
+                let wall = if d[axis] > 0.0 { high } else { low };
+                range = range.min((wall - eye[axis]) / d[axis]);
+            }
+            for b in &boxes {
+                let (mut near, mut far) = (0.0_f64, f64::INFINITY);
+                for axis in 0..3 {
+                    let [s, t] = [-0.1, 0.1].map(|h| (b[axis] + h - eye[axis]) / d[axis]);
+                    (near, far) = (near.max(s.min(t)), far.min(s.max(t)));
+                }
+                if near < far {
+                    range = range.min(near);
+                }
+            }
+            let noise: f64 = rng.sample(StandardNormal);
+            let range = range + 0.002 * noise;
+            parts.positions.push(std::array::from_fn(|i| (eye[i] + range * d[i]) as f32));
+        }
+    }
+    let index = vec![0; parts.positions.len()];
+    parts.viewpoints = Some(Viewpoints { origins: vec![eye], index });
+    parts
+}
+
+fn cloud(parts: CloudParts) -> PointCloud {
+    PointCloud::from_parts(parts).unwrap().0
+}
+
+fn options() -> BicAlphabetOptions {
+    BicAlphabetOptions { iterations: 60, radius: 0.15, ..BicAlphabetOptions::default() }
+}
+
+#[test]
+fn a_room_is_covered_by_few_words() {
+    let cloud = cloud(room(0));
+    let model = learn(&cloud, &BicAlphabetOptions { reduce: false, ..options() });
+    assert!(figure(&model, "inliers") > 0.93, "{}", figure(&model, "inliers"));
+    assert!(figure(&model, "outliers") < 0.1, "{}", figure(&model, "outliers"));
+    assert!((2..60).contains(&model.alphabet().len()));
+    assert_eq!(model.counts().iter().sum::<u64>(), model.len() as u64);
+    let bytes: usize = model.alphabet().words().iter().map(|w| 12 * w.points.len()).sum();
+    assert_eq!(figure(&model, "paper bytes"), (bytes + 28 * model.len()) as f64);
+    // The trace never rises.
+    let (name, trace) = &model.report().objectives[0];
+    assert_eq!((name.as_str(), trace.len()), ("bic", 60));
+    assert!(trace.windows(2).all(|w| w[1] <= w[0]));
+    assert_eq!(*trace.last().unwrap(), figure(&model, "bic"));
+}
+
+#[test]
+fn decoded_points_keep_their_distance_and_are_those_measured() {
+    let cloud = cloud(room(1));
+    let model = learn(&cloud, &options());
+    let decoded = decode(&model);
+    let tree = KdTree::new(decoded.positions()).unwrap();
+    let mut near = Vec::new();
+    for &p in decoded.positions() {
+        tree.k_nearest(p, 2, &mut near);
+        assert!(near[1].squared_distance().sqrt() >= 0.03 - 1e-6);
+    }
+    // Inliers by their definition, with sigma at lambda 3 for the estimated resolution.
+    let alpha = 0.035_f64;
+    let given = Deviation { angular_resolution: Some(alpha), ..Deviation::default() };
+    let model = learn(&cloud, &BicAlphabetOptions { deviation: given, ..options() });
+    let tree = KdTree::new(decode(&model).positions()).unwrap();
+    let inliers = cloud.positions().iter().filter(|p| {
+        let range = [0.0, 0.0, 0.8_f64].iter().zip(*p).map(|(e, c)| (f64::from(*c) - e).powi(2));
+        let sigma = 3.0 * (0.5 * alpha).tan() * range.sum::<f64>().sqrt();
+        f64::from(tree.nearest(**p).unwrap().squared_distance()).sqrt() <= sigma
+    });
+    let share = inliers.count() as f64 / cloud.len() as f64;
+    assert!((share - figure(&model, "inliers reduced")).abs() < 2e-3, "{share}");
+}
+
+#[test]
+fn an_alphabet_describes_another_scene() {
+    let alphabet = learn(&cloud(room(2)), &options()).alphabet().clone();
+    let model = alphabet.describe(&cloud(room(3)), &options(), &Silent).unwrap();
+    assert_eq!(model.alphabet(), &alphabet);
+    assert!(figure(&model, "inliers") > 0.9, "{}", figure(&model, "inliers"));
+    let other = BicAlphabetOptions { radius: 0.2, ..options() };
+    let found = alphabet.describe(&cloud(room(3)), &other, &Silent);
+    assert!(matches!(found, Err(Error::Inconsistent(_))), "{found:?}");
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads_and_any_order() {
+    let parts = room(4);
+    let cloud = cloud(parts.clone());
+    let with = |n: usize, cloud: &PointCloud| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| learn(cloud, &options()).to_bytes().unwrap())
+    };
+    let one = with(1, &cloud);
+    assert_eq!(one, with(2, &cloud));
+    assert_eq!(one, with(8, &cloud));
+    let mut turned = parts;
+    turned.positions.reverse();
+    assert_eq!(one, with(2, &PointCloud::from_parts(turned).unwrap().0));
+}
+
+#[test]
+fn fewer_rejections_end_it_sooner() {
+    let cloud = cloud(room(5));
+    let model = learn(&cloud, &BicAlphabetOptions { max_rejections: 3, ..options() });
+    assert_eq!(model.report().stop_reason, "max_rejections reached");
+    let trace = &model.report().objectives[0].1;
+    let n = trace.len();
+    assert!(n < 60 && trace[n - 3..].iter().all(|b| *b == trace[n - 1]));
+    // The same candidates in the same order, only not all of them.
+    let full = learn(&cloud, &options());
+    assert_eq!(trace[..], full.report().objectives[0].1[..n]);
+}
+
+#[test]
+fn clouds_that_are_hardly_any_give_a_model_or_a_clear_error() {
+    let empty = bic_alphabet::learn(&PointCloud::default(), &options(), &Silent);
+    assert_eq!(empty, Err(Error::EmptyCloud));
+    let line: Vec<[f32; 3]> = (0..200).map(|i| [i as f32 * 0.01, 0.0, 0.0]).collect();
+    for points in [vec![[0.5; 3]], vec![[1.0; 3]; 50], vec![[0.0; 3], [3.0, 4.0, 5.0]], line] {
+        let (cloud, _) = PointCloud::from_positions(points);
+        for rule in [Upright::WorldX, Upright::WorldZ, Upright::ViewDirection] {
+            let model = learn(&cloud, &BicAlphabetOptions { upright: rule, ..options() });
+            let again = read(&model.to_bytes().unwrap()).unwrap();
+            assert_eq!(decode(&again), decode(&model));
+        }
+    }
+}
+
+#[test]
+fn huge_coordinates_keep_their_millimetres() {
+    let near = cloud(room(6));
+    let mut parts = near.clone().into_parts();
+    let shift = [691_000.25, 5_334_000.5, 512.125];
+    parts.origin = shift;
+    let viewpoints = parts.viewpoints.as_mut().unwrap();
+    viewpoints.origins[0] = std::array::from_fn(|a| viewpoints.origins[0][a] + shift[a]);
+    let far = learn(&cloud(parts), &options());
+    let near = learn(&near, &options());
+    assert_eq!(decode(&far).positions(), decode(&near).positions());
+    assert_eq!(decode(&far).origin(), shift);
+}
+
+#[test]
+fn wrong_options_are_named() {
+    let (cloud, _) = PointCloud::from_positions(vec![[0.0; 3]]);
+    for (options, name) in [
+        (BicAlphabetOptions { radius: 0.0, ..options() }, "radius"),
+        (BicAlphabetOptions { epsilon: Some(f64::NAN), ..options() }, "epsilon"),
+        (BicAlphabetOptions { feature_spacing: Some(-1.0), ..options() }, "feature_spacing"),
+        (BicAlphabetOptions { interest_scales: vec![0.1], ..options() }, "interest_scales"),
+        (BicAlphabetOptions { interest_threshold: 0.0, ..options() }, "interest_threshold"),
+        (BicAlphabetOptions { normal_neighbors: 2, ..options() }, "normal_neighbors"),
+        (BicAlphabetOptions { descriptor_pixels: 1, ..options() }, "descriptor_pixels"),
+        (BicAlphabetOptions { empty_penalty: 2.0, ..options() }, "empty_penalty"),
+        (BicAlphabetOptions { floor: 2.0, ..options() }, "floor"),
+        (BicAlphabetOptions { min_points: 0, ..options() }, "min_points"),
+        (BicAlphabetOptions { iterations: 0, ..options() }, "iterations"),
+        (BicAlphabetOptions { max_rejections: 0, ..options() }, "max_rejections"),
+    ] {
+        match bic_alphabet::learn(&cloud, &options, &Silent) {
+            Err(Error::InvalidParameter { name: found, .. }) => assert_eq!(found, name),
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn stopping_stops() {
+    let found = bic_alphabet::learn(&cloud(room(7)), &options(), &Stop);
+    assert!(matches!(found, Err(Error::Cancelled(_))));
+}
+
+fn read(file: &[u8]) -> Result<BicAlphabetModel, surfabet::Error> {
+    match Model::from_bytes(file, &LIMITS)? {
+        Model::BicAlphabet(model) => Ok(model),
+        other => panic!("a model of family {}", other.family()),
+    }
+}
+
+/// A step of 0.5 m with a dent.
+fn small_model(upright: Upright) -> BicAlphabetModel {
+    let mut parts = CloudParts { origin: [10.0, -20.0, 5.0], ..CloudParts::default() };
+    for i in 0..900 {
+        let (x, y) = ((i % 30) as f32 * 0.017, (i / 30) as f32 * 0.017);
+        let dent = 0.04 * (-((x - 0.2).powi(2) + (y - 0.3).powi(2)) / 0.004).exp();
+        parts.positions.push(if i % 3 == 0 { [x, 0.0, y] } else { [x, y, -dent] });
+    }
+    let index = vec![0; parts.positions.len()];
+    parts.viewpoints = Some(Viewpoints { origins: vec![[10.3, -19.4, 6.5]], index });
+    let options = BicAlphabetOptions { upright, iterations: 20, ..BicAlphabetOptions::default() };
+    learn(&cloud(parts), &options)
+}
+
+#[test]
+fn a_model_read_back_is_the_same() {
+    for upright in [Upright::WorldX, Upright::WorldZ, Upright::ViewDirection] {
+        let model = small_model(upright);
+        let file = model.to_bytes().unwrap();
+        let again = read(&file).unwrap();
+        assert_eq!((again.header(), again.alphabet()), (model.header(), model.alphabet()));
+        assert_eq!((again.poses(), again.words()), (model.poses(), model.words()));
+        assert_eq!(decode(&again), decode(&model));
+        assert_eq!(again.to_bytes().unwrap(), file);
+        assert_eq!(Container::parse(&file, &LIMITS).unwrap().family(), Family::Alphabet);
+    }
+}
+
+#[test]
+fn a_shared_alphabet_is_checked_by_its_hash() {
+    let model = small_model(Upright::WorldX).sharing_alphabet(true);
+    let file = model.to_bytes().unwrap();
+    let own = model.clone().sharing_alphabet(false).to_bytes().unwrap();
+    assert!(file.len() < own.len());
+    let alphabet = model.alphabet();
+    let container = Container::parse(&file, &LIMITS).unwrap();
+    assert_eq!(shared_alphabet(&container).unwrap(), Some(bic_alphabet_hash(alphabet)));
+    let with = |alphabet| Shared { bic_alphabet: Some(alphabet), ..Shared::default() };
+    match Model::from_bytes_with(&file, &LIMITS, with(alphabet)).unwrap() {
+        Model::BicAlphabet(again) => assert_eq!(decode(&again), decode(&model)),
+        other => panic!("a model of family {}", other.family()),
+    }
+    let missing = Model::from_bytes(&file, &LIMITS);
+    assert!(matches!(
+        missing,
+        Err(surfabet::Error::Codec(surfabet_codec::Error::MissingDictionary { .. }))
+    ));
+    let other = BicAlphabet::new(alphabet.shape(), alphabet.words()[1..].to_vec()).unwrap();
+    let wrong = Model::from_bytes_with(&file, &LIMITS, with(&other));
+    assert!(matches!(
+        wrong,
+        Err(surfabet::Error::Codec(surfabet_codec::Error::DictionaryMismatch { .. }))
+    ));
+}
+
+#[test]
+fn cut_at_any_byte_it_is_an_error() {
+    assert_cuts_are_errors(&small_model(Upright::WorldX).to_bytes().unwrap());
+}
+
+#[test]
+fn any_flipped_bit_is_an_error_or_harmless() {
+    assert_flipped_bits_are_noticed(&small_model(Upright::ViewDirection).to_bytes().unwrap());
+}
+
+prop_compose! {
+    fn any_model()(
+        upright in prop::sample::select(vec![Upright::WorldX, Upright::WorldZ, Upright::ViewDirection]),
+        words in prop::collection::vec(prop::collection::vec(prop::array::uniform3(-127_i8..=127), 1..20), 1..8),
+        heights in prop::collection::vec(any::<i8>(), 4),
+        poses in prop::collection::vec(
+            (prop::array::uniform3(-3000_i32..3000), prop::array::uniform2(-127_i8..=127), any::<u8>(), any::<prop::sample::Index>()),
+            0..60,
+        ),
+        origin in prop::array::uniform3(-1e7..1e7),
+        n_points: u64,
+    ) -> BicAlphabetModel {
+        let shape = BicShape { radius: 0.1, descriptor_pixels: 2, upright };
+        let words: Vec<BicWord> = words
+            .into_iter()
+            .map(|mut points| {
+                points.sort_unstable();
+                BicWord { points, descriptor: heights.clone() }
+            })
+            .collect();
+        let alphabet = BicAlphabet::new(shape, words).unwrap();
+        let low = [-94; 3];
+        let mut all: Vec<(BicPose, u32)> = poses
+            .into_iter()
+            .map(|(position, normal, roll, word)| {
+                let roll = if upright == Upright::ViewDirection { roll } else { 0 };
+                (BicPose { position, normal, roll }, word.index(alphabet.len()) as u32)
+            })
+            .collect();
+        let key = |p: &BicPose| {
+            let cell = p.position.map(|c| u64::from((c.div_euclid(32) + 94) as u32));
+            (surfabet::geom::morton::encode(cell), *p)
+        };
+        all.sort_by_key(|(p, _)| key(p));
+        all.dedup_by_key(|(p, _)| *p);
+        let (poses, words) = all.into_iter().unzip();
+        let header = BicHeader { n_points, origin, epsilon: 0.02, low };
+        BicAlphabetModel::new(header, alphabet, poses, words, false).unwrap()
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn any_valid_model_comes_back(model in any_model()) {
+        let bytes = model.to_bytes().unwrap();
+        prop_assert_eq!(read(&bytes).unwrap(), model);
+    }
+
+    #[test]
+    fn streams_of_random_bytes_never_panic(
+        words in prop::collection::vec(any::<u8>(), 0..300),
+        poses in prop::collection::vec(any::<u8>(), 0..300),
+    ) {
+        // The checksums are right, so that only the content can be refused.
+        let file = small_model(Upright::WorldX).to_bytes().unwrap();
+        let container = Container::parse(&file, &LIMITS).unwrap();
+        let meta = container.sections()[0].bytes.to_vec();
+        let tags: Vec<_> = container.sections().iter().map(|s| s.tag).collect();
+        let forged = ContainerWriter::new(Family::Alphabet, Features::BIC_ALPHABET)
+            .section(tags[0], meta)
+            .section(tags[1], words)
+            .section(tags[2], poses)
+            .finish()
+            .unwrap();
+        if let Ok(model) = Model::from_bytes(&forged, &LIMITS) {
+            let _ = model.decode(None, &Silent);
+        }
+    }
+}
+
+/// One line per decoded point: position in the world, metres.
+fn listing(model: &BicAlphabetModel) -> String {
+    let cloud = decode(model);
+    let line = |i: usize| {
+        let [x, y, z] = cloud.world(i);
+        format!("{x:.7} {y:.7} {z:.7}\n")
+    };
+    (0..cloud.len()).map(line).collect()
+}
+
+/// Writes the golden file of this release. Run once per release, before it is published:
+/// `cargo test -p surfabet-tests --test alphabet_bic -- --ignored`.
+#[test]
+#[ignore = "writes tests/golden; files of a published release must never change"]
+fn write_golden() {
+    let model = small_model(Upright::WorldX);
+    model.save(golden("bic_alphabet_0_1.sfb")).unwrap();
+    std::fs::write(golden("bic_alphabet_0_1.txt"), listing(&model)).unwrap();
+}
+
+#[test]
+fn files_of_release_0_1_stay_readable() {
+    let file = std::fs::read(golden("bic_alphabet_0_1.sfb")).unwrap();
+    let container = Container::parse(&file, &LIMITS).unwrap();
+    assert_eq!(container.needed_version().to_string(), "0.1");
+    let model = read(&file).unwrap();
+    assert_eq!((model.n_points(), model.origin()), (900, [10.0, -20.0, 5.0]));
+    let expected = std::fs::read_to_string(golden("bic_alphabet_0_1.txt")).unwrap();
+    // The last step of a position in single precision may differ.
+    assert_same_numbers(&listing(&model), &expected, |_, _| 1e-6);
+}
