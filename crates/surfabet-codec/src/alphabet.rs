@@ -141,7 +141,7 @@ fn write_meta(model: &AlphabetModel) -> Vec<u8> {
     header.origin.iter().for_each(|&c| out.f64(c));
     out.f32(header.spacing as f32);
     // For the reader's information only; zero: no range was known.
-    out.f32(header.deviation.scale as f32);
+    out.f32(header.deviation.sigma_scale as f32);
     out.f32(header.deviation.angular_resolution.unwrap_or(0.0) as f32);
     out.f32(header.deviation.noise.unwrap_or(0.0) as f32);
     out.varint(header.rule.per_range);

@@ -63,10 +63,10 @@ impl Data {
         let place = |s: &[i64; 3]| sensors.binary_search(s).unwrap_or_default() as u16;
         let view = seen_from.par_iter().map(place).collect();
         let deviation = scene.deviation;
-        let noise = deviation.scale * deviation.noise.unwrap_or(0.0);
+        let noise = deviation.sigma_scale * deviation.noise.unwrap_or(0.0);
         let rule = match deviation.angular_resolution {
             Some(alpha) if !sensors.is_empty() => {
-                SigmaRule::new(deviation.scale * (0.5 * alpha).tan(), noise, unit)
+                SigmaRule::new(deviation.sigma_scale * (0.5 * alpha).tan(), noise, unit)
             }
             // Ranges without a sensor's place, or neither: one sigma for all.
             _ => SigmaRule::new(0.0, scene.median_sigma(), unit),

@@ -19,6 +19,7 @@ use super::thin::thinned;
 use super::word::Word;
 use super::words::{clustered, nearest_words};
 use crate::error::{Error, Result};
+use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::scans::Scene;
 
@@ -89,8 +90,8 @@ fn run(
             .collect::<Result<Vec<Scale>>>()
     })?;
     let mut prices = Prices {
-        point: options.point_bits as f32,
-        lone: options.lone_bits as f32,
+        point: options.inlier_bits() as f32,
+        lone: options.outlier_bits() as f32,
         occurrence: vec![FIRST_PRICE; scales.len()],
         word: Vec::new(),
     };
@@ -186,7 +187,7 @@ fn prepared(
     options: &AlphabetOptions,
     progress: &dyn Progress,
 ) -> Result<(Scene, Scene, Data)> {
-    let scene = Scene::new(cloud, options.deviation, options.min_range, progress)?;
+    let scene = Scene::new(cloud, options.deviation(), options.min_range, progress)?;
     progress.check()?;
     let kept = thinned(&scene);
     progress.check()?;

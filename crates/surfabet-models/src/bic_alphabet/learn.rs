@@ -15,6 +15,7 @@ use super::reduce::reduce;
 use super::score::{Bench, Score, Stage};
 use super::words::MAX_WORD_POINTS;
 use crate::error::Result;
+use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::scans::Scene;
 
@@ -77,7 +78,7 @@ fn with_stage(
     options.check()?;
     let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
     let scene = report.time("preparing the scene", || {
-        Scene::new(cloud, options.deviation, options.min_range, progress)
+        Scene::new(cloud, options.deviation(), options.min_range, progress)
     })?;
     let tree = KdTree::new(&scene.positions)?;
     let features =

@@ -163,7 +163,6 @@ mod tests {
 
     use super::*;
     use crate::alphabet::{AlphabetOptions, learn};
-    use crate::scans::Deviation;
 
     /// Where the things stand: x, y, yaw.
     const PLACES: [[f64; 3]; 3] = [[-1.0, -0.9, 0.2], [1.0, -0.7, 1.4], [0.1, 1.1, 3.7]];
@@ -202,8 +201,9 @@ mod tests {
         rectangle(other, [[0.0, 0.0, 0.6], [0.4, 0.0, 0.0], [0.0, 0.3, 0.0]]);
         rectangle(other, [[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.0, 0.6]]);
         let (cloud, _) = PointCloud::from_positions(points);
-        let deviation = Deviation { scale: 1.0, noise: Some(0.008), ..Deviation::default() };
-        learn(&cloud, &AlphabetOptions { deviation, ..AlphabetOptions::default() }, &Silent)
+        let options =
+            AlphabetOptions { sigma_scale: 1.0, noise: Some(0.008), ..AlphabetOptions::default() };
+        learn(&cloud, &options, &Silent)
             .unwrap()
     }
 
