@@ -13,6 +13,7 @@ use super::options::{GasOptions, MAX_NEURONS, Search};
 use super::signals::Signals;
 use super::statistics::{Observed, describe};
 use crate::error::{Error, Result};
+use crate::options::Options;
 use crate::report::{Report, lost};
 
 /// Position steps per mean edge, by default: rounding adds a thousandth to the squared error.

@@ -7,6 +7,7 @@ use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::points::Points;
 use crate::error::Result;
+use crate::options::Options;
 use crate::report::{Report, lost};
 
 /// Learns planar patches from a cloud; `weights` are by how much each point counts, one if `None`.
