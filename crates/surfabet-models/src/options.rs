@@ -217,7 +217,9 @@ pub struct OptionSpec {
     pub name: &'static str,
     /// What it takes.
     pub kind: Kind,
-    /// What the method does without a value; empty where it takes no [`Value::None`].
+    /// Whether it takes [`Value::None`].
+    pub optional: bool,
+    /// What the method does with [`Value::None`].
     pub none: &'static str,
     /// The value when it is not given.
     pub default: fn() -> Value,
@@ -301,6 +303,8 @@ pub enum Mismatch {
 pub trait OptionValue: Sized {
     /// What it takes.
     const KIND: Kind;
+    /// Whether it takes [`Value::None`].
+    const OPTIONAL: bool = false;
 
     /// The field's value for `value`.
     ///
@@ -381,6 +385,7 @@ integers!(u32, u64, usize);
 
 impl<T: OptionValue> OptionValue for Option<T> {
     const KIND: Kind = T::KIND;
+    const OPTIONAL: bool = true;
 
     fn of(value: &Value) -> Result<Self, Mismatch> {
         match value {
@@ -467,6 +472,7 @@ macro_rules! options {
                 $crate::options::OptionSpec {
                     name: stringify!($name),
                     kind: <$type as $crate::options::OptionValue>::KIND,
+                    optional: <$type as $crate::options::OptionValue>::OPTIONAL,
                     none: concat!($($none)?),
                     default: || {
                         let default: $type = $default;
