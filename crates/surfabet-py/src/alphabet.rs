@@ -6,10 +6,7 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use surfabet::alphabet;
-use surfabet::{
-    Alphabet, AlphabetModel, AlphabetOptions, Deviation, MdlDecodeOptions, Occurrence,
-    alphabet_hash,
-};
+use surfabet::{Alphabet, AlphabetModel, AlphabetOptions, Deviation, Layout, Occurrence};
 
 use crate::cloud::PyPointCloud;
 use crate::model::{PyModel, model_class, wrap};
@@ -87,7 +84,7 @@ impl PyAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        alphabet_hash(&self.alphabet).to_string()
+        AlphabetModel::vocabulary_hash(&self.alphabet).to_string()
     }
 
     /// Heights of the pixels of every word over its radius, NaN where it has a hole, (n, 8, 8).

@@ -7,8 +7,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet::{
-    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, Deviation, Upright, bic_alphabet,
-    bic_alphabet_hash,
+    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, Deviation, Layout, Upright, bic_alphabet,
 };
 
 use crate::cloud::PyPointCloud;
@@ -56,7 +55,7 @@ impl PyBicAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        bic_alphabet_hash(&self.alphabet).to_string()
+        BicAlphabetModel::vocabulary_hash(&self.alphabet).to_string()
     }
 
     /// Points of each word (right, up, along the normal), (n, 3), metres.

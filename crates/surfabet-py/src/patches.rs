@@ -5,7 +5,7 @@ use std::sync::Arc;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use surfabet::{DecodeOptions, PatchModel, PatchesOptions, patches};
+use surfabet::{PatchModel, PatchesOptions, patches};
 
 use crate::cloud::PyPointCloud;
 use crate::hscsm::sensor_of;
