@@ -1,8 +1,6 @@
 //! The file of an alphabet: header, words or their hash, occurrences, and the colours and intensities there.
 
-use surfabet_models::alphabet::{
-    Alphabet, AlphabetHeader, AlphabetModel, MAX_SCALE, MAX_WORDS,
-};
+use surfabet_models::alphabet::{Alphabet, AlphabetHeader, AlphabetModel, MAX_SCALE, MAX_WORDS};
 
 use crate::bytes::ByteWriter;
 use crate::container::{Family, Features};
@@ -57,13 +55,18 @@ impl Layout for AlphabetModel {
         deviation.noise = Some(noise);
         fields.varint(&mut scene.rule.per_range)?;
         fields.varint(&mut scene.rule.constant)?;
-        fields.list("number of sensors", &mut scene.sensors, BYTES_PER_SENSOR, |fields, sensor| {
-            sensor.iter_mut().try_for_each(|c| fields.signed(c))?;
-            match sensor.iter().any(|c| c.abs() > MAX_SENSOR) {
-                true => Err(fields.corrupt(format!("a sensor at {sensor:?} is out of range"))),
-                false => Ok(()),
-            }
-        })?;
+        fields.list(
+            "number of sensors",
+            &mut scene.sensors,
+            BYTES_PER_SENSOR,
+            |fields, sensor| {
+                sensor.iter_mut().try_for_each(|c| fields.signed(c))?;
+                match sensor.iter().any(|c| c.abs() > MAX_SENSOR) {
+                    true => Err(fields.corrupt(format!("a sensor at {sensor:?} is out of range"))),
+                    false => Ok(()),
+                }
+            },
+        )?;
         if scene.sensors.len() > usize::from(u16::MAX) || !scene.sensors.is_sorted() {
             return Err(fields.corrupt("sensors are too many or not in order".into()));
         }

@@ -1,7 +1,7 @@
 //! The file of a gas: header, topology, positions, normals, sizes and colours.
 
-use surfabet_models::gas::{GasHeader, GasModel};
 use surfabet_models::NoVocabulary;
+use surfabet_models::gas::{GasHeader, GasModel};
 
 use crate::container::{Family, Features};
 use crate::error::Result;

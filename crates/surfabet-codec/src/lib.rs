@@ -38,7 +38,7 @@ mod error;
 mod gas;
 mod hash;
 pub mod header;
-pub mod hscsm;
+mod hscsm;
 pub mod models;
 mod patches;
 mod planes;

@@ -1,7 +1,7 @@
 //! The file of patches on a lattice: header, geometry, colour and the points that no patch holds.
 
-use surfabet_models::patches::{ColorSteps, MAX_LEVELS, PatchModel, PatchesHeader};
 use surfabet_models::NoVocabulary;
+use surfabet_models::patches::{ColorSteps, MAX_LEVELS, PatchModel, PatchesHeader};
 
 use crate::container::{Family, Features};
 use crate::error::Result;

@@ -1,7 +1,7 @@
 //! The file of planes: header, poses, masks of supported tiles, sizes and colours.
 
-use surfabet_models::planes::{PlaneModel, PlanesHeader};
 use surfabet_models::NoVocabulary;
+use surfabet_models::planes::{PlaneModel, PlanesHeader};
 
 use crate::container::{Family, Features};
 use crate::error::Result;

@@ -102,8 +102,7 @@ pub fn write<M: Layout>(model: &M) -> Result<Vec<u8>> {
         Some(_) => M::FEATURES.with(Features::SHARED_DICTIONARY),
         None => M::FEATURES,
     };
-    let mut writer =
-        ContainerWriter::new(M::FAMILY, features).section(META, meta.bytes.finish());
+    let mut writer = ContainerWriter::new(M::FAMILY, features).section(META, meta.bytes.finish());
     for (i, (section, stream)) in M::STREAM_SECTIONS.iter().zip(streams).enumerate() {
         match (section.hash, &vocabulary) {
             (Some(tag), Some(vocabulary)) => {

@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet::alphabet;
-use surfabet::{Alphabet, AlphabetModel, Occurrence, alphabet_hash};
+use surfabet::{Alphabet, AlphabetModel, Layout, Occurrence};
 
 use crate::cloud::PyPointCloud;
 use crate::model::{PyModel, model_class, wrap};
@@ -72,7 +72,7 @@ impl PyAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        alphabet_hash(&self.alphabet).to_string()
+        AlphabetModel::vocabulary_hash(&self.alphabet).to_string()
     }
 
     /// Heights of the pixels of every word over its radius, NaN where it has a hole, (n, 8, 8).

@@ -37,9 +37,7 @@ pub use surfabet_codec::{Container, ContentHash, Family, Layout, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
 pub use surfabet_models::alphabet::{self, Alphabet, AlphabetModel, AlphabetOptions, Occurrence};
-pub use surfabet_models::bic_alphabet::{
-    self, BicAlphabet, BicAlphabetModel, BicAlphabetOptions,
-};
+pub use surfabet_models::bic_alphabet::{self, BicAlphabet, BicAlphabetModel, BicAlphabetOptions};
 pub use surfabet_models::gas::{self, GasModel, GasOptions};
 pub use surfabet_models::hscsm::{self, HscsmDictionary, HscsmModel, HscsmOptions};
 pub use surfabet_models::options::{self, Options};

@@ -21,14 +21,14 @@ use crate::save::write;
 
 /// A dictionary or alphabet that a file may name by its hash instead of holding it: of any method.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct KnownVocabulary<'a>(Option<&'a (dyn Any + Sync)>);
+pub struct KnownVocabulary<'a>(Option<&'a (dyn Any + Send + Sync)>);
 
 impl<'a> KnownVocabulary<'a> {
     /// None: files must hold theirs.
     pub const NONE: Self = Self(None);
 
     /// A vocabulary, such as an [`Alphabet`](crate::Alphabet).
-    pub fn new<V: Any + Sync>(vocabulary: &'a V) -> Self {
+    pub fn new<V: Any + Send + Sync>(vocabulary: &'a V) -> Self {
         Self(Some(vocabulary))
     }
 

@@ -57,8 +57,8 @@ impl Alphabet {
     /// Those of the coder, also for sizes or words that no alphabet has.
     pub(super) fn read<C: Coder>(header: &AlphabetHeader, coder: &mut C) -> Result<Self, C::Error> {
         let n = header.n_words as usize;
-        let plane = Self::plane(header.radius, header.scales)
-            .map_err(|e| coder.corrupt(e.to_string()))?;
+        let plane =
+            Self::plane(header.radius, header.scales).map_err(|e| coder.corrupt(e.to_string()))?;
         let words = plane.code(coder, n)?;
         Self::new(header.radius, header.scales, words).map_err(|e| coder.corrupt(e.to_string()))
     }
@@ -218,7 +218,11 @@ impl AlphabetModel {
     ///
     /// # Errors
     /// Those of the coders.
-    pub(super) fn write<C: Coder>(&self, occurrences: &mut C, channels: &mut C) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(
+        &self,
+        occurrences: &mut C,
+        channels: &mut C,
+    ) -> Result<(), C::Error> {
         let setting = setting(&self.header, &self.alphabet);
         let n = self.placements.len();
         code_occurrences(occurrences, &setting, &self.placements, n, &mut |_, _| {})?;

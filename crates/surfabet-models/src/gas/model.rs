@@ -158,7 +158,10 @@ impl GasModel {
     ///
     /// # Errors
     /// Those of the coders, also for a header or content that no model has.
-    pub(super) fn read<C: Coder>(header: &GasHeader, streams: &mut Streams<'_, C>) -> Result<Self, C::Error> {
+    pub(super) fn read<C: Coder>(
+        header: &GasHeader,
+        streams: &mut Streams<'_, C>,
+    ) -> Result<Self, C::Error> {
         header.check().map_err(|e| streams.topology.corrupt(e.to_string()))?;
         let Parts { neurons, mut edges } = code_gas(streams, header, None)?;
         edges.sort_unstable();

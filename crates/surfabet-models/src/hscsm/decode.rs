@@ -8,8 +8,8 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 use super::frame::Frame;
 use super::model::{Channel, HscsmModel, Level};
 use crate::color::to_rgb;
-use crate::error::{Result, check_points};
 use crate::contract::DecodeOptions;
+use crate::error::{Result, check_points};
 use crate::points::Points;
 
 impl HscsmModel {

@@ -20,6 +20,7 @@
 
 mod cells;
 mod coding;
+mod contract;
 mod decode;
 mod dictionary;
 mod field;
@@ -32,7 +33,6 @@ pub mod order;
 mod placement;
 mod samples;
 
-pub use coding::Streams;
 pub use dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
 pub use learn::{encode, learn};

@@ -3,7 +3,7 @@
 //! Everything is quantised when it is learned, so a model decodes to the same cloud before it is saved and after
 //! it is read back.
 
-use surfabet_entropy::{Coder, Price};
+use surfabet_entropy::Coder;
 use surfabet_geom::morton::encode_wide;
 use surfabet_geom::octahedral;
 
@@ -12,7 +12,7 @@ use super::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 use super::frame::{NORMAL_BITS, PatchPose};
 use super::order;
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Beside, Report};
 
 /// Largest absolute lattice coordinate of a patch centre.
 pub const MAX_POSITION: i32 = 1 << 28;
@@ -24,7 +24,7 @@ pub const MAX_SPARSITY: usize = 64;
 pub const MAX_ENTRIES: usize = 1 << 16;
 
 /// What the integers of a level are multiplied with.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Steps {
     /// Lattice of patch centres, metres.
     pub position: f64,
@@ -198,7 +198,7 @@ impl Level {
 }
 
 /// What a file says of a level before its streams.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LevelHeader {
     /// Side of a pixel (pr), metres.
     pub pixel_size: f64,
@@ -252,7 +252,7 @@ impl LevelHeader {
 }
 
 /// What a model says of itself before its streams.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct HscsmHeader {
     /// World position that poses are relative to, metres.
     pub origin: [f64; 3],
@@ -297,7 +297,7 @@ pub struct HscsmModelParts {
 #[derive(Debug, Clone, PartialEq)]
 pub struct HscsmModel {
     parts: HscsmModelParts,
-    report: Report,
+    report: Beside<Report>,
 }
 
 impl HscsmModel {
@@ -310,11 +310,11 @@ impl HscsmModel {
         for (j, level) in parts.levels.iter().enumerate() {
             level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
         }
-        Ok(Self { parts, report: Report::default() })
+        Ok(Self { parts, report: Beside::default() })
     }
 
     pub(super) fn with_report(mut self, report: Report) -> Self {
-        self.report = report;
+        self.report = Beside(report);
         self
     }
 
@@ -331,7 +331,7 @@ impl HscsmModel {
     ///
     /// # Errors
     /// Those of the coders.
-    pub fn write<C: Coder>(&self, streams: &mut Streams<C>) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(&self, streams: &mut Streams<'_, C>) -> Result<(), C::Error> {
         let shared = self.shares_dictionary().then(|| self.dictionary());
         code_hscsm(streams, &self.header(), shared.as_ref(), Some(self.levels()))?;
         Ok(())
@@ -342,10 +342,10 @@ impl HscsmModel {
     ///
     /// # Errors
     /// Those of the coders, also for a header or content that no model has.
-    pub fn read<C: Coder>(
+    pub(super) fn read<C: Coder>(
         header: &HscsmHeader,
         shared: Option<&HscsmDictionary>,
-        streams: &mut Streams<C>,
+        streams: &mut Streams<'_, C>,
     ) -> Result<Self, C::Error> {
         header.check().map_err(|e| streams.poses.corrupt(e.to_string()))?;
         let parts = HscsmModelParts {
@@ -355,13 +355,6 @@ impl HscsmModel {
             shared_dictionary: shared.is_some(),
         };
         Self::from_parts(parts).map_err(|e| streams.poses.corrupt(e.to_string()))
-    }
-
-    /// Bytes that the streams take, nearly: their prices under the coder's models, as they come in [`Streams`].
-    pub fn price(&self) -> [f64; 5] {
-        let mut streams = Streams::from_fn(Price::default);
-        let Ok(()) = self.write(&mut streams);
-        streams.as_array().map(|price| price.bits / 8.0)
     }
 
     /// World position that poses are relative to, metres.
@@ -412,6 +405,6 @@ impl HscsmModel {
 
     /// How the model was learned; empty for a model read from a file.
     pub fn report(&self) -> &Report {
-        &self.report
+        &self.report.0
     }
 }

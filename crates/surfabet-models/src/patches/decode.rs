@@ -12,8 +12,8 @@ use super::leaves::Leaf;
 use super::model::{PATCH_PIXELS, PatchModel};
 use super::nodes::{cell_key, cell_of_key, index};
 use super::sheets::axes_of;
-use crate::error::{Result, check_points};
 use crate::contract::DecodeOptions;
+use crate::error::{Result, check_points};
 use crate::points::Points;
 
 /// Patches that one task decodes.

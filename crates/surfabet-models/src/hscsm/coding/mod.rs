@@ -15,5 +15,4 @@ mod masks;
 mod poses;
 mod syntax;
 
-pub use syntax::Streams;
-pub(super) use syntax::code_hscsm;
+pub(super) use syntax::{Streams, code_hscsm};

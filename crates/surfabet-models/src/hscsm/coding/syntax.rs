@@ -9,30 +9,18 @@ use crate::hscsm::dictionary::{HscsmDictionary, QuantizedDictionary};
 use crate::hscsm::model::{Channel, HscsmHeader, Level};
 
 /// The streams of a hierarchy of surface patches.
-#[derive(Debug, Clone)]
-pub struct Streams<C> {
+#[derive(Debug)]
+pub(in crate::hscsm) struct Streams<'a, C> {
     /// Poses T of the patches.
-    pub poses: C,
+    pub poses: &'a mut C,
     /// Their bitmasks b.
-    pub masks: C,
+    pub masks: &'a mut C,
     /// Entries of the dictionaries; empty for a model that shares those of another.
-    pub dictionaries: C,
+    pub dictionaries: &'a mut C,
     /// Means and sparse codes of depth.
-    pub depth: C,
+    pub depth: &'a mut C,
     /// Means and sparse codes of colour.
-    pub color: C,
-}
-
-impl<C> Streams<C> {
-    /// Streams from whatever makes them.
-    pub fn from_fn(mut make: impl FnMut() -> C) -> Self {
-        Self { poses: make(), masks: make(), dictionaries: make(), depth: make(), color: make() }
-    }
-
-    /// The streams in the order of the fields.
-    pub fn as_array(self) -> [C; 5] {
-        [self.poses, self.masks, self.dictionaries, self.depth, self.color]
-    }
+    pub color: &'a mut C,
 }
 
 /// Writes, reads or prices all levels, the coarsest first. `given` is what to write; in any case all of it comes
@@ -41,7 +29,7 @@ impl<C> Streams<C> {
 /// # Errors
 /// Whatever the coders find wrong with what they read, and shared dictionaries of other sizes than the header's.
 pub(in crate::hscsm) fn code_hscsm<C: Coder>(
-    streams: &mut Streams<C>,
+    streams: &mut Streams<'_, C>,
     header: &HscsmHeader,
     shared: Option<&HscsmDictionary>,
     given: Option<&[Level]>,
@@ -57,7 +45,7 @@ pub(in crate::hscsm) fn code_hscsm<C: Coder>(
                               given: Option<&Channel>| {
             let Some(shared) = shared else {
                 let given = given.map(|channel| channel.dictionary.values());
-                return code_dictionary(&mut streams.dictionaries, n_features, n_atoms, given);
+                return code_dictionary(streams.dictionaries, n_features, n_atoms, given);
             };
             let fits =
                 |d: &&QuantizedDictionary| d.n_features() == n_features && d.n_atoms() == n_atoms;
@@ -71,14 +59,14 @@ pub(in crate::hscsm) fn code_hscsm<C: Coder>(
         let given_depth = given.map(|level| &level.depth);
         let shared_depth = shared.map(|level| level.map(|l| &l.depth));
         let entries = dictionary(shared_depth, area, of.depth_atoms, given_depth)?;
-        let depth = code_channel(&mut streams.depth, entries, n, 1, given_depth)?;
+        let depth = code_channel(streams.depth, entries, n, 1, given_depth)?;
 
         let mut color = None;
         if let Some(n_atoms) = of.color_atoms {
             let given_color = given.and_then(|level| level.color.as_ref());
             let shared_color = shared.map(|level| level.and_then(|l| l.color.as_ref()));
             let entries = dictionary(shared_color, 3 * area, n_atoms, given_color)?;
-            color = Some(code_channel(&mut streams.color, entries, n, 3, given_color)?);
+            color = Some(code_channel(streams.color, entries, n, 3, given_color)?);
         }
 
         let given_poses = given.map_or(&[][..], |level| &level.poses);
@@ -87,8 +75,8 @@ pub(in crate::hscsm) fn code_hscsm<C: Coder>(
             pixel_size: of.pixel_size,
             pixels: of.pixels,
             steps: of.steps,
-            poses: code_poses(&mut streams.poses, of, given_poses)?,
-            masks: code_masks(&mut streams.masks, of, given_masks)?,
+            poses: code_poses(streams.poses, of, given_poses)?,
+            masks: code_masks(streams.masks, of, given_masks)?,
             depth,
             color,
         });
