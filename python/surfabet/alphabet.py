@@ -193,10 +193,10 @@ class AlphabetModel(Model[_core.AlphabetModel]):
     def sigma(self) -> RangeSigma | float:
         """The tolerance that the model was made for, as `evaluate` takes it: metres where ranges
         were not known; else it grows with the range, without the noise allowed beside it."""
-        scale, angular_resolution, _ = self._core.deviation
+        sigma_scale, angular_resolution, _ = self._core.deviation
         if angular_resolution is None:
             return self._core.constant_sigma
-        return RangeSigma(scale, angular_resolution)
+        return RangeSigma(sigma_scale, angular_resolution)
 
     @property
     def noise(self) -> float:

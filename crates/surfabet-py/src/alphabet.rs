@@ -105,11 +105,11 @@ impl PyAlphabetModel {
         PyAlphabet { alphabet: self.model.alphabet().clone() }
     }
 
-    /// Scale, angular resolution (radians) and noise (metres) of sigma.
+    /// Factor, angular resolution (degrees) and noise (metres) of sigma.
     #[getter]
     fn deviation(&self) -> (f64, Option<f64>, f64) {
         let of = self.model.header().deviation;
-        (of.sigma_scale, of.angular_resolution, of.noise.unwrap_or(0.0))
+        (of.sigma_scale, of.angular_resolution.map(f64::to_degrees), of.noise.unwrap_or(0.0))
     }
 
     /// Sigma at no range, metres.
