@@ -343,7 +343,7 @@ def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: in
 
 
 def test_pixels_become_points_as_the_page_says() -> None:
-    model = sb.learn_patches(bumpy_cloud(True), method="hscsm", resolution=0.03)
+    model = sb.learn_hscsm(bumpy_cloud(True), resolution=0.03)
     decoded = model.decode(resolution=0.03, normals=False)
     n, mask = 8, model.masks().reshape(len(model), -1)
 
