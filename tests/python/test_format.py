@@ -298,9 +298,8 @@ def bumpy_cloud(colors: bool) -> sb.PointCloud:
 
 @pytest.mark.parametrize(("colors", "n"), [(True, 8), (False, 5)])
 def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: int) -> None:
-    model = sb.learn_patches(
+    model = sb.learn_hscsm(
         bumpy_cloud(colors),
-        method="hscsm",
         resolution=0.03,
         patch_pixels=n,
         depth_atoms=20,
