@@ -25,6 +25,7 @@ pub mod scans;
 mod sensor;
 mod size_code;
 mod spread;
+mod stages;
 mod vector;
 
 pub use error::{Error, Result};
