@@ -26,6 +26,7 @@ mod candidates;
 mod channels;
 mod choice;
 mod coding;
+mod contract;
 mod decode;
 mod lattice;
 mod learn;
@@ -36,9 +37,8 @@ mod scene;
 pub(crate) mod word;
 
 pub use channels::{Channels, INTENSITY_STEPS};
-pub use decode::MdlDecodeOptions;
 pub use lattice::{MAX_SCALE, SigmaRule};
 pub use learn::{describe, learn};
-pub use model::{Alphabet, AlphabetModel, Attributes, Header, Occurrence};
+pub use model::{Alphabet, AlphabetHeader, AlphabetModel, Attributes, Header, Occurrence};
 pub use options::{AlphabetOptions, MAX_WORDS};
 pub use word::{HEIGHT_STEPS, PIXELS, Word};

@@ -18,6 +18,7 @@
 //! | `quality` | inliers and outliers | IV |
 //! | `model`, `syntax`, `decode` | the result, its bits, and back to a cloud | IV-B |
 
+mod contract;
 mod decode;
 mod descriptor;
 mod features;
@@ -37,7 +38,9 @@ mod syntax;
 mod words;
 
 pub use learn::learn;
-pub use model::{BicAlphabet, BicAlphabetModel, BicHeader, BicShape, MAX_CELL, MAX_WORDS};
+pub use model::{
+    BicAlphabet, BicAlphabetHeader, BicAlphabetModel, BicHeader, BicShape, MAX_CELL, MAX_WORDS,
+};
 pub use options::BicAlphabetOptions;
 pub use pose::{BicPose, MAX_POSITION};
 pub use words::{BicWord, MAX_WORD_POINTS};

@@ -21,6 +21,7 @@
 
 mod accumulated;
 mod adjacency;
+mod contract;
 mod decode;
 mod edges;
 mod grow;
@@ -37,10 +38,8 @@ mod statistics;
 mod syntax;
 mod topology;
 
-pub use decode::DecodeOptions;
 pub use index::{BruteForce, Index, Winner, Winners};
 pub use learn::learn;
 pub use model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron};
 pub use network::{Graph, Network, Rates};
 pub use options::{GasOptions, MAX_NEURONS, Search};
-pub use syntax::Streams;
