@@ -1,9 +1,12 @@
 //! The scene in units, and its points by cells.
 
+pub(super) mod local_points;
+pub(super) mod thin;
+
 use rayon::prelude::*;
 
-use super::lattice::{MAX_CELL, SigmaRule, UNITS, cell_center, sigma};
-use super::placement::Stand;
+use crate::alphabet::lattice::{MAX_CELL, SigmaRule, UNITS, cell_center, sigma};
+use crate::alphabet::placement::Stand;
 use crate::error::{Error, Result};
 use crate::scans::Scene;
 
@@ -14,7 +17,7 @@ const KEY_BITS: u32 = 21;
 const REACH: i64 = 2;
 
 /// A scene, lengths in units from the corner of the lattice.
-pub(super) struct Data {
+pub(in crate::alphabet) struct Data {
     /// Metres.
     pub origin: [f64; 3],
     radius: f64,
@@ -86,7 +89,7 @@ impl Data {
 }
 
 /// The points of a scene by the cells of one scale.
-pub(super) struct Cells {
+pub(in crate::alphabet) struct Cells {
     keys: Vec<u64>,
     starts: Vec<u32>,
     points: Vec<u32>,
