@@ -10,6 +10,7 @@
 pub mod alphabet;
 pub mod bic_alphabet;
 mod color;
+mod contract;
 mod disjoint;
 mod error;
 mod extent;
@@ -25,9 +26,11 @@ pub mod scans;
 mod sensor;
 mod size_code;
 mod spread;
+mod summary;
 mod vector;
 
+pub use contract::{Budget, DecodeOptions, NoVocabulary, Source, SurfaceModel};
 pub use error::{Error, Result};
-pub use points::DecodeOptions;
 pub use report::{Report, Stage};
 pub use sensor::Sensor;
+pub use summary::{Fact, Summary};

@@ -1,21 +1,16 @@
 //! `surfabet.AlphabetModel`, its alphabet, and how both are learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
 use surfabet::alphabet;
-use surfabet::{
-    Alphabet, AlphabetModel, AlphabetOptions, Deviation, MdlDecodeOptions, Occurrence,
-    alphabet_hash,
-};
+use surfabet::{Alphabet, AlphabetModel, AlphabetOptions, Deviation, Layout, Occurrence};
 
 use crate::cloud::PyPointCloud;
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
 use crate::run::run;
-use crate::save;
 
 /// Words for any number of scenes; immutable.
 #[pyclass(name = "Alphabet", module = "surfabet", frozen)]
@@ -24,16 +19,12 @@ pub struct PyAlphabet {
 }
 
 /// A cloud as occurrences of words; immutable.
-#[pyclass(name = "AlphabetModel", module = "surfabet", frozen)]
+#[pyclass(name = "AlphabetModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyAlphabetModel {
-    pub model: AlphabetModel,
+    pub model: Arc<AlphabetModel>,
 }
 
-impl From<AlphabetModel> for PyAlphabetModel {
-    fn from(model: AlphabetModel) -> Self {
-        Self { model }
-    }
-}
+model_class!(AlphabetModel, PyAlphabetModel);
 
 /// Learns an alphabet, or describes a cloud by the one given; documented in `surfabet.alphabet`.
 #[pyfunction]
@@ -57,7 +48,7 @@ fn learn_alphabet(
     min_range: f64,
     color_step: u32,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyAlphabetModel> {
+) -> PyResult<Py<PyAlphabetModel>> {
     let options = AlphabetOptions {
         radius,
         scales,
@@ -76,7 +67,7 @@ fn learn_alphabet(
         Some(alphabet) => alphabet::describe(cloud, alphabet, &options, monitor),
         None => alphabet::learn(cloud, &options, monitor),
     })?;
-    Ok(model.into())
+    wrap(py, model)
 }
 
 #[pymethods]
@@ -93,7 +84,7 @@ impl PyAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        alphabet_hash(&self.alphabet).to_string()
+        AlphabetModel::vocabulary_hash(&self.alphabet).to_string()
     }
 
     /// Heights of the pixels of every word over its radius, NaN where it has a hole, (n, 8, 8).
@@ -116,44 +107,6 @@ impl PyAlphabet {
 
 #[pymethods]
 impl PyAlphabetModel {
-    #[pyo3(signature = (*, resolution, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = MdlDecodeOptions { resolution, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.header().origin
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
-    }
-
     #[getter]
     fn has_intensity(&self) -> bool {
         self.model.has_intensity()
@@ -162,11 +115,6 @@ impl PyAlphabetModel {
     #[getter]
     fn alphabet(&self) -> PyAlphabet {
         PyAlphabet { alphabet: self.model.alphabet().clone() }
-    }
-
-    #[getter]
-    fn shares_alphabet(&self) -> bool {
-        self.model.shares_alphabet()
     }
 
     /// Scale, angular resolution (radians) and noise (metres) of sigma.
@@ -219,16 +167,6 @@ impl PyAlphabetModel {
     /// Intensity of every occurrence, (m,).
     fn intensities<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f32>>> {
         Some(self.model.intensities()?.into_pyarray(py))
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 

@@ -1,21 +1,19 @@
 //! `BicAlphabetModel`, its alphabet, and how both are learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyDict;
 use surfabet::{
-    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, Deviation, Upright, bic_alphabet,
-    bic_alphabet_hash,
+    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, Deviation, Layout, Upright, bic_alphabet,
 };
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
 use crate::run::run;
-use crate::save;
 
 /// The names of the upright rules.
 const UPRIGHT: [(&str, Upright); 3] =
@@ -57,7 +55,7 @@ impl PyBicAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        bic_alphabet_hash(&self.alphabet).to_string()
+        BicAlphabetModel::vocabulary_hash(&self.alphabet).to_string()
     }
 
     /// Points of each word (right, up, along the normal), (n, 3), metres.
@@ -85,16 +83,12 @@ impl PyBicAlphabet {
 }
 
 /// A cloud as occurrences of words that were chosen by BIC; immutable.
-#[pyclass(name = "BicAlphabetModel", module = "surfabet", frozen)]
+#[pyclass(name = "BicAlphabetModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyBicAlphabetModel {
-    model: BicAlphabetModel,
+    pub model: Arc<BicAlphabetModel>,
 }
 
-impl From<BicAlphabetModel> for PyBicAlphabetModel {
-    fn from(model: BicAlphabetModel) -> Self {
-        Self { model }
-    }
-}
+model_class!(BicAlphabetModel, PyBicAlphabetModel);
 
 /// Learns an alphabet by BIC, or describes a cloud with a given one.
 #[pyfunction]
@@ -127,7 +121,7 @@ fn learn_bic(
     random_state: u64,
     alphabet: Option<&Bound<'_, PyBicAlphabet>>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyBicAlphabetModel> {
+) -> PyResult<Py<PyBicAlphabetModel>> {
     let options = BicAlphabetOptions {
         radius,
         deviation: Deviation { scale, angular_resolution, noise },
@@ -153,7 +147,7 @@ fn learn_bic(
         Some(alphabet) => alphabet.describe(cloud, &options, monitor),
         None => bic_alphabet::learn(cloud, &options, monitor),
     })?;
-    Ok(model.into())
+    wrap(py, model)
 }
 
 /// The defaults of [`learn_bic`], by name.
@@ -203,49 +197,9 @@ fn bic_defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 
 #[pymethods]
 impl PyBicAlphabetModel {
-    #[pyo3(signature = (*, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        Ok(run(slf.py(), progress, |monitor| model.decode(max_points, monitor))?.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
     /// This model with its alphabet left out of files (true) or in them (false).
-    fn sharing_alphabet(&self, shares: bool) -> Self {
-        self.model.clone().sharing_alphabet(shares).into()
-    }
-
-    #[getter]
-    fn shares_alphabet(&self) -> bool {
-        self.model.shares_alphabet()
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.origin()
-    }
-
-    /// Words are bare points.
-    #[getter]
-    fn has_color(&self) -> bool {
-        false
+    fn sharing_alphabet(&self, py: Python<'_>, shares: bool) -> PyResult<Py<Self>> {
+        wrap(py, BicAlphabetModel::clone(&self.model).sharing_alphabet(shares))
     }
 
     #[getter]
@@ -282,16 +236,6 @@ impl PyBicAlphabetModel {
             }
         })
         .into_pyarray(py)
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 

@@ -1,31 +1,25 @@
 //! `surfabet.GasModel` and how it is learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
 use surfabet::gas::{self, Search};
 use surfabet::{GasModel, GasOptions};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::{IntoPyErr, invalid_input};
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
 use crate::run::run;
-use crate::save;
 
 /// A cloud as a gas of neurons with a topology; immutable.
-#[pyclass(name = "GasModel", module = "surfabet", frozen)]
+#[pyclass(name = "GasModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyGasModel {
-    model: GasModel,
+    pub model: Arc<GasModel>,
 }
 
-impl From<GasModel> for PyGasModel {
-    fn from(model: GasModel) -> Self {
-        Self { model }
-    }
-}
+model_class!(GasModel, PyGasModel);
 
 /// Learns a gas; documented in `surfabet.gas`.
 #[pyfunction]
@@ -49,7 +43,7 @@ fn learn_gas(
     search: &str,
     random_state: u64,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyGasModel> {
+) -> PyResult<Py<PyGasModel>> {
     let options = GasOptions {
         n_neurons,
         patterns,
@@ -67,7 +61,7 @@ fn learn_gas(
     };
     let cloud = &cloud.get().cloud;
     let model = run(py, progress, |monitor| gas::learn(cloud, &options, monitor))?;
-    Ok(PyGasModel::from(model))
+    wrap(py, model)
 }
 
 fn search_of(name: &str) -> PyResult<Search> {
@@ -92,21 +86,6 @@ impl PyGasModel {
 
 #[pymethods]
 impl PyGasModel {
-    #[pyo3(signature = (*, resolution, as_measured, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        as_measured: bool,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = gas::DecodeOptions { resolution, as_measured, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
     #[pyo3(signature = (cloud, *, n_neurons, patterns, target_error, random_state, progress))]
     fn update(
         slf: &Bound<'_, Self>,
@@ -116,36 +95,12 @@ impl PyGasModel {
         target_error: Option<f64>,
         random_state: u64,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<Self> {
+    ) -> PyResult<Py<Self>> {
         let (model, cloud) = (&slf.get().model, &cloud.get().cloud);
         let options = GasOptions { patterns, target_error, random_state, ..GasOptions::default() };
         let updated =
             run(slf.py(), progress, |monitor| model.update(cloud, n_neurons, &options, monitor))?;
-        Ok(updated.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.origin()
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
+        wrap(slf.py(), updated)
     }
 
     #[getter]
@@ -218,16 +173,6 @@ impl PyGasModel {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let distances = py.detach(|| self.model.geodesic_distances(source));
         Ok(distances.map_err(IntoPyErr::into_py_err)?.into_pyarray(py))
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 

@@ -1,38 +1,30 @@
 //! `surfabet.HscsmModel` and how it is learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
 use surfabet::hscsm::Placement;
-use surfabet::{
-    DecodeOptions, HscsmDictionary, HscsmModel, HscsmOptions, Sensor, dictionary_hash, hscsm,
-};
+use surfabet::{HscsmDictionary, HscsmModel, HscsmOptions, Layout, Sensor, hscsm};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
 use crate::run::run;
-use crate::save;
 
 /// A cloud as sparse-coded surface patches; immutable.
-#[pyclass(name = "HscsmModel", module = "surfabet", frozen)]
+#[pyclass(name = "HscsmModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyHscsmModel {
-    model: HscsmModel,
+    pub model: Arc<HscsmModel>,
 }
+
+model_class!(HscsmModel, PyHscsmModel);
 
 /// The dictionaries of a model; immutable.
 #[pyclass(name = "HscsmDictionary", module = "surfabet", frozen)]
 pub struct PyHscsmDictionary {
     pub dictionary: HscsmDictionary,
-}
-
-impl From<HscsmModel> for PyHscsmModel {
-    fn from(model: HscsmModel) -> Self {
-        Self { model }
-    }
 }
 
 #[pymethods]
@@ -45,7 +37,7 @@ impl PyHscsmDictionary {
 
     #[getter]
     fn hash(&self) -> String {
-        dictionary_hash(&self.dictionary).to_string()
+        HscsmModel::vocabulary_hash(&self.dictionary).to_string()
     }
 
     /// Entries of one channel of each level, unit norm, (k, n * n) or (k, 3 * n * n); `None` without colour.
@@ -104,7 +96,7 @@ fn learn_patches(
     random_state: u64,
     dictionary: Option<&Bound<'_, PyHscsmDictionary>>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyHscsmModel> {
+) -> PyResult<Py<PyHscsmModel>> {
     let sensor = sensor_of(sensor)?;
     let placement = match placement {
         "greedy" => Placement::Greedy,
@@ -139,49 +131,11 @@ fn learn_patches(
         None => hscsm::learn(cloud, &options, monitor),
         Some(dictionary) => hscsm::encode(cloud, &options, dictionary, monitor),
     })?;
-    Ok(PyHscsmModel { model })
+    wrap(py, model)
 }
 
 #[pymethods]
 impl PyHscsmModel {
-    #[pyo3(signature = (*, resolution, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = DecodeOptions { resolution, as_measured: false, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.origin()
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
-    }
-
     /// `(pixel_size, pixels, patches, depth entries, colour entries, set pixels, area)` of each level,
     /// coarsest first.
     #[getter]
@@ -271,12 +225,6 @@ impl PyHscsmModel {
         PyHscsmDictionary { dictionary: self.model.dictionary() }
     }
 
-    /// Whether the file refers to the dictionaries of another model.
-    #[getter]
-    fn shares_dictionary(&self) -> bool {
-        self.model.shares_dictionary()
-    }
-
     /// Sparse codes of one channel of one level as CSR columns `(offsets, entries, coefficients)`.
     fn codes<'py>(
         &self,
@@ -294,16 +242,6 @@ impl PyHscsmModel {
             codes.atoms.clone().into_pyarray(py),
             coefficients.into_pyarray(py),
         ))
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 

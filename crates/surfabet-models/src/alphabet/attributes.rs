@@ -15,7 +15,7 @@ pub const INTENSITY_STEPS: i32 = 63;
 const MAX_VALUE: i32 = 1 << 10;
 
 /// How the channels are rounded.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Channels {
     /// Steps of luma and chroma, 0 to 255; `None` without colour.
     pub color_step: Option<u32>,

@@ -24,6 +24,7 @@
 
 mod attributes;
 mod candidates;
+mod contract;
 mod cover;
 mod coverage;
 mod data;
@@ -43,9 +44,8 @@ pub(crate) mod word;
 mod words;
 
 pub use attributes::{Channels, INTENSITY_STEPS};
-pub use decode::MdlDecodeOptions;
 pub use lattice::{MAX_SCALE, SigmaRule};
 pub use learn::{describe, learn};
-pub use model::{Alphabet, AlphabetModel, Attributes, Header, Occurrence};
+pub use model::{Alphabet, AlphabetHeader, AlphabetModel, Attributes, Header, Occurrence};
 pub use options::{AlphabetOptions, MAX_WORDS};
 pub use word::{HEIGHT_STEPS, PIXELS, Word};

@@ -20,6 +20,7 @@
 
 mod choice;
 mod coding;
+mod contract;
 mod decode;
 mod features;
 mod learn;
@@ -31,7 +32,9 @@ mod rebuild;
 mod words;
 
 pub use learn::learn;
-pub use model::{BicAlphabet, BicAlphabetModel, BicHeader, BicShape, MAX_CELL, MAX_WORDS};
+pub use model::{
+    BicAlphabet, BicAlphabetHeader, BicAlphabetModel, BicHeader, BicShape, MAX_CELL, MAX_WORDS,
+};
 pub use options::BicAlphabetOptions;
 pub use pose::{BicPose, MAX_POSITION};
 pub use words::{BicWord, MAX_WORD_POINTS};

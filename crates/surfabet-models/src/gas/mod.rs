@@ -21,6 +21,7 @@
 
 mod adjacency;
 mod coding;
+mod contract;
 mod decode;
 mod describe;
 mod learn;
@@ -30,8 +31,6 @@ mod options;
 mod surface;
 mod winners;
 
-pub use coding::Streams;
-pub use decode::DecodeOptions;
 pub use learn::learn;
 pub use model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron};
 pub use network::{Graph, Network, Rates};

@@ -3,7 +3,7 @@
 use surfabet_geom::Progress;
 use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
 
-use super::model::Codes;
+use super::model::{Codes, MAX_ENTRIES};
 use super::options::HscsmOptions;
 use crate::error::{Error, Result};
 use crate::report::Report;
@@ -35,9 +35,9 @@ impl QuantizedDictionary {
                 values.len()
             )));
         }
-        if values.len() / n_features > 65_536 {
+        if values.len() / n_features > MAX_ENTRIES {
             return Err(Error::Inconsistent(format!(
-                "a dictionary of {} entries, more than 65536",
+                "a dictionary of {} entries, more than {MAX_ENTRIES}",
                 values.len() / n_features
             )));
         }

@@ -16,9 +16,9 @@ use super::samples::{SAMPLE_SIZE, Samples};
 use super::sheets::{Sheet, grow};
 use super::syntax::{GeometryModels, Said, code_geometry};
 use super::targets::targets;
+use crate::contract::DecodeOptions;
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
-use crate::points::DecodeOptions;
 use crate::report::{Report, lost};
 
 /// Side of the cells that vote for the scene's axes, in pixels.

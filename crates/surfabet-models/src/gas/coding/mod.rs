@@ -27,30 +27,18 @@ const LENGTHS: usize = 26;
 const NOBODY: u32 = u32::MAX;
 
 /// The streams of a gas.
-#[derive(Debug, Clone)]
-pub struct Streams<C> {
+#[derive(Debug)]
+pub(crate) struct Streams<'a, C> {
     /// Which neurons are joined.
-    pub topology: C,
+    pub topology: &'a mut C,
     /// Where they are.
-    pub positions: C,
+    pub positions: &'a mut C,
     /// Normals.
-    pub normals: C,
+    pub normals: &'a mut C,
     /// Numbers of points, radii and thicknesses.
-    pub sizes: C,
+    pub sizes: &'a mut C,
     /// Colours.
-    pub colors: C,
-}
-
-impl<C> Streams<C> {
-    /// Streams from whatever makes them.
-    pub fn from_fn(mut make: impl FnMut() -> C) -> Self {
-        Self { topology: make(), positions: make(), normals: make(), sizes: make(), colors: make() }
-    }
-
-    /// The streams in the order of the fields.
-    pub fn as_array(self) -> [C; 5] {
-        [self.topology, self.positions, self.normals, self.sizes, self.colors]
-    }
+    pub colors: &'a mut C,
 }
 
 /// Neurons and edges of a model.
@@ -144,7 +132,7 @@ impl State<'_> {
 /// # Errors
 /// Whatever the coders find wrong with what they read.
 pub(crate) fn code_gas<C: Coder>(
-    streams: &mut Streams<C>,
+    streams: &mut Streams<'_, C>,
     header: &GasHeader,
     given: Option<(&[Neuron], &Adjacency)>,
 ) -> Result<Parts, C::Error> {
@@ -164,12 +152,12 @@ pub(crate) fn code_gas<C: Coder>(
             let wanted = state.wanted(v).position;
             for (last, to) in root.iter_mut().zip(wanted) {
                 let step = streams.positions.sint(&mut models.root, to.wrapping_sub(*last))?;
-                *last = bounded(&streams.positions, i64::from(*last) + i64::from(step))?;
+                *last = bounded(streams.positions, i64::from(*last) + i64::from(step))?;
             }
             state.add(root, NOBODY);
         }
         code_attributes(streams, &mut models, &mut state, header, v)?;
-        code_edges(&mut streams.topology, &mut models, &mut state, header, v)?;
+        code_edges(streams.topology, &mut models, &mut state, header, v)?;
         code_children(streams, &mut models, &mut state, header, v)?;
     }
     if state.edges.len() as u64 != header.n_edges {
@@ -194,7 +182,7 @@ fn mean(sum: i32, count: i32) -> i32 {
 }
 
 fn code_attributes<C: Coder>(
-    streams: &mut Streams<C>,
+    streams: &mut Streams<'_, C>,
     models: &mut Models,
     state: &mut State<'_>,
     header: &GasHeader,
@@ -357,7 +345,7 @@ fn check_edges<C: Coder>(coder: &C, state: &State<'_>, header: &GasHeader) -> Re
 }
 
 fn code_children<C: Coder>(
-    streams: &mut Streams<C>,
+    streams: &mut Streams<'_, C>,
     models: &mut Models,
     state: &mut State<'_>,
     header: &GasHeader,
@@ -415,10 +403,10 @@ fn code_children<C: Coder>(
         position[across] = predicted.saturating_add(i64::from(off));
         let mut rounded = [0; 3];
         for (to, value) in rounded.iter_mut().zip(position) {
-            *to = bounded(&streams.positions, value)?;
+            *to = bounded(streams.positions, value)?;
         }
         state.add(rounded, v as u32);
         state.join(v, next + i);
     }
-    check_edges(&streams.topology, state, header)
+    check_edges(streams.topology, state, header)
 }
