@@ -7,16 +7,16 @@
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Progress};
 
-use super::features::Features;
-use super::options::BicAlphabetOptions;
+use crate::bic_alphabet::features::Features;
+use crate::bic_alphabet::options::BicAlphabetOptions;
 use crate::error::Result;
 use crate::scans::Scene;
 
 /// Height steps per radius.
-pub(super) const HEIGHTS: i32 = 64;
+pub(crate) const HEIGHTS: i32 = 64;
 
 /// A pixel without a point.
-pub(super) const EMPTY: i8 = i8::MIN;
+pub(crate) const EMPTY: i8 = i8::MIN;
 
 /// Bandwidth of a pixel in mean spacings of the points about the feature.
 const BANDWIDTH: f32 = 0.7;
@@ -26,7 +26,7 @@ const BATCH: usize = 256;
 
 /// Descriptors of many features, a row of pixels each.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Descriptors {
+pub(crate) struct Descriptors {
     pub pixels: usize,
     pub values: Vec<i8>,
     /// Points within the radius of each feature.
@@ -74,7 +74,7 @@ impl Descriptors {
 
 /// Squared Euclidean distance in height steps; a pixel empty in one of both counts as `penalty` steps off.
 #[inline]
-pub(super) fn distance(a: &[i8], b: &[i8], penalty: i32) -> u32 {
+pub(crate) fn distance(a: &[i8], b: &[i8], penalty: i32) -> u32 {
     let squared = penalty * penalty;
     let mut sum = 0;
     for (&a, &b) in a.iter().zip(b) {
@@ -87,12 +87,12 @@ pub(super) fn distance(a: &[i8], b: &[i8], penalty: i32) -> u32 {
 }
 
 /// What an empty pixel costs, in height steps.
-pub(super) fn penalty_steps(empty_penalty: f64) -> i32 {
+pub(crate) fn penalty_steps(empty_penalty: f64) -> i32 {
     (empty_penalty * f64::from(HEIGHTS)).round() as i32
 }
 
 /// Centres of the pixels within the circle, right and up, metres.
-pub(super) fn pixel_centers(side: u32, radius: f32) -> Vec<[f32; 2]> {
+pub(crate) fn pixel_centers(side: u32, radius: f32) -> Vec<[f32; 2]> {
     let at = |k: u32| (2.0 * (k as f32 + 0.5) / side as f32 - 1.0) * radius;
     let all = (0..side * side).map(|k| [at(k % side), at(k / side)]);
     all.filter(|[u, v]| u * u + v * v <= radius * radius).collect()

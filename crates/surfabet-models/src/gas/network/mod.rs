@@ -3,9 +3,14 @@
 //! B. Fritzke: *A Growing Neural Gas Network Learns Topologies*, NIPS 1995. Step 1 is [`Network::new`], step 2
 //! the caller's, steps 3 to 8 [`Network::present`], step 9 [`Network::insert`], step 10 [`Network::decay`].
 
-use super::accumulated::AccumulatedErrors;
-use super::edges::Edges;
-use super::index::Winners;
+mod accumulated;
+mod edges;
+pub(crate) mod growth;
+pub(crate) mod signals;
+
+use crate::gas::network::accumulated::AccumulatedErrors;
+use crate::gas::network::edges::Edges;
+use crate::gas::winners::index::Winners;
 
 /// A neuron's position, and how often it has won (wraps): a quarter of a cache line.
 #[derive(Debug, Clone, Copy, Default)]
@@ -199,8 +204,8 @@ fn towards(from: [f32; 3], to: [f32; 3], share: f32) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::index::{BruteForce, Index};
     use super::*;
+    use crate::gas::winners::index::{BruteForce, Index};
 
     const RATES: Rates =
         Rates { epsilon_w: 0.5, epsilon_n: 0.25, alpha: 0.5, beta: 0.5, max_age: 1 };

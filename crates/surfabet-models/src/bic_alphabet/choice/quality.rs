@@ -2,13 +2,13 @@
 
 use surfabet_geom::{KdTree, Progress};
 
-use super::score::Stage;
-use super::sparsify::Sparse;
+use crate::bic_alphabet::choice::reconstruction::Stage;
+use crate::bic_alphabet::rebuild::sparsify::Sparse;
 use crate::error::Result;
 
 /// How faithful a decoded scene is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Fidelity {
+pub(crate) struct Fidelity {
     /// Share of the scene's points with a decoded point within their sigma.
     pub inliers: f64,
     /// Share of the decoded points that are further from the nearest point of the scene than that point's sigma.
@@ -16,7 +16,7 @@ pub(super) struct Fidelity {
 }
 
 /// Measures the kept points against the scene; without any, there are neither inliers nor outliers.
-pub(super) fn fidelity(
+pub(crate) fn fidelity(
     stage: &Stage<'_>,
     sparse: &Sparse,
     progress: &dyn Progress,

@@ -3,8 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::model::GasModel;
 use crate::error::{Error, Result};
+use crate::gas::model::GasModel;
 
 impl GasModel {
     /// Neighbours of neuron `i` along edges, ascending.

@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::descriptor::{Descriptors, distance};
-use super::words::BicWord;
+use crate::bic_alphabet::features::descriptor::{Descriptors, distance};
+use crate::bic_alphabet::words::BicWord;
 
 /// The word of every feature, and how far its descriptor is. Of words equally near the newest is taken, so that a
 /// candidate always takes its own feature, and may take the place of a word with the same descriptor.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Matching {
+pub(crate) struct Matching {
     pub words: Vec<u32>,
     pub distances: Vec<u32>,
 }

@@ -7,14 +7,14 @@
 
 use surfabet_geom::Progress;
 
-use super::score::{Bench, Score, Stage};
+use crate::bic_alphabet::choice::reconstruction::{Bench, Score, Stage};
 use crate::error::Result;
 
 /// Occurrences between two looks at the progress.
 const BATCH: usize = 256;
 
 /// Takes out every occurrence without which the likelihood does not fall.
-pub(super) fn reduce(stage: &Stage<'_>, score: &mut Score, progress: &dyn Progress) -> Result<()> {
+pub(crate) fn reduce(stage: &Stage<'_>, score: &mut Score, progress: &dyn Progress) -> Result<()> {
     let mut of_word: Vec<Vec<u32>> = vec![Vec::new(); score.words.len()];
     for (f, &word) in (0..).zip(&score.matching.words) {
         if let Some(occurrences) = of_word.get_mut(word as usize) {

@@ -2,11 +2,11 @@
 
 use surfabet_geom::Progress;
 
-use super::index::Winners;
-use super::network::{Graph, Network, Rates};
-use super::options::GasOptions;
-use super::signals::Signals;
 use crate::error::Result;
+use crate::gas::network::signals::Signals;
+use crate::gas::network::{Graph, Network, Rates};
+use crate::gas::options::GasOptions;
+use crate::gas::winners::index::Winners;
 
 /// Signals drawn at once: some milliseconds of work.
 const BATCH: usize = 4096;
@@ -16,7 +16,7 @@ const TRACE: u64 = 64;
 
 /// When learning ends.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stop {
+pub(crate) struct Stop {
     /// Neurons at which growth ends.
     pub n_neurons: usize,
     /// Mean distance of signals to winners at which growth ends.
@@ -29,7 +29,7 @@ pub(super) struct Stop {
 
 /// A grown network, and how it came about.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Grown {
+pub(crate) struct Grown {
     pub graph: Graph,
     pub signals: u64,
     /// Mean distance of signals to winners over equal runs of signals, metres.
@@ -73,7 +73,7 @@ impl Mean {
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
-pub(super) fn grow<W: Winners>(
+pub(crate) fn grow<W: Winners>(
     mut network: Network<W>,
     mut signals: Signals<'_>,
     patterns: u32,

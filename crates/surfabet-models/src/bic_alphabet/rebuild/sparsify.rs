@@ -9,13 +9,13 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::grid::{Arena, Block, Taken};
-use super::pose::Frame;
-use super::words::{BicWord, point_step};
+use crate::bic_alphabet::pose::Frame;
+use crate::bic_alphabet::rebuild::grid::{Arena, Block, Taken};
+use crate::bic_alphabet::words::{BicWord, point_step};
 
 /// A point of an occurrence, in the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Placed {
+pub(crate) struct Placed {
     pub position: [f32; 3],
     /// Smaller comes first; no two points have the same.
     pub rank: u64,
@@ -26,7 +26,7 @@ pub(super) struct Placed {
 /// A word ready to be placed: its points that may appear (see [`BicWord::thinned`]) in metres, with what they
 /// contribute to the rank.
 #[derive(Debug, Clone)]
-pub(super) struct Stamp {
+pub(crate) struct Stamp {
     points: Vec<([f32; 3], u64)>,
 }
 
@@ -65,7 +65,7 @@ impl Stamp {
 
 /// Every occurrence's points, and which of them are kept.
 #[derive(Debug, Clone)]
-pub(super) struct Sparse {
+pub(crate) struct Sparse {
     pub arena: Arena,
     pub kept: Vec<bool>,
     /// Points of occurrences that were taken out.
@@ -88,7 +88,7 @@ const KEPT: u8 = 4;
 
 /// What a change of a few occurrences does to the kept points. Applied or forgotten; reused for the next.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Change {
+pub(crate) struct Change {
     marks: Vec<u8>,
     seen: Vec<u32>,
     /// Points that come, in the order of their ranks.
@@ -288,7 +288,7 @@ impl Sparse {
 }
 
 /// The points of a scene rebuilt from occurrences (eq. 2, 3): the frame of each, and the number of its stamp.
-pub(super) fn rebuild(frames: &[Frame], words: &[u32], stamps: &[Stamp], epsilon: f32) -> Sparse {
+pub(crate) fn rebuild(frames: &[Frame], words: &[u32], stamps: &[Stamp], epsilon: f32) -> Sparse {
     let mut owners: Vec<Vec<u32>> = vec![Vec::new(); stamps.len()];
     for (o, &word) in (0..).zip(words) {
         if let Some(owners) = owners.get_mut(word as usize) {

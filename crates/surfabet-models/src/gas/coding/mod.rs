@@ -5,12 +5,14 @@
 //! found but not yet visited it is joined to; how many new ones, and where they are. Positions are predicted along
 //! the edge that led to v, and across the surface from the normal of v.
 
+pub(crate) mod order;
+
 use surfabet_entropy::{Bit, Coder, SInt, UInt};
 use surfabet_geom::octahedral;
 
-use super::adjacency::Adjacency;
-use super::model::{GasHeader, MAX_COORDINATE, NORMAL_BITS, Neuron};
 use crate::color::MAX_COLOR_CODE;
+use crate::gas::adjacency::Adjacency;
+use crate::gas::model::{GasHeader, MAX_COORDINATE, NORMAL_BITS, Neuron};
 
 /// Neighbours of neighbours that are asked about, at most: keeps damaged files from taking long.
 const MAX_CANDIDATES: usize = 32;
@@ -26,7 +28,7 @@ const NOBODY: u32 = u32::MAX;
 
 /// The streams of a gas.
 #[derive(Debug)]
-pub(super) struct Streams<'a, C> {
+pub(crate) struct Streams<'a, C> {
     /// Which neurons are joined.
     pub topology: &'a mut C,
     /// Where they are.
@@ -41,7 +43,7 @@ pub(super) struct Streams<'a, C> {
 
 /// Neurons and edges of a model.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Parts {
+pub(crate) struct Parts {
     pub neurons: Vec<Neuron>,
     pub edges: Vec<[u32; 2]>,
 }
@@ -129,7 +131,7 @@ impl State<'_> {
 ///
 /// # Errors
 /// Whatever the coders find wrong with what they read.
-pub(super) fn code_gas<C: Coder>(
+pub(crate) fn code_gas<C: Coder>(
     streams: &mut Streams<'_, C>,
     header: &GasHeader,
     given: Option<(&[Neuron], &Adjacency)>,

@@ -3,17 +3,17 @@
 
 use surfabet_geom::KdTree;
 
-use super::descriptor::{Descriptors, penalty_steps};
-use super::features::Features;
-use super::likelihood::{LANES, Reaches, Samples, Sums, bic};
-use super::matching::Matching;
-use super::options::BicAlphabetOptions;
-use super::sparsify::{Change, Sparse, Stamp, rebuild};
-use super::words::BicWord;
+use crate::bic_alphabet::choice::matching::Matching;
+use crate::bic_alphabet::features::Features;
+use crate::bic_alphabet::features::descriptor::{Descriptors, penalty_steps};
+use crate::bic_alphabet::likelihood::{LANES, Reaches, Samples, Sums, bic};
+use crate::bic_alphabet::options::BicAlphabetOptions;
+use crate::bic_alphabet::rebuild::sparsify::{Change, Sparse, Stamp, rebuild};
+use crate::bic_alphabet::words::BicWord;
 use crate::scans::Scene;
 
 /// What scoring needs of a scene and never changes.
-pub(super) struct Stage<'a> {
+pub(crate) struct Stage<'a> {
     pub scene: &'a Scene,
     pub tree: &'a KdTree,
     pub features: &'a Features,
@@ -57,7 +57,7 @@ impl<'a> Stage<'a> {
 
 /// An alphabet, the model that it gives of the scene, and its score.
 #[derive(Debug, Clone)]
-pub(super) struct Score {
+pub(crate) struct Score {
     pub words: Vec<BicWord>,
     pub matching: Matching,
     pub sparse: Sparse,
@@ -68,7 +68,7 @@ pub(super) struct Score {
 
 /// Memory for trying candidates, one per thread.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Bench {
+pub(crate) struct Bench {
     change: Change,
     distances: Vec<u32>,
     taken: Vec<u32>,
@@ -260,12 +260,12 @@ impl Score {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use proptest::prelude::*;
     use surfabet_geom::{PointCloud, Silent};
 
-    use super::super::reduce::reduce;
     use super::*;
+    use crate::bic_alphabet::choice::reduce::reduce;
 
     /// A corner of two planes with a bump, sampled at random.
     pub fn scene(points: &[[f32; 3]]) -> Scene {

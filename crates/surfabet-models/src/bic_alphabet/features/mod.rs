@@ -1,12 +1,15 @@
 //! Features: interest points, then points spread uniformly, each with the pose that its normal and the upright rule
 //! give it (III-C).
 
+pub(crate) mod descriptor;
+mod interest;
+
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Progress, fit_normal, orient_normal};
 
-use super::interest::interest_points;
-use super::options::BicAlphabetOptions;
-use super::pose::{BicPose, Frame, low_cell, mix};
+use crate::bic_alphabet::features::interest::interest_points;
+use crate::bic_alphabet::options::BicAlphabetOptions;
+use crate::bic_alphabet::pose::{BicPose, Frame, low_cell, mix};
 use crate::error::Result;
 use crate::scans::Scene;
 
@@ -15,7 +18,7 @@ const BATCH: usize = 1024;
 
 /// Places of a scene that occurrences may take, in the order of their poses and without duplicates.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Features {
+pub(crate) struct Features {
     pub poses: Vec<BicPose>,
     pub frames: Vec<Frame>,
     /// Lowest cell of the poses, which their order counts from.

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Pose, Progress, Projection, RangeImage};
 
-use super::options::BicAlphabetOptions;
+use crate::bic_alphabet::options::BicAlphabetOptions;
 use crate::error::Result;
 use crate::scans::Scene;
 
@@ -21,7 +21,7 @@ const LEAST_PIXEL: f64 = 0.0016;
 const LEAST_WEIGHT: f32 = 0.3;
 
 /// Points of the scene where the response is a local maximum over place and scale, the strongest first.
-pub(super) fn interest_points(
+pub(crate) fn interest_points(
     scene: &Scene,
     options: &BicAlphabetOptions,
     progress: &dyn Progress,

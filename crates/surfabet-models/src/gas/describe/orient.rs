@@ -2,7 +2,7 @@
 
 use std::collections::BinaryHeap;
 
-use super::adjacency::Adjacency;
+use crate::gas::adjacency::Adjacency;
 use crate::vector::dot;
 
 /// Steps of how well two normals are parallel, for an order of integers.
@@ -11,7 +11,7 @@ const STEPS: f64 = 1e6;
 /// Gives every normal a sign. Where `facing` says a side, it is that side; from there signs spread along edges,
 /// between the most parallel normals first (Hoppe et al. 1992). A component that knows no side gets one from its
 /// highest neuron, whose normal points up.
-pub(super) fn orient(
+pub(crate) fn orient(
     normals: &mut [[f64; 3]],
     positions: &[[f32; 3]],
     adjacency: &Adjacency,

@@ -4,7 +4,7 @@
 //! by two of them. Four by four by four cells make a group. Groups are found by hash and numbered as they appear, and
 //! since points come along a curve through space, neighbours in space are neighbours in memory.
 
-use super::sparsify::Placed;
+use crate::bic_alphabet::rebuild::sparsify::Placed;
 use crate::vector::{dot, minus};
 
 /// Odd factors that scatter the three coordinates of a group.
@@ -17,7 +17,7 @@ const GROUP: usize = 64;
 type Cell = (u32, u32);
 
 /// The eight cells about a position.
-pub(super) struct Block([Cell; 8]);
+pub(crate) struct Block([Cell; 8]);
 
 impl Block {
     #[inline]
@@ -121,7 +121,7 @@ struct Bucket {
 
 /// Points in the order of their cells, in each the kept ones first.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Arena {
+pub(crate) struct Arena {
     pub points: Vec<Placed>,
     groups: Groups,
     buckets: Vec<Bucket>,
@@ -192,7 +192,7 @@ impl Arena {
 
 /// Points that were kept so far, in lists by cell.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Taken {
+pub(crate) struct Taken {
     groups: Groups,
     heads: Vec<u32>,
     /// Position, and the next of the list.

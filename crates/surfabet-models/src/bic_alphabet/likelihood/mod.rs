@@ -6,11 +6,11 @@
 
 use rayon::prelude::*;
 
-use super::pose::Frame;
+use crate::bic_alphabet::pose::Frame;
 use crate::scans::Scene;
 
 /// Points per block: one vector of single precision.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Bits of a Gaussian's fraction.
 const KERNEL_BITS: u32 = 22;
@@ -67,7 +67,7 @@ struct Node {
 
 /// The points of a scene in blocks.
 #[derive(Debug, Clone)]
-pub(super) struct Samples {
+pub(crate) struct Samples {
     /// Coordinates per block.
     positions: Vec<[[f32; LANES]; 3]>,
     /// `1 / (2 sigma^2)` per lane.
@@ -83,7 +83,7 @@ pub(super) struct Samples {
 
 /// Which blocks an occurrence at each feature can reach.
 #[derive(Debug, Clone)]
-pub(super) struct Reaches {
+pub(crate) struct Reaches {
     starts: Vec<u32>,
     blocks: Vec<u32>,
 }
@@ -281,14 +281,14 @@ impl Samples {
 
 /// Sums of Gaussians per point, their logarithms, and the sum of these.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Sums {
+pub(crate) struct Sums {
     pub sums: Vec<[i64; LANES]>,
     pub logs: Vec<[i64; LANES]>,
     pub total: i64,
 }
 
 /// BIC (eq. 4) with `parameters` numbers in the alphabet.
-pub(super) fn bic(log_likelihood: f64, parameters: usize, n: usize) -> f64 {
+pub(crate) fn bic(log_likelihood: f64, parameters: usize, n: usize) -> f64 {
     -2.0 * log_likelihood + parameters as f64 * (n as f64).ln()
 }
 

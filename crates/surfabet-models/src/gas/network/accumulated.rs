@@ -15,7 +15,7 @@ const NOBODY: f64 = f64::NEG_INFINITY;
 
 /// Accumulated errors by neuron.
 #[derive(Debug, Clone)]
-pub(super) struct AccumulatedErrors {
+pub(crate) struct AccumulatedErrors {
     scaled: Vec<f64>,
     /// Largest of each block.
     largest: Vec<f64>,
@@ -26,18 +26,18 @@ pub(super) struct AccumulatedErrors {
 }
 
 impl AccumulatedErrors {
-    pub(super) fn new(beta: f64) -> Self {
+    pub(crate) fn new(beta: f64) -> Self {
         Self { scaled: Vec::new(), largest: Vec::new(), scale: 1.0, growth: 1.0 / (1.0 - beta) }
     }
 
     /// The accumulated error of a neuron.
-    pub(super) fn get(&self, id: u32) -> f64 {
+    pub(crate) fn get(&self, id: u32) -> f64 {
         self.scaled[id as usize] / self.scale
     }
 
     /// Step 5: adds to the error of a neuron.
     #[inline]
-    pub(super) fn add(&mut self, id: u32, error: f64) {
+    pub(crate) fn add(&mut self, id: u32, error: f64) {
         let id = id as usize;
         let sum = self.scaled[id] + error * self.scale;
         self.scaled[id] = sum;
@@ -48,13 +48,13 @@ impl AccumulatedErrors {
     }
 
     /// Sets the error of a neuron, which may be new.
-    pub(super) fn set(&mut self, id: u32, error: f64) {
+    pub(crate) fn set(&mut self, id: u32, error: f64) {
         let value = error * self.scale;
         self.put(id as usize, value);
     }
 
     /// The neuron is no more.
-    pub(super) fn remove(&mut self, id: u32) {
+    pub(crate) fn remove(&mut self, id: u32) {
         self.put(id as usize, NOBODY);
     }
 
@@ -74,7 +74,7 @@ impl AccumulatedErrors {
 
     /// Step 10: all errors decay.
     #[inline]
-    pub(super) fn decay(&mut self) {
+    pub(crate) fn decay(&mut self) {
         self.scale *= self.growth;
         if self.scale > LARGEST_SCALE {
             let shrink = 1.0 / self.scale;
@@ -85,7 +85,7 @@ impl AccumulatedErrors {
     }
 
     /// The neuron with the largest error, of equal ones the one with the smallest id; `None` without neurons.
-    pub(super) fn largest(&self) -> Option<u32> {
+    pub(crate) fn largest(&self) -> Option<u32> {
         let (block, &largest) = self
             .largest
             .iter()

@@ -10,7 +10,7 @@ const SMALLEST: usize = 8;
 
 /// One end of an edge.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Link {
+pub(crate) struct Link {
     /// The neuron at the other end.
     pub to: u32,
     /// Wins of both neurons together when the edge had age zero; wraps.
@@ -28,7 +28,7 @@ struct Run {
 
 /// All edges.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Edges {
+pub(crate) struct Edges {
     runs: Vec<Run>,
     links: Vec<Link>,
     /// Starts of runs given up, by class.
@@ -39,20 +39,20 @@ pub(super) struct Edges {
 impl Edges {
     /// Number of edges.
     #[cfg(test)]
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.count
     }
 
     /// The edges of a neuron, in no particular order.
     #[inline]
-    pub(super) fn of(&self, id: u32) -> &[Link] {
+    pub(crate) fn of(&self, id: u32) -> &[Link] {
         // A neuron without edges may not be known here yet.
         let run = self.runs.get(id as usize).copied().unwrap_or_default();
         &self.links[run.start as usize..][..run.len as usize]
     }
 
     /// Step 7: refreshes the edge between two neurons, or makes it. Returns true for a new one.
-    pub(super) fn connect(&mut self, a: u32, b: u32, base: u32) -> bool {
+    pub(crate) fn connect(&mut self, a: u32, b: u32, base: u32) -> bool {
         if let Some(link) = self.find(a, b) {
             link.base = base;
             if let Some(link) = self.find(b, a) {
@@ -67,7 +67,7 @@ impl Edges {
     }
 
     /// Removes the edge between two neurons, if there is one.
-    pub(super) fn disconnect(&mut self, a: u32, b: u32) {
+    pub(crate) fn disconnect(&mut self, a: u32, b: u32) {
         if self.pull(a, b) && self.pull(b, a) {
             self.count -= 1;
         }

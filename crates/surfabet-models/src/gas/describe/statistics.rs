@@ -3,15 +3,15 @@
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Moments, Progress};
 
-use super::adjacency::Adjacency;
-use super::orient::orient;
 use crate::error::Result;
+use crate::gas::adjacency::Adjacency;
+use crate::gas::describe::orient::orient;
 
 /// Neurons per unit of parallel work.
 const BATCH: usize = 256;
 
 /// Points to describe, all with the same weight.
-pub(super) struct Observed<'a> {
+pub(crate) struct Observed<'a> {
     pub points: &'a [[f32; 3]],
     pub colors: Option<&'a [[u8; 3]]>,
     /// Towards where each point was seen from, or its known normal; zero where unknown.
@@ -21,7 +21,7 @@ pub(super) struct Observed<'a> {
 
 /// Description of every neuron.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Statistics {
+pub(crate) struct Statistics {
     /// Sum of the weights of the nearest points.
     pub counts: Vec<f64>,
     /// Unit normals; zero where unknown.
@@ -49,7 +49,7 @@ struct Cell {
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
-pub(super) fn describe(
+pub(crate) fn describe(
     positions: &[[f32; 3]],
     adjacency: &Adjacency,
     sets: &[Observed<'_>],

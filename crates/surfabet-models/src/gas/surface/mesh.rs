@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::model::GasModel;
+use crate::gas::model::GasModel;
 use crate::vector::{cross, dot, minus};
 
 /// Least cosine between a triangle and the mean normal of its corners: steeper ones stand across the surface.

@@ -5,10 +5,10 @@
 use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
 use surfabet_geom::morton;
 
-use super::descriptor::EMPTY;
-use super::model::BicAlphabet;
-use super::pose::{BicPose, CELL, ROLLS};
-use super::words::{BicWord, MAX_WORD_POINTS};
+use crate::bic_alphabet::features::descriptor::EMPTY;
+use crate::bic_alphabet::model::BicAlphabet;
+use crate::bic_alphabet::pose::{BicPose, CELL, ROLLS};
+use crate::bic_alphabet::words::{BicWord, MAX_WORD_POINTS};
 use crate::scans::Upright;
 
 /// Bits of the height of the octree over cells.
@@ -18,7 +18,7 @@ const HEIGHT_BITS: u32 = 5;
 const LEVELS: usize = 4;
 
 /// The words of an alphabet. No more than `max_points` points are read.
-pub(super) fn code_words<C: Coder>(
+pub(crate) fn code_words<C: Coder>(
     coder: &mut C,
     pixels: usize,
     given: &[BicWord],
@@ -109,7 +109,7 @@ impl Models {
 }
 
 /// Poses and words of the `n` occurrences of a model.
-pub(super) fn code_occurrences<C: Coder>(
+pub(crate) fn code_occurrences<C: Coder>(
     coder: &mut C,
     alphabet: &BicAlphabet,
     low: [i32; 3],
