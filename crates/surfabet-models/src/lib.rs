@@ -27,6 +27,7 @@ pub mod scans;
 mod sensor;
 mod size_code;
 mod spread;
+mod stages;
 mod summary;
 mod vector;
 

@@ -5,14 +5,14 @@ use std::time::Instant;
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
-use super::descriptor::Descriptors;
+use super::choice::quality::{Fidelity, fidelity};
+use super::choice::reconstruction::{Bench, Score, Stage};
+use super::choice::reduce::reduce;
 use super::features::Features;
+use super::features::descriptor::Descriptors;
 use super::model::{BicAlphabet, BicAlphabetModel, BicHeader, Occurrences};
 use super::options::BicAlphabetOptions;
 use super::pose::mix;
-use super::quality::{Fidelity, fidelity};
-use super::reduce::reduce;
-use super::score::{Bench, Score, Stage};
 use super::words::MAX_WORD_POINTS;
 use crate::error::Result;
 use crate::options::Options;

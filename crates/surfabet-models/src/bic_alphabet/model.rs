@@ -2,10 +2,10 @@
 
 use surfabet_entropy::Coder;
 
-use super::descriptor::{EMPTY, pixel_centers};
+use super::coding::{code_occurrences, code_words};
+use super::features::descriptor::{EMPTY, pixel_centers};
 use super::options::BicAlphabetOptions;
 use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
-use super::syntax::{code_occurrences, code_words};
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};
 use crate::error::{Error, Result};
 use crate::report::{Beside, Report};

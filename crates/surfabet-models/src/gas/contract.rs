@@ -2,8 +2,8 @@
 
 use surfabet_entropy::Coder;
 
+use super::coding::Streams;
 use super::model::{GasHeader, GasModel};
-use super::syntax::Streams;
 use super::options::GasOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;

@@ -3,20 +3,20 @@
 //! | file | step |
 //! |---|---|
 //! | `options` | what to look for, and how |
-//! | `place` | the scene that is searched, and motions in it |
+//! | `scene` | the scene that is searched, and motions in it |
 //! | `template` | the example, sample by sample |
 //! | `guess`, `occupancy` | motions from pairs of like words, tried coarsely |
 //! | `refine` | motions improved |
 //! | `score` | how like the example a place is |
-//! | `apart` | one motion for one thing |
+//! | `suppression` | one motion for one thing |
 
-mod apart;
 mod guess;
 mod occupancy;
 mod options;
-mod place;
 mod refine;
+mod scene;
 mod score;
+mod suppression;
 mod template;
 
 use rayon::prelude::*;
@@ -24,8 +24,8 @@ use surfabet_geom::{KdTree, Pose, Progress};
 
 use self::guess::guesses;
 pub use self::options::{FindOptions, Region};
-use self::place::{Motion, Place};
 use self::refine::REFINED;
+use self::scene::{Motion, Place};
 use self::score::{MATCHED, share};
 use self::template::Template;
 use super::surface::Surface;
