@@ -163,11 +163,6 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         return Alphabet(self._core.alphabet)
 
     @property
-    def shares_alphabet(self) -> bool:
-        """Whether the file names its alphabet instead of holding it."""
-        return self._core.shares_vocabulary
-
-    @property
     def has_intensity(self) -> bool:
         """Whether the model carries intensity."""
         return self._core.has_intensity
