@@ -148,7 +148,11 @@ def table(args: argparse.Namespace) -> None:
 
 def rebuild(args: argparse.Namespace) -> None:
     """Scene rebuilding (IV-B): the second scan in the words of the first."""
-    chosen = {"min_range": 0.5, "angular_resolution": ROOM_RESOLUTION, "iterations": args.iterations}
+    chosen = {
+        "min_range": 0.5,
+        "angular_resolution": ROOM_RESOLUTION,
+        "iterations": args.iterations,
+    }
     alphabet = sb.learn_bic_alphabet(room(1), **chosen).alphabet
     print_header("data", "radius", *NAMES, "file (bytes)")
     rows("room, scan 2 in the words of scan 1", room(2), chosen, alphabet)

@@ -31,6 +31,7 @@ __all__ = [
     "place_similarity",
 ]
 
+
 @dataclass(frozen=True, slots=True)
 class Occurrences:
     """Where words occur: all m occurrences of a model as arrays, in the order of the file."""
