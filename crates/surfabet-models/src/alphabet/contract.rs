@@ -4,6 +4,7 @@ use surfabet_entropy::Coder;
 
 use super::model::{Alphabet, AlphabetHeader, AlphabetModel};
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for AlphabetModel {
@@ -11,6 +12,7 @@ impl SurfaceModel for AlphabetModel {
     const STREAMS: usize = 3;
     const KEEPS_THICKNESS: bool = false;
     type Header = AlphabetHeader;
+    type Figures = Named;
     type Vocabulary = Alphabet;
 
     fn header(&self) -> AlphabetHeader {

@@ -4,6 +4,7 @@ use surfabet_entropy::Coder;
 
 use super::model::{BicAlphabet, BicAlphabetHeader, BicAlphabetModel};
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a point of a word takes.
@@ -14,6 +15,7 @@ impl SurfaceModel for BicAlphabetModel {
     const STREAMS: usize = 2;
     const KEEPS_THICKNESS: bool = false;
     type Header = BicAlphabetHeader;
+    type Figures = Named;
     type Vocabulary = BicAlphabet;
 
     fn header(&self) -> BicAlphabetHeader {

@@ -5,6 +5,7 @@ use surfabet_entropy::Coder;
 use super::model::{GasHeader, GasModel};
 use super::syntax::Streams;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for GasModel {
@@ -12,6 +13,7 @@ impl SurfaceModel for GasModel {
     const STREAMS: usize = 5;
     const KEEPS_THICKNESS: bool = true;
     type Header = GasHeader;
+    type Figures = Named;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> GasHeader {

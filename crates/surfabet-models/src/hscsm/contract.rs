@@ -6,6 +6,7 @@ use super::coding::Streams;
 use super::dictionary::HscsmDictionary;
 use super::model::{Channel, HscsmHeader, HscsmModel};
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for HscsmModel {
@@ -13,6 +14,7 @@ impl SurfaceModel for HscsmModel {
     const STREAMS: usize = 5;
     const KEEPS_THICKNESS: bool = false;
     type Header = HscsmHeader;
+    type Figures = Named;
     type Vocabulary = HscsmDictionary;
 
     fn header(&self) -> HscsmHeader {

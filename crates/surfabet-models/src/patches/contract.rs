@@ -4,6 +4,7 @@ use surfabet_entropy::Coder;
 
 use super::model::{PatchModel, PatchesHeader};
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a cell of colour takes while it is read.
@@ -14,6 +15,7 @@ impl SurfaceModel for PatchModel {
     const STREAMS: usize = 3;
     const KEEPS_THICKNESS: bool = true;
     type Header = PatchesHeader;
+    type Figures = Named;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PatchesHeader {

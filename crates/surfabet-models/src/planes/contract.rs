@@ -2,6 +2,7 @@
 
 use surfabet_entropy::Coder;
 
+use super::learn::PlanesFigures;
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 use super::syntax::Streams;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
@@ -15,6 +16,7 @@ impl SurfaceModel for PlaneModel {
     const STREAMS: usize = 4;
     const KEEPS_THICKNESS: bool = true;
     type Header = PlanesHeader;
+    type Figures = Option<PlanesFigures>;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PlanesHeader {
