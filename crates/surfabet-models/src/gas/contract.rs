@@ -2,8 +2,8 @@
 
 use surfabet_entropy::Coder;
 
-use super::model::{GasHeader, GasModel};
 use super::coding::Streams;
+use super::model::{GasHeader, GasModel};
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
