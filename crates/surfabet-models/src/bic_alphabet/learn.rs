@@ -6,8 +6,6 @@
 //! | 4 to 6 | words, accepted when the BIC falls: [`choose_words`] | eq. 1 to 12, III, III-A |
 //! | 7 | occurrences that are not needed: [`reduce`] | III-D |
 
-use std::time::Instant;
-
 use surfabet_geom::{PointCloud, Progress};
 
 use super::choice::{
@@ -16,7 +14,32 @@ use super::choice::{
 use super::model::{BicAlphabet, BicAlphabetModel, BicHeader};
 use super::options::BicAlphabetOptions;
 use crate::error::Result;
+use crate::options::Options;
 use crate::report::{Report, lost};
+use crate::stages::Stages;
+
+/// The stages of learning and their shares of the progress: the time of each in per cent, on a scan of a room.
+pub(super) const STAGES: &[(&str, f32)] = &[
+    ("preparing the scene", 2.0),
+    ("extracting features", 2.0),
+    ("describing features", 1.0),
+    ("preparing the likelihood", 1.0),
+    ("choosing words", 90.0),
+    ("measuring", 2.0),
+    ("removing occurrences", 2.0),
+];
+
+/// The stages of describing another scene.
+const DESCRIBE_STAGES: &[(&str, f32)] = &[
+    ("preparing the scene", 15.0),
+    ("extracting features", 20.0),
+    ("describing features", 10.0),
+    ("preparing the likelihood", 5.0),
+    ("matching words", 5.0),
+    ("placing words", 10.0),
+    ("measuring", 20.0),
+    ("removing occurrences", 15.0),
+];
 
 /// Learns an alphabet from `cloud`, and describes the cloud with it.
 ///
@@ -34,11 +57,14 @@ pub fn learn(
 ) -> Result<BicAlphabetModel> {
     options.check()?;
     let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
-    let scene = PreparedScene::new(cloud, options, &mut report, progress)?;
-    let start = Instant::now();
-    let best = choose_words(&scene, &mut report, progress)?;
-    report.add_time("choosing words", start.elapsed().as_secs_f64());
-    finish(cloud, &scene, best, report, progress)
+    let mut stages = Stages::new(STAGES, progress);
+    // Scene, features and their descriptors: eq. 13, III-C.
+    let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
+    // Words sampled from the scene (eq. 1), accepted when the BIC falls: III, III-A, III-B.
+    let best =
+        stages.run("choosing words", |progress| choose_words(&scene, &mut report, progress))?;
+    // Occurrences without which the likelihood does not fall are removed: III-D.
+    finish(cloud, &scene, best, report, stages)
 }
 
 impl BicAlphabet {
@@ -57,13 +83,16 @@ impl BicAlphabet {
         self.check(options)?;
         options.check()?;
         let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
-        let scene = PreparedScene::new(cloud, options, &mut report, progress)?;
+        let mut stages = Stages::new(DESCRIBE_STAGES, progress);
+        let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
         let words = self.words().to_vec();
-        let matching = report
-            .time("matching words", || Matching::new(&scene.descriptors, &words, scene.penalty()));
-        let best = report.time("placing words", || Reconstruction::new(&scene, words, matching));
+        let matching = stages.run("matching words", |_| {
+            Ok(Matching::new(&scene.descriptors, &words, scene.penalty()))
+        })?;
+        let best =
+            stages.run("placing words", |_| Ok(Reconstruction::new(&scene, words, matching)))?;
         report.stop_reason = "the alphabet was given";
-        finish(cloud, &scene, best, report, progress)
+        finish(cloud, &scene, best, report, stages)
     }
 }
 
@@ -73,23 +102,23 @@ fn finish(
     scene: &PreparedScene<'_>,
     mut best: Reconstruction,
     mut report: Report,
-    progress: &dyn Progress,
+    mut stages: Stages<'_>,
 ) -> Result<BicAlphabetModel> {
     report.add_figure("words", best.words.len() as f64);
     report.add_figure("word points", best.n_word_points() as f64);
     report.add_figure("bic", best.bic(scene));
     report.add_figure("log-likelihood", best.log_likelihood(scene));
     let names = ["occurrences", "paper bytes", "inliers", "outliers"];
-    measure(scene, &best, names, &mut report, progress)?;
+    measure(scene, &best, names, &mut report, &mut stages)?;
     if scene.options.reduce {
-        let start = Instant::now();
-        reduce(scene, &mut best, progress)?;
-        report.add_time("removing occurrences", start.elapsed().as_secs_f64());
+        stages
+            .run_round("removing occurrences", 1, |progress| reduce(scene, &mut best, progress))?;
         report.add_figure("log-likelihood reduced", best.log_likelihood(scene));
         let names =
             ["occurrences reduced", "paper bytes reduced", "inliers reduced", "outliers reduced"];
-        measure(scene, &best, names, &mut report, progress)?;
+        measure(scene, &best, names, &mut report, &mut stages)?;
     }
+    report.stages = stages.finish();
     let header = BicHeader {
         n_points: cloud.len() as u64,
         origin: scene.scene.origin,
@@ -108,13 +137,13 @@ fn measure(
     best: &Reconstruction,
     names: [&'static str; 4],
     report: &mut Report,
-    progress: &dyn Progress,
+    stages: &mut Stages<'_>,
 ) -> Result<()> {
     let n_occurrences = best.occurrences(scene).words.len();
     let bytes = 12 * best.n_word_points() + 28 * n_occurrences;
-    let start = Instant::now();
-    let Fidelity { inliers, outliers } = fidelity(scene, &best.sparsified, progress)?;
-    report.add_time("measuring", start.elapsed().as_secs_f64());
+    let rounds = if scene.options.reduce { 2 } else { 1 };
+    let Fidelity { inliers, outliers } = stages
+        .run_round("measuring", rounds, |progress| fidelity(scene, &best.sparsified, progress))?;
     for (name, value) in
         names.into_iter().zip([n_occurrences as f64, bytes as f64, inliers, outliers])
     {

@@ -108,6 +108,12 @@ impl BicAlphabet {
         Self::new(BicShape { radius, descriptor_pixels, upright }, words)
     }
 
+    /// Default options for words of this kind, to describe a cloud with.
+    pub fn options(&self) -> BicAlphabetOptions {
+        let BicShape { radius, descriptor_pixels, upright } = self.shape;
+        BicAlphabetOptions { radius, descriptor_pixels, upright, ..BicAlphabetOptions::default() }
+    }
+
     /// Refuses options of another kind of words.
     pub(super) fn check(&self, options: &BicAlphabetOptions) -> Result<()> {
         let mismatch = |name: &str, own: String, given: String| {

@@ -1,7 +1,5 @@
 //! From a grown network to a model: positions rounded, neurons described.
 
-use surfabet_geom::Progress;
-
 use super::adjacency::Adjacency;
 use super::constants::STEPS_PER_EDGE;
 use super::describe::{Observed, describe};
@@ -11,8 +9,10 @@ use super::network::{Graph, Grown};
 use super::options::GasOptions;
 use crate::error::{Error, Result};
 use crate::report::Report;
+use crate::stages::Stages;
 
-/// Rounds the positions of a grown network, and describes its neurons by the points of `observed`.
+/// Rounds the positions of a grown network, and describes its neurons by the points of `observed`, as the last of
+/// `stages`.
 pub(super) fn finish(
     grown: Grown,
     origin: [f64; 3],
@@ -20,9 +20,8 @@ pub(super) fn finish(
     n_points: u64,
     options: &GasOptions,
     mut report: Report,
-    progress: &dyn Progress,
+    mut stages: Stages<'_>,
 ) -> Result<GasModel> {
-    progress.update("describing neurons", 0.0);
     let Graph { positions, edges } = grown.graph;
     let exponent = step_exponent(&positions, &edges, options)?;
     let step = f64::from(exponent).exp2();
@@ -32,8 +31,10 @@ pub(super) fn finish(
     let positions: Vec<[f32; 3]> =
         rounded.iter().map(|p| p.map(|c| (f64::from(c) * step) as f32)).collect();
     let adjacency = Adjacency::new(positions.len(), &edges);
-    let statistics = report
-        .time("describing neurons", || describe(&positions, &adjacency, observed, progress))?;
+    let statistics = stages.run("describing neurons", |progress| {
+        describe(&positions, &adjacency, observed, progress)
+    })?;
+    report.stages = stages.finish();
     report.figures.extend([
         ("points", n_points as f64),
         ("signals", grown.signals as f64),

@@ -11,7 +11,12 @@ use super::model::GasModel;
 use super::network::{Graph, Signals, Stop, grow};
 use super::options::GasOptions;
 use crate::error::{Error, Result};
+use crate::options::Options;
 use crate::report::{Report, lost};
+use crate::stages::Stages;
+
+/// The stages and their shares of the progress: the time of each in per cent, on a Kinect frame.
+pub(super) const STAGES: &[(&str, f32)] = &[("growing", 90.0), ("describing neurons", 10.0)];
 
 /// What a gas keeps beyond positions.
 pub(super) const KEPT: [&str; 2] = ["colors", "normals"];
@@ -39,8 +44,8 @@ pub fn learn(
     let mut signals = Signals::new(&[(&positions, 1.0)], options.random_state);
     let first = signals.two_places().ok_or(Error::EmptyCloud)?;
     let start = Graph { positions: first.to_vec(), edges: Vec::new() };
-    let mut report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
-    let grown = report.time("growing", || {
+    let mut stages = Stages::new(STAGES, progress);
+    let grown = stages.run("growing", |progress| {
         grow(&start, signals, options, stop(options, positions.len()), progress)
     })?;
     // Colours, normals and sizes of the neurons, and everything rounded.
@@ -50,7 +55,8 @@ pub fn learn(
         facing: cloud.facing(),
         weight: 1.0,
     };
-    finish(grown, origin, &[observed], cloud.len() as u64, options, report, progress)
+    let report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
+    finish(grown, origin, &[observed], cloud.len() as u64, options, report, stages)
 }
 
 /// When learning from `n_points` ends.

@@ -8,13 +8,15 @@ use super::constants::{MOST_RECALLED, PATIENCE, SETTLING};
 use super::decode::tangents;
 use super::describe::Observed;
 use super::finish::finish;
-use super::learn::KEPT;
+use super::learn::{KEPT, STAGES};
 use super::model::GasModel;
 use super::network::{Graph, Signals, Stop, grow};
 use super::options::{GasOptions, MAX_NEURONS};
 use crate::error::{Error, Result};
+use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::spread::across;
+use crate::stages::Stages;
 
 /// Golden angle, radians: turns by it fill a disc evenly.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
@@ -67,8 +69,9 @@ impl GasModel {
             signals: planned,
             at_most: PATIENCE * planned,
         };
-        let mut report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
-        let grown = report.time("growing", || grow(&start, signals, &options, stop, progress))?;
+        let mut stages = Stages::new(STAGES, progress);
+        let grown =
+            stages.run("growing", |progress| grow(&start, signals, &options, stop, progress))?;
         // Colours, normals and sizes of the neurons, and everything rounded.
         let colors: Option<Vec<[u8; 3]>> = self
             .colors()
@@ -90,7 +93,8 @@ impl GasModel {
         let n_points = self.n_points().saturating_add(cloud.len() as u64);
         // The origin and the position step stay: neurons that did not move keep their positions.
         let options = GasOptions { position_step: Some(self.position_step()), ..options };
-        finish(grown, origin, &observed, n_points, &options, report, progress)
+        let report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
+        finish(grown, origin, &observed, n_points, &options, report, stages)
     }
 
     /// Number of neurons after an update: the one asked for, or this model's times the number of cubes of two mean

@@ -1,6 +1,6 @@
 //! A scene with what scoring needs of it and never changes.
 
-use surfabet_geom::{KdTree, PointCloud, Progress};
+use surfabet_geom::{KdTree, PointCloud};
 
 use crate::bic_alphabet::constants::OCCURRENCE_RADIUS;
 use crate::bic_alphabet::features::{Descriptors, Features, penalty_steps};
@@ -11,6 +11,7 @@ use crate::bic_alphabet::words::BicWord;
 use crate::error::Result;
 use crate::report::Report;
 use crate::scans::Scene;
+use crate::stages::Stages;
 
 /// The points of a scene, its features with their descriptors, and its likelihood function.
 pub(in crate::bic_alphabet) struct PreparedScene<'a> {
@@ -30,12 +31,12 @@ impl<'a> PreparedScene<'a> {
         cloud: &PointCloud,
         options: &'a BicAlphabetOptions,
         report: &mut Report,
-        progress: &dyn Progress,
+        stages: &mut Stages<'_>,
     ) -> Result<Self> {
-        let scene = report.time("preparing the scene", || {
-            Scene::new(cloud, options.deviation, options.min_range, progress)
+        let scene = stages.run("preparing the scene", |progress| {
+            Scene::new(cloud, options.deviation(), options.min_range, progress)
         })?;
-        let prepared = Self::of_scene(scene, options, report, progress)?;
+        let prepared = Self::of_scene(scene, options, stages)?;
         report.add_figure("points", cloud.len() as f64);
         report.add_figure("points too near", prepared.scene.too_near as f64);
         report.add_figure("duplicate points", prepared.scene.duplicates as f64);
@@ -49,21 +50,21 @@ impl<'a> PreparedScene<'a> {
     pub fn of_scene(
         scene: Scene,
         options: &'a BicAlphabetOptions,
-        report: &mut Report,
-        progress: &dyn Progress,
+        stages: &mut Stages<'_>,
     ) -> Result<Self> {
         let tree = KdTree::new(&scene.positions)?;
-        let features = report
-            .time("extracting features", || Features::new(&scene, &tree, options, progress))?;
-        let descriptors = report.time("describing features", || {
+        let features = stages.run("extracting features", |progress| {
+            Features::new(&scene, &tree, options, progress)
+        })?;
+        let descriptors = stages.run("describing features", |progress| {
             Descriptors::new(&scene, &tree, &features, options, progress)
         })?;
-        let (likelihood, reachable) = report.time("preparing the likelihood", || {
+        let (likelihood, reachable) = stages.run("preparing the likelihood", |_| {
             let likelihood = Likelihood::new(&scene, options.floor);
             let radius = OCCURRENCE_RADIUS * options.radius as f32;
             let reachable = likelihood.reachable(&features.frames, radius);
-            (likelihood, reachable)
-        });
+            Ok((likelihood, reachable))
+        })?;
         Ok(Self { options, scene, tree, features, descriptors, likelihood, reachable })
     }
 

@@ -164,10 +164,11 @@ mod tests {
     use super::super::matching::Matching;
     use super::super::reduce::reduce;
     use super::*;
+    use crate::bic_alphabet::learn::STAGES;
     use crate::bic_alphabet::likelihood::KernelSums;
     use crate::bic_alphabet::options::BicAlphabetOptions;
-    use crate::report::Report;
     use crate::scans::{Deviation, Scene};
+    use crate::stages::Stages;
 
     /// A corner of two planes with a bump, sampled at random.
     fn scene(points: &[[f32; 3]]) -> Scene {
@@ -183,7 +184,8 @@ mod tests {
     }
 
     fn prepared<'a>(points: &[[f32; 3]], options: &'a BicAlphabetOptions) -> PreparedScene<'a> {
-        PreparedScene::of_scene(scene(points), options, &mut Report::default(), &Silent).unwrap()
+        let mut stages = Stages::new(STAGES, &Silent);
+        PreparedScene::of_scene(scene(points), options, &mut stages).unwrap()
     }
 
     /// Kept points by rank, and everything that a score adds up.

@@ -144,7 +144,7 @@ mod tests {
         ) {
             let (cloud, _) = PointCloud::from_positions(positions);
             let options = BicAlphabetOptions { feature_spacing: Some(spacing), ..BicAlphabetOptions::default() };
-            let scene = Scene::new(&cloud, options.deviation, 0.0, &Silent).unwrap();
+            let scene = Scene::new(&cloud, options.deviation(), 0.0, &Silent).unwrap();
             let tree = KdTree::new(&scene.positions).unwrap();
             let features = Features::new(&scene, &tree, &options, &Silent).unwrap();
             // Positions are stored in steps of a 32nd of the radius: half of one off in each axis.

@@ -1,13 +1,13 @@
 """Alphabets of local scans chosen by the Bayesian information criterion, as published.
 
 M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact 3D Models Based on
-the Detection of Recurrent Structures, ICRA 2010. `surfabet.learn_alphabet(..., method="bic")` makes
-these models.
+the Detection of Recurrent Structures, ICRA 2010.
 """
 
 from __future__ import annotations
 
-from typing import Any, final
+from collections.abc import Sequence
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
-from surfabet.model import MAX_POINTS, Model
+from surfabet.model import Model
 
-__all__ = ["BicAlphabet", "BicAlphabetModel"]
+__all__ = ["BicAlphabet", "BicAlphabetModel", "learn_bic_alphabet"]
 
 
 @final
@@ -51,15 +50,31 @@ class BicAlphabet:
         return self._core.descriptors()
 
     def describe(
-        self, cloud: PointCloud, *, progress: Progress = None, **options: Any
+        self,
+        cloud: PointCloud,
+        *,
+        progress: Progress = None,
     ) -> BicAlphabetModel:
         """Another cloud in the words of this alphabet, which stays as it is (IV-B).
 
-        Options are those of `learn_alphabet` with method "bic"; radius, pixels and rule for what is
-        up are the alphabet's own. The file names the alphabet and does not hold it.
+        Radius, pixels and the rule for what is up are the alphabet's own. The file names the
+        alphabet and does not hold it.
+
+        Parameters
+        ----------
+        cloud
+            The scan.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Raises
+        ------
+        InvalidInputError
+            As `learn_bic_alphabet`, and for an alphabet without words.
         """
-        core = learn(cloud, alphabet=self._core, progress=progress, **options)
-        return BicAlphabetModel(core.sharing_alphabet(True))
+        options = {}
+        with progress_callback(progress) as callback:
+            return BicAlphabetModel(self._core.describe(cloud, options, progress=callback))
 
     def __len__(self) -> int:
         return len(self._core)
@@ -72,7 +87,9 @@ class BicAlphabet:
 class BicAlphabetModel(Model[_core.BicAlphabetModel]):
     """A cloud as occurrences of words that were chosen by BIC; immutable.
 
-    Made by `learn_alphabet` with method "bic", `BicAlphabet.describe` and `surfabet.load`.
+    Made by `learn_bic_alphabet`, `BicAlphabet.describe` and `surfabet.load`. It decodes to the
+    points of all occurrences, no two nearer than epsilon (eq. 2 and 3). Words are points and not
+    surfaces, so that no other spacing can be decoded.
     """
 
     __slots__ = ()
@@ -85,7 +102,7 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
     @property
     def shares_alphabet(self) -> bool:
         """Whether the file names its alphabet instead of holding it."""
-        return self._core.shares_alphabet
+        return self._core.shares_vocabulary
 
     @property
     def words(self) -> NDArray[np.uint32]:
@@ -102,29 +119,6 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
         """How often each word of the alphabet occurs, (n,)."""
         return self._core.counts
 
-    def decode(
-        self,
-        resolution: float | None = None,
-        *,
-        max_points: int = MAX_POINTS,
-        progress: Progress = None,
-    ) -> PointCloud:
-        """The points of all occurrences, no two nearer than epsilon (eq. 2, 3).
-
-        Raises
-        ------
-        InvalidInputError
-            When a resolution is asked for, since words are points and not surfaces, or when there
-            would be more than `max_points` points.
-        """
-        if resolution is not None:
-            raise InvalidInputError(
-                f"resolution is {resolution}, but words of method bic are points: "
-                "only the spacing of learning can be decoded"
-            )
-        with progress_callback(progress) as callback:
-            return self._core.decode(max_points=max_points, progress=callback)
-
     def __repr__(self) -> str:
         return (
             f"BicAlphabetModel({self.n_points} points as {len(self)} occurrences of "
@@ -132,24 +126,37 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
         )
 
 
-def learn(
+def learn_bic_alphabet(
     cloud: PointCloud,
     *,
-    alphabet: _core.BicAlphabet | None = None,
     progress: Progress = None,
-    **options: Any,
-) -> _core.BicAlphabetModel:
-    """The model by BIC; what is not given is as `bic_defaults` says, or as the alphabet is."""
-    names = {"sigma_scale": "scale"}
-    given = {names.get(name, name): value for name, value in options.items()}
-    defaults = _core.bic_defaults()
-    if alphabet is not None:
-        defaults |= {
-            "radius": alphabet.radius,
-            "descriptor_pixels": alphabet.descriptor_pixels,
-            "upright": alphabet.upright,
-        }
-    if unknown := given.keys() - defaults.keys():
-        raise InvalidInputError(f"{', '.join(sorted(unknown))}: no option of method bic")
+) -> BicAlphabetModel:
+    """Learns an alphabet of local scans by the Bayesian information criterion, as published.
+
+    Words are points of the scene, every feature takes the word with the nearest descriptor, and
+    candidates are accepted when the criterion falls.
+
+    A point is explained when a decoded point lies within sigma of it (eq. 13). Where the cloud has
+    no ranges, half the spacing of its points takes the place of the beams' spacing;
+    `surfabet.read(..., viewpoint=)` gives a scan its sensor back.
+
+    Parameters
+    ----------
+    cloud
+        The scan. Duplicates count once. Ranges and viewpoints make sigma, and orient words.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Returns
+    -------
+    BicAlphabetModel
+        The same for any order of the points and any number of threads.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty cloud, a cloud too large for its radius, or options outside their range.
+    """
+    options = {}
     with progress_callback(progress) as callback:
-        return _core.learn_bic(cloud, **{**defaults, **given}, alphabet=alphabet, progress=callback)
+        return BicAlphabetModel(_core.learn_bic_alphabet(cloud, options, progress=callback))

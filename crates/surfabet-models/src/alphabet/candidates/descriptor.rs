@@ -1,19 +1,19 @@
 //! The descriptor of a placed plane: the surface over its square, seen along the normal (III-C).
 
-use super::lattice::sigma;
-use super::near::{NearPoint, look_reach};
-use super::placement::Stand;
-use super::word::{HEIGHT_STEPS, MAX_HEIGHT, PIXELS, Word};
+use crate::alphabet::lattice::sigma;
+use crate::alphabet::placement::Stand;
+use crate::alphabet::scene::local_points::{NearPoint, look_reach};
+use crate::alphabet::word::{HEIGHT_STEPS, MAX_HEIGHT, PIXELS, Word};
 
 /// Pixels of a descriptor.
-pub(super) const N: usize = PIXELS * PIXELS;
+pub(in crate::alphabet) const N: usize = PIXELS * PIXELS;
 
 /// Squared distance, per pixel and in squared radii, of a surface to a hole, and of surfaces further apart than that.
-pub(super) const HOLE: f32 = 0.02;
+pub(in crate::alphabet) const HOLE: f32 = 0.02;
 
 /// Heights over the radius, and per pixel 1 where there is one, else 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Patch {
+pub(in crate::alphabet) struct Patch {
     pub set: [f32; N],
     pub heights: [f32; N],
 }

@@ -1,17 +1,21 @@
 //! Candidates: at every cell of every scale the planes that pass through it, as poses of integers.
 
+pub(super) mod clusters;
+pub(super) mod coverage;
+pub(super) mod descriptor;
+
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::coverage::{Coverage, Rasters};
-use super::data::{Cells, Data};
-use super::lattice::{MAX_SLOPE, UNITS, cell_center, offset_step, sigma, slope_steps};
-use super::near::{NearPoint, near};
-use super::patch::{HOLE, Patch};
-use super::placement::{Placement, Stand};
-use super::word::Word;
-use super::words::nearest_words;
+use crate::alphabet::candidates::clusters::nearest_words;
+use crate::alphabet::candidates::coverage::{Coverage, Rasters};
+use crate::alphabet::candidates::descriptor::{HOLE, Patch};
+use crate::alphabet::lattice::{MAX_SLOPE, UNITS, cell_center, offset_step, sigma, slope_steps};
+use crate::alphabet::placement::{Placement, Stand};
+use crate::alphabet::scene::local_points::{NearPoint, near};
+use crate::alphabet::scene::{Cells, Data};
+use crate::alphabet::word::Word;
 use crate::error::Result;
 use crate::scans::{Upright, upright_frame};
 use crate::vector;
@@ -35,11 +39,11 @@ const MAX_SIDE: f64 = 128.0;
 const PLANE: f32 = 1.5 * HOLE;
 
 /// Words tried at a place: those whose looks are nearest to what is there.
-pub(super) const NEAREST: usize = 3;
+pub(in crate::alphabet) const NEAREST: usize = 3;
 
 /// A word that might stand somewhere.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Candidate {
+pub(in crate::alphabet) struct Candidate {
     pub placement: Placement,
     pub stand: Stand,
     pub coverage: Coverage,
@@ -47,7 +51,7 @@ pub(super) struct Candidate {
 
 /// A candidate plane, and what the surface about it looks like.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Plane {
+pub(in crate::alphabet) struct Plane {
     pub candidate: Candidate,
     pub look: Patch,
 }
@@ -61,7 +65,7 @@ struct Buffers {
 }
 
 /// The planes at all cells of a scale.
-pub(super) fn planes(
+pub(in crate::alphabet) fn planes(
     data: &Data,
     cells: &Cells,
     scale: u32,
@@ -89,7 +93,7 @@ pub(super) fn planes(
 }
 
 /// The words nearest to what each of `planes` looks like, in its place; all of one scale.
-pub(super) fn with_words(
+pub(in crate::alphabet) fn with_words(
     data: &Data,
     cells: &Cells,
     planes: &[Plane],

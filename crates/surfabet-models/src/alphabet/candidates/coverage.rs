@@ -3,14 +3,14 @@
 
 use std::collections::HashMap;
 
-use super::lattice::sigma;
-use super::near::NearPoint;
-use super::placement::Stand;
-use super::word::Word;
+use crate::alphabet::lattice::sigma;
+use crate::alphabet::placement::Stand;
+use crate::alphabet::scene::local_points::NearPoint;
+use crate::alphabet::word::Word;
 
 /// What a placed word explains.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Coverage {
+pub(in crate::alphabet) struct Coverage {
     /// Points with a sample within their sigma, ascending.
     pub points: Vec<u32>,
     /// Samples without a point that has them within its sigma.
@@ -18,7 +18,7 @@ pub(super) struct Coverage {
 }
 
 /// Samples per side of a word and their distance, units: `spacing` sigma of its level, an even share of the side.
-pub(super) fn raster(stand: &Stand, spacing: f64) -> (usize, f64) {
+pub(in crate::alphabet) fn raster(stand: &Stand, spacing: f64) -> (usize, f64) {
     let side = 2.0 * stand.radius;
     let n = (side / (spacing * sigma(stand.level))).round().max(1.0);
     (n as usize, side / n)
@@ -31,7 +31,7 @@ fn samples(word: &Word, n: usize) -> Vec<f32> {
 }
 
 /// Words as samples, made when first asked for, and a buffer.
-pub(super) struct Rasters<'a> {
+pub(in crate::alphabet) struct Rasters<'a> {
     words: &'a [Word],
     known: HashMap<(usize, usize), Vec<f32>>,
     is_near: Vec<bool>,
@@ -59,7 +59,7 @@ impl<'a> Rasters<'a> {
         let per_step = 1.0 / step;
         let last = n as f32 - 1.0;
         let highest = word.heights.iter().fold(0, |m, h| m.max(h.abs()));
-        let highest = f32::from(highest) / super::word::HEIGHT_STEPS as f32 * radius;
+        let highest = f32::from(highest) / super::super::word::HEIGHT_STEPS as f32 * radius;
         let mut points = Vec::new();
         for p in near {
             if p.height.abs() > highest + p.sigma {

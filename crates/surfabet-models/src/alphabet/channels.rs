@@ -2,8 +2,8 @@
 
 use surfabet_entropy::{Coder, SInt};
 
+use super::coding::coarse_cells::Nearby;
 use super::lattice::cell_center;
-use super::nearby::Nearby;
 use super::placement::Placement;
 use crate::color::{rounded, to_rgb};
 use crate::scans::Scene;

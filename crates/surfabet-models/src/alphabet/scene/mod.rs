@@ -1,9 +1,12 @@
 //! The scene in units, and its points by cells.
 
+pub(super) mod local_points;
+pub(super) mod thin;
+
 use rayon::prelude::*;
 
-use super::lattice::{MAX_CELL, SigmaRule, UNITS, cell_center, sigma};
-use super::placement::Stand;
+use crate::alphabet::lattice::{MAX_CELL, SigmaRule, UNITS, cell_center, sigma};
+use crate::alphabet::placement::Stand;
 use crate::error::{Error, Result};
 use crate::scans::Scene;
 
@@ -14,7 +17,7 @@ const KEY_BITS: u32 = 21;
 const REACH: i64 = 2;
 
 /// A scene, lengths in units from the corner of the lattice.
-pub(super) struct Data {
+pub(in crate::alphabet) struct Data {
     /// Metres.
     pub origin: [f64; 3],
     radius: f64,
@@ -63,10 +66,10 @@ impl Data {
         let place = |s: &[i64; 3]| sensors.binary_search(s).unwrap_or_default() as u16;
         let view = seen_from.par_iter().map(place).collect();
         let deviation = scene.deviation;
-        let noise = deviation.scale * deviation.noise.unwrap_or(0.0);
+        let noise = deviation.sigma_scale * deviation.noise.unwrap_or(0.0);
         let rule = match deviation.angular_resolution {
             Some(alpha) if !sensors.is_empty() => {
-                SigmaRule::new(deviation.scale * (0.5 * alpha).tan(), noise, unit)
+                SigmaRule::new(deviation.sigma_scale * (0.5 * alpha).tan(), noise, unit)
             }
             // Ranges without a sensor's place, or neither: one sigma for all.
             _ => SigmaRule::new(0.0, scene.median_sigma(), unit),
@@ -86,7 +89,7 @@ impl Data {
 }
 
 /// The points of a scene by the cells of one scale.
-pub(super) struct Cells {
+pub(in crate::alphabet) struct Cells {
     keys: Vec<u64>,
     starts: Vec<u32>,
     points: Vec<u32>,

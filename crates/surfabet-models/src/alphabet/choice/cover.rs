@@ -5,12 +5,12 @@ use std::collections::BinaryHeap;
 
 use surfabet_geom::Progress;
 
-use super::candidates::Candidate;
+use crate::alphabet::candidates::Candidate;
 use crate::error::Result;
 
 /// What explaining is worth, and what saying costs, in bits.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Prices {
+pub(in crate::alphabet) struct Prices {
     /// A point explained for the first time.
     pub point: f32,
     /// A sample near to nothing.
@@ -32,7 +32,7 @@ impl Prices {
 }
 
 /// How often each point is explained by what is chosen.
-pub(super) struct Tally {
+pub(in crate::alphabet) struct Tally {
     times: Vec<u16>,
 }
 
@@ -91,7 +91,7 @@ impl Ord for Entry {
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub(super) fn cover(
+pub(in crate::alphabet) fn cover(
     candidates: &[Candidate],
     prices: &Prices,
     n_points: usize,
@@ -161,9 +161,9 @@ mod tests {
     use proptest::prelude::*;
     use surfabet_geom::Silent;
 
-    use super::super::coverage::Coverage;
-    use super::super::placement::{Placement, Stand};
     use super::*;
+    use crate::alphabet::candidates::coverage::Coverage;
+    use crate::alphabet::placement::{Placement, Stand};
 
     fn candidate(offset: i32, points: Vec<u32>, lone: u32) -> Candidate {
         let placement =

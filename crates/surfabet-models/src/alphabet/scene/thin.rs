@@ -9,7 +9,7 @@ const SIDE: f32 = 0.5;
 
 /// Ascending indices of the points that are kept: in every cell the one nearest to its middle. Cells are cubes whose
 /// side is the power of two metres next below half of the point's sigma.
-pub(super) fn thinned(scene: &Scene) -> Vec<u32> {
+pub(in crate::alphabet) fn thinned(scene: &Scene) -> Vec<u32> {
     let mut keys: Vec<([i64; 4], u32, u32)> = scene
         .positions
         .par_iter()

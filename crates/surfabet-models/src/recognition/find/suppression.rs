@@ -2,8 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_8, TAU};
 
-use super::place::Motion;
 use super::refine::REFINED;
+use super::scene::Motion;
 use super::template::Template;
 
 /// Two finds that share more of their region are one thing.

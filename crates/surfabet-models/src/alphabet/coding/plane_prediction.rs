@@ -1,11 +1,11 @@
 //! What the occurrences said so far suggest for the next one: planes that go on.
 
-use super::lattice::{UNITS, cell_center, offset_step, slope_steps};
-use super::nearby::Nearby;
-use super::placement::Placement;
+use crate::alphabet::coding::coarse_cells::Nearby;
+use crate::alphabet::lattice::{UNITS, cell_center, offset_step, slope_steps};
+use crate::alphabet::placement::Placement;
 
 /// Planes suggested at most.
-pub(super) const MAX_SUGGESTED: usize = 6;
+pub(in crate::alphabet) const MAX_SUGGESTED: usize = 6;
 
 /// Fractional bits of the length of an integer normal.
 const LENGTH_BITS: u32 = 8;
@@ -22,7 +22,7 @@ struct Said {
 
 /// A plane suggested for a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Suggested {
+pub(in crate::alphabet) struct Suggested {
     pub placement: Placement,
     normal: [i64; 3],
     constant: i128,
@@ -30,7 +30,7 @@ pub(super) struct Suggested {
 
 /// The occurrences said so far.
 #[derive(Debug, Clone)]
-pub(super) struct Neighbors {
+pub(in crate::alphabet) struct Neighbors {
     nearby: Nearby<Said>,
 }
 

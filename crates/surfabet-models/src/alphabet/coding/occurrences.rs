@@ -2,10 +2,10 @@
 
 use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
 
-use super::lattice::{MAX_SCALE, MAX_SLOPE, SigmaRule, cell_center};
-use super::neighbors::{MAX_SUGGESTED, Neighbors};
-use super::placement::Placement;
-use super::word::{MAX_HEIGHT, PIXELS, Word};
+use crate::alphabet::coding::plane_prediction::{MAX_SUGGESTED, Neighbors};
+use crate::alphabet::lattice::{MAX_SCALE, MAX_SLOPE, SigmaRule, cell_center};
+use crate::alphabet::placement::Placement;
+use crate::alphabet::word::{MAX_HEIGHT, PIXELS, Word};
 
 const SCALES: usize = MAX_SCALE as usize + 1;
 
@@ -17,7 +17,7 @@ const MAX_TREE: u32 = 24;
 
 /// What both ends know before the first occurrence.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Setting {
+pub(in crate::alphabet) struct Setting {
     pub scales: u32,
     pub rule: SigmaRule,
     pub sensors: Vec<[i64; 3]>,
@@ -36,7 +36,7 @@ impl Setting {
 }
 
 /// Every adaptive model of the occurrences.
-pub(super) struct OccurrenceModels {
+pub(in crate::alphabet) struct OccurrenceModels {
     count: [UInt; SCALES],
     children: [Bit; 2 * SCALES],
     child: Vec<Bit>,
@@ -81,7 +81,7 @@ impl OccurrenceModels {
 ///
 /// # Errors
 /// Whatever the coder finds wrong with what it reads.
-pub(super) fn code_occurrences<C: Coder>(
+pub(in crate::alphabet) fn code_occurrences<C: Coder>(
     coder: &mut C,
     setting: &Setting,
     given: &[Placement],
@@ -258,7 +258,7 @@ impl<C: Coder> Occurrences<'_, C> {
 ///
 /// # Errors
 /// Whatever the coder finds wrong with what it reads.
-pub(super) fn code_words<C: Coder>(
+pub(in crate::alphabet) fn code_words<C: Coder>(
     coder: &mut C,
     n: usize,
     given: &[Word],
@@ -316,8 +316,8 @@ pub(super) fn code_words<C: Coder>(
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::attributes::code_channels;
     use super::*;
+    use crate::alphabet::channels::code_channels;
 
     /// Decisions as they are, to be read again.
     #[derive(Default)]

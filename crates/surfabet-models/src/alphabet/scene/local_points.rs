@@ -1,16 +1,16 @@
 //! The points about a place where words may stand, in its own coordinates.
 
-use super::data::Data;
-use super::lattice::sigma;
-use super::placement::Stand;
-use super::word::{HEIGHT_STEPS, MAX_HEIGHT, PIXELS};
+use crate::alphabet::lattice::sigma;
+use crate::alphabet::placement::Stand;
+use crate::alphabet::scene::Data;
+use crate::alphabet::word::{HEIGHT_STEPS, MAX_HEIGHT, PIXELS};
 
 /// A pixel of a look is set when a point lies within this share of sigma of its middle.
 const LOOK_REACH: f32 = 0.7;
 
 /// A point of the scene about a place, units.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct NearPoint {
+pub(in crate::alphabet) struct NearPoint {
     pub right: f32,
     pub up: f32,
     pub height: f32,
@@ -19,13 +19,18 @@ pub(super) struct NearPoint {
 }
 
 /// How far a point may lie from a pixel's middle, per axis, for the pixel to be set.
-pub(super) fn look_reach(stand: &Stand) -> f32 {
+pub(in crate::alphabet) fn look_reach(stand: &Stand) -> f32 {
     let pixel = 2.0 * stand.radius as f32 / PIXELS as f32;
     (0.5 * pixel).max(LOOK_REACH * sigma(stand.level) as f32)
 }
 
 /// Puts those of the points `around` into `found` that any word at `stand` can have to do with.
-pub(super) fn near(data: &Data, stand: &Stand, around: &[u32], found: &mut Vec<NearPoint>) {
+pub(in crate::alphabet) fn near(
+    data: &Data,
+    stand: &Stand,
+    around: &[u32],
+    found: &mut Vec<NearPoint>,
+) {
     found.clear();
     let radius = stand.radius as f32;
     let highest = f32::from(MAX_HEIGHT) / HEIGHT_STEPS as f32 * radius;

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::patch::{N, Patch};
-use super::word::{HEIGHT_STEPS, MAX_HEIGHT, Word};
+use crate::alphabet::candidates::descriptor::{N, Patch};
+use crate::alphabet::word::{HEIGHT_STEPS, MAX_HEIGHT, Word};
 use crate::error::Result;
 
 /// Rounds of clustering at most.
@@ -17,7 +17,7 @@ const SAMPLE: usize = 4096;
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub(super) fn clustered(
+pub(in crate::alphabet) fn clustered(
     patches: &[&Patch],
     n: usize,
     progress: &dyn Progress,
@@ -90,7 +90,7 @@ fn nearest(patch: &Patch, looks: &[Patch]) -> usize {
 }
 
 /// The `n` words nearest to a patch, the nearest first.
-pub(super) fn nearest_words(patch: &Patch, looks: &[Patch], n: usize) -> Vec<usize> {
+pub(in crate::alphabet) fn nearest_words(patch: &Patch, looks: &[Patch], n: usize) -> Vec<usize> {
     let mut all: Vec<(f32, usize)> =
         looks.iter().enumerate().map(|(k, w)| (patch.distance(w), k)).collect();
     all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -7,7 +7,7 @@ const REMEMBERED: usize = 128;
 
 /// Something about each occurrence said so far, by the coarsest cells.
 #[derive(Debug, Clone)]
-pub(super) struct Nearby<T> {
+pub(in crate::alphabet) struct Nearby<T> {
     scales: u32,
     by_cell: HashMap<[i32; 3], Vec<T>>,
 }
