@@ -2,8 +2,8 @@
 
 use surfabet_entropy::Coder;
 
+use super::channels::dictionary::HscsmDictionary;
 use super::coding::Streams;
-use super::dictionary::HscsmDictionary;
 use super::model::{Channel, HscsmHeader, HscsmModel};
 use super::options::HscsmOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};

@@ -5,11 +5,11 @@
 //! slab [c, d] differ by what sticks out at either end; uniform slabs make that a difference of cubes. R is the
 //! price in bits under the models of the coder, as trained by the round before.
 
-use super::basis::{Basis, DEGREES, FRACTION, N_SHAPES};
-use super::model::{LatticePatch, MAX_THICKNESS, Node, PATCH_PIXELS, THICKNESS_STEPS};
-use super::sheets::{Run, Sheet, THINNEST};
-use super::surroundings::UNKNOWN;
-use super::syntax::{GeometryModels, pixel_index};
+use crate::patches::coding::surroundings::UNKNOWN;
+use crate::patches::coding::{GeometryModels, pixel_index};
+use crate::patches::model::{LatticePatch, MAX_THICKNESS, Node, PATCH_PIXELS, THICKNESS_STEPS};
+use crate::patches::sheets::{Run, Sheet, THINNEST};
+use crate::patches::surface::basis::{Basis, DEGREES, FRACTION, N_SHAPES};
 
 /// How much the distance of the thin surface from the mean of the samples counts: slabs overlap well even where
 /// their middles are apart.
@@ -28,7 +28,7 @@ const PATIENCE: usize = 3;
 const FAR: f32 = 1e4;
 
 /// What the choice depends on.
-pub(super) struct Choice<'a> {
+pub(in crate::patches) struct Choice<'a> {
     pub models: &'a GeometryModels,
     pub bases: &'a [Basis],
     /// Pixels squared per bit.

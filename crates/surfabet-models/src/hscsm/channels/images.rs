@@ -5,13 +5,13 @@
 
 use rayon::prelude::*;
 
-use super::field::Grid;
-use super::placement::Placed;
-use super::samples::Samples;
+use crate::hscsm::placement::Placed;
+use crate::hscsm::placement::field::Grid;
+use crate::hscsm::samples::Samples;
 
 /// The images of all patches, patch after patch, row-major; values at unset pixels are zero.
 #[derive(Debug, Clone)]
-pub(super) struct Images {
+pub(in crate::hscsm) struct Images {
     /// Metres along the normal.
     pub depth: Vec<f32>,
     /// All of red, then green, then blue of a patch, 0 to 255.
@@ -21,7 +21,7 @@ pub(super) struct Images {
 }
 
 /// Projects the samples of each patch into its frame.
-pub(super) fn project(samples: &Samples, placed: &[Placed], grid: Grid) -> Images {
+pub(in crate::hscsm) fn project(samples: &Samples, placed: &[Placed], grid: Grid) -> Images {
     let area = grid.n * grid.n;
     let mut images = Images {
         depth: vec![0.0; placed.len() * area],

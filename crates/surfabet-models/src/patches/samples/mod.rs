@@ -1,16 +1,18 @@
 //! Points merged into samples of half a pixel in the frame of the lattice, each with the side it faces.
 
+pub(in crate::patches) mod cells;
+
 use rayon::prelude::*;
 use surfabet_geom::{Moments, PointCloud, Progress};
 
-use super::axes::Orientation;
-use super::cells::{Cells, cell_of, key};
 use crate::error::Result;
+use crate::patches::axes::Orientation;
+use crate::patches::samples::cells::{Cells, cell_of, key};
 use crate::sensor::{Sensor, to_sensor};
 use crate::vector::dot;
 
 /// Side of the cells that points are merged in, in pixels.
-pub(super) const SAMPLE_SIZE: f64 = 0.5;
+pub(in crate::patches) const SAMPLE_SIZE: f64 = 0.5;
 
 /// Side of the cells that normals are fitted in, in pixels; each takes its 26 neighbours in.
 const NORMAL_CELL: f32 = 2.0;
@@ -29,7 +31,7 @@ const AGREEMENT: f32 = 0.85;
 
 /// A merged sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sample {
+pub(in crate::patches) struct Sample {
     /// Position in the frame of the lattice, metres.
     pub position: [f32; 3],
     /// Mean colour, 0 to 255.
@@ -41,7 +43,7 @@ pub(super) struct Sample {
 }
 
 /// Samples in the order of their cells.
-pub(super) struct Samples {
+pub(in crate::patches) struct Samples {
     pub samples: Vec<Sample>,
     /// Twice the axis that the surface is closest to being orthogonal to, plus one where it faces down that axis.
     pub sides: Vec<u8>,

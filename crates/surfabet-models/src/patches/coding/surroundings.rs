@@ -2,19 +2,19 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::basis::{Basis, FRACTION};
-use super::leaves::Leaf;
-use super::model::{Lattice, MAX_DEPTH, PATCH_PIXELS};
+use crate::patches::model::{Lattice, MAX_DEPTH, PATCH_PIXELS};
+use crate::patches::surface::basis::{Basis, FRACTION};
+use crate::patches::surface::leaf::Leaf;
 
 /// Surfaces of other sheets go on here when their depths agree within this many finest pixels.
 const REACH: i64 = 8;
 
 /// State of a pixel that may not have been coded yet.
-pub(super) const UNKNOWN: usize = 2;
+pub(in crate::patches) const UNKNOWN: usize = 2;
 
 /// A patch of a sheet.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Placed {
+pub(in crate::patches) struct Placed {
     pub leaf: Leaf,
     /// Number of the sheet.
     pub sheet: u32,
@@ -22,7 +22,7 @@ pub(super) struct Placed {
 
 /// Where the next patch will lie.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(in crate::patches) struct Place {
     pub side: u8,
     pub level: u32,
     pub corner: [i32; 2],
@@ -33,7 +33,7 @@ pub(super) struct Place {
 
 /// What the neighbours say about a place.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Prediction {
+pub(in crate::patches) struct Prediction {
     /// Depth of the middle, in steps.
     pub depth: i32,
     /// Half thickness.
@@ -44,7 +44,7 @@ pub(super) struct Prediction {
     pub finer: usize,
 }
 
-pub(super) struct Surroundings {
+pub(in crate::patches) struct Surroundings {
     bases: Vec<Basis>,
     patches: Vec<Placed>,
     by_block: HashMap<(u8, i32, i32), Vec<u32>>,

@@ -5,13 +5,15 @@
 //! of the points and not that of their means. Cells are the nodes of one octree: those of a coarser level of
 //! the hierarchy are made of those of the finest.
 
+pub(in crate::hscsm) mod cells;
+
 use rayon::prelude::*;
 use surfabet_geom::morton::{self, BITS};
 use surfabet_geom::{PointCloud, Progress};
 
-use super::options::HscsmOptions;
 use crate::error::Result;
 use crate::groups::Groups;
+use crate::hscsm::options::HscsmOptions;
 use crate::sensor::to_sensor;
 use crate::vector::dot;
 use crate::vector::unit;
@@ -24,7 +26,7 @@ const BLOCK: usize = 1 << 12;
 
 /// Merged points.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample {
+pub(in crate::hscsm) struct Sample {
     /// Morton code of the cell.
     pub key: u64,
     /// Weighted mean position relative to the cloud's origin, metres.
@@ -43,7 +45,7 @@ pub(super) struct Sample {
 
 /// Samples in the Morton order of their cells.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Samples {
+pub(in crate::hscsm) struct Samples {
     pub all: Vec<Sample>,
     /// Side of a cell, metres.
     pub cell: f32,
@@ -55,7 +57,7 @@ pub(super) struct Samples {
 
 /// The lattice that cells of one side lie on, and its Morton codes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lattice {
+pub(in crate::hscsm) struct Lattice {
     cell: f32,
     halvings: u32,
 }

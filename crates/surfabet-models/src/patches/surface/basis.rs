@@ -8,19 +8,19 @@
 //! Positions are multiples of half a pixel of the finest level, values integers: the decoder derives from depths
 //! what it reads next, so they must not depend on the platform.
 
-use super::model::PATCH_PIXELS;
+use crate::patches::model::PATCH_PIXELS;
 
 /// Highest order i + j.
 const ORDER: usize = 5;
 
 /// Number of shapes.
-pub(super) const N_SHAPES: usize = (ORDER + 1) * (ORDER + 2) / 2;
+pub(in crate::patches) const N_SHAPES: usize = (ORDER + 1) * (ORDER + 2) / 2;
 
 /// Fractional bits of the values of shapes and depths.
-pub(super) const FRACTION: u32 = 12;
+pub(in crate::patches) const FRACTION: u32 = 12;
 
 /// Degrees (i, j) of the shapes, by order.
-pub(super) const DEGREES: [(u8, u8); N_SHAPES] = {
+pub(in crate::patches) const DEGREES: [(u8, u8); N_SHAPES] = {
     let mut degrees = [(0, 0); N_SHAPES];
     let (mut k, mut order) = (0, 0);
     while order <= ORDER {
@@ -49,7 +49,7 @@ fn cosine(t: f64) -> f64 {
 }
 
 /// Derivative of P_k at x in [-1, 1].
-pub(super) fn derivative(k: usize, x: f64) -> f64 {
+pub(in crate::patches) fn derivative(k: usize, x: f64) -> f64 {
     match k {
         0 => 0.0,
         1 => 3.0_f64.sqrt(),
@@ -61,7 +61,7 @@ pub(super) fn derivative(k: usize, x: f64) -> f64 {
 }
 
 /// P_k at x in [-1, 1].
-pub(super) fn value(k: usize, x: f64) -> f64 {
+pub(in crate::patches) fn value(k: usize, x: f64) -> f64 {
     match k {
         0 => 1.0,
         1 => 3.0_f64.sqrt() * x,
@@ -76,7 +76,7 @@ pub(super) fn value(k: usize, x: f64) -> f64 {
 
 /// Values of the P_k at the half pixels of a patch of a given width.
 #[derive(Debug, Clone)]
-pub(super) struct Basis {
+pub(in crate::patches) struct Basis {
     /// Half pixels per side.
     halves: usize,
     /// `values[h][k]` with `FRACTION` fractional bits.

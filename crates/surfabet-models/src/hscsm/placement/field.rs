@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 
 use surfabet_geom::Moments;
 
-use super::cells::Cells;
-use super::frame::{Frame, PatchPose};
-use super::samples::{Sample, Samples};
 use crate::groups::Groups;
+use crate::hscsm::frame::{Frame, PatchPose};
+use crate::hscsm::samples::cells::Cells;
+use crate::hscsm::samples::{Sample, Samples};
 use crate::vector::{dot, minus};
 
 /// Radii of the neighbourhoods that compete for the normal of a patch, in patch sizes. The plane that explains
@@ -52,7 +52,7 @@ const MAX_AREA: usize = 32 * 32;
 
 /// Pixel grid of a patch.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Grid {
+pub(in crate::hscsm) struct Grid {
     /// Side of a pixel, metres.
     pub pixel: f32,
     /// Pixels per side.
@@ -83,7 +83,7 @@ impl Grid {
 
 /// What a level accepts.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rules {
+pub(in crate::hscsm) struct Rules {
     /// Largest step in depth, metres, that growth accepts between neighbouring pixels.
     pub gate: f32,
     /// Fewest pixels with samples of a patch.
@@ -172,7 +172,7 @@ impl Rules {
 }
 
 /// Which samples are owned, and how many free ones each point has.
-pub(super) struct Ownership {
+pub(in crate::hscsm) struct Ownership {
     /// By sample.
     pub owned: Vec<bool>,
     /// By point.
@@ -180,7 +180,7 @@ pub(super) struct Ownership {
 }
 
 /// A patch that could be placed.
-pub(super) struct Trial {
+pub(in crate::hscsm) struct Trial {
     pub pose: PatchPose,
     pub frame: Frame,
     /// Samples it would own, and the pixel of each.
@@ -208,7 +208,7 @@ struct Neighbour {
 
 /// Memory that trials use again and again.
 #[derive(Default)]
-pub(super) struct Scratch {
+pub(in crate::hscsm) struct Scratch {
     sums: Vec<PixelSums>,
     by_pixel: Vec<Vec<(u32, [f32; 3])>>,
     near: Vec<Neighbour>,
@@ -216,7 +216,7 @@ pub(super) struct Scratch {
 }
 
 /// The samples, of half a pixel of the lowest level, and the points of about a pixel that they are merged to.
-pub(super) struct Field<'a> {
+pub(in crate::hscsm) struct Field<'a> {
     pub samples: &'a Samples,
     /// The sub-sampled cloud that coverage is counted on: of a pixel at the lowest level, which has no least
     /// coverage, of half a pixel above it, so that every pixel of a covered surface holds a point.

@@ -10,7 +10,7 @@ const HEIGHTS: usize = 4;
 
 /// Adaptive models of the octree: by height, child and number of occupied children before it.
 #[derive(Debug, Clone)]
-pub(super) struct PointModels(Vec<Bit>);
+pub(in crate::patches) struct PointModels(Vec<Bit>);
 
 impl Default for PointModels {
     fn default() -> Self {
@@ -22,7 +22,7 @@ impl Default for PointModels {
 ///
 /// # Errors
 /// Whatever the coder finds wrong, which includes more than `max_points` of them.
-pub(super) fn code_points<C: Coder>(
+pub(in crate::patches) fn code_points<C: Coder>(
     coder: &mut C,
     models: &mut PointModels,
     keys: &[u64],

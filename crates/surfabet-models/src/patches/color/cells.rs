@@ -5,32 +5,32 @@
 use rayon::prelude::*;
 use surfabet_geom::morton::{self, BITS, MortonMap};
 
-use super::basis::Basis;
-use super::leaves::Leaf;
-use super::model::{Lattice, THICKNESS_STEPS};
-use super::sheets::axes_of;
+use crate::patches::model::{Lattice, THICKNESS_STEPS};
+use crate::patches::sheets::axes_of;
+use crate::patches::surface::basis::Basis;
+use crate::patches::surface::leaf::Leaf;
 
 /// Cell coordinates are at least `-HALF` and below `HALF`.
 const HALF: i32 = 1 << (BITS - 1);
 
 /// Map from sorted keys to their places.
-pub(super) fn index(keys: &[u64]) -> MortonMap<u32> {
+pub(in crate::patches) fn index(keys: &[u64]) -> MortonMap<u32> {
     (0..).zip(keys).map(|(i, &k)| (k, i)).collect()
 }
 
 /// Key of a cell: the Morton code of its coordinates, counted from the lowest.
-pub(super) fn cell_key(cell: [i32; 3]) -> u64 {
+pub(in crate::patches) fn cell_key(cell: [i32; 3]) -> u64 {
     morton::encode(cell.map(|c| (c.clamp(-HALF, HALF - 1) + HALF) as u64))
 }
 
 /// Cell of a key.
-pub(super) fn cell_of_key(key: u64) -> [i32; 3] {
+pub(in crate::patches) fn cell_of_key(key: u64) -> [i32; 3] {
     morton::decode(key).map(|c| c as i32 - HALF)
 }
 
 /// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
 /// be more than `limit`.
-pub(super) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec<u64>> {
+pub(in crate::patches) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec<u64>> {
     let layers = |leaf: &Leaf| 2 * u64::from(leaf.patch.thickness) / CELL as u64 + 2;
     let bound: u64 =
         leaves.iter().map(|l| u64::from(l.area()) * layers(l)).fold(0, u64::saturating_add);

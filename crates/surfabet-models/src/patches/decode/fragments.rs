@@ -8,11 +8,11 @@ use rayon::prelude::*;
 use surfabet_geom::KdTree;
 use surfabet_geom::morton::{MortonMap, step};
 
-use super::basis::Basis;
-use super::leaves::Leaf;
-use super::model::Lattice;
-use super::nodes::cell_key;
 use crate::error::Result;
+use crate::patches::color::cells::cell_key;
+use crate::patches::model::Lattice;
+use crate::patches::surface::basis::Basis;
+use crate::patches::surface::leaf::Leaf;
 
 /// Most finest pixels of a fragment, of all patches that touch one another.
 const LARGEST: u32 = 16;
@@ -24,7 +24,7 @@ const TOUCHING: f32 = 1.5;
 const FAR: f32 = 10.0;
 
 /// Tells for each patch whether it is a fragment.
-pub(super) fn fragments(lattice: Lattice, leaves: &[Leaf]) -> Result<Vec<bool>> {
+pub(in crate::patches) fn fragments(lattice: Lattice, leaves: &[Leaf]) -> Result<Vec<bool>> {
     let bases = Basis::of_levels(lattice.levels);
     let pixels = |leaf: &Leaf| -> Vec<[f32; 3]> {
         leaf.pixels(&bases[leaf.level as usize], lattice.depth_step).collect()

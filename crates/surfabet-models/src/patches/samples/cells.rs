@@ -8,21 +8,21 @@ use crate::groups::Groups;
 const KEY_BITS: u32 = 21;
 
 /// Cell coordinates are above `-LIMIT` and below `LIMIT`.
-pub(super) const LIMIT: i32 = 1 << (KEY_BITS - 1);
+pub(in crate::patches) const LIMIT: i32 = 1 << (KEY_BITS - 1);
 
 /// Integer cell coordinates as one number; sorts by x, then y, then z. Coordinates beyond the grid are taken to
 /// its rim; callers check the extent of a cloud before.
-pub(super) fn key(cell: [i32; 3]) -> u64 {
+pub(in crate::patches) fn key(cell: [i32; 3]) -> u64 {
     cell.iter().fold(0, |key, &c| key << KEY_BITS | (c.clamp(1 - LIMIT, LIMIT - 1) + LIMIT) as u64)
 }
 
 /// Cell of a position in a grid of cells of side `size`.
-pub(super) fn cell_of(p: [f32; 3], size: f32) -> [i32; 3] {
+pub(in crate::patches) fn cell_of(p: [f32; 3], size: f32) -> [i32; 3] {
     p.map(|c| (c / size).floor() as i32)
 }
 
 /// Things grouped by the keys of their cells.
-pub(super) struct Cells {
+pub(in crate::patches) struct Cells {
     /// Different keys, growing.
     keys: Vec<u64>,
     /// Things of each key, by growing number.

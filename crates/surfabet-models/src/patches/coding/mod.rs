@@ -1,13 +1,16 @@
 //! How the geometry is said in binary decisions: one function for writing, reading and pricing.
 
+pub(in crate::patches) mod points;
+pub(in crate::patches) mod surroundings;
+
 use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
 
-use super::basis::N_SHAPES;
-use super::leaves::Leaf;
-use super::model::{
+use crate::patches::coding::surroundings::{Place, Placed, Surroundings, UNKNOWN};
+use crate::patches::model::{
     Lattice, LatticePatch, MAX_DEPTH, MAX_LEVELS, MAX_THICKNESS, MAX_TILE, Node, PATCH_PIXELS, Root,
 };
-use super::surroundings::{Place, Placed, Surroundings, UNKNOWN};
+use crate::patches::surface::basis::N_SHAPES;
+use crate::patches::surface::leaf::Leaf;
 
 /// Bits of the height of the quadtree over tiles.
 const HEIGHT_BITS: u32 = 5;
@@ -19,21 +22,21 @@ const LEVELS: usize = MAX_LEVELS as usize;
 
 /// Every adaptive model of the geometry.
 #[derive(Debug, Clone)]
-pub(super) struct GeometryModels {
+pub(in crate::patches) struct GeometryModels {
     corner: SInt,
     tiles: Vec<Bit>,
     sheets: UInt,
     candidate: UInt,
     base: SInt,
-    pub(super) empty: [Bit; LEVELS * 9],
-    pub(super) split: [Bit; LEVELS * 6],
-    pub(super) full: [Bit; LEVELS * 9],
-    pub(super) mask: Vec<Bit>,
-    pub(super) thickness: [SInt; 2],
-    pub(super) depth: [SInt; LEVELS * 3],
-    pub(super) last: [Symbols; LEVELS],
-    pub(super) shapes: Vec<SInt>,
-    pub(super) last_shape: [UInt; LEVELS],
+    pub(in crate::patches) empty: [Bit; LEVELS * 9],
+    pub(in crate::patches) split: [Bit; LEVELS * 6],
+    pub(in crate::patches) full: [Bit; LEVELS * 9],
+    pub(in crate::patches) mask: Vec<Bit>,
+    pub(in crate::patches) thickness: [SInt; 2],
+    pub(in crate::patches) depth: [SInt; LEVELS * 3],
+    pub(in crate::patches) last: [Symbols; LEVELS],
+    pub(in crate::patches) shapes: Vec<SInt>,
+    pub(in crate::patches) last_shape: [UInt; LEVELS],
 }
 
 impl Default for GeometryModels {
@@ -62,19 +65,19 @@ impl Default for GeometryModels {
 
 impl GeometryModels {
     /// Model of a mask pixel at a level, from the states of the pixels left, above, above left and above right.
-    pub(super) fn pixel(&mut self, level: u32, states: [usize; 4]) -> &mut Bit {
+    pub(in crate::patches) fn pixel(&mut self, level: u32, states: [usize; 4]) -> &mut Bit {
         &mut self.mask[pixel_index(level, states)]
     }
 }
 
 /// Place of the model of a mask pixel.
-pub(super) fn pixel_index(level: u32, states: [usize; 4]) -> usize {
+pub(in crate::patches) fn pixel_index(level: u32, states: [usize; 4]) -> usize {
     states.iter().fold(level as usize, |index, s| index * 3 + s)
 }
 
 /// All sheets as they were written, read or priced.
 #[derive(Debug, Default)]
-pub(super) struct Said {
+pub(in crate::patches) struct Said {
     pub roots: Vec<Root>,
     /// Their patches, in the order of the file.
     pub leaves: Vec<Leaf>,
@@ -84,7 +87,7 @@ pub(super) struct Said {
 ///
 /// # Errors
 /// Whatever the coder finds wrong with what it reads.
-pub(super) fn code_geometry<C: Coder>(
+pub(in crate::patches) fn code_geometry<C: Coder>(
     coder: &mut C,
     models: &mut GeometryModels,
     lattice: Lattice,
@@ -370,7 +373,7 @@ impl<C: Coder> Sheets<'_, C> {
 }
 
 /// Most sheets of a side over one tile: a reader looks at all of them for every patch.
-pub(super) const MAX_SHEETS: usize = 1024;
+pub(in crate::patches) const MAX_SHEETS: usize = 1024;
 
 /// A sheet is said about a surface around it when no further than this from it, in steps.
 const NEAR_BASE: i32 = 16;

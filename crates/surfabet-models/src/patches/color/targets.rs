@@ -3,14 +3,14 @@
 use rayon::prelude::*;
 use surfabet_geom::morton::step;
 
-use super::nodes::{cell_key, index};
-use super::samples::Samples;
+use crate::patches::color::cells::{cell_key, index};
+use crate::patches::samples::Samples;
 
 /// Mean colour of the samples in or next to each node's cell.
 ///
 /// A sample counts for the node of its own cell, or for the nearest node around it; a node without samples takes
 /// the mean of those around, so that what was filled between samples has their colour.
-pub(super) fn targets(samples: &Samples, nodes: &[u64], cell: f32) -> Vec<[f32; 3]> {
+pub(in crate::patches) fn targets(samples: &Samples, nodes: &[u64], cell: f32) -> Vec<[f32; 3]> {
     let places = index(nodes);
     let owner = |p: [f32; 3]| -> Option<u32> {
         let scaled = p.map(|c| c / cell);

@@ -6,12 +6,15 @@
 //! Point Clouds Using a Region-Adaptive Hierarchical Transform*, 2016), orthonormal for any set of cells, and
 //! rounded. Where nothing is said the colour is smooth, not blocky.
 
+pub(in crate::patches) mod cells;
+pub(in crate::patches) mod targets;
+
 use rayon::prelude::*;
 use surfabet_entropy::{Bit, Coder, SInt};
 use surfabet_geom::morton::step;
 
-use super::nodes::index;
 use crate::color::rounded;
+use crate::patches::color::cells::index;
 
 /// Levels with models of their own.
 const LEVELS: usize = 12;
@@ -21,7 +24,7 @@ const ACTIVITY: usize = 7;
 
 /// Adaptive models of the colours.
 #[derive(Debug, Clone)]
-pub(super) struct ColorModels {
+pub(in crate::patches) struct ColorModels {
     mean: [SInt; 3],
     /// Is any coefficient of the cell not zero: by level, activity of the parent and around.
     any: Vec<Bit>,
@@ -228,7 +231,7 @@ const NEIGHBOUR_SHARE: f32 = 0.32;
 
 /// Where the coefficients come from.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Source<'a> {
+pub(in crate::patches) enum Source<'a> {
     /// The coder.
     Stream,
     /// A model: three times the number of nodes, of which the first three are the mean.
@@ -242,7 +245,7 @@ pub(super) enum Source<'a> {
 }
 
 /// Colours of the nodes, and the coefficients that say them.
-pub(super) struct Colors {
+pub(in crate::patches) struct Colors {
     pub colors: Vec<[u8; 3]>,
     pub coefficients: Vec<i32>,
 }
@@ -251,7 +254,7 @@ pub(super) struct Colors {
 ///
 /// # Errors
 /// Whatever the coder finds wrong with what it reads.
-pub(super) fn code_colors<C: Coder>(
+pub(in crate::patches) fn code_colors<C: Coder>(
     coder: &mut C,
     models: &mut ColorModels,
     nodes: &[u64],

@@ -1,8 +1,8 @@
 //! A patch with its place.
 
-use super::basis::{Basis, FRACTION};
-use super::model::{LatticePatch, PATCH_PIXELS, THICKNESS_STEPS};
-use super::sheets::axes_of;
+use crate::patches::model::{LatticePatch, PATCH_PIXELS, THICKNESS_STEPS};
+use crate::patches::sheets::axes_of;
+use crate::patches::surface::basis::{Basis, FRACTION};
 
 /// A patch with its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,23 +19,23 @@ pub struct Leaf {
 
 impl Leaf {
     /// Finest pixels per side.
-    pub(super) fn width(&self) -> i32 {
+    pub(in crate::patches) fn width(&self) -> i32 {
         PATCH_PIXELS << self.level
     }
 
     /// Whether the finest pixel at a column and row of the patch belongs to its surface.
-    pub(super) fn is_set(&self, column: i32, row: i32) -> bool {
+    pub(in crate::patches) fn is_set(&self, column: i32, row: i32) -> bool {
         let cell = PATCH_PIXELS * (row >> self.level) + (column >> self.level);
         self.patch.mask >> cell & 1 != 0
     }
 
     /// Number of finest pixels that belong to its surface.
-    pub(super) fn area(&self) -> u32 {
+    pub(in crate::patches) fn area(&self) -> u32 {
         self.patch.mask.count_ones() << (2 * self.level)
     }
 
     /// Set finest pixels as columns and rows of the patch, each with its depth in steps of thickness.
-    pub(super) fn depths(
+    pub(in crate::patches) fn depths(
         &self,
         basis: &Basis,
         depth_step: u32,
@@ -50,7 +50,11 @@ impl Leaf {
     }
 
     /// Middles of the set finest pixels on the surface, in pixels of the lattice.
-    pub(super) fn pixels(&self, basis: &Basis, depth_step: u32) -> impl Iterator<Item = [f32; 3]> {
+    pub(in crate::patches) fn pixels(
+        &self,
+        basis: &Basis,
+        depth_step: u32,
+    ) -> impl Iterator<Item = [f32; 3]> {
         let [d, u, v] = axes_of(self.side);
         self.depths(basis, depth_step).map(move |([column, row], depth)| {
             let mut p = [0.0; 3];

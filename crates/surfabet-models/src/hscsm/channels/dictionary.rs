@@ -3,9 +3,9 @@
 use surfabet_geom::Progress;
 use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
 
-use super::model::{Codes, MAX_ENTRIES};
-use super::options::HscsmOptions;
 use crate::error::{Error, Result};
+use crate::hscsm::model::{Codes, MAX_ENTRIES};
+use crate::hscsm::options::HscsmOptions;
 use crate::report::Report;
 
 /// Step of a stored dictionary value. Entries have unit norm, so the values of an 8 x 8 patch are about an
@@ -93,7 +93,7 @@ impl QuantizedDictionary {
 
 /// How one channel is learned and coded.
 #[derive(Debug, Clone)]
-pub(super) struct ChannelOptions<'a> {
+pub(in crate::hscsm) struct ChannelOptions<'a> {
     pub name: &'static str,
     /// How the report calls what learning minimised.
     pub objective: String,
@@ -146,7 +146,7 @@ impl HscsmDictionary {
     }
 
     /// Refuses options of another hierarchy.
-    pub(super) fn check(&self, options: &HscsmOptions) -> Result<()> {
+    pub(in crate::hscsm) fn check(&self, options: &HscsmOptions) -> Result<()> {
         let mismatch = |what: &str, given: String, own: String| {
             Err(Error::Inconsistent(format!(
                 "the dictionary has {own} {what}, the options have {given}; give those of the dictionary"
@@ -183,7 +183,7 @@ fn root_mean_square(values: &[f32], weights: &[f32]) -> f32 {
 ///
 /// Patches within the tolerance of zero need no code and teach nothing. The dictionary is quantised before the
 /// final coding, so that codes are chosen for the entries that the decoder will use.
-pub(super) fn learn_channel(
+pub(in crate::hscsm) fn learn_channel(
     n_features: usize,
     values: &[f32],
     weights: &[f32],

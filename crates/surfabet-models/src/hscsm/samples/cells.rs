@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use surfabet_geom::morton::{MortonMap, encode};
 
-use super::samples::{Lattice, Samples};
+use crate::hscsm::samples::{Lattice, Samples};
 
 /// The samples of a cloud by cells of several of theirs.
-pub(super) struct Cells {
+pub(in crate::hscsm) struct Cells {
     lattice: Lattice,
     ranges: MortonMap<(u32, u32)>,
 }

@@ -11,16 +11,18 @@
 //! Trials run in parallel, in batches whose size does not depend on the number of threads, and are
 //! committed in their order; what an earlier one has taken by then is lost to a later one.
 
+pub(in crate::hscsm) mod field;
+
 use std::collections::{HashSet, VecDeque};
 
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::field::{Field, Grid, Ownership, Rules, Scratch, Trial};
-use super::frame::{Frame, PatchPose};
-use super::options::Placement;
-use super::samples::Samples;
 use crate::error::Result;
+use crate::hscsm::frame::{Frame, PatchPose};
+use crate::hscsm::options::Placement;
+use crate::hscsm::placement::field::{Field, Grid, Ownership, Rules, Scratch, Trial};
+use crate::hscsm::samples::Samples;
 use crate::vector::add_scaled;
 use crate::vector::{dot, minus};
 
@@ -52,7 +54,7 @@ const REACH: f32 = 1.5;
 
 /// One placed patch and the samples it owns.
 #[derive(Debug, Clone)]
-pub(super) struct Placed {
+pub(in crate::hscsm) struct Placed {
     pub pose: PatchPose,
     pub members: Vec<u32>,
 }
@@ -89,7 +91,7 @@ struct Placer<'a> {
 
 /// Places patches on the samples that are not `owned` yet, and marks those as owned: as many as satisfy the rules,
 /// which at the lowest level means until every sample is owned.
-pub(super) fn place(
+pub(in crate::hscsm) fn place(
     samples: &Samples,
     owned: &mut Vec<bool>,
     doublings: u32,

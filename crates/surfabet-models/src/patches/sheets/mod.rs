@@ -11,9 +11,9 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 use surfabet_geom::KdTree;
 
-use super::samples::Samples;
-use super::syntax::MAX_SHEETS;
 use crate::error::Result;
+use crate::patches::coding::MAX_SHEETS;
+use crate::patches::samples::Samples;
 
 /// Samples of a column further apart than this are two runs, pixels.
 const GAP: f32 = 2.5;
@@ -25,14 +25,14 @@ const LONGEST: f32 = 24.0;
 const STEP: f32 = 1.25;
 
 /// Thinnest half thickness of a run and of what is decoded, pixels: what one layer of samples stands for.
-pub(super) const THINNEST: f32 = 0.25;
+pub(in crate::patches) const THINNEST: f32 = 0.25;
 
 /// Sheets of fewer samples may be left out of the model at the price of their distance to the others.
 const SMALL: f32 = 256.0;
 
 /// A stretch of depth in the column of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Run {
+pub(in crate::patches) struct Run {
     /// Pixel within the tile.
     pub u: u8,
     pub v: u8,
@@ -48,7 +48,7 @@ pub(super) struct Run {
 
 /// A height field over a tile.
 #[derive(Debug, Clone)]
-pub(super) struct Sheet {
+pub(in crate::patches) struct Sheet {
     pub side: u8,
     /// Tile of the coarsest level, along the two axes of the side.
     pub tile: [i32; 2],
@@ -58,13 +58,17 @@ pub(super) struct Sheet {
 }
 
 /// Depth axis and the axes of columns and rows of a side.
-pub(super) fn axes_of(side: u8) -> [usize; 3] {
+pub(in crate::patches) fn axes_of(side: u8) -> [usize; 3] {
     let depth = usize::from(side / 2);
     [depth, (depth + 1) % 3, (depth + 2) % 3]
 }
 
 /// Sheets of all sides, by side, tile and depth.
-pub(super) fn grow(samples: &Samples, pixel: f32, tile_pixels: i32) -> Result<Vec<Sheet>> {
+pub(in crate::patches) fn grow(
+    samples: &Samples,
+    pixel: f32,
+    tile_pixels: i32,
+) -> Result<Vec<Sheet>> {
     // One entry per sample: tile and pixel as a key, then depth.
     let mut entries: Vec<(u128, f32, f32)> = samples
         .samples

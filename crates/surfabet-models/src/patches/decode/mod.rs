@@ -1,19 +1,21 @@
 //! A lattice model back into a cloud, at any spacing, as a surface or as measured.
 
+mod fragments;
+
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
 use surfabet_geom::morton::{MortonMap, step};
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
-use super::basis::{DEGREES, N_SHAPES, derivative, value};
-use super::fragments::fragments;
-use super::leaves::Leaf;
-use super::model::{PATCH_PIXELS, PatchModel};
-use super::nodes::{cell_key, cell_of_key, index};
-use super::sheets::axes_of;
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
+use crate::patches::color::cells::{cell_key, cell_of_key, index};
+use crate::patches::decode::fragments::fragments;
+use crate::patches::model::{PATCH_PIXELS, PatchModel};
+use crate::patches::sheets::axes_of;
+use crate::patches::surface::basis::{DEGREES, N_SHAPES, derivative, value};
+use crate::patches::surface::leaf::Leaf;
 use crate::points::Points;
 
 /// Patches that one task decodes.
