@@ -17,6 +17,7 @@ mod extent;
 pub mod gas;
 mod groups;
 pub mod hscsm;
+pub mod options;
 pub mod patches;
 pub mod planes;
 mod points;
@@ -26,6 +27,7 @@ pub mod scans;
 mod sensor;
 mod size_code;
 mod spread;
+mod stages;
 mod summary;
 mod vector;
 

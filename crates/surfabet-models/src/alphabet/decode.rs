@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, PointCloud, Progress, Viewpoints};
 
-use super::coverage::raster;
+use super::candidates::coverage::raster;
 use super::model::AlphabetModel;
 use super::placement::Stand;
 use super::word::Word;

@@ -2,11 +2,11 @@
 
 use surfabet_entropy::{Coder, Price};
 
-use super::attributes::{Channels, code_channels};
+use super::channels::{Channels, code_channels};
+use super::coding::occurrences::{Setting, code_occurrences, code_words};
 use super::lattice::{MAX_CELL, MAX_SCALE, SigmaRule, UNITS, sigma};
 use super::options::MAX_WORDS;
 use super::placement::{Placement, Stand};
-use super::syntax::{Setting, code_occurrences, code_words};
 use super::word::Word;
 use crate::error::{Error, Result};
 use crate::report::{Beside, Report};

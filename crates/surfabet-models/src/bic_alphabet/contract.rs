@@ -3,6 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::model::{BicAlphabet, BicAlphabetHeader, BicAlphabetModel};
+use super::options::BicAlphabetOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
@@ -13,6 +14,7 @@ impl SurfaceModel for BicAlphabetModel {
     const METHOD: &'static str = "bic-alphabet";
     const STREAMS: usize = 2;
     const KEEPS_THICKNESS: bool = false;
+    type Options = BicAlphabetOptions;
     type Header = BicAlphabetHeader;
     type Vocabulary = BicAlphabet;
 

@@ -4,7 +4,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use super::model::BicAlphabetModel;
 use super::pose::Frame;
-use super::sparsify::{Stamp, rebuild};
+use super::rebuild::sparsify::{Stamp, rebuild};
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 

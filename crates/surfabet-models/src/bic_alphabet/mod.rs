@@ -18,23 +18,17 @@
 //! | `quality` | inliers and outliers | IV |
 //! | `model`, `syntax`, `decode` | the result, its bits, and back to a cloud | IV-B |
 
+mod choice;
+mod coding;
 mod contract;
 mod decode;
-mod descriptor;
 mod features;
-mod grid;
-mod interest;
 mod learn;
 mod likelihood;
-mod matching;
 mod model;
 mod options;
 mod pose;
-mod quality;
-mod reduce;
-mod score;
-mod sparsify;
-mod syntax;
+mod rebuild;
 mod words;
 
 pub use learn::learn;

@@ -2,10 +2,10 @@
 
 use surfabet_entropy::Coder;
 
-use super::descriptor::{EMPTY, pixel_centers};
+use super::coding::{code_occurrences, code_words};
+use super::features::descriptor::{EMPTY, pixel_centers};
 use super::options::BicAlphabetOptions;
 use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
-use super::syntax::{code_occurrences, code_words};
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};
 use crate::error::{Error, Result};
 use crate::report::{Beside, Report};
@@ -106,6 +106,12 @@ impl BicAlphabet {
     pub(super) fn learned(words: Vec<BicWord>, options: &BicAlphabetOptions) -> Result<Self> {
         let BicAlphabetOptions { radius, descriptor_pixels, upright, .. } = *options;
         Self::new(BicShape { radius, descriptor_pixels, upright }, words)
+    }
+
+    /// Default options for words of this kind, to describe a cloud with.
+    pub fn options(&self) -> BicAlphabetOptions {
+        let BicShape { radius, descriptor_pixels, upright } = self.shape;
+        BicAlphabetOptions { radius, descriptor_pixels, upright, ..BicAlphabetOptions::default() }
     }
 
     /// Refuses options of another kind of words.

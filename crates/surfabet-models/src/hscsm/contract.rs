@@ -5,6 +5,7 @@ use surfabet_entropy::Coder;
 use super::coding::Streams;
 use super::dictionary::HscsmDictionary;
 use super::model::{Channel, HscsmHeader, HscsmModel};
+use super::options::HscsmOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
@@ -12,6 +13,7 @@ impl SurfaceModel for HscsmModel {
     const METHOD: &'static str = "hscsm";
     const STREAMS: usize = 5;
     const KEEPS_THICKNESS: bool = false;
+    type Options = HscsmOptions;
     type Header = HscsmHeader;
     type Vocabulary = HscsmDictionary;
 

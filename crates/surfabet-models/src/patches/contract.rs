@@ -3,6 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::model::{PatchModel, PatchesHeader};
+use super::options::PatchesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
@@ -13,6 +14,7 @@ impl SurfaceModel for PatchModel {
     const METHOD: &'static str = "patches";
     const STREAMS: usize = 3;
     const KEEPS_THICKNESS: bool = true;
+    type Options = PatchesOptions;
     type Header = PatchesHeader;
     type Vocabulary = NoVocabulary;
 

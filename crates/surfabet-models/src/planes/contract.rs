@@ -4,6 +4,7 @@ use surfabet_entropy::Coder;
 
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 use super::syntax::Streams;
+use super::options::PlanesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
@@ -14,6 +15,7 @@ impl SurfaceModel for PlaneModel {
     const METHOD: &'static str = "planes";
     const STREAMS: usize = 4;
     const KEEPS_THICKNESS: bool = true;
+    type Options = PlanesOptions;
     type Header = PlanesHeader;
     type Vocabulary = NoVocabulary;
 

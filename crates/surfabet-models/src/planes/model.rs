@@ -297,6 +297,10 @@ impl PlaneModel {
     pub fn report(&self) -> &Report {
         &self.report
     }
+
+    pub(super) fn report_mut(&mut self) -> &mut Report {
+        &mut self.report
+    }
 }
 
 fn labels(
