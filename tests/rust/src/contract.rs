@@ -147,7 +147,7 @@ pub fn every_flipped_bit_is_an_error_or_harmless<M: Scene>() {
 
 /// Whatever is read from a file, damaged or not, can be used: it decodes or says that it has too many points, it can
 /// be priced and summed up, and its bytes give it back.
-fn assert_usable<M: Scene>(model: &M) {
+pub fn assert_usable<M: Scene>(model: &M) {
     for options in decodings::<M>() {
         match model.decode(DecodeOptions { max_points: MOST_POINTS, ..options }, &Silent) {
             Ok(cloud) => assert!(cloud.len() as u64 <= MOST_POINTS),

@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use surfabet::alphabet::{self, Alphabet, AlphabetModel, AlphabetOptions};
-use surfabet::{CloudParts, Deviation, PointCloud, Progress, Viewpoints};
+use surfabet::{CloudParts, PointCloud, Progress, Viewpoints};
 use surfabet_models::Result;
 
 use super::{Scene, SharesVocabulary};
@@ -31,8 +31,8 @@ pub fn windows(seed: u64, n: usize) -> PointCloud {
 }
 
 fn options() -> AlphabetOptions {
-    let deviation = Deviation { scale: 3.0, angular_resolution: Some(0.005), noise: Some(0.0) };
-    AlphabetOptions { deviation, ..AlphabetOptions::default() }
+    let angular_resolution = Some(0.005_f64.to_degrees());
+    AlphabetOptions { angular_resolution, noise: Some(0.0), ..AlphabetOptions::default() }
 }
 
 impl Scene for AlphabetModel {
