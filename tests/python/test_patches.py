@@ -1,4 +1,4 @@
-"""Lattice patches from Python: arrays, files, both decodes, options, bounds, command line."""
+"""Patches from Python: arrays, files, both decodes, options, bounds, command line."""
 
 from __future__ import annotations
 
@@ -92,8 +92,8 @@ def test_a_file_gives_the_model_back(cloud, model, tmp_path):
     assert again.to_bytes() == model.to_bytes()
     np.testing.assert_array_equal(again.decode().points, model.decode().points)
     info = sb.inspect(path)
-    assert info.options["method"] == "rate-distortion"
-    assert info.options["patches"] == len(model)
+    assert info.method == again.method == "patches"
+    assert again.info["patches"] == len(model)
     assert set(info.sections) == {"header", "geometry", "colour"}
 
 
@@ -119,20 +119,17 @@ def test_the_same_bytes_for_any_number_of_threads(cloud):
     assert len(files) == 1
 
 
-def test_options_are_those_of_the_method(cloud):
-    with pytest.raises(InvalidInputError, match="hscsm"):
-        sb.learn_patches(cloud, depth_atoms=10)
-    with pytest.raises(InvalidInputError, match="rate-distortion"):
-        sb.learn_patches(cloud, method="hscsm", max_error=0.1)
-    with pytest.raises(InvalidInputError, match="method is 'best'"):
-        sb.learn_patches(cloud, method="best")
-    with pytest.raises(InvalidInputError, match="no option 'colour_step'"):
-        sb.learn_patches(cloud, colour_step=3)
-    for wrong in ({"levels": 5}, {"rate": 0.0}, {"resolution": -1}, {"max_error": 0}):
-        with pytest.raises(InvalidInputError, match=next(iter(wrong)).replace("rate", "lambda")):
-            sb.learn_patches(cloud, **wrong)
+def test_an_empty_cloud_is_refused():
     with pytest.raises(InvalidInputError, match="empty"):
         sb.learn_patches(sb.PointCloud(np.empty((0, 3))))
+
+
+def test_depths_are_rounded_to_the_step(cloud):
+    """Constant, tilts and cosines are multiples of the step; a step of one sixteenth is finer."""
+    for step in (0.0625, 1.0):
+        patches = sb.learn_patches(cloud, resolution=0.02, depth_step=step).patches
+        steps = patches.coefficients / (0.02 * step)
+        np.testing.assert_allclose(steps, np.rint(steps), atol=1e-6)
 
 
 def test_compress_verify_and_decompress(cloud, tmp_path, capsys):
@@ -166,11 +163,12 @@ def test_what_only_one_method_has_is_refused_by_name(cloud, tmp_path, capsys):
     assert main(command) == 0
     assert main(["verify", str(ply), str(sfb)]) == 2
     assert "--max-error" in capsys.readouterr().err
-    assert main([*command, "--dictionary", str(sfb)]) == 2
-    assert main([*command, "--method", "hscsm"]) == 0
+    assert main([*command, "--vocabulary", str(sfb)]) == 2
+    assert main([*command, "--model", "hscsm"]) == 0
     assert main(["verify", str(ply), str(sfb)]) == 2
-    assert main(["decompress", str(sfb), str(tmp_path / "o.ply"), "--as-measured"]) == 2
     assert "hscsm" in capsys.readouterr().err
+    assert main(["decompress", str(sfb), str(tmp_path / "o.ply"), "--as-measured"]) == 2
+    assert "--as-measured is true, but must be false" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="needs ../shared/data beside the checkout")
