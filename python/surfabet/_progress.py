@@ -10,7 +10,8 @@ from contextlib import contextmanager
 __all__ = ["Progress", "ProgressCallback", "progress_callback"]
 
 ProgressCallback = Callable[[str, float], object]
-"""Called as `callback(stage, fraction)`: work named `stage` is at `fraction` of its way, 0 to 1."""
+"""Called as `callback(stage, fraction)`: the work is in its stage `stage`, and `fraction` of all of it is
+done, 0 to 1."""
 
 Progress = bool | ProgressCallback | None
 """None or False: silent; True: a bar on stderr; a callable: called with every step."""
@@ -68,7 +69,7 @@ def _rich_bar() -> Iterator[ProgressCallback]:
     task = bar.add_task("", total=None)
 
     def show(stage: str, fraction: float) -> None:
-        # Without a total the bar pulses: the stage runs, but has not said how far it is.
+        # Without a total the bar pulses: the work has begun, and how far it is is not known yet.
         bar.update(task, description=stage, completed=fraction, total=1.0 if fraction > 0 else None)
 
     with bar:

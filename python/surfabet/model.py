@@ -1,13 +1,16 @@
-"""What models of all families have in common."""
+"""What models of all methods have in common."""
 
 from __future__ import annotations
 
 import os
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._progress import Progress, progress_callback
 from surfabet.learning import LearningReport
 
 __all__ = ["MAX_POINTS", "Model"]
@@ -15,37 +18,69 @@ __all__ = ["MAX_POINTS", "Model"]
 MAX_POINTS = 500_000_000
 """Most points that `decode` makes unless told otherwise."""
 
-
-class _Core(Protocol):
-    """What the compiled class behind a model has."""
-
-    def to_bytes(self) -> bytes: ...
-    def save(self, path: str) -> int: ...
-    @property
-    def n_points(self) -> int: ...
-    @property
-    def origin(self) -> list[float]: ...
-    @property
-    def has_color(self) -> bool: ...
-    @property
-    def report_dict(self) -> dict[str, Any]: ...
-    def __len__(self) -> int: ...
-
-
-C = TypeVar("C", bound=_Core)
+C = TypeVar("C", bound=_core.Model)
 
 
 class Model(Generic[C]):
-    """A cloud as a model; immutable.
+    """A cloud as a compact model; immutable.
 
     Everything in it is quantised already, so it decodes to the same cloud before it is saved and
-    after it is loaded. Families derive from this class and add `decode` and what they are made of.
+    after it is loaded. Models are equal when their files are: how they were learned does not count.
     """
 
     __slots__ = ("_core",)
 
     def __init__(self, core: C) -> None:
         self._core = core
+
+    def decode(
+        self,
+        resolution: float | None = None,
+        *,
+        as_measured: bool = False,
+        normals: bool = False,
+        max_points: int = MAX_POINTS,
+        progress: Progress = None,
+    ) -> PointCloud:
+        """The model as a cloud, at any spacing.
+
+        Parameters
+        ----------
+        resolution
+            Spacing of the points, metres; by default the spacing that the model was made for, see
+            the class.
+        as_measured
+            Fill the thickness that the scan had about its surface instead of giving the thin
+            surface in its middle. The thin surface is nearer to the true one, the filled one to
+            the scan. Only for models with `keeps_thickness`.
+        normals
+            Give every point the unit normal of its surface, towards where it was seen from where
+            that is known.
+        max_points
+            Refuse to make more points than this.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Returns
+        -------
+        PointCloud
+            Number and order of its points are not those of the input. The same on any number of
+            threads.
+
+        Raises
+        ------
+        InvalidInputError
+            For a spacing that is not positive, one that makes more than `max_points` points, or
+            `as_measured` for a model that keeps no thickness.
+        """
+        with progress_callback(progress) as callback:
+            return self._core.decode(
+                resolution=resolution,
+                as_measured=as_measured,
+                normals=normals,
+                max_points=max_points,
+                progress=callback,
+            )
 
     def to_bytes(self) -> bytes:
         """The bytes of the model's file. The same model always gives the same bytes."""
@@ -59,10 +94,20 @@ class Model(Generic[C]):
         return self._core.save(os.fspath(path))
 
     @property
+    def method(self) -> str:
+        """Name of the method, as in `surfabet compress --model NAME`."""
+        return self._core.method
+
+    @property
     def report(self) -> LearningReport:
-        """How the model was learned."""
+        """How the model was learned; empty for a model read from a file."""
         found = self._core.report_dict
         return LearningReport(**{**found, "not_kept": tuple(found["not_kept"])})
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """What the model holds: sizes, counts and options by name, with the unit in brackets."""
+        return self._core.summary_dict
 
     @property
     def n_points(self) -> int:
@@ -79,5 +124,16 @@ class Model(Generic[C]):
         """Whether the model carries colour."""
         return self._core.has_color
 
+    @property
+    def keeps_thickness(self) -> bool:
+        """Whether the model keeps how thick the scan was, and can be decoded as measured."""
+        return self._core.keeps_thickness
+
     def __len__(self) -> int:
         return len(self._core)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Model) and self._core == other._core
+
+    def __hash__(self) -> int:
+        return hash(self.to_bytes())

@@ -115,6 +115,12 @@ impl Features {
         Self(self.0 | other.0)
     }
 
+    /// These features but for those of `other`.
+    #[must_use]
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
     /// True when all of `other` is among these.
     pub fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0

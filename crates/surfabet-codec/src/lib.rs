@@ -29,20 +29,23 @@
 //! # Ok::<(), surfabet_codec::Error>(())
 //! ```
 
-pub mod alphabet;
-pub mod bic_alphabet;
+mod alphabet;
+mod bic_alphabet;
 pub mod bytes;
 mod container;
 mod entropy;
 mod error;
-pub mod gas;
+mod gas;
 mod hash;
-pub mod hscsm;
+pub mod header;
+mod hscsm;
 pub mod models;
-pub mod patches;
-pub mod planes;
+mod patches;
+mod planes;
+mod section;
 
 pub use container::{Container, ContainerWriter, Family, Features, Limits, Section, Tag, Version};
 pub use entropy::{Decoder, Encoder};
 pub use error::{Error, Result};
 pub use hash::ContentHash;
+pub use section::{Layout, Promise, StreamSection, content, holds, named_vocabulary, read, write};

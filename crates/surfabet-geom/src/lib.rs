@@ -33,7 +33,7 @@ pub use moments::{FittedPlane, Moments, PrincipalAxes};
 pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal, orient_normal};
 pub use octree::Octree;
 pub use pose::Pose;
-pub use progress::{Cancelled, Progress, Silent};
+pub use progress::{Cancelled, Part, Progress, Silent};
 pub use range_image::{Projection, RangeImage};
 pub use reduce::{farthest_points, octree_with, random_points, voxel_grid_with};
 pub use voxel_grid::VoxelGrid;

@@ -1,4 +1,7 @@
-//! How long work tells how far it is, and learns that nobody waits for it any more.
+//! How long work reports its progress, and learns that the caller wants it to stop.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// The caller asked for the work to stop; nothing was produced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -10,7 +13,10 @@ pub struct Cancelled;
 /// Long loops call [`Progress::check`] at least ten times a second per thread, so that an interrupt is felt
 /// within a second.
 pub trait Progress: Sync {
-    /// Work named `stage` is at `fraction` of its way, 0 to 1.
+    /// The work is in its stage `stage`, and `fraction` of all of it is done, 0 to 1.
+    ///
+    /// The fraction is that of the whole work that `self` was handed to, not of the stage. A caller that hands
+    /// its own progress on to several parts gives each a [`Part`] of it, so that a bar runs from 0 to 1 once.
     fn update(&self, stage: &'static str, fraction: f32);
 
     /// True when the caller no longer wants the result.
@@ -31,5 +37,77 @@ impl Progress for Silent {
 
     fn is_cancelled(&self) -> bool {
         false
+    }
+}
+
+/// The progress of one part of larger work: its 0 to 1 becomes a range of the whole, and never runs backwards.
+pub struct Part<'a> {
+    whole: &'a dyn Progress,
+    /// Shown instead of the names that the part gives its own stages, if any.
+    stage: Option<&'static str>,
+    range: Range<f32>,
+    /// The largest fraction reported, as bits: those of non-negative numbers are in the order of the numbers.
+    furthest: AtomicU32,
+}
+
+impl<'a> Part<'a> {
+    /// The part of `whole` from `range.start` to `range.end`, both 0 to 1.
+    pub fn new(whole: &'a dyn Progress, range: Range<f32>) -> Self {
+        let furthest = AtomicU32::new(range.start.max(0.0).to_bits());
+        Self { whole, stage: None, range, furthest }
+    }
+
+    /// The same under the name `stage`, whatever the part calls its own stages.
+    pub fn named(whole: &'a dyn Progress, stage: &'static str, range: Range<f32>) -> Self {
+        Self { stage: Some(stage), ..Self::new(whole, range) }
+    }
+}
+
+impl Progress for Part<'_> {
+    fn update(&self, stage: &'static str, fraction: f32) {
+        let Range { start, end } = self.range;
+        let at = (start + (end - start) * fraction.clamp(0.0, 1.0)).max(0.0);
+        let furthest = self.furthest.fetch_max(at.to_bits(), Ordering::Relaxed);
+        self.whole.update(self.stage.unwrap_or(stage), at.max(f32::from_bits(furthest)));
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.whole.is_cancelled()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    #[derive(Default)]
+    struct Seen(Mutex<Vec<(&'static str, f32)>>);
+
+    impl Progress for Seen {
+        fn update(&self, stage: &'static str, fraction: f32) {
+            self.0.lock().unwrap().push((stage, fraction));
+        }
+
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn a_part_maps_to_its_range_and_never_runs_backwards() {
+        let seen = Seen::default();
+        let half = Part::named(&seen, "half", 0.5..1.0);
+        let quarter = Part::new(&half, 0.0..0.5);
+        quarter.update("inner", 0.5);
+        quarter.update("inner", 1.0);
+        quarter.update("inner", 0.0);
+        half.update("inner", 0.25);
+        half.update("inner", 2.0);
+        assert!(half.is_cancelled());
+        assert_eq!(*seen.0.lock().unwrap(), [0.625, 0.75, 0.75, 0.75, 1.0].map(|f| ("half", f)));
+        Part::new(&seen, 0.0..1.0).update("own name", 0.5);
+        assert_eq!(seen.0.lock().unwrap().last(), Some(&("own name", 0.5)));
     }
 }

@@ -10,12 +10,14 @@
 pub mod alphabet;
 pub mod bic_alphabet;
 mod color;
+mod contract;
 mod disjoint;
 mod error;
 mod extent;
 pub mod gas;
 mod groups;
 pub mod hscsm;
+pub mod options;
 pub mod patches;
 pub mod planes;
 mod points;
@@ -25,9 +27,12 @@ pub mod scans;
 mod sensor;
 mod size_code;
 mod spread;
+mod stages;
+mod summary;
 mod vector;
 
+pub use contract::{Budget, DecodeOptions, NoVocabulary, Source, SurfaceModel};
 pub use error::{Error, Result};
-pub use points::DecodeOptions;
 pub use report::{Report, Stage};
 pub use sensor::Sensor;
+pub use summary::{Fact, Summary};

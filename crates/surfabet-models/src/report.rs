@@ -58,6 +58,16 @@ impl Report {
     }
 }
 
+/// A value carried beside a model: models that differ in it alone are equal.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Beside<T>(pub T);
+
+impl<T> PartialEq for Beside<T> {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
 /// What `cloud` has beyond positions and is not among `kept`, by name.
 pub(crate) fn lost(cloud: &PointCloud, kept: &[&str]) -> Vec<&'static str> {
     [

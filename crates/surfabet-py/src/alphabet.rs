@@ -1,21 +1,18 @@
 //! `surfabet.AlphabetModel`, its alphabet, and how both are learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyDict;
 use surfabet::alphabet;
-use surfabet::{
-    Alphabet, AlphabetModel, AlphabetOptions, Deviation, MdlDecodeOptions, Occurrence,
-    alphabet_hash,
-};
+use surfabet::{Alphabet, AlphabetModel, Layout, Occurrence};
 
 use crate::cloud::PyPointCloud;
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
-use crate::save;
 
 /// Words for any number of scenes; immutable.
 #[pyclass(name = "Alphabet", module = "surfabet", frozen)]
@@ -24,63 +21,45 @@ pub struct PyAlphabet {
 }
 
 /// A cloud as occurrences of words; immutable.
-#[pyclass(name = "AlphabetModel", module = "surfabet", frozen)]
+#[pyclass(name = "AlphabetModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyAlphabetModel {
-    pub model: AlphabetModel,
+    pub model: Arc<AlphabetModel>,
 }
 
-impl From<AlphabetModel> for PyAlphabetModel {
-    fn from(model: AlphabetModel) -> Self {
-        Self { model }
-    }
-}
+model_class!(AlphabetModel, PyAlphabetModel);
 
-/// Learns an alphabet, or describes a cloud by the one given; documented in `surfabet.alphabet`.
+/// Learns an alphabet; documented in `surfabet.alphabet`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, alphabet, radius, scales, max_words, inlier_bits, outlier_bits, spacing, rounds,
-                    sigma_scale, angular_resolution, noise, min_range, color_step, progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (cloud, options, *, progress))]
 fn learn_alphabet(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    alphabet: Option<&Bound<'_, PyAlphabet>>,
-    radius: Option<f64>,
-    scales: u32,
-    max_words: u32,
-    inlier_bits: f64,
-    outlier_bits: f64,
-    spacing: f64,
-    rounds: u32,
-    sigma_scale: f64,
-    angular_resolution: Option<f64>,
-    noise: Option<f64>,
-    min_range: f64,
-    color_step: u32,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyAlphabetModel> {
-    let options = AlphabetOptions {
-        radius,
-        scales,
-        max_words,
-        point_bits: inlier_bits,
-        lone_bits: outlier_bits,
-        spacing,
-        rounds,
-        deviation: Deviation { scale: sigma_scale, angular_resolution, noise },
-        min_range,
-        color_step,
-    };
+) -> PyResult<Py<PyAlphabetModel>> {
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let alphabet = alphabet.map(|a| &a.get().alphabet);
-    let model = run(py, progress, |monitor| match alphabet {
-        Some(alphabet) => alphabet::describe(cloud, alphabet, &options, monitor),
-        None => alphabet::learn(cloud, &options, monitor),
-    })?;
-    Ok(model.into())
+    wrap(py, run(py, progress, |monitor| alphabet::learn(cloud, &options, monitor))?)
 }
 
 #[pymethods]
 impl PyAlphabet {
+    /// Describes a cloud by these words; documented in `surfabet.alphabet`.
+    #[pyo3(signature = (cloud, options, *, progress))]
+    fn describe(
+        slf: &Bound<'_, Self>,
+        cloud: &Bound<'_, PyPointCloud>,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Py<PyAlphabetModel>> {
+        let options = options_of(options)?;
+        let (words, cloud) = (&slf.get().alphabet, &cloud.get().cloud);
+        let describe = |monitor: &dyn surfabet::Progress| {
+            alphabet::describe(cloud, words, &options, monitor)
+        };
+        wrap(slf.py(), run(slf.py(), progress, describe)?)
+    }
+
     #[getter]
     fn radius(&self) -> f64 {
         self.alphabet.radius()
@@ -93,7 +72,7 @@ impl PyAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        alphabet_hash(&self.alphabet).to_string()
+        AlphabetModel::vocabulary_hash(&self.alphabet).to_string()
     }
 
     /// Heights of the pixels of every word over its radius, NaN where it has a hole, (n, 8, 8).
@@ -116,44 +95,6 @@ impl PyAlphabet {
 
 #[pymethods]
 impl PyAlphabetModel {
-    #[pyo3(signature = (*, resolution, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = MdlDecodeOptions { resolution, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.header().origin
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
-    }
-
     #[getter]
     fn has_intensity(&self) -> bool {
         self.model.has_intensity()
@@ -164,16 +105,11 @@ impl PyAlphabetModel {
         PyAlphabet { alphabet: self.model.alphabet().clone() }
     }
 
-    #[getter]
-    fn shares_alphabet(&self) -> bool {
-        self.model.shares_alphabet()
-    }
-
-    /// Scale, angular resolution (radians) and noise (metres) of sigma.
+    /// Factor, angular resolution (degrees) and noise (metres) of sigma.
     #[getter]
     fn deviation(&self) -> (f64, Option<f64>, f64) {
         let of = self.model.header().deviation;
-        (of.scale, of.angular_resolution, of.noise.unwrap_or(0.0))
+        (of.sigma_scale, of.angular_resolution.map(f64::to_degrees), of.noise.unwrap_or(0.0))
     }
 
     /// Sigma at no range, metres.
@@ -219,16 +155,6 @@ impl PyAlphabetModel {
     /// Intensity of every occurrence, (m,).
     fn intensities<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f32>>> {
         Some(self.model.intensities()?.into_pyarray(py))
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 

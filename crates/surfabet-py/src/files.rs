@@ -1,109 +1,100 @@
-//! Model files of all families.
+//! Model files of all methods.
 
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use surfabet::{Container, Limits, Model, Shared};
+use surfabet::{
+    AlphabetModel, BicAlphabetModel, Container, GasModel, HscsmModel, KnownVocabulary, Limits,
+    Model, PatchModel, PlaneModel, for_each_method,
+};
 
-use crate::alphabet::{PyAlphabet, PyAlphabetModel};
-use crate::bic_alphabet::{PyBicAlphabet, PyBicAlphabetModel};
-use crate::errors::{IntoPyErr, invalid_input};
-use crate::gas::PyGasModel;
-use crate::hscsm::{PyHscsmDictionary, PyHscsmModel};
-use crate::patches::PyPatchModel;
-use crate::planes::PyPlaneModel;
+use crate::alphabet::PyAlphabet;
+use crate::bic_alphabet::PyBicAlphabet;
+use crate::errors::{IntoPyErr, internal, invalid_input};
+use crate::hscsm::PyHscsmDictionary;
+use crate::model::{ModelClass, wrap};
 
-type Dictionary<'a, 'py> = Option<&'a Bound<'py, PyHscsmDictionary>>;
-type Words<'a, 'py> = Option<&'a Bound<'py, PyAlphabet>>;
-type BicWords<'a, 'py> = Option<&'a Bound<'py, PyBicAlphabet>>;
-
-fn shared<'a>(
-    dictionary: Dictionary<'a, '_>,
-    alphabet: Words<'a, '_>,
-    bic_alphabet: BicWords<'a, '_>,
-) -> Shared<'a> {
-    Shared {
-        dictionary: dictionary.map(|d| &d.get().dictionary),
-        alphabet: alphabet.map(|a| &a.get().alphabet),
-        bic_alphabet: bic_alphabet.map(|a| &a.get().alphabet),
+/// The vocabulary in a Python object.
+fn known<'a>(vocabulary: Option<&'a Bound<'_, PyAny>>) -> PyResult<KnownVocabulary<'a>> {
+    let Some(object) = vocabulary else {
+        return Ok(KnownVocabulary::NONE);
+    };
+    if let Ok(found) = object.cast::<PyHscsmDictionary>() {
+        Ok(KnownVocabulary::new(&found.get().dictionary))
+    } else if let Ok(found) = object.cast::<PyAlphabet>() {
+        Ok(KnownVocabulary::new(&found.get().alphabet))
+    } else if let Ok(found) = object.cast::<PyBicAlphabet>() {
+        Ok(KnownVocabulary::new(&found.get().alphabet))
+    } else {
+        let class = object.get_type();
+        Err(invalid_input(format!(
+            "vocabulary is a {class}, but must be the dictionary or the alphabet of a model"
+        )))
     }
+}
+
+/// The Python object of a model whose method is known at run time only.
+fn wrap_any(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
+    fn object<M: ModelClass>(py: Python<'_>, model: M) -> PyResult<Py<PyAny>> {
+        Ok(wrap(py, model)?.into_any())
+    }
+    macro_rules! arms {
+        ($($(#[$doc:meta])* $variant:ident($type:ty),)+) => {
+            match model {
+                $(Model::$variant(model) => object::<$type>(py, model),)+
+                other => Err(internal(format!("no class for models of {}", other.method()))),
+            }
+        };
+    }
+    for_each_method!(arms)
 }
 
 /// The model in the bytes of an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes, dictionary, alphabet, bic_alphabet))]
+#[pyo3(signature = (data, *, max_items, max_bytes, vocabulary))]
 fn from_bytes(
     py: Python<'_>,
     data: &[u8],
     max_items: u64,
     max_bytes: u64,
-    dictionary: Dictionary<'_, '_>,
-    alphabet: Words<'_, '_>,
-    bic_alphabet: BicWords<'_, '_>,
+    vocabulary: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Py<PyAny>> {
-    let limits = Limits { max_items, max_bytes };
-    let shared = shared(dictionary, alphabet, bic_alphabet);
-    let model = py.detach(|| Model::from_bytes_with(data, &limits, shared));
-    wrap(py, model.map_err(IntoPyErr::into_py_err)?)
+    let (limits, known) = (Limits { max_items, max_bytes }, known(vocabulary)?);
+    let model = py.detach(|| Model::from_bytes_with(data, &limits, known));
+    wrap_any(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
 /// The model in an `.sfb` file.
 #[pyfunction]
-#[pyo3(signature = (path, *, max_items, max_bytes, dictionary, alphabet, bic_alphabet))]
+#[pyo3(signature = (path, *, max_items, max_bytes, vocabulary))]
 fn load(
     py: Python<'_>,
     path: PathBuf,
     max_items: u64,
     max_bytes: u64,
-    dictionary: Dictionary<'_, '_>,
-    alphabet: Words<'_, '_>,
-    bic_alphabet: BicWords<'_, '_>,
+    vocabulary: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Py<PyAny>> {
-    let limits = Limits { max_items, max_bytes };
-    let shared = shared(dictionary, alphabet, bic_alphabet);
-    let model = py.detach(|| Model::open_with(path, &limits, shared));
-    wrap(py, model.map_err(IntoPyErr::into_py_err)?)
+    let (limits, known) = (Limits { max_items, max_bytes }, known(vocabulary)?);
+    let model = py.detach(|| Model::open_with(path, &limits, known));
+    wrap_any(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
-/// Family, oldest release that reads the file, bytes by section, and the model, of the bytes of an `.sfb` file.
+/// Method, oldest release that reads the file, hash of the vocabulary that it names, and bytes by section, of the
+/// bytes of an `.sfb` file; nothing is decoded.
 #[pyfunction]
-#[pyo3(signature = (data, *, max_items, max_bytes, dictionary, alphabet, bic_alphabet))]
+#[pyo3(signature = (data, *, max_items, max_bytes))]
 fn inspect(
-    py: Python<'_>,
     data: &[u8],
     max_items: u64,
     max_bytes: u64,
-    dictionary: Dictionary<'_, '_>,
-    alphabet: Words<'_, '_>,
-    bic_alphabet: BicWords<'_, '_>,
-) -> PyResult<(&'static str, String, Vec<(String, usize)>, Py<PyAny>)> {
+) -> PyResult<(&'static str, String, Option<String>, Vec<(String, usize)>)> {
     let limits = Limits { max_items, max_bytes };
-    let shared = shared(dictionary, alphabet, bic_alphabet);
-    let (container, model) = py
-        .detach(|| {
-            let container = Container::parse(data, &limits)?;
-            let model = Model::read(&container, &limits, shared)?;
-            Ok::<_, surfabet::Error>((container, model))
-        })
-        .map_err(IntoPyErr::into_py_err)?;
-    let sections =
-        container.sections().iter().map(|s| (s.tag.to_string(), s.bytes.len())).collect();
+    let found = Container::parse(data, &limits).map_err(surfabet::Error::from);
+    let container = found.map_err(IntoPyErr::into_py_err)?;
+    let summary = Model::inspect(&container).map_err(IntoPyErr::into_py_err)?;
     let version = container.needed_version().to_string();
-    Ok((container.family().name(), version, sections, wrap(py, model)?))
-}
-
-fn wrap(py: Python<'_>, model: Model) -> PyResult<Py<PyAny>> {
-    match model {
-        Model::Hscsm(model) => Ok(Py::new(py, PyHscsmModel::from(model))?.into_any()),
-        Model::Patches(model) => Ok(Py::new(py, PyPatchModel::from(model))?.into_any()),
-        Model::Alphabet(model) => Ok(Py::new(py, PyAlphabetModel::from(model))?.into_any()),
-        Model::BicAlphabet(model) => Ok(Py::new(py, PyBicAlphabetModel::from(model))?.into_any()),
-        Model::Gas(model) => Ok(Py::new(py, PyGasModel::from(model))?.into_any()),
-        Model::Planes(model) => Ok(Py::new(py, PyPlaneModel::from(model))?.into_any()),
-        other => {
-            Err(invalid_input(format!("models of family {} have no class yet", other.family())))
-        }
-    }
+    let vocabulary = summary.vocabulary.map(|hash| hash.to_string());
+    Ok((summary.method, version, vocabulary, summary.sections))
 }
 
 /// Adds this file's functions to the module.

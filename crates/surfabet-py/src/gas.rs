@@ -1,83 +1,39 @@
 //! `surfabet.GasModel` and how it is learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
-use surfabet::gas::{self, Search};
-use surfabet::{GasModel, GasOptions};
+use pyo3::types::PyDict;
+use surfabet::{GasModel, gas};
 
 use crate::cloud::PyPointCloud;
-use crate::errors::{IntoPyErr, invalid_input};
-use crate::report::report_dict;
+use crate::errors::IntoPyErr;
+use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
-use crate::save;
 
 /// A cloud as a gas of neurons with a topology; immutable.
-#[pyclass(name = "GasModel", module = "surfabet", frozen)]
+#[pyclass(name = "GasModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyGasModel {
-    model: GasModel,
+    pub model: Arc<GasModel>,
 }
 
-impl From<GasModel> for PyGasModel {
-    fn from(model: GasModel) -> Self {
-        Self { model }
-    }
-}
+model_class!(GasModel, PyGasModel);
 
 /// Learns a gas; documented in `surfabet.gas`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, n_neurons, patterns, epsilon_w, epsilon_n, alpha, beta, max_age, target_error,
-                    passes, position_step, color_step, search, random_state, progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (cloud, options, *, progress))]
 fn learn_gas(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    n_neurons: usize,
-    patterns: u32,
-    epsilon_w: f64,
-    epsilon_n: f64,
-    alpha: f64,
-    beta: Option<f64>,
-    max_age: u32,
-    target_error: Option<f64>,
-    passes: Option<f64>,
-    position_step: Option<f64>,
-    color_step: u32,
-    search: &str,
-    random_state: u64,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyGasModel> {
-    let options = GasOptions {
-        n_neurons,
-        patterns,
-        epsilon_w,
-        epsilon_n,
-        alpha,
-        beta,
-        max_age,
-        target_error,
-        passes,
-        position_step,
-        color_step,
-        search: search_of(search)?,
-        random_state,
-    };
+) -> PyResult<Py<PyGasModel>> {
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let model = run(py, progress, |monitor| gas::learn(cloud, &options, monitor))?;
-    Ok(PyGasModel::from(model))
-}
-
-fn search_of(name: &str) -> PyResult<Search> {
-    match name {
-        "indexed" => Ok(Search::Indexed),
-        "brute-force" => Ok(Search::BruteForce),
-        other => Err(invalid_input(format!(
-            "search is {other:?}, but must be \"indexed\" or \"brute-force\""
-        ))),
-    }
+    wrap(py, run(py, progress, |monitor| gas::learn(cloud, &options, monitor))?)
 }
 
 impl PyGasModel {
@@ -92,60 +48,19 @@ impl PyGasModel {
 
 #[pymethods]
 impl PyGasModel {
-    #[pyo3(signature = (*, resolution, as_measured, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        as_measured: bool,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = gas::DecodeOptions { resolution, as_measured, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
-    #[pyo3(signature = (cloud, *, n_neurons, patterns, target_error, random_state, progress))]
+    #[pyo3(signature = (cloud, options, *, n_neurons, progress))]
     fn update(
         slf: &Bound<'_, Self>,
         cloud: &Bound<'_, PyPointCloud>,
+        options: &Bound<'_, PyDict>,
         n_neurons: Option<usize>,
-        patterns: u32,
-        target_error: Option<f64>,
-        random_state: u64,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<Self> {
+    ) -> PyResult<Py<Self>> {
+        let options = options_of(options)?;
         let (model, cloud) = (&slf.get().model, &cloud.get().cloud);
-        let options = GasOptions { patterns, target_error, random_state, ..GasOptions::default() };
         let updated =
             run(slf.py(), progress, |monitor| model.update(cloud, n_neurons, &options, monitor))?;
-        Ok(updated.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.origin()
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
+        wrap(slf.py(), updated)
     }
 
     #[getter]
@@ -218,16 +133,6 @@ impl PyGasModel {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let distances = py.detach(|| self.model.geodesic_distances(source));
         Ok(distances.map_err(IntoPyErr::into_py_err)?.into_pyarray(py))
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 

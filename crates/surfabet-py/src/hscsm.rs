@@ -1,27 +1,26 @@
 //! `surfabet.HscsmModel` and how it is learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
-use surfabet::hscsm::Placement;
-use surfabet::{
-    DecodeOptions, HscsmDictionary, HscsmModel, HscsmOptions, Sensor, dictionary_hash, hscsm,
-};
+use pyo3::types::PyDict;
+use surfabet::{HscsmDictionary, HscsmModel, Layout, hscsm};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
+use crate::options::{options_of, options_onto};
 use crate::run::run;
-use crate::save;
 
 /// A cloud as sparse-coded surface patches; immutable.
-#[pyclass(name = "HscsmModel", module = "surfabet", frozen)]
+#[pyclass(name = "HscsmModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyHscsmModel {
-    model: HscsmModel,
+    pub model: Arc<HscsmModel>,
 }
+
+model_class!(HscsmModel, PyHscsmModel);
 
 /// The dictionaries of a model; immutable.
 #[pyclass(name = "HscsmDictionary", module = "surfabet", frozen)]
@@ -29,14 +28,25 @@ pub struct PyHscsmDictionary {
     pub dictionary: HscsmDictionary,
 }
 
-impl From<HscsmModel> for PyHscsmModel {
-    fn from(model: HscsmModel) -> Self {
-        Self { model }
-    }
-}
-
 #[pymethods]
 impl PyHscsmDictionary {
+    /// Describes a cloud in these dictionaries; documented in `surfabet.hscsm`.
+    #[pyo3(signature = (cloud, options, *, progress))]
+    fn describe(
+        slf: &Bound<'_, Self>,
+        cloud: &Bound<'_, PyPointCloud>,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Py<PyHscsmModel>> {
+        let dictionary = &slf.get().dictionary;
+        let options = options_onto(dictionary.options(), options)?;
+        let cloud = &cloud.get().cloud;
+        let describe = |monitor: &dyn surfabet::Progress| {
+            hscsm::encode(cloud, &options, dictionary, monitor)
+        };
+        wrap(slf.py(), run(slf.py(), progress, describe)?)
+    }
+
     /// `(pixel_size, pixels)` of each level, coarsest first.
     #[getter]
     fn levels(&self) -> Vec<(f64, u32)> {
@@ -45,7 +55,7 @@ impl PyHscsmDictionary {
 
     #[getter]
     fn hash(&self) -> String {
-        dictionary_hash(&self.dictionary).to_string()
+        HscsmModel::vocabulary_hash(&self.dictionary).to_string()
     }
 
     /// Entries of one channel of each level, unit norm, (k, n * n) or (k, 3 * n * n); `None` without colour.
@@ -77,111 +87,22 @@ fn unknown_channel(other: &str) -> PyErr {
     invalid_input(format!("channel is {other:?}, but must be \"depth\" or \"color\""))
 }
 
-/// Learns surface patches, or describes a cloud in given dictionaries; documented in `surfabet.patches`.
+/// Learns sparse-coded surface patches; documented in `surfabet.hscsm`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, max_depth_deviation, max_color_deviation,
-                    min_coverage, placement, depth_atoms, color_atoms, depth_sparsity, color_sparsity,
-                    depth_tolerance, color_tolerance, iterations, sensor, random_state, dictionary, progress))]
-#[allow(clippy::too_many_arguments)]
-fn learn_patches(
+#[pyo3(signature = (cloud, options, *, progress))]
+fn learn_hscsm(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    resolution: f64,
-    patch_pixels: u32,
-    levels: u32,
-    max_depth_deviation: Option<f64>,
-    max_color_deviation: f64,
-    min_coverage: f64,
-    placement: &str,
-    depth_atoms: u32,
-    color_atoms: u32,
-    depth_sparsity: u32,
-    color_sparsity: u32,
-    depth_tolerance: Option<f64>,
-    color_tolerance: f64,
-    iterations: u32,
-    sensor: &str,
-    random_state: u64,
-    dictionary: Option<&Bound<'_, PyHscsmDictionary>>,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyHscsmModel> {
-    let sensor = sensor_of(sensor)?;
-    let placement = match placement {
-        "greedy" => Placement::Greedy,
-        "subsampled" => Placement::Subsampled,
-        other => {
-            return Err(invalid_input(format!(
-                "placement is {other:?}, but must be \"greedy\" or \"subsampled\""
-            )));
-        }
-    };
-    let options = HscsmOptions {
-        resolution,
-        patch_pixels,
-        levels,
-        max_depth_deviation,
-        max_color_deviation,
-        min_coverage,
-        placement,
-        depth_atoms,
-        color_atoms,
-        depth_sparsity,
-        color_sparsity,
-        depth_tolerance,
-        color_tolerance,
-        iterations,
-        sensor,
-        random_state,
-    };
+) -> PyResult<Py<PyHscsmModel>> {
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let dictionary = dictionary.map(|d| &d.get().dictionary);
-    let model = run(py, progress, |monitor| match dictionary {
-        None => hscsm::learn(cloud, &options, monitor),
-        Some(dictionary) => hscsm::encode(cloud, &options, dictionary, monitor),
-    })?;
-    Ok(PyHscsmModel { model })
+    wrap(py, run(py, progress, |monitor| hscsm::learn(cloud, &options, monitor))?)
 }
 
 #[pymethods]
 impl PyHscsmModel {
-    #[pyo3(signature = (*, resolution, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = DecodeOptions { resolution, as_measured: false, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.origin()
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
-    }
-
     /// `(pixel_size, pixels, patches, depth entries, colour entries, set pixels, area)` of each level,
     /// coarsest first.
     #[getter]
@@ -271,12 +192,6 @@ impl PyHscsmModel {
         PyHscsmDictionary { dictionary: self.model.dictionary() }
     }
 
-    /// Whether the file refers to the dictionaries of another model.
-    #[getter]
-    fn shares_dictionary(&self) -> bool {
-        self.model.shares_dictionary()
-    }
-
     /// Sparse codes of one channel of one level as CSR columns `(offsets, entries, coefficients)`.
     fn codes<'py>(
         &self,
@@ -294,16 +209,6 @@ impl PyHscsmModel {
             codes.atoms.clone().into_pyarray(py),
             coefficients.into_pyarray(py),
         ))
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 
@@ -328,20 +233,9 @@ impl PyHscsmModel {
     }
 }
 
-/// The sensor of a name.
-pub fn sensor_of(name: &str) -> PyResult<Sensor> {
-    match name {
-        "structured-light" => Ok(Sensor::StructuredLight),
-        "constant" => Ok(Sensor::Constant),
-        other => Err(invalid_input(format!(
-            "sensor is {other:?}, but must be \"structured-light\" or \"constant\""
-        ))),
-    }
-}
-
 /// Adds this file's names to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyHscsmModel>()?;
     module.add_class::<PyHscsmDictionary>()?;
-    module.add_function(wrap_pyfunction!(learn_patches, module)?)
+    module.add_function(wrap_pyfunction!(learn_hscsm, module)?)
 }

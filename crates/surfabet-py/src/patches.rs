@@ -1,113 +1,46 @@
 //! `surfabet.PatchModel` and how it is learned.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
-use surfabet::{DecodeOptions, PatchModel, PatchesOptions, patches};
+use pyo3::types::PyDict;
+use surfabet::{PatchModel, patches};
 
 use crate::cloud::PyPointCloud;
-use crate::hscsm::sensor_of;
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
-use crate::save;
 
 /// A cloud as patches on a lattice; immutable.
-#[pyclass(name = "PatchModel", module = "surfabet", frozen)]
+#[pyclass(name = "PatchModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyPatchModel {
-    model: PatchModel,
+    pub model: Arc<PatchModel>,
 }
 
-/// Learns patches on a lattice; documented in `surfabet.patches`.
+model_class!(PatchModel, PyPatchModel);
+
+/// Learns patches; documented in `surfabet.patches`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, resolution, levels, rate, depth_step, rounds, color_step, chroma_ratio,
-                    color_rate, max_error, sensor, progress))]
-#[allow(clippy::too_many_arguments)]
-fn learn_lattice(
+#[pyo3(signature = (cloud, options, *, progress))]
+fn learn_patches(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    resolution: f64,
-    levels: u32,
-    rate: f64,
-    depth_step: u32,
-    rounds: u32,
-    color_step: u32,
-    chroma_ratio: f64,
-    color_rate: f64,
-    max_error: Option<f64>,
-    sensor: &str,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyPatchModel> {
-    let options = PatchesOptions {
-        resolution,
-        levels,
-        lambda: rate,
-        depth_step,
-        rounds,
-        color_step,
-        chroma_ratio,
-        color_lambda: color_rate,
-        max_error,
-        sensor: sensor_of(sensor)?,
-    };
+) -> PyResult<Py<PyPatchModel>> {
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let model = run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?;
-    Ok(model.into())
-}
-
-impl From<PatchModel> for PyPatchModel {
-    fn from(model: PatchModel) -> Self {
-        Self { model }
-    }
+    wrap(py, run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?)
 }
 
 #[pymethods]
 impl PyPatchModel {
-    #[pyo3(signature = (*, resolution, as_measured, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        as_measured: bool,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = DecodeOptions { resolution, as_measured, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.origin()
-    }
-
     /// Lattice to world, rows of a rotation.
     #[getter]
     fn rotation(&self) -> [[f64; 3]; 3] {
         self.model.lattice().orientation.rotation()
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
     }
 
     #[getter]
@@ -167,19 +100,9 @@ impl PyPatchModel {
         let sigma = |leaf: &patches::Leaf| leaf.patch.sigma() * pixel;
         self.model.leaves().iter().map(sigma).collect::<Vec<f64>>().into_pyarray(py)
     }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
-    }
 }
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPatchModel>()?;
-    module.add_function(wrap_pyfunction!(learn_lattice, module)?)
+    module.add_function(wrap_pyfunction!(learn_patches, module)?)
 }

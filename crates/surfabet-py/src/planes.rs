@@ -1,32 +1,28 @@
 //! `surfabet.PlaneModel`, how it is learned, and classical EM to compare with.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyDict;
 use surfabet::planes::{self, Frame, Patch, Points};
-use surfabet::{PlaneModel, PlanesOptions};
+use surfabet::PlaneModel;
 
 use crate::arrays::{column_f32, rows3};
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
-use crate::report::report_dict;
+use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
-use crate::save;
 
 /// A cloud as planar patches with tiles; immutable.
-#[pyclass(name = "PlaneModel", module = "surfabet", frozen)]
+#[pyclass(name = "PlaneModel", module = "surfabet._core", frozen, extends = PyModel)]
 pub struct PyPlaneModel {
-    model: PlaneModel,
+    pub model: Arc<PlaneModel>,
 }
 
-impl From<PlaneModel> for PyPlaneModel {
-    fn from(model: PlaneModel) -> Self {
-        Self { model }
-    }
-}
+model_class!(PlaneModel, PyPlaneModel);
 
 fn weights_of(weights: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<f32>>> {
     weights.map(|w| column_f32("weights", w)).transpose()
@@ -34,55 +30,21 @@ fn weights_of(weights: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<f32>>> 
 
 /// Learns planes; documented in `surfabet.planes`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, initial_patches, min_grid_size, weight_at_grid_size, split_threshold, merge_tolerance,
-                    em_steps, new_patches_every, max_iterations, tolerance, min_points, min_purity, min_fill, max_bend,
-                    color_step, weights,
-                    random_state, progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (cloud, options, *, weights, progress))]
 fn learn_planes(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    initial_patches: usize,
-    min_grid_size: Option<f64>,
-    weight_at_grid_size: f64,
-    split_threshold: f64,
-    merge_tolerance: f64,
-    em_steps: usize,
-    new_patches_every: usize,
-    max_iterations: usize,
-    tolerance: f64,
-    min_points: Option<usize>,
-    min_purity: f64,
-    min_fill: f64,
-    max_bend: f64,
-    color_step: u32,
+    options: &Bound<'_, PyDict>,
     weights: Option<&Bound<'_, PyAny>>,
-    random_state: u64,
     progress: Option<Py<PyAny>>,
-) -> PyResult<PyPlaneModel> {
-    let options = PlanesOptions {
-        initial_patches,
-        min_grid_size,
-        weight_at_grid_size,
-        split_threshold,
-        merge_tolerance,
-        em_steps,
-        new_patches_every,
-        max_iterations,
-        tolerance,
-        min_points,
-        min_purity,
-        min_fill,
-        max_bend,
-        color_step,
-        random_state,
-    };
+) -> PyResult<Py<PyPlaneModel>> {
+    let options = options_of(options)?;
     let weights = weights_of(weights)?;
     let cloud = &cloud.get().cloud;
     let learn = |monitor: &dyn surfabet::Progress| {
         planes::learn(cloud, weights.as_deref(), &options, monitor)
     };
-    Ok(PyPlaneModel::from(run(py, progress, learn)?))
+    wrap(py, run(py, progress, learn)?)
 }
 
 /// Centres, normals, labels, standard deviation and log-likelihoods.
@@ -181,21 +143,6 @@ impl PyPlaneModel {
 
 #[pymethods]
 impl PyPlaneModel {
-    #[pyo3(signature = (*, resolution, as_measured, normals, max_points, progress))]
-    fn decode(
-        slf: &Bound<'_, Self>,
-        resolution: Option<f64>,
-        as_measured: bool,
-        normals: bool,
-        max_points: u64,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyPointCloud> {
-        let model = &slf.get().model;
-        let options = planes::DecodeOptions { resolution, as_measured, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
-        Ok(cloud.into())
-    }
-
     /// The patch that each point supports, (n,), -1 for none.
     #[pyo3(signature = (cloud, *, progress))]
     fn segment<'py>(
@@ -219,33 +166,9 @@ impl PyPlaneModel {
         Ok(run(slf.py(), progress, |monitor| model.project(cloud, monitor))?.into())
     }
 
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        save::to_bytes(py, &self.model)
-    }
-
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        save::save(py, &self.model, path)
-    }
-
-    #[getter]
-    fn n_points(&self) -> u64 {
-        self.model.n_points()
-    }
-
     #[getter]
     fn n_outliers(&self) -> u64 {
         self.model.header().n_outliers
-    }
-
-    #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.model.origin()
-    }
-
-    #[getter]
-    fn has_color(&self) -> bool {
-        self.model.has_color()
     }
 
     #[getter]
@@ -349,16 +272,6 @@ impl PyPlaneModel {
             Array2::from_shape_fn((triangles.len(), 3), |(i, a)| triangles[i][a]).into_pyarray(py),
             mesh.patches.into_pyarray(py),
         )
-    }
-
-    /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
-    #[getter]
-    fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, self.model.report())
-    }
-
-    fn __len__(&self) -> usize {
-        self.model.len()
     }
 }
 

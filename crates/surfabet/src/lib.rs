@@ -4,7 +4,7 @@
 //! model in a `.sfb` file whatever its family.
 //!
 //! ```
-//! use surfabet::{Limits, Model, PatchesOptions, PointCloud, Save, Silent, patches};
+//! use surfabet::{DecodeOptions, Limits, Model, PatchesOptions, PointCloud, Save, Silent, patches};
 //!
 //! // A square of 0.3 m, a point every 5 mm.
 //! let points = (0..3600).map(|i| [(i % 60) as f32 * 0.005, (i / 60) as f32 * 0.005, 1.0]).collect();
@@ -15,33 +15,35 @@
 //! let file = model.to_bytes()?;
 //! assert!(file.len() < 400);
 //!
-//! let again = Model::from_bytes(&file, &Limits::default())?.decode(Some(0.005), &Silent)?;
+//! let again = Model::from_bytes(&file, &Limits::default())?.decode(
+//!     DecodeOptions { resolution: Some(0.005), ..DecodeOptions::default() },
+//!     &Silent,
+//! )?;
 //! assert!(again.positions().iter().all(|p| (p[2] - 1.0).abs() < 0.002));
 //! # Ok::<(), surfabet::Error>(())
 //! ```
 
+mod any_model;
 mod error;
 mod model;
+mod registry;
 mod save;
 
+pub use any_model::AnyModel;
 pub use error::{Error, Result};
-pub use model::{Model, Shared};
-pub use save::Save;
-pub use surfabet_codec::alphabet::alphabet_hash;
-pub use surfabet_codec::bic_alphabet::{alphabet_hash as bic_alphabet_hash, shared_alphabet};
-pub use surfabet_codec::hscsm::{dictionary_hash, shared_dictionary};
-pub use surfabet_codec::{Container, ContentHash, Family, Limits};
+pub use model::{FileSummary, KnownVocabulary, Model};
+pub use save::{Save, write};
+pub use surfabet_codec::{Container, ContentHash, Family, Layout, Limits};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
-pub use surfabet_models::alphabet::{
-    self, Alphabet, AlphabetModel, AlphabetOptions, MdlDecodeOptions, Occurrence,
-};
+pub use surfabet_models::alphabet::{self, Alphabet, AlphabetModel, AlphabetOptions, Occurrence};
 pub use surfabet_models::bic_alphabet::{self, BicAlphabet, BicAlphabetModel, BicAlphabetOptions};
 pub use surfabet_models::gas::{self, GasModel, GasOptions};
 pub use surfabet_models::hscsm::{self, HscsmDictionary, HscsmModel, HscsmOptions};
+pub use surfabet_models::options::{self, Options};
 pub use surfabet_models::patches::{self, PatchModel, PatchesOptions};
 pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
-pub use surfabet_models::{DecodeOptions, Report, Sensor, Stage};
+pub use surfabet_models::{DecodeOptions, Fact, Report, Sensor, Stage, Summary, SurfaceModel};
 pub use surfabet_sparse as sparse;

@@ -1,95 +1,133 @@
-//! A model of any family, to and from `.sfb` bytes and files.
+//! A model of any method, to and from `.sfb` bytes and files.
 
+use std::any::Any;
 use std::fs;
 use std::path::Path;
 
-use surfabet_codec::{Container, Family, Features, Limits};
+use surfabet_codec::{Container, ContentHash, Layout, Limits, Tag, holds};
 use surfabet_geom::{PointCloud, Progress};
-use surfabet_models::DecodeOptions;
-use surfabet_models::alphabet::{Alphabet, AlphabetModel, MdlDecodeOptions};
-use surfabet_models::bic_alphabet::{BicAlphabet, BicAlphabetModel};
-use surfabet_models::gas::{self, GasModel};
-use surfabet_models::hscsm::{HscsmDictionary, HscsmModel};
+use surfabet_models::alphabet::AlphabetModel;
+use surfabet_models::bic_alphabet::BicAlphabetModel;
+use surfabet_models::gas::GasModel;
+use surfabet_models::hscsm::HscsmModel;
 use surfabet_models::patches::PatchModel;
-use surfabet_models::planes::{self, PlaneModel};
+use surfabet_models::planes::PlaneModel;
+use surfabet_models::{DecodeOptions, SurfaceModel};
 
+use crate::any_model::AnyModel;
 use crate::error::{Error, Result};
-use crate::save::{Save, write};
+use crate::for_each_method;
+use crate::save::write;
 
-/// A model of any family.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub enum Model {
-    /// Sparse-coded surface patches.
-    Hscsm(HscsmModel),
-    /// Surface patches on a lattice.
-    Patches(PatchModel),
-    /// Words and where they occur.
-    Alphabet(AlphabetModel),
-    /// Words chosen by the Bayesian information criterion, and where they occur.
-    BicAlphabet(BicAlphabetModel),
-    /// A growing neural gas.
-    Gas(GasModel),
-    /// Planar patches with tiles.
-    Planes(PlaneModel),
-}
-
-/// What files may name instead of holding it.
+/// A dictionary or alphabet that a file may name by its hash instead of holding it: of any method.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Shared<'a> {
-    /// Dictionaries of patches.
-    pub dictionary: Option<&'a HscsmDictionary>,
-    /// The words of an alphabet.
-    pub alphabet: Option<&'a Alphabet>,
-    /// The words of an alphabet by BIC.
-    pub bic_alphabet: Option<&'a BicAlphabet>,
-}
+pub struct KnownVocabulary<'a>(Option<&'a (dyn Any + Send + Sync)>);
 
-impl From<PlaneModel> for Model {
-    fn from(model: PlaneModel) -> Self {
-        Self::Planes(model)
+impl<'a> KnownVocabulary<'a> {
+    /// None: files must hold theirs.
+    pub const NONE: Self = Self(None);
+
+    /// A vocabulary, such as an [`Alphabet`](crate::Alphabet).
+    pub fn new<V: Any + Send + Sync>(vocabulary: &'a V) -> Self {
+        Self(Some(vocabulary))
+    }
+
+    fn of<M: SurfaceModel>(self) -> Option<&'a M::Vocabulary> {
+        self.0?.downcast_ref()
     }
 }
 
-impl From<GasModel> for Model {
-    fn from(model: GasModel) -> Self {
-        Self::Gas(model)
-    }
+macro_rules! define_model {
+    ($($(#[$doc:meta])* $variant:ident($type:ty),)+) => {
+        /// A model of any method.
+        #[derive(Debug, Clone, PartialEq)]
+        #[non_exhaustive]
+        pub enum Model {
+            $($(#[$doc])* $variant($type),)+
+        }
+
+        $(impl From<$type> for Model {
+            fn from(model: $type) -> Self {
+                Self::$variant(model)
+            }
+        })+
+
+        impl Model {
+            /// Names of all methods.
+            pub const METHODS: &'static [&'static str] = &[$(<$type as SurfaceModel>::METHOD,)+];
+
+            /// What the model can do whatever its method.
+            pub fn as_any_model(&self) -> &dyn AnyModel {
+                match self {
+                    $(Self::$variant(model) => model,)+
+                }
+            }
+
+            /// As [`Model::from_bytes_with`], from a file that is parsed already.
+            ///
+            /// # Errors
+            /// As [`Model::from_bytes_with`].
+            pub fn read(
+                container: &Container<'_>,
+                limits: &Limits,
+                vocabulary: KnownVocabulary<'_>,
+            ) -> Result<Self> {
+                $(if holds::<$type>(container) {
+                    let known = vocabulary.of::<$type>();
+                    return Ok(Self::$variant(surfabet_codec::read(container, limits, known)?));
+                })+
+                let names: Vec<&str> = container.features().names().collect();
+                let what = format!(
+                    "no method of family {} has the features {names:?}", container.family());
+                Err(surfabet_codec::Error::corrupt(Tag::HEADER, 0, what).into())
+            }
+
+            /// Name of the method of the model in a parsed file, the hash of the vocabulary that it names instead of
+            /// holding it, and what each of its sections holds.
+            ///
+            /// # Errors
+            /// [`Error::Codec`] for a combination of features that no method has.
+            pub fn inspect(container: &Container<'_>) -> Result<FileSummary> {
+                $(if holds::<$type>(container) {
+                    return FileSummary::of::<$type>(container);
+                })+
+                Err(surfabet_codec::Error::corrupt(Tag::HEADER, 0, "features of no method").into())
+            }
+        }
+    };
 }
 
-impl From<BicAlphabetModel> for Model {
-    fn from(model: BicAlphabetModel) -> Self {
-        Self::BicAlphabet(model)
-    }
+for_each_method!(define_model);
+
+/// What a file holds, known without decoding it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileSummary {
+    /// Name of the method.
+    pub method: &'static str,
+    /// Hash of the vocabulary that the file names instead of holding it.
+    pub vocabulary: Option<ContentHash>,
+    /// What each section holds, for people, and its bytes, in the order of the file.
+    pub sections: Vec<(String, usize)>,
 }
 
-impl From<AlphabetModel> for Model {
-    fn from(model: AlphabetModel) -> Self {
-        Self::Alphabet(model)
-    }
-}
-
-impl From<PatchModel> for Model {
-    fn from(model: PatchModel) -> Self {
-        Self::Patches(model)
-    }
-}
-
-impl From<HscsmModel> for Model {
-    fn from(model: HscsmModel) -> Self {
-        Self::Hscsm(model)
+impl FileSummary {
+    fn of<M: Layout>(container: &Container<'_>) -> Result<Self> {
+        let sections = container.sections().iter().map(|section| {
+            let content = surfabet_codec::content::<M>(section.tag);
+            (content.map_or_else(|| section.tag.to_string(), str::to_owned), section.bytes.len())
+        });
+        Ok(Self {
+            method: M::METHOD,
+            vocabulary: surfabet_codec::named_vocabulary::<M>(container)?,
+            sections: sections.collect(),
+        })
     }
 }
 
 impl Model {
-    /// The family that this model belongs to.
-    pub fn family(&self) -> Family {
-        match self {
-            Self::Hscsm(_) | Self::Patches(_) => Family::Patches,
-            Self::Alphabet(_) | Self::BicAlphabet(_) => Family::Alphabet,
-            Self::Gas(_) => Family::Gas,
-            Self::Planes(_) => Family::Planes,
-        }
+    /// Name of the method.
+    pub fn method(&self) -> &'static str {
+        self.as_any_model().method()
     }
 
     /// The bytes of an `.sfb` file with this model; the same model gives the same bytes.
@@ -97,14 +135,7 @@ impl Model {
     /// # Errors
     /// When the container cannot hold the model.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        match self {
-            Self::Hscsm(model) => model.to_bytes(),
-            Self::Patches(model) => model.to_bytes(),
-            Self::Alphabet(model) => model.to_bytes(),
-            Self::BicAlphabet(model) => model.to_bytes(),
-            Self::Gas(model) => model.to_bytes(),
-            Self::Planes(model) => model.to_bytes(),
-        }
+        self.as_any_model().to_bytes()
     }
 
     /// Writes an `.sfb` file; an existing one is replaced only when the new one is complete. Returns its size.
@@ -120,42 +151,19 @@ impl Model {
     /// # Errors
     /// [`Error::Codec`] when anything is wrong with them.
     pub fn from_bytes(bytes: &[u8], limits: &Limits) -> Result<Self> {
-        Self::from_bytes_with(bytes, limits, Shared::default())
+        Self::from_bytes_with(bytes, limits, KnownVocabulary::NONE)
     }
 
-    /// As [`Model::from_bytes`], for files that may name what is `shared` instead of holding it.
+    /// As [`Model::from_bytes`], for files that may name a vocabulary instead of holding it.
     ///
     /// # Errors
-    /// [`Error::Codec`] when anything is wrong with them, or they name something else.
-    pub fn from_bytes_with(bytes: &[u8], limits: &Limits, shared: Shared<'_>) -> Result<Self> {
-        Self::read(&Container::parse(bytes, limits)?, limits, shared)
-    }
-
-    /// As [`Model::from_bytes_with`], from a file that is parsed already.
-    ///
-    /// # Errors
-    /// As [`Model::from_bytes_with`].
-    pub fn read(container: &Container<'_>, limits: &Limits, shared: Shared<'_>) -> Result<Self> {
-        match container.family() {
-            Family::Patches if container.features().contains(Features::LATTICE) => {
-                Ok(Self::Patches(surfabet_codec::patches::read(container, limits)?))
-            }
-            Family::Patches => {
-                Ok(Self::Hscsm(surfabet_codec::hscsm::read(container, limits, shared.dictionary)?))
-            }
-            Family::Alphabet if container.features().contains(Features::BIC_ALPHABET) => {
-                let known = shared.bic_alphabet;
-                let model = surfabet_codec::bic_alphabet::read(container, limits, known)?;
-                Ok(Self::BicAlphabet(model))
-            }
-            Family::Alphabet => Ok(Self::Alphabet(surfabet_codec::alphabet::read(
-                container,
-                limits,
-                shared.alphabet,
-            )?)),
-            Family::Gas => Ok(Self::Gas(surfabet_codec::gas::read(container, limits)?)),
-            Family::Planes => Ok(Self::Planes(surfabet_codec::planes::read(container, limits)?)),
-        }
+    /// [`Error::Codec`] when anything is wrong with them, or they name another vocabulary.
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        limits: &Limits,
+        vocabulary: KnownVocabulary<'_>,
+    ) -> Result<Self> {
+        Self::read(&Container::parse(bytes, limits)?, limits, vocabulary)
     }
 
     /// Reads an `.sfb` file, which need not be trusted.
@@ -163,14 +171,18 @@ impl Model {
     /// # Errors
     /// [`Error::Io`] or [`Error::File`], both naming the file.
     pub fn open(path: impl AsRef<Path>, limits: &Limits) -> Result<Self> {
-        Self::open_with(path, limits, Shared::default())
+        Self::open_with(path, limits, KnownVocabulary::NONE)
     }
 
-    /// As [`Model::open`], for files that may name what is `shared` instead of holding it.
+    /// As [`Model::open`], for files that may name a vocabulary instead of holding it.
     ///
     /// # Errors
-    /// As [`Model::open`]; also when the file names something else.
-    pub fn open_with(path: impl AsRef<Path>, limits: &Limits, shared: Shared<'_>) -> Result<Self> {
+    /// As [`Model::open`]; also when the file names another vocabulary.
+    pub fn open_with(
+        path: impl AsRef<Path>,
+        limits: &Limits,
+        vocabulary: KnownVocabulary<'_>,
+    ) -> Result<Self> {
         let path = path.as_ref();
         let io = |source| Error::Io { path: path.to_owned(), source };
         let size = fs::metadata(path).map_err(io)?.len();
@@ -179,33 +191,14 @@ impl Model {
             other => other,
         };
         limits.check_size(size).map_err(|e| named(e.into()))?;
-        Self::from_bytes_with(&fs::read(path).map_err(io)?, limits, shared).map_err(named)
+        Self::from_bytes_with(&fs::read(path).map_err(io)?, limits, vocabulary).map_err(named)
     }
 
-    /// The model as a cloud with points about `resolution` metres apart; `None` leaves the spacing to the model.
+    /// The model as a cloud.
     ///
     /// # Errors
-    /// [`Error::Model`] for an impossible spacing or when the caller asks to stop.
-    pub fn decode(&self, resolution: Option<f64>, progress: &dyn Progress) -> Result<PointCloud> {
-        let options = DecodeOptions { resolution, ..DecodeOptions::default() };
-        match self {
-            Self::Hscsm(model) => Ok(model.decode(options, progress)?),
-            Self::Patches(model) => Ok(model.decode(options, progress)?),
-            // Its spacing was chosen when it was learned.
-            Self::BicAlphabet(model) => Ok(model.decode(options.max_points, progress)?),
-            Self::Gas(model) => {
-                let options = gas::DecodeOptions { resolution, ..gas::DecodeOptions::default() };
-                Ok(model.decode(options, progress)?)
-            }
-            Self::Planes(model) => {
-                let options =
-                    planes::DecodeOptions { resolution, ..planes::DecodeOptions::default() };
-                Ok(model.decode(options, progress)?)
-            }
-            Self::Alphabet(model) => {
-                let options = MdlDecodeOptions { resolution, ..MdlDecodeOptions::default() };
-                Ok(model.decode(options, progress)?)
-            }
-        }
+    /// [`Error::Model`] for options outside their domain, too many points, or when the caller asks to stop.
+    pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        self.as_any_model().decode(options, progress)
     }
 }

@@ -1,14 +1,9 @@
-//! Any one model to `.sfb` bytes and files.
+//! Models to `.sfb` bytes and files.
 
 use std::fs;
 use std::path::Path;
 
-use surfabet_models::alphabet::AlphabetModel;
-use surfabet_models::bic_alphabet::BicAlphabetModel;
-use surfabet_models::gas::GasModel;
-use surfabet_models::hscsm::HscsmModel;
-use surfabet_models::patches::PatchModel;
-use surfabet_models::planes::PlaneModel;
+use surfabet_codec::Layout;
 
 use crate::error::{Error, Result};
 
@@ -24,55 +19,31 @@ pub trait Save {
     ///
     /// # Errors
     /// [`Error::Io`] naming the file.
-    fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
+    fn save(&self, path: impl AsRef<Path>) -> Result<u64>
+    where
+        Self: Sized,
+    {
         write(path.as_ref(), &self.to_bytes()?)
     }
 }
 
-impl Save for HscsmModel {
+impl<M: Layout> Save for M {
     fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::hscsm::write(self)?)
+        Ok(surfabet_codec::write(self)?)
     }
 }
 
-impl Save for PatchModel {
-    fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::patches::write(self)?)
-    }
-}
-
-impl Save for BicAlphabetModel {
-    fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::bic_alphabet::write(self)?)
-    }
-}
-
-impl Save for GasModel {
-    fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::gas::write(self)?)
-    }
-}
-
-impl Save for PlaneModel {
-    fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::planes::write(self)?)
-    }
-}
-
-impl Save for AlphabetModel {
-    fn to_bytes(&self) -> Result<Vec<u8>> {
-        Ok(surfabet_codec::alphabet::write(self)?)
-    }
-}
-
-/// Writes a whole file or none.
-pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<u64> {
+/// Writes a whole file or none; returns its size.
+///
+/// # Errors
+/// [`Error::Io`] naming the file.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<u64> {
     let io = |source| Error::Io { path: path.to_owned(), source };
     let mut partial = path.as_os_str().to_owned();
     partial.push(format!(".{}.part", std::process::id()));
     let written = fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, path));
     if written.is_err() {
-        // The first error is the one to tell; a leftover that cannot be removed adds nothing to it.
+        // The first error is the one to report; a leftover that cannot be removed adds nothing to it.
         let _ = fs::remove_file(&partial);
     }
     written.map_err(io)?;

@@ -8,7 +8,7 @@ use rand_distr::StandardNormal;
 use surfabet::bic_alphabet::{self, BicHeader, BicPose, BicShape, BicWord};
 use surfabet::geom::KdTree;
 use surfabet::{
-    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, CloudParts, Container, Deviation, Model,
+    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, CloudParts, Container, Model,
     PointCloud, Save, Shared, Silent, Upright, Viewpoints, bic_alphabet_hash, shared_alphabet,
 };
 use surfabet_codec::{ContainerWriter, Family, Features};
@@ -111,8 +111,8 @@ fn decoded_points_keep_their_distance_and_are_those_measured() {
     }
     // Inliers by their definition, with sigma at lambda 3 for the estimated resolution.
     let alpha = 0.035_f64;
-    let given = Deviation { angular_resolution: Some(alpha), ..Deviation::default() };
-    let model = learn(&cloud, &BicAlphabetOptions { deviation: given, ..options() });
+    let angular_resolution = Some(alpha.to_degrees());
+    let model = learn(&cloud, &BicAlphabetOptions { angular_resolution, ..options() });
     let tree = KdTree::new(decode(&model).positions()).unwrap();
     let inliers = cloud.positions().iter().filter(|p| {
         let range = [0.0, 0.0, 0.8_f64].iter().zip(*p).map(|(e, c)| (f64::from(*c) - e).powi(2));
@@ -190,30 +190,6 @@ fn huge_coordinates_keep_their_millimetres() {
     let near = learn(&near, &options());
     assert_eq!(decode(&far).positions(), decode(&near).positions());
     assert_eq!(decode(&far).origin(), shift);
-}
-
-#[test]
-fn wrong_options_are_named() {
-    let (cloud, _) = PointCloud::from_positions(vec![[0.0; 3]]);
-    for (options, name) in [
-        (BicAlphabetOptions { radius: 0.0, ..options() }, "radius"),
-        (BicAlphabetOptions { epsilon: Some(f64::NAN), ..options() }, "epsilon"),
-        (BicAlphabetOptions { feature_spacing: Some(-1.0), ..options() }, "feature_spacing"),
-        (BicAlphabetOptions { interest_scales: vec![0.1], ..options() }, "interest_scales"),
-        (BicAlphabetOptions { interest_threshold: 0.0, ..options() }, "interest_threshold"),
-        (BicAlphabetOptions { normal_neighbors: 2, ..options() }, "normal_neighbors"),
-        (BicAlphabetOptions { descriptor_pixels: 1, ..options() }, "descriptor_pixels"),
-        (BicAlphabetOptions { empty_penalty: 2.0, ..options() }, "empty_penalty"),
-        (BicAlphabetOptions { floor: 2.0, ..options() }, "floor"),
-        (BicAlphabetOptions { min_points: 0, ..options() }, "min_points"),
-        (BicAlphabetOptions { iterations: 0, ..options() }, "iterations"),
-        (BicAlphabetOptions { max_rejections: 0, ..options() }, "max_rejections"),
-    ] {
-        match bic_alphabet::learn(&cloud, &options, &Silent) {
-            Err(Error::InvalidParameter { name: found, .. }) => assert_eq!(found, name),
-            other => panic!("{name}: {other:?}"),
-        }
-    }
 }
 
 #[test]

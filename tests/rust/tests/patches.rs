@@ -305,26 +305,6 @@ fn a_scene_too_large_for_its_pixels_is_refused_with_the_limit() {
 }
 
 #[test]
-fn wrong_options_are_named() {
-    let cloud = plain(vec![[0.0; 3]]);
-    let base = PatchesOptions::default();
-    for (options, name) in [
-        (PatchesOptions { resolution: 0.0, ..base.clone() }, "resolution"),
-        (PatchesOptions { levels: 5, ..base.clone() }, "levels"),
-        (PatchesOptions { lambda: f64::NAN, ..base.clone() }, "lambda"),
-        (PatchesOptions { depth_step: 0, ..base.clone() }, "depth_step"),
-        (PatchesOptions { color_step: 0, ..base.clone() }, "color_step"),
-        (PatchesOptions { max_error: Some(-1.0), ..base.clone() }, "max_error"),
-        (PatchesOptions { rounds: 0, ..base }, "rounds"),
-    ] {
-        match patches::learn(&cloud, &options, &Silent) {
-            Err(Error::InvalidParameter { name: found, .. }) => assert_eq!(found, name),
-            other => panic!("{name}: {other:?}"),
-        }
-    }
-}
-
-#[test]
 fn stopping_stops() {
     let (cloud, _) = corner(0.0, 0.0, 8);
     let found = patches::learn(&cloud, &PatchesOptions::default(), &Stop);

@@ -3,28 +3,12 @@
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, PointCloud, Progress, Viewpoints};
 
-use super::coverage::raster;
+use super::candidates::coverage::raster;
 use super::model::AlphabetModel;
 use super::placement::Stand;
 use super::word::Word;
-use crate::error::{Result, check_points, positive};
-
-/// How a model becomes a cloud.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MdlDecodeOptions {
-    /// Spacing of the points, metres; by default as wide as the scan's own deviation allows, word by word.
-    pub resolution: Option<f64>,
-    /// Give every point the normal of its word.
-    pub normals: bool,
-    /// Most points to make.
-    pub max_points: u64,
-}
-
-impl Default for MdlDecodeOptions {
-    fn default() -> Self {
-        Self { resolution: None, normals: false, max_points: 500_000_000 }
-    }
-}
+use crate::contract::DecodeOptions;
+use crate::error::{Result, check_points};
 
 impl AlphabetModel {
     /// The model as a cloud: word by word, row by row, seen from the sensors that saw the scan.
@@ -32,10 +16,9 @@ impl AlphabetModel {
     /// # Errors
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
     /// [`crate::Error::Cancelled`].
-    pub fn decode(&self, options: MdlDecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        if let Some(resolution) = options.resolution {
-            positive("resolution", resolution, "positive and finite")?;
-        }
+    pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        options.check()?;
+        options.expect_thin()?;
         let unit = self.unit();
         let raster_of = |stand: &Stand| match options.resolution {
             Some(resolution) => {

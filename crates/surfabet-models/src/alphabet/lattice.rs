@@ -25,7 +25,7 @@ const TILT_STEP: i64 = 70;
 pub const MAX_SLOPE: i32 = 255;
 
 /// Sigma squared as a function of the squared distance from the sensor (eq. 13), in units.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SigmaRule {
     /// `(scale * tan(alpha / 2))^2`, times 2^40; zero where no sensor is known.
     pub per_range: u64,

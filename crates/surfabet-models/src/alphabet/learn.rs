@@ -4,21 +4,22 @@ use rayon::prelude::*;
 use surfabet_entropy::Price;
 use surfabet_geom::{Neighborhood, PointCloud, Progress, estimate_normals};
 
-use super::attributes::Channels;
+use super::candidates::clusters::{clustered, nearest_words};
+use super::candidates::coverage::Rasters;
+use super::candidates::descriptor::Patch;
 use super::candidates::{Candidate, NEAREST, Plane, planes, with_words};
-use super::cover::{Prices, Tally, cover};
-use super::coverage::Rasters;
-use super::data::{Cells, Data};
+use super::channels::Channels;
+use super::choice::cover::{Prices, Tally, cover};
+use super::coding::occurrences::{Setting, code_occurrences, code_words};
 use super::model::{Alphabet, AlphabetModel, Header};
-use super::near::{NearPoint, near};
 use super::options::AlphabetOptions;
-use super::patch::Patch;
 use super::placement::Placement;
-use super::syntax::{Setting, code_occurrences, code_words};
-use super::thin::thinned;
+use super::scene::local_points::{NearPoint, near};
+use super::scene::thin::thinned;
+use super::scene::{Cells, Data};
 use super::word::Word;
-use super::words::{clustered, nearest_words};
 use crate::error::{Error, Result};
+use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::scans::Scene;
 
@@ -89,8 +90,8 @@ fn run(
             .collect::<Result<Vec<Scale>>>()
     })?;
     let mut prices = Prices {
-        point: options.point_bits as f32,
-        lone: options.lone_bits as f32,
+        point: options.inlier_bits() as f32,
+        lone: options.outlier_bits() as f32,
         occurrence: vec![FIRST_PRICE; scales.len()],
         word: Vec::new(),
     };
@@ -186,7 +187,7 @@ fn prepared(
     options: &AlphabetOptions,
     progress: &dyn Progress,
 ) -> Result<(Scene, Scene, Data)> {
-    let scene = Scene::new(cloud, options.deviation, options.min_range, progress)?;
+    let scene = Scene::new(cloud, options.deviation(), options.min_range, progress)?;
     progress.check()?;
     let kept = thinned(&scene);
     progress.check()?;

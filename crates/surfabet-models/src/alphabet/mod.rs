@@ -10,42 +10,35 @@
 //! | file | step | paper |
 //! |---|---|---|
 //! | `options` | what to learn, and what a point is worth | |
-//! | `thin`, `data` | points no denser than sigma needs, in units and by cells | eq. 13 |
+//! | `scene` | points no denser than sigma needs, in units and by cells | eq. 13 |
 //! | `lattice`, `word`, `placement` | the integers that radii, height maps and poses are made of | |
-//! | `candidates`, `near` | planes at every cell, and the words that look like what is there | III-C |
-//! | `patch`, `words` | descriptors, and their clusters as words | III-C |
-//! | `coverage` | points that a placed word explains, and samples that explain none | eq. 13 |
-//! | `cover` | the occurrences that explain most for their bits, without redundant ones | III-D |
+//! | `candidates`, `scene::local_points` | planes at every cell, and the words that look like what is there | III-C |
+//! | `candidates::descriptor`, `candidates::clusters` | descriptors, and their clusters as words | III-C |
+//! | `candidates::coverage` | points that a placed word explains, and samples that explain none | eq. 13 |
+//! | `choice` | the occurrences that explain most for their bits, without redundant ones | III-D |
 //! | `learn` | all of it, and a scene by an alphabet that is given | III, IV-B |
-//! | `attributes` | colour and intensity of occurrences | |
+//! | `channels` | colour and intensity of occurrences | |
 //! | `model` | the result | |
-//! | `syntax`, `neighbors`, `nearby` | its bits, each occurrence after those near to it | |
+//! | `coding` | its bits, each occurrence after those near to it | |
 //! | `decode` | back to a cloud at any spacing | eq. 2 |
 
-mod attributes;
 mod candidates;
-mod cover;
-mod coverage;
-mod data;
+mod channels;
+mod choice;
+mod coding;
+mod contract;
 mod decode;
 mod lattice;
 mod learn;
 pub(crate) mod model;
-mod near;
-mod nearby;
-mod neighbors;
 mod options;
-mod patch;
 mod placement;
-mod syntax;
-mod thin;
+mod scene;
 pub(crate) mod word;
-mod words;
 
-pub use attributes::{Channels, INTENSITY_STEPS};
-pub use decode::MdlDecodeOptions;
+pub use channels::{Channels, INTENSITY_STEPS};
 pub use lattice::{MAX_SCALE, SigmaRule};
 pub use learn::{describe, learn};
-pub use model::{Alphabet, AlphabetModel, Attributes, Header, Occurrence};
+pub use model::{Alphabet, AlphabetHeader, AlphabetModel, Attributes, Header, Occurrence};
 pub use options::{AlphabetOptions, MAX_WORDS};
 pub use word::{HEIGHT_STEPS, PIXELS, Word};

@@ -2,14 +2,14 @@
 
 use surfabet_entropy::{Coder, Price};
 
-use super::attributes::{Channels, code_channels};
+use super::channels::{Channels, code_channels};
+use super::coding::occurrences::{Setting, code_occurrences, code_words};
 use super::lattice::{MAX_CELL, MAX_SCALE, SigmaRule, UNITS, sigma};
 use super::options::MAX_WORDS;
 use super::placement::{Placement, Stand};
-use super::syntax::{Setting, code_occurrences, code_words};
 use super::word::Word;
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Beside, Report};
 use crate::scans::Deviation;
 
 /// Words and the radii that they stand in, for any number of scenes.
@@ -51,6 +51,18 @@ impl Alphabet {
         Self::new(radius, scales, vec![Word::plane()])
     }
 
+    /// Reads the words that the header promises.
+    ///
+    /// # Errors
+    /// Those of the coder, also for sizes or words that no alphabet has.
+    pub(super) fn read<C: Coder>(header: &AlphabetHeader, coder: &mut C) -> Result<Self, C::Error> {
+        let n = header.n_words as usize;
+        let plane =
+            Self::plane(header.radius, header.scales).map_err(|e| coder.corrupt(e.to_string()))?;
+        let words = plane.code(coder, n)?;
+        Self::new(header.radius, header.scales, words).map_err(|e| coder.corrupt(e.to_string()))
+    }
+
     /// Smallest radius of a word, metres.
     pub fn radius(&self) -> f64 {
         self.radius
@@ -82,7 +94,7 @@ impl Alphabet {
 }
 
 /// What a model says before its occurrences.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Header {
     /// Points of the cloud that was described.
     pub n_points: u64,
@@ -96,6 +108,23 @@ pub struct Header {
     pub rule: SigmaRule,
     /// Where sensors stood, units from the corner of the lattice; ascending.
     pub sensors: Vec<[i64; 3]>,
+}
+
+/// What the file holds before its streams.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AlphabetHeader {
+    /// Smallest radius of a word, metres.
+    pub radius: f64,
+    /// Number of radii, each twice the one before.
+    pub scales: u32,
+    /// Number of words, with the plane.
+    pub n_words: u32,
+    /// Number of occurrences.
+    pub n_occurrences: u64,
+    /// Which colours and intensities occurrences have.
+    pub channels: Channels,
+    /// The scene.
+    pub scene: Header,
 }
 
 /// Colours and intensities of all occurrences.
@@ -130,7 +159,7 @@ pub struct AlphabetModel {
     placements: Vec<Placement>,
     attributes: Option<Attributes>,
     shares_alphabet: bool,
-    report: Report,
+    report: Beside<Report>,
 }
 
 fn setting(header: &Header, alphabet: &Alphabet) -> Setting {
@@ -181,7 +210,7 @@ impl AlphabetModel {
                 })
                 .collect(),
         });
-        let report = Report::default();
+        let report = Beside::default();
         Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
     }
 
@@ -189,7 +218,11 @@ impl AlphabetModel {
     ///
     /// # Errors
     /// Those of the coders.
-    pub fn write<C: Coder>(&self, occurrences: &mut C, channels: &mut C) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(
+        &self,
+        occurrences: &mut C,
+        channels: &mut C,
+    ) -> Result<(), C::Error> {
         let setting = setting(&self.header, &self.alphabet);
         let n = self.placements.len();
         code_occurrences(occurrences, &setting, &self.placements, n, &mut |_, _| {})?;
@@ -204,7 +237,7 @@ impl AlphabetModel {
     ///
     /// # Errors
     /// Whatever the coders find wrong with what they read.
-    pub fn read<C: Coder>(
+    pub(super) fn read<C: Coder>(
         header: Header,
         alphabet: Alphabet,
         n: usize,
@@ -227,7 +260,7 @@ impl AlphabetModel {
         } else {
             None
         };
-        let report = Report::default();
+        let report = Beside::default();
         Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
     }
 
@@ -266,6 +299,11 @@ impl AlphabetModel {
         (self.header.rule.constant as f64).sqrt() * self.unit()
     }
 
+    /// Corner of the lattice in world coordinates, metres.
+    pub fn origin(&self) -> [f64; 3] {
+        self.header.origin
+    }
+
     /// Whether occurrences have a colour.
     pub fn has_color(&self) -> bool {
         self.attributes.as_ref().is_some_and(|a| a.channels.color_step.is_some())
@@ -295,11 +333,11 @@ impl AlphabetModel {
 
     /// How the model came about; empty for one that was read from a file.
     pub fn report(&self) -> &Report {
-        &self.report
+        &self.report.0
     }
 
     pub(super) fn report_mut(&mut self) -> &mut Report {
-        &mut self.report
+        &mut self.report.0
     }
 
     pub(super) fn placements(&self) -> &[Placement] {

@@ -4,25 +4,31 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use super::model::BicAlphabetModel;
 use super::pose::Frame;
-use super::sparsify::{Stamp, rebuild};
+use super::rebuild::sparsify::{Stamp, rebuild};
+use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 
 impl BicAlphabetModel {
-    /// The scene as points that keep a distance of epsilon, at most `max_points` of them before they are thinned out.
+    /// The scene as points that keep a distance of `resolution`, by default epsilon; occurrences have at most
+    /// `max_points` points before they are thinned. Words hold no more points than they were learned with, so that a
+    /// spacing below epsilon adds few.
     ///
-    /// The result is the same before a model is saved and after it is read.
+    /// The result is the same before a model is saved and after it is read. The normal of a point is that of its
+    /// occurrence.
     ///
     /// # Errors
-    /// [`crate::Error::TooManyPoints`] and [`crate::Error::Cancelled`].
-    pub fn decode(&self, max_points: u64, progress: &dyn Progress) -> Result<PointCloud> {
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
+    /// [`crate::Error::Cancelled`].
+    pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         progress.check()?;
+        options.expect_thin()?;
         let alphabet = self.alphabet();
-        let (radius, epsilon) = (alphabet.radius(), self.epsilon());
+        let (radius, epsilon) = (alphabet.radius(), options.spacing(self.epsilon())?);
         let stamps: Vec<Stamp> =
             alphabet.words().iter().map(|w| Stamp::new(w, radius, epsilon)).collect();
         let of = |word: u32| stamps.get(word as usize).map_or(0, Stamp::len) as u64;
         let points: u64 = self.words().iter().map(|&w| of(w)).sum();
-        check_points(epsilon, points as f64, max_points)?;
+        check_points(epsilon, points as f64, options.max_points)?;
         let frames: Vec<Frame> =
             self.poses().iter().map(|p| p.frame(alphabet.upright(), radius)).collect();
         progress.check()?;
@@ -33,6 +39,9 @@ impl BicAlphabetModel {
         kept.sort_unstable_by_key(|p| (p.owner, p.rank));
         let parts = CloudParts {
             origin: self.origin(),
+            normals: options
+                .normals
+                .then(|| kept.iter().map(|p| frames[p.owner as usize].rows[2]).collect()),
             positions: kept.into_iter().map(|p| p.position).collect(),
             ..CloudParts::default()
         };

@@ -5,16 +5,17 @@ use std::time::Instant;
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
-use super::descriptor::Descriptors;
+use super::choice::quality::{Fidelity, fidelity};
+use super::choice::reconstruction::{Bench, Score, Stage};
+use super::choice::reduce::reduce;
 use super::features::Features;
+use super::features::descriptor::Descriptors;
 use super::model::{BicAlphabet, BicAlphabetModel, BicHeader, Occurrences};
 use super::options::BicAlphabetOptions;
 use super::pose::mix;
-use super::quality::{Fidelity, fidelity};
-use super::reduce::reduce;
-use super::score::{Bench, Score, Stage};
 use super::words::MAX_WORD_POINTS;
 use crate::error::Result;
+use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::scans::Scene;
 
@@ -77,7 +78,7 @@ fn with_stage(
     options.check()?;
     let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
     let scene = report.time("preparing the scene", || {
-        Scene::new(cloud, options.deviation, options.min_range, progress)
+        Scene::new(cloud, options.deviation(), options.min_range, progress)
     })?;
     let tree = KdTree::new(&scene.positions)?;
     let features =

@@ -18,26 +18,23 @@
 //! | `quality` | inliers and outliers | IV |
 //! | `model`, `syntax`, `decode` | the result, its bits, and back to a cloud | IV-B |
 
+mod choice;
+mod coding;
+mod contract;
 mod decode;
-mod descriptor;
 mod features;
-mod grid;
-mod interest;
 mod learn;
 mod likelihood;
-mod matching;
 mod model;
 mod options;
 mod pose;
-mod quality;
-mod reduce;
-mod score;
-mod sparsify;
-mod syntax;
+mod rebuild;
 mod words;
 
 pub use learn::learn;
-pub use model::{BicAlphabet, BicAlphabetModel, BicHeader, BicShape, MAX_CELL, MAX_WORDS};
+pub use model::{
+    BicAlphabet, BicAlphabetHeader, BicAlphabetModel, BicHeader, BicShape, MAX_CELL, MAX_WORDS,
+};
 pub use options::BicAlphabetOptions;
 pub use pose::{BicPose, MAX_POSITION};
 pub use words::{BicWord, MAX_WORD_POINTS};

@@ -2,13 +2,13 @@
 
 use surfabet_entropy::Coder;
 
-use super::descriptor::{EMPTY, pixel_centers};
+use super::coding::{code_occurrences, code_words};
+use super::features::descriptor::{EMPTY, pixel_centers};
 use super::options::BicAlphabetOptions;
 use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
-use super::syntax::{code_occurrences, code_words};
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Beside, Report};
 use crate::scans::Upright;
 
 /// Most words of an alphabet.
@@ -21,7 +21,7 @@ pub const MAX_CELL: i32 = MAX_POSITION / CELL;
 const MAX_PIXELS: u32 = 32;
 
 /// What words have in common.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BicShape {
     /// Delta, the radius of a word, metres.
     pub radius: f64,
@@ -108,6 +108,12 @@ impl BicAlphabet {
         Self::new(BicShape { radius, descriptor_pixels, upright }, words)
     }
 
+    /// Default options for words of this kind, to describe a cloud with.
+    pub fn options(&self) -> BicAlphabetOptions {
+        let BicShape { radius, descriptor_pixels, upright } = self.shape;
+        BicAlphabetOptions { radius, descriptor_pixels, upright, ..BicAlphabetOptions::default() }
+    }
+
     /// Refuses options of another kind of words.
     pub(super) fn check(&self, options: &BicAlphabetOptions) -> Result<()> {
         let mismatch = |name: &str, own: String, given: String| {
@@ -137,7 +143,7 @@ impl BicAlphabet {
     ///
     /// # Errors
     /// Those of the coder.
-    pub fn write<C: Coder>(&self, coder: &mut C) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(&self, coder: &mut C) -> Result<(), C::Error> {
         let limit = usize::MAX;
         code_words(coder, self.shape.pixels(), &self.words, self.len(), limit).map(|_| ())
     }
@@ -146,7 +152,7 @@ impl BicAlphabet {
     ///
     /// # Errors
     /// Those of the coder, also for words that no alphabet has.
-    pub fn read<C: Coder>(
+    pub(super) fn read<C: Coder>(
         shape: BicShape,
         n: usize,
         max_points: usize,
@@ -203,7 +209,7 @@ pub(super) struct Occurrences {
 }
 
 /// What a model says of itself before its streams.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BicHeader {
     /// Points of the cloud that was described.
     pub n_points: u64,
@@ -215,6 +221,19 @@ pub struct BicHeader {
     pub low: [i32; 3],
 }
 
+/// What the file holds before its streams.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BicAlphabetHeader {
+    /// What the words have in common.
+    pub shape: BicShape,
+    /// Number of words.
+    pub n_words: u32,
+    /// Number of occurrences.
+    pub n_occurrences: u64,
+    /// The scene.
+    pub scene: BicHeader,
+}
+
 /// A cloud as occurrences of words (eq. 2); immutable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BicAlphabetModel {
@@ -223,7 +242,7 @@ pub struct BicAlphabetModel {
     poses: Vec<BicPose>,
     words: Vec<u32>,
     shares_alphabet: bool,
-    report: Report,
+    report: Beside<Report>,
 }
 
 impl BicAlphabetModel {
@@ -274,7 +293,7 @@ impl BicAlphabetModel {
                 return fail(format!("{pose:?} has a roll that its upright rule does not know"));
             }
         }
-        let report = Report::default();
+        let report = Beside::default();
         Ok(Self { header, alphabet, poses, words, shares_alphabet, report })
     }
 
@@ -286,14 +305,14 @@ impl BicAlphabetModel {
     ) -> Result<Self> {
         let Occurrences { poses, words } = occurrences;
         let model = Self::new(header, alphabet, poses, words, false)?;
-        Ok(Self { report, ..model })
+        Ok(Self { report: Beside(report), ..model })
     }
 
     /// Writes the occurrences.
     ///
     /// # Errors
     /// Those of the coder.
-    pub fn write<C: Coder>(&self, coder: &mut C) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(&self, coder: &mut C) -> Result<(), C::Error> {
         let given = (self.poses.as_slice(), self.words.as_slice());
         code_occurrences(coder, &self.alphabet, self.header.low, given, self.len()).map(|_| ())
     }
@@ -302,7 +321,7 @@ impl BicAlphabetModel {
     ///
     /// # Errors
     /// Those of the coder, also for a header or occurrences that no model has.
-    pub fn read<C: Coder>(
+    pub(super) fn read<C: Coder>(
         header: BicHeader,
         alphabet: BicAlphabet,
         n: usize,
@@ -388,8 +407,13 @@ impl BicAlphabetModel {
         Self { shares_alphabet, ..self }
     }
 
+    /// False: the paper's words have no colour.
+    pub fn has_color(&self) -> bool {
+        false
+    }
+
     /// How the model came about; empty for one read from a file.
     pub fn report(&self) -> &Report {
-        &self.report
+        &self.report.0
     }
 }

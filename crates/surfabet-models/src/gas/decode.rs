@@ -5,7 +5,8 @@ use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
 use super::model::GasModel;
 use crate::color::rounded;
-use crate::error::{Result, check_points, positive};
+use crate::contract::DecodeOptions;
+use crate::error::{Result, check_points};
 use crate::spread::across;
 use crate::vector::{cross, dot, least_axis};
 
@@ -17,25 +18,6 @@ const REACH: f64 = 1.15;
 
 /// Golden angle, radians: turns by it fill a disc evenly.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-
-/// How to decode.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DecodeOptions {
-    /// Spacing of the points, metres; `None` gives the neurons.
-    pub resolution: Option<f64>,
-    /// Spread the points across their discs as the input was, instead of on the surface.
-    pub as_measured: bool,
-    /// Give the points normals.
-    pub normals: bool,
-    /// Most points to make.
-    pub max_points: u64,
-}
-
-impl Default for DecodeOptions {
-    fn default() -> Self {
-        Self { resolution: None, as_measured: false, normals: false, max_points: 500_000_000 }
-    }
-}
 
 /// A decoded point.
 #[derive(Debug, Clone, Copy)]
@@ -59,7 +41,7 @@ impl GasModel {
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let points = match options.resolution {
             None => (0..self.len()).map(|i| self.neuron_point(i)).collect(),
-            Some(spacing) => self.fill(spacing, &options, progress)?,
+            Some(_) => self.fill(&options, progress)?,
         };
         let parts = CloudParts {
             origin: self.origin(),
@@ -80,13 +62,8 @@ impl GasModel {
         if self.neurons[i].normal.is_some() { REACH * self.radius(i) } else { 0.0 }
     }
 
-    fn fill(
-        &self,
-        spacing: f64,
-        options: &DecodeOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Point>> {
-        positive("resolution", spacing, "a positive number of metres")?;
+    fn fill(&self, options: &DecodeOptions, progress: &dyn Progress) -> Result<Vec<Point>> {
+        let spacing = options.spacing(self.position_step())?;
         let squares = |i: usize| (2.0 * self.reach(i) / spacing + 1.0).powi(2);
         let links = |e: &[u32; 2]| self.length(*e) / spacing;
         let most =

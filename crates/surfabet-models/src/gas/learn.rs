@@ -5,14 +5,15 @@ use std::collections::HashSet;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::adjacency::Adjacency;
-use super::grow::{Grown, Stop, grow};
-use super::index::{BruteForce, Index, Winners};
+use super::describe::statistics::{Observed, describe};
 use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
+use super::network::growth::{Grown, Stop, grow};
+use super::network::signals::Signals;
 use super::network::{Graph, Network};
 use super::options::{GasOptions, MAX_NEURONS, Search};
-use super::signals::Signals;
-use super::statistics::{Observed, describe};
+use super::winners::index::{BruteForce, Index, Winners};
 use crate::error::{Error, Result};
+use crate::options::Options;
 use crate::report::{Report, lost};
 
 /// Position steps per mean edge, by default: rounding adds a thousandth to the squared error.

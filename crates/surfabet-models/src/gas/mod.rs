@@ -19,28 +19,20 @@
 //! | `mesh`, `topology` | triangles, components, ways along the surface | |
 //! | `learn` | all of it, and the update with another scan | |
 
-mod accumulated;
 mod adjacency;
+mod coding;
+mod contract;
 mod decode;
-mod edges;
-mod grow;
-mod index;
+mod describe;
 mod learn;
-mod mesh;
 mod model;
 mod network;
 mod options;
-mod order;
-mod orient;
-mod signals;
-mod statistics;
-mod syntax;
-mod topology;
+mod surface;
+mod winners;
 
-pub use decode::DecodeOptions;
-pub use index::{BruteForce, Index, Winner, Winners};
 pub use learn::learn;
 pub use model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron};
 pub use network::{Graph, Network, Rates};
 pub use options::{GasOptions, MAX_NEURONS, Search};
-pub use syntax::Streams;
+pub use winners::index::{BruteForce, Index, Winner, Winners};

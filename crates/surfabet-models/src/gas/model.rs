@@ -1,15 +1,15 @@
 //! The model in the integers that a file stores.
 
-use surfabet_entropy::{Coder, Price};
+use surfabet_entropy::Coder;
 use surfabet_geom::octahedral;
 
 use super::adjacency::Adjacency;
-use super::order::traversal;
-use super::statistics::Statistics;
-use super::syntax::{Parts, Streams, code_gas};
+use super::coding::order::traversal;
+use super::coding::{Parts, Streams, code_gas};
+use super::describe::statistics::Statistics;
 use crate::color::{self, rounded};
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Beside, Report};
 use crate::size_code::{size_code, size_of_code};
 
 /// Largest coordinate in position steps, so that positions are exact in single precision.
@@ -39,7 +39,7 @@ pub struct Neuron {
 }
 
 /// What a gas says of itself before its streams.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct GasHeader {
     /// Points of the clouds that the model was learned from.
     pub n_points: u64,
@@ -93,7 +93,7 @@ pub struct GasModel {
     pub(super) neurons: Vec<Neuron>,
     pub(super) edges: Vec<[u32; 2]>,
     pub(super) adjacency: Adjacency,
-    report: Report,
+    report: Beside<Report>,
 }
 
 impl GasModel {
@@ -137,7 +137,7 @@ impl GasModel {
             .collect();
         edges.sort_unstable();
         let adjacency = Adjacency::new(neurons.len(), &edges);
-        Ok(Self { header, neurons, edges, adjacency, report })
+        Ok(Self { header, neurons, edges, adjacency, report: Beside(report) })
     }
 
     /// What the file says before its streams.
@@ -149,7 +149,7 @@ impl GasModel {
     ///
     /// # Errors
     /// Those of the coders.
-    pub fn write<C: Coder>(&self, streams: &mut Streams<C>) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(&self, streams: &mut Streams<'_, C>) -> Result<(), C::Error> {
         code_gas(streams, &self.header, Some((&self.neurons, &self.adjacency)))?;
         Ok(())
     }
@@ -158,20 +158,16 @@ impl GasModel {
     ///
     /// # Errors
     /// Those of the coders, also for a header or content that no model has.
-    pub fn read<C: Coder>(header: &GasHeader, streams: &mut Streams<C>) -> Result<Self, C::Error> {
+    pub(super) fn read<C: Coder>(
+        header: &GasHeader,
+        streams: &mut Streams<'_, C>,
+    ) -> Result<Self, C::Error> {
         header.check().map_err(|e| streams.topology.corrupt(e.to_string()))?;
         let Parts { neurons, mut edges } = code_gas(streams, header, None)?;
         edges.sort_unstable();
         let adjacency = Adjacency::new(neurons.len(), &edges);
-        let report = Report::default();
+        let report = Beside::default();
         Ok(Self { header: header.clone(), neurons, edges, adjacency, report })
-    }
-
-    /// Bytes that the streams take, nearly: their prices under the coder's models, as they come in [`Streams`].
-    pub fn price(&self) -> [f64; 5] {
-        let mut streams = Streams::from_fn(Price::default);
-        let Ok(()) = self.write(&mut streams);
-        streams.as_array().map(|price| price.bits / 8.0)
     }
 
     /// Number of neurons.
@@ -265,6 +261,6 @@ impl GasModel {
 
     /// How the model was learned; empty for a model read from a file.
     pub fn report(&self) -> &Report {
-        &self.report
+        &self.report.0
     }
 }

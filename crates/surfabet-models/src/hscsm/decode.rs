@@ -8,8 +8,9 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 use super::frame::Frame;
 use super::model::{Channel, HscsmModel, Level};
 use crate::color::to_rgb;
+use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
-use crate::points::{DecodeOptions, Points};
+use crate::points::Points;
 
 impl HscsmModel {
     /// The model as a cloud. Points come patch by patch; their number and order are not those of the input.
@@ -19,7 +20,8 @@ impl HscsmModel {
     /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let finest = self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min);
-        let resolution = options.spacing(finest)?;
+        options.expect_thin()?;
+        let resolution = options.spacing(0.5 * finest)?;
         let bound: f64 = self
             .levels()
             .iter()

@@ -3,7 +3,7 @@
 use surfabet_geom::Progress;
 use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
 
-use super::model::Codes;
+use super::model::{Codes, MAX_ENTRIES};
 use super::options::HscsmOptions;
 use crate::error::{Error, Result};
 use crate::report::Report;
@@ -35,9 +35,9 @@ impl QuantizedDictionary {
                 values.len()
             )));
         }
-        if values.len() / n_features > 65_536 {
+        if values.len() / n_features > MAX_ENTRIES {
             return Err(Error::Inconsistent(format!(
-                "a dictionary of {} entries, more than 65536",
+                "a dictionary of {} entries, more than {MAX_ENTRIES}",
                 values.len() / n_features
             )));
         }
@@ -131,6 +131,20 @@ pub struct HscsmDictionary {
 }
 
 impl HscsmDictionary {
+    /// Default options of the dictionary's hierarchy, to describe a cloud with.
+    pub fn options(&self) -> HscsmOptions {
+        let default = HscsmOptions::default();
+        match self.levels.last() {
+            Some(finest) => HscsmOptions {
+                resolution: finest.pixel_size,
+                patch_pixels: finest.pixels,
+                levels: self.levels.len() as u32,
+                ..default
+            },
+            None => default,
+        }
+    }
+
     /// Refuses options of another hierarchy.
     pub(super) fn check(&self, options: &HscsmOptions) -> Result<()> {
         let mismatch = |what: &str, given: String, own: String| {

@@ -14,10 +14,13 @@
 //! | `images` | depth, colour and bitmask of a patch | III, fig. 2 |
 //! | `dictionary` | wK-SVD per channel, sparse codes | III-B, eq. 1 |
 //! | `order` | patches along a space-filling curve | |
+//! | `coding` | a model as binary decisions: written, read and priced | |
 //! | `model` | the result, in the integers that a file stores | III |
 //! | `decode` | back to a cloud at any spacing | III-B, eq. 2 and 3 |
 
 mod cells;
+mod coding;
+mod contract;
 mod decode;
 mod dictionary;
 mod field;
@@ -34,6 +37,7 @@ pub use dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
 pub use learn::{encode, learn};
 pub use model::{
-    Channel, Codes, HscsmModel, HscsmModelParts, Level, MAX_POSITION, MAX_SPARSITY, Steps,
+    Channel, Codes, HscsmHeader, HscsmModel, HscsmModelParts, Level, LevelHeader, MAX_ENTRIES,
+    MAX_POSITION, MAX_SPARSITY, Steps,
 };
 pub use options::{HscsmOptions, MAX_LEVELS, Placement};

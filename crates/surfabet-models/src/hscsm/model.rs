@@ -3,12 +3,16 @@
 //! Everything is quantised when it is learned, so a model decodes to the same cloud before it is saved and after
 //! it is read back.
 
-use super::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
-use super::frame::{NORMAL_BITS, PatchPose};
+use surfabet_entropy::Coder;
+use surfabet_geom::morton::encode_wide;
 use surfabet_geom::octahedral;
 
+use super::coding::{Streams, code_hscsm};
+use super::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
+use super::frame::{NORMAL_BITS, PatchPose};
+use super::order;
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Beside, Report};
 
 /// Largest absolute lattice coordinate of a patch centre.
 pub const MAX_POSITION: i32 = 1 << 28;
@@ -16,8 +20,11 @@ pub const MAX_POSITION: i32 = 1 << 28;
 /// Most dictionary entries in one patch's code.
 pub const MAX_SPARSITY: usize = 64;
 
+/// Most entries of a dictionary.
+pub const MAX_ENTRIES: usize = 1 << 16;
+
 /// What the integers of a level are multiplied with.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Steps {
     /// Lattice of patch centres, metres.
     pub position: f64,
@@ -63,6 +70,9 @@ impl Codes {
             return Err(format!("a code of {} entries, more than {MAX_SPARSITY}", w[1] - w[0]));
         }
         let n_atoms = dictionary.n_atoms();
+        if let Some(w) = self.offsets.windows(2).find(|w| (w[1] - w[0]) as usize > n_atoms) {
+            return Err(format!("a code of {} in {n_atoms} entries", w[1] - w[0]));
+        }
         match self.atoms.iter().find(|&&a| usize::from(a) >= n_atoms) {
             Some(atom) => Err(format!("a code uses entry {atom} of a dictionary of {n_atoms}")),
             None => Ok(()),
@@ -147,6 +157,75 @@ impl Level {
         self.set_pixels() as f64 * self.pixel_size * self.pixel_size
     }
 
+    /// What the file says of this level before its streams.
+    pub fn header(&self) -> LevelHeader {
+        LevelHeader {
+            pixel_size: self.pixel_size,
+            pixels: self.pixels,
+            steps: self.steps,
+            n_patches: self.len(),
+            depth_atoms: self.depth.dictionary.n_atoms(),
+            color_atoms: self.color.as_ref().map(|c| c.dictionary.n_atoms()),
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let header = self.header();
+        header.check()?;
+        let (n, area) = (self.len(), self.area());
+        if self.masks.len() != n * area {
+            return Err(format!("{} mask pixels for {n} patches", self.masks.len()));
+        }
+        if let Some(p) = self
+            .poses
+            .iter()
+            .flat_map(|p| p.position)
+            .find(|c| !(-MAX_POSITION..=MAX_POSITION).contains(c))
+        {
+            return Err(format!("a patch centre at lattice coordinate {p} is out of range"));
+        }
+        let half = octahedral::half(NORMAL_BITS) as u16;
+        if self.poses.iter().flat_map(|p| p.normal).any(|c| c.unsigned_abs() > half) {
+            return Err(format!("a normal's code is beyond {half}"));
+        }
+        let (_, cells) = order::cells(&self.poses, header.steps_per_cell());
+        if !cells.is_sorted_by_key(|&cell| encode_wide(cell)) {
+            return Err("patches are not in the Morton order of their cells".to_owned());
+        }
+        self.depth.check("depth", n, area, 1)?;
+        self.color.as_ref().map_or(Ok(()), |c| c.check("colour", n, area, 3))
+    }
+}
+
+/// What a file says of a level before its streams.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LevelHeader {
+    /// Side of a pixel (pr), metres.
+    pub pixel_size: f64,
+    /// Pixels per side of a patch, 2 to 32.
+    pub pixels: u32,
+    /// Quantiser steps.
+    pub steps: Steps,
+    /// Number of patches.
+    pub n_patches: usize,
+    /// Entries of the depth dictionary.
+    pub depth_atoms: usize,
+    /// Entries of the colour dictionary, where there are colours.
+    pub color_atoms: Option<usize>,
+}
+
+impl LevelHeader {
+    /// Pixels of a patch.
+    pub fn area(&self) -> usize {
+        (self.pixels * self.pixels) as usize
+    }
+
+    /// Position steps per side of the cells that order the patches.
+    pub(super) fn steps_per_cell(&self) -> i32 {
+        order::steps_per_cell(self.pixel_size, self.pixels, self.steps.position)
+    }
+
+    /// Checks that all numbers are in their domains.
     fn check(&self) -> Result<(), String> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let steps = self.steps;
@@ -164,25 +243,41 @@ impl Level {
         if !(2..=32).contains(&self.pixels) {
             return Err(format!("patches of {} pixels per side, not 2 to 32", self.pixels));
         }
-        let (n, area) = (self.len(), self.area());
-        if self.masks.len() != n * area {
-            return Err(format!("{} mask pixels for {n} patches", self.masks.len()));
+        let most = self.depth_atoms.max(self.color_atoms.unwrap_or(0));
+        if most > MAX_ENTRIES {
+            return Err(format!("a dictionary of {most} entries, more than {MAX_ENTRIES}"));
         }
-        if let Some(p) = self
-            .poses
-            .iter()
-            .flat_map(|p| p.position)
-            .find(|c| !(-MAX_POSITION..=MAX_POSITION).contains(c))
-        {
-            return Err(format!("a patch centre at lattice coordinate {p} is out of range"));
-        }
-        let half = octahedral::half(NORMAL_BITS) as u16;
-        if self.poses.iter().flat_map(|p| p.normal).any(|c| c.unsigned_abs() > half) {
-            return Err(format!("a normal's code is beyond {half}"));
-        }
-        self.depth.check("depth", n, area, 1)?;
-        self.color.as_ref().map_or(Ok(()), |c| c.check("colour", n, area, 3))
+        Ok(())
     }
+}
+
+/// What a model says of itself before its streams.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct HscsmHeader {
+    /// World position that poses are relative to, metres.
+    pub origin: [f64; 3],
+    /// Points of the cloud that the model was learned from.
+    pub n_points: u64,
+    /// The levels, coarsest first.
+    pub levels: Vec<LevelHeader>,
+}
+
+impl HscsmHeader {
+    /// Checks that all numbers are in their domains.
+    fn check(&self) -> Result<()> {
+        check_origin(self.origin)?;
+        for (j, level) in self.levels.iter().enumerate() {
+            level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
+        }
+        Ok(())
+    }
+}
+
+fn check_origin(origin: [f64; 3]) -> Result<()> {
+    if origin.iter().any(|c| !c.is_finite()) {
+        return Err(Error::Inconsistent(format!("origin {origin:?} is not finite")));
+    }
+    Ok(())
 }
 
 /// What a [`HscsmModel`] is made of, before it is checked.
@@ -202,7 +297,7 @@ pub struct HscsmModelParts {
 #[derive(Debug, Clone, PartialEq)]
 pub struct HscsmModel {
     parts: HscsmModelParts,
-    report: Report,
+    report: Beside<Report>,
 }
 
 impl HscsmModel {
@@ -211,18 +306,55 @@ impl HscsmModel {
     /// # Errors
     /// [`Error::Inconsistent`] naming the first contradiction.
     pub fn from_parts(parts: HscsmModelParts) -> Result<Self> {
-        if parts.origin.iter().any(|c| !c.is_finite()) {
-            return Err(Error::Inconsistent(format!("origin {:?} is not finite", parts.origin)));
-        }
+        check_origin(parts.origin)?;
         for (j, level) in parts.levels.iter().enumerate() {
             level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
         }
-        Ok(Self { parts, report: Report::default() })
+        Ok(Self { parts, report: Beside::default() })
     }
 
     pub(super) fn with_report(mut self, report: Report) -> Self {
-        self.report = report;
+        self.report = Beside(report);
         self
+    }
+
+    /// What the file says before its streams.
+    pub fn header(&self) -> HscsmHeader {
+        HscsmHeader {
+            origin: self.origin(),
+            n_points: self.n_points(),
+            levels: self.levels().iter().map(Level::header).collect(),
+        }
+    }
+
+    /// Writes the streams.
+    ///
+    /// # Errors
+    /// Those of the coders.
+    pub(super) fn write<C: Coder>(&self, streams: &mut Streams<'_, C>) -> Result<(), C::Error> {
+        let shared = self.shares_dictionary().then(|| self.dictionary());
+        code_hscsm(streams, &self.header(), shared.as_ref(), Some(self.levels()))?;
+        Ok(())
+    }
+
+    /// Reads the streams that [`HscsmModel::write`] wrote; `shared` are the dictionaries of a file that does not
+    /// hold its own.
+    ///
+    /// # Errors
+    /// Those of the coders, also for a header or content that no model has.
+    pub(super) fn read<C: Coder>(
+        header: &HscsmHeader,
+        shared: Option<&HscsmDictionary>,
+        streams: &mut Streams<'_, C>,
+    ) -> Result<Self, C::Error> {
+        header.check().map_err(|e| streams.poses.corrupt(e.to_string()))?;
+        let parts = HscsmModelParts {
+            origin: header.origin,
+            n_points: header.n_points,
+            levels: code_hscsm(streams, header, shared, None)?,
+            shared_dictionary: shared.is_some(),
+        };
+        Self::from_parts(parts).map_err(|e| streams.poses.corrupt(e.to_string()))
     }
 
     /// World position that poses are relative to, metres.
@@ -273,6 +405,6 @@ impl HscsmModel {
 
     /// How the model was learned; empty for a model read from a file.
     pub fn report(&self) -> &Report {
-        &self.report
+        &self.report.0
     }
 }

@@ -12,8 +12,9 @@ use super::leaves::Leaf;
 use super::model::{PATCH_PIXELS, PatchModel};
 use super::nodes::{cell_key, cell_of_key, index};
 use super::sheets::axes_of;
+use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
-use crate::points::{DecodeOptions, Points};
+use crate::points::Points;
 
 /// Patches that one task decodes.
 const BLOCK: usize = 32;
@@ -31,7 +32,7 @@ impl PatchModel {
     /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let pixel = self.lattice().pixel_size;
-        let resolution = options.spacing(pixel)?;
+        let resolution = options.spacing(0.5 * pixel)?;
         let spacing = resolution / pixel;
         let points =
             bound(self.leaves(), spacing, options.as_measured) + self.header().n_extra as f64;

@@ -26,6 +26,7 @@ mod basis;
 mod cells;
 mod choice;
 mod color;
+mod contract;
 mod decode;
 mod fragments;
 mod learn;
@@ -46,6 +47,6 @@ pub use learn::learn;
 pub use leaves::Leaf;
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, Node, PATCH_PIXELS, PatchModel, PatchesHeader,
-    PatchesLimits, Root,
+    Root,
 };
 pub use options::PatchesOptions;

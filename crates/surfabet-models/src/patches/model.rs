@@ -1,6 +1,6 @@
 //! The lattice model in the integers that a file stores.
 
-use surfabet_entropy::{Coder, Price};
+use surfabet_entropy::Coder;
 
 use super::axes::Orientation;
 use super::basis::N_SHAPES;
@@ -10,7 +10,7 @@ use super::nodes::{cell_key, cell_of_key, nodes};
 use super::points::{PointModels, code_points};
 use super::syntax::{GeometryModels, Said, code_geometry};
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Beside, Report};
 
 /// Pixels per side of a patch at every level.
 pub const PATCH_PIXELS: i32 = 8;
@@ -77,7 +77,7 @@ pub struct Root {
 }
 
 /// The pixel lattice that all patches share.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Lattice {
     /// World position of the lattice's zero, metres.
     pub origin: [f64; 3],
@@ -161,7 +161,7 @@ fn check_node(node: &Node, level: u32) -> Result<()> {
 }
 
 /// What a lattice model says of itself before its streams.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct PatchesHeader {
     /// Points of the cloud that the model was learned from.
     pub n_points: u64,
@@ -200,7 +200,7 @@ pub struct PatchModel {
     extra: Vec<u64>,
     extra_size: f64,
     max_error: Option<f64>,
-    report: Report,
+    report: Beside<Report>,
 }
 
 /// What there is of a level.
@@ -210,13 +210,6 @@ pub struct LevelSize {
     pub patches: u64,
     /// Set pixels of all patches.
     pub set_pixels: u64,
-}
-
-/// Most memory units that a stream may ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PatchesLimits {
-    /// Most cells that carry colour, counted once per patch.
-    pub nodes: u64,
 }
 
 impl PatchModel {
@@ -243,7 +236,7 @@ impl PatchModel {
             extra: Vec::new(),
             extra_size: lattice.pixel_size,
             max_error: None,
-            report,
+            report: Beside(report),
         })
     }
 
@@ -254,7 +247,7 @@ impl PatchModel {
     }
 
     pub(super) fn report_mut(&mut self) -> &mut Report {
-        &mut self.report
+        &mut self.report.0
     }
 
     /// What the file says before its streams.
@@ -274,7 +267,7 @@ impl PatchModel {
     ///
     /// # Errors
     /// Those of the coders.
-    pub fn write<C: Coder>(
+    pub(super) fn write<C: Coder>(
         &self,
         geometry: &mut C,
         color: &mut C,
@@ -294,9 +287,9 @@ impl PatchModel {
     ///
     /// # Errors
     /// Those of the coders, also for a header or content that no model has.
-    pub fn read<C: Coder>(
+    pub(super) fn read<C: Coder>(
         header: &PatchesHeader,
-        limits: PatchesLimits,
+        max_cells: u64,
         geometry: &mut C,
         color: &mut C,
         extra: &mut C,
@@ -313,8 +306,8 @@ impl PatchModel {
         }
         let keys = match header.color {
             None => Vec::new(),
-            Some(_) => nodes(lattice, &leaves, limits.nodes).ok_or_else(|| {
-                geometry.corrupt(format!("more than {} cells of colour", limits.nodes))
+            Some(_) => nodes(lattice, &leaves, max_cells).ok_or_else(|| {
+                geometry.corrupt(format!("more than {max_cells} cells of colour"))
             })?,
         };
         let colors = match header.color {
@@ -355,15 +348,8 @@ impl PatchModel {
             extra: points,
             extra_size: header.extra_size,
             max_error: header.max_error,
-            report: Report::default(),
+            report: Beside::default(),
         })
-    }
-
-    /// Bytes that geometry, colour and extra points take, nearly: their prices under the coder's models.
-    pub fn price(&self) -> [f64; 3] {
-        let [mut g, mut c, mut e] = [Price::default(); 3];
-        let Ok(()) = self.write(&mut g, &mut c, &mut e);
-        [g.bits / 8.0, c.bits / 8.0, e.bits / 8.0]
     }
 
     /// The lattice that all patches share.
@@ -437,7 +423,7 @@ impl PatchModel {
 
     /// How the model was learned; empty for a model read from a file.
     pub fn report(&self) -> &Report {
-        &self.report
+        &self.report.0
     }
 }
 

@@ -4,27 +4,9 @@ use rayon::prelude::*;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use super::model::PlaneModel;
-use crate::error::{Result, check_points, positive};
+use crate::contract::DecodeOptions;
+use crate::error::{Result, check_points};
 use crate::spread::across;
-
-/// How to decode.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DecodeOptions {
-    /// Largest spacing of the points, metres; `None` takes half the grid size.
-    pub resolution: Option<f64>,
-    /// Spread the points across their planes as the input was, instead of on them.
-    pub as_measured: bool,
-    /// Give the points normals.
-    pub normals: bool,
-    /// Most points to make.
-    pub max_points: u64,
-}
-
-impl Default for DecodeOptions {
-    fn default() -> Self {
-        Self { resolution: None, as_measured: false, normals: false, max_points: 500_000_000 }
-    }
-}
 
 /// A decoded point.
 #[derive(Debug, Clone, Copy)]
@@ -42,8 +24,7 @@ impl PlaneModel {
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
     /// [`crate::Error::Cancelled`].
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        let spacing = options.resolution.unwrap_or(0.5 * self.grid_size());
-        positive("resolution", spacing, "a positive number of metres")?;
+        let spacing = options.spacing(0.5 * self.grid_size())?;
         let along = |extent: f64| (extent / spacing).ceil().max(1.0);
         let edge = |i: usize| along(self.patches()[i].tiles.edge());
         let most: f64 = (0..self.len())

@@ -15,6 +15,7 @@ use super::split::{SplitRule, split};
 use super::surface::{Surfaces, surfaces};
 use super::trim::trim;
 use crate::error::Result;
+use crate::options::Options;
 
 /// Smallest grid size by default in standard deviations of the noise. Without this bound EM may lay several patches
 /// into the thickness of one noisy surface: each fits its slice well, G shrinks to the slice, and no two merge.

@@ -7,7 +7,17 @@ use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::points::Points;
 use crate::error::Result;
+use crate::options::Options;
 use crate::report::{Report, lost};
+use crate::stages::Stages;
+
+/// The stages and their shares of the progress: the time of each in per cent, on scans of a room and of a street.
+const STAGES: &[(&str, f32)] = &[
+    ("sorting points", 2.0),
+    ("first patches", 4.0),
+    ("fitting", 92.0),
+    ("rounding patches", 2.0),
+];
 
 /// Learns planar patches from a cloud; `weights` are by how much each point counts, one if `None`.
 ///
@@ -26,14 +36,14 @@ pub fn learn(
 ) -> Result<PlaneModel> {
     options.check()?;
     let mut report = Report::default();
-    progress.update("sorting points", 0.0);
-    let points = report.time("sorting points", || Points::new(cloud, weights))?;
-    progress.update("first patches", 0.0);
-    let mut fit = report.time("first patches", || Fit::new(&points, options, progress))?;
+    let mut stages = Stages::new(STAGES, progress);
+    let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
+    let mut fit = stages.run("first patches", |progress| Fit::new(&points, options, progress))?;
     report.add_figure("points", cloud.len() as f64);
     report.add_figure("distinct points", points.len() as f64);
     report.add_figure("first patches", fit.patches().len() as f64);
-    let (trace, stop_reason) = report.time("fitting", || run(&mut fit, options, progress))?;
+    let (trace, stop_reason) =
+        stages.run("fitting", |progress| run(&mut fit, options, progress))?;
     report.add_figure("patches", fit.patches().len() as f64);
     report.add_figure("grid size", fit.grid_size());
     report.iterations = trace.len();
@@ -47,7 +57,11 @@ pub fn learn(
     ];
     report.not_kept = lost(cloud, &["colors", "normals"]);
     let (size, step) = (fit.grid_size(), options.color_step);
-    PlaneModel::new(cloud, &points, fit.patches(), size, step, report, progress)
+    let mut model = stages.run("rounding patches", |progress| {
+        PlaneModel::new(cloud, &points, fit.patches(), size, step, report, progress)
+    })?;
+    model.report_mut().stages = stages.finish();
+    Ok(model)
 }
 
 /// Iterates until stable and no flat points are left without a patch.

@@ -24,6 +24,7 @@
 //! | `classical` | EM with infinite planes, to compare with | II, figure 4 |
 
 mod classical;
+mod contract;
 mod decode;
 mod e_step;
 mod fit;
@@ -44,7 +45,6 @@ mod tiles;
 mod trim;
 
 pub use classical::{PlaneFit, fit_planes, random_planes};
-pub use decode::DecodeOptions;
 pub use e_step::{Responsibilities, weight_scale};
 pub use fit::{Fit, Iteration};
 pub use learn::learn;
@@ -56,5 +56,4 @@ pub use options::{MAX_PATCHES, PlanesOptions};
 pub use outline::PlaneMesh;
 pub use patch::{Frame, Patch};
 pub use points::Points;
-pub use syntax::Streams;
 pub use tiles::Tiles;

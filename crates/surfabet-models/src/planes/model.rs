@@ -70,7 +70,7 @@ pub struct StoredPatch {
 }
 
 /// What a model of planes says of itself before its streams.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct PlanesHeader {
     /// Points of the cloud that the model was learned from.
     pub n_points: u64,
@@ -296,6 +296,10 @@ impl PlaneModel {
     /// How the model was learned; empty for a model read from a file.
     pub fn report(&self) -> &Report {
         &self.report
+    }
+
+    pub(super) fn report_mut(&mut self) -> &mut Report {
+        &mut self.report
     }
 }
 

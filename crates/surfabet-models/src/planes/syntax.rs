@@ -4,7 +4,7 @@
 //! a normal is said by its offset from one said before, or that one's opposite, where that is near. Masks go by the
 //! tiles around, colours by those to the left and above.
 
-use surfabet_entropy::{Bit, Coder, Price, SInt, UInt};
+use surfabet_entropy::{Bit, Coder, SInt, UInt};
 use surfabet_geom::octahedral;
 
 use super::model::{
@@ -24,28 +24,16 @@ const NEAR: i32 = 2048;
 const QUARTER: i32 = DIRECTIONS as i32 / 4;
 
 /// The streams of a model of planes.
-#[derive(Debug, Clone)]
-pub struct Streams<C> {
+#[derive(Debug)]
+pub(super) struct Streams<'a, C> {
     /// Positions, normals and directions.
-    pub poses: C,
+    pub poses: &'a mut C,
     /// Which tiles are supported.
-    pub masks: C,
+    pub masks: &'a mut C,
     /// Numbers and sizes of tiles, standard deviations, numbers of points.
-    pub sizes: C,
+    pub sizes: &'a mut C,
     /// Colours of supported tiles.
-    pub colors: C,
-}
-
-impl<C> Streams<C> {
-    /// Streams from whatever makes them.
-    pub fn from_fn(mut make: impl FnMut() -> C) -> Self {
-        Self { poses: make(), masks: make(), sizes: make(), colors: make() }
-    }
-
-    /// The streams in the order of the fields.
-    pub fn as_array(self) -> [C; 4] {
-        [self.poses, self.masks, self.sizes, self.colors]
-    }
+    pub colors: &'a mut C,
 }
 
 impl PlaneModel {
@@ -53,7 +41,7 @@ impl PlaneModel {
     ///
     /// # Errors
     /// Those of the coders.
-    pub fn write<C: Coder>(&self, streams: &mut Streams<C>) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(&self, streams: &mut Streams<'_, C>) -> Result<(), C::Error> {
         let given = Some(self.stored());
         code_patches(streams, self.header(), MAX_MODEL_TILES, given, |_| ())
     }
@@ -62,22 +50,15 @@ impl PlaneModel {
     ///
     /// # Errors
     /// Those of the coders, also for a header or content that no model has.
-    pub fn read<C: Coder>(
+    pub(super) fn read<C: Coder>(
         header: &PlanesHeader,
         max_tiles: u64,
-        streams: &mut Streams<C>,
+        streams: &mut Streams<'_, C>,
     ) -> Result<Self, C::Error> {
         header.check().map_err(|e| streams.poses.corrupt(e.to_string()))?;
         let mut stored = Vec::new();
         code_patches(streams, header, max_tiles, None, |patch| stored.push(patch))?;
         Self::from_stored(header.clone(), stored).map_err(|e| streams.masks.corrupt(e.to_string()))
-    }
-
-    /// Bytes that the streams take, nearly: their prices under the coder's models, as they come in [`Streams`].
-    pub fn price(&self) -> [f64; 4] {
-        let mut streams = Streams::from_fn(Price::default);
-        let Ok(()) = self.write(&mut streams);
-        streams.as_array().map(|price| price.bits / 8.0)
     }
 }
 
@@ -154,7 +135,7 @@ impl State {
 
 /// Writes, reads or prices patches. `given` is what to write; in any case each of them is taken.
 fn code_patches<C: Coder>(
-    streams: &mut Streams<C>,
+    streams: &mut Streams<'_, C>,
     header: &PlanesHeader,
     max_tiles: u64,
     given: Option<&[StoredPatch]>,
@@ -165,11 +146,11 @@ fn code_patches<C: Coder>(
     for i in 0..header.n_patches as usize {
         let wanted = given.map_or(&nothing, |patches| &patches[i]);
         let mut patch = StoredPatch::default();
-        code_pose(&mut streams.poses, &mut state, wanted, &mut patch)?;
-        code_sizes(&mut streams.sizes, &mut state, max_tiles, wanted, &mut patch)?;
-        patch.supported = code_mask(&mut streams.masks, &mut state, wanted, patch.shape)?;
+        code_pose(streams.poses, &mut state, wanted, &mut patch)?;
+        code_sizes(streams.sizes, &mut state, max_tiles, wanted, &mut patch)?;
+        patch.supported = code_mask(streams.masks, &mut state, wanted, patch.shape)?;
         if header.color_step.is_some() {
-            patch.colors = code_colors(&mut streams.colors, &mut state, wanted, &patch)?;
+            patch.colors = code_colors(streams.colors, &mut state, wanted, &patch)?;
         }
         state.before = [patch.deviation, patch.count];
         take(patch);

@@ -1,0 +1,3 @@
+//! Which candidates become occurrences.
+
+pub(super) mod cover;

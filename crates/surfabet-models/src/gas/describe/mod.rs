@@ -1,0 +1,4 @@
+//! What a neuron knows besides its position.
+
+mod orient;
+pub(crate) mod statistics;

@@ -1,0 +1,4 @@
+//! What the edges tell of the surface.
+
+mod mesh;
+mod topology;

@@ -1,0 +1,62 @@
+"""README and the guides: relative links and their anchors resolve, Python examples compile."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benches/**/*.md")])
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+TABLES = re.compile(r"<!-- options: (\w+) -->")
+
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", FENCE.sub("", page.read_text("utf-8")), re.MULTILINE)
+    plain = [re.sub(r"[^\w\- ]", "", heading.lower()) for heading in headings]
+    return {heading.strip().replace(" ", "-") for heading in plain}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_relative_links_resolve(page: Path) -> None:
+    broken = []
+    for link in LINK.findall(FENCE.sub("", page.read_text("utf-8"))):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    assert not broken
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_python_examples_compile(page: Path) -> None:
+    for language, code in FENCE.findall(page.read_text("utf-8")):
+        if language == "python":
+            compile(code, name(page), "exec")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_shell_examples_parse_and_their_scripts_exist(page: Path) -> None:
+    for language, code in FENCE.findall(page.read_text("utf-8")):
+        if language != "sh":
+            continue
+        subprocess.run(["bash", "-n"], input=code, text=True, check=True)
+        for script in re.findall(r"python ((?:benches|docs)/\S+\.py)", code):
+            assert (ROOT / script).exists()
+
+
+def test_each_method_has_one_table_of_options() -> None:
+    found = [(method, page.stem) for page in PAGES for method in TABLES.findall(page.read_text())]
+    methods = ["alphabet", "bic_alphabet", "gas", "hscsm", "patches", "planes"]
+    assert sorted(found) == [(f"learn_{method}", method) for method in methods]
