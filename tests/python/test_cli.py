@@ -273,13 +273,24 @@ def test_evaluate_takes_the_dictionary_that_a_model_needs(
     assert parsed(capsys)["bytes"] == second.stat().st_size
 
 
-def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
-    output = tmp_path / "out.sfb"
-    # At this resolution the work takes far longer than the wait.
+def start_compress(
+    ply: Path, output: Path, resolution: str, on_interrupt: signal.Handlers
+) -> subprocess.Popen[str]:
+    """Starts `surfabet compress` as a shell does in the foreground (`SIG_DFL`) or with `&` and after
+    `trap '' INT` (`SIG_IGN`), however the tests themselves were started."""
     command = [sys.executable, "-m", "surfabet.cli", "compress", str(ply), str(output)]
-    process = subprocess.Popen(
-        [*command, "--resolution", "0.0005"], stderr=subprocess.PIPE, text=True
+    return subprocess.Popen(
+        [*command, "--resolution", resolution],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, on_interrupt),
     )
+
+
+def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
+    # At this resolution the work takes far longer than the wait.
+    process = start_compress(ply, tmp_path / "out.sfb", "0.0005", signal.SIG_DFL)
     time.sleep(2.0)
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
@@ -287,6 +298,20 @@ def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
     assert process.returncode == 130
     assert err == "surfabet: interrupted\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_that_the_parent_ignores_is_ignored(ply: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out.sfb"
+    process = start_compress(ply, output, "0.05", signal.SIG_IGN)
+    interrupts = 0
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        interrupts += 1
+        time.sleep(0.02)
+    _, err = process.communicate()
+    assert interrupts > 1
+    assert (process.returncode, "interrupted" in err) == (0, False)
+    assert len(sb.load(output).decode()) > 0
 
 
 def test_reader_of_the_output_may_leave(ply: Path, tmp_path: Path) -> None:
