@@ -73,3 +73,18 @@ install_surfabet() {
     PATH="$PWD/.venv/bin:$PATH" .venv/bin/pip install --quiet --no-build-isolation --editable ".[$1]"
     echo "installed into .venv: $(.venv/bin/surfabet --version)"
 }
+
+has_avx2() {
+    [[ "$(uname -m)" == x86_64 ]] && grep -qw avx2 /proc/cpuinfo && grep -qw fma /proc/cpuinfo
+}
+
+# Cargo for examples/embed, a program outside the workspace. It is built for AVX2 and FMA where the processor has
+# them, unlike all else, so that check_portable.sh finds two builds to compare.
+embed_cargo() {
+    local flags=""
+    if has_avx2; then
+        flags="-C target-cpu=x86-64-v3"
+    fi
+    CARGO_TARGET_DIR=target/embed RUSTFLAGS="$flags" cargo "$1" --quiet \
+        --manifest-path examples/embed/Cargo.toml "${@:2}"
+}

@@ -60,8 +60,7 @@ embed_example() {
 for i in range(10_000):
     print(i % 100 * 0.005, i // 100 * 0.005, 1.0)
 ' > out/square.xyz
-    CARGO_TARGET_DIR=target/embed cargo run --quiet --manifest-path examples/embed/Cargo.toml -- \
-        out/square.xyz out/square.sfb
+    embed_cargo run -- out/square.xyz out/square.sfb
 }
 
 step "Build and install" install_surfabet test
@@ -71,9 +70,11 @@ step "Rust lints" cargo clippy --quiet --workspace --all-targets -- -D warnings
 step "Licences of dependencies" .venv/bin/python scripts/check_licenses.py
 step "Rust tests" cargo test --quiet --workspace
 step "Rust documentation" build_docs
-step "Rust benchmarks build" cargo bench --quiet --workspace --no-run
+# With the libraries that the tests were built with: as `cargo bench` builds them would be all of them once more.
+step "Rust benchmarks build" cargo bench --quiet --workspace --no-run --profile test
 step "Example of embedding" embed_example
 step "Python lints" .venv/bin/ruff check python tests/python benches docs scripts
+step "Same bytes with and without AVX2" scripts/check_portable.sh
 step "Python types" .venv/bin/mypy
 step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt
 step "Python tests" .venv/bin/pytest --quiet
