@@ -68,9 +68,13 @@ install_surfabet() {
     .venv/bin/python --version
     check_rust
     .venv/bin/pip install --quiet 'maturin>=1.9,<2'
-    # Without isolation the build keeps its place in target/, so that the next one is quick. The build
-    # looks for maturin on the path.
-    PATH="$PWD/.venv/bin:$PATH" .venv/bin/pip install --quiet --no-build-isolation --editable ".[$1]"
+    # pip builds only after it has fetched all that the extras need: compile meanwhile. If that fails, pip's own
+    # build fails alike and says why.
+    local -x PATH="$PWD/.venv/bin:$PATH" VIRTUAL_ENV="$PWD/.venv"
+    maturin develop --quiet --release --skip-install >/dev/null 2>&1 &
+    # Without isolation the build keeps its place in target/, so that the next one is quick.
+    pip install --quiet --no-build-isolation --editable ".[$1]"
+    wait $! || true
     echo "installed into .venv: $(.venv/bin/surfabet --version)"
 }
 
