@@ -69,11 +69,12 @@ install_surfabet() {
     check_rust
     .venv/bin/pip install --quiet 'maturin>=1.9,<2'
     # pip builds only after it has fetched all that the extras need: compile meanwhile. If that fails, pip's own
-    # build fails alike and says why.
+    # build fails alike and says why. Bash would let Ctrl-C pass by what runs behind `&`.
     local -x PATH="$PWD/.venv/bin:$PATH" VIRTUAL_ENV="$PWD/.venv"
-    maturin develop --quiet --release --skip-install >/dev/null 2>&1 &
-    # Without isolation the build keeps its place in target/, so that the next one is quick.
-    pip install --quiet --no-build-isolation --editable ".[$1]"
+    (trap - INT && exec maturin develop --quiet --release --skip-install) >/dev/null 2>&1 &
+    # Without isolation the build keeps its place in target/, so that the next one is quick. Both builds name
+    # Python alike, as `python`: pyo3 is compiled again when its name changes.
+    python -m pip install --quiet --no-build-isolation --editable ".[$1]"
     wait $! || true
     echo "installed into .venv: $(.venv/bin/surfabet --version)"
 }
