@@ -73,7 +73,7 @@ install_surfabet() {
     local -x PATH="$PWD/.venv/bin:$PATH" VIRTUAL_ENV="$PWD/.venv"
     (trap - INT && exec maturin develop --quiet --release --skip-install) >/dev/null 2>&1 &
     # Without isolation the build keeps its place in target/, so that the next one is quick. Both builds name
-    # Python alike, as `python`: pyo3 is compiled again when its name changes.
+    # Python alike, as `python`, so that the second finds nothing changed.
     python -m pip install --quiet --no-build-isolation --editable ".[$1]"
     wait $! || true
     echo "installed into .venv: $(.venv/bin/surfabet --version)"
