@@ -68,9 +68,14 @@ install_surfabet() {
     .venv/bin/python --version
     check_rust
     .venv/bin/pip install --quiet 'maturin>=1.9,<2'
-    # Without isolation the build keeps its place in target/, so that the next one is quick. The build
-    # looks for maturin on the path.
-    PATH="$PWD/.venv/bin:$PATH" .venv/bin/pip install --quiet --no-build-isolation --editable ".[$1]"
+    # pip builds only after it has fetched all that the extras need: compile meanwhile. If that fails, pip's own
+    # build fails alike and says why. Bash would let Ctrl-C pass by what runs behind `&`.
+    local -x PATH="$PWD/.venv/bin:$PATH" VIRTUAL_ENV="$PWD/.venv"
+    (trap - INT && exec maturin develop --quiet --release --skip-install) >/dev/null 2>&1 &
+    # Without isolation the build keeps its place in target/, so that the next one is quick. Both builds name
+    # Python alike, as `python`, so that the second finds nothing changed.
+    python -m pip install --quiet --no-build-isolation --editable ".[$1]"
+    wait $! || true
     echo "installed into .venv: $(.venv/bin/surfabet --version)"
 }
 
