@@ -1,11 +1,9 @@
-//! Where a scan is denser than sigma, one point in each half of a sigma stands for the rest.
+//! Thinning: where a scan is denser than sigma, one point per half of a sigma is kept.
 
 use rayon::prelude::*;
 
+use crate::alphabet::constants::THINNING_SIDE;
 use crate::scans::Scene;
-
-/// Side of a cell that keeps one point, over sigma.
-const SIDE: f32 = 0.5;
 
 /// Ascending indices of the points that are kept: in every cell the one nearest to its middle. Cells are cubes whose
 /// side is the power of two metres next below half of the point's sigma.
@@ -16,7 +14,7 @@ pub(in crate::alphabet) fn thinned(scene: &Scene) -> Vec<u32> {
         .zip(&scene.sigma)
         .enumerate()
         .map(|(i, (p, sigma))| {
-            let exponent = (SIDE * sigma).log2().floor();
+            let exponent = (THINNING_SIDE * sigma).log2().floor();
             let side = exponent.exp2();
             let cell = p.map(|c| (c / side).floor());
             let off: f32 = (0..3).map(|a| (p[a] / side - cell[a] - 0.5).powi(2)).sum();
