@@ -87,7 +87,10 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["compres"], "compress"),
         (["compress", "a.ply"], "OUT"),
         (["compress", "a.ply", "b.sfb", "--model", "cubes"], "planes"),
-        (["compress", "a.ply", "b.sfb", "--resolution", "0"], "> 0"),
+        (["compress", "a.ply", "b.sfb", "--resolution", "0"], "--resolution is 0, but must be a p"),
+        (["compress", "a.ply", "b.sfb", "--max-error=-1"], "--max-error is -1, but must be a pos"),
+        (["compress", "a.ply", "b.sfb", "--n-neurons", "9"], "not an option of --model patches"),
+        (["compress", "a.ply", "b.sfb", "--random-state", "1"], "but of hscsm, bic-alphabet, plan"),
         (["compress", "a.ply", "b.sfb", "--resolution", "fine"], "float"),
         (["compress", "a.ply", "b.sfb", "--colour"], "--colour"),
         (["compress", "a.ply", "b.ply"], ".sfb"),
@@ -241,7 +244,7 @@ def test_decompress(sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_info_accounts_for_every_byte(sfb: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", str(sfb), "--json"]) == 0
     said = parsed(capsys)
-    assert said["family"] == "patches"
+    assert said["method"] == "patches"
     assert said["bytes"] == sfb.stat().st_size
     assert 0 < sum(said["sections"].values()) <= said["bytes"]
     assert main(["info", str(sfb)]) == 0
@@ -263,12 +266,13 @@ def test_evaluate_takes_the_dictionary_that_a_model_needs(
     ply: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, second = tmp_path / "first.sfb", tmp_path / "second.sfb"
-    options = ["--resolution", "0.05", "--method", "hscsm", "--no-evaluate", "--quiet"]
-    assert main(["compress", str(ply), str(first), *options]) == 0
-    assert main(["compress", str(ply), str(second), *options, "--dictionary", str(first)]) == 0
+    quiet, words = ["--no-evaluate", "--quiet"], ["--vocabulary", str(first)]
+    model = ["--model", "hscsm", "--resolution", "0.05"]
+    assert main(["compress", str(ply), str(first), *model, *quiet]) == 0
+    assert main(["compress", str(ply), str(second), *words, *quiet]) == 0
     assert main(["evaluate", str(ply), str(second), "--json"]) == 1
     assert "does not hold it" in capsys.readouterr().err
-    command = ["evaluate", str(ply), str(second), "--dictionary", str(first), "--json"]
+    command = ["evaluate", str(ply), str(second), *words, "--json"]
     assert main(command) == 0
     assert parsed(capsys)["bytes"] == second.stat().st_size
 

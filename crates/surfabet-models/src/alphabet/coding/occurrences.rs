@@ -3,7 +3,7 @@
 //! Occurrences follow an octree over the cells, whose lower levels are the scales. Each is coded after those around it:
 //! a symbol selects the plane of an earlier occurrence that goes on here, residuals follow.
 
-use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
+use surfabet_entropy::{Bit, Coder, Octree, SInt, Symbols, UInt};
 
 use super::plane_prediction::{MAX_PREDICTIONS, PlanePredictor, PredictedPlane};
 use crate::alphabet::constants::MAX_PREDICTION_CHANGE;
@@ -44,7 +44,7 @@ impl CodingParams {
 pub(in crate::alphabet) struct OccurrenceModels {
     count: [UInt; SCALES],
     children: [Bit; 2 * SCALES],
-    child: Vec<Bit>,
+    cells: Octree,
     same_view: Bit,
     view: Symbols,
     /// Which predicted plane, by how many there are.
@@ -67,7 +67,8 @@ impl OccurrenceModels {
         Self {
             count: [const { UInt::new() }; SCALES],
             children: [Bit::new(); 2 * SCALES],
-            child: vec![Bit::new(); (SCALES + 1) * 64],
+            // Above the largest words, nodes of all sizes are alike.
+            cells: Octree::new(setting.scales),
             same_view: Bit::new(),
             view: symbols(params.sensors.len()),
             prediction: std::array::from_fn(|n| symbols(n + 1)),
@@ -165,9 +166,8 @@ impl<C: Coder> Occurrences<'_, C> {
                 .filter(|p| p.cell.map(|c| c >> (scale - 1 - u32::from(p.scale))) == at)
                 .copied()
                 .collect();
-            let certain = child == 7 && occupied == 0;
-            let context = s * 64 + child as usize * 8 + occupied;
-            if certain || self.coder.bit(&mut self.models.child[context], !inside.is_empty())? {
+            let cells = &mut self.models.cells;
+            if cells.child(self.coder, scale, child as usize, occupied, !inside.is_empty())? {
                 occupied += 1;
                 self.node(at, scale - 1, &inside)?;
             }
