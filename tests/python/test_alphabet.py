@@ -138,9 +138,7 @@ def test_command_line(tmp_path, capsys, cloud):
 
 def check_a_room(scan, size, inliers, outliers):
     """Learns all but the robot's own points; the size and what is explained within sigma."""
-    model = sb.learn_alphabet(
-        scan, angular_resolution=ROOM_RESOLUTION, noise=0.0, min_range=0.5
-    )
+    model = sb.learn_alphabet(scan, angular_resolution=ROOM_RESOLUTION, noise=0.0, min_range=0.5)
     far = scan.select(np.flatnonzero(scan.ranges >= 0.5))
     quality = sb.evaluate(far, model.decode(), sigma=model.sigma, normal_neighbors=None)
     print("XX room", len(model.to_bytes()), quality.inliers, quality.outliers, model.report.figures)

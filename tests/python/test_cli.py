@@ -280,8 +280,8 @@ def test_evaluate_takes_the_dictionary_that_a_model_needs(
 def start_compress(
     ply: Path, output: Path, resolution: str, on_interrupt: signal.Handlers
 ) -> subprocess.Popen[str]:
-    """Starts `surfabet compress` as a shell does in the foreground (`SIG_DFL`) or with `&` and after
-    `trap '' INT` (`SIG_IGN`), however the tests themselves were started."""
+    """Starts `surfabet compress` as a shell does in the foreground (`SIG_DFL`) or with `&` and
+    after `trap '' INT` (`SIG_IGN`), however the tests themselves were started."""
     command = [sys.executable, "-m", "surfabet.cli", "compress", str(ply), str(output)]
     return subprocess.Popen(
         [*command, "--resolution", resolution],

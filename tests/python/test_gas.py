@@ -124,7 +124,15 @@ def test_the_mesh_is_of_the_graph_and_oriented_by_normals(model):
     # at most, and some holes stay. Flat triangles fold little over.
     area = np.linalg.norm(cross, axis=1).sum() / 2
     exact, rims = 3 + 4 * np.pi * 0.09, 12 * 0.045
-    print("XX mesh", area, exact, rims, np.linalg.norm(neurons.positions[model.edges[:,0]]-neurons.positions[model.edges[:,1]],axis=1).mean())
+    print(
+        "XX mesh",
+        area,
+        exact,
+        rims,
+        np.linalg.norm(
+            neurons.positions[model.edges[:, 0]] - neurons.positions[model.edges[:, 1]], axis=1
+        ).mean(),
+    )
     assert exact - 2 * rims < area < exact
 
 
@@ -150,7 +158,12 @@ def test_update_keeps_the_old_and_learns_the_new(model, cloud):
     def error(m, c):
         return cKDTree(m.neurons.positions).query(c.points)[0].mean()
 
-    print("XX gas update", [error(larger, c) / error(model, cloud) for c in (cloud, moved)], error(model, moved) / error(larger, moved), len(model.update(moved)))
+    print(
+        "XX gas update",
+        [error(larger, c) / error(model, cloud) for c in (cloud, moved)],
+        error(model, moved) / error(larger, moved),
+        len(model.update(moved)),
+    )
     # 1000 neurons for 1.8 times the surface of the 600: as near as before to both.
     for scan in (cloud, moved):
         assert error(larger, scan) == pytest.approx(error(model, cloud), rel=0.1)

@@ -104,7 +104,7 @@ def test_per_frame(tmp_path: Path) -> None:
 
 
 def test_poses_that_stretch_are_taken_as_they_are(tmp_path: Path) -> None:
-    # As rotations of tracked cameras do, by up to 0.02 percent. Ranges are those of the depth image.
+    # As rotations of tracked cameras do, by up to 0.02 percent. Ranges are those of the images.
     stretched = [matrix.copy() for matrix in POSES]
     for matrix in stretched:
         matrix[:3, :3] *= 1.0002

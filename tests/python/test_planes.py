@@ -81,7 +81,12 @@ def test_a_box_is_six_planes_as_arrays(model, cloud):
     }  # fmt: skip
     # Tiles at the rims reach out by half their side on average.
     faces, rims = np.array([3.0, 4.5, 6.0])[axis], np.array([7.0, 9.0, 10.0])[axis]
-    print("XX areas", found.areas / faces, (faces + rims * model.grid_size / 2) / faces, found.standard_deviations)
+    print(
+        "XX areas",
+        found.areas / faces,
+        (faces + rims * model.grid_size / 2) / faces,
+        found.standard_deviations,
+    )
     assert (found.areas > faces).all()
     assert (found.areas < faces + rims * model.grid_size / 2).all()
     # The noise, rounded to a quarter of a doubling.
@@ -349,7 +354,7 @@ def test_one_plane_is_one_patch_even_when_exact_or_with_duplicates():
         model = sb.learn_planes(sb.PointCloud(points))
         assert len(model) == 1
         assert model.n_outliers <= 0.02 * len(points)
-        print("XX one", model.planes.areas[0], 2*model.grid_size)
+        print("XX one", model.planes.areas[0], 2 * model.grid_size)
         assert 1 - model.grid_size < model.planes.areas[0] < 1 + 2 * model.grid_size
         assert abs(model.planes.normals[0, 2]) == pytest.approx(1, abs=1e-6)
         assert model.planes.standard_deviations[0] < 1e-3
