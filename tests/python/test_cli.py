@@ -299,7 +299,7 @@ def start_compress(
 
 
 def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
-    # At this resolution the work takes minutes. Wherever in it the interrupt comes, it ends the same.
+    # At this resolution the work takes minutes; wherever in it the interrupt comes, it ends alike.
     process = start_compress(ply, tmp_path / "out.sfb", "0.0005", signal.SIG_DFL)
     time.sleep(1)
     assert process.poll() is None
