@@ -3,7 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::coding::{code_occurrences, code_words};
-use super::features::descriptor::{EMPTY, pixel_centers};
+use super::features::{EMPTY, pixel_centers};
 use super::options::BicAlphabetOptions;
 use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};

@@ -4,9 +4,8 @@ use surfabet_entropy::Coder;
 use surfabet_geom::octahedral;
 
 use super::adjacency::Adjacency;
-use super::coding::order::traversal;
-use super::coding::{Parts, Streams, code_gas};
-use super::describe::statistics::Statistics;
+use super::coding::{Parts, Streams, code_gas, traversal};
+use super::describe::Statistics;
 use crate::color::{self, rounded};
 use crate::error::{Error, Result};
 use crate::report::{Beside, Report};

@@ -58,6 +58,15 @@ pub struct Iteration {
     pub supporting: f64,
 }
 
+/// How a fit went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// Each iteration in numbers.
+    pub iterations: Vec<Iteration>,
+    /// Why it ended.
+    pub stop_reason: &'static str,
+}
+
 impl<'a> Fit<'a> {
     /// A fit with the patches to start from.
     ///
@@ -230,6 +239,38 @@ impl<'a> Fit<'a> {
         Ok(n)
     }
 
+    /// Iterates until the fit is stable and no flat points are left without a patch; then removes what is no surface.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn run(&mut self, progress: &dyn Progress) -> Result<Trace> {
+        let mut iterations: Vec<Iteration> = Vec::new();
+        let mut stop_reason = "reached the largest number of iterations";
+        // Patches are added once to what has settled; then it settles once more.
+        let mut complete = false;
+        for i in 0..self.options.max_iterations {
+            progress.update("fitting", i as f32 / self.options.max_iterations as f32);
+            let now = self.iterate(progress)?;
+            let settled =
+                iterations.last().is_some_and(|last| stable(last, &now, self.options.tolerance));
+            iterations.push(now);
+            if settled && complete {
+                stop_reason = "distances to the patches are stable";
+                break;
+            }
+            if settled || (i + 1) % self.options.new_patches_every == 0 {
+                let added = self.add_patches(progress)?;
+                complete = settled;
+                if settled && added == 0 {
+                    stop_reason = "distances to the patches are stable";
+                    break;
+                }
+            }
+        }
+        self.finish(progress)?;
+        Ok(Trace { iterations, stop_reason })
+    }
+
     /// One iteration: EMPF, split, EMPF, merge (section II-B).
     ///
     /// # Errors
@@ -272,7 +313,7 @@ impl<'a> Fit<'a> {
 }
 
 /// Whether two iterations differ by less than `tolerance`.
-pub(super) fn stable(before: &Iteration, after: &Iteration, tolerance: f64) -> bool {
+fn stable(before: &Iteration, after: &Iteration, tolerance: f64) -> bool {
     let close = |a: f64, b: f64| (a - b).abs() <= tolerance * a.abs().max(b.abs());
     close(before.mean_distance, after.mean_distance) && close(before.supporting, after.supporting)
 }

@@ -1,14 +1,14 @@
-//! The whole way from a cloud to planes.
+//! From a cloud to planes, step by step.
 
 use surfabet_geom::{PointCloud, Progress};
 
-use super::fit::{Fit, Iteration, stable};
+use super::fit::{Fit, Iteration};
 use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::points::Points;
 use crate::error::Result;
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::{Report, figures, lost};
 use crate::stages::Stages;
 
 /// The stages and their shares of the progress: the time of each in per cent, on scans of a room and of a street.
@@ -18,6 +18,30 @@ const STAGES: &[(&str, f32)] = &[
     ("fitting", 92.0),
     ("rounding patches", 2.0),
 ];
+
+/// What the file keeps of a cloud beyond positions.
+const KEPT: [&str; 2] = ["colors", "normals"];
+
+/// The report of [`learn`].
+pub type PlanesReport = Report<Option<PlanesFigures>>;
+
+figures! {
+    /// What [`learn`] counts and measures.
+    pub struct PlanesFigures {
+        /// Points of the cloud.
+        pub points: usize = "points",
+        /// Points at different places.
+        pub distinct_points: usize = "distinct points",
+        /// Patches that the fit started from.
+        pub first_patches: usize = "first patches",
+        /// Patches of the model.
+        pub patches: usize = "patches",
+        /// The grid size G that was found, metres.
+        pub grid_size: f64 = "grid size",
+        /// Points of the cloud that support no patch.
+        pub outliers: u64 = "outliers",
+    }
+}
 
 /// Learns planar patches from a cloud; `weights` are by how much each point counts, one if `None`.
 ///
@@ -35,63 +59,39 @@ pub fn learn(
     progress: &dyn Progress,
 ) -> Result<PlaneModel> {
     options.check()?;
-    let mut report = Report::default();
     let mut stages = Stages::new(STAGES, progress);
+    // Distinct points along a space-filling curve, in a tree of boxes.
     let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
+    // Patches where cells are flat, or at random (II-B, III).
     let mut fit = stages.run("first patches", |progress| Fit::new(&points, options, progress))?;
-    report.add_figure("points", cloud.len() as f64);
-    report.add_figure("distinct points", points.len() as f64);
-    report.add_figure("first patches", fit.patches().len() as f64);
-    let (trace, stop_reason) =
-        stages.run("fitting", |progress| run(&mut fit, options, progress))?;
-    report.add_figure("patches", fit.patches().len() as f64);
-    report.add_figure("grid size", fit.grid_size());
-    report.iterations = trace.len();
-    report.stop_reason = stop_reason;
-    let of = |value: fn(&Iteration) -> f64| trace.iter().map(value).collect::<Vec<f64>>();
-    report.objectives = vec![
-        ("mean distance".into(), of(|i| i.mean_distance)),
-        ("share of points that support a patch".into(), of(|i| i.supporting)),
-        ("patches".into(), of(|i| i.patches as f64)),
-        ("grid size".into(), of(|i| i.grid_size)),
-    ];
-    report.not_kept = lost(cloud, &["colors", "normals"]);
-    let (size, step) = (fit.grid_size(), options.color_step);
-    let mut model = stages.run("rounding patches", |progress| {
-        PlaneModel::new(cloud, &points, fit.patches(), size, step, report, progress)
+    let first_patches = fit.patches().len();
+    // EMPF, split, EMPF and merge in turn, until distances are stable (II-B).
+    let trace = stages.run("fitting", |progress| fit.run(progress))?;
+    // The integers of the file; labels of the points and colours of the tiles (III).
+    let model = stages.run("rounding patches", |progress| {
+        PlaneModel::new(cloud, &points, &fit, options.color_step, progress)
     })?;
-    model.report_mut().stages = stages.finish();
-    Ok(model)
-}
-
-/// Iterates until stable and no flat points are left without a patch.
-fn run(
-    fit: &mut Fit<'_>,
-    options: &PlanesOptions,
-    progress: &dyn Progress,
-) -> Result<(Vec<Iteration>, &'static str)> {
-    let mut trace: Vec<Iteration> = Vec::new();
-    let mut stop_reason = "reached the largest number of iterations";
-    // Patches are added once to what has settled; then it settles once more.
-    let mut complete = false;
-    for i in 0..options.max_iterations {
-        progress.update("fitting", i as f32 / options.max_iterations as f32);
-        let now = fit.iterate(progress)?;
-        let settled = trace.last().is_some_and(|last| stable(last, &now, options.tolerance));
-        trace.push(now);
-        if settled && complete {
-            stop_reason = "distances to the patches are stable";
-            break;
-        }
-        if settled || (i + 1) % options.new_patches_every == 0 {
-            let added = fit.add_patches(progress)?;
-            complete = settled;
-            if settled && added == 0 {
-                stop_reason = "distances to the patches are stable";
-                break;
-            }
-        }
-    }
-    fit.finish(progress)?;
-    Ok((trace, stop_reason))
+    let figures = PlanesFigures {
+        points: cloud.len(),
+        distinct_points: points.len(),
+        first_patches,
+        patches: fit.patches().len(),
+        grid_size: fit.grid_size(),
+        outliers: model.header().n_outliers,
+    };
+    let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
+    Ok(model.with_report(PlanesReport {
+        stages: stages.finish(),
+        figures: Some(figures),
+        objectives: vec![
+            ("mean distance".into(), of(|i| i.mean_distance)),
+            ("share of points that support a patch".into(), of(|i| i.supporting)),
+            ("patches".into(), of(|i| i.patches as f64)),
+            ("grid size".into(), of(|i| i.grid_size)),
+        ],
+        iterations: trace.iterations.len(),
+        stop_reason: trace.stop_reason,
+        not_kept: lost(cloud, &KEPT),
+        ..Report::default()
+    }))
 }

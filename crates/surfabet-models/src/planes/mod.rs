@@ -46,8 +46,8 @@ mod trim;
 
 pub use classical::{PlaneFit, fit_planes, random_planes};
 pub use e_step::{Responsibilities, weight_scale};
-pub use fit::{Fit, Iteration};
-pub use learn::learn;
+pub use fit::{Fit, Iteration, Trace};
+pub use learn::{PlanesFigures, PlanesReport, learn};
 pub use model::{
     DIRECTIONS, MAX_COORDINATE, MAX_DOUBLINGS, MAX_EXPONENT, MAX_MODEL_TILES, MAX_PATCH_TILES,
     NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,

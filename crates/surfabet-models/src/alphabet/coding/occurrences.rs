@@ -1,6 +1,6 @@
 //! How words and their occurrences are said in binary decisions: one function for writing, reading and pricing.
 
-use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
+use surfabet_entropy::{Bit, Coder, Octree, SInt, Symbols, UInt};
 
 use crate::alphabet::coding::plane_prediction::{MAX_SUGGESTED, Neighbors};
 use crate::alphabet::lattice::{MAX_SCALE, MAX_SLOPE, SigmaRule, cell_center};
@@ -39,7 +39,7 @@ impl Setting {
 pub(in crate::alphabet) struct OccurrenceModels {
     count: [UInt; SCALES],
     children: [Bit; 2 * SCALES],
-    child: Vec<Bit>,
+    cells: Octree,
     same_view: Bit,
     view: Symbols,
     suggested: [Symbols; MAX_SUGGESTED + 1],
@@ -61,7 +61,8 @@ impl OccurrenceModels {
         Self {
             count: [const { UInt::new() }; SCALES],
             children: [Bit::new(); 2 * SCALES],
-            child: vec![Bit::new(); (SCALES + 1) * 64],
+            // Above the largest words, nodes of all sizes are alike.
+            cells: Octree::new(setting.scales),
             same_view: Bit::new(),
             view: symbols(setting.sensors.len()),
             suggested: std::array::from_fn(|n| symbols(n + 1)),
@@ -158,9 +159,8 @@ impl<C: Coder> Occurrences<'_, C> {
                 .filter(|p| p.cell.map(|c| c >> (scale - 1 - u32::from(p.scale))) == at)
                 .copied()
                 .collect();
-            let certain = child == 7 && occupied == 0;
-            let context = s * 64 + child as usize * 8 + occupied;
-            if certain || self.coder.bit(&mut self.models.child[context], !inside.is_empty())? {
+            let cells = &mut self.models.cells;
+            if cells.child(self.coder, scale, child as usize, occupied, !inside.is_empty())? {
                 occupied += 1;
                 self.node(at, scale - 1, &inside)?;
             }
