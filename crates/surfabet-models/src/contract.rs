@@ -6,6 +6,7 @@ use surfabet_entropy::{Coder, Price};
 use surfabet_geom::{PointCloud, Progress};
 
 use crate::error::{Error, Result, positive};
+use crate::options::Options;
 use crate::report::{Figures, Report};
 use crate::summary::Summary;
 
@@ -21,6 +22,9 @@ pub trait SurfaceModel: Debug + Clone + PartialEq + Send + Sync + 'static {
 
     /// True when the model keeps how thick the scan was, so that it can be decoded as measured.
     const KEEPS_THICKNESS: bool;
+
+    /// What learning can be told.
+    type Options: Options;
 
     /// What the file holds before the streams. The default stands for a header that is not read yet.
     type Header: Debug + Clone + PartialEq + Default;

@@ -17,6 +17,7 @@ mod extent;
 pub mod gas;
 mod groups;
 pub mod hscsm;
+pub mod options;
 pub mod patches;
 pub mod planes;
 mod points;

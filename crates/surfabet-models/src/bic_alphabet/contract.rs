@@ -3,6 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::model::{BicAlphabet, BicAlphabetHeader, BicAlphabetModel};
+use super::options::BicAlphabetOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
 use crate::report::Named;
 use crate::summary::Summary;
@@ -14,6 +15,7 @@ impl SurfaceModel for BicAlphabetModel {
     const METHOD: &'static str = "bic-alphabet";
     const STREAMS: usize = 2;
     const KEEPS_THICKNESS: bool = false;
+    type Options = BicAlphabetOptions;
     type Header = BicAlphabetHeader;
     type Figures = Named;
     type Vocabulary = BicAlphabet;

@@ -3,6 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::model::{PatchModel, PatchesHeader};
+use super::options::PatchesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::report::Named;
 use crate::summary::Summary;
@@ -14,6 +15,7 @@ impl SurfaceModel for PatchModel {
     const METHOD: &'static str = "patches";
     const STREAMS: usize = 3;
     const KEEPS_THICKNESS: bool = true;
+    type Options = PatchesOptions;
     type Header = PatchesHeader;
     type Figures = Named;
     type Vocabulary = NoVocabulary;

@@ -5,6 +5,7 @@ use surfabet_entropy::Coder;
 use super::coding::Streams;
 use super::learn::PlanesFigures;
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
+use super::options::PlanesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
@@ -15,6 +16,7 @@ impl SurfaceModel for PlaneModel {
     const METHOD: &'static str = "planes";
     const STREAMS: usize = 4;
     const KEEPS_THICKNESS: bool = true;
+    type Options = PlanesOptions;
     type Header = PlanesHeader;
     type Figures = Option<PlanesFigures>;
     type Vocabulary = NoVocabulary;

@@ -14,6 +14,7 @@ mod trim;
 use surfabet_geom::{PointCloud, Progress};
 
 use crate::error::Result;
+use crate::options::Options;
 use crate::planes::model::PlaneModel;
 use crate::planes::options::PlanesOptions;
 use crate::planes::points::Points;
