@@ -68,7 +68,7 @@ impl OccurrenceModels {
             count: [const { UInt::new() }; SCALES],
             children: [Bit::new(); 2 * SCALES],
             // Above the largest words, nodes of all sizes are alike.
-            cells: Octree::new(setting.scales),
+            cells: Octree::new(params.scales),
             same_view: Bit::new(),
             view: symbols(params.sensors.len()),
             prediction: std::array::from_fn(|n| symbols(n + 1)),
