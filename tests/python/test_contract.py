@@ -32,7 +32,7 @@ def corner(seed: int = 0, n: int = 3000) -> sb.PointCloud:
         points.append(p)
         colors.append(np.tile(np.array(color, np.uint8), (n, 1)))
     return sb.PointCloud(
-        np.concatenate(points) + [1000.0, -500.0, 20.0],
+        np.concatenate(points) + np.array([1000.0, -500.0, 20.0]),
         colors=np.concatenate(colors),
         viewpoints=[[1001.5, -498.5, 21.5]],
         viewpoint_index=np.zeros(3 * n, np.uint32),
@@ -166,9 +166,7 @@ def test_what_a_model_says_of_itself(
     assert all(type(value) in (bool, int, float, str) for value in model.info.values())
 
 
-def test_a_file_gives_the_model_back(
-    name: str, method: Method, model: Any, tmp_path: Path
-) -> None:
+def test_a_file_gives_the_model_back(name: str, method: Method, model: Any, tmp_path: Path) -> None:
     path = tmp_path / "a.sfb"
     data = model.to_bytes()
     assert model.save(path) == path.stat().st_size == len(data)
@@ -374,14 +372,9 @@ def test_other_threads_run_meanwhile(method: Method) -> None:
     counting.join()
 
 
-def test_models_are_not_pickled_by_accident(model: Any) -> None:
-    """Either they come back whole or are refused: files are the way to keep them."""
-    try:
-        data = pickle.dumps(model)
-    except TypeError as error:
-        assert "pickle" in str(error)
-    else:
-        assert pickle.loads(data) == model
+def test_models_are_kept_in_files_not_pickled(model: Any) -> None:
+    with pytest.raises(TypeError, match="pickle"):
+        pickle.dumps(model)
 
 
 def test_files_of_the_first_release_read_as_ever(name: str, method: Method) -> None:

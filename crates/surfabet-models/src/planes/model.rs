@@ -3,9 +3,7 @@
 use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Progress, octahedral};
 
-use super::e_step::{NONE, e_step};
-use super::fit::Fit;
-use super::learn::PlanesReport;
+use super::learn::{Fit, NONE, PlanesReport, e_step};
 use super::options::MAX_PATCHES;
 use super::patch::{Frame, Patch};
 use super::points::Points;

@@ -38,7 +38,7 @@ pub(super) const LANES: usize = 8;
 /// Bits of a logarithm's fraction: the sum over 2^28 points stays below 2^63.
 const LOG_BITS: u32 = 30;
 
-/// Distance in sigmas within which decoded points are looked up: 3 (eq. 10), and so much more that rounding never loses
+/// Distance in sigmas within which decoded points are searched: 3 (eq. 10), and so much more that rounding never loses
 /// one.
 const REACH_SIGMAS: f32 = 3.001;
 

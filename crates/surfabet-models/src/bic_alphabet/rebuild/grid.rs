@@ -2,7 +2,7 @@
 //!
 //! Cells are slightly more than two epsilon wide, so that all points within epsilon of a position lie in two by two by
 //! two of them. Four by four by four cells make a group. Groups are found by hash and numbered as they appear, and
-//! since points come along a curve through space, neighbours in space are neighbours in memory.
+//! since points are given along a curve through space, neighbours in space are neighbours in memory.
 
 use super::stamp::PlacedPoint;
 use crate::vector::{dot, minus};
@@ -152,7 +152,7 @@ impl PointGrid {
         let mut start = 0;
         for bucket in &mut buckets {
             let (n, n_kept) = (bucket.end, bucket.kept_end);
-            // Both ends grow as points come.
+            // Both ends grow as points are inserted.
             *bucket = Bucket { start, kept_end: start, end: start + n_kept };
             start += n;
         }

@@ -1,4 +1,4 @@
-//! A k-d tree that follows the neurons as they move, come and go.
+//! A k-d tree that follows the neurons as they move, are added and removed.
 //!
 //! Its leaves hold up to [`LANES`] neurons in columns, so that a leaf's distances are a few vector operations. A neuron
 //! that moves stays in its leaf as long as it stays in the leaf's region, which is nearly always, and is inserted from

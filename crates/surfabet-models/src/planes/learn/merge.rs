@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use surfabet_geom::{Moments, Progress};
 
 use super::m_step::plane;
-use super::patch::{Frame, Patch};
-use super::points::Points;
 use super::trim::{mean_square, trim};
 use crate::disjoint::root;
 use crate::error::Result;
+use crate::planes::patch::{Frame, Patch};
+use crate::planes::points::Points;
 use crate::vector::{dot, minus};
 
 /// Pairs looked at between two questions whether to go on.

@@ -4,14 +4,14 @@ use rayon::prelude::*;
 use surfabet_geom::Moments;
 
 use super::e_step::Responsibilities;
-use super::patch::{Frame, Patch};
-use super::points::Points;
+use crate::planes::patch::{Frame, Patch};
+use crate::planes::points::Points;
 
 /// Share of a patch's points that has to be clear of others for the rest to be left out.
 const ENOUGH: f64 = 0.3;
 
 /// The plane through the mean along the two larger principal axes; `None` for points on a line or at one place.
-pub(super) fn plane(moments: &Moments) -> Option<Frame> {
+pub(in crate::planes) fn plane(moments: &Moments) -> Option<Frame> {
     let fitted = moments.plane(0.0)?;
     Some(Frame::with_normal(fitted.mean, fitted.normal))
 }

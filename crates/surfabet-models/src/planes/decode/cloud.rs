@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
-use super::model::PlaneModel;
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
+use crate::planes::model::PlaneModel;
 use crate::spread::across;
 
 /// A decoded point.

@@ -4,9 +4,9 @@ use surfabet_geom::Moments;
 
 use super::m_step::plane;
 use super::merge::{Part, Rule};
-use super::patch::Patch;
-use super::points::Points;
 use super::trim::{mean_square, trim};
+use crate::planes::patch::Patch;
+use crate::planes::points::Points;
 
 /// Bins whose strip of the rectangle is shorter than this share of the longest are partial and do not count.
 const FULL: f64 = 0.5;

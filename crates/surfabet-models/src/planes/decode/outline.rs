@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::model::PlaneModel;
-use super::tiles::Tiles;
+use crate::planes::model::PlaneModel;
+use crate::planes::tiles::Tiles;
 
 /// Triangles of a model: corners in the world, metres, three corners per triangle, the patch of each triangle.
 #[derive(Debug, Clone, PartialEq, Default)]

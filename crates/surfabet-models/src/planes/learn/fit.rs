@@ -7,15 +7,15 @@ use super::e_step::{NONE, Responsibilities, e_step, weight_scale};
 use super::grid_size::{PER_DEVIATION, deviation};
 use super::m_step::{Regression, clear_m_step, m_step};
 use super::merge::{Rule, close_pairs, merge};
-use super::options::PlanesOptions;
-use super::patch::Patch;
-use super::points::Points;
 use super::seed;
 use super::split::{SplitRule, split};
 use super::surface::{Surfaces, surfaces};
 use super::trim::trim;
 use crate::error::Result;
 use crate::options::Options;
+use crate::planes::options::PlanesOptions;
+use crate::planes::patch::Patch;
+use crate::planes::points::Points;
 
 /// Smallest grid size by default in standard deviations of the noise. Without this bound EM may lay several patches
 /// into the thickness of one noisy surface: each fits its slice well, G shrinks to the slice, and no two merge.

@@ -7,11 +7,11 @@
 use surfabet_entropy::{Bit, Coder, SInt, UInt};
 use surfabet_geom::octahedral;
 
-use super::model::{
+use crate::color::MAX_COLOR_CODE;
+use crate::planes::model::{
     DIRECTIONS, MAX_COORDINATE, MAX_DOUBLINGS, MAX_MODEL_TILES, MAX_PATCH_TILES, NORMAL_BITS,
     PARTS, PlaneModel, PlanesHeader, StoredPatch,
 };
-use crate::color::MAX_COLOR_CODE;
 use crate::size_code::MAX_SIZE_CODE;
 
 /// Directions that are remembered, the last used first.
@@ -25,7 +25,7 @@ const QUARTER: i32 = DIRECTIONS as i32 / 4;
 
 /// The streams of a model of planes.
 #[derive(Debug)]
-pub(super) struct Streams<'a, C> {
+pub(in crate::planes) struct Streams<'a, C> {
     /// Positions, normals and directions.
     pub poses: &'a mut C,
     /// Which tiles are supported.
@@ -41,7 +41,10 @@ impl PlaneModel {
     ///
     /// # Errors
     /// Those of the coders.
-    pub(super) fn write<C: Coder>(&self, streams: &mut Streams<'_, C>) -> Result<(), C::Error> {
+    pub(in crate::planes) fn write<C: Coder>(
+        &self,
+        streams: &mut Streams<'_, C>,
+    ) -> Result<(), C::Error> {
         let given = Some(self.stored());
         code_patches(streams, self.header(), MAX_MODEL_TILES, given, |_| ())
     }
@@ -50,7 +53,7 @@ impl PlaneModel {
     ///
     /// # Errors
     /// Those of the coders, also for a header or content that no model has.
-    pub(super) fn read<C: Coder>(
+    pub(in crate::planes) fn read<C: Coder>(
         header: &PlanesHeader,
         max_tiles: u64,
         streams: &mut Streams<'_, C>,

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 use surfabet_geom::Progress;
 
 use super::e_step::NONE;
-use super::patch::Patch;
-use super::points::Points;
 use crate::error::Result;
+use crate::planes::patch::Patch;
+use crate::planes::points::Points;
 
 /// Noise that is taken for granted, in grid sizes: points that fit exactly still deviate by their rounding.
 const LEAST_NOISE: f64 = 0.25;

@@ -2,9 +2,9 @@
 
 use surfabet_geom::Moments;
 
-use super::patch::{Frame, Patch};
-use super::points::Points;
-use super::tiles::{MAX_TILES, Tiles};
+use crate::planes::patch::{Frame, Patch};
+use crate::planes::points::Points;
+use crate::planes::tiles::{MAX_TILES, Tiles};
 use crate::vector::{dot, minus};
 
 /// Points that a tile with points holds on average; tiles are as large as this needs where points are sparse.
@@ -239,7 +239,7 @@ impl Scatter {
 }
 
 /// What the moments of some points say of their distances from a plane: the mean square.
-pub(super) fn mean_square(moments: &Moments, frame: &Frame) -> f64 {
+pub(in crate::planes) fn mean_square(moments: &Moments, frame: &Frame) -> f64 {
     let n = frame.normal;
     let c = moments.covariance();
     let off = dot(minus(moments.mean(), frame.center), n);

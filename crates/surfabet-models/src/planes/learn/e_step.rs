@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::patch::Patch;
-use super::points::Points;
 use crate::error::Result;
+use crate::planes::patch::Patch;
+use crate::planes::points::Points;
 
 /// Stands for no patch.
-pub(super) const NONE: u32 = u32::MAX;
+pub(in crate::planes) const NONE: u32 = u32::MAX;
 
 /// Blocks of points per unit of parallel work.
 const CHUNK: usize = 64;
@@ -21,7 +21,7 @@ pub struct Responsibilities {
     /// Point and probability; points ascending for each patch.
     entries: Vec<(u32, f32)>,
     /// For each distinct point the patch with the largest probability.
-    pub(super) supports: Vec<u32>,
+    pub(in crate::planes) supports: Vec<u32>,
     /// Distance to that patch, metres; zero for points that support none.
     pub(super) distances: Vec<f32>,
 }

@@ -11,11 +11,11 @@ use surfabet_geom::{Moments, Progress};
 use super::grid_size::PER_DEVIATION;
 use super::m_step::plane;
 use super::merge::{Part, Rule, agglomerate};
-use super::patch::{Frame, Patch};
-use super::points::Points;
-use super::tiles::Tiles;
 use super::trim::{facing, trim};
 use crate::error::Result;
+use crate::planes::patch::{Frame, Patch};
+use crate::planes::points::Points;
+use crate::planes::tiles::Tiles;
 
 /// Sides of the cells that are looked at first and last, in standard deviations of the noise.
 const LARGEST_CELL: f64 = 12.0;
@@ -38,7 +38,7 @@ const FLATNESS: f64 = 0.1;
 const RANDOM_TILES: f64 = 8.0;
 
 /// `n` squares at points of the cloud, of half its extent, turned at random.
-pub(super) fn random(points: &Points, n: usize, random_state: u64) -> Vec<Patch> {
+pub(in crate::planes) fn random(points: &Points, n: usize, random_state: u64) -> Vec<Patch> {
     let mut rng = ChaCha8Rng::seed_from_u64(random_state);
     let side = 0.5 * points.extent().max(points.cell);
     (0..n)
