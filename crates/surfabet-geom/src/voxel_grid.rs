@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::cells::wide_cell_of;
 use crate::cloud::{CloudParts, PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 use crate::kdtree::Meter;
@@ -49,7 +50,7 @@ impl VoxelGrid {
         if low.iter().chain(&high).any(|c| (c / size).abs() >= LARGEST_CELL) {
             return too_small("at least the largest coordinate divided by 2^53");
         }
-        let cell = |p: [f64; 3]| p.map(|c| (c / size).floor() as i64);
+        let cell = |p: [f64; 3]| wide_cell_of(p, size);
         let (first, last) = (cell(low), cell(high));
         let bits: [u32; 3] = std::array::from_fn(|a| 64 - (last[a] - first[a]).leading_zeros());
         if bits.iter().any(|&b| b > 32) {

@@ -10,8 +10,8 @@ use rand_distr::StandardNormal;
 use surfabet::alphabet;
 use surfabet::geom::KdTree;
 use surfabet::{
-    Alphabet, AlphabetModel, AlphabetOptions, CloudParts, MdlDecodeOptions, Model,
-    PointCloud, Save, Shared, Silent, Viewpoints,
+    Alphabet, AlphabetModel, AlphabetOptions, CloudParts, MdlDecodeOptions, Model, PointCloud,
+    Save, Shared, Silent, Viewpoints,
 };
 use surfabet_codec::{ContainerWriter, Family, Features};
 use surfabet_models::Error;

@@ -8,8 +8,8 @@ use rand_distr::StandardNormal;
 use surfabet::bic_alphabet::{self, BicHeader, BicPose, BicShape, BicWord};
 use surfabet::geom::KdTree;
 use surfabet::{
-    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, CloudParts, Container, Model,
-    PointCloud, Save, Shared, Silent, Upright, Viewpoints, bic_alphabet_hash, shared_alphabet,
+    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, CloudParts, Container, Model, PointCloud,
+    Save, Shared, Silent, Upright, Viewpoints, bic_alphabet_hash, shared_alphabet,
 };
 use surfabet_codec::{ContainerWriter, Family, Features};
 use surfabet_models::Error;

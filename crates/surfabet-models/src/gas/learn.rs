@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use surfabet_geom::cells::wide_cell_of;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::adjacency::Adjacency;
@@ -15,6 +16,7 @@ use super::winners::index::{BruteForce, Index, Winners};
 use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::report::{Report, lost};
+use crate::vector::distance;
 
 /// Position steps per mean edge, by default: rounding adds a thousandth to the squared error.
 const STEPS_PER_EDGE: f64 = 16.0;
@@ -156,19 +158,16 @@ impl GasModel {
         let lengths = self
             .edges
             .iter()
-            .map(|&[a, b]| distance(self.position(a as usize), self.position(b as usize)));
+            .map(|&[a, b]| [a, b].map(|i| self.position(i as usize).map(f64::from)))
+            .map(|[p, q]| distance(p, q));
         let size = (2.0 * lengths.sum::<f64>() / self.edges.len() as f64).max(self.position_step());
-        let cell = |p: &[f32; 3]| p.map(|c| (f64::from(c) / size).floor() as i64);
+        let cell = |p: &[f32; 3]| wide_cell_of(p.map(f64::from), size);
         let mut cells: HashSet<[i64; 3]> = recalled.iter().map(cell).collect();
         let before = cells.len().max(1) as f64;
         cells.extend(positions.iter().map(cell));
         let n = self.len() as f64 * cells.len() as f64 / before;
         (n.round() as usize).clamp(self.len(), MAX_NEURONS)
     }
-}
-
-fn distance(p: [f32; 3], q: [f32; 3]) -> f64 {
-    (0..3).map(|a| (f64::from(p[a]) - f64::from(q[a])).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Refuses more neurons than points have places.
@@ -260,7 +259,7 @@ fn finish(
 fn exponent(positions: &[[f32; 3]], edges: &[[u32; 2]], options: &GasOptions) -> Result<i32> {
     let extent = positions.iter().flatten().fold(0.0_f32, |m, c| m.max(c.abs()));
     let lengths = edges.iter().map(|e| {
-        let [p, q] = e.map(|i| positions[i as usize]);
+        let [p, q] = e.map(|i| positions[i as usize].map(f64::from));
         distance(p, q)
     });
     let mean = lengths.sum::<f64>() / edges.len() as f64;

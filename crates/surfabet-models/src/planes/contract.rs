@@ -3,8 +3,8 @@
 use surfabet_entropy::Coder;
 
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
-use super::syntax::Streams;
 use super::options::PlanesOptions;
+use super::syntax::Streams;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 

@@ -18,7 +18,7 @@ use crate::alphabet::scene::{Cells, Data};
 use crate::alphabet::word::Word;
 use crate::error::Result;
 use crate::scans::{Upright, upright_frame};
-use crate::vector;
+use crate::vector::{self, squared_distance};
 
 /// Planes sought per cell.
 const PLANES: usize = 3;
@@ -153,7 +153,7 @@ fn in_cell(
     for _ in 0..PLANES {
         let known = open.iter().filter(|&&i| data.normals[i as usize] != [0.0; 3]);
         let Some(&seed) = known.min_by(|&&i, &&j| {
-            let off = |i: u32| distance(data.points[i as usize], center);
+            let off = |i: u32| squared_distance(data.points[i as usize].map(f64::from), center);
             off(i).total_cmp(&off(j)).then(i.cmp(&j))
         }) else {
             break;
@@ -264,8 +264,4 @@ fn quantised(
         word: 0,
         view,
     })
-}
-
-fn distance(p: [f32; 3], q: [f64; 3]) -> f64 {
-    (0..3).map(|a| (f64::from(p[a]) - q[a]).powi(2)).sum()
 }

@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use surfabet_geom::cells::around;
+
 /// What is looked at of a coarsest cell, the last said; reading a hostile file takes bounded time.
 const REMEMBERED: usize = 128;
 
@@ -27,11 +29,8 @@ impl<T> Nearby<T> {
 
     /// What was added in the coarsest cell that holds a cell, and in the 26 around that one.
     pub fn about(&self, cell: [i32; 3], scale: u32) -> impl Iterator<Item = &T> {
-        let [x, y, z] = self.coarse(cell, scale);
-        (0..27)
-            .filter_map(move |k| {
-                self.by_cell.get(&[x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1])
-            })
+        around(self.coarse(cell, scale))
+            .filter_map(|cell| self.by_cell.get(&cell))
             .flat_map(|there| there.iter().rev().take(REMEMBERED))
     }
 }

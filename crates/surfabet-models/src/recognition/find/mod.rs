@@ -203,8 +203,7 @@ mod tests {
         let (cloud, _) = PointCloud::from_positions(points);
         let options =
             AlphabetOptions { sigma_scale: 1.0, noise: Some(0.008), ..AlphabetOptions::default() };
-        learn(&cloud, &options, &Silent)
-            .unwrap()
+        learn(&cloud, &options, &Silent).unwrap()
     }
 
     fn example() -> Region {
