@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes what follows from the records of options in Rust; `--check` only tells what is out of date.
+"""Writes what follows from the records of options in Rust; `--check` only says what is stale.
 
 The records are `crates/surfabet-models/src/*/options.rs`, as the installed surfabet has them. From
 them come the keywords and docstrings of the learn functions in `python/surfabet/*.py`, the options
@@ -243,7 +243,7 @@ def python_files(records: dict[str, list[Option]]) -> Iterator[tuple[Path, str]]
 # ------------------------------------------------------------------------------------- command line
 
 
-CLI_HEAD = '''"""Options of learning, for all models; written by scripts/generate_options.py, not by hand."""
+CLI_HEAD = '''"""Options of learning, for all models; written by scripts/generate_options.py."""
 
 from __future__ import annotations
 

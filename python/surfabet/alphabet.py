@@ -31,6 +31,7 @@ __all__ = [
     "place_similarity",
 ]
 
+
 @dataclass(frozen=True, slots=True)
 class Occurrences:
     """Where words occur: all m occurrences of a model as arrays, in the order of the file."""
@@ -161,11 +162,6 @@ class AlphabetModel(Model[_core.AlphabetModel]):
     def alphabet(self) -> Alphabet:
         """The words that occur."""
         return Alphabet(self._core.alphabet)
-
-    @property
-    def shares_alphabet(self) -> bool:
-        """Whether the file names its alphabet instead of holding it."""
-        return self._core.shares_vocabulary
 
     @property
     def has_intensity(self) -> bool:

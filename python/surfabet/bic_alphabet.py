@@ -100,11 +100,6 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
         return BicAlphabet(self._core.alphabet)
 
     @property
-    def shares_alphabet(self) -> bool:
-        """Whether the file names its alphabet instead of holding it."""
-        return self._core.shares_vocabulary
-
-    @property
     def words(self) -> NDArray[np.uint32]:
         """Which word occurs, (m,)."""
         return self._core.word_ids

@@ -22,6 +22,7 @@ from surfabet.model import Model
 
 __all__ = ["GasModel", "Neurons", "learn_gas"]
 
+
 @dataclass(frozen=True, slots=True)
 class Neurons:
     """All n neurons of a model as arrays, in the order of the file: along the topology."""

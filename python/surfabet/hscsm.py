@@ -225,11 +225,6 @@ class HscsmModel(Model[_core.HscsmModel]):
         return HscsmDictionary(self._core.dictionaries())
 
     @property
-    def shares_dictionary(self) -> bool:
-        """Whether the file refers to the dictionary of another model instead of holding one."""
-        return self._core.shares_vocabulary
-
-    @property
     def patches(self) -> Patches:
         """All patches as arrays."""
         levels = self.levels

@@ -32,7 +32,7 @@ mod summary;
 
 pub use contract::{Budget, DecodeOptions, NoVocabulary, Source, SurfaceModel};
 pub use error::{Error, Result};
-pub use report::{Report, Stage};
+pub use report::{Figures, Named, Report, Stage};
 pub use sensor::Sensor;
 pub use summary::{Fact, Summary};
 use surfabet_geom::vector;

@@ -5,6 +5,7 @@ use surfabet_entropy::Coder;
 use super::model::{Alphabet, AlphabetHeader, AlphabetModel};
 use super::options::AlphabetOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for AlphabetModel {
@@ -13,6 +14,7 @@ impl SurfaceModel for AlphabetModel {
     const KEEPS_THICKNESS: bool = false;
     type Options = AlphabetOptions;
     type Header = AlphabetHeader;
+    type Figures = Named;
     type Vocabulary = Alphabet;
 
     fn header(&self) -> AlphabetHeader {

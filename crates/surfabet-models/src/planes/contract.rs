@@ -2,6 +2,8 @@
 
 use surfabet_entropy::Coder;
 
+use super::coding::Streams;
+use super::learn::PlanesFigures;
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 use super::options::PlanesOptions;
 use super::syntax::Streams;
@@ -17,6 +19,7 @@ impl SurfaceModel for PlaneModel {
     const KEEPS_THICKNESS: bool = true;
     type Options = PlanesOptions;
     type Header = PlanesHeader;
+    type Figures = Option<PlanesFigures>;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PlanesHeader {

@@ -1,137 +1,85 @@
-//! Candidates: at every cell of every scale the planes that pass through it, as poses of integers.
+//! Candidates: words that may occur somewhere, with what each would explain.
+//!
+//! | file | step |
+//! |---|---|
+//! | `planes` | planes at every cell, rounded to integers, with what the surface about them looks like |
+//! | `descriptor` | the surface about a pose as an image of heights |
+//! | `clusters` | words from the descriptors, and the words nearest to a descriptor |
+//! | `mod` | those words in place of the planes |
+//! | `coverage` | the points that an occurrence explains, and its outliers |
 
-pub(super) mod clusters;
-pub(super) mod coverage;
-pub(super) mod descriptor;
+mod clusters;
+mod coverage;
+mod descriptor;
+mod planes;
 
-use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use crate::alphabet::candidates::clusters::nearest_words;
-use crate::alphabet::candidates::coverage::{Coverage, Rasters};
-use crate::alphabet::candidates::descriptor::{HOLE, Patch};
-use crate::alphabet::lattice::{MAX_SLOPE, UNITS, cell_center, offset_step, sigma, slope_steps};
-use crate::alphabet::placement::{Placement, Stand};
-use crate::alphabet::scene::local_points::{NearPoint, near};
-use crate::alphabet::scene::{Cells, Data};
-use crate::alphabet::word::Word;
+pub(super) use self::clusters::{cluster_words, nearest_words};
+pub(super) use self::coverage::{Coverage, WordSamples, sample_grid};
+pub(super) use self::descriptor::Descriptor;
+pub(super) use self::planes::{CandidatePlane, find_planes};
+use super::constants::{PLANE_DISTANCE, WORDS_PER_PLACE};
+use super::placement::{Placement, WordPose};
+use super::scene::{Cells, LatticeScene, LocalPoint, local_points};
+use super::word::Word;
 use crate::error::Result;
+<<<<<<< HEAD
 use crate::scans::{Upright, upright_frame};
 use crate::vector::{self, squared_distance};
+=======
+>>>>>>> core
 
-/// Planes sought per cell.
-const PLANES: usize = 3;
-
-/// Rounds of fitting a plane to the points near to it.
-const ROUNDS: usize = 3;
-
-/// Points within this many sigmas of a plane are on it.
-const ON_PLANE: f64 = 1.0;
-
-/// Points about a cell that planes are fitted to, at most.
-const FITTED: usize = 2048;
-
-/// Samples per side of a word, at most.
-const MAX_SIDE: f64 = 128.0;
-
-/// Squared distance of a look to the plane's up to which it is one.
-const PLANE: f32 = 1.5 * HOLE;
-
-/// Words tried at a place: those whose looks are nearest to what is there.
-pub(in crate::alphabet) const NEAREST: usize = 3;
-
-/// A word that might stand somewhere.
+/// An occurrence that may be chosen.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::alphabet) struct Candidate {
+pub(super) struct Candidate {
     pub placement: Placement,
-    pub stand: Stand,
+    /// The pose that the placement stands for.
+    pub pose: WordPose,
     pub coverage: Coverage,
 }
 
-/// A candidate plane, and what the surface about it looks like.
-#[derive(Debug, Clone, PartialEq)]
-pub(in crate::alphabet) struct Plane {
-    pub candidate: Candidate,
-    pub look: Patch,
-}
-
-/// Buffers for the points about a place.
-#[derive(Default)]
-struct Buffers {
-    some: Vec<u32>,
-    around: Vec<u32>,
-    near: Vec<NearPoint>,
-}
-
-/// The planes at all cells of a scale.
-pub(in crate::alphabet) fn planes(
-    data: &Data,
+/// The words whose descriptors are nearest to those of `planes`, in their places; all of one scale. The plane itself is
+/// not among them, and none is tried where the surface is a plane.
+pub(super) fn place_words(
+    scene: &LatticeScene,
     cells: &Cells,
-    scale: u32,
-    spacing: f64,
-    progress: &dyn Progress,
-) -> Result<Vec<Plane>> {
-    let plane = [Word::plane()];
-    let found: Vec<Vec<Plane>> = (0..cells.len())
-        .into_par_iter()
-        .with_min_len(16)
-        .map_init(
-            || (Buffers::default(), Rasters::new(&plane)),
-            |(buffers, rasters), k| {
-                progress.check()?;
-                let (cell, inside) = cells.get(k);
-                cells.some_around(cell, FITTED, &mut buffers.some);
-                Ok(in_cell(data, cells, cell, scale, spacing, inside, buffers, rasters))
-            },
-        )
-        .collect::<Result<_>>()?;
-    let mut all: Vec<Plane> = found.into_iter().flatten().collect();
-    all.sort_by_key(|p| p.candidate.placement);
-    all.dedup_by_key(|p| p.candidate.placement);
-    Ok(all)
-}
-
-/// The words nearest to what each of `planes` looks like, in its place; all of one scale.
-pub(in crate::alphabet) fn with_words(
-    data: &Data,
-    cells: &Cells,
-    planes: &[Plane],
+    planes: &[CandidatePlane],
     words: &[Word],
     spacing: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<Candidate>> {
-    let known: Vec<Patch> = words.iter().map(Patch::of_word).collect();
+    let descriptors: Vec<Descriptor> = words.iter().map(Descriptor::of_word).collect();
     let placed: Vec<Vec<Candidate>> = planes
         .par_iter()
         .map_init(
-            || (Buffers::default(), Rasters::new(words)),
-            |(buffers, rasters), plane| {
+            || (Vec::new(), Vec::<LocalPoint>::new(), WordSamples::new(words)),
+            |(around, points, samples), plane| {
                 progress.check()?;
-                let Candidate { placement, stand, .. } = plane.candidate;
-                let mut fitting = nearest_words(&plane.look, &known, NEAREST);
+                if plane.descriptor.distance(&descriptors[0]) < PLANE_DISTANCE {
+                    return Ok(Vec::new());
+                }
+                let mut fitting = nearest_words(&plane.descriptor, &descriptors, WORDS_PER_PLACE);
                 fitting.retain(|&word| word != 0);
-                // Where all is plane, words with holes are of no use.
-                if plane.look.distance(&known[0]) < PLANE {
-                    fitting.clear();
+                if fitting.is_empty() {
+                    return Ok(Vec::new());
                 }
-                if !fitting.is_empty() {
-                    let scale = u32::from(placement.scale);
-                    cells.touched(placement.cell, &stand, scale, &mut buffers.around);
-                    near(data, &stand, &buffers.around, &mut buffers.near);
-                }
-                let near = &buffers.near;
-                let place = |word: usize| Candidate {
+                let Candidate { placement, pose, .. } = plane.candidate;
+                cells.touched(placement.cell, &pose, around);
+                local_points(scene, &pose, around, points);
+                let with_word = |word: usize| Candidate {
                     placement: Placement { word: word as u16, ..placement },
-                    stand,
-                    coverage: rasters.coverage(word, &stand, spacing, near),
+                    pose,
+                    coverage: samples.coverage(word, &pose, spacing, points),
                 };
-                Ok(fitting.into_iter().map(place).collect())
+                Ok(fitting.into_iter().map(with_word).collect())
             },
         )
         .collect::<Result<_>>()?;
     Ok(placed.into_iter().flatten().collect())
 }
+<<<<<<< HEAD
 
 #[allow(clippy::too_many_arguments)]
 fn in_cell(
@@ -265,3 +213,5 @@ fn quantised(
         view,
     })
 }
+=======
+>>>>>>> core
