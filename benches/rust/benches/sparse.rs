@@ -4,6 +4,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use surfabet_geom::Silent;
 use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, ksvd, omp};
 
 const FEATURES: usize = 400;
@@ -29,12 +30,12 @@ fn sparse(criterion: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements(SIGNALS as u64));
     for (name, signals) in [("full", &full), ("masked", &masked)] {
         group.bench_function(format!("omp/{name}"), |b| {
-            b.iter(|| omp(&dictionary, signals, &options, &|| false));
+            b.iter(|| omp(&dictionary, signals, &options, &Silent));
         });
         let options =
             KsvdOptions { n_atoms: 100, iterations: 1, convergence: 0.0, ..KsvdOptions::default() };
         group.bench_function(format!("ksvd/{name}"), |b| {
-            b.iter(|| ksvd(signals, &options, &|| false, &mut |_| {}));
+            b.iter(|| ksvd(signals, &options, &Silent, &mut |_| {}));
         });
     }
     group.finish();

@@ -14,12 +14,10 @@
 //! distances of points are summed, and every rounding on the way is monotone, so that no box looks farther away
 //! than a point in it.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::progress::Progress;
+use surfabet_base::{Meter, Progress};
 
 /// Points per leaf. Measured on a million scan points, 8 and 32 are both slower by a tenth to a fifth.
 const LANES: usize = 16;
@@ -520,37 +518,12 @@ fn check_finite(name: &'static str, points: &[[f32; 3]]) -> Result<()> {
     }
 }
 
-/// Counts finished parts of parallel work and asks whether to go on.
-pub(crate) struct Meter<'a> {
-    progress: &'a dyn Progress,
-    stage: &'static str,
-    total: usize,
-    done: AtomicUsize,
-}
-
-impl<'a> Meter<'a> {
-    fn new(progress: &'a dyn Progress, total: usize) -> Self {
-        Self::named(progress, "neighbours", total)
-    }
-
-    pub(crate) fn named(progress: &'a dyn Progress, stage: &'static str, total: usize) -> Self {
-        Self { progress, stage, total, done: AtomicUsize::new(0) }
-    }
-
-    pub(crate) fn step(&self) -> Result<()> {
-        self.progress.check()?;
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        self.progress.update(self.stage, done as f32 / self.total as f32);
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::progress::{Cancelled, Silent};
+    use surfabet_base::{Cancelled, Silent};
 
     fn brute_force(points: &[[f32; 3]], query: [f32; 3]) -> Vec<Neighbor> {
         let mut all: Vec<Neighbor> = points

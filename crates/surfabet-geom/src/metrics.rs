@@ -9,9 +9,10 @@ use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::kdtree::{KdTree, Meter, Neighbor};
+use crate::kdtree::{KdTree, Neighbor};
 use crate::normals::fit_normal;
-use crate::progress::Progress;
+use surfabet_base::Meter;
+use surfabet_base::Progress;
 
 /// Pairs per partial sum.
 const CHUNK: usize = 8192;
@@ -268,7 +269,7 @@ fn fit_normals(
 ) -> Result<Vec<[f32; 3]>> {
     const BATCH: usize = 1024;
     let mut normals = vec![[0.0; 3]; decoded.len()];
-    let meter = Meter::named(progress, "reference planes", decoded.len().div_ceil(BATCH));
+    let meter = Meter::new(progress, "reference planes", decoded.len().div_ceil(BATCH));
     normals.par_chunks_mut(BATCH).zip(decoded.par_chunks(BATCH)).try_for_each(
         |(normals, decoded)| {
             let mut found = Vec::new();
@@ -394,7 +395,7 @@ mod tests {
 
     use super::*;
     use crate::cloud::{CloudParts, Viewpoints};
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn cloud(parts: CloudParts) -> PointCloud {
         PointCloud::from_parts(parts).unwrap().0

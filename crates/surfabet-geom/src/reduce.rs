@@ -10,9 +10,9 @@ use crate::boxes::Aabb;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::octree::Octree;
-use crate::progress::Progress;
 use crate::vector::squared_distance;
 use crate::voxel_grid::VoxelGrid;
+use surfabet_base::Progress;
 
 /// Most cell sizes that are tried.
 const MAX_TRIALS: usize = 40;
@@ -232,7 +232,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn by_definition(points: &[[f32; 3]], count: usize, start: usize) -> Vec<usize> {
         let mut keys: Vec<u64> =

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use crate::cells::wide_cell_of;
 use crate::cloud::{CloudParts, PointCloud, Viewpoints};
 use crate::error::{Error, Result};
-use crate::kdtree::Meter;
-use crate::progress::Progress;
+use surfabet_base::Meter;
+use surfabet_base::Progress;
 
 /// Largest cell number per axis that `f64` counts without gaps.
 const LARGEST_CELL: f64 = 9_007_199_254_740_992.0;
@@ -261,7 +261,7 @@ impl VoxelGrid {
         progress: &dyn Progress,
         value: impl Fn(&[u32]) -> T + Sync,
     ) -> Result<()> {
-        let meter = Meter::named(progress, "voxel means", values.len().div_ceil(BATCH));
+        let meter = Meter::new(progress, "voxel means", values.len().div_ceil(BATCH));
         values.par_chunks_mut(BATCH).enumerate().try_for_each(|(chunk, values)| {
             for (j, place) in values.iter_mut().enumerate() {
                 *place = value(self.members(chunk * BATCH + j));
@@ -319,7 +319,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn cloud(parts: CloudParts) -> PointCloud {
         PointCloud::from_parts(parts).unwrap().0

@@ -7,13 +7,8 @@ use rand_distr::StandardNormal;
 use surfabet::alphabet;
 use surfabet::geom::KdTree;
 use surfabet::{
-<<<<<<< HEAD
-    Alphabet, AlphabetModel, AlphabetOptions, CloudParts, MdlDecodeOptions, Model, PointCloud,
-    Save, Shared, Silent, Viewpoints,
-=======
     Alphabet, AlphabetModel, AlphabetOptions, CloudParts, DecodeOptions, PointCloud, Save, Silent,
     Viewpoints,
->>>>>>> core
 };
 use surfabet_models::Error;
 use surfabet_tests::assert_stops_when_asked;

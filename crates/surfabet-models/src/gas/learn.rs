@@ -2,7 +2,6 @@
 
 use std::collections::HashSet;
 
-use surfabet_geom::cells::wide_cell_of;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::constants::PATIENCE;
@@ -14,11 +13,7 @@ use super::options::GasOptions;
 use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::report::{Report, lost};
-<<<<<<< HEAD
-use crate::vector::distance;
-=======
 use crate::stages::Stages;
->>>>>>> core
 
 /// The stages and their shares of the progress: the time of each in per cent, on a Kinect frame.
 pub(super) const STAGES: &[(&str, f32)] = &[("growing", 90.0), ("describing neurons", 10.0)];
@@ -76,26 +71,6 @@ fn stop(options: &GasOptions, n_points: usize) -> Stop {
         signals: planned,
         at_most: if options.passes.is_some() { planned } else { PATIENCE * planned },
     }
-<<<<<<< HEAD
-
-    /// Neurons for this model's space together with that of `positions`, as many per occupied cube of two edges'
-    /// length as now.
-    fn grown_with(&self, positions: &[[f32; 3]], recalled: &[[f32; 3]]) -> usize {
-        let lengths = self
-            .edges
-            .iter()
-            .map(|&[a, b]| [a, b].map(|i| self.position(i as usize).map(f64::from)))
-            .map(|[p, q]| distance(p, q));
-        let size = (2.0 * lengths.sum::<f64>() / self.edges.len() as f64).max(self.position_step());
-        let cell = |p: &[f32; 3]| wide_cell_of(p.map(f64::from), size);
-        let mut cells: HashSet<[i64; 3]> = recalled.iter().map(cell).collect();
-        let before = cells.len().max(1) as f64;
-        cells.extend(positions.iter().map(cell));
-        let n = self.len() as f64 * cells.len() as f64 / before;
-        (n.round() as usize).clamp(self.len(), MAX_NEURONS)
-    }
-=======
->>>>>>> core
 }
 
 /// Refuses more neurons than points have places.
@@ -110,111 +85,3 @@ fn check_places(positions: &[[f32; 3]], neurons: usize) -> Result<()> {
     }
     Err(Error::TooFewPlaces { neurons, places: places.len() })
 }
-<<<<<<< HEAD
-
-fn run(
-    start: &[[f32; 3]],
-    edges: &[[u32; 2]],
-    signals: Signals<'_>,
-    options: &GasOptions,
-    stop: Stop,
-    progress: &dyn Progress,
-) -> Result<Grown> {
-    fn with<W: Winners>(
-        winners: W,
-        start: &[[f32; 3]],
-        edges: &[[u32; 2]],
-        signals: Signals<'_>,
-        options: &GasOptions,
-        stop: Stop,
-        progress: &dyn Progress,
-    ) -> Result<Grown> {
-        let mut network = Network::new(winners, options.into(), start);
-        network.join(edges);
-        grow(network, signals, options.patterns, stop, progress)
-    }
-    match options.search {
-        Search::Indexed => with(Index::new(), start, edges, signals, options, stop, progress),
-        Search::BruteForce => {
-            with(BruteForce::default(), start, edges, signals, options, stop, progress)
-        }
-    }
-}
-
-/// Rounds a grown network and describes its neurons.
-fn finish(
-    grown: Grown,
-    origin: [f64; 3],
-    observed: &[Observed<'_>],
-    n_points: u64,
-    options: &GasOptions,
-    mut report: Report,
-    progress: &dyn Progress,
-) -> Result<GasModel> {
-    progress.update("describing neurons", 0.0);
-    let Graph { positions, edges } = grown.graph;
-    let exponent = exponent(&positions, &edges, options)?;
-    let step = f64::from(exponent).exp2();
-    let rounded: Vec<[i32; 3]> =
-        positions.iter().map(|p| p.map(|c| (f64::from(c) / step).round() as i32)).collect();
-    let exact: Vec<[f32; 3]> =
-        rounded.iter().map(|p| p.map(|c| (f64::from(c) * step) as f32)).collect();
-    let adjacency = Adjacency::new(exact.len(), &edges);
-    let statistics =
-        report.time("describing neurons", || describe(&exact, &adjacency, observed, progress))?;
-    report.figures.extend([
-        ("points", n_points as f64),
-        ("signals", grown.signals as f64),
-        ("neurons", exact.len() as f64),
-        ("edges", edges.len() as f64),
-        ("mean error", statistics.mean_distance),
-    ]);
-    report.iterations = grown.signals as usize;
-    report.objectives.push(("mean distance of signals".into(), grown.trace));
-    report.stop_reason = grown.stop_reason;
-    let header = GasHeader {
-        n_points,
-        origin,
-        exponent,
-        color_step: statistics.colors.is_some().then_some(options.color_step),
-        mean_error: statistics.mean_distance,
-        n_neurons: exact.len() as u64,
-        n_edges: edges.len() as u64,
-    };
-    GasModel::new(header, &rounded, &edges, &statistics, report)
-}
-
-/// The position step as a power of two.
-fn exponent(positions: &[[f32; 3]], edges: &[[u32; 2]], options: &GasOptions) -> Result<i32> {
-    let extent = positions.iter().flatten().fold(0.0_f32, |m, c| m.max(c.abs()));
-    let lengths = edges.iter().map(|e| {
-        let [p, q] = e.map(|i| positions[i as usize].map(f64::from));
-        distance(p, q)
-    });
-    let mean = lengths.sum::<f64>() / edges.len() as f64;
-    let step = options.position_step.unwrap_or(mean / STEPS_PER_EDGE);
-    // Neurons all at one place have no length to go by.
-    let wanted = if step > 0.0 { step.log2().floor() } else { -f64::from(MAX_EXPONENT) };
-    let limit = f64::from(MAX_EXPONENT);
-    let mut exponent = wanted.clamp(-limit, limit) as i32;
-    let fits = |exponent: i32| {
-        f64::from(extent) <= f64::from(exponent).exp2() * (f64::from(MAX_COORDINATE) - 1.0)
-    };
-    if options.position_step.is_none() {
-        // Nothing was asked for: as fine as positions can be.
-        while !fits(exponent) && exponent < MAX_EXPONENT {
-            exponent += 1;
-        }
-    }
-    if !fits(exponent) {
-        let step = f64::from(exponent).exp2();
-        return Err(Error::TooLarge {
-            extent: f64::from(extent),
-            limit: step * f64::from(MAX_COORDINATE),
-            resolution: step,
-        });
-    }
-    Ok(exponent)
-}
-=======
->>>>>>> core

@@ -35,7 +35,7 @@ pub struct Points {
     pub(super) cell: f64,
     /// Median spacing of the points, metres.
     pub(super) spacing: f64,
-    /// Boxes of runs of [`BLOCK`] points.
+    /// Boxes, level by level: leaves of [`BLOCK`] points first, each box above holds two below.
     boxes: BoxTree<Aabb>,
 }
 

@@ -2,16 +2,11 @@
 
 use std::collections::HashMap;
 
-<<<<<<< HEAD
-use surfabet_geom::cells::around;
+use surfabet_geom::cells;
 
-/// What is looked at of a coarsest cell, the last said; reading a hostile file takes bounded time.
-const REMEMBERED: usize = 128;
-=======
 /// Items of one coarsest cell that are looked up at most, the last ones coded: reading a hostile file takes bounded
 /// time. Part of the format.
 const MAX_PER_CELL: usize = 128;
->>>>>>> core
 
 /// An item for each occurrence coded so far, by coarsest cell.
 #[derive(Debug, Clone)]
@@ -34,20 +29,11 @@ impl<T> CoarseCells<T> {
         self.items.entry(self.coarsest(cell, scale)).or_default().push(item);
     }
 
-<<<<<<< HEAD
-    /// What was added in the coarsest cell that holds a cell, and in the 26 around that one.
-    pub fn about(&self, cell: [i32; 3], scale: u32) -> impl Iterator<Item = &T> {
-        around(self.coarse(cell, scale))
-            .filter_map(|cell| self.by_cell.get(&cell))
-            .flat_map(|there| there.iter().rev().take(REMEMBERED))
-=======
     /// The items in the coarsest cell that holds a cell, and in the 26 around that one, the last of each cell first.
     pub fn around(&self, cell: [i32; 3], scale: u32) -> impl Iterator<Item = &T> {
-        let [x, y, z] = self.coarsest(cell, scale);
-        (0..27)
-            .filter_map(move |k| self.items.get(&[x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1]))
+        cells::around(self.coarsest(cell, scale))
+            .filter_map(|cell| self.items.get(&cell))
             .flat_map(|items| items.iter().rev().take(MAX_PER_CELL))
->>>>>>> core
     }
 }
 

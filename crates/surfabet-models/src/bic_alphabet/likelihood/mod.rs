@@ -109,14 +109,8 @@ impl Likelihood {
                     positions[b][a][lane] = p[a];
                 }
                 narrow[b][lane] = 0.5 / (sigma * sigma);
-<<<<<<< HEAD
-                // Slightly more, so that rounding never loses a neighbour.
-                let own = Block { aabb: Aabb::point(p), reach: 3.001 * sigma };
+                let own = Block { aabb: Aabb::point(p), reach: REACH_SIGMAS * sigma };
                 blocks[b] = blocks[b].union(own);
-=======
-                let own = Block { low: p, high: p, reach: REACH_SIGMAS * sigma };
-                blocks[b] = blocks[b].and(own);
->>>>>>> core
             }
         }
         let root = std::f64::consts::TAU.sqrt();
@@ -175,16 +169,10 @@ impl Likelihood {
         sums: &mut [[i64; LANES]],
         mut touched: impl FnMut(u32),
     ) {
-<<<<<<< HEAD
         let blocks = self.blocks.leaves();
-        // So many Gaussians of at most 2^22 fit 32 bits.
-        for decoded in decoded.chunks(CHUNK) {
-            let mut columns = [[f32::INFINITY; CHUNK]; 3];
-=======
         // The sum of so many Gaussians of at most 2^22 fits 32 bits.
         for decoded in decoded.chunks(POINTS_PER_SCATTER) {
             let mut columns = [[f32::INFINITY; POINTS_PER_SCATTER]; 3];
->>>>>>> core
             for (k, p) in decoded.iter().enumerate() {
                 for a in 0..3 {
                     columns[a][k] = p[a];
@@ -271,44 +259,6 @@ pub(super) struct KernelSums {
     pub logs: Vec<[i64; LANES]>,
     /// The sum of `logs` over all points.
     pub total: i64,
-}
-
-<<<<<<< HEAD
-/// BIC (eq. 4) with `parameters` numbers in the alphabet.
-pub(crate) fn bic(log_likelihood: f64, parameters: usize, n: usize) -> f64 {
-    -2.0 * log_likelihood + parameters as f64 * (n as f64).ln()
-=======
-/// Orders points so that each run of [`LANES`] lies close together: halves across the longest side, at whole blocks.
-fn arrange(order: &mut [u32], positions: &[[f32; 3]]) {
-    if order.len() <= LANES {
-        return;
-    }
-    let own = |i: u32| {
-        let p = positions[i as usize];
-        Block { low: p, high: p, reach: 0.0 }
-    };
-    let bounds = order.iter().fold(Block::EMPTY, |b, &i| b.and(own(i)));
-    let side: [f32; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a]);
-    let axis = (1..3).fold(0, |longest, a| if side[a] > side[longest] { a } else { longest });
-    let middle = order.len().div_ceil(LANES).div_ceil(2) * LANES;
-    let along = |i: &u32| positions[*i as usize][axis];
-    order.select_nth_unstable_by(middle, |i, j| along(i).total_cmp(&along(j)).then(i.cmp(j)));
-    let (left, right) = order.split_at_mut(middle);
-    rayon::join(|| arrange(left, positions), || arrange(right, positions));
-}
-
-/// Appends the tree over `blocks`, the first of which has the number `first`.
-fn grow(nodes: &mut Vec<Node>, blocks: &[Block], first: usize) {
-    let block = blocks.iter().copied().fold(Block::EMPTY, Block::and);
-    let at = nodes.len();
-    nodes.push(Node { block, first: first as u32, is_leaf: blocks.len() <= 1 });
-    if blocks.len() > 1 {
-        let (left, right) = blocks.split_at(blocks.len().div_ceil(2));
-        grow(nodes, left, first);
-        nodes[at].first = nodes.len() as u32;
-        grow(nodes, right, first + left.len());
-    }
->>>>>>> core
 }
 
 #[cfg(test)]

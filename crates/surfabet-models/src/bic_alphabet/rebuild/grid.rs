@@ -4,13 +4,8 @@
 //! two of them. Four by four by four cells make a group. Groups are found by hash and numbered as they appear, and
 //! since points are given along a curve through space, neighbours in space are neighbours in memory.
 
-<<<<<<< HEAD
-use crate::bic_alphabet::rebuild::sparsify::Placed;
-use crate::vector::squared_distance;
-=======
 use super::stamp::PlacedPoint;
-use crate::vector::{dot, minus};
->>>>>>> core
+use crate::vector::squared_distance;
 
 /// Factors that scatter the three coordinates of a group: the first three primes of xxHash.
 const FACTORS: [u32; 3] = [0x9e37_79b1, 0x85eb_ca77, 0xc2b2_ae3d];
@@ -65,18 +60,8 @@ fn cell_of(position: [f32; 3], epsilon: f32) -> Cell {
     join(std::array::from_fn(|a| part((position[a] * per_metre(epsilon)).floor(), a)))
 }
 
-<<<<<<< HEAD
-/// Numbers of the groups that hold points. Groups whose hashes agree share a number.
-=======
-#[inline]
-fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    let d = minus(a, b);
-    dot(d, d)
-}
-
 /// Numbers of the groups that hold points. Groups whose hashes agree share a number, which costs time but is exact,
 /// since distances are compared.
->>>>>>> core
 #[derive(Debug, Clone, Default)]
 struct CellGroups {
     /// By the upper bits of the hash; [`CellGroups::NONE`] where there is no group.

@@ -9,10 +9,10 @@
 //! in the order in which those of neurons are, and every rounding on the way is monotone. So no region is computed to
 //! be farther away than a neuron in it, and regions as far as the second winner are searched for the tie.
 
+use surfabet_geom::Aabb;
+
 use super::{Best, Winner, Winners};
 use crate::gas::constants::FILL;
-
-use surfabet_geom::Aabb;
 
 /// Neurons per leaf.
 const LANES: usize = 8;
@@ -72,30 +72,8 @@ impl Block {
     }
 }
 
-/// A box in space, from `low` up to but not including `high`.
-#[derive(Debug, Clone, Copy)]
-<<<<<<< HEAD
-=======
-struct Region {
-    low: [f32; 3],
-    high: [f32; 3],
-}
-
-impl Region {
-    const ALL: Self = Self { low: [f32::NEG_INFINITY; 3], high: [f32::INFINITY; 3] };
-
-    /// Both parts of the region at a plane.
-    fn split(self, axis: usize, at: f32) -> [Self; 2] {
-        let mut halves = [self; 2];
-        halves[0].high[axis] = at;
-        halves[1].low[axis] = at;
-        halves
-    }
-}
-
 /// A neuron of the tree.
 #[derive(Debug, Clone, Copy)]
->>>>>>> core
 struct Entry {
     position: [f32; 3],
     id: u32,
@@ -210,7 +188,7 @@ impl Index {
             entries.extend((0..block.len as usize).map(|slot| block.entry(slot)));
             at = block.next;
         }
-        let region = self.blocks[first as usize].region();
+        let region = self.blocks[first as usize].region;
         match median_plane(&mut entries) {
             Some((axis, split, half)) => {
                 let children = self.nodes.len();
@@ -221,24 +199,7 @@ impl Index {
                 self.fill(children, &entries[..half], left);
                 self.fill(children + 1, &entries[half..], right);
             }
-<<<<<<< HEAD
-            let region = self.blocks[first as usize].region;
-            match median_plane(&mut entries) {
-                Some((axis, split, half)) => {
-                    let children = self.nodes.len();
-                    let child = Node { split: 0.0, axis: LEAF, first: NONE };
-                    self.nodes.extend([child, child]);
-                    self.nodes[leaf] = Node { split, axis: axis as u32, first: children as u32 };
-                    let [left, right] = region.split(axis, split);
-                    self.fill(children, &entries[..half], left);
-                    self.fill(children + 1, &entries[half..], right);
-                }
-                None => self.fill(leaf, &entries, region),
-            }
-            return;
-=======
             None => self.fill(leaf, &entries, region),
->>>>>>> core
         }
     }
 
@@ -272,12 +233,8 @@ impl Index {
         self.build(0, &mut entries, Aabb::ALL);
     }
 
-<<<<<<< HEAD
-    fn build(&mut self, at: usize, entries: &mut [Entry], region: Aabb) {
-=======
     /// Builds the subtree of node `at` over `entries`.
-    fn build(&mut self, at: usize, entries: &mut [Entry], region: Region) {
->>>>>>> core
+    fn build(&mut self, at: usize, entries: &mut [Entry], region: Aabb) {
         if entries.len() > FILL
             && let Some((axis, split, half)) = median_plane(entries)
         {

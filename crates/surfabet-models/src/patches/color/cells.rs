@@ -3,7 +3,7 @@
 //! They follow from the geometry alone, in integers, so that a decoder knows them before it reads a colour.
 
 use rayon::prelude::*;
-pub(super) use surfabet_geom::cells::{key as cell_key, of_key as cell_of_key};
+pub(in crate::patches) use surfabet_geom::cells::{key as cell_key, of_key as cell_of_key};
 use surfabet_geom::morton::MortonMap;
 
 use crate::patches::model::{Lattice, THICKNESS_STEPS};
@@ -16,19 +16,6 @@ pub(in crate::patches) fn index(keys: &[u64]) -> MortonMap<u32> {
     (0..).zip(keys).map(|(i, &k)| (k, i)).collect()
 }
 
-<<<<<<< HEAD:crates/surfabet-models/src/patches/nodes.rs
-=======
-/// Key of a cell: the Morton code of its coordinates, counted from the lowest.
-pub(in crate::patches) fn cell_key(cell: [i32; 3]) -> u64 {
-    morton::encode(cell.map(|c| (c.clamp(-HALF, HALF - 1) + HALF) as u64))
-}
-
-/// Cell of a key.
-pub(in crate::patches) fn cell_of_key(key: u64) -> [i32; 3] {
-    morton::decode(key).map(|c| c as i32 - HALF)
-}
-
->>>>>>> core:crates/surfabet-models/src/patches/color/cells.rs
 /// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
 /// be more than `limit`.
 pub(in crate::patches) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec<u64>> {
