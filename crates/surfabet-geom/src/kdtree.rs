@@ -349,7 +349,7 @@ impl KdTree {
         check_finite("query", queries)?;
         let k = k.min(self.len);
         let mut found = vec![Neighbor::NONE; queries.len() * k];
-        let meter = Meter::new(progress, queries.len().div_ceil(BATCH));
+        let meter = Meter::new(progress, "neighbours", queries.len().div_ceil(BATCH));
         found.par_chunks_mut(BATCH * k).zip(queries.par_chunks(BATCH)).try_for_each(
             |(rows, queries)| {
                 if k == 1 {
@@ -384,7 +384,7 @@ impl KdTree {
             return Err(Error::invalid("radius", radius, "a distance of at least 0"));
         }
         check_finite("query", queries)?;
-        let meter = Meter::new(progress, queries.len().div_ceil(BATCH));
+        let meter = Meter::new(progress, "neighbours", queries.len().div_ceil(BATCH));
         let parts: Vec<(Vec<usize>, Vec<Neighbor>)> = queries
             .par_chunks(BATCH)
             .map(|queries| {
@@ -396,7 +396,8 @@ impl KdTree {
                     counts.push(found.len());
                     all.extend_from_slice(&found);
                 }
-                meter.step().map(|()| (counts, all))
+                meter.step()?;
+                Ok((counts, all))
             })
             .collect::<Result<_>>()?;
         let mut starts = Vec::with_capacity(queries.len() + 1);

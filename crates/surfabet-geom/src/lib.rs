@@ -24,7 +24,7 @@ mod voxel_grid;
 
 pub use box_tree::{BoxTree, Union, arrange, boxes_of};
 pub use boxes::Aabb;
-pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
+pub use cloud::{CloudParts, DroppedValues, LARGEST_UNSHIFTED, PointCloud, Viewpoints};
 pub use error::{Error, Result};
 pub use kdtree::{KdTree, Neighbor, Neighborhoods};
 pub use metrics::{DirectedErrors, EvaluateOptions, Quality, Tolerance, evaluate};

@@ -116,7 +116,8 @@ pub fn estimate_normals(
                     None => unknown += 1,
                 }
             }
-            meter.step().map(|()| unknown)
+            meter.step()?;
+            Ok(unknown)
         })
         .sum::<Result<usize>>()?;
     Ok(Normals { normals, curvatures, unknown })

@@ -267,7 +267,8 @@ impl VoxelGrid {
                 *place = value(self.members(chunk * BATCH + j));
             }
             meter.step()
-        })
+        })?;
+        Ok(())
     }
 }
 

@@ -197,9 +197,8 @@ pub(crate) fn gram(
     }
     gram.par_chunks_mut(COLUMNS * k).zip(dictionary.atoms().par_chunks(COLUMNS * n)).try_for_each(
         |(out, atoms)| {
-            progress.check()?;
             product(by_feature, atoms, out, k, n);
-            Ok(())
+            progress.check()
         },
     )?;
     Ok(gram)

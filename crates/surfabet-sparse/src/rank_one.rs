@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use surfabet_base::Progress;
 
 use crate::dictionary::normalize;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::linalg::leading_right_singular_vector;
 use crate::pursuit::dot;
 
@@ -203,8 +203,11 @@ fn add(sums: &mut [f64], values: &[f32]) {
 
 /// Leading right singular vector of `rows` (one per signal) in the Krylov space of `start`: Golub-Kahan
 /// bidiagonalisation with full orthogonalisation. It explains at least as much as `start` does, and has a
-/// positive product with it.
-fn leading_atom(rows: &[f32], start: &[f32], progress: &dyn Progress) -> Result<Vec<f32>> {
+/// positive product with it. Public for the benches only.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub fn leading_atom(rows: &[f32], start: &[f32], progress: &dyn Progress) -> Result<Vec<f32>> {
     let n = start.len();
     let steps = LANCZOS_STEPS.min(n).min(rows.len() / n);
     let mut right: Vec<Vec<f32>> = vec![start.to_vec()];

@@ -7,7 +7,7 @@ use surfabet_base::Progress;
 
 use crate::codes::{SparseCodes, add_code};
 use crate::dictionary::{Dictionary, normalize};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::omp::gram;
 use crate::pursuit::dot;
 use crate::signals::Signals;
