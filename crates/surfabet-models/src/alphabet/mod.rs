@@ -41,7 +41,7 @@ pub(crate) mod word;
 
 pub use channels::{Channels, INTENSITY_STEPS};
 pub use lattice::{MAX_SCALE, SigmaRule};
-pub use learn::{describe, learn};
+pub use learn::{AlphabetFigures, AlphabetReport, describe, learn};
 pub use model::{Alphabet, AlphabetHeader, AlphabetModel, Attributes, Header, Occurrence};
 pub use options::{AlphabetOptions, MAX_WORDS};
 pub use word::{HEIGHT_STEPS, PIXELS, Word};

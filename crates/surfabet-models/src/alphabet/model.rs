@@ -5,11 +5,12 @@ use surfabet_entropy::{Coder, Price};
 use super::channels::Channels;
 use super::coding::{CodingParams, code_channels, code_occurrences, code_words};
 use super::lattice::{MAX_CELL, MAX_SCALE, SigmaRule, UNITS, sigma};
+use super::learn::AlphabetReport;
 use super::options::MAX_WORDS;
 use super::placement::{Placement, WordPose};
 use super::word::Word;
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 use crate::scans::Deviation;
 
 /// Words and the radii that they occur in, for any number of scenes.
@@ -159,7 +160,7 @@ pub struct AlphabetModel {
     placements: Vec<Placement>,
     attributes: Option<Attributes>,
     shares_alphabet: bool,
-    report: Beside<Report>,
+    report: Beside<AlphabetReport>,
 }
 
 /// What the coder of the occurrences has to know.
@@ -335,12 +336,13 @@ impl AlphabetModel {
     }
 
     /// How the model came about; empty for one that was read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &AlphabetReport {
         &self.report.0
     }
 
-    pub(super) fn report_mut(&mut self) -> &mut Report {
-        &mut self.report.0
+    /// The model with the report of its learning.
+    pub(super) fn with_report(self, report: AlphabetReport) -> Self {
+        Self { report: Beside(report), ..self }
     }
 
     pub(super) fn placements(&self) -> &[Placement] {
