@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import surfabet as sb
-from surfabet.errors import FormatError, InvalidInputError
+from surfabet.errors import FormatError
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 RADIUS = 0.15
@@ -116,9 +116,10 @@ def test_another_scene_in_the_same_words(model: sb.BicAlphabetModel) -> None:
         model.alphabet.describe(corner(1), radius=0.1)  # type: ignore[call-arg]
 
 
-def test_words_are_points(model: sb.BicAlphabetModel) -> None:
-    with pytest.raises(InvalidInputError, match="resolution"):
-        model.decode(0.01)
+def test_decoded_points_keep_their_spacing(model: sb.BicAlphabetModel) -> None:
+    coarse = model.decode(0.08).points
+    assert len(coarse) < len(model.decode())
+    assert cKDTree(coarse).query(coarse, k=2)[0][:, 1].min() >= 0.08 - 1e-6
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real scans are not there")

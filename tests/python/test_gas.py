@@ -145,8 +145,8 @@ def test_a_file_changes_nothing(model, tmp_path):
     np.testing.assert_array_equal(a.colors, b.colors)
     assert again.report.as_dict()["iterations"] == 0
     info = sb.inspect(path)
-    assert info.family == "gas"
-    assert info.options["neurons"] == 600
+    assert info.method == "gas"
+    assert model.info["neurons"] == 600
     assert set(info.sections) == {
         "header", "topology", "positions", "normals", "sizes", "colour",
     }  # fmt: skip
@@ -274,7 +274,7 @@ def test_command_line(cloud, tmp_path, capsys):
     assert told["output"]["bytes"] == model.stat().st_size
     assert told["report"]["figures"]["neurons"] == 300
     assert main(["info", str(model), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["family"] == "gas"
+    assert json.loads(capsys.readouterr().out)["method"] == "gas"
     assert main(["decompress", str(model), str(again), "--resolution", "0.02"]) == 0
     assert len(sb.read(again)) > 5000
     assert main(["evaluate", str(scan), str(model)]) == 0
