@@ -280,9 +280,9 @@ def test_command_line(cloud, tmp_path, capsys):
     assert main(["evaluate", str(scan), str(model)]) == 0
     capsys.readouterr()
     assert main([*arguments, "--rate", "1"]) == 2
-    assert "--rate: only for --model patches" in capsys.readouterr().err
+    assert "--rate: not an option of --model gas, but of patches" in capsys.readouterr().err
     assert main(["compress", str(scan), str(model), "--n-neurons", "30"]) == 2
-    assert "--n-neurons: only for --model gas" in capsys.readouterr().err
+    assert "--n-neurons: not an option of --model patches, but of gas" in capsys.readouterr().err
     assert main(["verify", str(scan), str(model)]) == 2
 
 

@@ -533,9 +533,9 @@ def test_command_line(cloud, tmp_path, capsys):
     assert main(["export", gas, str(tmp_path / "gas.ply")]) == 2
     assert "--model planes" in capsys.readouterr().err
     assert main([*arguments, "--rate", "1"]) == 2
-    assert "--rate: only for --model patches" in capsys.readouterr().err
+    assert "--rate: not an option of --model planes, but of patches" in capsys.readouterr().err
     assert main(["compress", str(scan), str(file), "--min-grid-size", "1"]) == 2
-    assert "--min-grid-size: only for --model planes" in capsys.readouterr().err
+    assert "--min-grid-size: not an option of --model patches, but of planes" in capsys.readouterr().err
 
 
 def test_an_interrupt_is_felt():
