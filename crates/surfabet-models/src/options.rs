@@ -573,8 +573,12 @@ mod tests {
         options.set("side", &Value::Text("right".to_owned())).unwrap();
         options.set("seed", &Value::Int(i128::from(u64::MAX))).unwrap();
         assert_eq!(options.check(), Ok(()));
-        let expected =
-            Some { length: Option::Some(2.0), side: Side::Right, seed: u64::MAX, ..Some::default() };
+        let expected = Some {
+            length: Option::Some(2.0),
+            side: Side::Right,
+            seed: u64::MAX,
+            ..Some::default()
+        };
         assert_eq!(options, expected);
         options.set("length", &Value::None).unwrap();
         assert_eq!(options.length, None);
@@ -584,15 +588,39 @@ mod tests {
     fn refusals_name_option_value_and_range() {
         for (name, value, message) in [
             ("length", Value::Float(-1.0), "length is -1, but must be a positive number of metres"),
-            ("length", Value::Float(f64::NAN), "length is NaN, but must be a positive number of metres"),
-            ("length", Value::Float(f64::INFINITY), "length is inf, but must be a positive number of metres"),
+            (
+                "length",
+                Value::Float(f64::NAN),
+                "length is NaN, but must be a positive number of metres",
+            ),
+            (
+                "length",
+                Value::Float(f64::INFINITY),
+                "length is inf, but must be a positive number of metres",
+            ),
             ("count", Value::Int(-1), "count is -1, but must be an integer from 1 to 10"),
             ("count", Value::Int(11), "count is 11, but must be an integer from 1 to 10"),
             ("side", Value::Text("up".to_owned()), "side is 'up', but must be 'left' or 'right'"),
-            ("seed", Value::Int(1 << 64), "seed is 18446744073709551616, but must be an integer from 0 to below 2^64"),
-            ("depth", Value::Float(0.7), "depth is 0.7, but must be a number from 0.0625 to 16 pixels in steps of 0.0625"),
-            ("factors", Value::Floats(vec![2.0, 0.5]), "factors is [2, 0.5], but must be a sequence with each a number of at least 1"),
-            ("height", Value::None, "option is height, but must be one of length count side seed depth factors"),
+            (
+                "seed",
+                Value::Int(1 << 64),
+                "seed is 18446744073709551616, but must be an integer from 0 to below 2^64",
+            ),
+            (
+                "depth",
+                Value::Float(0.7),
+                "depth is 0.7, but must be a number from 0.0625 to 16 pixels in steps of 0.0625",
+            ),
+            (
+                "factors",
+                Value::Floats(vec![2.0, 0.5]),
+                "factors is [2, 0.5], but must be a sequence with each a number of at least 1",
+            ),
+            (
+                "height",
+                Value::None,
+                "option is height, but must be one of length count side seed depth factors",
+            ),
         ] {
             let error = refusal(name, value);
             assert!(matches!(error, Error::InvalidParameter { .. }), "{error}");
@@ -603,12 +631,20 @@ mod tests {
     #[test]
     fn wrong_types_are_told_apart() {
         for (name, value, message) in [
-            ("length", Value::Text("abc".to_owned()), "length is 'abc', but must be a positive number of metres"),
+            (
+                "length",
+                Value::Text("abc".to_owned()),
+                "length is 'abc', but must be a positive number of metres",
+            ),
             ("count", Value::Float(2.0), "count is 2, but must be an integer from 1 to 10"),
             ("count", Value::Bool(true), "count is True, but must be an integer from 1 to 10"),
             ("count", Value::None, "count is None, but must be an integer from 1 to 10"),
             ("side", Value::Int(1), "side is 1, but must be 'left' or 'right'"),
-            ("factors", Value::Float(2.0), "factors is 2, but must be a sequence with each a number of at least 1"),
+            (
+                "factors",
+                Value::Float(2.0),
+                "factors is 2, but must be a sequence with each a number of at least 1",
+            ),
         ] {
             let error = refusal(name, value);
             assert!(matches!(error, Error::InvalidType { .. }), "{error}");
@@ -630,11 +666,20 @@ mod tests {
     #[test]
     fn ranges_have_their_ends() {
         let contains = |range: Range, value| range.contains(&Value::Float(value));
-        assert!(contains(Range::at_least(1.0), f64::INFINITY) && !contains(Range::at_least(1.0), 0.99));
+        assert!(
+            contains(Range::at_least(1.0), f64::INFINITY) && !contains(Range::at_least(1.0), 0.99)
+        );
         assert!(contains(Range::from_to(0.0, 1.0), 0.0) && contains(Range::from_to(0.0, 1.0), 1.0));
-        assert!(!contains(Range::above_to(0.0, 1.0), 0.0) && contains(Range::above_to(0.0, 1.0), 1.0));
-        assert!(contains(Range::from_below(0.0, 1.0), 0.0) && !contains(Range::from_below(0.0, 1.0), 1.0));
-        assert!(!contains(Range::between(0.0, 1.0), 0.0) && !contains(Range::between(0.0, 1.0), 1.0));
+        assert!(
+            !contains(Range::above_to(0.0, 1.0), 0.0) && contains(Range::above_to(0.0, 1.0), 1.0)
+        );
+        assert!(
+            contains(Range::from_below(0.0, 1.0), 0.0)
+                && !contains(Range::from_below(0.0, 1.0), 1.0)
+        );
+        assert!(
+            !contains(Range::between(0.0, 1.0), 0.0) && !contains(Range::between(0.0, 1.0), 1.0)
+        );
         assert!(!contains(Range::NOT_NEGATIVE, f64::INFINITY) && !contains(Range::ANY, f64::NAN));
     }
 }

@@ -54,9 +54,8 @@ impl PyAlphabet {
     ) -> PyResult<Py<PyAlphabetModel>> {
         let options = options_of(options)?;
         let (words, cloud) = (&slf.get().alphabet, &cloud.get().cloud);
-        let describe = |monitor: &dyn surfabet::Progress| {
-            alphabet::describe(cloud, words, &options, monitor)
-        };
+        let describe =
+            |monitor: &dyn surfabet::Progress| alphabet::describe(cloud, words, &options, monitor);
         wrap(slf.py(), run(slf.py(), progress, describe)?)
     }
 

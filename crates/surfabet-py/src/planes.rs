@@ -6,8 +6,8 @@ use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surfabet::planes::{self, Frame, Patch, Points};
 use surfabet::PlaneModel;
+use surfabet::planes::{self, Frame, Patch, Points};
 
 use crate::arrays::{column_f32, rows3};
 use crate::cloud::PyPointCloud;

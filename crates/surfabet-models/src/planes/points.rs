@@ -1,20 +1,15 @@
-//! The points as learning sees them: distinct, weighted, along a space-filling curve, in a tree of boxes.
+//! The points that planes are learned from: distinct, weighted, along a space-filling curve, in a tree of boxes.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 use surfabet_geom::{Moments, PointCloud, morton};
 
+use super::constants::{ORIENTED_SHARE, SPACING_POINTS};
 use crate::error::{Error, Result};
 
 /// Points per leaf of the tree of boxes.
 pub(super) const BLOCK: usize = 64;
-
-/// Points per cell that tells the spacing, on average.
-const PER_CELL: usize = 8;
-
-/// Share of neighbours with normals to the same side from which normals count as oriented.
-const AGREEMENT: f64 = 0.85;
 
 /// An axis-aligned box about the scene's origin, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -237,7 +232,7 @@ impl Points {
 
     /// Median over all points of the spacing in their cells, as if these were filled by a surface.
     fn median_spacing(&self) -> f64 {
-        let level = self.level_with(PER_CELL);
+        let level = self.level_with(SPACING_POINTS);
         let mut counts: Vec<usize> = self.cells(level).map(|c| c.len()).collect();
         counts.sort_unstable();
         let mut seen = 0;
@@ -288,8 +283,8 @@ fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {
     Ok(())
 }
 
-/// True when normals tell sides: those of neighbours along the curve mostly point the same way. Normals that nobody
-/// oriented have signs by chance.
+/// True when normals are oriented: those of neighbours along the curve mostly point the same way. Normals that nobody
+/// oriented have random signs.
 fn agree(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
     let same = order
         .windows(2)
@@ -298,7 +293,7 @@ fn agree(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
             (0..3).map(|k| a[k] * b[k]).sum::<f32>() > 0.0
         })
         .count();
-    same as f64 >= AGREEMENT * (order.len() as f64 - 1.0)
+    same as f64 >= ORIENTED_SHARE * (order.len() as f64 - 1.0)
 }
 
 fn tree(positions: &[[f32; 3]]) -> Vec<Vec<Aabb>> {

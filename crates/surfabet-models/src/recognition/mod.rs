@@ -1,11 +1,13 @@
-//! Questions to a model: where is this again, is this the same place.
+//! Recognition on a model of words: other places like an example, and the similarity of places.
 //!
 //! | folder or file | question |
 //! |---|---|
-//! | `find` | where in a scene stands what an example shows |
-//! | `similarity` | how alike two places are, by the words that occur there |
-//! | `surface` | the surface of a model as oriented samples, for both |
+//! | `find` | where in a scene is something like an example? |
+//! | `similarity` | are two scenes the same place? |
+//! | `surface` | the surface of a model as oriented samples in smooth pieces, for `find` |
+//! | `constants` | what is tuned |
 
+mod constants;
 mod find;
 mod similarity;
 mod surface;

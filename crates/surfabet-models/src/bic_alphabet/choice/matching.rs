@@ -1,15 +1,17 @@
-//! Which word stands at which feature: that of least descriptor distance (III-C).
+//! The word of every feature: that of least descriptor distance (III-C).
 
 use rayon::prelude::*;
 
-use crate::bic_alphabet::features::descriptor::{Descriptors, distance};
+use crate::bic_alphabet::features::{Descriptors, descriptor_distance};
 use crate::bic_alphabet::words::BicWord;
 
-/// The word of every feature, and how far its descriptor is. Of words equally near the newest is taken, so that a
-/// candidate always takes its own feature, and may take the place of a word with the same descriptor.
+/// The word of every feature, and the distance of their descriptors. Of words equally near the newest is taken, so that
+/// a candidate always takes its own feature, and may replace a word with the same descriptor.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Matching {
+pub(in crate::bic_alphabet) struct Matching {
+    /// By feature; `u32::MAX` without a word.
     pub words: Vec<u32>,
+    /// Squared distances in height steps; `u32::MAX` without a word.
     pub distances: Vec<u32>,
 }
 
@@ -23,7 +25,7 @@ impl Matching {
     pub fn new(descriptors: &Descriptors, words: &[BicWord], penalty: i32) -> Self {
         let nearest = |descriptor: &[i8]| {
             let all = (0..).zip(words).map(|(id, w)| {
-                (distance(descriptor, &w.descriptor, penalty), std::cmp::Reverse(id))
+                (descriptor_distance(descriptor, &w.descriptor, penalty), std::cmp::Reverse(id))
             });
             all.min().map_or((u32::MAX, u32::MAX), |(d, id)| (id.0, d))
         };
@@ -32,15 +34,15 @@ impl Matching {
         Self { words, distances }
     }
 
-    /// Features that a word with these distances would take.
+    /// Features whose word a candidate with these distances would replace.
     pub fn taken(&self, distances: &[u32], out: &mut Vec<u32>) {
         out.clear();
         let pairs = (0..).zip(distances.iter().zip(&self.distances));
         out.extend(pairs.filter(|(_, (new, old))| new <= old).map(|(f, _): (u32, _)| f));
     }
 
-    /// Gives `word` what it takes.
-    pub fn give(&mut self, word: u32, taken: &[u32], distances: &[u32]) {
+    /// Makes `word` the word of the features that it takes.
+    pub fn assign(&mut self, word: u32, taken: &[u32], distances: &[u32]) {
         for &f in taken {
             self.words[f as usize] = word;
             self.distances[f as usize] = distances[f as usize];
@@ -72,7 +74,7 @@ mod tests {
                 descriptors.distances(&word.descriptor, 2, &mut distances);
                 grown.taken(&distances, &mut taken);
                 prop_assert!(taken.contains(&(chosen[id as usize] as u32)));
-                grown.give(id, &taken, &distances);
+                grown.assign(id, &taken, &distances);
             }
             prop_assert_eq!(grown, Matching::new(&descriptors, &words, 2));
         }

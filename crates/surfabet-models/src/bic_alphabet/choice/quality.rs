@@ -2,13 +2,13 @@
 
 use surfabet_geom::{KdTree, Progress};
 
-use crate::bic_alphabet::choice::reconstruction::Stage;
-use crate::bic_alphabet::rebuild::sparsify::Sparse;
+use super::prepared::PreparedScene;
+use crate::bic_alphabet::rebuild::Sparsified;
 use crate::error::Result;
 
-/// How faithful a decoded scene is.
+/// Agreement of a decoded scene with the measured one (IV).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Fidelity {
+pub(in crate::bic_alphabet) struct Fidelity {
     /// Share of the scene's points with a decoded point within their sigma.
     pub inliers: f64,
     /// Share of the decoded points that are further from the nearest point of the scene than that point's sigma.
@@ -16,14 +16,13 @@ pub(crate) struct Fidelity {
 }
 
 /// Measures the kept points against the scene; without any, there are neither inliers nor outliers.
-pub(crate) fn fidelity(
-    stage: &Stage<'_>,
-    sparse: &Sparse,
+pub(in crate::bic_alphabet) fn fidelity(
+    prepared: &PreparedScene<'_>,
+    sparsified: &Sparsified,
     progress: &dyn Progress,
 ) -> Result<Fidelity> {
-    let scene = stage.scene;
-    let kept = sparse.arena.points.iter().zip(&sparse.kept).filter(|(_, k)| **k);
-    let decoded: Vec<[f32; 3]> = kept.map(|(p, _)| p.position).collect();
+    let scene = &prepared.scene;
+    let decoded: Vec<[f32; 3]> = sparsified.kept().map(|p| p.position).collect();
     if decoded.is_empty() {
         return Ok(Fidelity { inliers: 0.0, outliers: 0.0 });
     }
@@ -31,7 +30,7 @@ pub(crate) fn fidelity(
     let backward = KdTree::new(&decoded)?.nearest_batch(&scene.positions, progress)?;
     let pairs = backward.iter().enumerate();
     let inliers = pairs.filter(|(i, n)| within(*i, n.squared_distance())).count();
-    let forward = stage.tree.nearest_batch(&decoded, progress)?;
+    let forward = prepared.tree.nearest_batch(&decoded, progress)?;
     let outliers = forward.iter().filter(|n| !within(n.index(), n.squared_distance())).count();
     Ok(Fidelity {
         inliers: inliers as f64 / scene.len() as f64,

@@ -1,39 +1,43 @@
 //! Removing redundant occurrences (III-D).
 //!
-//! Words are visited by falling number of occurrences, the occurrences of a word in the order of their poses, and one
-//! goes when the likelihood (eq. 7 with 9) does not fall without it. The paper leaves open what counts as the
-//! likelihood: with the factor 1/M, as here and as eq. 9 has it, less points of the decoded scene are worth a little
-//! by themselves, so that about half of the occurrences go; without it next to none does.
+//! Words are visited by falling number of occurrences, the occurrences of a word in the order of their poses. One is
+//! removed when the likelihood (eq. 7 with 9) without it is not smaller. The paper leaves open which likelihood that
+//! is: with the factor 1/M, as here and in eq. 9, fewer decoded points raise it a little by themselves, so that more
+//! than half of the occurrences go; without it hardly any does.
 
 use surfabet_geom::Progress;
 
-use crate::bic_alphabet::choice::reconstruction::{Bench, Score, Stage};
+use super::prepared::PreparedScene;
+use super::reconstruction::Reconstruction;
+use super::trial::Trial;
+use crate::bic_alphabet::constants::OCCURRENCES_PER_CHECK;
 use crate::error::Result;
 
-/// Occurrences between two looks at the progress.
-const BATCH: usize = 256;
-
-/// Takes out every occurrence without which the likelihood does not fall.
-pub(crate) fn reduce(stage: &Stage<'_>, score: &mut Score, progress: &dyn Progress) -> Result<()> {
-    let mut of_word: Vec<Vec<u32>> = vec![Vec::new(); score.words.len()];
-    for (f, &word) in (0..).zip(&score.matching.words) {
+/// Removes every occurrence without which the likelihood does not fall.
+pub(in crate::bic_alphabet) fn reduce(
+    scene: &PreparedScene<'_>,
+    best: &mut Reconstruction,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let mut of_word: Vec<Vec<u32>> = vec![Vec::new(); best.words.len()];
+    for (f, &word) in (0..).zip(&best.matching.words) {
         if let Some(occurrences) = of_word.get_mut(word as usize) {
             occurrences.push(f);
         }
     }
-    // Stable: of equally frequent words the older goes first.
+    // Stable: of equally frequent words the older is visited first.
     of_word.sort_by_key(|occurrences| std::cmp::Reverse(occurrences.len()));
-    let total = stage.features.len().max(1) as f32;
-    let mut bench = Bench::default();
-    let mut now = score.log_likelihood(stage);
+    let total = scene.features.len().max(1) as f32;
+    let mut trial = Trial::default();
+    let mut now = best.log_likelihood(scene);
     for (k, f) in of_word.into_iter().flatten().enumerate() {
-        if k % BATCH == 0 {
+        if k % OCCURRENCES_PER_CHECK == 0 {
             progress.check()?;
             progress.update("removing occurrences", k as f32 / total);
         }
-        let without = score.without(stage, f, &mut bench);
+        let without = best.try_without(scene, f, &mut trial);
         if without >= now {
-            score.remove(stage, f, &bench);
+            best.remove(scene, f, &trial);
             now = without;
         }
     }

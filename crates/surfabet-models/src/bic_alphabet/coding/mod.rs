@@ -1,235 +1,27 @@
-//! How words and occurrences are said in binary decisions: one function each for writing, reading and pricing.
+//! Words and occurrences as binary decisions: one function each writes, reads and prices. When reading, what is given is
+//! empty.
 //!
-//! When reading, what is given is empty.
+//! | file | codes |
+//! |---|---|
+//! | `words` | the points and the descriptor of every word |
+//! | `occurrences` | the cells that hold occurrences, then word and pose of each |
 
-use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
-use surfabet_geom::morton;
+mod occurrences;
+mod words;
 
-use crate::bic_alphabet::features::descriptor::EMPTY;
-use crate::bic_alphabet::model::BicAlphabet;
-use crate::bic_alphabet::pose::{BicPose, CELL, ROLLS};
-use crate::bic_alphabet::words::{BicWord, MAX_WORD_POINTS};
-use crate::scans::Upright;
+pub(super) use occurrences::code_occurrences;
+pub(super) use words::code_words;
 
-/// Bits of the height of the octree over cells.
-const HEIGHT_BITS: u32 = 5;
-
-/// Levels of the octree above its leaves that have models of their own; those above share the last.
-const LEVELS: usize = 4;
-
-/// The words of an alphabet. No more than `max_points` points are read.
-pub(crate) fn code_words<C: Coder>(
-    coder: &mut C,
-    pixels: usize,
-    given: &[BicWord],
-    n: usize,
-    max_points: usize,
-) -> Result<Vec<BicWord>, C::Error> {
-    let mut count = UInt::new();
-    let mut point = [const { SInt::new() }; 3];
-    let mut empty = [Bit::new(); 2];
-    let mut height = SInt::new();
-    let mut words: Vec<BicWord> = Vec::new();
-    let mut left = max_points;
-    for w in 0..n {
-        let given = given.get(w);
-        let wanted = given.map_or(0, |g| g.points.len().saturating_sub(1));
-        let size = coder.uint(&mut count, wanted as u32)? as usize + 1;
-        if size > MAX_WORD_POINTS.min(left) {
-            return Err(coder.corrupt(format!("a word of {size} points")));
-        }
-        left -= size;
-        let mut points: Vec<[i8; 3]> = Vec::new();
-        let mut before = [0; 3];
-        for k in 0..size {
-            let mut q = given.map_or([0; 3], |g| g.points[k]);
-            for a in 0..3 {
-                q[a] = code_near(coder, &mut point[a], q[a], before[a])?;
-            }
-            points.push(q);
-            before = q;
-        }
-        let mut descriptor: Vec<i8> = Vec::new();
-        let (mut was_empty, mut last) = (false, 0);
-        for k in 0..pixels {
-            let value = given.map_or(0, |g| g.descriptor[k]);
-            was_empty = coder.bit(&mut empty[usize::from(was_empty)], value == EMPTY)?;
-            if was_empty {
-                descriptor.push(EMPTY);
-            } else {
-                last = code_near(coder, &mut height, value, last)?;
-                if last == EMPTY {
-                    return Err(coder.corrupt("a height that means an empty pixel".to_owned()));
-                }
-                descriptor.push(last);
-            }
-        }
-        words.push(BicWord { points, descriptor });
-    }
-    Ok(words)
-}
+use surfabet_entropy::{Coder, SInt};
 
 /// A value by its difference to a known one.
-fn code_near<C: Coder>(
+fn code_difference<C: Coder>(
     coder: &mut C,
     model: &mut SInt,
     value: i8,
-    near: i8,
+    known: i8,
 ) -> Result<i8, C::Error> {
-    let difference = coder.sint(model, i32::from(value) - i32::from(near))?;
-    let read = i64::from(difference) + i64::from(near);
+    let difference = coder.sint(model, i32::from(value) - i32::from(known))?;
+    let read = i64::from(difference) + i64::from(known);
     i8::try_from(read).map_err(|_| coder.corrupt(format!("{read} does not fit 8 bits")))
-}
-
-/// The adaptive models of poses.
-struct Models {
-    /// Is a child occupied: by height, child, and how many before it are.
-    children: Vec<Bit>,
-    count: UInt,
-    word: Symbols,
-    normal: [SInt; 2],
-    /// Differences of each coordinate to the occurrence before, modulo the cell, by whether the normal points along it.
-    offset: Vec<Symbols>,
-    roll: Symbols,
-}
-
-impl Models {
-    fn new(words: usize) -> Self {
-        // Sizes of at least one and at most 2^16.
-        let symbols = |n: u32| Symbols::new(n).expect("a size that alphabets may have");
-        Self {
-            children: vec![Bit::new(); LEVELS * 64],
-            count: UInt::new(),
-            word: symbols(words.clamp(1, 1 << 16) as u32),
-            normal: [const { SInt::new() }; 2],
-            offset: vec![symbols(CELL as u32); 6],
-            roll: symbols(ROLLS),
-        }
-    }
-}
-
-/// Poses and words of the `n` occurrences of a model.
-pub(crate) fn code_occurrences<C: Coder>(
-    coder: &mut C,
-    alphabet: &BicAlphabet,
-    low: [i32; 3],
-    given: (&[BicPose], &[u32]),
-    n: usize,
-) -> Result<(Vec<BicPose>, Vec<u32>), C::Error> {
-    let (mut poses, mut words) = (Vec::new(), Vec::new());
-    if n == 0 {
-        return Ok((poses, words));
-    }
-    if alphabet.is_empty() {
-        return Err(coder.corrupt(format!("{n} occurrences of no word")));
-    }
-    let mut models = Models::new(alphabet.len());
-    let keys: Vec<u64> = given.0.iter().map(|p| p.order(low).0).collect();
-    let mut cells: Vec<u64> = keys.clone();
-    cells.dedup();
-    let span = cells.last().map_or(0, |key| u64::BITS - key.leading_zeros());
-    let height = coder.bypass(u64::from(span.div_ceil(3)), HEIGHT_BITS)? as u32;
-    if height > morton::BITS {
-        return Err(coder.corrupt(format!("cells over 2^{height}")));
-    }
-    let mut found = Vec::new();
-    code_node(coder, &mut models, &cells, height, 0, &mut found, n)?;
-
-    let mut next = 0;
-    let mut before = BicPose::default();
-    for key in found {
-        let here = keys[next.min(keys.len())..].iter().take_while(|&&k| k == key).count();
-        let wanted = here.saturating_sub(1) as u32;
-        let count = coder.uint(&mut models.count, wanted)? as usize + 1;
-        if count > n - poses.len() {
-            return Err(coder.corrupt(format!("more than {n} occurrences")));
-        }
-        let cell = morton::decode(key);
-        for _ in 0..count {
-            let pose = given.0.get(next).copied().unwrap_or_default();
-            let word = given.1.get(next).copied().unwrap_or_default();
-            next += 1;
-            words.push(coder.symbol(&mut models.word, word)?);
-            before = code_pose(coder, &mut models, alphabet.upright(), pose, before, low, cell)?;
-            poses.push(before);
-        }
-    }
-    if poses.len() != n {
-        return Err(coder.corrupt(format!("{} occurrences instead of {n}", poses.len())));
-    }
-    Ok((poses, words))
-}
-
-/// One pose in a known cell, after the one `before`.
-fn code_pose<C: Coder>(
-    coder: &mut C,
-    models: &mut Models,
-    upright: Upright,
-    pose: BicPose,
-    before: BicPose,
-    low: [i32; 3],
-    cell: [u64; 3],
-) -> Result<BicPose, C::Error> {
-    let mut read = BicPose::default();
-    for a in 0..2 {
-        read.normal[a] = code_near(coder, &mut models.normal[a], pose.normal[a], before.normal[a])?;
-    }
-    if upright == Upright::ViewDirection {
-        let turn = pose.roll.wrapping_sub(before.roll);
-        let turn = coder.symbol(&mut models.roll, u32::from(turn))?;
-        read.roll = before.roll.wrapping_add(turn as u8);
-    }
-    let along = main_axis(read.normal);
-    for a in 0..3 {
-        let model = &mut models.offset[2 * a + usize::from(along == a)];
-        let wanted = (i64::from(pose.position[a]) - i64::from(before.position[a]))
-            .rem_euclid(i64::from(CELL));
-        let difference = coder.symbol(model, wanted as u32)? as i32;
-        let offset = (before.position[a].rem_euclid(CELL) + difference).rem_euclid(CELL);
-        // Cells have 21 bits and the lowest is within ±2^20, so that this stays below 2^27.
-        read.position[a] = (low[a] + cell[a] as i32) * CELL + offset;
-    }
-    Ok(read)
-}
-
-/// The axis that a normal's octahedral code is nearest to.
-fn main_axis(normal: [i8; 2]) -> usize {
-    let [u, v] = normal.map(|c| i32::from(c).abs());
-    // |x| + |y| + |z| = 127 on the octahedron.
-    let z = (127 - u - v).abs();
-    if z >= u && z >= v { 2 } else { usize::from(v > u) }
-}
-
-/// Which children hold any of the ascending `given` keys, depth first; no more than `limit` cells are read.
-fn code_node<C: Coder>(
-    coder: &mut C,
-    models: &mut Models,
-    given: &[u64],
-    height: u32,
-    prefix: u64,
-    found: &mut Vec<u64>,
-    limit: usize,
-) -> Result<(), C::Error> {
-    if height == 0 {
-        if found.len() == limit {
-            return Err(coder.corrupt(format!("more cells than {limit} occurrences")));
-        }
-        found.push(prefix);
-        return Ok(());
-    }
-    let level = (height as usize).min(LEVELS) - 1;
-    let mut occupied = 0;
-    let mut rest = given;
-    for child in 0..8_u64 {
-        let here = rest.partition_point(|&key| key >> (3 * (height - 1)) & 7 == child);
-        // The last child of a node without others is certain.
-        let certain = child == 7 && occupied == 0;
-        let model = &mut models.children[level * 64 + child as usize * 8 + occupied];
-        if certain || coder.bit(model, here > 0)? {
-            occupied += 1;
-            code_node(coder, models, &rest[..here], height - 1, prefix << 3 | child, found, limit)?;
-        }
-        rest = &rest[here..];
-    }
-    Ok(())
 }

@@ -1,32 +1,27 @@
 //! Descriptors: range-image patches seen along the normal, in integers (III-C).
 //!
-//! The patch is orthographic, upright, and covers the inscribed circle of a square of two radii; a pixel holds how far
-//! the surface lies above the feature's plane. The paper interpolates a range image; here a pixel is a weighted mean
-//! of the points about it, with a bandwidth that follows their spacing, since a feature far away has only a handful.
+//! The patch is orthographic, upright, and covers the inscribed circle of a square of two radii; a pixel holds the
+//! height of the surface above the feature's plane. The paper interpolates a range image; here a pixel is a weighted
+//! mean of the points about it, with a bandwidth that follows their spacing, since a feature far away has only a few.
 
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Progress};
 
-use crate::bic_alphabet::features::Features;
+use super::Features;
+use crate::bic_alphabet::constants::{BANDWIDTH, FEATURES_PER_TASK};
 use crate::bic_alphabet::options::BicAlphabetOptions;
 use crate::error::Result;
 use crate::scans::Scene;
 
 /// Height steps per radius.
-pub(crate) const HEIGHTS: i32 = 64;
+pub(in crate::bic_alphabet) const HEIGHTS: i32 = 64;
 
 /// A pixel without a point.
-pub(crate) const EMPTY: i8 = i8::MIN;
-
-/// Bandwidth of a pixel in mean spacings of the points about the feature.
-const BANDWIDTH: f32 = 0.7;
-
-/// Features per unit of parallel work.
-const BATCH: usize = 256;
+pub(in crate::bic_alphabet) const EMPTY: i8 = i8::MIN;
 
 /// Descriptors of many features, a row of pixels each.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Descriptors {
+pub(in crate::bic_alphabet) struct Descriptors {
     pub pixels: usize,
     pub values: Vec<i8>,
     /// Points within the radius of each feature.
@@ -34,6 +29,7 @@ pub(crate) struct Descriptors {
 }
 
 impl Descriptors {
+    /// Describes every feature.
     pub fn new(
         scene: &Scene,
         tree: &KdTree,
@@ -45,14 +41,17 @@ impl Descriptors {
         let pixels = centers.len();
         let mut values = vec![EMPTY; features.len() * pixels];
         let mut counts = vec![0; features.len()];
-        (values.par_chunks_mut(BATCH * pixels), counts.par_chunks_mut(BATCH))
+        (
+            values.par_chunks_mut(FEATURES_PER_TASK * pixels),
+            counts.par_chunks_mut(FEATURES_PER_TASK),
+        )
             .into_par_iter()
             .enumerate()
             .try_for_each(|(chunk, (values, counts))| -> Result<()> {
                 progress.check()?;
                 let mut sampler = Sampler::new(&centers, options);
                 for (k, (row, count)) in values.chunks_mut(pixels).zip(counts).enumerate() {
-                    let frame = &features.frames[chunk * BATCH + k];
+                    let frame = &features.frames[chunk * FEATURES_PER_TASK + k];
                     let near = &mut sampler.near;
                     tree.within(frame.origin, sampler.reach, near);
                     let points = near.iter().map(|n| frame.local(scene.positions[n.index()]));
@@ -68,36 +67,39 @@ impl Descriptors {
     /// Squared distances of all descriptors to `to`.
     pub fn distances(&self, to: &[i8], penalty: i32, out: &mut Vec<u32>) {
         out.clear();
-        out.extend(self.values.chunks_exact(self.pixels).map(|d| distance(d, to, penalty)));
+        out.extend(
+            self.values.chunks_exact(self.pixels).map(|d| descriptor_distance(d, to, penalty)),
+        );
     }
 }
 
-/// Squared Euclidean distance in height steps; a pixel empty in one of both counts as `penalty` steps off.
+/// `|a - b|^2` in squared height steps; a pixel empty in one of both counts as a difference of `penalty` steps, one
+/// empty in both as none.
 #[inline]
-pub(crate) fn distance(a: &[i8], b: &[i8], penalty: i32) -> u32 {
+pub(in crate::bic_alphabet) fn descriptor_distance(a: &[i8], b: &[i8], penalty: i32) -> u32 {
     let squared = penalty * penalty;
     let mut sum = 0;
     for (&a, &b) in a.iter().zip(b) {
         let difference = i32::from(a) - i32::from(b);
         let one_empty = (a == EMPTY) != (b == EMPTY);
-        // Both empty: no difference.
         sum += if one_empty { squared } else { difference * difference };
     }
     sum as u32
 }
 
-/// What an empty pixel costs, in height steps.
-pub(crate) fn penalty_steps(empty_penalty: f64) -> i32 {
+/// The difference that a pixel empty in one of two descriptors counts as, in height steps.
+pub(in crate::bic_alphabet) fn penalty_steps(empty_penalty: f64) -> i32 {
     (empty_penalty * f64::from(HEIGHTS)).round() as i32
 }
 
 /// Centres of the pixels within the circle, right and up, metres.
-pub(crate) fn pixel_centers(side: u32, radius: f32) -> Vec<[f32; 2]> {
+pub(in crate::bic_alphabet) fn pixel_centers(side: u32, radius: f32) -> Vec<[f32; 2]> {
     let at = |k: u32| (2.0 * (k as f32 + 0.5) / side as f32 - 1.0) * radius;
     let all = (0..side * side).map(|k| [at(k % side), at(k / side)]);
     all.filter(|[u, v]| u * u + v * v <= radius * radius).collect()
 }
 
+/// Describes features one after the other.
 struct Sampler<'a> {
     centers: &'a [[f32; 2]],
     radius: f32,
@@ -114,7 +116,10 @@ impl<'a> Sampler<'a> {
         Self { centers, radius, cell, reach: radius + cell, near: Vec::new(), points: Vec::new() }
     }
 
-    /// Fills a row of pixels from `points`, and counts those within the radius.
+    /// Fills a row of pixels from `points`, and counts the points within the radius.
+    ///
+    /// The height at `(u, v)` is `sum w h / sum w` over the points at `(x, y)` with height h, with the weight
+    /// `w = (1 - d^2 / b^2)^2` at a distance d below the bandwidth b.
     fn describe(&self, row: &mut [i8]) -> u32 {
         let square = |p: &[f32; 3]| p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
         let count = self.points.iter().filter(|p| square(p) < self.radius * self.radius).count();
@@ -186,7 +191,7 @@ mod tests {
         let edge = describe(grid(|u, _| (u < 0.0).then_some(0.0)));
         let empty = edge.iter().filter(|&&h| h == EMPTY).count();
         assert!((16..=26).contains(&empty), "{empty}");
-        assert_eq!(distance(&plane, &edge, 32), 32 * 32 * empty as u32);
-        assert_eq!(distance(&edge, &edge, 32), 0);
+        assert_eq!(descriptor_distance(&plane, &edge, 32), 32 * 32 * empty as u32);
+        assert_eq!(descriptor_distance(&edge, &edge, 32), 0);
     }
 }

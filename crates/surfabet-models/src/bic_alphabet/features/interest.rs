@@ -1,27 +1,17 @@
-//! Interest points: Laplacian of Gaussian on the range image at several scales (III-C).
-//!
-//! The image holds the logarithm of the range, so that a response is a relative depth and does not depend on how far
-//! away a structure is. Pixels without a point are left out of every sum (normalised convolution, H. Knutsson and
-//! C.-F. Westin, CVPR 1993).
+//! Interest points: the local maxima, over place and scale, of the Laplacian of Gaussian on the range image (III-C).
 
 use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Pose, Progress, Projection, RangeImage};
 
+use super::laplacian::response;
+use crate::bic_alphabet::constants::{LEAST_PIXEL, PIXEL_PER_ALPHA};
 use crate::bic_alphabet::options::BicAlphabetOptions;
 use crate::error::Result;
 use crate::scans::Scene;
 
-/// Side of a pixel in angles between beams: scanners differ in both directions, and a pixel should not be empty.
-const PIXEL: f64 = 1.5;
-
-/// Least side of a pixel, radians, so that an image has at most 8 million pixels.
-const LEAST_PIXEL: f64 = 0.0016;
-
-/// Least share of a Gaussian's weight that lies on pixels with a point.
-const LEAST_WEIGHT: f32 = 0.3;
-
-/// Points of the scene where the response is a local maximum over place and scale, the strongest first.
-pub(crate) fn interest_points(
+/// Points of the scene where the response is a local maximum over place and scale, the strongest first; one range image
+/// per viewpoint.
+pub(in crate::bic_alphabet) fn interest_points(
     scene: &Scene,
     options: &BicAlphabetOptions,
     progress: &dyn Progress,
@@ -38,7 +28,12 @@ pub(crate) fn interest_points(
         progress.check()?;
         let viewpoint = scene.viewpoints[seen[0] as usize].map(f64::from);
         let positions = seen.iter().map(|&i| scene.positions[i as usize]).collect();
-        let image = range_image(positions, viewpoint, (PIXEL * alpha).max(LEAST_PIXEL), progress)?;
+        let image = range_image(
+            positions,
+            viewpoint,
+            (PIXEL_PER_ALPHA * alpha).max(LEAST_PIXEL),
+            progress,
+        )?;
         let blobs = blobs(&image, &options.interest_scales, options.interest_threshold as f32);
         found.extend(blobs.into_iter().map(|(response, i)| (response, seen[i as usize])));
     }
@@ -46,6 +41,7 @@ pub(crate) fn interest_points(
     Ok(found.into_iter().map(|(_, i)| i).collect())
 }
 
+/// The spherical range image of points seen from `viewpoint`, as high as their elevations, with pixels of `pixel` radians.
 fn range_image(
     positions: Vec<[f32; 3]>,
     viewpoint: [f64; 3],
@@ -67,11 +63,13 @@ fn range_image(
     Ok(RangeImage::new(&cloud, projection, pose, progress)?)
 }
 
-/// Response and point of every blob of the image.
+/// Response and point of every pixel where the response is at least `threshold` and no smaller than at its neighbours in
+/// the image (eight) and in scale (nine above, nine below).
 fn blobs(image: &RangeImage, scales: &[f64], threshold: f32) -> Vec<(f32, u32)> {
     let [rows, columns] = image.shape();
     let responses: Vec<Vec<f32>> =
         scales.par_iter().map(|&scale| response(image.ranges(), [rows, columns], scale)).collect();
+    // Absolute response: bumps and dents alike.
     let strength = |level: usize, row: usize, column: usize| -> f32 {
         responses[level][row * columns + column].abs()
     };
@@ -106,61 +104,6 @@ fn blobs(image: &RangeImage, scales: &[f64], threshold: f32) -> Vec<(f32, u32)> 
     found.sort_unstable_by(|a, b| a.1.cmp(&b.1).then(b.0.total_cmp(&a.0)));
     found.dedup_by_key(|f| f.1);
     found
-}
-
-/// `scale^2` times the Laplacian of the smoothed logarithm of the range; zero where too little is known.
-fn response(ranges: &[f32], [rows, columns]: [usize; 2], scale: f64) -> Vec<f32> {
-    let reach = (3.0 * scale).ceil() as usize;
-    let kernel: Vec<f32> = (0..=2 * reach)
-        .map(|k| (-0.5 * ((k as f64 - reach as f64) / scale).powi(2)).exp() as f32)
-        .collect();
-    let total: f32 = kernel.iter().sum();
-    let kernel: Vec<f32> = kernel.iter().map(|k| k / total).collect();
-    // Value and weight; azimuth goes around.
-    let given: Vec<[f32; 2]> =
-        ranges.iter().map(|&r| if r > 0.0 { [r.ln(), 1.0] } else { [0.0; 2] }).collect();
-    let mut across = vec![[0.0_f32; 2]; given.len()];
-    for (smooth, line) in across.chunks_mut(columns).zip(given.chunks(columns)) {
-        for (column, smooth) in smooth.iter_mut().enumerate() {
-            for (k, weight) in kernel.iter().enumerate() {
-                // `reach` may exceed the width of a very coarse image.
-                let at = (column + k + reach * columns - reach) % columns;
-                let of = line[at];
-                smooth[0] += weight * of[0];
-                smooth[1] += weight * of[1];
-            }
-        }
-    }
-    let mut smooth = vec![f32::NAN; given.len()];
-    for row in 0..rows {
-        for column in 0..columns {
-            let mut sum = [0.0_f32; 2];
-            for (k, weight) in kernel.iter().enumerate() {
-                let Some(at) = (row + k).checked_sub(reach).filter(|&r| r < rows) else { continue };
-                let of = across[at * columns + column];
-                sum[0] += weight * of[0];
-                sum[1] += weight * of[1];
-            }
-            if sum[1] >= LEAST_WEIGHT {
-                smooth[row * columns + column] = sum[0] / sum[1];
-            }
-        }
-    }
-    let mut laplacian = vec![0.0; given.len()];
-    for row in 1..rows.saturating_sub(1) {
-        for column in 0..columns {
-            let at = |r: usize, c: usize| smooth[r * columns + c % columns];
-            let sum = at(row - 1, column)
-                + at(row + 1, column)
-                + at(row, column + columns - 1)
-                + at(row, column + 1)
-                - 4.0 * at(row, column);
-            if sum.is_finite() {
-                laplacian[row * columns + column] = (scale * scale) as f32 * sum;
-            }
-        }
-    }
-    laplacian
 }
 
 #[cfg(test)]
@@ -204,22 +147,6 @@ mod tests {
             let [a, e] = angles(scene.positions[i as usize]);
             let near = (a - 0.2).hypot(e + 0.1) < 0.2;
             assert!(near || a.abs() > 0.4 || e.abs() > 0.2, "{a} {e}");
-        }
-    }
-
-    #[test]
-    fn the_response_of_a_quadratic_is_its_laplacian() {
-        // ln r = c + (x^2 + y^2) / 2, whose Laplacian is 2 at every scale.
-        let (rows, columns) = (41, 41);
-        let value = |k: usize| {
-            let (y, x) = ((k / columns) as f32 - 20.0, (k % columns) as f32 - 20.0);
-            (0.5 * 1e-3 * (x * x + y * y)).exp()
-        };
-        let ranges: Vec<f32> = (0..rows * columns).map(value).collect();
-        for scale in [1.0, 2.0] {
-            let found = response(&ranges, [rows, columns], scale);
-            let middle = found[20 * columns + 20] / (scale * scale) as f32;
-            assert!((middle - 2e-3).abs() < 1e-4, "{middle}");
         }
     }
 

@@ -1,24 +1,34 @@
 //! Features: interest points, then points spread uniformly, each with the pose that its normal and the upright rule
 //! give it (III-C).
+//!
+//! | file | computes |
+//! |---|---|
+//! | `mod` | features that cover the scene, and their poses |
+//! | `interest` | interest points on the range image |
+//! | `laplacian` | the Laplacian of Gaussian that they are the maxima of |
+//! | `descriptor` | the surface about a feature, to compare it with others |
 
-pub(crate) mod descriptor;
+mod descriptor;
 mod interest;
+mod laplacian;
+
+pub(super) use descriptor::{
+    Descriptors, EMPTY, descriptor_distance, penalty_steps, pixel_centers,
+};
 
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Progress, fit_normal, orient_normal};
 
-use crate::bic_alphabet::features::interest::interest_points;
+use crate::bic_alphabet::constants::{INTEREST_SPACING, POINTS_PER_CHECK};
 use crate::bic_alphabet::options::BicAlphabetOptions;
 use crate::bic_alphabet::pose::{BicPose, Frame, low_cell, mix};
 use crate::error::Result;
 use crate::scans::Scene;
-
-/// Features between two looks at the progress.
-const BATCH: usize = 1024;
+use interest::interest_points;
 
 /// Places of a scene that occurrences may take, in the order of their poses and without duplicates.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Features {
+pub(in crate::bic_alphabet) struct Features {
     pub poses: Vec<BicPose>,
     pub frames: Vec<Frame>,
     /// Lowest cell of the poses, which their order counts from.
@@ -54,8 +64,11 @@ impl Features {
     }
 }
 
-/// Interest points not nearer to each other than half the feature spacing, the strongest first; then, in random order,
-/// points farther than the spacing from every feature so far.
+/// Points that features are taken at, and how many of them are interest points.
+///
+/// Interest points at least [`INTEREST_SPACING`] feature spacings from each other, the strongest first; then, in random
+/// order, points farther than the spacing from every feature so far. So every point of the scene has a feature within
+/// the spacing.
 fn spread(
     scene: &Scene,
     tree: &KdTree,
@@ -67,6 +80,7 @@ fn spread(
     let mut chosen = Vec::new();
     let mut nearest = vec![f32::INFINITY; scene.len()];
     let mut near = Vec::new();
+    // Takes point i when no point taken before lies within `least`.
     let mut take = |i: u32, least: f32, chosen: &mut Vec<u32>| {
         if nearest[i as usize] > least * least {
             chosen.push(i);
@@ -78,13 +92,13 @@ fn spread(
         }
     };
     for i in interest {
-        take(i, 0.5 * spacing, &mut chosen);
+        take(i, INTEREST_SPACING * spacing, &mut chosen);
     }
     let n_interest = chosen.len();
     let mut order: Vec<u32> = (0..scene.len() as u32).collect();
     order.sort_by_cached_key(|&i| (mix(options.random_state ^ mix(u64::from(i))), i));
     for (k, i) in order.into_iter().enumerate() {
-        if k % (64 * BATCH) == 0 {
+        if k % (POINTS_PER_CHECK) == 0 {
             progress.check()?;
         }
         take(i, spacing, &mut chosen);
@@ -92,6 +106,8 @@ fn spread(
     Ok((chosen, n_interest))
 }
 
+/// The pose at point `i`: the normal of the points within the radius, at least `normal_neighbors`, on the side of the
+/// sensor, and the upright rule.
 fn pose(scene: &Scene, tree: &KdTree, i: usize, options: &BicAlphabetOptions) -> Result<BicPose> {
     let position = scene.positions[i];
     let viewpoint = scene.viewpoints.get(i).copied();
@@ -106,7 +122,7 @@ fn pose(scene: &Scene, tree: &KdTree, i: usize, options: &BicAlphabetOptions) ->
     let fitted = fit_normal(position, near.iter().map(|n| scene.positions[n.index()]));
     let normal = match fitted {
         Some((normal, _)) => orient_normal(normal, position, viewpoint),
-        // What spans no plane is taken to face the sensor; the zero vector's code is that of world z.
+        // Points that span no plane are taken to face the sensor; without one the zero vector is coded as world z.
         None => towards.map(|c| c as f32),
     };
     let view = towards.map(|c| -c);

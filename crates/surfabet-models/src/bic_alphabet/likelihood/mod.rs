@@ -1,33 +1,49 @@
 //! The likelihood of a scene given decoded points (eq. 6 to 13), so that a few points more or less change it exactly.
 //!
-//! Gaussians are rounded to units of 2^-22 and summed as integers, logarithms likewise: sums do not depend on the
-//! order, so what was added can be taken away again without a trace, and a state reached step by step is the same, to
-//! the bit, as one computed at once. The factor 1/M (eq. 9) is kept apart.
+//! For the points d_i of the scene (N of them, with sigma_i of eq. 13) and the decoded points r_j (M of them):
+//!
+//! ```text
+//! ln L = sum_i ln P(d_i)                                                     eq. 6, 7
+//! P(d_i) = 1/M sum_j P(d_i | r_j)    over the r_j with |d_i - r_j| <= 3 sigma_i    eq. 8 to 11
+//! P(d_i | r_j) = exp(-|d_i - r_j|^2 / (2 sigma_i^2)) / (sqrt(2 pi) sigma_i)        eq. 12
+//! ```
+//!
+//! With `S_i = sum_j exp(...)`, the sum of Gaussians without their normaliser, that is
+//!
+//! ```text
+//! ln L = sum_i ln S_i - sum_i ln(sqrt(2 pi) sigma_i) - N ln M
+//! ```
+//!
+//! `S_i` is summed in integers of 2^-22 ([`Likelihood::scatter`]), `ln S_i` is an integer of 2^-30
+//! ([`Likelihood::log`]): sums do not depend on the order, so what was added can be subtracted again exactly, and a
+//! state reached step by step is the same, to the bit, as one computed at once. [`Likelihood::log_likelihood`] adds the
+//! other two terms, of which the second is constant.
+//!
+//! Where no decoded point lies within 3 sigma, `P(d_i)` would be zero and ln L minus infinity. There `S_i` is
+//! `exp(-floor^2 / 2)`: as if one decoded point lay at `floor` sigma (option `floor`; not in the paper).
+
+mod kernel;
 
 use rayon::prelude::*;
 
+use kernel::{KERNEL_BITS, gaussian};
+
+use crate::bic_alphabet::constants::{FEATURES_PER_SEARCH, POINTS_PER_SCATTER};
 use crate::bic_alphabet::pose::Frame;
 use crate::scans::Scene;
 
 /// Points per block: one vector of single precision.
-pub(crate) const LANES: usize = 8;
-
-/// Bits of a Gaussian's fraction.
-const KERNEL_BITS: u32 = 22;
+pub(super) const LANES: usize = 8;
 
 /// Bits of a logarithm's fraction: the sum over 2^28 points stays below 2^63.
 const LOG_BITS: u32 = 30;
 
-/// Half the square of three sigma: the neighbourhood of eq. 10.
-const REACH: f32 = 4.5;
+/// Distance in sigmas within which decoded points are searched: 3 (eq. 10), and so much more that rounding never loses
+/// one.
+const REACH_SIGMAS: f32 = 3.001;
 
-/// Decoded points that are scattered together.
-const CHUNK: usize = 64;
-
-/// Features per unit of parallel work.
-const BATCH: usize = 512;
-
-/// Points that lie together, as a box with the largest distance at which any of them feels a decoded point.
+/// Points that lie together, as a box with the largest distance, 3 sigma, at which a decoded point counts
+/// for any of them.
 #[derive(Debug, Clone, Copy)]
 struct Block {
     low: [f32; 3],
@@ -65,9 +81,9 @@ struct Node {
     is_leaf: bool,
 }
 
-/// The points of a scene in blocks.
+/// The likelihood function of a scene: its points in blocks.
 #[derive(Debug, Clone)]
-pub(crate) struct Samples {
+pub(super) struct Likelihood {
     /// Coordinates per block.
     positions: Vec<[[f32; LANES]; 3]>,
     /// `1 / (2 sigma^2)` per lane.
@@ -75,20 +91,21 @@ pub(crate) struct Samples {
     blocks: Vec<Block>,
     nodes: Vec<Node>,
     len: usize,
-    /// Sum of ln(sqrt(2 pi) sigma), the normaliser of eq. 12.
+    /// `sum_i ln(sqrt(2 pi) sigma_i)`: the normaliser of eq. 12.
     normalizer: f64,
-    /// What a point without neighbours counts, as a logarithm.
+    /// `ln S_i` of a point without a decoded one within 3 sigma, as [`Likelihood::log`] gives it.
     floor: i64,
 }
 
-/// Which blocks an occurrence at each feature can reach.
+/// The blocks for whose points an occurrence at each feature may count (eq. 10).
 #[derive(Debug, Clone)]
-pub(crate) struct Reaches {
+pub(super) struct ReachableBlocks {
     starts: Vec<u32>,
     blocks: Vec<u32>,
 }
 
-impl Reaches {
+impl ReachableBlocks {
+    /// The blocks of one feature.
     #[inline]
     pub fn of(&self, feature: u32) -> &[u32] {
         let f = feature as usize;
@@ -96,30 +113,13 @@ impl Reaches {
     }
 }
 
-/// exp(-e) for `e` up to [`REACH`], in units of 2^-22; zero beyond.
-#[inline(always)]
-fn kernel(e: f32) -> u32 {
-    // exp(-e / 16) = 1 + y q(y) with the q that has the least relative error up to REACH, 3e-8; then four squarings:
-    // 1e-6 relative.
-    let y = e * (1.0 / 16.0);
-    let q = ((0.036_303_406 * y - 0.165_411_64) * y + 0.499_882_13) * y - 0.999_996_5;
-    let p1 = 1.0 + y * q;
-    let p2 = p1 * p1;
-    let p4 = p2 * p2;
-    let p8 = p4 * p4;
-    let p16 = p8 * p8;
-    let inside = if e <= REACH { p16 } else { 0.0 };
-    // Adding 2^23 leaves the rounded integer in the mantissa.
-    let shifted = inside * (1 << KERNEL_BITS) as f32 + (1 << 23) as f32;
-    shifted.to_bits() & ((1 << 23) - 1)
-}
-
-impl Samples {
+impl Likelihood {
+    /// The function over the points of `scene`, with `floor` in sigma.
     pub fn new(scene: &Scene, floor: f64) -> Self {
         let mut order: Vec<u32> = (0..scene.len() as u32).collect();
         arrange(&mut order, &scene.positions);
         let n_blocks = order.len().div_ceil(LANES);
-        // Lanes beyond the last point are out of everything's reach.
+        // Lanes beyond the last point are too far from every decoded point.
         let mut positions = vec![[[1e30; LANES]; 3]; n_blocks];
         let mut narrow = vec![[1.0; LANES]; n_blocks];
         let mut blocks = vec![Block::EMPTY; n_blocks];
@@ -130,8 +130,7 @@ impl Samples {
                     positions[b][a][lane] = p[a];
                 }
                 narrow[b][lane] = 0.5 / (sigma * sigma);
-                // Slightly more, so that rounding never loses a neighbour.
-                let own = Block { low: p, high: p, reach: 3.001 * sigma };
+                let own = Block { low: p, high: p, reach: REACH_SIGMAS * sigma };
                 blocks[b] = blocks[b].and(own);
             }
         }
@@ -149,14 +148,15 @@ impl Samples {
         self.len
     }
 
+    /// Number of blocks.
     pub fn n_blocks(&self) -> usize {
         self.blocks.len()
     }
 
-    /// The blocks that points within `radius` of each frame can reach.
-    pub fn reaches(&self, frames: &[Frame], radius: f32) -> Reaches {
+    /// The blocks with a point that may lie within its 3 sigma of a decoded point within `radius` of each frame.
+    pub fn reachable(&self, frames: &[Frame], radius: f32) -> ReachableBlocks {
         let parts: Vec<(Vec<u32>, Vec<u32>)> = frames
-            .par_chunks(BATCH)
+            .par_chunks(FEATURES_PER_SEARCH)
             .map(|frames| {
                 let (mut counts, mut found) = (Vec::with_capacity(frames.len()), Vec::new());
                 let mut open = Vec::new();
@@ -187,38 +187,39 @@ impl Samples {
             end += count;
             starts.push(end);
         }
-        Reaches { starts, blocks: parts.into_iter().flat_map(|(_, found)| found).collect() }
+        ReachableBlocks { starts, blocks: parts.into_iter().flat_map(|(_, found)| found).collect() }
     }
 
-    /// Adds the Gaussians of some decoded points, or takes them away, from the sums of all points that feel them;
-    /// `touched` is told each block that may have changed.
+    /// Adds `exp(-|d_i - r_j|^2 / (2 sigma_i^2))` (eq. 12 without its normaliser, eq. 10) to the `S_i` in `sums` for all
+    /// `r_j` in `decoded`, or subtracts it, over the points of the `reachable` blocks. Calls `touched` for each block
+    /// that may have changed.
     pub fn scatter(
         &self,
         decoded: &[[f32; 3]],
-        reach: &[u32],
+        reachable: &[u32],
         add: bool,
         sums: &mut [[i64; LANES]],
         mut touched: impl FnMut(u32),
     ) {
-        // So many Gaussians of at most 2^22 fit 32 bits.
-        for decoded in decoded.chunks(CHUNK) {
-            let mut columns = [[f32::INFINITY; CHUNK]; 3];
+        // The sum of so many Gaussians of at most 2^22 fits 32 bits.
+        for decoded in decoded.chunks(POINTS_PER_SCATTER) {
+            let mut columns = [[f32::INFINITY; POINTS_PER_SCATTER]; 3];
             for (k, p) in decoded.iter().enumerate() {
                 for a in 0..3 {
                     columns[a][k] = p[a];
                 }
             }
             let padded = decoded.len().next_multiple_of(LANES);
-            for &b in reach {
+            for &b in reachable {
                 let at = b as usize;
                 let block = &self.blocks[at];
                 let limit = block.reach * block.reach;
-                let mut distances = [0.0_f32; CHUNK];
+                let mut distances = [0.0_f32; POINTS_PER_SCATTER];
                 for k in 0..padded {
                     distances[k] = block.squared_distance(columns.each_ref().map(|c| c[k]));
                 }
-                // Whether a point is near is a toss-up, so it is counted without a branch.
-                let mut near = [0_u8; CHUNK];
+                // About half of the points are near, so the list is written without a branch.
+                let mut near = [0_u8; POINTS_PER_SCATTER];
                 let mut n_near = 0;
                 for (k, &distance) in distances[..decoded.len()].iter().enumerate() {
                     near[n_near] = k as u8;
@@ -233,7 +234,7 @@ impl Samples {
                     let p = decoded[usize::from(k)];
                     for lane in 0..LANES {
                         let (dx, dy, dz) = (x[lane] - p[0], y[lane] - p[1], z[lane] - p[2]);
-                        values[lane] += kernel((dx * dx + dy * dy + dz * dz) * narrow[lane]);
+                        values[lane] += gaussian((dx * dx + dy * dy + dz * dz) * narrow[lane]);
                     }
                 }
                 touched(b);
@@ -251,7 +252,7 @@ impl Samples {
         LANES.min(self.len - block * LANES)
     }
 
-    /// Logarithm of a sum of Gaussians, as an integer.
+    /// `ln S_i` plus `22 ln 2`, in units of 2^-30, of a sum in units of 2^-22.
     #[inline]
     pub fn log(&self, sum: i64) -> i64 {
         if sum > 0 {
@@ -261,7 +262,8 @@ impl Samples {
         }
     }
 
-    /// ln L (eq. 6) from the sum of the logarithms over all points and the number M of decoded points.
+    /// `ln L = sum_i ln S_i - sum_i ln(sqrt(2 pi) sigma_i) - N ln M` (eq. 6 to 12), given the sum of
+    /// [`Likelihood::log`] over all points and the number M of decoded points.
     pub fn log_likelihood(&self, logs: i64, decoded: i64) -> f64 {
         let n = self.len as f64;
         let sum = logs as f64 / (1_u64 << LOG_BITS) as f64;
@@ -269,9 +271,9 @@ impl Samples {
         sum - n * units - self.normalizer - n * (decoded as f64).ln()
     }
 
-    /// The state without decoded points.
-    pub fn nothing(&self) -> Sums {
-        Sums {
+    /// The sums without decoded points.
+    pub fn empty_sums(&self) -> KernelSums {
+        KernelSums {
             sums: vec![[0; LANES]; self.n_blocks()],
             logs: vec![[self.floor; LANES]; self.n_blocks()],
             total: self.floor * self.len as i64,
@@ -279,20 +281,18 @@ impl Samples {
     }
 }
 
-/// Sums of Gaussians per point, their logarithms, and the sum of these.
+/// The state of the likelihood for some decoded points.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Sums {
+pub(super) struct KernelSums {
+    /// `S_i`, in units of 2^-22, by block and lane.
     pub sums: Vec<[i64; LANES]>,
+    /// [`Likelihood::log`] of each.
     pub logs: Vec<[i64; LANES]>,
+    /// The sum of `logs` over all points.
     pub total: i64,
 }
 
-/// BIC (eq. 4) with `parameters` numbers in the alphabet.
-pub(crate) fn bic(log_likelihood: f64, parameters: usize, n: usize) -> f64 {
-    -2.0 * log_likelihood + parameters as f64 * (n as f64).ln()
-}
-
-/// Brings points that lie together together: halves across the longest side, at whole blocks.
+/// Orders points so that each run of [`LANES`] lies close together: halves across the longest side, at whole blocks.
 fn arrange(order: &mut [u32], positions: &[[f32; 3]]) {
     if order.len() <= LANES {
         return;
@@ -359,36 +359,23 @@ mod tests {
         ) {
             let (cloud, _) = PointCloud::from_positions(positions);
             let scene = Scene::new(&cloud, Deviation::default(), 0.0, &Silent).unwrap();
-            let samples = Samples::new(&scene, floor);
+            let likelihood = Likelihood::new(&scene, floor);
             let frame = Frame { origin: [0.0; 3], rows: [[0.0; 3]; 3] };
-            let reaches = samples.reaches(&[frame], 2.0);
-            let mut state = samples.nothing();
-            samples.scatter(&decoded, reaches.of(0), true, &mut state.sums, |_| ());
-            let logs: i64 = (0..samples.n_blocks())
-                .flat_map(|b| state.sums[b][..samples.lanes(b)].iter())
-                .map(|&s| samples.log(s))
+            let reachable = likelihood.reachable(&[frame], 2.0);
+            let mut state = likelihood.empty_sums();
+            likelihood.scatter(&decoded, reachable.of(0), true, &mut state.sums, |_| ());
+            let logs: i64 = (0..likelihood.n_blocks())
+                .flat_map(|b| state.sums[b][..likelihood.lanes(b)].iter())
+                .map(|&s| likelihood.log(s))
                 .sum();
-            let found = samples.log_likelihood(logs, decoded.len() as i64);
+            let found = likelihood.log_likelihood(logs, decoded.len() as i64);
             let expected = plain(&scene, &decoded, floor);
             // A point exactly at 3 sigma may fall on either side in single precision.
             prop_assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{found} {expected}");
             for &r in &decoded {
-                samples.scatter(&[r], reaches.of(0), false, &mut state.sums, |_| ());
+                likelihood.scatter(&[r], reachable.of(0), false, &mut state.sums, |_| ());
             }
-            prop_assert_eq!(state, samples.nothing());
+            prop_assert_eq!(state, likelihood.empty_sums());
         }
-    }
-
-    #[test]
-    fn the_kernel_is_the_exponential() {
-        for k in 0..=4500 {
-            let e = k as f32 * 1e-3;
-            let found = f64::from(kernel(e)) / f64::from(1 << KERNEL_BITS);
-            let exact = (-f64::from(e)).exp();
-            assert!((found - exact).abs() < 3e-7 + 2e-6 * exact, "{e}: {found} {exact}");
-        }
-        assert_eq!(kernel(4.51), 0);
-        assert_eq!(kernel(f32::INFINITY), 0);
-        assert_eq!(kernel(f32::NAN), 0);
     }
 }

@@ -5,10 +5,10 @@ use surfabet_geom::morton::encode_wide;
 use crate::gas::adjacency::Adjacency;
 use crate::gas::model::{MAX_COORDINATE, Neuron};
 
-/// Neurons in storing order, and the place of each in it.
+/// The neurons in the order of the file, and the place of each in it.
 ///
 /// Components start at their lowest neuron along a Morton curve; a neuron's neighbours follow by position.
-pub(crate) fn traversal(neurons: &[Neuron], adjacency: &Adjacency) -> (Vec<u32>, Vec<u32>) {
+pub(in crate::gas) fn traversal(neurons: &[Neuron], adjacency: &Adjacency) -> (Vec<u32>, Vec<u32>) {
     let mut roots: Vec<u32> = (0..neurons.len() as u32).collect();
     // Coordinates are at least -MAX_COORDINATE.
     let cell = |i: u32| neurons[i as usize].position.map(|c| (c + MAX_COORDINATE) as u32);

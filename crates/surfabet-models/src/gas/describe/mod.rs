@@ -1,4 +1,11 @@
-//! What a neuron knows besides its position.
+//! What a neuron keeps besides its position.
+//!
+//! | file | computes |
+//! |---|---|
+//! | `statistics` | number of points, colour, normal, radius and thickness |
+//! | `orient` | the side that normals point to |
 
 mod orient;
-pub(crate) mod statistics;
+mod statistics;
+
+pub(super) use statistics::{Observed, Statistics, describe};

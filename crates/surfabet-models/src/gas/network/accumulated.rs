@@ -1,99 +1,103 @@
 //! Accumulated errors of all neurons, which decay with every signal, and the largest of them.
 //!
-//! Decay multiplies all by one constant (step 10). Kept here is what an error would be had it never decayed, as a
-//! multiple of a common scale that shrinks instead: a signal costs one addition. Largest errors are known per
-//! block; additions can only raise them.
+//! Step 10 multiplies all errors E by `1 - beta`. Stored is `E s` with a common scale s that grows by `1 / (1 - beta)` with
+//! every signal instead: a signal costs one addition. The largest is known per group of neurons; additions can only raise
+//! it.
 
-/// Neurons per block.
-const BLOCK: usize = 64;
+/// Neurons per group: the largest of n neurons is found among `n / GROUP` groups and in one of them.
+const GROUP: usize = 64;
 
-/// Where the common scale is taken into the numbers, far from the largest `f64`.
+/// Scale at which the stored numbers are divided by it, far from the largest `f64`.
 const LARGEST_SCALE: f64 = 1e100;
 
-/// What stands for a neuron that does not exist: below every error, whatever it is multiplied with.
-const NOBODY: f64 = f64::NEG_INFINITY;
+/// In place of the error of a neuron that does not exist: below every error, whatever it is multiplied with.
+const NO_NEURON: f64 = f64::NEG_INFINITY;
 
 /// Accumulated errors by neuron.
 #[derive(Debug, Clone)]
-pub(crate) struct AccumulatedErrors {
+pub(in crate::gas) struct AccumulatedErrors {
+    /// `E s` of every neuron.
     scaled: Vec<f64>,
-    /// Largest of each block.
+    /// Largest of each group.
     largest: Vec<f64>,
-    /// What an error of one is now.
+    /// s.
     scale: f64,
-    /// By how much `scale` grows with a signal: 1 / (1 - beta).
+    /// Factor by which `scale` grows with a signal: `1 / (1 - beta)`.
     growth: f64,
 }
 
 impl AccumulatedErrors {
-    pub(crate) fn new(beta: f64) -> Self {
+    /// No neurons.
+    pub(in crate::gas) fn new(beta: f64) -> Self {
         Self { scaled: Vec::new(), largest: Vec::new(), scale: 1.0, growth: 1.0 / (1.0 - beta) }
     }
 
     /// The accumulated error of a neuron.
-    pub(crate) fn get(&self, id: u32) -> f64 {
+    pub(in crate::gas) fn get(&self, id: u32) -> f64 {
         self.scaled[id as usize] / self.scale
     }
 
     /// Step 5: adds to the error of a neuron.
     #[inline]
-    pub(crate) fn add(&mut self, id: u32, error: f64) {
+    pub(in crate::gas) fn add(&mut self, id: u32, error: f64) {
         let id = id as usize;
         let sum = self.scaled[id] + error * self.scale;
         self.scaled[id] = sum;
-        let largest = &mut self.largest[id / BLOCK];
+        let largest = &mut self.largest[id / GROUP];
         if sum > *largest {
             *largest = sum;
         }
     }
 
     /// Sets the error of a neuron, which may be new.
-    pub(crate) fn set(&mut self, id: u32, error: f64) {
+    pub(in crate::gas) fn set(&mut self, id: u32, error: f64) {
         let value = error * self.scale;
         self.put(id as usize, value);
     }
 
-    /// The neuron is no more.
-    pub(crate) fn remove(&mut self, id: u32) {
-        self.put(id as usize, NOBODY);
+    /// Removes a neuron.
+    pub(in crate::gas) fn remove(&mut self, id: u32) {
+        self.put(id as usize, NO_NEURON);
     }
 
+    /// Sets the stored number of a neuron, which may be new.
     fn put(&mut self, id: usize, value: f64) {
         if id >= self.scaled.len() {
-            self.scaled.resize((id + 1).next_multiple_of(BLOCK), NOBODY);
-            self.largest.resize(self.scaled.len() / BLOCK, NOBODY);
+            self.scaled.resize((id + 1).next_multiple_of(GROUP), NO_NEURON);
+            self.largest.resize(self.scaled.len() / GROUP, NO_NEURON);
         }
         self.scaled[id] = value;
-        self.renew(id / BLOCK);
+        self.renew(id / GROUP);
     }
 
-    fn renew(&mut self, block: usize) {
-        let of = &self.scaled[block * BLOCK..(block + 1) * BLOCK];
-        self.largest[block] = of.iter().fold(NOBODY, |m, &e| if e > m { e } else { m });
+    /// Computes the largest of a group.
+    fn renew(&mut self, group: usize) {
+        let of = &self.scaled[group * GROUP..(group + 1) * GROUP];
+        self.largest[group] = of.iter().fold(NO_NEURON, |m, &e| if e > m { e } else { m });
     }
 
     /// Step 10: all errors decay.
     #[inline]
-    pub(crate) fn decay(&mut self) {
+    pub(in crate::gas) fn decay(&mut self) {
         self.scale *= self.growth;
         if self.scale > LARGEST_SCALE {
             let shrink = 1.0 / self.scale;
             self.scaled.iter_mut().for_each(|e| *e *= shrink);
-            (0..self.largest.len()).for_each(|block| self.renew(block));
+            (0..self.largest.len()).for_each(|group| self.renew(group));
             self.scale = 1.0;
         }
     }
 
     /// The neuron with the largest error, of equal ones the one with the smallest id; `None` without neurons.
-    pub(crate) fn largest(&self) -> Option<u32> {
-        let (block, &largest) = self
+    pub(in crate::gas) fn largest(&self) -> Option<u32> {
+        let (group, &largest) = self
             .largest
             .iter()
             .enumerate()
             .reduce(|best, next| if next.1 > best.1 { next } else { best })?;
-        let first = block * BLOCK;
-        let at = self.scaled[first..first + BLOCK].iter().position(|&e| e == largest)?;
-        (largest > NOBODY).then_some((first + at) as u32)
+        let first = group * GROUP;
+        let at = self.scaled[first..first + GROUP].iter().position(|&e| e == largest)?;
+        (largest > NO_NEURON).then_some((first + at) as u32)
     }
 }
 

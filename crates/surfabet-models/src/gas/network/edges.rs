@@ -1,37 +1,41 @@
-//! Edges of the network, each kept by both its neurons, with ages that nobody has to count.
+//! Edges of the network, each stored at both its neurons, with ages that need no counting.
 //!
-//! An edge ages by one whenever one of its two neurons wins (step 4). So its age is how often either has won since
-//! it was last refreshed: the sum of both neurons' wins less that sum as it was then. Only that base is stored.
+//! An edge ages by one whenever one of its two neurons wins (step 4). So its age is the number of wins of both since it
+//! was refreshed: `age = wins_a + wins_b - base`, where the base is that sum when it was refreshed. Only the base is
+//! stored.
 //!
-//! A neuron's edges are a run in one arena, with room for a power of two; runs given up are used again.
+//! A neuron's edges are a run in one list, with room for a power of two; released runs are used again.
 
-/// Room of the smallest run.
+/// Room of the smallest run: neurons on a surface have six neighbours on average, and 64 bytes are a cache line.
 const SMALLEST: usize = 8;
 
 /// One end of an edge.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Link {
+pub(in crate::gas) struct Link {
     /// The neuron at the other end.
     pub to: u32,
     /// Wins of both neurons together when the edge had age zero; wraps.
     pub base: u32,
 }
 
+/// The links of a neuron.
 #[derive(Debug, Clone, Copy, Default)]
 struct Run {
+    /// First of them in [`Edges::links`].
     start: u32,
     len: u32,
     /// Room is `SMALLEST << class`.
     class: u8,
-    taken: bool,
+    /// The run has room; false for a neuron without links.
+    is_allocated: bool,
 }
 
 /// All edges.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Edges {
+pub(in crate::gas) struct Edges {
     runs: Vec<Run>,
     links: Vec<Link>,
-    /// Starts of runs given up, by class.
+    /// Starts of released runs, by class.
     free: Vec<Vec<u32>>,
     count: usize,
 }
@@ -39,20 +43,20 @@ pub(crate) struct Edges {
 impl Edges {
     /// Number of edges.
     #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
+    pub(in crate::gas) fn len(&self) -> usize {
         self.count
     }
 
     /// The edges of a neuron, in no particular order.
     #[inline]
-    pub(crate) fn of(&self, id: u32) -> &[Link] {
-        // A neuron without edges may not be known here yet.
+    pub(in crate::gas) fn of(&self, id: u32) -> &[Link] {
+        // A neuron that never had edges may have no run yet.
         let run = self.runs.get(id as usize).copied().unwrap_or_default();
         &self.links[run.start as usize..][..run.len as usize]
     }
 
     /// Step 7: refreshes the edge between two neurons, or makes it. Returns true for a new one.
-    pub(crate) fn connect(&mut self, a: u32, b: u32, base: u32) -> bool {
+    pub(in crate::gas) fn connect(&mut self, a: u32, b: u32, base: u32) -> bool {
         if let Some(link) = self.find(a, b) {
             link.base = base;
             if let Some(link) = self.find(b, a) {
@@ -67,12 +71,13 @@ impl Edges {
     }
 
     /// Removes the edge between two neurons, if there is one.
-    pub(crate) fn disconnect(&mut self, a: u32, b: u32) {
+    pub(in crate::gas) fn disconnect(&mut self, a: u32, b: u32) {
         if self.pull(a, b) && self.pull(b, a) {
             self.count -= 1;
         }
     }
 
+    /// The link from a neuron to another.
     #[inline]
     fn find(&mut self, from: u32, to: u32) -> Option<&mut Link> {
         let run = self.runs.get(from as usize)?;
@@ -80,26 +85,28 @@ impl Edges {
         links.iter_mut().find(|link| link.to == to)
     }
 
+    /// Adds a link, and moves the run to one of twice the room where it is full.
     fn push(&mut self, id: u32, link: Link) {
         let at = id as usize;
         if at >= self.runs.len() {
             self.runs.resize(at + 1, Run::default());
         }
         let run = self.runs[at];
-        let room = if run.taken { SMALLEST << run.class } else { 0 };
+        let room = if run.is_allocated { SMALLEST << run.class } else { 0 };
         if run.len as usize == room {
-            let class = if run.taken { run.class + 1 } else { 0 };
-            let start = self.take(class);
+            let class = if run.is_allocated { run.class + 1 } else { 0 };
+            let start = self.allocate(class);
             let (from, to) = (run.start as usize, start as usize);
             self.links.copy_within(from..from + run.len as usize, to);
-            self.give_up(run);
-            self.runs[at] = Run { start, len: run.len, class, taken: true };
+            self.release(run);
+            self.runs[at] = Run { start, len: run.len, class, is_allocated: true };
         }
         let run = &mut self.runs[at];
         self.links[run.start as usize + run.len as usize] = link;
         run.len += 1;
     }
 
+    /// Removes the link from a neuron to another; false when there is none.
     fn pull(&mut self, id: u32, to: u32) -> bool {
         let Some(run) = self.runs.get_mut(id as usize) else { return false };
         let links = &mut self.links[run.start as usize..][..run.len as usize];
@@ -108,12 +115,13 @@ impl Edges {
         run.len -= 1;
         if run.len == 0 {
             let run = std::mem::take(run);
-            self.give_up(run);
+            self.release(run);
         }
         true
     }
 
-    fn take(&mut self, class: u8) -> u32 {
+    /// Start of a run of a class.
+    fn allocate(&mut self, class: u8) -> u32 {
         if let Some(start) = self.free.get_mut(class as usize).and_then(Vec::pop) {
             return start;
         }
@@ -122,8 +130,9 @@ impl Edges {
         start as u32
     }
 
-    fn give_up(&mut self, run: Run) {
-        if !run.taken {
+    /// Makes a run available again.
+    fn release(&mut self, run: Run) {
+        if !run.is_allocated {
             return;
         }
         let class = run.class as usize;

@@ -1,18 +1,36 @@
 //! The network while it learns: Fritzke's ten steps.
 //!
-//! B. Fritzke: *A Growing Neural Gas Network Learns Topologies*, NIPS 1995. Step 1 is [`Network::new`], step 2
-//! the caller's, steps 3 to 8 [`Network::present`], step 9 [`Network::insert`], step 10 [`Network::decay`].
+//! B. Fritzke: *A Growing Neural Gas Network Learns Topologies*, NIPS 1995. Neurons c have a reference vector w_c (here:
+//! position) and an accumulated error E_c; edges have an age.
+//!
+//! | step | computes | where |
+//! |---|---|---|
+//! | 1 | neurons at two random signals | [`Network::new`] |
+//! | 2 | a signal xi | `signals` |
+//! | 3 | the winner s1 and the second s2: the nearest neurons to xi | [`Winners`] |
+//! | 4 | ages of the edges of s1, plus one | [`Network::present`], `edges` |
+//! | 5 | `E_s1 += |w_s1 - xi|^2` | [`Network::present`], `accumulated` |
+//! | 6 | `w_s1 += epsilon_w (xi - w_s1)`, `w_n += epsilon_n (xi - w_n)` for its neighbours n | [`Network::present`] |
+//! | 7 | an edge of age zero between s1 and s2 | [`Network::present`], `edges` |
+//! | 8 | no edges older than a_max, no neurons without edges | [`Network::present`], `edges` |
+//! | 9 | every lambda signals a neuron r between q, of the largest E, and f, its neighbour of the largest E: `w_r = (w_q + w_f) / 2`, `E_q *= alpha`, `E_f *= alpha`, `E_r = E_q` | [`Network::insert`] |
+//! | 10 | `E_c *= 1 - beta` for all | [`Network::decay`], `accumulated` |
+//!
+//! `growth` repeats them until there is enough.
 
 mod accumulated;
 mod edges;
-pub(crate) mod growth;
-pub(crate) mod signals;
+mod growth;
+mod signals;
 
-use crate::gas::network::accumulated::AccumulatedErrors;
-use crate::gas::network::edges::Edges;
-use crate::gas::winners::index::Winners;
+pub(super) use growth::{Grown, Stop, grow};
+pub(super) use signals::Signals;
 
-/// A neuron's position, and how often it has won (wraps): a quarter of a cache line.
+use super::winners::Winners;
+use accumulated::AccumulatedErrors;
+use edges::Edges;
+
+/// A neuron: its position, and how often it has won (wraps); a quarter of a cache line.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(16))]
 struct Unit {
@@ -20,7 +38,7 @@ struct Unit {
     wins: u32,
 }
 
-/// What adapts the network, rounded to the precision of positions.
+/// The parameters of the ten steps, rounded to the precision of positions.
 #[derive(Debug, Clone, Copy)]
 pub struct Rates {
     /// Share of the way to a signal that the winner moves.
@@ -95,6 +113,7 @@ impl<W: Winners> Network<W> {
         self.alive == 0
     }
 
+    /// Adds a neuron, with the id of one removed where there is any.
     fn add(&mut self, position: [f32; 3], error: f64) -> u32 {
         let id = self.free.pop().unwrap_or(self.units.len() as u32);
         if id as usize == self.units.len() {
@@ -107,17 +126,18 @@ impl<W: Winners> Network<W> {
         id
     }
 
+    /// Wins of two neurons together: the base of the age of the edge between them.
     fn wins_of_both(&self, a: u32, b: u32) -> u32 {
         self.units[a as usize].wins.wrapping_add(self.units[b as usize].wins)
     }
 
-    /// Steps 3 to 8: adapts the network to a signal; gives back its squared distance to the winner before.
+    /// Steps 3 to 8: adapts the network to a signal. Gives the squared distance of the winner before it moves.
     pub fn present(&mut self, signal: [f32; 3]) -> f32 {
         // 3: the winner and the second winner.
         let [first, second] = self.winners.two_nearest(signal);
         let distance = first.squared_distance();
         let (winner, second) = (first.id(), second.id());
-        // 4: all edges of the winner age with its wins.
+        // 4: the ages of all edges of the winner grow with its wins.
         let unit = &mut self.units[winner as usize];
         unit.wins = unit.wins.wrapping_add(1);
         let wins = unit.wins;
@@ -138,7 +158,7 @@ impl<W: Winners> Network<W> {
         }
         // 7: both winners are joined by an edge of age zero.
         self.edges.connect(winner, second, self.wins_of_both(winner, second));
-        // 8: old edges go, and neurons that have none left. The winner has the one just made.
+        // 8: old edges are removed, and neurons without edges. The winner has the one just made.
         for i in 0..self.old.len() {
             let other = self.old[i];
             self.edges.disconnect(winner, other);
@@ -152,11 +172,13 @@ impl<W: Winners> Network<W> {
         distance
     }
 
-    /// Step 9: a neuron half way between the neuron q with the largest error and its neighbour f with the largest.
+    /// Step 9: inserts a neuron r half way between the neuron q with the largest error and its neighbour f with the
+    /// largest.
     pub fn insert(&mut self) {
         // There are two neurons at least, joined since the first signal.
         let Some(q) = self.errors.largest() else { return };
         let neighbours = self.edges.of(q).iter().map(|link| link.to);
+        // The larger error, of equal ones the smaller id.
         let worse = |a: u32, b: u32| {
             self.errors.get(b).total_cmp(&self.errors.get(a)).then(a.cmp(&b)).is_lt()
         };
@@ -197,6 +219,7 @@ impl<W: Winners> Network<W> {
     }
 }
 
+/// `from + share (to - from)`.
 #[inline(always)]
 fn towards(from: [f32; 3], to: [f32; 3], share: f32) -> [f32; 3] {
     std::array::from_fn(|a| from[a] + share * (to[a] - from[a]))
@@ -204,8 +227,8 @@ fn towards(from: [f32; 3], to: [f32; 3], share: f32) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::winners::{BruteForce, Index};
     use super::*;
-    use crate::gas::winners::index::{BruteForce, Index};
 
     const RATES: Rates =
         Rates { epsilon_w: 0.5, epsilon_n: 0.25, alpha: 0.5, beta: 0.5, max_age: 1 };

@@ -1,18 +1,18 @@
-//! Input signals (step 2): points of the cloud, drawn with equal probability and put back.
+//! Input signals (step 2): points of the cloud, drawn with equal probability and with replacement.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Points to draw from, and how often.
-pub(crate) struct Signals<'a> {
-    /// Sets of points, none of them empty, with the probability of drawing from the sets up to each.
+/// Points to draw from.
+pub(in crate::gas) struct Signals<'a> {
+    /// Sets of points, none of them empty, each with the probability that a signal is drawn from it or one before it.
     sets: Vec<(&'a [[f32; 3]], f64)>,
     rng: ChaCha8Rng,
 }
 
 impl<'a> Signals<'a> {
     /// Signals from sets of points, each set with a share of the signals in proportion to its weight.
-    pub(crate) fn new(sets: &[(&'a [[f32; 3]], f64)], random_state: u64) -> Self {
+    pub(in crate::gas) fn new(sets: &[(&'a [[f32; 3]], f64)], random_state: u64) -> Self {
         let filled = || sets.iter().filter(|(points, weight)| !points.is_empty() && *weight > 0.0);
         let total: f64 = filled().map(|(_, weight)| weight).sum();
         let mut sum = 0.0;
@@ -26,7 +26,7 @@ impl<'a> Signals<'a> {
     }
 
     /// Two points at different places, the first neurons (step 1); `None` when all points are at one place.
-    pub(crate) fn two_places(&mut self) -> Option<[[f32; 3]; 2]> {
+    pub(in crate::gas) fn two_places(&mut self) -> Option<[[f32; 3]; 2]> {
         let (points, _) = *self.sets.last()?;
         let first = points[self.rng.random_range(0..points.len())];
         let start = self.rng.random_range(0..points.len());
@@ -36,7 +36,7 @@ impl<'a> Signals<'a> {
     }
 
     /// Fills `signals` with the next ones.
-    pub(crate) fn draw(&mut self, signals: &mut [[f32; 3]]) {
+    pub(in crate::gas) fn draw(&mut self, signals: &mut [[f32; 3]]) {
         // The last share is one but for rounding.
         let Some((&(last, _), others)) = self.sets.split_last() else { return };
         for signal in signals {

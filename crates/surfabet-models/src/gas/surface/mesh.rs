@@ -2,20 +2,15 @@
 
 use std::collections::HashMap;
 
+use crate::gas::constants::{LARGEST_HOLE, LEAST_TRIANGLE_COSINE};
 use crate::gas::model::GasModel;
 use crate::vector::{cross, dot, minus};
-
-/// Least cosine between a triangle and the mean normal of its corners: steeper ones stand across the surface.
-const LEAST_COSINE: f64 = 0.3;
-
-/// Most edges of a hole that is closed.
-const LARGEST_HOLE: usize = 12;
 
 impl GasModel {
     /// Triangles of neurons, anticlockwise seen from where their normals point to.
     ///
     /// Three neurons joined to each other are a triangle of the induced triangulation. Where more of them meet than
-    /// a surface has room for, smaller ones go first. An edge is passed by at most one triangle in each direction,
+    /// a surface has room for, smaller ones go first. An edge is used by at most one triangle in each direction,
     /// so that the orientation is consistent. Holes of up to twelve edges, which the graph has where four neurons or more are
     /// about equally far from each other, are closed.
     pub fn mesh(&self) -> Vec<[u32; 3]> {
@@ -27,10 +22,10 @@ impl GasModel {
         };
         for (_, [i, j, k]) in mesh.cliques() {
             let triangle = match mesh.cosine([i, j, k]) {
-                Some(c) if c >= LEAST_COSINE => [i, j, k],
-                Some(c) if c <= -LEAST_COSINE => [i, k, j],
+                Some(c) if c >= LEAST_TRIANGLE_COSINE => [i, j, k],
+                Some(c) if c <= -LEAST_TRIANGLE_COSINE => [i, k, j],
                 Some(_) => continue,
-                // Nothing is known of the side: whichever fits.
+                // The side is unknown: whichever fits.
                 None if mesh.has_room([i, j, k]) => [i, j, k],
                 None => [i, k, j],
             };
@@ -41,6 +36,7 @@ impl GasModel {
     }
 }
 
+/// The triangles so far.
 struct Mesh<'a> {
     model: &'a GasModel,
     positions: Vec<[f32; 3]>,
@@ -49,6 +45,7 @@ struct Mesh<'a> {
     triangles: Vec<[u32; 3]>,
 }
 
+/// The directed edges of a triangle.
 fn sides([i, j, k]: [u32; 3]) -> [[u32; 2]; 3] {
     [[i, j], [j, k], [k, i]]
 }
@@ -75,6 +72,7 @@ impl Mesh<'_> {
         found
     }
 
+    /// Squared length of an edge in position steps.
     fn squared(&self, [a, b]: [u32; 2]) -> i64 {
         let [p, q] = [a, b].map(|i| self.model.neurons[i as usize].position);
         (0..3).map(|i| (i64::from(p[i]) - i64::from(q[i])).pow(2)).sum()
@@ -93,10 +91,12 @@ impl Mesh<'_> {
         (lengths > 0.0).then(|| dot(across, normal) / lengths)
     }
 
+    /// True when no side of the triangle is used in its direction.
     fn has_room(&self, triangle: [u32; 3]) -> bool {
         sides(triangle).iter().all(|side| !self.sides.contains_key(side))
     }
 
+    /// Adds a triangle where there is room for it.
     fn add(&mut self, triangle: [u32; 3]) -> bool {
         let fits = self.has_room(triangle);
         if fits {
@@ -107,9 +107,9 @@ impl Mesh<'_> {
         fits
     }
 
-    /// Fills rings of edges that are passed in one direction only.
+    /// Fills rings of edges that are used in one direction only.
     fn close_holes(&mut self) {
-        // What a triangle would have to pass: the rim the other way round.
+        // The sides that a triangle would have to use: the rim the other way round.
         let mut open: Vec<[u32; 2]> = self
             .sides
             .keys()
@@ -118,7 +118,7 @@ impl Mesh<'_> {
             .collect();
         open.sort_unstable();
         for [start, second] in open {
-            // A ring before may have filled this one too.
+            // Filling a ring before may have used this side.
             if self.sides.contains_key(&[start, second]) {
                 continue;
             }
@@ -128,7 +128,7 @@ impl Mesh<'_> {
                 ring.push(last[1]);
                 last = self.next_open(last);
             }
-            // A rim may pass a neuron more than once.
+            // A rim may hold a neuron more than once.
             if last[1] == start && ring.len() >= 4 {
                 self.fill(ring);
             }
@@ -144,14 +144,14 @@ impl Mesh<'_> {
         [b, to]
     }
 
-    /// Cuts the ear with the shortest new side off a ring, as long as there is one on the surface.
+    /// Triangulates a ring: cuts off the ear with the shortest new side, as long as there is one along the surface.
     fn fill(&mut self, mut ring: Vec<u32>) {
         while ring.len() >= 3 {
             let n = ring.len();
             let ear = |i: usize| [ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]];
             let best = (0..n)
                 .filter(|&i| ear(i)[0] != ear(i)[2])
-                .filter(|&i| self.cosine(ear(i)).is_some_and(|c| c >= LEAST_COSINE))
+                .filter(|&i| self.cosine(ear(i)).is_some_and(|c| c >= LEAST_TRIANGLE_COSINE))
                 .filter(|&i| self.has_room(ear(i)))
                 .min_by_key(|&i| (self.squared([ear(i)[2], ear(i)[0]]), ring[i]));
             let Some(i) = best else { return };

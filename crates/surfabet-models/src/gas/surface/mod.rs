@@ -1,4 +1,9 @@
-//! What the edges tell of the surface.
+//! The surface that the edges describe.
+//!
+//! | file | computes |
+//! |---|---|
+//! | `mesh` | triangles |
+//! | `topology` | connected components, distances along the edges |
 
 mod mesh;
 mod topology;

@@ -1,9 +1,10 @@
-//! What the edges say: which neurons hang together, and how far they are along the surface.
+//! The graph of neurons and edges: connected components, and distances along the surface.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use crate::error::{Error, Result};
+use crate::gas::distance;
 use crate::gas::model::GasModel;
 
 impl GasModel {
@@ -39,7 +40,7 @@ impl GasModel {
         component
     }
 
-    /// Length in metres of the shortest way along edges from neuron `source` to every neuron; infinite to other
+    /// Length in metres of the shortest path along edges (E. W. Dijkstra, 1959) from neuron `source` to every neuron; infinite to other
     /// components.
     ///
     /// # Errors
@@ -63,13 +64,10 @@ impl GasModel {
                 continue;
             }
             for &j in self.adjacency.of(i) {
-                let (p, q) = (positions[i], positions[j as usize]);
-                let squared: f64 =
-                    (0..3).map(|a| (f64::from(p[a]) - f64::from(q[a])).powi(2)).sum();
-                let distance = so_far + squared.sqrt();
-                if distance < distances[j as usize] {
-                    distances[j as usize] = distance;
-                    heap.push(Reverse((distance.to_bits(), j)));
+                let through_i = so_far + distance(positions[i], positions[j as usize]);
+                if through_i < distances[j as usize] {
+                    distances[j as usize] = through_i;
+                    heap.push(Reverse((through_i.to_bits(), j)));
                 }
             }
         }

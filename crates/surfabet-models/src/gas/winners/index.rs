@@ -1,90 +1,29 @@
-//! The two nearest neurons to a signal, exactly, while neurons move, come and go.
+//! A k-d tree that follows the neurons as they move, are added and removed.
 //!
-//! A k-d tree whose leaves hold up to [`LANES`] neurons in columns, so that a leaf's distances are a few vector
-//! operations. A neuron that moves stays in its leaf as long as it stays in the leaf's region, which is nearly
-//! always, and is sent down from the root otherwise. A full leaf is split at its median; the tree is built anew
-//! whenever the number of neurons has doubled, so that its depth stays logarithmic whatever the density does.
+//! Its leaves hold up to [`LANES`] neurons in columns, so that a leaf's distances are a few vector operations. A neuron
+//! that moves stays in its leaf as long as it stays in the leaf's region, which is nearly always, and is inserted from
+//! the root otherwise. A full leaf is split at its median; the tree is rebuilt whenever the number of neurons has
+//! doubled, so that its depth stays logarithmic whatever the density does.
 //!
-//! Exact in `f32`: a region is as far away as the planes that part it from the signal, whose distances are summed
-//! in the order in which those of neurons are, and every rounding on the way is monotone. So no region looks
-//! farther away than a neuron in it, and regions as far as the second winner are looked into for the tie.
+//! Exact in `f32`: the distance of a region is that of the planes between it and the signal, whose squares are summed
+//! in the order in which those of neurons are, and every rounding on the way is monotone. So no region is computed to
+//! be farther away than a neuron in it, and regions as far as the second winner are searched for the tie.
+
+use super::{Best, Winner, Winners};
+use crate::gas::constants::FILL;
 
 /// Neurons per leaf.
 const LANES: usize = 8;
 
-/// Neurons per leaf of a tree built anew: the rest is room to grow.
-const FILL: usize = 6;
-
-/// Deepest path; one more split builds the tree anew.
+/// Deepest path; one more split rebuilds the tree. Medians of n neurons are log2(n) levels deep, 26 for the most that a
+/// gas may have, and two more per axis where many share a coordinate.
 const MAX_DEPTH: u32 = 48;
 
 /// No block, no place.
 const NONE: u32 = u32::MAX;
 
-/// Marks a node that is a leaf in place of its axis.
+/// In place of the axis of a node: the node is a leaf.
 const LEAF: u32 = 3;
-
-/// A neuron found. Orders by distance, then by id.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Winner {
-    key: u64,
-}
-
-impl Winner {
-    const NONE: Self = Self { key: (f32::INFINITY.to_bits() as u64) << 32 | u32::MAX as u64 };
-
-    #[inline(always)]
-    fn new(squared_distance: f32, id: u32) -> Self {
-        // Non-negative floats order like their bits.
-        Self { key: u64::from(squared_distance.to_bits()) << 32 | u64::from(id) }
-    }
-
-    #[inline(always)]
-    /// The neuron.
-    pub fn id(self) -> u32 {
-        self.key as u32
-    }
-
-    #[inline(always)]
-    /// Its squared distance to the signal, square metres, as [`KdTree`](surfabet_geom::KdTree) computes it.
-    pub fn squared_distance(self) -> f32 {
-        f32::from_bits((self.key >> 32) as u32)
-    }
-}
-
-/// Winner and second winner so far.
-struct Best([Winner; 2]);
-
-impl Best {
-    #[inline(always)]
-    fn offer(&mut self, winner: Winner) {
-        if winner < self.0[1] {
-            if winner < self.0[0] {
-                self.0 = [winner, self.0[0]];
-            } else {
-                self.0[1] = winner;
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.0[1].squared_distance()
-    }
-}
-
-/// What finds winners among neurons with ids below some bound.
-pub trait Winners {
-    /// A new neuron with an id that is not in use.
-    fn insert(&mut self, id: u32, position: [f32; 3]);
-    /// Takes a neuron out.
-    fn remove(&mut self, id: u32);
-    /// A neuron is elsewhere now.
-    fn shift(&mut self, id: u32, position: [f32; 3]);
-    /// The two nearest neurons to a finite `query`, of equally near ones those with the smaller ids. There are at
-    /// least two.
-    fn two_nearest(&self, query: [f32; 3]) -> [Winner; 2];
-}
 
 /// A block of neurons of a leaf.
 #[derive(Debug, Clone)]
@@ -136,6 +75,7 @@ impl Block {
     }
 }
 
+/// A box in space, from `low` up to but not including `high`.
 #[derive(Debug, Clone, Copy)]
 struct Region {
     low: [f32; 3],
@@ -145,6 +85,7 @@ struct Region {
 impl Region {
     const ALL: Self = Self { low: [f32::NEG_INFINITY; 3], high: [f32::INFINITY; 3] };
 
+    /// Both parts of the region at a plane.
     fn split(self, axis: usize, at: f32) -> [Self; 2] {
         let mut halves = [self; 2];
         halves[0].high[axis] = at;
@@ -153,6 +94,7 @@ impl Region {
     }
 }
 
+/// A neuron of the tree.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     position: [f32; 3],
@@ -168,10 +110,13 @@ struct Node {
     first: u32,
 }
 
+/// A subtree that a search may have to visit later.
 #[derive(Debug, Clone, Copy)]
 struct Postponed {
     node: u32,
+    /// Squared distance of its region from the query, or less.
     bound: f32,
+    /// From the nearest plane on each axis to the query; zero where none lies between.
     offset: [f32; 3],
 }
 
@@ -217,6 +162,7 @@ impl Index {
         }
     }
 
+    /// Adds a neuron to a block with room.
     fn put(&mut self, block: usize, entry: Entry) {
         let b = &mut self.blocks[block];
         let slot = b.len as usize;
@@ -238,6 +184,7 @@ impl Index {
         None
     }
 
+    /// Inserts a neuron from the root, and splits its leaf where that is full.
     fn place(&mut self, entry: Entry) {
         loop {
             let (leaf, depth) = self.leaf_of(entry.position);
@@ -246,31 +193,35 @@ impl Index {
                 return self.put(block, entry);
             }
             if depth >= MAX_DEPTH {
-                // Medians of n neurons are log2(n) levels deep, and two more per axis where many share a coordinate.
                 self.rebuild();
                 continue;
             }
-            let mut entries = vec![entry];
-            let mut at = first;
-            while at != NONE {
-                let block = &self.blocks[at as usize];
-                entries.extend((0..block.len as usize).map(|slot| block.entry(slot)));
-                at = block.next;
+            return self.split_leaf(leaf, first, entry);
+        }
+    }
+
+    /// Splits a full leaf at the median of its neurons and a new one; where all are at one place the leaf gets another
+    /// block.
+    fn split_leaf(&mut self, leaf: usize, first: u32, entry: Entry) {
+        let mut entries = vec![entry];
+        let mut at = first;
+        while at != NONE {
+            let block = &self.blocks[at as usize];
+            entries.extend((0..block.len as usize).map(|slot| block.entry(slot)));
+            at = block.next;
+        }
+        let region = self.blocks[first as usize].region();
+        match median_plane(&mut entries) {
+            Some((axis, split, half)) => {
+                let children = self.nodes.len();
+                let child = Node { split: 0.0, axis: LEAF, first: NONE };
+                self.nodes.extend([child, child]);
+                self.nodes[leaf] = Node { split, axis: axis as u32, first: children as u32 };
+                let [left, right] = region.split(axis, split);
+                self.fill(children, &entries[..half], left);
+                self.fill(children + 1, &entries[half..], right);
             }
-            let region = self.blocks[first as usize].region();
-            match median_plane(&mut entries) {
-                Some((axis, split, half)) => {
-                    let children = self.nodes.len();
-                    let child = Node { split: 0.0, axis: LEAF, first: NONE };
-                    self.nodes.extend([child, child]);
-                    self.nodes[leaf] = Node { split, axis: axis as u32, first: children as u32 };
-                    let [left, right] = region.split(axis, split);
-                    self.fill(children, &entries[..half], left);
-                    self.fill(children + 1, &entries[half..], right);
-                }
-                None => self.fill(leaf, &entries, region),
-            }
-            return;
+            None => self.fill(leaf, &entries, region),
         }
     }
 
@@ -289,7 +240,7 @@ impl Index {
         }
     }
 
-    /// Builds the tree over the neurons that it holds.
+    /// Builds the tree anew over the neurons that it holds.
     fn rebuild(&mut self) {
         let mut entries: Vec<Entry> = self
             .places
@@ -304,6 +255,7 @@ impl Index {
         self.build(0, &mut entries, Region::ALL);
     }
 
+    /// Builds the subtree of node `at` over `entries`.
     fn build(&mut self, at: usize, entries: &mut [Entry], region: Region) {
         if entries.len() > FILL
             && let Some((axis, split, half)) = median_plane(entries)
@@ -412,7 +364,7 @@ impl Winners for Index {
                 let mut offset = now.offset;
                 offset[axis] = off;
                 let bound = (offset[0] * offset[0] + offset[1] * offset[1]) + offset[2] * offset[2];
-                // One place is put off per level of the path, of which there are no more than the stack has.
+                // One subtree is postponed per level of the path, of which there are no more than the stack has.
                 stack[waiting] = Postponed { node: node.first + 1 - above, bound, offset };
                 waiting += usize::from(bound <= best.limit());
                 node = self.nodes[(node.first + above) as usize];
@@ -438,172 +390,6 @@ impl Winners for Index {
                 }
             }
             now = stack[waiting];
-        }
-    }
-}
-
-/// Neurons whose nearest is known before any is looked at one by one.
-const BATCH: usize = 64;
-
-/// All distances for every signal, in columns.
-#[derive(Debug, Clone, Default)]
-pub struct BruteForce {
-    /// Unused ids are at infinity; a multiple of [`BATCH`] long.
-    columns: [Vec<f32>; 3],
-}
-
-impl Winners for BruteForce {
-    fn insert(&mut self, id: u32, position: [f32; 3]) {
-        let len = (id as usize + 1).next_multiple_of(BATCH);
-        for (column, p) in self.columns.iter_mut().zip(position) {
-            if column.len() < len {
-                column.resize(len, f32::INFINITY);
-            }
-            column[id as usize] = p;
-        }
-    }
-
-    fn remove(&mut self, id: u32) {
-        self.columns.iter_mut().for_each(|column| column[id as usize] = f32::INFINITY);
-    }
-
-    fn shift(&mut self, id: u32, position: [f32; 3]) {
-        self.insert(id, position);
-    }
-
-    fn two_nearest(&self, query: [f32; 3]) -> [Winner; 2] {
-        let mut best = Best([Winner::NONE; 2]);
-        let [xs, ys, zs] = [0, 1, 2].map(|a| self.columns[a].as_chunks::<BATCH>().0);
-        let mut distances = [0.0_f32; BATCH];
-        for (batch, ((x, y), z)) in xs.iter().zip(ys).zip(zs).enumerate() {
-            for lane in 0..BATCH {
-                let d = [x[lane] - query[0], y[lane] - query[1], z[lane] - query[2]];
-                distances[lane] = (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2];
-            }
-            let mut least = [f32::INFINITY; 8];
-            for part in distances.as_chunks::<8>().0 {
-                for (l, &d) in least.iter_mut().zip(part) {
-                    *l = if d < *l { d } else { *l };
-                }
-            }
-            if least.into_iter().fold(f32::INFINITY, f32::min) <= best.limit() {
-                for (lane, &d) in distances.iter().enumerate() {
-                    best.offer(Winner::new(d, (batch * BATCH + lane) as u32));
-                }
-            }
-        }
-        best.0
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    #[derive(Debug, Clone)]
-    enum Change {
-        Insert([f32; 3]),
-        Remove(usize),
-        Shift(usize, [f32; 3]),
-        Nudge(usize, [f32; 3]),
-    }
-
-    /// Coordinates on a coarse grid tie often; others hardly ever.
-    fn coordinate() -> impl Strategy<Value = f32> {
-        prop_oneof![(-2_i8..2).prop_map(f32::from), -5.0_f32..5.0, Just(1e6)]
-    }
-
-    fn position() -> impl Strategy<Value = [f32; 3]> {
-        prop::array::uniform3(coordinate())
-    }
-
-    fn change() -> impl Strategy<Value = Change> {
-        let small = prop::array::uniform3(-0.01_f32..0.01);
-        prop_oneof![
-            4 => position().prop_map(Change::Insert),
-            1 => any::<usize>().prop_map(Change::Remove),
-            2 => (any::<usize>(), position()).prop_map(|(i, p)| Change::Shift(i, p)),
-            3 => (any::<usize>(), small).prop_map(|(i, p)| Change::Nudge(i, p)),
-        ]
-    }
-
-    fn by_definition(alive: &[(u32, [f32; 3])], query: [f32; 3]) -> Vec<Winner> {
-        let mut all: Vec<Winner> = alive
-            .iter()
-            .map(|&(id, p)| {
-                let d: [f32; 3] = std::array::from_fn(|a| p[a] - query[a]);
-                Winner::new((d[0] * d[0] + d[1] * d[1]) + d[2] * d[2], id)
-            })
-            .collect();
-        all.sort_unstable();
-        all
-    }
-
-    proptest! {
-        #[test]
-        fn both_searches_are_exact_while_neurons_come_go_and_move(
-            changes in prop::collection::vec(change(), 1..400),
-            queries in prop::collection::vec(position(), 1..20),
-        ) {
-            let (mut index, mut brute) = (Index::new(), BruteForce::default());
-            let mut alive: Vec<(u32, [f32; 3])> = Vec::new();
-            let mut free: Vec<u32> = Vec::new();
-            let mut used = 0;
-            for (step, change) in changes.into_iter().enumerate() {
-                match change {
-                    Change::Remove(i) if alive.len() > 2 => {
-                        let (id, _) = alive.swap_remove(i % alive.len());
-                        free.push(id);
-                        index.remove(id);
-                        brute.remove(id);
-                    }
-                    Change::Shift(i, _) | Change::Nudge(i, _) if !alive.is_empty() => {
-                        let n = alive.len();
-                        let (id, p) = &mut alive[i % n];
-                        *p = match change {
-                            Change::Nudge(_, by) => std::array::from_fn(|a| p[a] + by[a]),
-                            Change::Shift(_, to) => to,
-                            _ => *p,
-                        };
-                        index.shift(*id, *p);
-                        brute.shift(*id, *p);
-                    }
-                    Change::Insert(p) => {
-                        let id = free.pop().unwrap_or(used);
-                        used = used.max(id + 1);
-                        alive.push((id, p));
-                        index.insert(id, p);
-                        brute.insert(id, p);
-                    }
-                    _ => {}
-                }
-                if alive.len() >= 2 && step % 8 == 0 {
-                    for &q in &queries {
-                        let expected = by_definition(&alive, q);
-                        prop_assert_eq!(&index.two_nearest(q)[..], &expected[..2]);
-                        prop_assert_eq!(&brute.two_nearest(q)[..], &expected[..2]);
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn many_neurons_at_one_place_and_in_a_nested_row() {
-        let (mut index, mut brute) = (Index::new(), BruteForce::default());
-        for id in 0..2000_u32 {
-            // A hundred at zero, then ever nearer to it from one side: the deepest tree that medians can give.
-            let x = if id < 100 { 0.0 } else { 2.0_f32.powi(-((id % 120) as i32)) };
-            let p = [x, 0.0, 0.0];
-            index.insert(id, p);
-            brute.insert(id, p);
-            if id >= 1 {
-                for q in [[0.0; 3], [1e-20, 0.0, 0.0], [0.3, 0.1, -0.2]] {
-                    assert_eq!(index.two_nearest(q), brute.two_nearest(q), "{id}");
-                }
-            }
         }
     }
 }
