@@ -5,6 +5,7 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
 from surfabet._progress import ProgressCallback
 
@@ -390,6 +391,7 @@ def learn_patches(
     progress: ProgressCallback | None,
 ) -> PatchModel: ...
 
+@disjoint_base
 class Model:
     def decode(
         self,

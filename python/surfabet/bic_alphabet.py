@@ -158,8 +158,8 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
     """A cloud as occurrences of words that were chosen by BIC; immutable.
 
     Made by `learn_bic_alphabet`, `BicAlphabet.describe` and `surfabet.load`. It decodes to the
-    points of all occurrences, no two nearer than epsilon (eq. 2 and 3). Words are points and not
-    surfaces, so that no other spacing can be decoded.
+    points of all occurrences, no two nearer than the spacing, by default epsilon (eq. 2 and 3).
+    Words are points and not surfaces, so that a spacing below epsilon adds few.
     """
 
     __slots__ = ()
