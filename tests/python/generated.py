@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import surfabet as sb
-
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 """Real scans, where they are."""
 WITHOUT_DATA = f"the real scans are not at {DATA}; a generated twin is tested"
@@ -58,7 +56,9 @@ def write_organised_pcd(path: Path, rows: NDArray[np.float64], width: int) -> No
     height = len(rows) // width
     colors = rows[:, 3:].astype(np.uint32)
     packed = colors[:, 0] << 16 | colors[:, 1] << 8 | colors[:, 2]
-    lines = [f"{x:.6f} {y:.6f} {z:.6f} {c}" for (x, y, z), c in zip(rows[:, :3], packed)]
+    lines = [
+        f"{x:.6f} {y:.6f} {z:.6f} {c}" for (x, y, z), c in zip(rows[:, :3], packed, strict=True)
+    ]
     head = (
         "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"
         f"WIDTH {width}\nHEIGHT {height}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(rows)}\nDATA ascii\n"

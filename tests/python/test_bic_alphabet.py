@@ -1,9 +1,8 @@
-"""The paper's alphabet from Python: arrays, report, files, another scene."""
+"""The paper's alphabet from Python: arrays, report, another scene."""
 
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 import surfabet as sb
-from surfabet.errors import FormatError, InvalidInputError
+from generated import DATA, WITHOUT_DATA, rotating_scan
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
 RADIUS = 0.15
 ROOM_RESOLUTION = 0.972
 """Angle between beams of the real scanner, degrees."""
@@ -79,6 +77,7 @@ def test_the_report_tells_the_paper_s_measures(model: sb.BicAlphabetModel) -> No
     points = sum(len(p) for p in model.alphabet.points)
     assert figures["paper bytes reduced"] == 12 * points + 28 * len(model)
     assert figures["paper bytes"] > figures["paper bytes reduced"]
+    print("XX bic", figures)
     assert figures["inliers"] > 0.9
     assert figures["outliers"] < 0.2
     assert report.not_kept == ("viewpoints",)
@@ -92,42 +91,28 @@ def test_descriptors_are_heights_over_a_disc(model: sb.BicAlphabetModel) -> None
     assert np.nanmax(np.abs(images)) <= RADIUS + 1e-6
 
 
-def test_files_come_back(model: sb.BicAlphabetModel, tmp_path: Path) -> None:
-    path = tmp_path / "a.sfb"
-    assert model.save(path) == len(model.to_bytes())
-    again = sb.load(path)
-    assert isinstance(again, sb.BicAlphabetModel)
-    assert again == model
-    np.testing.assert_array_equal(again.decode().points, model.decode().points)
-
-
 def test_another_scene_in_the_same_words(model: sb.BicAlphabetModel) -> None:
     other = model.alphabet.describe(corner(1), **OPTIONS)
     assert other.shares_vocabulary
     assert not model.shares_vocabulary
     assert other.alphabet.hash == model.alphabet.hash
     assert other.report.figures["inliers"] > 0.85
-    data = other.to_bytes()
-    assert len(data) < len(model.to_bytes())
-    assert sb.from_bytes(data, vocabulary=model.alphabet).to_bytes() == data
-    with pytest.raises(FormatError, match=model.alphabet.hash):
-        sb.from_bytes(data)
     with pytest.raises(TypeError, match="radius"):
         model.alphabet.describe(corner(1), radius=0.1)  # type: ignore[call-arg]
 
 
-def test_words_are_points(model: sb.BicAlphabetModel) -> None:
-    with pytest.raises(InvalidInputError, match="resolution"):
-        model.decode(0.01)
+def test_decoded_points_keep_their_spacing(model: sb.BicAlphabetModel) -> None:
+    coarse = model.decode(0.08).points
+    assert len(coarse) < len(model.decode())
+    assert cKDTree(coarse).query(coarse, k=2)[0][:, 1].min() >= 0.08 - 1e-6
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real scans are not there")
-def test_the_paper_s_figures_on_a_real_room() -> None:
-    scans = []
-    for number in (1, 2):
-        points = sb.read(DATA / "indoor_scan" / f"room_scan{number}.pcd").points.astype(np.float32)
-        index = np.zeros(len(points), np.uint32)
-        scans.append(sb.PointCloud(points, viewpoints=np.zeros((1, 3)), viewpoint_index=index))
+def check_a_room(points: list[np.ndarray]) -> dict[str, float]:
+    """Words of the first scan explain it and the second as well as the paper's did."""
+    scans = [
+        sb.PointCloud(p, viewpoints=np.zeros((1, 3)), viewpoint_index=np.zeros(len(p), np.uint32))
+        for p in points
+    ]
     # Seeds spread by half a point about 98 percent.
     chosen: dict[str, Any] = {
         "min_range": 0.5,
@@ -136,9 +121,27 @@ def test_the_paper_s_figures_on_a_real_room() -> None:
     }
     model = sb.learn_bic_alphabet(scans[0], **chosen)
     figures = model.report.figures
-    assert 44_900 < figures["distinct points"] < 45_000
+    print("XX bicroom", figures)
     assert figures["inliers"] >= 0.97
     assert figures["outliers"] <= 0.06
     rebuilt = model.alphabet.describe(scans[1], **chosen).report.figures
+    print("XX bicroom2", rebuilt)
     assert rebuilt["inliers"] >= 0.97
     assert rebuilt["outliers"] <= 0.05
+    return figures
+
+
+def test_the_paper_s_figures_on_a_generated_room() -> None:
+    """Twin of the test below: the same room from two places."""
+    first, second = rotating_scan(), rotating_scan((0.6, 0.4, 0.0), seed=1)
+    figures = check_a_room([first, second])
+    far = np.unique(first, axis=0)
+    assert figures["distinct points"] == (np.linalg.norm(far, axis=1) >= 0.5).sum()
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=WITHOUT_DATA)
+def test_the_paper_s_figures_on_a_real_room() -> None:
+    scans = [sb.read(DATA / "indoor_scan" / f"room_scan{number}.pcd") for number in (1, 2)]
+    figures = check_a_room([scan.points.astype(np.float32) for scan in scans])
+    # Of 56 159, 11 186 are nearer than half a metre; some 18 of them by a rounding error.
+    assert 44_900 < figures["distinct points"] < 45_000

@@ -32,7 +32,7 @@ def corner(seed: int = 0, n: int = 3000) -> sb.PointCloud:
         points.append(p)
         colors.append(np.tile(np.array(color, np.uint8), (n, 1)))
     return sb.PointCloud(
-        np.concatenate(points) + [1000.0, -500.0, 20.0],
+        np.concatenate(points) + np.array([1000.0, -500.0, 20.0]),
         colors=np.concatenate(colors),
         viewpoints=[[1001.5, -498.5, 21.5]],
         viewpoint_index=np.zeros(3 * n, np.uint32),
@@ -160,15 +160,13 @@ def test_what_a_model_says_of_itself(
     shown = repr(model)
     assert shown.startswith(f"{method.of.__name__}({len(cloud)} points as ")
     assert method.counted in shown
-    assert ("coloured" in shown) == model.has_color
+    assert ("colour" in shown) == model.has_color
     assert model.info[method.info] == len(model)
     assert model.info["colour"] == model.has_color
     assert all(type(value) in (bool, int, float, str) for value in model.info.values())
 
 
-def test_a_file_gives_the_model_back(
-    name: str, method: Method, model: Any, tmp_path: Path
-) -> None:
+def test_a_file_gives_the_model_back(name: str, method: Method, model: Any, tmp_path: Path) -> None:
     path = tmp_path / "a.sfb"
     data = model.to_bytes()
     assert model.save(path) == path.stat().st_size == len(data)
@@ -333,7 +331,7 @@ def test_an_interrupt_ends_the_work(method: Method) -> None:
     sent: list[float] = []
 
     def interrupt() -> None:
-        sent.append(time.monotonic())
+        sent.append(time.process_time())
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
     sender = threading.Thread(target=interrupt)
@@ -350,8 +348,9 @@ def test_an_interrupt_ends_the_work(method: Method) -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     sender.join()
-    # Promised within a second; left alone the work takes minutes. The rest is for busy machines.
-    assert time.monotonic() - sent[0] < 20
+    # Promised within a second, twice which is left to every thread; left alone the work takes
+    # minutes. In time of the processor, which other programs do not take.
+    assert time.process_time() - sent[0] < 2 * (sb.get_num_threads() + 1)
 
 
 def test_other_threads_run_meanwhile(method: Method) -> None:
@@ -374,14 +373,9 @@ def test_other_threads_run_meanwhile(method: Method) -> None:
     counting.join()
 
 
-def test_models_are_not_pickled_by_accident(model: Any) -> None:
-    """Either they come back whole or are refused: files are the way to keep them."""
-    try:
-        data = pickle.dumps(model)
-    except TypeError as error:
-        assert "pickle" in str(error)
-    else:
-        assert pickle.loads(data) == model
+def test_models_are_kept_in_files_not_pickled(model: Any) -> None:
+    with pytest.raises(TypeError, match="pickle"):
+        pickle.dumps(model)
 
 
 def test_files_of_the_first_release_read_as_ever(name: str, method: Method) -> None:

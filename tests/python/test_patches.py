@@ -1,19 +1,17 @@
-"""Patches from Python: arrays, files, both decodes, options, bounds, command line."""
+"""Patches from Python: arrays, both decodes, bounds, command line."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 import surfabet as sb
+from generated import DATA, WITHOUT_DATA, kinect_frame, write_organised_pcd
 from surfabet.cli import main
-from surfabet.errors import InvalidInputError
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
 PIXEL = 0.01
 NOISE = 0.006
 
@@ -72,8 +70,10 @@ def test_patches_as_arrays_rebuild_the_surface(model):
 def test_sigma_is_that_of_the_noise(model):
     weight = model.patches.masks.sum(axis=(1, 2)) * model.patches.size**2
     sigma = np.average(model.patches.sigma, weights=weight)
-    # Rounded to quarter pixels, and to the thin side, since errors of decoded points count double.
-    assert 0.6 < sigma / NOISE < 1.15
+    # Rounded to quarter pixels, 24 percent of this one, and to the thin side, since errors of
+    # decoded points count double.
+    print("XX sigma", sigma / NOISE)
+    assert 0.6 < sigma / NOISE < 1
 
 
 def test_filled_is_nearer_to_the_scan_and_thin_nearer_to_the_truth(cloud, model):
@@ -81,47 +81,10 @@ def test_filled_is_nearer_to_the_scan_and_thin_nearer_to_the_truth(cloud, model)
     assert len(filled) > len(thin)
     assert sb.evaluate(cloud, filled).rmse_backward < sb.evaluate(cloud, thin).rmse_backward
     truth = np.abs(thin.points).min(axis=1)
-    assert np.sqrt((truth**2).mean()) < 0.5 * NOISE
-
-
-def test_a_file_gives_the_model_back(cloud, model, tmp_path):
-    path = tmp_path / "corner.sfb"
-    assert model.save(path) == path.stat().st_size == len(model.to_bytes())
-    again = sb.load(path)
-    assert isinstance(again, sb.PatchModel)
-    assert again.to_bytes() == model.to_bytes()
-    np.testing.assert_array_equal(again.decode().points, model.decode().points)
-    info = sb.inspect(path)
-    assert info.method == again.method == "patches"
-    assert again.info["patches"] == len(model)
-    assert set(info.sections) == {"header", "geometry", "colour"}
-
-
-def test_the_file_of_the_first_release_reads_as_ever():
-    golden = Path(__file__).parents[1] / "golden"
-    model = sb.load(golden / "patches_0_1.sfb")
-    assert model.to_bytes() == (golden / "patches_0_1.sfb").read_bytes()
-    decoded = model.decode(0.01, as_measured=True)
-    wanted = np.loadtxt(golden / "patches_0_1.txt")
-    np.testing.assert_allclose(decoded.points, wanted[:, :3], atol=2e-6)
-    assert np.abs(decoded.colors.astype(int) - wanted[:, 3:]).max() <= 1
-
-
-def test_the_same_bytes_for_any_number_of_threads(cloud):
-    before = sb.get_num_threads()
-    try:
-        files = set()
-        for n in (1, 2, 8):
-            sb.set_num_threads(n)
-            files.add(sb.learn_patches(cloud, resolution=0.02).to_bytes())
-    finally:
-        sb.set_num_threads(before)
-    assert len(files) == 1
-
-
-def test_an_empty_cloud_is_refused():
-    with pytest.raises(InvalidInputError, match="empty"):
-        sb.learn_patches(sb.PointCloud(np.empty((0, 3))))
+    # A pixel is the mean of six points, which leaves 0.41 of the noise; quarters of a pixel add to
+    # it, and smoothness takes from it.
+    print("XX truth", np.sqrt((truth**2).mean()) / NOISE)
+    assert 0.2 * NOISE < np.sqrt((truth**2).mean()) < 0.45 * NOISE
 
 
 def test_depths_are_rounded_to_the_step(cloud):
@@ -171,7 +134,22 @@ def test_what_only_one_method_has_is_refused_by_name(cloud, tmp_path, capsys):
     assert "--as-measured is true, but must be false" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="needs ../shared/data beside the checkout")
+def test_a_frame_of_structured_light_takes_few_bytes(tmp_path):
+    """Twin of the test below: noise that grows with depth, gaps, and steps of the depth."""
+    write_organised_pcd(tmp_path / "frame.pcd", kinect_frame(), width=240)
+    with pytest.warns(sb.DroppedPointsWarning, match="of 43200 points"):
+        frame = sb.read(tmp_path / "frame.pcd")
+    model = sb.learn_patches(frame, resolution=0.01, rate=0.05)
+    quality = sb.evaluate(frame, model.decode(as_measured=True), normal_neighbors=None)
+    print("XX frame", len(frame), len(model.to_bytes()), quality)
+    # As many bytes as points would take at less than a bit each, and nearer than a pixel.
+    assert len(model.to_bytes()) < len(frame) / 8
+    assert quality.rmse_pooled < 0.01
+    assert quality.color_rmse_pooled < 15.2
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=WITHOUT_DATA)
+@pytest.mark.filterwarnings("ignore::surfabet.DroppedPointsWarning")
 def test_a_real_frame_takes_less_than_sixty_kilobytes():
     frame = sb.read(DATA / "rgbd_frame" / "table.pcd")
     model = sb.learn_patches(frame, resolution=0.003, rate=0.05)
