@@ -167,9 +167,7 @@ pub fn arrange(order: &mut [u32], positions: &[[f32; 3]], leaf: usize) {
 
 /// The boxes of runs of `leaf` points, at least one.
 pub fn boxes_of(positions: &[[f32; 3]], leaf: usize) -> Vec<Aabb> {
-    let of = |run: &[[f32; 3]]| {
-        run.iter().fold(Aabb::EMPTY, |b, &p| b.union(Aabb::point(p)))
-    };
+    let of = |run: &[[f32; 3]]| run.iter().fold(Aabb::EMPTY, |b, &p| b.union(Aabb::point(p)));
     positions.par_chunks(leaf).map(of).collect()
 }
 
