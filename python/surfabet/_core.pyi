@@ -10,6 +10,7 @@ from typing_extensions import disjoint_base
 from surfabet._progress import ProgressCallback
 
 __version__: str
+LARGEST_UNSHIFTED: float
 
 def set_num_threads(n_threads: int | None) -> None: ...
 def get_num_threads() -> int: ...
@@ -28,6 +29,19 @@ class PointCloud:
         viewpoint_index: ArrayLike | None = None,
         origin: Sequence[float] | None = None,
     ) -> PointCloud: ...
+    @staticmethod
+    def checked(
+        points: ArrayLike,
+        *,
+        colors: ArrayLike | None = None,
+        intensities: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        ranges: ArrayLike | None = None,
+        viewpoints: ArrayLike | None = None,
+        viewpoint_index: ArrayLike | None = None,
+        origin: Sequence[float] | None = None,
+    ) -> tuple[PointCloud, str | None]: ...
+    def seen_from(self, viewpoint: Sequence[float]) -> PointCloud: ...
     @property
     def points(self) -> NDArray[np.float64]: ...
     @property

@@ -269,7 +269,7 @@ mod tests {
             |_, _| {},
         );
         assert_eq!(runs[..5], [0..11, 0..8, 0..4, 0..2, 0..1]);
-        assert_eq!(runs.iter().filter(|r| r.len() == 1).count(), 14);
+        assert_eq!(runs.iter().filter(|r| r.len() == 1).count(), 12);
         assert_eq!(runs[runs.len() - 1], 10..11);
     }
 

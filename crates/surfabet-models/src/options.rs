@@ -7,6 +7,8 @@
 use std::borrow::Cow;
 use std::ops::{Bound, RangeBounds};
 
+use surfabet_base::InvalidParameter;
+
 use crate::error::{Error, Result};
 
 /// The options of a method.
@@ -291,7 +293,7 @@ impl OptionSpec {
                 Error::InvalidType { name, value: value.to_string(), requirement }
             }
             (Mismatch::Range, value) => {
-                Error::InvalidParameter { name, value: value.to_string(), requirement }
+                InvalidParameter { name, value: value.to_string(), requirement }.into()
             }
         }
     }

@@ -13,7 +13,7 @@
 //!
 //! | file or folder | step | paper |
 //! |---|---|---|
-//! | `options`, `constants` | what the user sets, and what is tuned | |
+//! | `options`, `constants` | options of the user, tuned constants of the method | |
 //! | `learn` | the steps, one after the other | III, IV-B |
 //! | `lattice`, `word`, `placement` | radii, height maps and poses in integers | |
 //! | `scene` | points no denser than sigma needs, in units of the lattice and by cells | eq. 13 |

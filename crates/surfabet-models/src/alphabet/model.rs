@@ -111,6 +111,19 @@ pub struct Header {
     pub sensors: Vec<[i64; 3]>,
 }
 
+impl Header {
+    /// Rounds to what a file holds, so that a model is the same before it is saved and after it is read: spacing and
+    /// deviation in single precision, no noise as zero.
+    fn round(&mut self) {
+        let single = |value: f64| f64::from(value as f32);
+        self.spacing = single(self.spacing);
+        let deviation = &mut self.deviation;
+        deviation.sigma_scale = single(deviation.sigma_scale);
+        deviation.angular_resolution = deviation.angular_resolution.map(single);
+        deviation.noise = Some(single(deviation.noise.unwrap_or(0.0)));
+    }
+}
+
 /// What the file holds before its streams.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct AlphabetHeader {
@@ -179,12 +192,13 @@ impl AlphabetModel {
     /// # Errors
     /// [`Error::Inconsistent`] when an occurrence does not fit the alphabet or the lattice.
     pub(super) fn new(
-        header: Header,
+        mut header: Header,
         alphabet: Alphabet,
         mut occurrences: Vec<(Placement, Vec<i32>)>,
         channels: Channels,
         shares_alphabet: bool,
     ) -> Result<Self> {
+        header.round();
         let fits = |p: &Placement| {
             u32::from(p.scale) < alphabet.scales
                 && usize::from(p.word) < alphabet.words.len()

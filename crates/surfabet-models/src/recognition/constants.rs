@@ -34,7 +34,7 @@ pub(super) const LEAST_SPACING: f64 = 0.004;
 /// Least tolerance unless it is given, spacings.
 pub(super) const LEAST_TOLERANCE: f64 = 0.25;
 
-/// Pieces of a thing seen from two places may differ in size by this factor at no cost.
+/// Pieces of an object seen from two sides may differ in size by this factor at no cost.
 pub(super) const PIECE_SIZE_RATIO: f64 = 1.5;
 
 /// Least |cosine| between normals of one and the same surface: 53 degrees.
@@ -57,7 +57,7 @@ pub(super) const LEAST_TRIAL_SHARE: f64 = 0.3;
 /// From this share in the region on, by its root, a piece counts as whole.
 pub(super) const WHOLE_PIECE: f64 = 0.7;
 
-/// Pieces this many times larger than the largest whole piece of the example are not searched: a seat is not looked for
+/// Pieces this many times larger than the largest whole piece of the example are not searched: a seat is not searched
 /// in a wall.
 pub(super) const MAX_PIECE_RATIO: f64 = 8.0;
 
@@ -73,7 +73,7 @@ pub(super) const RADIUS_RATIOS: std::ops::Range<f64> = 0.4..2.5;
 /// Least similarity of colour of a pair of occurrences.
 pub(super) const LEAST_COLOR_SIMILARITY: f64 = 0.1;
 
-/// Turns that are tried where no normal tells one: an eighth of pi apart.
+/// Turns that are tried where no normal gives one: an eighth of pi apart.
 pub(super) const TURNS: u32 = 16;
 
 /// Side of the cells of occupancy, and of guesses that count as one: twice the spacing or this share of the diagonal,
@@ -112,7 +112,8 @@ pub(super) const FINE_REACH: [f64; 2] = [6.0, 1.0];
 /// Tolerance of the score by which the best guesses are kept, in tolerances.
 pub(super) const ROUGH_TOLERANCE: f64 = 2.0;
 
-/// Weight of distances along the surface beside those along its normal: the nearest sample says little about them.
+/// Weight of distances along the surface beside those along its normal: along the surface the nearest sample lies anywhere
+/// within the spacing.
 pub(super) const TANGENT_WEIGHT: f64 = 0.1;
 
 /// Weight that holds a motion in directions that no surface fixes, over the weight of the samples.

@@ -1,11 +1,11 @@
 //! Recognition on a model of words: other places like an example, and the similarity of places.
 //!
-//! | folder or file | question |
+//! | file or folder | purpose |
 //! |---|---|
-//! | `find` | where in a scene is something like an example? |
-//! | `similarity` | are two scenes the same place? |
+//! | `find` | other places of a scene that look like an example |
+//! | `similarity` | whether two scenes are the same place |
 //! | `surface` | the surface of a model as oriented samples in smooth pieces, for `find` |
-//! | `constants` | what is tuned |
+//! | `constants` | tuned constants of all three |
 
 mod constants;
 mod find;

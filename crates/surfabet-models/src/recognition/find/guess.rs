@@ -18,7 +18,7 @@ use crate::recognition::constants::{
 use crate::recognition::surface::color_similarity;
 
 /// The most promising motions: every pair of an occurrence in the example and one anywhere of the same inclination and of
-/// its radius or the next gives one, and the opposite one, since thin things look the same from both sides. They are tried
+/// its radius or the next gives one, and the opposite one, since thin objects look the same from both sides. They are tried
 /// on coarse cells, and the best of each cell and direction is kept.
 pub(super) fn guess_motions(
     model: &AlphabetModel,
@@ -70,7 +70,7 @@ pub(super) fn guess_motions(
 /// The occurrences of the example that motions are guessed from.
 struct Seeds {
     occurrences: Vec<usize>,
-    /// Whether their normals have horizontal directions that tell a turn.
+    /// Whether their normals have horizontal directions, from which a turn follows.
     are_steep: bool,
 }
 
@@ -125,7 +125,7 @@ impl Seeds {
     }
 }
 
-/// Size of the largest piece of the scene that is searched: whole pieces of the example are not looked for in much larger
+/// Size of the largest piece of the scene that is searched: whole pieces of the example are not searched in much larger
 /// ones.
 fn piece_limit(template: &Template) -> f64 {
     let pieces = template.piece_sizes.iter().zip(&template.weights);

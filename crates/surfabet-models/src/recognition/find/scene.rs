@@ -21,7 +21,7 @@ pub(super) struct SearchScene {
 
 impl SearchScene {
     /// Samples the surface of `model`. Where colours count, every sample is a piece of its own: what lies flush with a
-    /// wall is one smooth piece with it, and colours tell it apart.
+    /// wall is one smooth piece with it, and colours distinguish it.
     pub fn new(
         model: &AlphabetModel,
         lengths: &Lengths,

@@ -24,7 +24,7 @@ use crate::error::Result;
 ///
 /// A geometric mean of two cosines, `words^w pairs^(1 - w)`: of the words that occur, by shape, radius and inclination,
 /// so that the alphabets may differ; and of how occurrences lie to each other: distance, height and angle of every pair.
-/// Pairs tell places apart, words tell what they are made of. A model without occurrences is similar only to another
+/// Pairs distinguish one place from another, words one kind of place from another. A model without occurrences is similar only to another
 /// one without.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! The surface that a model stands for, as evenly spaced oriented samples.
+//! The surface that a model describes, as evenly spaced oriented samples.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -86,7 +86,7 @@ pub(super) fn color_similarity(a: [f32; 3], b: [f32; 3], tolerance: f64) -> f64 
     (-0.5 * squared / (tolerance * tolerance)).exp()
 }
 
-/// Mean position and normal of the samples of a cube. Both sides of a thin thing can fall into one cube: normals are
+/// Mean position and normal of the samples of a cube. Both sides of a thin object can fall into one cube: normals are
 /// turned to the side of the first.
 fn mean_sample(same: &[RawSample]) -> ([f32; 3], [f32; 3]) {
     let first = &same[0];

@@ -11,7 +11,7 @@ use crate::vector::dot;
 
 impl Surface {
     /// The smooth piece that each sample belongs to, by the number of its first sample; and, at that sample, how many
-    /// samples the piece has. Two samples are linked when they are near, their normals are alike and each lies near the
+    /// samples the piece has. Two samples are linked when they are near, their normals agree and each lies near the
     /// plane of the other; pieces are what links connect.
     ///
     /// # Errors
