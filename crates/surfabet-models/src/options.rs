@@ -283,11 +283,18 @@ impl OptionSpec {
 
     /// The error for `value`.
     pub fn refuse(&self, mismatch: Mismatch, value: &Value) -> Error {
-        let (name, value, requirement) =
-            (self.name, value.to_string(), Cow::Owned(self.requirement()));
-        match mismatch {
-            Mismatch::Type => Error::InvalidType { name, value, requirement },
-            Mismatch::Range => InvalidParameter { name, value, requirement }.into(),
+        let (name, requirement) = (self.name, Cow::Owned(self.requirement()));
+        match (mismatch, value) {
+            // 2.0 and not 2, where an integer was expected.
+            (Mismatch::Type, Value::Float(value)) => {
+                Error::InvalidType { name, value: format!("{value:?}"), requirement }
+            }
+            (Mismatch::Type, value) => {
+                Error::InvalidType { name, value: value.to_string(), requirement }
+            }
+            (Mismatch::Range, value) => {
+                InvalidParameter { name, value: value.to_string(), requirement }.into()
+            }
         }
     }
 }
@@ -638,14 +645,14 @@ mod tests {
                 Value::Text("abc".to_owned()),
                 "length is 'abc', but must be a positive number of metres",
             ),
-            ("count", Value::Float(2.0), "count is 2, but must be an integer from 1 to 10"),
+            ("count", Value::Float(2.0), "count is 2.0, but must be an integer from 1 to 10"),
             ("count", Value::Bool(true), "count is True, but must be an integer from 1 to 10"),
             ("count", Value::None, "count is None, but must be an integer from 1 to 10"),
             ("side", Value::Int(1), "side is 1, but must be 'left' or 'right'"),
             (
                 "factors",
                 Value::Float(2.0),
-                "factors is 2, but must be a sequence with each a number of at least 1",
+                "factors is 2.0, but must be a sequence with each a number of at least 1",
             ),
         ] {
             let error = refusal(name, value);

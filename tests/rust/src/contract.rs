@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use proptest::prelude::*;
-use surfabet::{Container, DecodeOptions, KnownVocabulary, Model, PointCloud, Report, Save, Silent};
+use surfabet::{
+    Container, DecodeOptions, KnownVocabulary, Model, PointCloud, Report, Save, Silent,
+};
 use surfabet_codec::bytes::ByteWriter;
 use surfabet_codec::header::Fields;
 use surfabet_codec::{Error as CodecError, Layout, Tag};
@@ -236,9 +238,9 @@ impl Field {
             Self::Double | Self::Single => [f64::NAN, f64::INFINITY, f64::NEG_INFINITY]
                 .map(|v| (Value::Float(v), "META"))
                 .to_vec(),
-            Self::Bounded(what, limit) => [u64::MAX, u64::from(limit) + 1]
-                .map(|n| (Value::Unsigned(n), what))
-                .to_vec(),
+            Self::Bounded(what, limit) => {
+                [u64::MAX, u64::from(limit) + 1].map(|n| (Value::Unsigned(n), what)).to_vec()
+            }
             Self::Count(what) | Self::List(what) => counts(what),
         }
     }
@@ -335,12 +337,7 @@ impl Fields for Forger {
         Ok(())
     }
 
-    fn count(
-        &mut self,
-        what: &'static str,
-        value: &mut u64,
-        _: u64,
-    ) -> surfabet_codec::Result<()> {
+    fn count(&mut self, what: &'static str, value: &mut u64, _: u64) -> surfabet_codec::Result<()> {
         if !self.takes_another(Field::Count(what)) {
             self.bytes.varint(*value);
         }
@@ -567,9 +564,8 @@ pub fn a_vocabulary_describes_another_scene<M: SharesVocabulary>() {
     let stream = M::STREAM_SECTIONS.iter().find(|stream| stream.hash.is_some()).unwrap();
     assert!(container.section(stream.tag).is_none());
 
-    let with = |words: &M::Vocabulary| {
-        Model::from_bytes_with(&file, &LIMITS, KnownVocabulary::new(words))
-    };
+    let with =
+        |words: &M::Vocabulary| Model::from_bytes_with(&file, &LIMITS, KnownVocabulary::new(words));
     let again = with(&words).unwrap();
     assert!(again.as_any_model().equals(&model));
     assert_eq!(again.to_bytes().unwrap(), file);
@@ -581,8 +577,7 @@ pub fn a_vocabulary_describes_another_scene<M: SharesVocabulary>() {
     let own = M::learn(&other, &Silent).unwrap().vocabulary().unwrap();
     assert_ne!(own, words);
     let error = with(&own).unwrap_err();
-    let mismatch =
-        matches!(error, surfabet::Error::Codec(CodecError::DictionaryMismatch { .. }));
+    let mismatch = matches!(error, surfabet::Error::Codec(CodecError::DictionaryMismatch { .. }));
     assert!(mismatch, "{error:?}");
     // Words of another method are none.
     let error = Model::from_bytes_with(&file, &LIMITS, KnownVocabulary::new(&0_u8)).unwrap_err();

@@ -84,7 +84,12 @@ fn a_room_is_covered_by_few_words() {
     let model = learn(&cloud, &BicAlphabetOptions { reduce: false, ..options() });
     assert!(figure(&model, "inliers") > 0.93, "{}", figure(&model, "inliers"));
     assert!(figure(&model, "outliers") < 0.1, "{}", figure(&model, "outliers"));
-    println!("XX bic words {} of {} figures {:?}", model.alphabet().len(), model.len(), model.report().figures);
+    println!(
+        "XX bic words {} of {} figures {:?}",
+        model.alphabet().len(),
+        model.len(),
+        model.report().figures
+    );
     assert!((2..60).contains(&model.alphabet().len()));
     assert_eq!(model.counts().iter().sum::<u64>(), model.len() as u64);
     let bytes: usize = model.alphabet().words().iter().map(|w| 12 * w.points.len()).sum();

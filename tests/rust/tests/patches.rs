@@ -92,7 +92,12 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
     let model = learn(&cloud, &PatchesOptions::default());
     let decoded = decode(&model, 0.005, false);
     let off = rms(decoded.positions().iter().map(|&p| least(distances(p))));
-    println!("XX off {off} rms {} len {} bytes {}", rms_to(&cloud, &decoded), model.len(), bytes(&model).len());
+    println!(
+        "XX off {off} rms {} len {} bytes {}",
+        rms_to(&cloud, &decoded),
+        model.len(),
+        bytes(&model).len()
+    );
     assert!(off < 0.25 * PIXEL, "{off}");
     // Points half a pixel apart are up to a quarter of one from the next along each of two axes, evenly: a sixth of
     // half a pixel's square, and the surface's own error.

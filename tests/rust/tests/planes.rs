@@ -10,9 +10,9 @@ use surfabet::planes::{
 };
 use surfabet::{DecodeOptions, Limits, Model, PointCloud, Save, Silent};
 use surfabet_models::Error;
+use surfabet_tests::assert_stops_when_asked;
 use surfabet_tests::files::{LIMITS, read};
 use surfabet_tests::scenes::room;
-use surfabet_tests::assert_stops_when_asked;
 
 fn plain(points: Vec<[f32; 3]>) -> PointCloud {
     PointCloud::from_positions(points).0
@@ -71,7 +71,10 @@ fn a_box_is_six_planes_seen_from_within() {
     assert!(outliers < 0.02, "{outliers}");
     let labels = model.labels().unwrap();
     assert_eq!(model.segment(&cloud, &Silent).unwrap(), labels);
-    assert_eq!(read::<PlaneModel>(&bytes(&model)).unwrap().segment(&cloud, &Silent).unwrap(), labels);
+    assert_eq!(
+        read::<PlaneModel>(&bytes(&model)).unwrap().segment(&cloud, &Silent).unwrap(),
+        labels
+    );
 }
 
 #[test]

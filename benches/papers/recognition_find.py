@@ -1,6 +1,6 @@
 """`AlphabetModel.find` on simulated rooms: all chairs and doors from one example.
 
-    python benches/papers/alphabet_find.py --seeds 0 1 2 --sensors lidar rgbd rgbd-low
+    python benches/papers/recognition_find.py --seeds 0 1 2 --sensors lidar rgbd rgbd-low
 
 Every object of a kind is the example once. A find is right when it takes the middle of the example
 to within 0.25 m of the middle of an object of the kind that no better find has taken; the example

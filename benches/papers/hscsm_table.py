@@ -1,6 +1,6 @@
 """Table I and figure 5 of HSCSM (Ruhnke, Bo, Fox, Burgard, ICRA 2014) on our scans.
 
-    python benches/papers/patches_table.py [--out FOLDER] [--only room|frame|plots] [--threads 2]
+    python benches/papers/hscsm_table.py [--out FOLDER] [--only room|frame|plots] [--threads 2]
 
 Prints the table's rows in Markdown for the real room (fused RGB-D frames) and one Kinect frame:
 OctoMap, SCSM (one level) and HSCSM with the thresholds of the paper's method. Errors are pooled

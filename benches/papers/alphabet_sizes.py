@@ -1,6 +1,6 @@
 """Alphabets by description length beside what else makes a scan small.
 
-    python benches/papers/alphabet_mdl.py [--out FOLDER] [--only curve|rebuild|scans]
+    python benches/papers/alphabet_sizes.py [--out FOLDER] [--only curve|rebuild|scans]
 
 "curve": one laser scan of a room at several presets, beside planes alone, Draco, voxels and a
 plain range-image codec: bytes of whole files against inliers and outliers at lambda 3 (eq. 13).

@@ -1,6 +1,6 @@
 """Table I of the alphabet paper (Ruhnke, Steder, Grisetti, Burgard, ICRA 2010) on our scans.
 
-    python benches/papers/alphabet_table.py [--out FOLDER] [--only indoor|multi|outdoor|rebuild]
+    python benches/papers/bic_alphabet_table.py [--out FOLDER] [--only indoor|multi|outdoor|rebuild]
                                             [--iterations 500] [--threads 2]
 
 Prints the table's rows in Markdown for the paper's own method, at radius 0.1 and 0.25 m and lambda
@@ -142,7 +142,7 @@ def table(args: argparse.Namespace) -> None:
             chosen = {"radius": radius, "min_range": least, "iterations": args.iterations} | changes
             model = rows(name, cloud, chosen)
             if args.out:
-                file = f"alphabet_bic_{key}_{round(100 * radius)}cm"
+                file = f"bic_alphabet_{key}_{round(100 * radius)}cm"
                 plot(args.out, file, model, f"{name}, radius {radius:g} m")
 
 

@@ -1,6 +1,6 @@
 """`place_similarity` between all real laser scans: does another scan of a place come first?
 
-python benches/papers/alphabet_places.py
+python benches/papers/recognition_places.py
 """
 
 from __future__ import annotations
