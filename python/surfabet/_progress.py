@@ -10,8 +10,8 @@ from contextlib import contextmanager
 __all__ = ["Progress", "ProgressCallback", "progress_callback"]
 
 ProgressCallback = Callable[[str, float], object]
-"""Called as `callback(stage, fraction)`: the work is in its stage `stage`, and `fraction` of all of it is
-done, 0 to 1."""
+"""Called as `callback(stage, fraction)`: the work is in its stage `stage`, and `fraction` of all of
+it is done, 0 to 1."""
 
 Progress = bool | ProgressCallback | None
 """None or False: silent; True: a bar on stderr; a callable: called with every step."""
