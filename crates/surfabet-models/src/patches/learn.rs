@@ -68,7 +68,7 @@ pub fn learn(
     let start = std::time::Instant::now();
     // A learned model has no more cells than its samples call for; the bound is for files.
     let keys = if samples.has_color {
-        nodes(lattice, &chosen.leaves, u64::MAX).unwrap_or_default()
+        nodes(&lattice, &chosen.leaves, u64::MAX).unwrap_or_default()
     } else {
         Vec::new()
     };
@@ -133,7 +133,7 @@ fn choose(
             bases: &bases,
             lambda: (options.lambda * density) as f32,
             step: options.depth_step as f32 / 16.0,
-            levels: options.levels,
+            lattice,
         };
         let roots: Vec<Root> = sheets
             .par_iter()
@@ -203,7 +203,7 @@ fn describe(model: &mut PatchModel) {
         let area = of.set_pixels as f64 * pixel * pixel;
         vec![("pixel size", pixel), ("patches", of.patches as f64), ("area", area)]
     };
-    let levels = (0..lattice.levels).zip(model.level_sizes()).rev().map(level).collect();
+    let levels = (0..lattice.levels).zip(model.level_sizes()).map(level).collect();
     let (n, extra) = (model.len() as f64, model.header().n_extra as f64);
     let report = model.report_mut();
     report.figures.extend([("patches", n), ("extra points", extra)]);

@@ -85,7 +85,8 @@ pub struct Lattice {
     pub orientation: Orientation,
     /// Side of the finest pixel, metres.
     pub pixel_size: f64,
-    /// Number of levels, 1 to 4; pixels of level 0, the finest, have side `pixel_size`, each further one doubles.
+    /// Number of levels, 1 to 4; pixels of the last, the finest, have side `pixel_size`, those of each level above
+    /// twice the side of the next.
     pub levels: u32,
     /// Depth step, in sixteenths of the finest pixel.
     pub depth_step: u32,
@@ -94,12 +95,22 @@ pub struct Lattice {
 impl Lattice {
     /// Finest pixels per side of a tile.
     pub fn tile_pixels(&self) -> i32 {
-        PATCH_PIXELS << (self.levels - 1)
+        self.patch_width(0)
     }
 
-    /// Side of a pixel of a level, 0 the finest, metres.
+    /// Side of a pixel of a level below `levels`, 0 the coarsest, metres.
     pub fn pixel_of(&self, level: u32) -> f64 {
-        self.pixel_size * f64::from(1_u32 << level)
+        self.pixel_size * f64::from(1_u32 << self.doublings(level))
+    }
+
+    /// Doublings from the side of a finest pixel to that of a pixel of `level`.
+    pub(super) fn doublings(&self, level: u32) -> u32 {
+        self.levels - 1 - level
+    }
+
+    /// Finest pixels per side of a patch of `level`.
+    pub(super) fn patch_width(&self, level: u32) -> i32 {
+        PATCH_PIXELS << self.doublings(level)
     }
 
     /// Checks that all numbers are in their domains.
@@ -136,7 +147,8 @@ fn check_roots(roots: &[Root], levels: u32) -> Result<()> {
     Ok(())
 }
 
-fn check_node(node: &Node, level: u32) -> Result<()> {
+/// Checks what stands at a square with `levels_below` finer levels.
+fn check_node(node: &Node, levels_below: u32) -> Result<()> {
     match node {
         Node::Empty => Ok(()),
         Node::Leaf(patch) => {
@@ -153,10 +165,10 @@ fn check_node(node: &Node, level: u32) -> Result<()> {
             }
             Ok(())
         }
-        Node::Split(_) if level == 0 => {
+        Node::Split(_) if levels_below == 0 => {
             Err(Error::Inconsistent("a split below the finest level".into()))
         }
-        Node::Split(children) => children.iter().try_for_each(|c| check_node(c, level - 1)),
+        Node::Split(children) => children.iter().try_for_each(|c| check_node(c, levels_below - 1)),
     }
 }
 
@@ -306,7 +318,7 @@ impl PatchModel {
         }
         let keys = match header.color {
             None => Vec::new(),
-            Some(_) => nodes(lattice, &leaves, max_cells).ok_or_else(|| {
+            Some(_) => nodes(&lattice, &leaves, max_cells).ok_or_else(|| {
                 geometry.corrupt(format!("more than {max_cells} cells of colour"))
             })?,
         };
@@ -362,7 +374,7 @@ impl PatchModel {
         &self.roots
     }
 
-    /// Number of patches and of their set pixels at each level, finest first.
+    /// Number of patches and of their set pixels at each level, coarsest first.
     pub fn level_sizes(&self) -> Vec<LevelSize> {
         let mut sizes = vec![LevelSize::default(); self.lattice.levels as usize];
         for leaf in &self.leaves {

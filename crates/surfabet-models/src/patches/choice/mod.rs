@@ -7,7 +7,9 @@
 
 use crate::patches::coding::surroundings::UNKNOWN;
 use crate::patches::coding::{GeometryModels, pixel_index};
-use crate::patches::model::{LatticePatch, MAX_THICKNESS, Node, PATCH_PIXELS, THICKNESS_STEPS};
+use crate::patches::model::{
+    Lattice, LatticePatch, MAX_THICKNESS, Node, PATCH_PIXELS, THICKNESS_STEPS,
+};
 use crate::patches::sheets::{Run, Sheet, THINNEST};
 use crate::patches::surface::basis::{Basis, DEGREES, FRACTION, N_SHAPES};
 
@@ -35,7 +37,7 @@ pub(in crate::patches) struct Choice<'a> {
     pub lambda: f32,
     /// Depth step in pixels.
     pub step: f32,
-    pub levels: u32,
+    pub lattice: Lattice,
 }
 
 /// A node with its cost.
@@ -63,12 +65,12 @@ fn misfit(run: &Run, depth: f32, half: f32) -> f32 {
 impl Choice<'_> {
     /// The best hierarchy for a sheet.
     pub fn root(&self, sheet: &Sheet) -> Node {
-        let width = (PATCH_PIXELS << (self.levels - 1)) as usize;
+        let width = self.lattice.tile_pixels() as usize;
         let holes = distances(&sheet.runs, width);
         let runs: Vec<Run> = sheet.runs.clone();
         let n: f32 = runs.iter().map(|r| r.n).sum();
         let of = Square { holes: &holes, tile: width, density: n / runs.len() as f32 };
-        let best = self.node(&of, &runs, self.levels - 1, [0, 0]);
+        let best = self.node(&of, &runs, 0, [0, 0]);
         if sheet.small {
             let left_out: f32 = runs.iter().map(|r| r.n * r.stray.min(FAR).powi(2)).sum();
             // A root takes about ten bits beside its node.
@@ -81,28 +83,28 @@ impl Choice<'_> {
 
     fn node(&self, of: &Square<'_>, runs: &[Run], level: u32, corner: [usize; 2]) -> Chosen {
         let l = level as usize;
-        let is_root = level + 1 == self.levels;
+        let (is_root, is_finest) = (level == 0, level + 1 == self.lattice.levels);
         if runs.is_empty() {
             let bits = if is_root { 0.0 } else { self.models.empty[l * 9].cost(true) };
             return Chosen { node: Node::Empty, cost: self.lambda * bits };
         }
         let split_bit = |split: bool| {
-            if level == 0 { 0.0 } else { self.models.split[l * 6 + 4].cost(split) }
+            if is_finest { 0.0 } else { self.models.split[l * 6 + 4].cost(split) }
         };
         let presence = if is_root { 0.0 } else { self.models.empty[l * 9 + 4].cost(false) };
         let mut best = self.leaf(of, runs, level, corner);
         best.cost += self.lambda * (presence + split_bit(false));
         if !is_root {
             // Dropped: as if all lay half a square away from what remains.
-            let away = (0.5 * (PATCH_PIXELS << level) as f32).powi(2);
+            let away = (0.5 * self.lattice.patch_width(level) as f32).powi(2);
             let bits = self.models.empty[l * 9 + 4].cost(true);
             let cost = runs.iter().map(|r| r.n * away).sum::<f32>() + self.lambda * bits;
             if cost < best.cost {
                 best = Chosen { node: Node::Empty, cost };
             }
         }
-        if level > 0 {
-            let half = (PATCH_PIXELS << (level - 1)) as usize;
+        if !is_finest {
+            let half = self.lattice.patch_width(level + 1) as usize;
             let mut cost = self.lambda * (presence + split_bit(true));
             let mut children: [Node; 4] = Default::default();
             for (child, node) in children.iter_mut().enumerate() {
@@ -112,7 +114,7 @@ impl Choice<'_> {
                         && (at[1]..at[1] + half).contains(&usize::from(r.v))
                 };
                 let below: Vec<Run> = runs.iter().filter(inside).copied().collect();
-                let chosen = self.node(of, &below, level - 1, at);
+                let chosen = self.node(of, &below, level + 1, at);
                 cost += chosen.cost;
                 *node = chosen.node;
                 if cost >= best.cost {
@@ -127,16 +129,17 @@ impl Choice<'_> {
     }
 
     fn leaf(&self, of: &Square<'_>, runs: &[Run], level: u32, corner: [usize; 2]) -> Chosen {
+        let doublings = self.lattice.doublings(level);
         let cell = |r: &Run| {
-            let c = (usize::from(r.u) - corner[0]) >> level;
-            let row = (usize::from(r.v) - corner[1]) >> level;
+            let c = (usize::from(r.u) - corner[0]) >> doublings;
+            let row = (usize::from(r.v) - corner[1]) >> doublings;
             row * PATCH_PIXELS as usize + c
         };
         let (mask, mut cost) = self.mask(of, runs, level, corner, cell);
         let mut inside: Vec<Run> =
             runs.iter().filter(|r| mask >> cell(r) & 1 != 0).copied().collect();
         let seen = inside.iter().fold(0_u64, |seen, r| seen | 1 << cell(r));
-        fill_holes(&mut inside, mask & !seen, level, corner, of.density);
+        fill_holes(&mut inside, mask & !seen, doublings, corner, of.density);
         let shape = self.shape(&inside, level, corner);
         cost += shape.cost;
         Chosen { node: Node::Leaf(LatticePatch { mask, ..shape.patch }), cost }
@@ -152,16 +155,18 @@ impl Choice<'_> {
         cell: impl Fn(&Run) -> usize,
     ) -> (u64, f32) {
         let side = PATCH_PIXELS as usize;
-        let pixel = (1_usize << level) as f32;
+        let doublings = self.lattice.doublings(level);
+        let pixel = (1_usize << doublings) as f32;
         let mut unset = [0.0_f32; 64];
         let mut set = [0.0_f32; 64];
         for run in runs {
             unset[cell(run)] += run.n * pixel * pixel / 3.0;
         }
         for (c, cost) in set.iter_mut().enumerate() {
-            let (u, v) = (corner[0] + ((c % side) << level), corner[1] + ((c / side) << level));
-            for dv in 0..1_usize << level {
-                for du in 0..1_usize << level {
+            let (u, v) =
+                (corner[0] + ((c % side) << doublings), corner[1] + ((c / side) << doublings));
+            for dv in 0..1_usize << doublings {
+                for du in 0..1_usize << doublings {
                     *cost += FORWARD * of.density * of.holes[(v + dv) * of.tile + u + du];
                 }
             }
@@ -358,11 +363,12 @@ impl Choice<'_> {
 
 /// Adds a run of little weight at each pixel of `holes`, as deep as the nearest measured one: where nothing was
 /// measured the surface goes on, it does not run away.
-fn fill_holes(runs: &mut Vec<Run>, holes: u64, level: u32, corner: [usize; 2], density: f32) {
+fn fill_holes(runs: &mut Vec<Run>, holes: u64, doublings: u32, corner: [usize; 2], density: f32) {
     let measured = runs.len();
     for hole in (0..64_usize).filter(|h| holes >> h & 1 != 0) {
         let side = PATCH_PIXELS as usize;
-        let middle = |c: usize, i: usize| (c + (i << level) + (1 << level) / 2).min(255) as u8;
+        let middle =
+            |c: usize, i: usize| (c + (i << doublings) + (1 << doublings) / 2).min(255) as u8;
         let (u, v) = (middle(corner[0], hole % side), middle(corner[1], hole / side));
         let squared = |r: &Run| {
             let (du, dv) = (f32::from(r.u) - f32::from(u), f32::from(r.v) - f32::from(v));
@@ -370,7 +376,7 @@ fn fill_holes(runs: &mut Vec<Run>, holes: u64, level: u32, corner: [usize; 2], d
         };
         let nearest = runs[..measured].iter().min_by(|a, b| squared(a).total_cmp(&squared(b)));
         if let Some(&nearest) = nearest {
-            let n = HOLE_WEIGHT * density * (1_u32 << (2 * level)) as f32;
+            let n = HOLE_WEIGHT * density * (1_u32 << (2 * doublings)) as f32;
             runs.push(Run { u, v, n, ..nearest });
         }
     }

@@ -100,8 +100,7 @@ pub(in crate::patches) fn code_geometry<C: Coder>(
         around: Surroundings::new(lattice),
         roots: Vec::with_capacity(given.len()),
         max_patches,
-        levels: lattice.levels,
-        tile_pixels: lattice.tile_pixels(),
+        lattice,
         last_base: 0,
     };
     for side in 0..6 {
@@ -118,8 +117,7 @@ struct Sheets<'a, C> {
     around: Surroundings,
     roots: Vec<Root>,
     max_patches: usize,
-    levels: u32,
-    tile_pixels: i32,
+    lattice: Lattice,
     last_base: i32,
 }
 
@@ -193,8 +191,8 @@ impl<C: Coder> Sheets<'_, C> {
             let base = self.base(&candidates, root)?;
             let place = Place {
                 side,
-                level: self.levels - 1,
-                corner: tile.map(|t| t * self.tile_pixels),
+                level: 0,
+                corner: tile.map(|t| t * self.lattice.tile_pixels()),
                 sheet: self.roots.len() as u32,
                 base,
             };
@@ -238,7 +236,7 @@ impl<C: Coder> Sheets<'_, C> {
         is_root: bool,
     ) -> Result<Node, C::Error> {
         let level = place.level as usize;
-        let width = PATCH_PIXELS << place.level;
+        let width = self.lattice.patch_width(place.level);
         let [u, v] = place.corner;
         let west = self.around.state(&place, [u - 1, v + width / 2]);
         let north = self.around.state(&place, [u + width / 2, v - 1]);
@@ -249,7 +247,7 @@ impl<C: Coder> Sheets<'_, C> {
             }
         }
         let prediction = self.around.predict(&place);
-        if level > 0 {
+        if place.level + 1 < self.lattice.levels {
             let context = level * 6 + prediction.voices * 2 + prediction.finer;
             let is_split = matches!(given, Some(Node::Split(_)));
             if self.coder.bit(&mut self.models.split[context], is_split)? {
@@ -257,7 +255,7 @@ impl<C: Coder> Sheets<'_, C> {
                 for (child, node) in children.iter_mut().enumerate() {
                     let offset = [child as i32 & 1, child as i32 >> 1];
                     let corner = std::array::from_fn(|a| place.corner[a] + offset[a] * width / 2);
-                    let below = Place { level: place.level - 1, corner, ..place };
+                    let below = Place { level: place.level + 1, corner, ..place };
                     let given = match given {
                         Some(Node::Split(of)) => Some(&of[child]),
                         _ => None,
@@ -304,7 +302,7 @@ impl<C: Coder> Sheets<'_, C> {
     }
 
     fn mask(&mut self, place: &Place, beside: [usize; 2], given: u64) -> Result<u64, C::Error> {
-        let level = place.level;
+        let (level, doublings) = (place.level, self.lattice.doublings(place.level));
         let full = &mut self.models.full[level as usize * 9 + beside[0] * 3 + beside[1]];
         if self.coder.bit(full, given == u64::MAX)? {
             return Ok(u64::MAX);
@@ -320,8 +318,8 @@ impl<C: Coder> Sheets<'_, C> {
                     // The pixel next to the border, at the middle of the cell beyond.
                     let near = |x: i32| match x {
                         x if x < 0 => -1,
-                        x if x >= PATCH_PIXELS => PATCH_PIXELS << level,
-                        x => (x << level) + (1 << level) / 2,
+                        x if x >= PATCH_PIXELS => PATCH_PIXELS << doublings,
+                        x => (x << doublings) + (1 << doublings) / 2,
                     };
                     around.state(place, [place.corner[0] + near(c), place.corner[1] + near(r)])
                 }

@@ -49,7 +49,7 @@ pub(in crate::patches) struct Surroundings {
     patches: Vec<Placed>,
     by_block: HashMap<(u8, i32, i32), Vec<u32>>,
     done: HashSet<(u8, [i32; 2])>,
-    tile_pixels: i32,
+    lattice: Lattice,
     /// Largest difference of depths on one surface, in steps with fraction.
     reach: i64,
     /// Thickness of the patch before.
@@ -64,7 +64,7 @@ impl Surroundings {
             patches: Vec::new(),
             by_block: HashMap::new(),
             done: HashSet::new(),
-            tile_pixels: lattice.tile_pixels(),
+            lattice,
             reach: (REACH << (FRACTION + 4)) / i64::from(lattice.depth_step),
             thickness: 4,
         }
@@ -84,7 +84,7 @@ impl Surroundings {
         let index = self.patches.len() as u32;
         let leaf = placed.leaf;
         let block = leaf.corner.map(|c| c.div_euclid(PATCH_PIXELS));
-        let blocks = 1 << leaf.level;
+        let blocks = 1 << self.lattice.doublings(leaf.level);
         for bv in block[1]..block[1] + blocks {
             for bu in block[0]..block[0] + blocks {
                 self.by_block.entry((leaf.side, bu, bv)).or_default().push(index);
@@ -102,7 +102,7 @@ impl Surroundings {
     /// Depth of a patch at a position in half pixels, in steps with fraction; outside it, of its tilted plane.
     fn depth(&self, leaf: &Leaf, half: [i32; 2]) -> i64 {
         let local: [i32; 2] = std::array::from_fn(|a| half[a] - 2 * leaf.corner[a]);
-        let (c, limit) = (&leaf.patch.coefficients, 2 * leaf.width());
+        let (c, limit) = (&leaf.patch.coefficients, 2 * self.lattice.patch_width(leaf.level));
         if local.iter().all(|&x| (0..=limit).contains(&x)) {
             return self.bases[leaf.level as usize].depth(c, local.map(|x| x as usize));
         }
@@ -134,17 +134,22 @@ impl Surroundings {
     /// Whether the pixel is set, 0 or 1, or [`UNKNOWN`].
     pub fn state(&self, place: &Place, pixel: [i32; 2]) -> usize {
         if let Some(leaf) = self.at(place, pixel) {
-            return usize::from(leaf.is_set(pixel[0] - leaf.corner[0], pixel[1] - leaf.corner[1]));
+            return usize::from(leaf.is_set(
+                &self.lattice,
+                pixel[0] - leaf.corner[0],
+                pixel[1] - leaf.corner[1],
+            ));
         }
-        let tile = pixel.map(|c| c.div_euclid(self.tile_pixels));
-        let own = place.corner.map(|c| c.div_euclid(self.tile_pixels));
+        let width = self.lattice.tile_pixels();
+        let tile = pixel.map(|c| c.div_euclid(width));
+        let own = place.corner.map(|c| c.div_euclid(width));
         // Within the own tile, what comes before in the order of squares is known to be empty.
         if self.done.contains(&(place.side, tile)) || tile == own { 0 } else { UNKNOWN }
     }
 
     /// Depth, thickness and level that the patches next to a place suggest.
     pub fn predict(&self, place: &Place) -> Prediction {
-        let width = PATCH_PIXELS << place.level;
+        let width = self.lattice.patch_width(place.level);
         let [u, v] = place.corner;
         let middle = width / 2;
         let beside = [
@@ -160,7 +165,7 @@ impl Surroundings {
             depth += self.depth(leaf, center);
             thickness += i32::from(leaf.patch.thickness);
             voices += 1;
-            finer |= usize::from(leaf.level < place.level);
+            finer |= usize::from(leaf.level > place.level);
         }
         if voices == 0 {
             return Prediction { depth: place.base, thickness: self.thickness, voices: 0, finer };
@@ -178,8 +183,8 @@ impl Surroundings {
 
     /// Depths at which the surfaces around a tile reach it, in steps, each once, nearest sides first.
     pub fn candidates(&self, side: u8, tile: [i32; 2]) -> Vec<i32> {
-        let corner = tile.map(|t| t * self.tile_pixels);
-        let width = self.tile_pixels;
+        let width = self.lattice.tile_pixels();
+        let corner = tile.map(|t| t * width);
         let mut found: Vec<i32> = Vec::new();
         for step in 0..width / PATCH_PIXELS {
             let along = step * PATCH_PIXELS + PATCH_PIXELS / 2;

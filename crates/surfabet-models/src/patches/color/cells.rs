@@ -30,20 +30,23 @@ pub(in crate::patches) fn cell_of_key(key: u64) -> [i32; 3] {
 
 /// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
 /// be more than `limit`.
-pub(in crate::patches) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec<u64>> {
+pub(in crate::patches) fn nodes(
+    lattice: &Lattice,
+    leaves: &[Leaf],
+    limit: u64,
+) -> Option<Vec<u64>> {
     let layers = |leaf: &Leaf| 2 * u64::from(leaf.patch.thickness) / CELL as u64 + 2;
     let bound: u64 =
-        leaves.iter().map(|l| u64::from(l.area()) * layers(l)).fold(0, u64::saturating_add);
+        leaves.iter().map(|l| u64::from(l.area(lattice)) * layers(l)).fold(0, u64::saturating_add);
     if bound > limit {
         return None;
     }
     let bases = Basis::of_levels(lattice.levels);
     let of_leaf = |leaf: &Leaf| {
-        let basis = &bases[leaf.level as usize];
         let [d, u, v] = axes_of(leaf.side);
         let half = i64::from(leaf.patch.thickness);
         let mut keys = Vec::new();
-        for ([column, row], depth) in leaf.depths(basis, lattice.depth_step) {
+        for ([column, row], depth) in leaf.depths(lattice, &bases) {
             let low = (depth - half).div_euclid(CELL);
             let high = (depth + half - i64::from(half > 0)).div_euclid(CELL);
             let mut at = [0; 3];

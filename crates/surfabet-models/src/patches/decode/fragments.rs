@@ -24,12 +24,10 @@ const TOUCHING: f32 = 1.5;
 const FAR: f32 = 10.0;
 
 /// Tells for each patch whether it is a fragment.
-pub(in crate::patches) fn fragments(lattice: Lattice, leaves: &[Leaf]) -> Result<Vec<bool>> {
+pub(in crate::patches) fn fragments(lattice: &Lattice, leaves: &[Leaf]) -> Result<Vec<bool>> {
     let bases = Basis::of_levels(lattice.levels);
-    let pixels = |leaf: &Leaf| -> Vec<[f32; 3]> {
-        leaf.pixels(&bases[leaf.level as usize], lattice.depth_step).collect()
-    };
-    let is_small = |leaf: &&Leaf| leaf.area() <= LARGEST;
+    let pixels = |leaf: &Leaf| -> Vec<[f32; 3]> { leaf.pixels(lattice, &bases).collect() };
+    let is_small = |leaf: &&Leaf| leaf.area(lattice) <= LARGEST;
     let large: Vec<[f32; 3]> =
         leaves.par_iter().filter(|leaf| !is_small(leaf)).flat_map_iter(pixels).collect();
     let mut found = vec![false; leaves.len()];
@@ -57,7 +55,7 @@ pub(in crate::patches) fn fragments(lattice: Lattice, leaves: &[Leaf]) -> Result
     let mut gap = vec![f32::INFINITY; small.len()];
     for (piece, &i) in small.iter().enumerate() {
         let of = pieces.of(piece);
-        area[of] += leaves[i].area();
+        area[of] += leaves[i].area(lattice);
         for n in pixels(&leaves[i]).into_iter().filter_map(|p| tree.nearest(p)) {
             gap[of] = gap[of].min(n.squared_distance().sqrt());
         }
@@ -128,7 +126,7 @@ mod tests {
         let of = |small: &[Leaf]| {
             let mut leaves = vec![wall];
             leaves.extend(small);
-            fragments(LATTICE, &leaves).unwrap()[1..].to_vec()
+            fragments(&LATTICE, &leaves).unwrap()[1..].to_vec()
         };
         assert_eq!(of(&[leaf(0, 4, 0b11)]), [true]);
         // Next to the wall, and far from it.
@@ -138,6 +136,6 @@ mod tests {
         let [first, second] = [leaf(0, 4, 0xffff), leaf(8, 4, 0x01)];
         assert_eq!(of(&[first, second]), [false, false]);
         assert_eq!(of(&[first]), [true]);
-        assert_eq!(fragments(LATTICE, &[first]).unwrap(), [false]);
+        assert_eq!(fragments(&LATTICE, &[first]).unwrap(), [false]);
     }
 }

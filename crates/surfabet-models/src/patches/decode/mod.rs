@@ -36,8 +36,7 @@ impl PatchModel {
         let pixel = self.lattice().pixel_size;
         let resolution = options.spacing(0.5 * pixel)?;
         let spacing = resolution / pixel;
-        let points =
-            bound(self.leaves(), spacing, options.as_measured) + self.header().n_extra as f64;
+        let points = bound(self, spacing, options.as_measured) + self.header().n_extra as f64;
         check_points(resolution, points, options.max_points)?;
         let decoder = Decoder::new(self, spacing, options);
         let mut all = Points::default();
@@ -45,7 +44,7 @@ impl PatchModel {
         let is_left_out = if options.as_measured {
             vec![false; self.len()]
         } else {
-            fragments(self.lattice(), self.leaves())?
+            fragments(&self.lattice(), self.leaves())?
         };
         let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
         let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
@@ -105,18 +104,19 @@ fn layers(leaf: &Leaf, spacing: f64, as_measured: bool) -> f64 {
 
 /// Samples along a side of a patch. The small slack keeps 0.01 / 0.005 at two samples per pixel although neither is
 /// exact in binary.
-fn samples(level: u32, spacing: f64) -> f64 {
-    (f64::from(PATCH_PIXELS << level) / spacing - 1e-9).ceil().max(1.0)
+fn samples(patch_width: i32, spacing: f64) -> f64 {
+    (f64::from(patch_width) / spacing - 1e-9).ceil().max(1.0)
 }
 
 /// Most points that all patches give; spacing in pixels.
-fn bound(leaves: &[Leaf], spacing: f64, as_measured: bool) -> f64 {
+fn bound(model: &PatchModel, spacing: f64, as_measured: bool) -> f64 {
     let of = |leaf: &Leaf| {
-        let per_pixel = (samples(leaf.level, spacing) / f64::from(PATCH_PIXELS)).ceil();
+        let per_side = samples(model.lattice().patch_width(leaf.level), spacing);
+        let per_pixel = (per_side / f64::from(PATCH_PIXELS)).ceil();
         let set = f64::from(leaf.patch.mask.count_ones());
         set * per_pixel * per_pixel * layers(leaf, spacing, as_measured)
     };
-    leaves.iter().map(of).sum()
+    model.leaves().iter().map(of).sum()
 }
 
 /// The samples along a side of the patches of a level.
@@ -131,9 +131,9 @@ struct Grid {
 }
 
 impl Grid {
-    fn new(level: u32, spacing: f64) -> Self {
-        let width = f64::from(PATCH_PIXELS << level);
-        let n = samples(level, spacing) as usize;
+    fn new(patch_width: i32, spacing: f64) -> Self {
+        let width = f64::from(patch_width);
+        let n = samples(patch_width, spacing) as usize;
         let part = |i: usize| (i as f64 + 0.5) / n as f64;
         let x = |i: usize| 2.0 * part(i) - 1.0;
         Self {
@@ -149,7 +149,9 @@ impl Grid {
 
 impl<'a> Decoder<'a> {
     fn new(model: &'a PatchModel, spacing: f64, options: DecodeOptions) -> Self {
-        let grids = (0..model.lattice().levels).map(|l| Grid::new(l, spacing)).collect();
+        let lattice = model.lattice();
+        let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
+        let grids = widths.map(|width| Grid::new(width, spacing)).collect();
         let colors = model.node_colors().map(|(nodes, colors)| (index(nodes), colors));
         Self { model, grids, spacing, options, colors, tree: OnceLock::new() }
     }
