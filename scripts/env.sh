@@ -34,11 +34,13 @@ find_python() {
     fail "no Python of at least 3.11 found; install one, or name it: PYTHON=/path/to/python $0"
 }
 
+# rustup's place, for shells that have not read its profile.
+if ! command -v cargo >/dev/null && [[ -x "$HOME/.cargo/bin/cargo" ]]; then
+    export PATH="$HOME/.cargo/bin:$PATH"
+fi
+
 check_rust() {
     local wanted found
-    if ! command -v cargo >/dev/null && [[ -x "$HOME/.cargo/bin/cargo" ]]; then
-        export PATH="$HOME/.cargo/bin:$PATH"
-    fi
     command -v cargo >/dev/null || fail "cargo not found; install Rust from https://rustup.rs"
     wanted=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
     found=$(rustc --version | cut -d ' ' -f 2)

@@ -5,9 +5,14 @@ source "$(dirname "${BASH_SOURCE[0]}")/env.sh"
 
 current="start"
 passed=0
+interrupted=""
+job=""
+
 finish() {
     local status=$?
-    if [[ $status -eq 0 ]]; then
+    if [[ -n "$interrupted" ]]; then
+        printf '\nINTERRUPTED by SIG%s: %s (after %d passed checks)\n' "$interrupted" "$current" "$passed" >&2
+    elif [[ $status -eq 0 ]]; then
         printf '\nAll %d checks passed in %d min %02d s.\n' "$passed" $((SECONDS / 60)) $((SECONDS % 60))
     else
         printf '\nFAILED: %s (after %d passed checks)\n' "$current" "$passed" >&2
@@ -15,12 +20,31 @@ finish() {
 }
 trap finish EXIT
 
+# Ends the running check, with all its children, and the script with it.
+interrupt() {
+    trap '' HUP INT TERM
+    interrupted=$1
+    if [[ -n "$job" ]] && kill -TERM -- "-$job" 2>/dev/null; then
+        wait "$job" 2>/dev/null || true
+    fi
+    exit $((128 + $2))
+}
+trap 'interrupt HUP 1' HUP
+trap 'interrupt INT 2' INT
+trap 'interrupt TERM 15' TERM
+
+# Each check is a job with a process group of its own: bash waits for a foreground command before it looks at
+# a signal, but not for a job.
+set -m
 step() {
     current=$1
     shift
     heading "$current"
     local began=$SECONDS
-    "$@"
+    "$@" &
+    job=$!
+    wait "$job"
+    job=""
     passed=$((passed + 1))
     echo "-- $current: passed in $((SECONDS - began)) s"
 }
@@ -41,6 +65,7 @@ for i in range(10_000):
 }
 
 step "Build and install" install_surfabet test
+step "Options up to date with their records" .venv/bin/python scripts/generate_options.py --check
 step "Rust format" cargo fmt --all --check
 step "Rust lints" cargo clippy --quiet --workspace --all-targets -- -D warnings
 step "Licences of dependencies" .venv/bin/python scripts/check_licenses.py
@@ -48,7 +73,7 @@ step "Rust tests" cargo test --quiet --workspace
 step "Rust documentation" build_docs
 step "Rust benchmarks build" cargo bench --quiet --workspace --no-run
 step "Example of embedding" embed_example
-step "Python lints" .venv/bin/ruff check python tests/python benches docs
+step "Python lints" .venv/bin/ruff check python tests/python benches docs scripts
 step "Python types" .venv/bin/mypy
 step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt
 step "Python tests" .venv/bin/pytest --quiet

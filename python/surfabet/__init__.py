@@ -12,11 +12,12 @@ from surfabet.alphabet import (
     learn_alphabet,
     place_similarity,
 )
-from surfabet.alphabet_bic import BicAlphabet, BicAlphabetModel
+from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel, learn_bic_alphabet
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
     InvalidInputError,
+    InvalidTypeError,
     LostAttributeWarning,
     MissingDependencyError,
 )
@@ -34,12 +35,11 @@ from surfabet.geometry import (
     random_downsample,
     voxel_downsample,
 )
-from surfabet.hscsm import HscsmDictionary, Patches, PatchLevel, HscsmModel
+from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, learn_hscsm
 from surfabet.io import read, write
-from surfabet.lattice import LatticeLevel, PatchModel, LatticePatches
 from surfabet.learning import LearningReport
 from surfabet.metrics import Quality, RangeSigma, evaluate
-from surfabet.patches import learn_patches
+from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
 from surfabet.planes import (
     PlaneFit,
     PlaneMesh,
@@ -60,10 +60,12 @@ __all__ = [
     "FormatError",
     "FoundOccurrence",
     "GasModel",
+    "HscsmDictionary",
+    "HscsmModel",
     "InvalidInputError",
+    "InvalidTypeError",
     "KdTree",
     "LatticeLevel",
-    "PatchModel",
     "LatticePatches",
     "LearningReport",
     "LostAttributeWarning",
@@ -72,9 +74,8 @@ __all__ = [
     "NormalEstimate",
     "Occurrences",
     "Octree",
-    "HscsmDictionary",
     "PatchLevel",
-    "HscsmModel",
+    "PatchModel",
     "Patches",
     "PlaneFit",
     "PlaneMesh",
@@ -95,7 +96,9 @@ __all__ = [
     "get_num_threads",
     "inspect",
     "learn_alphabet",
+    "learn_bic_alphabet",
     "learn_gas",
+    "learn_hscsm",
     "learn_patches",
     "learn_planes",
     "load",

@@ -1,6 +1,6 @@
 """Stubs of the compiled module; `stubtest` holds them against the binary."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -359,43 +359,20 @@ def sparse_squared_errors(
     codes: SparseCodes,
 ) -> NDArray[np.float64]: ...
 
-# The patches family: crates/surfabet-py/src/patches.rs
+# Methods: a file each in crates/surfabet-py/src
 
-def learn_patches(
+def option_specs() -> dict[str, list[dict[str, Any]]]: ...
+def check_options(method: str, options: Mapping[str, object]) -> None: ...
+def learn_hscsm(
     cloud: PointCloud,
+    options: Mapping[str, object],
     *,
-    resolution: float,
-    patch_pixels: int,
-    levels: int,
-    max_depth_deviation: float | None,
-    max_color_deviation: float,
-    min_coverage: float,
-    placement: str,
-    depth_atoms: int,
-    color_atoms: int,
-    depth_sparsity: int,
-    color_sparsity: int,
-    depth_tolerance: float | None,
-    color_tolerance: float,
-    iterations: int,
-    sensor: str,
-    random_state: int,
-    dictionary: HscsmDictionary | None,
     progress: ProgressCallback | None,
 ) -> HscsmModel: ...
-def learn_lattice(
+def learn_patches(
     cloud: PointCloud,
+    options: Mapping[str, object],
     *,
-    resolution: float,
-    levels: int,
-    rate: float,
-    depth_step: int,
-    rounds: int,
-    color_step: int,
-    chroma_ratio: float,
-    color_rate: float,
-    max_error: float | None,
-    sensor: str,
     progress: ProgressCallback | None,
 ) -> PatchModel: ...
 
@@ -435,33 +412,26 @@ _Vocabulary: TypeAlias = Alphabet | BicAlphabet | HscsmDictionary
 def from_bytes(
     data: bytes, *, max_items: int, max_bytes: int, vocabulary: _Vocabulary | None
 ) -> Model: ...
-def load(
-    path: str, *, max_items: int, max_bytes: int, vocabulary: _Vocabulary | None
-) -> Model: ...
+def load(path: str, *, max_items: int, max_bytes: int, vocabulary: _Vocabulary | None) -> Model: ...
 def inspect(
     data: bytes, *, max_items: int, max_bytes: int
 ) -> tuple[str, str, str | None, list[tuple[str, int]]]: ...
 def learn_alphabet(
     cloud: PointCloud,
+    options: Mapping[str, object],
     *,
-    alphabet: Alphabet | None,
-    radius: float | None,
-    scales: int,
-    max_words: int,
-    inlier_bits: float,
-    outlier_bits: float,
-    spacing: float,
-    rounds: int,
-    sigma_scale: float,
-    angular_resolution: float | None,
-    noise: float | None,
-    min_range: float,
-    color_step: int,
     progress: ProgressCallback | None,
 ) -> AlphabetModel: ...
 
 @final
 class Alphabet:
+    def describe(
+        self,
+        cloud: PointCloud,
+        options: Mapping[str, object],
+        *,
+        progress: ProgressCallback | None,
+    ) -> AlphabetModel: ...
     @property
     def radius(self) -> float: ...
     @property
@@ -488,41 +458,24 @@ class AlphabetModel(Model):
     def colors(self) -> NDArray[np.uint8] | None: ...
     def intensities(self) -> NDArray[np.float32] | None: ...
 
-def learn_bic(
+def learn_bic_alphabet(
     cloud: PointCloud,
+    options: Mapping[str, object],
     *,
-    radius: float,
-    scale: float,
-    angular_resolution: float | None,
-    noise: float | None,
-    min_range: float,
-    epsilon: float | None,
-    feature_spacing: float | None,
-    interest_scales: Sequence[float],
-    interest_threshold: float,
-    normal_neighbors: int,
-    upright: str,
-    descriptor_pixels: int,
-    empty_penalty: float,
-    floor: float,
-    min_points: int,
-    iterations: int,
-    max_rejections: int,
-    reduce: bool,
-    random_state: int,
-    alphabet: BicAlphabet | None,
     progress: ProgressCallback | None,
 ) -> BicAlphabetModel: ...
-def bic_defaults() -> dict[str, Any]: ...
 
 @final
 class BicAlphabet:
+    def describe(
+        self,
+        cloud: PointCloud,
+        options: Mapping[str, object],
+        *,
+        progress: ProgressCallback | None,
+    ) -> BicAlphabetModel: ...
     @property
     def radius(self) -> float: ...
-    @property
-    def descriptor_pixels(self) -> int: ...
-    @property
-    def upright(self) -> str: ...
     @property
     def hash(self) -> str: ...
     def points(self) -> list[NDArray[np.float32]]: ...
@@ -531,7 +484,6 @@ class BicAlphabet:
 
 @final
 class BicAlphabetModel(Model):
-    def sharing_alphabet(self, shares: bool) -> BicAlphabetModel: ...
     @property
     def epsilon(self) -> float: ...
     @property
@@ -575,6 +527,13 @@ class PatchModel(Model):
 
 @final
 class HscsmDictionary:
+    def describe(
+        self,
+        cloud: PointCloud,
+        options: Mapping[str, object],
+        *,
+        progress: ProgressCallback | None,
+    ) -> HscsmModel: ...
     @property
     def levels(self) -> list[tuple[float, int]]: ...
     @property
@@ -587,20 +546,8 @@ def farthest_point_downsample(
 ) -> PointCloud: ...
 def learn_gas(
     cloud: PointCloud,
+    options: Mapping[str, object],
     *,
-    n_neurons: int,
-    patterns: int,
-    epsilon_w: float,
-    epsilon_n: float,
-    alpha: float,
-    beta: float | None,
-    max_age: int,
-    target_error: float | None,
-    passes: float | None,
-    position_step: float | None,
-    color_step: int,
-    search: str,
-    random_state: int,
     progress: ProgressCallback | None,
 ) -> GasModel: ...
 
@@ -609,11 +556,9 @@ class GasModel(Model):
     def update(
         self,
         cloud: PointCloud,
+        options: Mapping[str, object],
         *,
         n_neurons: int | None,
-        patterns: int,
-        target_error: float | None,
-        random_state: int,
         progress: ProgressCallback | None,
     ) -> GasModel: ...
     @property
@@ -652,23 +597,9 @@ def word_histogram(
 
 def learn_planes(
     cloud: PointCloud,
+    options: Mapping[str, object],
     *,
-    initial_patches: int,
-    min_grid_size: float | None,
-    weight_at_grid_size: float,
-    split_threshold: float,
-    merge_tolerance: float,
-    em_steps: int,
-    new_patches_every: int,
-    max_iterations: int,
-    tolerance: float,
-    min_points: int | None,
-    min_purity: float,
-    min_fill: float,
-    max_bend: float,
-    color_step: int,
     weights: ArrayLike | None,
-    random_state: int,
     progress: ProgressCallback | None,
 ) -> PlaneModel: ...
 def random_planes(

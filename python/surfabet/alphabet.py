@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, final, overload
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet import _core, alphabet_bic
+from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.alphabet_bic import BicAlphabetModel
 from surfabet.errors import InvalidInputError
 from surfabet.metrics import RangeSigma
-from surfabet.model import MAX_POINTS, Model
+from surfabet.model import Model
 
 __all__ = [
     "Alphabet",
@@ -31,11 +30,6 @@ __all__ = [
     "learn_alphabet",
     "place_similarity",
 ]
-
-PRESETS = {"small": 4.0, "balanced": 7.0, "fine": 24.0}
-"""Bits that a point is worth, by preset."""
-
-Preset = Literal["small", "balanced", "fine"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,37 +117,27 @@ class Alphabet:
         self,
         cloud: PointCloud,
         *,
-        preset: Preset = "balanced",
-        inlier_bits: float | None = None,
-        outlier_bits: float | None = None,
-        spacing: float = 1.0,
-        rounds: int = 4,
-        sigma_scale: float = 3.0,
-        angular_resolution: float | None = None,
-        noise: float | None = None,
-        min_range: float = 0.0,
-        color_step: int = 8,
         progress: Progress = None,
     ) -> AlphabetModel:
         """Another cloud by the words of this alphabet, which stays as it is (IV-B).
 
-        Options, errors and determinism are those of `learn_alphabet`.
+        Radii are those of the alphabet.
+
+        Parameters
+        ----------
+        cloud
+            The scan.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Raises
+        ------
+        InvalidInputError
+            As `learn_alphabet`.
         """
-        return _learn_mdl(
-            cloud,
-            self._core,
-            preset=preset,
-            inlier_bits=inlier_bits,
-            outlier_bits=outlier_bits,
-            spacing=spacing,
-            rounds=rounds,
-            sigma_scale=sigma_scale,
-            angular_resolution=angular_resolution,
-            noise=noise,
-            min_range=min_range,
-            color_step=color_step,
-            progress=progress,
-        )
+        options = {}
+        with progress_callback(progress) as callback:
+            return AlphabetModel(self._core.describe(cloud, options, progress=callback))
 
     def __len__(self) -> int:
         return len(self._core)
@@ -167,7 +151,9 @@ class Alphabet:
 class AlphabetModel(Model[_core.AlphabetModel]):
     """A cloud as occurrences of words; immutable.
 
-    Made by `learn_alphabet`, `Alphabet.describe` and `surfabet.load`.
+    Made by `learn_alphabet`, `Alphabet.describe` and `surfabet.load`. It decodes to a spacing of
+    one sigma by default, so that points lie denser near the sensor, as they did in the scan. Where
+    words overlap, so do their points.
     """
 
     __slots__ = ()
@@ -176,11 +162,6 @@ class AlphabetModel(Model[_core.AlphabetModel]):
     def alphabet(self) -> Alphabet:
         """The words that occur."""
         return Alphabet(self._core.alphabet)
-
-    @property
-    def shares_alphabet(self) -> bool:
-        """Whether the file names its alphabet instead of holding it."""
-        return self._core.shares_alphabet
 
     @property
     def has_intensity(self) -> bool:
@@ -208,53 +189,16 @@ class AlphabetModel(Model[_core.AlphabetModel]):
     def sigma(self) -> RangeSigma | float:
         """The tolerance that the model was made for, as `evaluate` takes it: metres where ranges
         were not known; else it grows with the range, without the noise allowed beside it."""
-        scale, angular_resolution, _ = self._core.deviation
+        sigma_scale, angular_resolution, _ = self._core.deviation
         if angular_resolution is None:
             return self._core.constant_sigma
-        return RangeSigma(scale, angular_resolution)
+        return RangeSigma(sigma_scale, angular_resolution)
 
     @property
     def noise(self) -> float:
         """Standard deviation of the scan about its surface that was allowed beside `sigma`,
         metres."""
         return self._core.deviation[2]
-
-    def decode(
-        self,
-        resolution: float | None = None,
-        *,
-        normals: bool = False,
-        max_points: int = MAX_POINTS,
-        progress: Progress = None,
-    ) -> PointCloud:
-        """The model as a cloud.
-
-        Parameters
-        ----------
-        resolution
-            Spacing of the points, metres; by default one sigma, so that points lie denser near the
-            sensor, as they did in the scan.
-        normals
-            Give every point the normal of its word.
-        max_points
-            Refuse to make more points than this.
-        progress
-            None, True for a bar on stderr, or a callable of stage and fraction.
-
-        Returns
-        -------
-        PointCloud
-            Points word by word; where words overlap, so do their points.
-
-        Raises
-        ------
-        InvalidInputError
-            For a spacing that is not positive, or one that makes more than `max_points` points.
-        """
-        with progress_callback(progress) as callback:
-            return self._core.decode(
-                resolution=resolution, normals=normals, max_points=max_points, progress=callback
-            )
 
     def find(
         self,
@@ -354,158 +298,37 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         )
 
 
-@overload
 def learn_alphabet(
     cloud: PointCloud,
     *,
-    method: Literal["mdl"] = ...,
-    radius: float | None = ...,
-    scales: int = ...,
-    max_words: int = ...,
-    preset: Preset = ...,
-    inlier_bits: float | None = ...,
-    outlier_bits: float | None = ...,
-    spacing: float = ...,
-    rounds: int = ...,
-    sigma_scale: float = ...,
-    angular_resolution: float | None = ...,
-    noise: float | None = ...,
-    min_range: float = ...,
-    color_step: int = ...,
-    random_state: int = ...,
-    progress: Progress = ...,
-) -> AlphabetModel: ...
-@overload
-def learn_alphabet(
-    cloud: PointCloud,
-    *,
-    method: Literal["bic"],
-    radius: float = ...,
-    sigma_scale: float = ...,
-    angular_resolution: float | None = ...,
-    noise: float | None = ...,
-    min_range: float = ...,
-    epsilon: float | None = ...,
-    feature_spacing: float | None = ...,
-    interest_scales: Sequence[float] = ...,
-    interest_threshold: float = ...,
-    normal_neighbors: int = ...,
-    upright: Literal["x", "z", "view"] = ...,
-    descriptor_pixels: int = ...,
-    empty_penalty: float = ...,
-    floor: float = ...,
-    min_points: int = ...,
-    iterations: int = ...,
-    max_rejections: int = ...,
-    reduce: bool = ...,
-    random_state: int = ...,
-    progress: Progress = ...,
-) -> BicAlphabetModel: ...
-def learn_alphabet(
-    cloud: PointCloud,
-    *,
-    method: Literal["mdl", "bic"] = "mdl",
     progress: Progress = None,
-    **options: Any,
-) -> AlphabetModel | BicAlphabetModel:
-    """Learns an alphabet from a cloud, and describes the cloud by it.
+) -> AlphabetModel:
+    """Learns words at several scales by description length, and describes the cloud by them.
 
-    Two methods share the idea of recurrent words placed by poses:
+    Bits of words and of occurrences are weighed against what is not explained. Words are small
+    height maps at several radii; poses are quantised before they are scored.
 
-    "mdl", the default, chooses by description length: bits of words and of occurrences against
-    what is not explained. Words are small height maps at several radii, poses are quantised before
-    they are scored, and files are a hundred times smaller.
-
-    "bic" is the published method: words are points of the scene, every feature takes the word with
-    the nearest descriptor, and candidates are accepted when the Bayesian information criterion
-    falls.
-
-    A point is explained when a decoded point lies within sigma of it (eq. 13):
-    sigma = sigma_scale * hypot(tan(angular_resolution / 2) * range, noise). Where the cloud has no
-    ranges, half the spacing of its points takes the place of the first term;
+    A point is explained when a decoded point lies within sigma of it (eq. 13). Where the cloud has
+    no ranges, half the spacing of its points takes the place of the beams' spacing;
     `surfabet.read(..., viewpoint=)` gives a scan its sensor back.
 
     Parameters
     ----------
     cloud
-        What to describe. Duplicates count once. Ranges and viewpoints make sigma, and orient words.
-        "mdl" keeps colours and intensities as the mean of every occurrence.
-    method
-        "mdl" or "bic".
-    radius
-        Radius of a word, metres (delta): the smallest for "mdl", by default 0.1, or one and a half
-        times the median sigma where that is more; the only one for "bic", by default 0.1.
-    sigma_scale
-        Lambda of eq. 13, by default 3.
-    angular_resolution
-        Alpha, the angle between neighbouring beams, radians; estimated when not given.
-    noise
-        Standard deviation of a measured point about its surface, metres; estimated when not given
-        for "mdl", by default 0 for "bic".
-    min_range
-        What is nearer to the sensor is left out, metres: a robot sees itself.
-    random_state
-        Seed of the candidates of "bic". "mdl" leaves nothing to chance, so that every seed gives
-        the same.
+        The scan. Duplicates count once. Ranges and viewpoints make sigma, and orient words. Colours
+        and intensities are kept as the mean of every occurrence.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
-    Of "mdl":
-
-    scales
-        Number of radii, each twice the one before, 1 to 8, by default 4.
-    max_words
-        Most words beside the plane, by default 24. Those that do not pay for themselves are
-        dropped.
-    preset
-        "small", "balanced" or "fine": 4, 7 or 24 bits for `inlier_bits` and `outlier_bits`.
-    inlier_bits
-        What explaining a point is worth, bits. Points denser than half a sigma count once.
-    outlier_bits
-        What a decoded point that explains nothing costs, bits; by default as much as an inlier is
-        worth.
-    spacing
-        Distance of decoded points, in sigma, 0.25 to 4, by default 1.
-    rounds
-        How often the scene is covered, each time with the prices that the round before taught, by
-        default 4.
-    color_step
-        Rounding of mean colours, 1 to 255, by default 8.
-
-    Of "bic" (defaults and what they were chosen by stand in the guide):
-
-    epsilon
-        Least distance of decoded points, metres (eq. 3).
-    feature_spacing
-        No point is further than this from a feature, metres.
-    interest_scales, interest_threshold
-        Scales of the Laplacian of Gaussian, pixels, and its least response.
-    normal_neighbors
-        Points that a normal is fitted to.
-    upright
-        What is up about a vertical normal: "x", "z" or "view".
-    descriptor_pixels
-        Pixels per side of a descriptor.
-    empty_penalty
-        Distance of a pixel that only one of two descriptors has, in radii.
-    floor
-        Where a point without neighbour counts as having one, in sigma.
-    min_points
-        Least number of points of a candidate word.
-    iterations, max_rejections
-        Candidates at most, and rejected ones in a row.
-    reduce
-        Remove occurrences without which the likelihood does not fall (III-D).
-
     Returns
     -------
-    AlphabetModel or BicAlphabetModel
+    AlphabetModel
         The same for any order of the points and any number of threads.
 
     Raises
     ------
     InvalidInputError
-        For an empty cloud, a cloud too large for its radius, or an option outside of its domain.
+        For an empty cloud, a cloud too large for its radius, or options outside their range.
 
     Examples
     --------
@@ -517,61 +340,9 @@ def learn_alphabet(
     >>> quality.inliers > 0.95
     True
     """
-    match method:
-        case "mdl":
-            return _learn_mdl(cloud, None, progress=progress, **options)
-        case "bic":
-            return BicAlphabetModel(alphabet_bic.learn(cloud, progress=progress, **options))
-        case other:
-            raise InvalidInputError(f'method is {other!r}, but must be "mdl" or "bic"')
-
-
-def _learn_mdl(
-    cloud: PointCloud,
-    alphabet: _core.Alphabet | None,
-    /,
-    *,
-    radius: float | None = None,
-    scales: int = 4,
-    max_words: int = 24,
-    preset: Preset = "balanced",
-    inlier_bits: float | None = None,
-    outlier_bits: float | None = None,
-    spacing: float = 1.0,
-    rounds: int = 4,
-    sigma_scale: float = 3.0,
-    angular_resolution: float | None = None,
-    noise: float | None = None,
-    min_range: float = 0.0,
-    color_step: int = 8,
-    random_state: int = 0,
-    progress: Progress = None,
-) -> AlphabetModel:
-    """With an alphabet, radius and scales are its own, and no words are sought."""
-    if not 0 <= random_state < 2**64:
-        raise InvalidInputError(f"random_state is {random_state}, but must be 0 to 2**64 - 1")
-    if preset not in PRESETS:
-        raise InvalidInputError(f"preset is {preset!r}, but must be one of {', '.join(PRESETS)}")
-    inlier_bits = PRESETS[preset] if inlier_bits is None else inlier_bits
+    options = {}
     with progress_callback(progress) as callback:
-        core = _core.learn_alphabet(
-            cloud,
-            alphabet=alphabet,
-            radius=radius,
-            scales=scales,
-            max_words=max_words,
-            inlier_bits=inlier_bits,
-            outlier_bits=inlier_bits if outlier_bits is None else outlier_bits,
-            spacing=spacing,
-            rounds=rounds,
-            sigma_scale=sigma_scale,
-            angular_resolution=angular_resolution,
-            noise=noise,
-            min_range=min_range,
-            color_step=color_step,
-            progress=callback,
-        )
-    return AlphabetModel(core)
+        return AlphabetModel(_core.learn_alphabet(cloud, options, progress=callback))
 
 
 def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float:

@@ -6,6 +6,7 @@ __all__ = [
     "DroppedPointsWarning",
     "FormatError",
     "InvalidInputError",
+    "InvalidTypeError",
     "LostAttributeWarning",
     "MissingDependencyError",
 ]
@@ -13,6 +14,30 @@ __all__ = [
 
 class InvalidInputError(ValueError):
     """An argument has a wrong value, shape or length."""
+
+    argument: str | None
+    """Name of the argument; None where the error is about several or about the data."""
+    value: str | None
+    """Its value, as the message shows it."""
+    requirement: str | None
+    """What it must be, as the message has it."""
+
+    def __init__(
+        self,
+        message: str = "",
+        *,
+        argument: str | None = None,
+        value: str | None = None,
+        requirement: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.argument = argument
+        self.value = value
+        self.requirement = requirement
+
+
+class InvalidTypeError(InvalidInputError, TypeError):
+    """An argument is of another type than it must be."""
 
 
 class FormatError(OSError, ValueError):

@@ -18,12 +18,9 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.model import MAX_POINTS, Model
+from surfabet.model import Model
 
 __all__ = ["GasModel", "Neurons", "learn_gas"]
-
-PATTERNS = 300
-"""Signals per neuron unless told otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,60 +55,18 @@ class Neurons:
 class GasModel(Model[_core.GasModel]):
     """A cloud as a gas of neurons with a topology; immutable.
 
-    Made by `learn_gas` and `surfabet.load`. Everything in it is quantised already, so it decodes to
-    the same cloud before it is saved and after it is loaded.
+    Made by `learn_gas`, `GasModel.update` and `surfabet.load`. It decodes to its neurons by
+    default. At a given spacing every neuron's disc is filled as far as no other neuron is nearer,
+    and so are edges between discs that do not meet.
     """
 
     __slots__ = ()
-
-    def decode(
-        self,
-        resolution: float | None = None,
-        *,
-        as_measured: bool = False,
-        normals: bool = False,
-        max_points: int = MAX_POINTS,
-        progress: Progress = None,
-    ) -> PointCloud:
-        """The model as a cloud: its neurons, or points at any spacing.
-
-        Parameters
-        ----------
-        resolution
-            Spacing of the points, metres: every neuron's disc is filled as far as no other neuron
-            is nearer, and so are edges between discs that do not meet. By default the neurons
-            themselves are the points.
-        as_measured
-            Spread the points across their discs as the scan's were, instead of on the surface.
-        normals
-            Give every point the unit normal of its neuron; zero where unknown.
-        max_points
-            Refuse to make more points than this.
-        progress
-            None, True for a bar on stderr, or a callable of stage and fraction.
-
-        Raises
-        ------
-        InvalidInputError
-            For a spacing that is not positive, or one that makes more than `max_points` points.
-        """
-        with progress_callback(progress) as callback:
-            return self._core.decode(
-                resolution=resolution,
-                as_measured=as_measured,
-                normals=normals,
-                max_points=max_points,
-                progress=callback,
-            )
 
     def update(
         self,
         cloud: PointCloud,
         n_neurons: int | None = None,
         *,
-        patterns: int = PATTERNS,
-        target_error: float | None = None,
-        random_state: int = 0,
         progress: Progress = None,
     ) -> GasModel:
         """Adds another scan of the same world: a larger model, this one stays as it is.
@@ -127,30 +82,18 @@ class GasModel(Model[_core.GasModel]):
         n_neurons
             Number of neurons afterwards; by default the space that both occupy gets as many per
             volume as this model has.
-        patterns
-            Signals per new neuron.
-        target_error
-            Mean distance of signals to their neurons, metres, at which growth ends before.
-        random_state
-            Seed of the signals.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
         Raises
         ------
         InvalidInputError
-            For an empty scan, or fewer neurons than this model has.
+            For an empty scan, fewer neurons than this model has, or options outside their range.
         """
+        options = {}
         with progress_callback(progress) as callback:
             return GasModel(
-                self._core.update(
-                    cloud,
-                    n_neurons=n_neurons,
-                    patterns=patterns,
-                    target_error=target_error,
-                    random_state=random_state,
-                    progress=callback,
-                )
+                self._core.update(cloud, options, n_neurons=n_neurons, progress=callback)
             )
 
     def mesh(self) -> NDArray[np.uint32]:
@@ -210,20 +153,7 @@ class GasModel(Model[_core.GasModel]):
 
 def learn_gas(
     cloud: PointCloud,
-    n_neurons: int = 10_000,
     *,
-    patterns: int = PATTERNS,
-    epsilon_w: float = 0.2,
-    epsilon_n: float = 0.006,
-    alpha: float = 0.5,
-    beta: float | None = None,
-    max_age: int = 50,
-    target_error: float | None = None,
-    passes: float | None = None,
-    position_step: float | None = None,
-    color_step: int = 8,
-    search: Literal["indexed", "brute-force"] = "indexed",
-    random_state: int = 0,
     progress: Progress = None,
 ) -> GasModel:
     """Learns a growing neural gas: as many neurons as asked for, spread over the scan.
@@ -234,65 +164,22 @@ def learn_gas(
     ----------
     cloud
         The scan.
-    n_neurons
-        Number of neurons, at most as many as the points have places.
-    patterns
-        Signals per inserted neuron (lambda).
-    epsilon_w, epsilon_n
-        Share of the way to a signal that the winner and its neighbours move.
-    alpha
-        Factor of the errors of the two neurons that a new one is put between.
-    beta
-        Share of every error that is forgotten with each signal (1 - d). By default 0.5 / n_neurons:
-        Fritzke's 0.005 for a hundred neurons, and the same memory per neuron for more.
-    max_age
-        Age above which an edge is removed.
-    target_error
-        Mean distance of signals to their neurons, metres, at which growth ends before `n_neurons`.
-    passes
-        Number of signals as a multiple of the number of points: learning ends there, whether or not
-        the network has grown up. By default there are `patterns` signals per neuron.
-    position_step
-        Rounding of positions, metres, taken to the next power of two below; by default a sixteenth
-        of the mean edge.
-    color_step
-        Rounding of colours, grey levels.
-    search
-        How winners are found: "brute-force" gives the same network, slowly.
-    random_state
-        Seed of the signals.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises
     ------
     InvalidInputError
-        For an empty scan, more neurons than places, or options outside their domains.
+        For an empty scan, more neurons than places, or options outside their range.
 
     Examples
     --------
     >>> import numpy as np, surfabet as sb
     >>> points = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
-    >>> model = sb.learn_gas(sb.PointCloud(points), 50)
+    >>> model = sb.learn_gas(sb.PointCloud(points), n_neurons=50)
     >>> len(model), model.components().max()
     (50, np.uint32(0))
     """
+    options = {}
     with progress_callback(progress) as callback:
-        learned = _core.learn_gas(
-            cloud,
-            n_neurons=n_neurons,
-            patterns=patterns,
-            epsilon_w=epsilon_w,
-            epsilon_n=epsilon_n,
-            alpha=alpha,
-            beta=beta,
-            max_age=max_age,
-            target_error=target_error,
-            passes=passes,
-            position_step=position_step,
-            color_step=color_step,
-            search=search,
-            random_state=random_state,
-            progress=callback,
-        )
-    return GasModel(learned)
+        return GasModel(_core.learn_gas(cloud, options, progress=callback))

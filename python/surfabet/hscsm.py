@@ -2,13 +2,13 @@
 
 One level is the Sparse Coded Surface Model (SCSM), several are the hierarchical one (HSCSM). The
 method is that of M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models,
-ICRA 2014, section III. `surfabet.learn_patches` makes these models with `method="hscsm"`.
+ICRA 2014, section III.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, final
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,16 @@ from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
-from surfabet.model import MAX_POINTS, Model
+from surfabet.model import Model
 
-__all__ = ["HscsmDictionary", "PatchLevel", "HscsmModel", "Patches", "SparseColumns", "learn"]
+__all__ = [
+    "HscsmDictionary",
+    "HscsmModel",
+    "PatchLevel",
+    "Patches",
+    "SparseColumns",
+    "learn_hscsm",
+]
 
 Channel = Literal["depth", "color"]
 
@@ -91,7 +98,7 @@ class Patches:
 class HscsmDictionary:
     """The dictionaries of a model, for other clouds to be described with; immutable.
 
-    Made by `HscsmModel.dictionary`. A model that `encode` makes holds no dictionary in its file,
+    Made by `HscsmModel.dictionary`. A model that `describe` makes holds no dictionary in its file,
     only the hash of this one, and needs it again when it is loaded.
     """
 
@@ -135,28 +142,31 @@ class HscsmDictionary:
         offsets = np.cumsum([0, *map(len, found)], dtype=np.int64)
         return np.concatenate(found), offsets
 
-    def encode(self, cloud: PointCloud, **options: Any) -> HscsmModel:
-        """Describes a cloud in these dictionaries: nothing is learned.
+    def describe(
+        self,
+        cloud: PointCloud,
+        *,
+        progress: Progress = None,
+    ) -> HscsmModel:
+        """Describes another cloud in these dictionaries: nothing is learned.
+
+        Resolution, levels and pixels of a patch are those of the dictionary.
 
         Parameters
         ----------
         cloud
-            What to describe; with colours only if the dictionary has colour.
-        options
-            As `learn_patches`; resolution, levels and pixels of a patch are those of the
-            dictionary.
+            The scan; with colours only if the dictionary has colour.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
 
         Raises
         ------
         InvalidInputError
-            As `learn_patches`, and for options that contradict the dictionary.
+            As `learn_hscsm`, and for a cloud with colours when the dictionary has none.
         """
-        from surfabet.patches import check_options
-
-        size, pixels = self.levels[-1]
-        hierarchy = {"resolution": size, "levels": len(self.levels), "patch_pixels": pixels}
-        check_options("hscsm", options)
-        return learn(cloud, dictionary=self, **{**hierarchy, **options})
+        options = {}
+        with progress_callback(progress) as callback:
+            return HscsmModel(self._core.describe(cloud, options, progress=callback))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, HscsmDictionary) and self.hash == other.hash
@@ -177,46 +187,11 @@ class HscsmDictionary:
 class HscsmModel(Model[_core.HscsmModel]):
     """A cloud as sparse-coded surface patches; immutable.
 
-    Made by `learn_patches` and `surfabet.load`.
+    Made by `learn_hscsm`, `HscsmDictionary.describe` and `surfabet.load`. It decodes (eq. 2 and 3)
+    to a spacing of half a pixel of the finest level by default, patch by patch.
     """
 
     __slots__ = ()
-
-    def decode(
-        self,
-        resolution: float | None = None,
-        *,
-        normals: bool = False,
-        max_points: int = MAX_POINTS,
-        progress: Progress = None,
-    ) -> PointCloud:
-        """The model as a cloud (eq. 2 and 3), at any spacing: patches are surfaces.
-
-        Parameters
-        ----------
-        resolution
-            Spacing of the points, metres; by default half a pixel.
-        normals
-            Give every point the unit normal of its patch surface.
-        max_points
-            Refuse to make more points than this.
-        progress
-            None, True for a bar on stderr, or a callable of stage and fraction.
-
-        Returns
-        -------
-        PointCloud
-            Points patch by patch; number and order are not those of the input.
-
-        Raises
-        ------
-        InvalidInputError
-            For a spacing that is not positive, or one that makes more than `max_points` points.
-        """
-        with progress_callback(progress) as callback:
-            return self._core.decode(
-                resolution=resolution, normals=normals, max_points=max_points, progress=callback
-            )
 
     @property
     def levels(self) -> tuple[PatchLevel, ...]:
@@ -248,11 +223,6 @@ class HscsmModel(Model[_core.HscsmModel]):
     def dictionary(self) -> HscsmDictionary:
         """The dictionaries of all levels, for other clouds to be described with."""
         return HscsmDictionary(self._core.dictionaries())
-
-    @property
-    def shares_dictionary(self) -> bool:
-        """Whether the file refers to the dictionary of another model instead of holding one."""
-        return self._core.shares_dictionary
 
     @property
     def patches(self) -> Patches:
@@ -315,49 +285,43 @@ class HscsmModel(Model[_core.HscsmModel]):
         return f"HscsmModel({self.n_points} points as {levels})"
 
 
-def learn(
+def learn_hscsm(
     cloud: PointCloud,
     *,
-    resolution: float = 0.01,
-    patch_pixels: int = 8,
-    levels: int = 1,
-    max_depth_deviation: float | None = None,
-    max_color_deviation: float = 60.0,
-    min_coverage: float = 0.9,
-    placement: Literal["greedy", "subsampled"] = "greedy",
-    depth_atoms: int = 128,
-    color_atoms: int = 256,
-    depth_sparsity: int = 6,
-    color_sparsity: int = 12,
-    depth_tolerance: float | None = None,
-    color_tolerance: float = 7.0,
-    iterations: int = 8,
-    sensor: Literal["structured-light", "constant"] = "structured-light",
-    random_state: int = 0,
-    dictionary: HscsmDictionary | None = None,
     progress: Progress = None,
 ) -> HscsmModel:
-    """As `surfabet.learn_patches` with `method="hscsm"`, or in a given dictionary."""
+    """Learns hierarchical sparse-coded surface patches, as published; one level is SCSM.
+
+    Patches have free poses, fixed thresholds pass them from level to level, and their depth and
+    colour are sparse codes over learned dictionaries, which can describe other clouds.
+
+    Parameters
+    ----------
+    cloud
+        The scan. Colours are kept when present; ranges weight the points by the depth error of
+        their sensor; viewpoints tell the two sides of a thin wall apart.
+    progress
+        None, True for a bar on stderr, or a callable of stage and fraction.
+
+    Returns
+    -------
+    HscsmModel
+        The same for the same cloud, options and seed, whatever the number of threads.
+
+    Raises
+    ------
+    InvalidInputError
+        For an empty cloud, options outside their range, or a scene too large for its resolution.
+
+    Examples
+    --------
+    >>> import numpy as np, surfabet as sb
+    >>> u, v = np.meshgrid(np.arange(0, 1, 0.005), np.arange(0, 1, 0.005))
+    >>> wall = sb.PointCloud(np.stack([u.ravel(), np.zeros(u.size), v.ravel()], axis=1))
+    >>> model = sb.learn_hscsm(wall, resolution=0.02)
+    >>> bool(np.abs(model.decode().points[:, 1]).max() < 0.002)
+    True
+    """
+    options = {}
     with progress_callback(progress) as callback:
-        learned = _core.learn_patches(
-            cloud,
-            resolution=resolution,
-            patch_pixels=patch_pixels,
-            levels=levels,
-            max_depth_deviation=max_depth_deviation,
-            max_color_deviation=max_color_deviation,
-            min_coverage=min_coverage,
-            placement=placement,
-            depth_atoms=depth_atoms,
-            color_atoms=color_atoms,
-            depth_sparsity=depth_sparsity,
-            color_sparsity=color_sparsity,
-            depth_tolerance=depth_tolerance,
-            color_tolerance=color_tolerance,
-            iterations=iterations,
-            sensor=sensor,
-            random_state=random_state,
-            dictionary=None if dictionary is None else dictionary._core,
-            progress=callback,
-        )
-    return HscsmModel(learned)
+        return HscsmModel(_core.learn_hscsm(cloud, options, progress=callback))

@@ -21,12 +21,13 @@ BYTES_PER_COLORED_POINT = 15
 class RangeSigma:
     """A tolerance that grows with the distance from the sensor.
 
-    It is scale * tan(angular_resolution / 2) * range: eq. 13 of the alphabet paper, with lambda as
-    `scale` and alpha, in radians, as `angular_resolution`.
+    It is sigma_scale * tan(angular_resolution / 2) * range: eq. 13 of the alphabet paper.
     """
 
-    scale: float
+    sigma_scale: float
+    """The factor lambda."""
     angular_resolution: float
+    """The angle alpha between neighbouring beams, degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,8 +179,9 @@ def evaluate(
     """
     if bytes is not None and bytes < 0:
         raise InvalidInputError(f"bytes is {bytes}, but must not be negative")
-    by_range = (sigma.scale, sigma.angular_resolution) if isinstance(sigma, RangeSigma) else None
-    distance = None if isinstance(sigma, RangeSigma) else sigma
+    distance, by_range = sigma, None
+    if isinstance(sigma, RangeSigma):
+        distance, by_range = None, (sigma.sigma_scale, sigma.angular_resolution)
     with progress_callback(progress) as callback:
         measures = _core.evaluate(
             reference, decoded, distance, by_range, peak, normal_neighbors, callback

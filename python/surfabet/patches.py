@@ -1,164 +1,164 @@
-"""Learning surface patches: the front door of both methods.
+"""Surface patches on a lattice: the most compact model of a scan, with its thickness.
 
-`surfabet.lattice` holds the models of "rate-distortion", `surfabet.hscsm` those of "hscsm".
+Patches follow the scene's own axes and share one pixel lattice; each is encoded in the way that
+costs least, bits weighed against squared error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Literal, overload
+from dataclasses import dataclass
+from typing import Literal, final
 
-from surfabet import hscsm, lattice
+import numpy as np
+from numpy.typing import NDArray
+
+from surfabet import _core
 from surfabet._core import PointCloud
-from surfabet._progress import Progress
-from surfabet.errors import InvalidInputError
-from surfabet.hscsm import HscsmModel
-from surfabet.lattice import PatchModel
+from surfabet._progress import Progress, progress_callback
+from surfabet.model import Model
 
-__all__ = ["learn_patches"]
+__all__ = ["LatticeLevel", "LatticePatches", "PatchModel", "learn_patches"]
 
 
-@overload
+@dataclass(frozen=True, slots=True)
+class LatticeLevel:
+    """All patches of one size."""
+
+    pixel_size: float
+    """Side of a pixel, metres."""
+    pixels: int
+    """Pixels per side of a patch."""
+    patches: int
+    """Number of patches."""
+    set_pixels: int
+    """Pixels that are set, over all patches."""
+
+    @property
+    def area(self) -> float:
+        """Area of the set pixels, square metres."""
+        return self.set_pixels * self.pixel_size**2
+
+
+@dataclass(frozen=True, slots=True)
+class LatticePatches:
+    """All m patches of a model as arrays, in the order of the file."""
+
+    poses: NDArray[np.float64]
+    """Patch to world, (m, 4, 4): columns are the directions of columns, rows and depth, and the
+    middle of the patch's square at depth zero."""
+    facing: NDArray[np.int64]
+    """1 where the surface is seen from growing depth, -1 from falling depth, (m,)."""
+    level: NDArray[np.int64]
+    """Level, 0 the coarsest as in `PatchModel.levels`, (m,)."""
+    size: NDArray[np.float64]
+    """Side of each patch, (m,), metres."""
+    masks: NDArray[np.bool_]
+    """Set pixels, (m, 8, 8), rows first."""
+    coefficients: NDArray[np.float64]
+    """Depth as a sum of shapes, (m, 21), metres: constant, tilts, then cosines by order; the guide
+    has their formulas."""
+    sigma: NDArray[np.float64]
+    """Standard deviation of the scan about the patch, (m,), metres."""
+
+    def __len__(self) -> int:
+        return len(self.level)
+
+
+@final
+class PatchModel(Model[_core.PatchModel]):
+    """A cloud as surface patches on a lattice, with thickness and colour; immutable.
+
+    Made by `learn_patches` and `surfabet.load`. It decodes to a spacing of half a pixel of the
+    finest level by default, patch by patch. The thin surface leaves fragments out: at most 16
+    finest pixels that touch nothing and stand 1.5 to 10 of them off a larger piece. Points that no
+    patch holds have no normal (zero).
+    """
+
+    __slots__ = ()
+
+    @property
+    def n_extra_points(self) -> int:
+        """Points that the model keeps beside its patches, for `max_error`."""
+        return self._core.n_extra_points
+
+    @property
+    def max_error(self) -> float | None:
+        """Largest distance of any input point to the cloud decoded as measured at the default
+        spacing, metres; None when no bound was asked for."""
+        return self._core.max_error
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Lattice to world, (3, 3): the scene's own axes as columns."""
+        return np.array(self._core.rotation)
+
+    @property
+    def levels(self) -> tuple[LatticeLevel, ...]:
+        """The levels of the hierarchy, coarsest first."""
+        return tuple(LatticeLevel(*level) for level in self._core.levels)
+
+    @property
+    def patches(self) -> LatticePatches:
+        """All patches as arrays."""
+        levels = self.levels
+        places = self._core.places()
+        sides, level, corners = places[:, 0], places[:, 1], places[:, 2:]
+        size = np.array([of.pixel_size * of.pixels for of in levels])[level]
+        depth_axis = sides // 2
+        axes = np.stack([(depth_axis + 1) % 3, (depth_axis + 2) % 3, depth_axis], axis=1)
+        middle = corners * levels[-1].pixel_size + size[:, None] / 2
+        local = np.zeros((len(places), 3))
+        np.put_along_axis(local, axes[:, :2], middle, axis=1)
+        poses = np.zeros((len(places), 4, 4))
+        poses[:, :3, :3] = self.rotation[:, axes].transpose(1, 0, 2)
+        poses[:, :3, 3] = local @ self.rotation.T + self.origin
+        poses[:, 3, 3] = 1
+        return LatticePatches(
+            poses=poses,
+            facing=1 - 2 * (sides % 2),
+            level=level,
+            size=size,
+            masks=self._core.masks(),
+            coefficients=self._core.coefficients(),
+            sigma=self._core.sigma(),
+        )
+
+    def __repr__(self) -> str:
+        counts = " + ".join(str(level.patches) for level in self.levels)
+        return (
+            f"PatchModel({self.n_points} points as {counts} patches with pixels of "
+            f"{' / '.join(f'{level.pixel_size:g}' for level in self.levels)} m"
+            + (", coloured" if self.has_color else "")
+            + ")"
+        )
+
+
 def learn_patches(
     cloud: PointCloud,
     *,
-    method: Literal["rate-distortion"] = ...,
-    resolution: float = ...,
-    levels: int = ...,
-    max_error: float | None = ...,
-    rate: float = ...,
-    depth_step: float = ...,
-    rounds: int = ...,
-    color_step: int = ...,
-    chroma_ratio: float = ...,
-    color_rate: float = ...,
-    sensor: Literal["structured-light", "constant"] = ...,
-    random_state: int = ...,
-    progress: Progress = ...,
-) -> PatchModel: ...
-@overload
-def learn_patches(
-    cloud: PointCloud,
-    *,
-    method: Literal["hscsm"],
-    resolution: float = ...,
-    patch_pixels: int = ...,
-    levels: int = ...,
-    max_depth_deviation: float | None = ...,
-    max_color_deviation: float = ...,
-    min_coverage: float = ...,
-    placement: Literal["greedy", "subsampled"] = ...,
-    depth_atoms: int = ...,
-    color_atoms: int = ...,
-    depth_sparsity: int = ...,
-    color_sparsity: int = ...,
-    depth_tolerance: float | None = ...,
-    color_tolerance: float = ...,
-    iterations: int = ...,
-    sensor: Literal["structured-light", "constant"] = ...,
-    random_state: int = ...,
-    progress: Progress = ...,
-) -> HscsmModel: ...
-def learn_patches(
-    cloud: PointCloud,
-    *,
-    method: Literal["rate-distortion", "hscsm"] = "rate-distortion",
     progress: Progress = None,
-    **options: Any,
-) -> PatchModel | HscsmModel:
-    """Learns a model of surface patches from a cloud.
+) -> PatchModel:
+    """Learns surface patches on the scene's own lattice, at the least cost in bits and error.
 
-    Two methods share the idea of patches with depth, colour and bitmask on several levels:
-
-    "rate-distortion", the default, lays patches along the scene's own axes on one lattice and says
-    of each what costs least, bits against squared error. It keeps the thickness of the scan, and
-    makes files that are many times smaller.
-
-    "hscsm" is the published method: free poses, fixed thresholds between levels, codes over
-    learned dictionaries; one level is SCSM. Its dictionaries can describe other clouds.
+    It keeps the thickness of the scan, and its files are the smallest of all methods.
 
     Parameters
     ----------
     cloud
-        What to describe. Colours are kept when present; ranges weight the points by the depth
-        error of their sensor; viewpoints tell the two sides of a thin wall apart.
-    method
-        "rate-distortion" or "hscsm".
-    resolution
-        Side of a pixel of the finest level, metres, by default 0.01: smaller detail is lost. The
-        one knob between size and error; all else follows it.
-    levels
-        Levels of the hierarchy; above the finest, pixels and patches double in size from level to
-        level. 1 to 4, by default 2, for "rate-distortion"; 1 to 8, by default 1, for "hscsm".
-    sensor
-        How the error of a range measurement grows: "structured-light" (with the square of the
-        distance, as Kinects do) or "constant". Without ranges all points weigh the same.
-    random_state
-        Seed of the dictionaries' first entries. "rate-distortion" leaves nothing to chance, so that
-        every seed gives the same.
+        The scan. Colours are kept when present; ranges weight the points by the depth error of
+        their sensor; viewpoints tell the two sides of a thin wall apart.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
-    Of "rate-distortion":
-
-    max_error
-        No input point is further than this from the cloud decoded as measured at
-        the default spacing, metres; points that would be are kept beside the patches.
-    rate
-        What a bit of geometry must save (lambda): squared error in squared pixels, summed over
-        pixels; by default 1.4. Larger makes smaller files.
-    depth_step
-        Rounding of depths, pixels of the finest level, by default 0.75.
-    rounds
-        How often patches are chosen, each time with the prices that the round
-        before taught, 1 to 10, by default 3.
-    color_step
-        Rounding of luma, grey levels of a single cell, by default 90; means over n cells are
-        rounded about sqrt(n) times finer.
-    chroma_ratio
-        Rounding of chroma as a multiple of luma's, by default 1.5.
-    color_rate
-        What a bit of colour must save, squared colour steps, by default 0.15.
-
-    Of "hscsm":
-
-    patch_pixels
-        Pixels per side of a patch, 2 to 32.
-    max_depth_deviation
-        Largest standard deviation of depth in a pixel, metres (rho_max_depth); by default
-        `resolution` / sqrt(3). What deviates more goes to the level below; the lowest level takes
-        all.
-    max_color_deviation
-        Largest standard deviation of colour in a pixel, root mean square over channels, 0..255
-        (rho_max_rgb).
-    min_coverage
-        Fraction of its pixels that a patch must cover, or the level below describes its surface.
-    placement
-        "greedy": best coverage first, then aligned neighbours; "subsampled": a patch per cube, as
-        SCSM does, to compare with.
-    depth_atoms, color_atoms
-        Most entries of the dictionaries of each level; those that no patch uses are dropped.
-    depth_sparsity, color_sparsity
-        Most dictionary entries that describe one patch (k of eq. 1), 1 to 64.
-    depth_tolerance
-        Coding of a patch's depth ends at this root mean square error on the lowest level, metres;
-        by default a fifth of `resolution`. Each level above has half the tolerance of the one
-        below, since its errors spread over larger patches.
-    color_tolerance
-        As `depth_tolerance` for colour, 0..255.
-    iterations
-        Most iterations of weighted K-SVD per dictionary.
-
     Returns
     -------
-    PatchModel or HscsmModel
-        The same for the same cloud, options and seed, whatever the number of threads.
+    PatchModel
+        The same for the same cloud and options, whatever the number of threads.
 
     Raises
     ------
     InvalidInputError
-        For an empty cloud, options outside their domain or of the other method, or a scene too
-        large for its resolution.
+        For an empty cloud, options outside their range, or a scene too large for its resolution.
 
     Examples
     --------
@@ -171,30 +171,6 @@ def learn_patches(
     >>> len(model.to_bytes()) < 300
     True
     """
-    check_options(method, options)
-    return LEARNERS[method](cloud, progress=progress, **options)
-
-
-LEARNERS: dict[str, Callable[..., PatchModel | HscsmModel]] = {
-    "rate-distortion": lattice.learn,
-    "hscsm": hscsm.learn,
-}
-
-
-def check_options(method: str, options: dict[str, Any]) -> None:
-    """Refuses options that the method does not have, naming the one that has them."""
-    if method not in LEARNERS:
-        known = " or ".join(f'"{name}"' for name in LEARNERS)
-        raise InvalidInputError(f"method is {method!r}, but must be {known}")
-    for name, value in options.items():
-        if name not in _options(LEARNERS[method]) | {"progress"}:
-            owner = next((m for m, f in LEARNERS.items() if name in _options(f)), None)
-            hint = f'; method="{owner}" has' if owner else ""
-            raise InvalidInputError(f'method="{method}" has no option {name!r}{hint}')
-        if isinstance(value, int | float) and value < 0:
-            raise InvalidInputError(f"{name} is {value}, but must not be negative")
-
-
-def _options(learner: Callable[..., Any]) -> set[str]:
-    """Names of the options that users may give."""
-    return {*(learner.__kwdefaults__ or {})} - {"dictionary", "progress"}
+    options = {}
+    with progress_callback(progress) as callback:
+        return PatchModel(_core.learn_patches(cloud, options, progress=callback))

@@ -21,7 +21,7 @@ from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
 from surfabet.io.polygons import EXPORTS, Surface
-from surfabet.model import MAX_POINTS, Model
+from surfabet.model import Model
 
 __all__ = [
     "PlaneFit",
@@ -93,49 +93,11 @@ class PlaneMesh:
 class PlaneModel(Model[_core.PlaneModel]):
     """A cloud as planar patches with tiles; immutable.
 
-    Made by `learn_planes` and `surfabet.load`. Everything in it is quantised already, so it decodes
-    to the same cloud before it is saved and after it is loaded.
+    Made by `learn_planes` and `surfabet.load`. It decodes to its supported tiles, at a spacing of
+    half the grid size by default.
     """
 
     __slots__ = ()
-
-    def decode(
-        self,
-        resolution: float | None = None,
-        *,
-        as_measured: bool = False,
-        normals: bool = False,
-        max_points: int = MAX_POINTS,
-        progress: Progress = None,
-    ) -> PointCloud:
-        """The supported tiles as a cloud at any spacing.
-
-        Parameters
-        ----------
-        resolution
-            Largest spacing of the points, metres; half the grid size by default.
-        as_measured
-            Spread the points across their planes as the scan's were, instead of on them.
-        normals
-            Give every point the unit normal of its patch.
-        max_points
-            Refuse to make more points than this.
-        progress
-            None, True for a bar on stderr, or a callable of stage and fraction.
-
-        Raises
-        ------
-        InvalidInputError
-            For a spacing that is not positive, or one that makes more than `max_points` points.
-        """
-        with progress_callback(progress) as callback:
-            return self._core.decode(
-                resolution=resolution,
-                as_measured=as_measured,
-                normals=normals,
-                max_points=max_points,
-                progress=callback,
-            )
 
     def segment(self, cloud: PointCloud, *, progress: Progress = None) -> NDArray[np.int32]:
         """The patch that each point of any cloud supports, (n,); -1 for outliers.
@@ -274,22 +236,7 @@ def _means(colors: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 def learn_planes(
     cloud: PointCloud,
     *,
-    initial_patches: int = 0,
-    min_grid_size: float | None = None,
-    weight_at_grid_size: float = 0.01,
-    split_threshold: float = 2 / 3,
-    merge_tolerance: float = 1.25,
-    em_steps: int = 2,
-    new_patches_every: int = 5,
-    max_iterations: int = 30,
-    tolerance: float = 0.01,
-    min_points: int | None = None,
-    min_purity: float = 0.85,
-    min_fill: float = 0.6,
-    max_bend: float = 1.55,
-    color_step: int = 8,
     weights: ArrayLike | None = None,
-    random_state: int = 0,
     progress: Progress = None,
 ) -> PlaneModel:
     """Learns planar patches: as many as the scan has, by EM with split and merge.
@@ -302,51 +249,15 @@ def learn_planes(
     ----------
     cloud
         The scan.
-    initial_patches
-        Number of patches to start from, placed at random; 0 takes them from the data.
-    min_grid_size
-        Grid size (G) that the learned one does not fall below, metres: flat is what is flat at this
-        size. By default the data's own resolution.
-    weight_at_grid_size
-        Weight of a point at distance G before normalisation (W).
-    split_threshold
-        A patch is split where its density falls below this share of the mean.
-    merge_tolerance
-        By which factor points of either of two patches may be further from their common plane than
-        from their own for the two to merge; infinite leaves the paper's two conditions alone.
-    em_steps
-        Passes of E-step, M-step and trimming before each split and each merge.
-    new_patches_every
-        Iterations after which patches are added where many points support none.
-    max_iterations
-        Most iterations of EMPF, split, EMPF, merge.
-    tolerance
-        Learning ends when the mean distance of points to their patches and the share of points that
-        support one change by less than this share.
-    min_points
-        Points that a patch needs. By default a thousandth of all points, 30 at least.
-    min_purity
-        Least share of the points before and behind a patch, up to the grid size, that support it;
-        patches through clutter have less. 0 keeps them. Patches with 20 times `min_points` are kept
-        whatever this and the next two say.
-    min_fill
-        Least share of a patch's rectangle that its supported tiles cover. 0 keeps all.
-    max_bend
-        Largest ratio of the standard deviation of points about their patch to that about the mean
-        of their tile; patches across corners or along something bent have more. `inf` keeps them.
-    color_step
-        Rounding of the tiles' colours, grey levels.
     weights
         By how much each point counts, (n,), not negative; one if None.
-    random_state
-        Seed of the initial patches.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
     Raises
     ------
     InvalidInputError
-        For an empty scan, or weights or options outside their domains.
+        For an empty scan, or weights or options outside their range.
 
     Examples
     --------
@@ -357,27 +268,9 @@ def learn_planes(
     >>> len(model), np.abs(model.planes.normals).round(3).max(axis=1)
     (2, array([1., 1.]))
     """
+    options = {}
     with progress_callback(progress) as callback:
-        learned = _core.learn_planes(
-            cloud,
-            initial_patches=initial_patches,
-            min_grid_size=min_grid_size,
-            weight_at_grid_size=weight_at_grid_size,
-            split_threshold=split_threshold,
-            merge_tolerance=merge_tolerance,
-            em_steps=em_steps,
-            new_patches_every=new_patches_every,
-            max_iterations=max_iterations,
-            tolerance=tolerance,
-            min_points=min_points,
-            min_purity=min_purity,
-            min_fill=min_fill,
-            max_bend=max_bend,
-            color_step=color_step,
-            weights=weights,
-            random_state=random_state,
-            progress=callback,
-        )
+        learned = _core.learn_planes(cloud, options, weights=weights, progress=callback)
     return PlaneModel(learned)
 
 

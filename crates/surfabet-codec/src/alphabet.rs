@@ -46,7 +46,7 @@ impl Layout for AlphabetModel {
         }
         // The deviation is for information only. Zero: no range was known.
         let deviation = &mut scene.deviation;
-        fields.single(&mut deviation.scale)?;
+        fields.single(&mut deviation.sigma_scale)?;
         let mut angle = deviation.angular_resolution.unwrap_or(0.0);
         fields.single(&mut angle)?;
         deviation.angular_resolution = (angle > 0.0).then_some(angle);

@@ -4,6 +4,9 @@
 //! georeferenced coordinates keep their millimetres while the work stays in single precision; sums are
 //! accumulated in `f64`.
 
+mod box_tree;
+mod boxes;
+pub mod cells;
 mod cloud;
 mod error;
 mod kdtree;
@@ -17,8 +20,11 @@ mod pose;
 mod progress;
 mod range_image;
 mod reduce;
+pub mod vector;
 mod voxel_grid;
 
+pub use box_tree::{BoxTree, Union, arrange, boxes_of};
+pub use boxes::Aabb;
 pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
 pub use error::{Error, Result};
 pub use kdtree::{KdTree, Neighbor, Neighborhoods};

@@ -1,5 +1,7 @@
 //! The one error type of this crate.
 
+use std::borrow::Cow;
+
 use surfabet_geom::Cancelled;
 
 /// Shorthand for results of this crate.
@@ -17,7 +19,17 @@ pub enum Error {
         /// The value given, as text.
         value: String,
         /// What it has to satisfy.
-        requirement: &'static str,
+        requirement: Cow<'static, str>,
+    },
+    /// A parameter is of another type.
+    #[error("{name} is {value}, but must be {requirement}")]
+    InvalidType {
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value given, as text.
+        value: String,
+        /// What it has to satisfy.
+        requirement: Cow<'static, str>,
     },
     /// There is nothing to learn from.
     #[error("the cloud is empty; a model needs at least one point")]
@@ -96,9 +108,9 @@ impl Error {
     pub fn invalid(
         name: &'static str,
         value: impl std::fmt::Display,
-        requirement: &'static str,
+        requirement: impl Into<Cow<'static, str>>,
     ) -> Self {
-        Self::InvalidParameter { name, value: value.to_string(), requirement }
+        Self::InvalidParameter { name, value: value.to_string(), requirement: requirement.into() }
     }
 }
 

@@ -17,6 +17,7 @@ mod extent;
 pub mod gas;
 mod groups;
 pub mod hscsm;
+pub mod options;
 pub mod patches;
 pub mod planes;
 mod points;
@@ -32,6 +33,6 @@ mod vector;
 
 pub use contract::{Budget, DecodeOptions, NoVocabulary, Source, SurfaceModel};
 pub use error::{Error, Result};
-pub use report::{Report, Stage};
+pub use report::{Figures, Named, Report, Stage};
 pub use sensor::Sensor;
 pub use summary::{Fact, Summary};

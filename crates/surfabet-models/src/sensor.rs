@@ -5,6 +5,7 @@
 
 use surfabet_geom::PointCloud;
 
+use crate::options::choices;
 use crate::vector::{minus, unit};
 
 /// Depth error as a function of the measured distance.
@@ -18,6 +19,7 @@ pub enum Sensor {
     /// The same error at every distance, as for most laser scanners indoors.
     Constant,
 }
+choices!(Sensor { StructuredLight = "structured-light", Constant = "constant" });
 
 impl Sensor {
     /// Standard deviation of a depth measurement at distance `range` (metres), metres. A range of zero means

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use surfabet::alphabet;
-use surfabet::{Alphabet, AlphabetModel, AlphabetOptions, Deviation, Layout, Occurrence};
+use surfabet::{Alphabet, AlphabetModel, Layout, Occurrence};
 
 use crate::cloud::PyPointCloud;
 use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
 
 /// Words for any number of scenes; immutable.
@@ -26,52 +28,37 @@ pub struct PyAlphabetModel {
 
 model_class!(AlphabetModel, PyAlphabetModel);
 
-/// Learns an alphabet, or describes a cloud by the one given; documented in `surfabet.alphabet`.
+/// Learns an alphabet; documented in `surfabet.alphabet`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, alphabet, radius, scales, max_words, inlier_bits, outlier_bits, spacing, rounds,
-                    sigma_scale, angular_resolution, noise, min_range, color_step, progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (cloud, options, *, progress))]
 fn learn_alphabet(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    alphabet: Option<&Bound<'_, PyAlphabet>>,
-    radius: Option<f64>,
-    scales: u32,
-    max_words: u32,
-    inlier_bits: f64,
-    outlier_bits: f64,
-    spacing: f64,
-    rounds: u32,
-    sigma_scale: f64,
-    angular_resolution: Option<f64>,
-    noise: Option<f64>,
-    min_range: f64,
-    color_step: u32,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAlphabetModel>> {
-    let options = AlphabetOptions {
-        radius,
-        scales,
-        max_words,
-        point_bits: inlier_bits,
-        lone_bits: outlier_bits,
-        spacing,
-        rounds,
-        deviation: Deviation { scale: sigma_scale, angular_resolution, noise },
-        min_range,
-        color_step,
-    };
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let alphabet = alphabet.map(|a| &a.get().alphabet);
-    let model = run(py, progress, |monitor| match alphabet {
-        Some(alphabet) => alphabet::describe(cloud, alphabet, &options, monitor),
-        None => alphabet::learn(cloud, &options, monitor),
-    })?;
-    wrap(py, model)
+    wrap(py, run(py, progress, |monitor| alphabet::learn(cloud, &options, monitor))?)
 }
 
 #[pymethods]
 impl PyAlphabet {
+    /// Describes a cloud by these words; documented in `surfabet.alphabet`.
+    #[pyo3(signature = (cloud, options, *, progress))]
+    fn describe(
+        slf: &Bound<'_, Self>,
+        cloud: &Bound<'_, PyPointCloud>,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Py<PyAlphabetModel>> {
+        let options = options_of(options)?;
+        let (words, cloud) = (&slf.get().alphabet, &cloud.get().cloud);
+        let describe =
+            |monitor: &dyn surfabet::Progress| alphabet::describe(cloud, words, &options, monitor);
+        wrap(slf.py(), run(slf.py(), progress, describe)?)
+    }
+
     #[getter]
     fn radius(&self) -> f64 {
         self.alphabet.radius()
@@ -117,11 +104,11 @@ impl PyAlphabetModel {
         PyAlphabet { alphabet: self.model.alphabet().clone() }
     }
 
-    /// Scale, angular resolution (radians) and noise (metres) of sigma.
+    /// Factor, angular resolution (degrees) and noise (metres) of sigma.
     #[getter]
     fn deviation(&self) -> (f64, Option<f64>, f64) {
         let of = self.model.header().deviation;
-        (of.scale, of.angular_resolution, of.noise.unwrap_or(0.0))
+        (of.sigma_scale, of.angular_resolution.map(f64::to_degrees), of.noise.unwrap_or(0.0))
     }
 
     /// Sigma at no range, metres.

@@ -6,29 +6,13 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surfabet::{
-    BicAlphabet, BicAlphabetModel, BicAlphabetOptions, Deviation, Layout, Upright, bic_alphabet,
-};
+use surfabet::{BicAlphabet, BicAlphabetModel, Layout, bic_alphabet};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
 use crate::model::{PyModel, model_class, wrap};
+use crate::options::{options_of, options_onto};
 use crate::run::run;
-
-/// The names of the upright rules.
-const UPRIGHT: [(&str, Upright); 3] =
-    [("x", Upright::WorldX), ("z", Upright::WorldZ), ("view", Upright::ViewDirection)];
-
-fn upright_of(name: &str) -> PyResult<Upright> {
-    UPRIGHT.iter().find(|(n, _)| *n == name).map(|(_, rule)| *rule).ok_or_else(|| {
-        invalid_input(format!("upright is {name:?}, but must be \"x\", \"z\" or \"view\""))
-    })
-}
-
-fn upright_name(rule: Upright) -> &'static str {
-    // Every rule is in the list.
-    UPRIGHT.iter().find(|(_, r)| *r == rule).map_or("x", |(name, _)| name)
-}
 
 /// Words in their own frames; immutable.
 #[pyclass(name = "BicAlphabet", module = "surfabet", frozen)]
@@ -38,19 +22,25 @@ pub struct PyBicAlphabet {
 
 #[pymethods]
 impl PyBicAlphabet {
+    /// Describes a cloud in these words; documented in `surfabet.bic_alphabet`.
+    #[pyo3(signature = (cloud, options, *, progress))]
+    fn describe(
+        slf: &Bound<'_, Self>,
+        cloud: &Bound<'_, PyPointCloud>,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Py<PyBicAlphabetModel>> {
+        let words = &slf.get().alphabet;
+        let options = options_onto(words.options(), options)?;
+        let cloud = &cloud.get().cloud;
+        let model = run(slf.py(), progress, |monitor| words.describe(cloud, &options, monitor))?;
+        // The file names the alphabet and does not hold it.
+        wrap(slf.py(), model.sharing_alphabet(true))
+    }
+
     #[getter]
     fn radius(&self) -> f64 {
         self.alphabet.radius()
-    }
-
-    #[getter]
-    fn descriptor_pixels(&self) -> u32 {
-        self.alphabet.shape().descriptor_pixels
-    }
-
-    #[getter]
-    fn upright(&self) -> &'static str {
-        upright_name(self.alphabet.upright())
     }
 
     #[getter]
@@ -90,118 +80,22 @@ pub struct PyBicAlphabetModel {
 
 model_class!(BicAlphabetModel, PyBicAlphabetModel);
 
-/// Learns an alphabet by BIC, or describes a cloud with a given one.
+/// Learns an alphabet by BIC; documented in `surfabet.bic_alphabet`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, radius, scale, angular_resolution, noise, min_range, epsilon, feature_spacing,
-                    interest_scales, interest_threshold, normal_neighbors, upright, descriptor_pixels,
-                    empty_penalty, floor, min_points, iterations, max_rejections, reduce, random_state,
-                    alphabet, progress))]
-#[allow(clippy::too_many_arguments)]
-fn learn_bic(
+#[pyo3(signature = (cloud, options, *, progress))]
+fn learn_bic_alphabet(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    radius: f64,
-    scale: f64,
-    angular_resolution: Option<f64>,
-    noise: Option<f64>,
-    min_range: f64,
-    epsilon: Option<f64>,
-    feature_spacing: Option<f64>,
-    interest_scales: Vec<f64>,
-    interest_threshold: f64,
-    normal_neighbors: u32,
-    upright: &str,
-    descriptor_pixels: u32,
-    empty_penalty: f64,
-    floor: f64,
-    min_points: u32,
-    iterations: u32,
-    max_rejections: u32,
-    reduce: bool,
-    random_state: u64,
-    alphabet: Option<&Bound<'_, PyBicAlphabet>>,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyBicAlphabetModel>> {
-    let options = BicAlphabetOptions {
-        radius,
-        deviation: Deviation { scale, angular_resolution, noise },
-        min_range,
-        epsilon,
-        feature_spacing,
-        interest_scales,
-        interest_threshold,
-        normal_neighbors,
-        upright: upright_of(upright)?,
-        descriptor_pixels,
-        empty_penalty,
-        floor,
-        min_points,
-        iterations,
-        max_rejections,
-        reduce,
-        random_state,
-    };
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let alphabet = alphabet.map(|a| &a.get().alphabet);
-    let model = run(py, progress, |monitor| match alphabet {
-        Some(alphabet) => alphabet.describe(cloud, &options, monitor),
-        None => bic_alphabet::learn(cloud, &options, monitor),
-    })?;
-    wrap(py, model)
-}
-
-/// The defaults of [`learn_bic`], by name.
-#[pyfunction]
-fn bic_defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-    let BicAlphabetOptions {
-        radius,
-        deviation: Deviation { scale, angular_resolution, noise },
-        min_range,
-        epsilon,
-        feature_spacing,
-        interest_scales,
-        interest_threshold,
-        normal_neighbors,
-        upright,
-        descriptor_pixels,
-        empty_penalty,
-        floor,
-        min_points,
-        iterations,
-        max_rejections,
-        reduce,
-        random_state,
-    } = BicAlphabetOptions::default();
-    let dict = PyDict::new(py);
-    dict.set_item("radius", radius)?;
-    dict.set_item("scale", scale)?;
-    dict.set_item("angular_resolution", angular_resolution)?;
-    dict.set_item("noise", noise)?;
-    dict.set_item("min_range", min_range)?;
-    dict.set_item("epsilon", epsilon)?;
-    dict.set_item("feature_spacing", feature_spacing)?;
-    dict.set_item("interest_scales", interest_scales)?;
-    dict.set_item("interest_threshold", interest_threshold)?;
-    dict.set_item("normal_neighbors", normal_neighbors)?;
-    dict.set_item("upright", upright_name(upright))?;
-    dict.set_item("descriptor_pixels", descriptor_pixels)?;
-    dict.set_item("empty_penalty", empty_penalty)?;
-    dict.set_item("floor", floor)?;
-    dict.set_item("min_points", min_points)?;
-    dict.set_item("iterations", iterations)?;
-    dict.set_item("max_rejections", max_rejections)?;
-    dict.set_item("reduce", reduce)?;
-    dict.set_item("random_state", random_state)?;
-    Ok(dict)
+    wrap(py, run(py, progress, |monitor| bic_alphabet::learn(cloud, &options, monitor))?)
 }
 
 #[pymethods]
 impl PyBicAlphabetModel {
-    /// This model with its alphabet left out of files (true) or in them (false).
-    fn sharing_alphabet(&self, py: Python<'_>, shares: bool) -> PyResult<Py<Self>> {
-        wrap(py, BicAlphabetModel::clone(&self.model).sharing_alphabet(shares))
-    }
-
     #[getter]
     fn epsilon(&self) -> f64 {
         self.model.epsilon()
@@ -242,6 +136,5 @@ impl PyBicAlphabetModel {
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyBicAlphabetModel>()?;
     module.add_class::<PyBicAlphabet>()?;
-    module.add_function(wrap_pyfunction!(learn_bic, module)?)?;
-    module.add_function(wrap_pyfunction!(bic_defaults, module)?)
+    module.add_function(wrap_pyfunction!(learn_bic_alphabet, module)?)
 }

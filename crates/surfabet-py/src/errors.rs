@@ -2,17 +2,37 @@
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
+use pyo3::types::{IntoPyDict, PyDict};
 
 fn raise(class: &str, message: String) -> PyErr {
-    Python::attach(|py| {
-        let class = match py.import("surfabet.errors").and_then(|m| m.getattr(class)) {
-            Ok(class) => class,
-            Err(error) => return error,
-        };
-        match class.call1((message,)) {
-            Ok(instance) => PyErr::from_value(instance),
-            Err(error) => error,
-        }
+    raise_with(class, message, |_| Ok(None))
+}
+
+/// Raises with the keywords that `keywords` gives.
+fn raise_with(
+    class: &str,
+    message: String,
+    keywords: impl for<'py> FnOnce(Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>>,
+) -> PyErr {
+    let made = Python::attach(|py| {
+        let class = py.import("surfabet.errors")?.getattr(class)?;
+        let instance = class.call((message,), keywords(py)?.as_ref())?;
+        Ok(PyErr::from_value(instance))
+    });
+    made.unwrap_or_else(|error| error)
+}
+
+/// `class` for the argument `name`, with `value` as it is shown.
+fn invalid_argument(
+    class: &str,
+    message: String,
+    name: &str,
+    value: &str,
+    requirement: &str,
+) -> PyErr {
+    raise_with(class, message, |py| {
+        let keywords = [("argument", name), ("value", value), ("requirement", requirement)];
+        keywords.into_py_dict(py).map(Some)
     })
 }
 
@@ -34,9 +54,13 @@ pub trait IntoPyErr {
 
 impl IntoPyErr for surfabet_geom::Error {
     fn into_py_err(self) -> PyErr {
+        let message = self.to_string();
         match self {
             Self::Cancelled(_) => cancelled(),
-            other => invalid_input(other),
+            Self::InvalidParameter { name, value, requirement } => {
+                invalid_argument("InvalidInputError", message, name, &value, requirement)
+            }
+            _ => invalid_input(message),
         }
     }
 }
@@ -52,11 +76,18 @@ fn format_error(message: impl std::fmt::Display) -> PyErr {
 
 impl IntoPyErr for surfabet_models::Error {
     fn into_py_err(self) -> PyErr {
+        let message = self.to_string();
         match self {
             Self::Geometry(error) => error.into_py_err(),
             Self::Cancelled(_) => cancelled(),
             Self::Sparse(surfabet_sparse::Error::Cancelled) => cancelled(),
-            other => invalid_input(other),
+            Self::InvalidParameter { name, value, requirement } => {
+                invalid_argument("InvalidInputError", message, name, &value, &requirement)
+            }
+            Self::InvalidType { name, value, requirement } => {
+                invalid_argument("InvalidTypeError", message, name, &value, &requirement)
+            }
+            _ => invalid_input(message),
         }
     }
 }

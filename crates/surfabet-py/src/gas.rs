@@ -5,12 +5,13 @@ use std::sync::Arc;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
-use surfabet::gas::{self, Search};
-use surfabet::{GasModel, GasOptions};
+use pyo3::types::PyDict;
+use surfabet::{GasModel, gas};
 
 use crate::cloud::PyPointCloud;
-use crate::errors::{IntoPyErr, invalid_input};
+use crate::errors::IntoPyErr;
 use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
 
 /// A cloud as a gas of neurons with a topology; immutable.
@@ -23,55 +24,16 @@ model_class!(GasModel, PyGasModel);
 
 /// Learns a gas; documented in `surfabet.gas`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, n_neurons, patterns, epsilon_w, epsilon_n, alpha, beta, max_age, target_error,
-                    passes, position_step, color_step, search, random_state, progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (cloud, options, *, progress))]
 fn learn_gas(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    n_neurons: usize,
-    patterns: u32,
-    epsilon_w: f64,
-    epsilon_n: f64,
-    alpha: f64,
-    beta: Option<f64>,
-    max_age: u32,
-    target_error: Option<f64>,
-    passes: Option<f64>,
-    position_step: Option<f64>,
-    color_step: u32,
-    search: &str,
-    random_state: u64,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyGasModel>> {
-    let options = GasOptions {
-        n_neurons,
-        patterns,
-        epsilon_w,
-        epsilon_n,
-        alpha,
-        beta,
-        max_age,
-        target_error,
-        passes,
-        position_step,
-        color_step,
-        search: search_of(search)?,
-        random_state,
-    };
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let model = run(py, progress, |monitor| gas::learn(cloud, &options, monitor))?;
-    wrap(py, model)
-}
-
-fn search_of(name: &str) -> PyResult<Search> {
-    match name {
-        "indexed" => Ok(Search::Indexed),
-        "brute-force" => Ok(Search::BruteForce),
-        other => Err(invalid_input(format!(
-            "search is {other:?}, but must be \"indexed\" or \"brute-force\""
-        ))),
-    }
+    wrap(py, run(py, progress, |monitor| gas::learn(cloud, &options, monitor))?)
 }
 
 impl PyGasModel {
@@ -86,18 +48,16 @@ impl PyGasModel {
 
 #[pymethods]
 impl PyGasModel {
-    #[pyo3(signature = (cloud, *, n_neurons, patterns, target_error, random_state, progress))]
+    #[pyo3(signature = (cloud, options, *, n_neurons, progress))]
     fn update(
         slf: &Bound<'_, Self>,
         cloud: &Bound<'_, PyPointCloud>,
+        options: &Bound<'_, PyDict>,
         n_neurons: Option<usize>,
-        patterns: u32,
-        target_error: Option<f64>,
-        random_state: u64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Py<Self>> {
+        let options = options_of(options)?;
         let (model, cloud) = (&slf.get().model, &cloud.get().cloud);
-        let options = GasOptions { patterns, target_error, random_state, ..GasOptions::default() };
         let updated =
             run(slf.py(), progress, |monitor| model.update(cloud, n_neurons, &options, monitor))?;
         wrap(slf.py(), updated)

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use surfabet::hscsm::Placement;
-use surfabet::{HscsmDictionary, HscsmModel, HscsmOptions, Layout, Sensor, hscsm};
+use pyo3::types::PyDict;
+use surfabet::{HscsmDictionary, HscsmModel, Layout, hscsm};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
 use crate::model::{PyModel, model_class, wrap};
+use crate::options::{options_of, options_onto};
 use crate::run::run;
 
 /// A cloud as sparse-coded surface patches; immutable.
@@ -29,6 +30,22 @@ pub struct PyHscsmDictionary {
 
 #[pymethods]
 impl PyHscsmDictionary {
+    /// Describes a cloud in these dictionaries; documented in `surfabet.hscsm`.
+    #[pyo3(signature = (cloud, options, *, progress))]
+    fn describe(
+        slf: &Bound<'_, Self>,
+        cloud: &Bound<'_, PyPointCloud>,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Py<PyHscsmModel>> {
+        let dictionary = &slf.get().dictionary;
+        let options = options_onto(dictionary.options(), options)?;
+        let cloud = &cloud.get().cloud;
+        let describe =
+            |monitor: &dyn surfabet::Progress| hscsm::encode(cloud, &options, dictionary, monitor);
+        wrap(slf.py(), run(slf.py(), progress, describe)?)
+    }
+
     /// `(pixel_size, pixels)` of each level, coarsest first.
     #[getter]
     fn levels(&self) -> Vec<(f64, u32)> {
@@ -69,69 +86,18 @@ fn unknown_channel(other: &str) -> PyErr {
     invalid_input(format!("channel is {other:?}, but must be \"depth\" or \"color\""))
 }
 
-/// Learns surface patches, or describes a cloud in given dictionaries; documented in `surfabet.patches`.
+/// Learns sparse-coded surface patches; documented in `surfabet.hscsm`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, resolution, patch_pixels, levels, max_depth_deviation, max_color_deviation,
-                    min_coverage, placement, depth_atoms, color_atoms, depth_sparsity, color_sparsity,
-                    depth_tolerance, color_tolerance, iterations, sensor, random_state, dictionary, progress))]
-#[allow(clippy::too_many_arguments)]
-fn learn_patches(
+#[pyo3(signature = (cloud, options, *, progress))]
+fn learn_hscsm(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    resolution: f64,
-    patch_pixels: u32,
-    levels: u32,
-    max_depth_deviation: Option<f64>,
-    max_color_deviation: f64,
-    min_coverage: f64,
-    placement: &str,
-    depth_atoms: u32,
-    color_atoms: u32,
-    depth_sparsity: u32,
-    color_sparsity: u32,
-    depth_tolerance: Option<f64>,
-    color_tolerance: f64,
-    iterations: u32,
-    sensor: &str,
-    random_state: u64,
-    dictionary: Option<&Bound<'_, PyHscsmDictionary>>,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyHscsmModel>> {
-    let sensor = sensor_of(sensor)?;
-    let placement = match placement {
-        "greedy" => Placement::Greedy,
-        "subsampled" => Placement::Subsampled,
-        other => {
-            return Err(invalid_input(format!(
-                "placement is {other:?}, but must be \"greedy\" or \"subsampled\""
-            )));
-        }
-    };
-    let options = HscsmOptions {
-        resolution,
-        patch_pixels,
-        levels,
-        max_depth_deviation,
-        max_color_deviation,
-        min_coverage,
-        placement,
-        depth_atoms,
-        color_atoms,
-        depth_sparsity,
-        color_sparsity,
-        depth_tolerance,
-        color_tolerance,
-        iterations,
-        sensor,
-        random_state,
-    };
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let dictionary = dictionary.map(|d| &d.get().dictionary);
-    let model = run(py, progress, |monitor| match dictionary {
-        None => hscsm::learn(cloud, &options, monitor),
-        Some(dictionary) => hscsm::encode(cloud, &options, dictionary, monitor),
-    })?;
-    wrap(py, model)
+    wrap(py, run(py, progress, |monitor| hscsm::learn(cloud, &options, monitor))?)
 }
 
 #[pymethods]
@@ -266,20 +232,9 @@ impl PyHscsmModel {
     }
 }
 
-/// The sensor of a name.
-pub fn sensor_of(name: &str) -> PyResult<Sensor> {
-    match name {
-        "structured-light" => Ok(Sensor::StructuredLight),
-        "constant" => Ok(Sensor::Constant),
-        other => Err(invalid_input(format!(
-            "sensor is {other:?}, but must be \"structured-light\" or \"constant\""
-        ))),
-    }
-}
-
 /// Adds this file's names to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyHscsmModel>()?;
     module.add_class::<PyHscsmDictionary>()?;
-    module.add_function(wrap_pyfunction!(learn_patches, module)?)
+    module.add_function(wrap_pyfunction!(learn_hscsm, module)?)
 }

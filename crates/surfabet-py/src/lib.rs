@@ -17,6 +17,7 @@ mod metrics;
 mod model;
 mod normals;
 mod octree;
+mod options;
 mod patches;
 mod planes;
 mod range_image;
@@ -52,6 +53,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     metrics::register(module)?;
     normals::register(module)?;
     octree::register(module)?;
+    options::register(module)?;
     range_image::register(module)?;
     voxel_grid::register(module)?;
     sparse::register(module)?;

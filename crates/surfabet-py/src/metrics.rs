@@ -7,7 +7,7 @@ use surfabet_geom::{EvaluateOptions, Tolerance, evaluate as measure};
 use crate::cloud::PyPointCloud;
 use crate::run::run;
 
-/// Measures by name; `None` where they do not apply. `sigma_by_range` is (scale, angular resolution).
+/// Measures by name; `None` where they do not apply. `sigma_by_range` is (factor, angular resolution in degrees).
 #[pyfunction]
 #[pyo3(signature = (reference, decoded, sigma, sigma_by_range, peak, normal_neighbors, progress))]
 #[allow(clippy::too_many_arguments)]
@@ -22,8 +22,10 @@ fn evaluate<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let tolerance = sigma.map(Tolerance::Distance).or_else(|| {
-        sigma_by_range
-            .map(|(scale, angular_resolution)| Tolerance::Range { scale, angular_resolution })
+        sigma_by_range.map(|(scale, degrees)| Tolerance::Range {
+            scale,
+            angular_resolution: degrees.to_radians(),
+        })
     });
     let options = EvaluateOptions { tolerance, peak, normal_neighbors };
     let (reference, decoded) = (&reference.get().cloud, &decoded.get().cloud);

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use surfabet::{PatchModel, PatchesOptions, patches};
+use pyo3::types::PyDict;
+use surfabet::{PatchModel, patches};
 
 use crate::cloud::PyPointCloud;
-use crate::hscsm::sensor_of;
 use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
 
 /// A cloud as patches on a lattice; immutable.
@@ -20,41 +21,18 @@ pub struct PyPatchModel {
 
 model_class!(PatchModel, PyPatchModel);
 
-/// Learns patches on a lattice; documented in `surfabet.patches`.
+/// Learns patches; documented in `surfabet.patches`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, resolution, levels, rate, depth_step, rounds, color_step, chroma_ratio,
-                    color_rate, max_error, sensor, progress))]
-#[allow(clippy::too_many_arguments)]
-fn learn_lattice(
+#[pyo3(signature = (cloud, options, *, progress))]
+fn learn_patches(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    resolution: f64,
-    levels: u32,
-    rate: f64,
-    depth_step: u32,
-    rounds: u32,
-    color_step: u32,
-    chroma_ratio: f64,
-    color_rate: f64,
-    max_error: Option<f64>,
-    sensor: &str,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyPatchModel>> {
-    let options = PatchesOptions {
-        resolution,
-        levels,
-        lambda: rate,
-        depth_step,
-        rounds,
-        color_step,
-        chroma_ratio,
-        color_lambda: color_rate,
-        max_error,
-        sensor: sensor_of(sensor)?,
-    };
+    let options = options_of(options)?;
     let cloud = &cloud.get().cloud;
-    let model = run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?;
-    wrap(py, model)
+    wrap(py, run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?)
 }
 
 #[pymethods]
@@ -126,5 +104,5 @@ impl PyPatchModel {
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPatchModel>()?;
-    module.add_function(wrap_pyfunction!(learn_lattice, module)?)
+    module.add_function(wrap_pyfunction!(learn_patches, module)?)
 }

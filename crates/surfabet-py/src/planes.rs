@@ -5,13 +5,15 @@ use std::sync::Arc;
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use surfabet::PlaneModel;
 use surfabet::planes::{self, Frame, Patch, Points};
-use surfabet::{PlaneModel, PlanesOptions};
 
 use crate::arrays::{column_f32, rows3};
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
 use crate::model::{PyModel, model_class, wrap};
+use crate::options::options_of;
 use crate::run::run;
 
 /// A cloud as planar patches with tiles; immutable.
@@ -28,49 +30,15 @@ fn weights_of(weights: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<f32>>> 
 
 /// Learns planes; documented in `surfabet.planes`.
 #[pyfunction]
-#[pyo3(signature = (cloud, *, initial_patches, min_grid_size, weight_at_grid_size, split_threshold, merge_tolerance,
-                    em_steps, new_patches_every, max_iterations, tolerance, min_points, min_purity, min_fill, max_bend,
-                    color_step, weights,
-                    random_state, progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (cloud, options, *, weights, progress))]
 fn learn_planes(
     py: Python<'_>,
     cloud: &Bound<'_, PyPointCloud>,
-    initial_patches: usize,
-    min_grid_size: Option<f64>,
-    weight_at_grid_size: f64,
-    split_threshold: f64,
-    merge_tolerance: f64,
-    em_steps: usize,
-    new_patches_every: usize,
-    max_iterations: usize,
-    tolerance: f64,
-    min_points: Option<usize>,
-    min_purity: f64,
-    min_fill: f64,
-    max_bend: f64,
-    color_step: u32,
+    options: &Bound<'_, PyDict>,
     weights: Option<&Bound<'_, PyAny>>,
-    random_state: u64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyPlaneModel>> {
-    let options = PlanesOptions {
-        initial_patches,
-        min_grid_size,
-        weight_at_grid_size,
-        split_threshold,
-        merge_tolerance,
-        em_steps,
-        new_patches_every,
-        max_iterations,
-        tolerance,
-        min_points,
-        min_purity,
-        min_fill,
-        max_bend,
-        color_step,
-        random_state,
-    };
+    let options = options_of(options)?;
     let weights = weights_of(weights)?;
     let cloud = &cloud.get().cloud;
     let learn = |monitor: &dyn surfabet::Progress| {

@@ -40,9 +40,12 @@ pub use surfabet_models::alphabet::{self, Alphabet, AlphabetModel, AlphabetOptio
 pub use surfabet_models::bic_alphabet::{self, BicAlphabet, BicAlphabetModel, BicAlphabetOptions};
 pub use surfabet_models::gas::{self, GasModel, GasOptions};
 pub use surfabet_models::hscsm::{self, HscsmDictionary, HscsmModel, HscsmOptions};
+pub use surfabet_models::options::{self, Options};
 pub use surfabet_models::patches::{self, PatchModel, PatchesOptions};
 pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
-pub use surfabet_models::{DecodeOptions, Fact, Report, Sensor, Stage, Summary, SurfaceModel};
+pub use surfabet_models::{
+    DecodeOptions, Fact, Figures, Named, Report, Sensor, Stage, Summary, SurfaceModel,
+};
 pub use surfabet_sparse as sparse;

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from cyclopts import App, CycloptsError
 
 import surfabet
-from surfabet.cli._options import COMMON, UsageError
+from surfabet.cli._options import COMMON, UsageError, spelled
 from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
@@ -21,6 +21,7 @@ from surfabet.cli.export import export
 from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.verify import verify
+from surfabet.errors import InvalidInputError
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -35,7 +36,7 @@ app = App(
         surfabet decompress room.sfb again.ply
         surfabet evaluate room.ply room.sfb
 
-    `surfabet VERB --help` tells the options of a verb. All lengths are metres.
+    `surfabet VERB --help` lists the options of a verb. All lengths are metres.
     """,
     help_format="markdown",
     version=surfabet.__version__,
@@ -79,8 +80,21 @@ def run(argv: Sequence[str]) -> int:
     except Exception as error:
         if common.debug:
             traceback.print_exc()
+        if (message := _wrong_option(error, argv)) is not None:
+            _say_error(message)
+            return USAGE
         _say_error(_message(error))
         return FAILED
+
+
+def _wrong_option(error: Exception, argv: Sequence[str]) -> str | None:
+    """What is wrong with an option of the command line, in its spelling; None for other errors."""
+    if not isinstance(error, InvalidInputError) or error.argument is None:
+        return None
+    option = spelled(error.argument)
+    if not any(word == option or word.startswith(f"{option}=") for word in argv):
+        return None
+    return f"{option} is {error.value}, but must be {error.requirement}"
 
 
 def _say_error(message: str) -> None:

@@ -6,14 +6,12 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import surfabet
 from surfabet._progress import ProgressCallback
-from surfabet.cli._options import ReadOptions, SharedOptions, UsageError
-from surfabet.files import AnyModel
+from surfabet.cli._options import ReadOptions, UsageError, VocabularyOption
+from surfabet.files import AnyModel, Vocabulary
 from surfabet.io import formats
 
 MODEL_SUFFIX = ".sfb"
@@ -63,57 +61,28 @@ def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> 
     return surfabet.read(path, viewpoint=options.viewpoint, **folder)
 
 
-@dataclass(frozen=True)
-class Shared:
-    """What model files may name instead of holding it."""
-
-    dictionary: surfabet.HscsmDictionary | None = None
-    alphabet: surfabet.Alphabet | surfabet.BicAlphabet | None = None
-
-    @classmethod
-    def load(cls, options: SharedOptions, progress: ProgressCallback) -> Shared:
-        """From the models that hold it."""
-        shared = cls()
-        if (path := options.dictionary) is not None:
-            model = load_model(path, progress)
-            if not isinstance(model, surfabet.HscsmModel):
-                raise UsageError(
-                    f"{path}: has no dictionary; compress with --method hscsm makes one"
-                )
-            shared = replace(shared, dictionary=model.dictionary)
-        if (path := options.alphabet) is not None:
-            model = load_model(path, progress)
-            if not isinstance(model, surfabet.AlphabetModel | surfabet.BicAlphabetModel):
-                raise UsageError(
-                    f"{path}: has no alphabet; compress with --model alphabet makes one"
-                )
-            shared = replace(shared, alphabet=model.alphabet)
-        return shared
-
-
-NOTHING = Shared()
-
-
-def load_model(path: Path, progress: ProgressCallback, shared: Shared = NOTHING) -> AnyModel:
-    """The model in a `.sfb` file, which may rely on what is shared."""
+def load_model(
+    path: Path, progress: ProgressCallback, vocabulary: Vocabulary | None = None
+) -> AnyModel:
+    """The model in a `.sfb` file, which may name a vocabulary instead of holding it."""
     progress(f"load {path.name}", 0.0)
-    return surfabet.load(path, dictionary=shared.dictionary, alphabet=shared.alphabet)
+    return surfabet.load(path, vocabulary=vocabulary)
 
 
-THICK = surfabet.PatchModel | surfabet.GasModel | surfabet.PlaneModel
-"""Models that keep how thick the scan was."""
-
-
-def decode(model: AnyModel, as_measured: bool, **options: Any) -> surfabet.PointCloud:
-    """The model as a cloud; as measured only where it keeps how thick the scan was."""
-    if isinstance(model, THICK):
-        return model.decode(as_measured=as_measured, **options)
-    if as_measured:
-        raise UsageError(
-            "--as-measured: only planes, a gas, and patches of method rate-distortion, keep how "
-            "thick the scan was"
-        )
-    return model.decode(**options)
+def load_vocabulary(option: VocabularyOption, progress: ProgressCallback) -> Vocabulary | None:
+    """The dictionary or alphabet of the model that was named, if one was."""
+    if (path := option.vocabulary) is None:
+        return None
+    match load_model(path, progress):
+        case surfabet.HscsmModel() as model:
+            return model.dictionary
+        case surfabet.AlphabetModel() | surfabet.BicAlphabetModel() as model:
+            return model.alphabet
+        case model:
+            raise UsageError(
+                f"--vocabulary {path}: --model {model.method} has none; hscsm, alphabet and "
+                "bic-alphabet have"
+            )
 
 
 def size_on_disk(path: Path) -> int:

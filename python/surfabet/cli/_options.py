@@ -14,25 +14,16 @@ from cyclopts.validators import Number
 
 from surfabet._progress import ProgressCallback, progress_callback
 
-GENERAL = Group("General", sort_key=2)
-RGBD = Group("RGB-D folders", sort_key=1)
+GENERAL = Group("General", sort_key=9)
+RGBD = Group("RGB-D folders", sort_key=8)
 
 
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
-PositiveInt = Annotated[int | None, Parameter(validator=Number(gte=1))]
 
 
 class UsageError(Exception):
     """The options were understood, but do not fit together."""
-
-
-class FamilyOptions:
-    """Options of one family of models; None leaves them to the library."""
-
-    def given(self) -> dict[str, Any]:
-        """The options that were given."""
-        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @Parameter(name="*", group=GENERAL)
@@ -100,7 +91,7 @@ class ReadOptions:
     def changed(self) -> list[str]:
         """The options of folders that are not as by default."""
         return [
-            "--" + field.name.replace("_", "-")
+            spelled(field.name)
             for field in fields(self)
             if field.name != "viewpoint" and getattr(self, field.name) != field.default
         ]
@@ -111,14 +102,17 @@ READ_OPTIONS = ReadOptions()
 
 @Parameter(name="*", group=GENERAL)
 @dataclass(frozen=True)
-class SharedOptions:
-    """What model files may name instead of holding it, and where to find it."""
+class VocabularyOption:
+    """Where the words are that model files may name instead of holding them."""
 
-    dictionary: Path | None = None
-    """A model of method hscsm whose dictionaries the file was made with, if it holds none."""
-
-    alphabet: Path | None = None
-    """A model whose alphabet the file was made with, if it holds none."""
+    vocabulary: Path | None = None
+    """A model file, of --model hscsm, alphabet or bic-alphabet, whose dictionary or alphabet other
+    files name instead of holding it."""
 
 
-SHARED_OPTIONS = SharedOptions()
+VOCABULARY_OPTION = VocabularyOption()
+
+
+def spelled(argument: str) -> str:
+    """An argument of the library as the command line has it."""
+    return "--" + argument.replace("_", "-")

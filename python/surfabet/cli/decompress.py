@@ -10,15 +10,21 @@ from cyclopts import Parameter
 
 import surfabet
 from surfabet.cli._files import (
-    Shared,
     check_output,
     cloud_suffixes,
-    decode,
     load_model,
+    load_vocabulary,
     size_on_disk,
 )
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, SHARED_OPTIONS, Common, Flag, PositiveFloat, SharedOptions
+from surfabet.cli._options import (
+    COMMON,
+    VOCABULARY_OPTION,
+    Common,
+    Flag,
+    PositiveFloat,
+    VocabularyOption,
+)
 
 
 def decompress(
@@ -29,7 +35,7 @@ def decompress(
     resolution: PositiveFloat = None,
     as_measured: Flag = False,
     json: Flag = False,
-    shared: SharedOptions = SHARED_OPTIONS,
+    vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
 ) -> None:
     """Make a point cloud of a model file.
@@ -56,8 +62,8 @@ def decompress(
     seconds: dict[str, float] = {}
     with common.progress() as progress:
         started = time.perf_counter()
-        model = load_model(input_, progress, Shared.load(shared, progress))
-        cloud = decode(model, as_measured, resolution=resolution, progress=progress)
+        model = load_model(input_, progress, load_vocabulary(vocabulary, progress))
+        cloud = model.decode(resolution, as_measured=as_measured, progress=progress)
         seconds["decode"] = time.perf_counter() - started
 
         started = time.perf_counter()

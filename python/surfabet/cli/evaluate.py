@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,10 +14,9 @@ from rich.table import Table
 import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
-    Shared,
     check_output,
-    decode,
     load_model,
+    load_vocabulary,
     read_cloud,
     size_on_disk,
     whole_file,
@@ -27,13 +25,13 @@ from surfabet.cli._format import bytes_text, millimetres, print_json
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
-    SHARED_OPTIONS,
+    VOCABULARY_OPTION,
     Common,
     Flag,
     PositiveFloat,
     ReadOptions,
-    SharedOptions,
     UsageError,
+    VocabularyOption,
 )
 
 
@@ -83,7 +81,7 @@ def evaluate(
     as_measured: Flag = False,
     picture: Path | None = None,
     json: Flag = False,
-    shared: SharedOptions = SHARED_OPTIONS,
+    vocabulary: VocabularyOption = VOCABULARY_OPTION,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
@@ -123,14 +121,14 @@ def evaluate(
     if angular_resolution is not None:
         if sigma is not None:
             raise UsageError("--sigma and --angular-resolution: give one of both")
-        tolerance = surfabet.RangeSigma(sigma_scale, math.radians(angular_resolution))
+        tolerance = surfabet.RangeSigma(sigma_scale, angular_resolution)
     with common.progress() as progress:
         original = read_cloud(reference, read, progress)
         n_bytes = None
         if decoded.suffix.lower() == MODEL_SUFFIX:
             n_bytes = size_on_disk(decoded)
-            model = load_model(decoded, progress, Shared.load(shared, progress))
-            judged = decode(model, as_measured, progress=progress)
+            model = load_model(decoded, progress, load_vocabulary(vocabulary, progress))
+            judged = model.decode(as_measured=as_measured, progress=progress)
             if tolerance is None and isinstance(model, surfabet.AlphabetModel):
                 of_range = isinstance(model.sigma, surfabet.RangeSigma)
                 # Another original may not know its ranges.

@@ -9,16 +9,16 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import surfabet
-from surfabet.cli._files import Shared, load_model
+from surfabet.cli._files import load_model, load_vocabulary
 from surfabet.cli._format import print_json
 from surfabet.cli._options import (
     COMMON,
-    SHARED_OPTIONS,
+    VOCABULARY_OPTION,
     Common,
     Flag,
     PositiveFloat,
-    SharedOptions,
     UsageError,
+    VocabularyOption,
 )
 
 Point = tuple[float, float, float]
@@ -36,13 +36,13 @@ def find(
     color_tolerance: PositiveFloat = None,
     shape_only: Flag = False,
     json: Flag = False,
-    shared: SharedOptions = SHARED_OPTIONS,
+    vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
 ) -> None:
     """Find all places in a scene that look like an example in it.
 
-    The model must be of method mdl, and fine enough to show the thing: `surfabet compress` it with
-    a sigma scale of 1 to 1.5.
+    The model must be of --model alphabet, and fine enough to show the thing: `surfabet compress` it
+    with a sigma scale of 1 to 1.5.
 
         surfabet find room.sfb --point 1.2 0.4 0.5 --radius 0.5
         surfabet find room.sfb --box 0.9 0.1 0.02 1.5 0.7 1.0 --json
@@ -72,10 +72,12 @@ def find(
     if shape_only and color_tolerance is not None:
         raise UsageError("--shape-only leaves no use for --color-tolerance")
     with common.progress() as progress:
-        known = Shared.load(shared, progress)
+        known = load_vocabulary(vocabulary, progress)
         model = load_model(file, progress, known)
         if not isinstance(model, surfabet.AlphabetModel):
-            raise UsageError(f"{file}: only alphabets of method mdl know what recurs")
+            raise UsageError(
+                f"{file}: --model {model.method} cannot be searched, only --model alphabet can"
+            )
         found = model.find(
             point=point,
             radius=radius,

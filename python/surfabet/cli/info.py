@@ -10,16 +10,23 @@ from rich.console import Console
 from rich.table import Table
 
 import surfabet
-from surfabet.cli._files import Shared, check_output, load_model, size_on_disk, whole_file
+from surfabet.cli._files import (
+    check_output,
+    load_model,
+    load_vocabulary,
+    size_on_disk,
+    whole_file,
+)
 from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._options import (
     COMMON,
-    SHARED_OPTIONS,
+    VOCABULARY_OPTION,
     Common,
     Flag,
-    SharedOptions,
     UsageError,
+    VocabularyOption,
 )
+from surfabet.files import AnyModel
 
 
 def info(
@@ -28,10 +35,12 @@ def info(
     *,
     picture: Path | None = None,
     json: Flag = False,
-    shared: SharedOptions = SHARED_OPTIONS,
+    vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
 ) -> None:
-    """Tell what a model file holds: family, options that made it, and bytes by part.
+    """Show what a model file holds: method, sizes, and bytes by part.
+
+    A file that names a vocabulary instead of holding it shows its sizes only with --vocabulary.
 
         surfabet info room.sfb
         surfabet info room.sfb --json
@@ -46,27 +55,35 @@ def info(
     json
         Print one JSON object instead of tables.
     """
+    found = surfabet.inspect(file)
     with common.progress() as progress:
-        known = Shared.load(shared, progress)
-    found = surfabet.inspect(file, dictionary=known.dictionary, alphabet=known.alphabet)
+        words = load_vocabulary(vocabulary, progress)
+        model = None
+        if found.vocabulary is None or words is not None:
+            model = load_model(file, progress, words)
     if picture is not None:
-        _draw(file, picture, known)
+        _draw(file, picture, model)
     n_bytes = size_on_disk(file)
     if json:
-        print_json({"path": str(file), "bytes": n_bytes, **found.as_dict()})
+        sizes = model and {"n_points": model.n_points, "info": model.info}
+        print_json({"path": str(file), "bytes": n_bytes, **found.as_dict(), **(sizes or {})})
         return
     if common.quiet:
         return
     console = Console(highlight=False, soft_wrap=True)
+    made_from = f"made from {model.n_points:,} points, " if model else ""
     console.print(
-        f"{file}: {found.family}, {bytes_text(n_bytes)}, made from {found.n_points:,} points, "
+        f"{file}: {found.method}, {bytes_text(n_bytes)}, {made_from}"
         f"read by surfabet {found.version} and newer",
         markup=False,
     )
-    options = Table("option", "value", box=None, header_style="bold")
-    for name, value in found.options.items():
-        options.add_row(name, str(value))
-    console.print(options)
+    if found.vocabulary is not None:
+        console.print(f"The file names a vocabulary by its hash: {found.vocabulary}", markup=False)
+    if model:
+        sizes = Table("content", "value", box=None, header_style="bold")
+        for name, value in model.info.items():
+            sizes.add_row(name, f"{value:.6g}" if isinstance(value, float) else str(value))
+        console.print(sizes)
     parts = Table("part", "bytes", "share", box=None, header_style="bold")
     for column in parts.columns[1:]:
         column.justify = "right"
@@ -77,11 +94,10 @@ def info(
     console.print(parts)
 
 
-def _draw(file: Path, picture: Path, known: Shared) -> None:
+def _draw(file: Path, picture: Path, model: AnyModel | None) -> None:
     from surfabet import report
 
     check_output(picture, report.PICTURE_SUFFIXES, file)
-    model = load_model(file, lambda _stage, _fraction: None, known)
     if not isinstance(model, surfabet.AlphabetModel):
         raise UsageError(f"--picture: {file} has no words to draw")
     with whole_file(picture) as temporary:

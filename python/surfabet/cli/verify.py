@@ -53,7 +53,9 @@ def verify(
     with common.progress() as progress:
         model = load_model(file, progress)
         if not isinstance(model, surfabet.PatchModel):
-            raise UsageError(f"{file}: only patches of method rate-distortion keep a bound")
+            raise UsageError(
+                f"{file}: --model {model.method} keeps no bound, only --model patches does"
+            )
         bound = max_error if max_error is not None else model.max_error
         if bound is None:
             raise UsageError(f"{file}: was made without --max-error; give a bound to check")

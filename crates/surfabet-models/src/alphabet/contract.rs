@@ -3,14 +3,18 @@
 use surfabet_entropy::Coder;
 
 use super::model::{Alphabet, AlphabetHeader, AlphabetModel};
+use super::options::AlphabetOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for AlphabetModel {
     const METHOD: &'static str = "alphabet";
     const STREAMS: usize = 3;
     const KEEPS_THICKNESS: bool = false;
+    type Options = AlphabetOptions;
     type Header = AlphabetHeader;
+    type Figures = Named;
     type Vocabulary = Alphabet;
 
     fn header(&self) -> AlphabetHeader {
@@ -74,7 +78,7 @@ impl SurfaceModel for AlphabetModel {
             .with("intensity", self.has_intensity());
         let summary = match deviation.angular_resolution {
             Some(angle) => summary
-                .with("sigma scale", deviation.scale)
+                .with("sigma scale", deviation.sigma_scale)
                 .with("angular resolution (degrees)", angle.to_degrees()),
             None => summary.with("sigma (m)", self.constant_sigma()),
         };

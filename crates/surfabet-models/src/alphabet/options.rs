@@ -1,84 +1,93 @@
-//! Options of the method.
+//! What to learn.
 
 use super::lattice::MAX_SCALE;
-use crate::error::{Error, Result, positive};
+use crate::options::{Range, choices, options};
 use crate::scans::Deviation;
 
 /// Most words of an alphabet.
 pub const MAX_WORDS: u32 = 4096;
 
-/// How an alphabet is learned and a scene described.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AlphabetOptions {
-    /// Smallest radius of a word, metres (delta); when not given, 0.1, or one and a half times the median sigma where
-    /// that is more: a word smaller than what its samples may be off says nothing.
-    pub radius: Option<f64>,
-    /// Radii: the smallest, doubled again and again.
-    pub scales: u32,
-    /// Most words beside the plane; those that do not pay for themselves are dropped.
-    pub max_words: u32,
-    /// What a measured point within sigma of a decoded one is worth, bits. Points denser than half a sigma count once.
-    pub point_bits: f64,
-    /// What a decoded point without a measured one within sigma costs, bits.
-    pub lone_bits: f64,
-    /// Spacing of decoded points, in sigma.
-    pub spacing: f64,
-    /// Rounds of covering, each with the prices that the round before taught.
-    pub rounds: u32,
-    /// Sigma.
-    pub deviation: Deviation,
-    /// What is nearer to the sensor is left out, metres.
-    pub min_range: f64,
-    /// Steps of colour, 0 to 255.
-    pub color_step: u32,
+/// How much of the scan the words are to explain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Preset {
+    /// The smallest files.
+    Small,
+    /// In between.
+    #[default]
+    Balanced,
+    /// As much as possible within sigma.
+    Fine,
 }
+choices!(Preset { Small = "small", Balanced = "balanced", Fine = "fine" });
 
-impl Default for AlphabetOptions {
-    fn default() -> Self {
-        Self {
-            radius: None,
-            scales: 4,
-            max_words: 24,
-            point_bits: 7.0,
-            lone_bits: 7.0,
-            spacing: 1.0,
-            rounds: 4,
-            deviation: Deviation { noise: None, ..Deviation::default() },
-            min_range: 0.0,
-            color_step: 8,
+impl Preset {
+    /// What explaining a point is worth, bits.
+    fn inlier_bits(self) -> f64 {
+        match self {
+            Self::Small => 4.0,
+            Self::Balanced => 7.0,
+            Self::Fine => 24.0,
         }
     }
 }
 
+options! {
+    /// Options of [`learn`](super::learn) and [`describe`](super::describe).
+    #[derive(Copy)]
+    pub struct AlphabetOptions {
+        /// Smallest radius of a word (delta).
+        radius: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+            none = "0.1, or one and a half times the median sigma where that is more";
+        /// Number of radii, each twice the one before.
+        scales: u32 = 4, range = Range::from_to(1.0, (MAX_SCALE + 1) as f64);
+        /// Most words beside the plane. Those that do not pay for themselves are dropped.
+        max_words: u32 = 24, range = Range::from_to(0.0, (MAX_WORDS - 1) as f64);
+        /// Smaller files, or more of the scan within sigma. Sets `inlier_bits` to 4, 7 or 24.
+        preset: Preset = Preset::Balanced, another_scene = true;
+        /// What explaining a point is worth. Points denser than half a sigma count once.
+        inlier_bits: Option<f64> = None, range = Range::POSITIVE, unit = "bits", none = "by `preset`",
+            another_scene = true;
+        /// What a decoded point that explains nothing costs.
+        outlier_bits: Option<f64> = None, range = Range::NOT_NEGATIVE, unit = "bits", none = "as `inlier_bits`",
+            another_scene = true;
+        /// Distance of decoded points.
+        spacing: f64 = 1.0, range = Range::from_to(0.25, 4.0), unit = "sigma", another_scene = true;
+        /// Rounds of covering the scene. Each uses the prices that the coder learned in the round before.
+        rounds: u32 = 4, range = Range::from_to(1.0, 64.0), another_scene = true;
+        /// Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is this times
+        /// hypot(tan(`angular_resolution` / 2) * range, `noise`).
+        sigma_scale: f64 = 3.0, range = Range::POSITIVE, another_scene = true;
+        /// Angle between neighbouring beams (alpha, eq. 13).
+        angular_resolution: Option<f64> = None, range = Range::between(0.0, 180.0), unit = "degrees",
+            none = "estimated from the spacing of the points", another_scene = true;
+        /// Standard deviation of a measured point about its surface.
+        noise: Option<f64> = None, range = Range::NOT_NEGATIVE, unit = "metres",
+            none = "estimated as the median deviation of neighbouring points from their plane",
+            another_scene = true;
+        /// Points nearer to the sensor are left out, such as the robot's own body.
+        min_range: f64 = 0.0, range = Range::NOT_NEGATIVE, unit = "metres", another_scene = true;
+        /// Rounding of the mean colours of occurrences.
+        color_step: u32 = 8, range = Range::from_to(1.0, 255.0), unit = "grey levels", another_scene = true;
+    }
+}
+
 impl AlphabetOptions {
-    /// # Errors
-    /// [`Error::InvalidParameter`] for values outside of their domain.
-    pub fn check(&self) -> Result<()> {
-        for (name, value) in [
-            ("radius", self.radius.unwrap_or(1.0)),
-            ("bits of a point", self.point_bits),
-            ("spacing", self.spacing),
-        ] {
-            positive(name, value, "positive and finite")?;
+    /// Bits in force for a point that is explained.
+    pub fn inlier_bits(&self) -> f64 {
+        self.inlier_bits.unwrap_or_else(|| self.preset.inlier_bits())
+    }
+
+    /// Bits in force for a decoded point that explains nothing.
+    pub fn outlier_bits(&self) -> f64 {
+        self.outlier_bits.unwrap_or_else(|| self.inlier_bits())
+    }
+
+    /// The deviation that is allowed (eq. 13).
+    pub fn deviation(&self) -> Deviation {
+        Deviation {
+            sigma_scale: self.sigma_scale,
+            angular_resolution: self.angular_resolution.map(f64::to_radians),
+            noise: self.noise,
         }
-        if !(self.lone_bits >= 0.0 && self.lone_bits.is_finite()) {
-            return Err(Error::invalid("bits of a lone sample", self.lone_bits, "0 or more"));
-        }
-        if !(0.25..=4.0).contains(&self.spacing) {
-            return Err(Error::invalid("spacing", self.spacing, "0.25 to 4 sigma"));
-        }
-        if !(1..=MAX_SCALE + 1).contains(&self.scales) {
-            return Err(Error::invalid("number of scales", self.scales, "1 to 8"));
-        }
-        if self.max_words >= MAX_WORDS {
-            return Err(Error::invalid("number of words", self.max_words, "below 4096"));
-        }
-        if !(1..=64).contains(&self.rounds) {
-            return Err(Error::invalid("number of rounds", self.rounds, "1 to 64"));
-        }
-        if !(1..=255).contains(&self.color_step) {
-            return Err(Error::invalid("step of colour", self.color_step, "1 to 255"));
-        }
-        self.deviation.check()
     }
 }

@@ -3,7 +3,9 @@
 use surfabet_entropy::Coder;
 
 use super::model::{BicAlphabet, BicAlphabetHeader, BicAlphabetModel};
+use super::options::BicAlphabetOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a point of a word takes.
@@ -13,7 +15,9 @@ impl SurfaceModel for BicAlphabetModel {
     const METHOD: &'static str = "bic-alphabet";
     const STREAMS: usize = 2;
     const KEEPS_THICKNESS: bool = false;
+    type Options = BicAlphabetOptions;
     type Header = BicAlphabetHeader;
+    type Figures = Named;
     type Vocabulary = BicAlphabet;
 
     fn header(&self) -> BicAlphabetHeader {

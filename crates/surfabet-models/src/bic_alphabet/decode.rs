@@ -4,7 +4,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use super::model::BicAlphabetModel;
 use super::pose::Frame;
-use super::sparsify::{Stamp, rebuild};
+use super::rebuild::{Stamp, rebuild};
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 
@@ -32,9 +32,8 @@ impl BicAlphabetModel {
         let frames: Vec<Frame> =
             self.poses().iter().map(|p| p.frame(alphabet.upright(), radius)).collect();
         progress.check()?;
-        let sparse = rebuild(&frames, self.words(), &stamps, epsilon as f32);
-        let kept = sparse.arena.points.iter().zip(&sparse.kept).filter(|(_, k)| **k);
-        let mut kept: Vec<_> = kept.map(|(p, _)| p).collect();
+        let sparsified = rebuild(&frames, self.words(), &stamps, epsilon as f32);
+        let mut kept: Vec<_> = sparsified.kept().collect();
         // Occurrence after occurrence, the middle of each first.
         kept.sort_unstable_by_key(|p| (p.owner, p.rank));
         let parts = CloudParts {

@@ -1,25 +1,45 @@
-//! Learning: words are sampled from the scene and accepted when the BIC falls (III, III-A).
+//! Learning an alphabet, and describing another scene in its words.
+//!
+//! | step | computes | paper |
+//! |---|---|---|
+//! | 1 to 3 | scene, features, descriptors: [`PreparedScene`] | eq. 13, III-C |
+//! | 4 to 6 | words, accepted when the BIC falls: [`choose_words`] | eq. 1 to 12, III, III-A |
+//! | 7 | occurrences that are not needed: [`reduce`] | III-D |
 
-use std::time::Instant;
+use surfabet_geom::{PointCloud, Progress};
 
-use rayon::prelude::*;
-use surfabet_geom::{KdTree, PointCloud, Progress};
-
-use super::descriptor::Descriptors;
-use super::features::Features;
-use super::model::{BicAlphabet, BicAlphabetModel, BicHeader, Occurrences};
+use super::choice::{
+    Fidelity, Matching, PreparedScene, Reconstruction, choose_words, fidelity, reduce,
+};
+use super::model::{BicAlphabet, BicAlphabetModel, BicHeader};
 use super::options::BicAlphabetOptions;
-use super::pose::mix;
-use super::quality::{Fidelity, fidelity};
-use super::reduce::reduce;
-use super::score::{Bench, Score, Stage};
-use super::words::MAX_WORD_POINTS;
 use crate::error::Result;
+use crate::options::Options;
 use crate::report::{Report, lost};
-use crate::scans::Scene;
+use crate::stages::Stages;
 
-/// Most candidates tried at once per thread.
-const MOST_PER_THREAD: usize = 4;
+/// The stages of learning and their shares of the progress: the time of each in per cent, on a scan of a room.
+pub(super) const STAGES: &[(&str, f32)] = &[
+    ("preparing the scene", 2.0),
+    ("extracting features", 2.0),
+    ("describing features", 1.0),
+    ("preparing the likelihood", 1.0),
+    ("choosing words", 90.0),
+    ("measuring", 2.0),
+    ("removing occurrences", 2.0),
+];
+
+/// The stages of describing another scene.
+const DESCRIBE_STAGES: &[(&str, f32)] = &[
+    ("preparing the scene", 15.0),
+    ("extracting features", 20.0),
+    ("describing features", 10.0),
+    ("preparing the likelihood", 5.0),
+    ("matching words", 5.0),
+    ("placing words", 10.0),
+    ("measuring", 20.0),
+    ("removing occurrences", 15.0),
+];
 
 /// Learns an alphabet from `cloud`, and describes the cloud with it.
 ///
@@ -35,12 +55,16 @@ pub fn learn(
     options: &BicAlphabetOptions,
     progress: &dyn Progress,
 ) -> Result<BicAlphabetModel> {
-    with_stage(cloud, options, progress, |stage, report| {
-        let start = Instant::now();
-        let mut score = grow(stage, report, progress)?;
-        report.add_time("choosing words", start.elapsed().as_secs_f64());
-        finish(cloud, stage, &mut score, report, progress)
-    })
+    options.check()?;
+    let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
+    let mut stages = Stages::new(STAGES, progress);
+    // Scene, features and their descriptors: eq. 13, III-C.
+    let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
+    // Words sampled from the scene (eq. 1), accepted when the BIC falls: III, III-A, III-B.
+    let best =
+        stages.run("choosing words", |progress| choose_words(&scene, &mut report, progress))?;
+    // Occurrences without which the likelihood does not fall are removed: III-D.
+    finish(cloud, &scene, best, report, stages)
 }
 
 impl BicAlphabet {
@@ -57,171 +81,73 @@ impl BicAlphabet {
         progress: &dyn Progress,
     ) -> Result<BicAlphabetModel> {
         self.check(options)?;
-        with_stage(cloud, options, progress, |stage, report| {
-            let words = self.words().to_vec();
-            let matching = report.time("matching words", || Score::matching(stage, &words));
-            let mut score = report.time("placing words", || Score::of(stage, words, matching));
-            report.stop_reason = "the alphabet was given";
-            finish(cloud, stage, &mut score, report, progress)
-        })
+        options.check()?;
+        let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
+        let mut stages = Stages::new(DESCRIBE_STAGES, progress);
+        let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
+        let words = self.words().to_vec();
+        let matching = stages.run("matching words", |_| {
+            Ok(Matching::new(&scene.descriptors, &words, scene.penalty()))
+        })?;
+        let best =
+            stages.run("placing words", |_| Ok(Reconstruction::new(&scene, words, matching)))?;
+        report.stop_reason = "the alphabet was given";
+        finish(cloud, &scene, best, report, stages)
     }
 }
 
-/// Prepares a scene, and runs `work` on it.
-fn with_stage(
-    cloud: &PointCloud,
-    options: &BicAlphabetOptions,
-    progress: &dyn Progress,
-    work: impl FnOnce(&Stage<'_>, &mut Report) -> Result<BicAlphabetModel>,
-) -> Result<BicAlphabetModel> {
-    options.check()?;
-    let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
-    let scene = report.time("preparing the scene", || {
-        Scene::new(cloud, options.deviation, options.min_range, progress)
-    })?;
-    let tree = KdTree::new(&scene.positions)?;
-    let features =
-        report.time("extracting features", || Features::new(&scene, &tree, options, progress))?;
-    let descriptors = report.time("describing features", || {
-        Descriptors::new(&scene, &tree, &features, options, progress)
-    })?;
-    let stage = report.time("preparing the likelihood", || {
-        Stage::new(&scene, &tree, &features, &descriptors, options)
-    });
-    report.add_figure("points", cloud.len() as f64);
-    report.add_figure("points too near", scene.too_near as f64);
-    report.add_figure("duplicate points", scene.duplicates as f64);
-    report.add_figure("distinct points", scene.len() as f64);
-    report.add_figure("features", features.len() as f64);
-    report.add_figure("interest points", features.interest as f64);
-    work(&stage, &mut report)
-}
-
-/// Candidates in random order, each accepted when it lowers the BIC.
-///
-/// Several are tried at once against the same alphabet; the first in the order that lowers the BIC is accepted and
-/// those after it are tried again, so that the result is that of trying one after the other.
-fn grow(stage: &Stage<'_>, report: &mut Report, progress: &dyn Progress) -> Result<Score> {
-    let options = stage.options;
-    let counts = &stage.descriptors.counts;
-    let fits = |&f: &u32| {
-        (options.min_points as usize..=MAX_WORD_POINTS).contains(&(counts[f as usize] as usize))
-    };
-    let mut candidates: Vec<u32> = (0..stage.features.len() as u32).filter(fits).collect();
-    candidates.sort_by_cached_key(|&f| {
-        (mix(options.random_state.wrapping_mul(3) ^ mix(u64::from(f) << 32)), f)
-    });
-    candidates.truncate(options.iterations as usize);
-
-    let threads = rayon::current_num_threads();
-    let mut benches = vec![Bench::default(); threads * MOST_PER_THREAD];
-    let mut score = Score::nothing(stage);
-    let mut trace: Vec<f64> = Vec::with_capacity(candidates.len());
-    let mut rejections = 0;
-    let mut at_once = 1;
-    let mut next = 0;
-    report.stop_reason = "every candidate was tried";
-    while next < candidates.len() {
-        progress.check()?;
-        progress.update("choosing words", next as f32 / candidates.len() as f32);
-        let batch = &candidates[next..(next + at_once).min(candidates.len())];
-        let now = score.bic(stage);
-        let found: Vec<Option<f64>> = batch
-            .par_iter()
-            .zip(&mut benches)
-            .with_max_len(1)
-            .map(|(&f, bench)| score.with(stage, &stage.word(f), now, bench))
-            .collect();
-        let accepted = (0..).zip(&found).find_map(|(k, bic)| Some((k, (*bic)?)));
-        let rejected = accepted.map_or(found.len(), |(k, _)| k);
-        let left = options.max_rejections as usize - rejections;
-        if rejected >= left {
-            trace.extend(std::iter::repeat_n(now, left));
-            report.stop_reason = "max_rejections reached";
-            break;
-        }
-        trace.extend(std::iter::repeat_n(now, rejected));
-        next += rejected;
-        match accepted {
-            Some((k, bic)) => {
-                score.accept(stage, stage.word(batch[k]), &benches[k]);
-                trace.push(bic);
-                next += 1;
-                rejections = 0;
-                at_once = threads;
-            }
-            None => {
-                rejections += rejected;
-                at_once = (2 * at_once).min(benches.len());
-            }
-        }
-        if next == options.iterations as usize {
-            report.stop_reason = "iterations reached";
-        }
-    }
-    report.iterations = trace.len();
-    report.objectives.push(("bic".to_owned(), trace));
-    Ok(score)
-}
-
-/// Notes how good the model is, reduces it, and puts it together.
+/// Reduces the occurrences (III-D), measures before and after it (IV), and makes the model.
 fn finish(
     cloud: &PointCloud,
-    stage: &Stage<'_>,
-    score: &mut Score,
-    report: &mut Report,
-    progress: &dyn Progress,
+    scene: &PreparedScene<'_>,
+    mut best: Reconstruction,
+    mut report: Report,
+    mut stages: Stages<'_>,
 ) -> Result<BicAlphabetModel> {
-    let options = stage.options;
-    let word_points: usize = score.words.iter().map(|w| w.points.len()).sum();
-    report.add_figure("words", score.words.len() as f64);
-    report.add_figure("word points", word_points as f64);
-    let alphabet = BicAlphabet::learned(std::mem::take(&mut score.words), options)?;
-    score.words = alphabet.words().to_vec();
-
-    let note = |score: &Score, names: [&'static str; 4], report: &mut Report| -> Result<()> {
-        let occurrences = occurrences(stage, score);
-        // 12 bytes per point of a word, 24 + 4 per occurrence (IV).
-        let bytes = 12 * word_points + 28 * occurrences.words.len();
-        let start = Instant::now();
-        let Fidelity { inliers, outliers } = fidelity(stage, &score.sparse, progress)?;
-        report.add_time("measuring", start.elapsed().as_secs_f64());
-        report.add_figure(names[0], occurrences.words.len() as f64);
-        report.add_figure(names[1], bytes as f64);
-        report.add_figure(names[2], inliers);
-        report.add_figure(names[3], outliers);
-        Ok(())
-    };
-    report.add_figure("bic", score.bic(stage));
-    report.add_figure("log-likelihood", score.log_likelihood(stage));
-    note(score, ["occurrences", "paper bytes", "inliers", "outliers"], report)?;
-    if options.reduce {
-        let start = Instant::now();
-        reduce(stage, score, progress)?;
-        report.add_time("removing occurrences", start.elapsed().as_secs_f64());
-        report.add_figure("log-likelihood reduced", score.log_likelihood(stage));
+    report.add_figure("words", best.words.len() as f64);
+    report.add_figure("word points", best.n_word_points() as f64);
+    report.add_figure("bic", best.bic(scene));
+    report.add_figure("log-likelihood", best.log_likelihood(scene));
+    let names = ["occurrences", "paper bytes", "inliers", "outliers"];
+    measure(scene, &best, names, &mut report, &mut stages)?;
+    if scene.options.reduce {
+        stages
+            .run_round("removing occurrences", 1, |progress| reduce(scene, &mut best, progress))?;
+        report.add_figure("log-likelihood reduced", best.log_likelihood(scene));
         let names =
             ["occurrences reduced", "paper bytes reduced", "inliers reduced", "outliers reduced"];
-        note(score, names, report)?;
+        measure(scene, &best, names, &mut report, &mut stages)?;
     }
-    let parts = occurrences(stage, score);
+    report.stages = stages.finish();
     let header = BicHeader {
         n_points: cloud.len() as u64,
-        origin: stage.scene.origin,
-        epsilon: options.epsilon(),
-        low: stage.features.low,
+        origin: scene.scene.origin,
+        epsilon: scene.options.epsilon(),
+        low: scene.features.low,
     };
-    BicAlphabetModel::learned(alphabet, parts, header, std::mem::take(report))
+    let occurrences = best.occurrences(scene);
+    let alphabet = BicAlphabet::learned(best.words, scene.options)?;
+    BicAlphabetModel::learned(alphabet, occurrences, header, report)
 }
 
-/// Features that have a word, in the order of their poses.
-fn occurrences(stage: &Stage<'_>, score: &Score) -> Occurrences {
-    let mut found = Occurrences::default();
-    for (pose, &word) in stage.features.poses.iter().zip(&score.matching.words) {
-        if (word as usize) < score.words.len() {
-            found.poses.push(*pose);
-            found.words.push(word);
-        }
+/// Adds the figures of the paper's table (IV) under these names: the number of occurrences, the bytes at 12 per point of
+/// a word and 24 + 4 per occurrence, inliers and outliers.
+fn measure(
+    scene: &PreparedScene<'_>,
+    best: &Reconstruction,
+    names: [&'static str; 4],
+    report: &mut Report,
+    stages: &mut Stages<'_>,
+) -> Result<()> {
+    let n_occurrences = best.occurrences(scene).words.len();
+    let bytes = 12 * best.n_word_points() + 28 * n_occurrences;
+    let rounds = if scene.options.reduce { 2 } else { 1 };
+    let Fidelity { inliers, outliers } = stages
+        .run_round("measuring", rounds, |progress| fidelity(scene, &best.sparsified, progress))?;
+    for (name, value) in
+        names.into_iter().zip([n_occurrences as f64, bytes as f64, inliers, outliers])
+    {
+        report.add_figure(name, value);
     }
-    found
+    Ok(())
 }

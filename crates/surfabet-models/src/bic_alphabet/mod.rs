@@ -5,36 +5,34 @@
 //! | file | step | paper |
 //! |---|---|---|
 //! | `options` | what to learn, with everything that the paper leaves open | |
-//! | `interest` | interest points on the range image | III-C |
+//! | `learn` | the steps | III |
+//! | `features/interest` | interest points on the range image | III-C |
 //! | `features`, `pose` | features that cover the scene, and their poses | III-C |
-//! | `descriptor` | range-image patches along the normal | III-C |
+//! | `features/descriptor` | range-image patches along the normal | III-C |
 //! | `words` | all points within delta of a feature | eq. 1 |
-//! | `matching` | the nearest word of every feature | III-C |
-//! | `sparsify`, `grid` | decoded points epsilon apart | eq. 2, 3 |
+//! | `choice/matching` | the nearest word of every feature | III-C |
+//! | `rebuild` | words at their poses, decoded points epsilon apart | eq. 2, 3 |
 //! | `likelihood` | of the scene given the decoded points | eq. 6 to 13 |
-//! | `score` | the BIC, changed in place by a candidate | eq. 4, 5 |
-//! | `learn` | the loop | III |
-//! | `reduce` | fewer occurrences | III-D |
-//! | `quality` | inliers and outliers | IV |
-//! | `model`, `syntax`, `decode` | the result, its bits, and back to a cloud | IV-B |
+//! | `choice/reconstruction`, `choice/trial` | the BIC, changed in place by a candidate | eq. 4, 5 |
+//! | `choice/candidates` | the loop over candidate words | III |
+//! | `choice/reduce` | fewer occurrences | III-D |
+//! | `choice/quality` | inliers and outliers | IV |
+//! | `model`, `coding`, `decode` | the result, its bits, and back to a cloud | IV-B |
+//! | `contract` | what every model can do | |
+//! | `constants` | tuned constants, each with its reason | |
 
+mod choice;
+mod coding;
+mod constants;
 mod contract;
 mod decode;
-mod descriptor;
 mod features;
-mod grid;
-mod interest;
 mod learn;
 mod likelihood;
-mod matching;
 mod model;
 mod options;
 mod pose;
-mod quality;
-mod reduce;
-mod score;
-mod sparsify;
-mod syntax;
+mod rebuild;
 mod words;
 
 pub use learn::learn;

@@ -2,10 +2,10 @@
 
 use surfabet_entropy::Coder;
 
-use super::descriptor::{EMPTY, pixel_centers};
+use super::coding::{code_occurrences, code_words};
+use super::features::{EMPTY, pixel_centers};
 use super::options::BicAlphabetOptions;
 use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
-use super::syntax::{code_occurrences, code_words};
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};
 use crate::error::{Error, Result};
 use crate::report::{Beside, Report};
@@ -108,6 +108,12 @@ impl BicAlphabet {
         Self::new(BicShape { radius, descriptor_pixels, upright }, words)
     }
 
+    /// Default options for words of this kind, to describe a cloud with.
+    pub fn options(&self) -> BicAlphabetOptions {
+        let BicShape { radius, descriptor_pixels, upright } = self.shape;
+        BicAlphabetOptions { radius, descriptor_pixels, upright, ..BicAlphabetOptions::default() }
+    }
+
     /// Refuses options of another kind of words.
     pub(super) fn check(&self, options: &BicAlphabetOptions) -> Result<()> {
         let mismatch = |name: &str, own: String, given: String| {
@@ -195,14 +201,14 @@ impl BicAlphabet {
     }
 }
 
-/// Where words stand.
+/// The words that occur, and their poses.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Occurrences {
     pub poses: Vec<BicPose>,
     pub words: Vec<u32>,
 }
 
-/// What a model says of itself before its streams.
+/// What the file holds of the scene before its streams.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BicHeader {
     /// Points of the cloud that was described.
@@ -284,7 +290,7 @@ impl BicAlphabetModel {
             }
             previous = Some(pose.order(header.low));
             if pose.roll != 0 && alphabet.upright() != Upright::ViewDirection {
-                return fail(format!("{pose:?} has a roll that its upright rule does not know"));
+                return fail(format!("{pose:?} has a roll, which its upright rule does not use"));
             }
         }
         let report = Beside::default();
@@ -327,7 +333,7 @@ impl BicAlphabetModel {
             .map_err(|e| coder.corrupt(e.to_string()))
     }
 
-    /// What the file says before its streams.
+    /// What the file holds of the scene before its streams.
     pub fn header(&self) -> BicHeader {
         self.header
     }

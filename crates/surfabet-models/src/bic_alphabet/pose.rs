@@ -1,6 +1,6 @@
-//! Where a feature or an occurrence stands, in the integers that a file stores.
+//! The pose of a feature or an occurrence, in the integers that a file stores.
 //!
-//! The paper's six degrees of freedom are five here: the upright rule tells the rotation about the normal. Only where
+//! The paper's six degrees of freedom are five here: the upright rule gives the rotation about the normal. Only where
 //! "up" is the view direction, which the decoder does not know, a sixth is kept.
 
 use surfabet_geom::{morton, octahedral};
@@ -11,7 +11,7 @@ use crate::scans::{Upright, upright_frame};
 /// Bits of each coordinate of a normal's octahedral code: 0.64 degrees at most, 1.1 mm at a radius of 0.1 m.
 pub(super) const NORMAL_BITS: u32 = 8;
 
-/// Rotations about a vertical normal that are told apart.
+/// Number of rotations about the normal that a pose can store.
 pub(super) const ROLLS: u32 = 256;
 
 /// Position steps per radius.
@@ -94,10 +94,11 @@ impl BicPose {
         Ok(pose)
     }
 
+    /// The pose in metres.
     pub(super) fn frame(&self, rule: Upright, radius: f64) -> Frame {
         let step = position_step(radius);
         let normal = octahedral::decode(self.normal.map(i32::from), NORMAL_BITS).map(f64::from);
-        // The roll is counted from world x.
+        // The roll starts from world x.
         let rule = if rule == Upright::ViewDirection { Upright::WorldX } else { rule };
         let [right, up, normal] = upright_frame(normal, rule, [0.0; 3]);
         let angle = f64::from(self.roll) / f64::from(ROLLS) * std::f64::consts::TAU;
@@ -116,8 +117,8 @@ impl BicPose {
         self.position.map(|c| c.div_euclid(CELL))
     }
 
-    /// What poses are ordered by: along a Morton curve over their cells, counted from the `low` one, so that neighbours
-    /// in space are neighbours in the list; then by their own numbers.
+    /// Sort key of poses: the Morton code of the cell, counted from the `low` one, so that neighbours in space are
+    /// neighbours in the list; then their own numbers.
     pub(super) fn order(&self, low: [i32; 3]) -> (u64, Self) {
         // Cells are within ±2^20, so that differences that are not negative have 21 bits.
         let cell = self.cell();

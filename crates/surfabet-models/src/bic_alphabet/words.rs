@@ -27,7 +27,7 @@ pub struct BicWord {
 }
 
 impl BicWord {
-    /// All points of the scene within `radius` of a feature.
+    /// Eq. 1: `s = { d in D : |d - p| < delta }`, the points of the scene within `radius` of a feature.
     pub(super) fn take(
         scene: &Scene,
         tree: &KdTree,
@@ -49,8 +49,8 @@ impl BicWord {
         Self { points, descriptor: descriptor.to_vec() }
     }
 
-    /// Which points a decoded scene can take from this word, the first to be taken first: those nearest to its
-    /// middle, where its pose is most certain, and no two nearer than `epsilon`.
+    /// The points of this word that sparsification (eq. 3) can keep, by rank: a point is left out when one nearer to the
+    /// middle, where the pose is most certain, lies within `epsilon`.
     pub(super) fn thinned(&self, radius: f64, epsilon: f64) -> Vec<u16> {
         let squared = |d: [i32; 3]| d.iter().map(|c| c * c).sum::<i32>();
         let mut order: Vec<u16> =
@@ -73,7 +73,7 @@ impl BicWord {
     }
 
     /// Squared distance of a point from the word's middle, in squared steps.
-    pub(super) fn ring(&self, k: u16) -> u16 {
+    pub(super) fn squared_steps(&self, k: u16) -> u16 {
         // At most 3 * 128^2 = 49 152.
         self.points[usize::from(k)].iter().map(|&c| u16::from(c.unsigned_abs()).pow(2)).sum()
     }

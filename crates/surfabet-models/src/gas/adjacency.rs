@@ -1,4 +1,4 @@
-//! Who is joined to whom, in one array.
+//! The neighbours of every neuron, in one array.
 
 /// Neighbours of every neuron, sorted.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -41,7 +41,7 @@ impl Adjacency {
         &self.neighbors[self.starts[id] as usize..self.starts[id + 1] as usize]
     }
 
-    /// True when both are joined.
+    /// True when two neurons are joined.
     pub(super) fn joined(&self, a: usize, b: usize) -> bool {
         self.of(a).binary_search(&(b as u32)).is_ok()
     }

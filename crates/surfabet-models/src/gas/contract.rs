@@ -2,16 +2,20 @@
 
 use surfabet_entropy::Coder;
 
+use super::coding::Streams;
 use super::model::{GasHeader, GasModel};
-use super::syntax::Streams;
+use super::options::GasOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for GasModel {
     const METHOD: &'static str = "gas";
     const STREAMS: usize = 5;
     const KEEPS_THICKNESS: bool = true;
+    type Options = GasOptions;
     type Header = GasHeader;
+    type Figures = Named;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> GasHeader {

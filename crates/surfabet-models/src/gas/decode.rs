@@ -3,21 +3,14 @@
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
+use super::constants::{BLEND_WIDTH, DISC_REACH, DISCS_PER_TASK, LEAST_BLEND_COSINE};
+use super::distance;
 use super::model::GasModel;
 use crate::color::rounded;
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 use crate::spread::across;
 use crate::vector::{cross, dot, least_axis};
-
-/// Neurons per unit of parallel work.
-const BATCH: usize = 64;
-
-/// How far a neuron's points reach beyond a disc of the same spread: the corner of a hexagon.
-const REACH: f64 = 1.15;
-
-/// Golden angle, radians: turns by it fill a disc evenly.
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// A decoded point.
 #[derive(Debug, Clone, Copy)]
@@ -53,28 +46,30 @@ impl GasModel {
         Ok(PointCloud::from_parts(parts)?.0)
     }
 
+    /// The point at a neuron.
     fn neuron_point(&self, i: usize) -> Point {
         Point { position: self.position(i), normal: self.normal(i), color: rounded(self.color(i)) }
     }
 
-    /// Radius that a neuron's points are drawn in, metres; zero where its plane is unknown.
+    /// Radius of a decoded disc, metres; zero where the plane is unknown.
     fn reach(&self, i: usize) -> f64 {
-        if self.neurons[i].normal.is_some() { REACH * self.radius(i) } else { 0.0 }
+        if self.neurons[i].normal.is_some() { DISC_REACH * self.radius(i) } else { 0.0 }
     }
 
+    /// Points of all discs and of the edges between them.
     fn fill(&self, options: &DecodeOptions, progress: &dyn Progress) -> Result<Vec<Point>> {
         let spacing = options.spacing(self.position_step())?;
         let squares = |i: usize| (2.0 * self.reach(i) / spacing + 1.0).powi(2);
-        let links = |e: &[u32; 2]| self.length(*e) / spacing;
+        let links = |e: &[u32; 2]| self.edge_length(*e) / spacing;
         let most =
             (0..self.len()).map(squares).sum::<f64>() + self.edges.iter().map(links).sum::<f64>();
         check_points(spacing, most, options.max_points)?;
         let tree = KdTree::new(&self.positions())?;
         let discs: Vec<Vec<Point>> = (0..self.len())
             .into_par_iter()
-            .with_min_len(BATCH)
+            .with_min_len(DISCS_PER_TASK)
             .map(|i| {
-                if i % BATCH == 0 {
+                if i % DISCS_PER_TASK == 0 {
                     progress.check()?;
                 }
                 Ok(self.disc(i, spacing, options.as_measured, &tree))
@@ -84,16 +79,16 @@ impl GasModel {
         let links: Vec<Vec<Point>> = self
             .edges
             .par_iter()
-            .with_min_len(BATCH)
+            .with_min_len(DISCS_PER_TASK)
             .map(|&edge| self.link(edge, spacing))
             .collect();
         progress.check()?;
         Ok(discs.into_iter().chain(links).flatten().collect())
     }
 
-    fn length(&self, [a, b]: [u32; 2]) -> f64 {
-        let (p, q) = (self.position(a as usize), self.position(b as usize));
-        (0..3).map(|c| (f64::from(p[c]) - f64::from(q[c])).powi(2)).sum::<f64>().sqrt()
+    /// Length of an edge, metres.
+    pub(super) fn edge_length(&self, [a, b]: [u32; 2]) -> f64 {
+        distance(self.position(a as usize), self.position(b as usize))
     }
 
     /// The points of a neuron's disc; its own position where it has none.
@@ -130,10 +125,13 @@ impl GasModel {
         if points.is_empty() { vec![self.neuron_point(i)] } else { points }
     }
 
-    /// Height of the surface over a place on the plane of neuron `i`, and its colour: weighted means over the
-    /// neuron and its neighbours.
+    /// Height of the surface above the place x on the plane of neuron `i` with normal n, and its colour: weighted means
+    /// over the neuron and its neighbours.
+    ///
+    /// Neuron j at p_j with normal n_j has the weight `exp(-2 |p_j - x|^2 / r_i^2)`, and its plane is at the height
+    /// `(p_j - x) n_j / (n_j n)` above x along n.
     fn blend(&self, i: usize, on: [f64; 3], normal: [f64; 3]) -> (f64, [f32; 3]) {
-        let width = 2.0 / self.radius(i).powi(2);
+        let width = BLEND_WIDTH / self.radius(i).powi(2);
         let (mut height, mut planes, mut total) = (0.0, 0.0, 0.0);
         let mut color = [0.0; 3];
         for j in std::iter::once(i).chain(self.adjacency.of(i).iter().map(|&j| j as usize)) {
@@ -145,8 +143,7 @@ impl GasModel {
             total += weight;
             let plane = self.normal(j).map(f64::from);
             let cosine = dot(plane, normal);
-            // Surfaces that turn away by more than 45 degrees are beyond an edge.
-            if cosine > 0.7 {
+            if cosine > LEAST_BLEND_COSINE {
                 height += weight * dot(off, plane) / cosine;
                 planes += weight;
             }
@@ -156,10 +153,10 @@ impl GasModel {
         (height, color)
     }
 
-    /// The points between neighbours whose discs do not meet.
+    /// The points on the edge between neighbours whose discs do not meet.
     fn link(&self, [a, b]: [u32; 2], spacing: f64) -> Vec<Point> {
         let (i, j) = (a as usize, b as usize);
-        let length = self.length([a, b]);
+        let length = self.edge_length([a, b]);
         let (from, to) = (self.reach(i), length - self.reach(j));
         let n = ((to - from) / spacing).ceil() - 1.0;
         if n.is_nan() || n < 1.0 {
@@ -179,37 +176,10 @@ impl GasModel {
             })
             .collect()
     }
-
-    /// About `most` points spread as the input was: for each neuron in proportion to its number of points, at least
-    /// one, over its disc and across it.
-    pub(super) fn recall(&self, most: f64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<u32>) {
-        let total: f64 = (0..self.len()).map(|i| self.count(i)).sum();
-        let share = (most / total).min(1.0);
-        let (mut positions, mut normals, mut of) = (Vec::new(), Vec::new(), Vec::new());
-        for i in (0..self.len()).filter(|&i| self.neurons[i].count > 0) {
-            let n = (share * self.count(i)).round().max(1.0);
-            let normal = self.normal(i).map(f64::from);
-            let [u, v] = tangents(normal);
-            let center = self.position(i).map(f64::from);
-            let flat = normal != [0.0; 3];
-            for k in 0..n as usize {
-                let at = k as f64 + 0.5;
-                let radius = if flat { self.radius(i) * (at / n).sqrt() } else { 0.0 };
-                let (sin, cos) = (at * GOLDEN_ANGLE).sin_cos();
-                let depth = across(self.thickness(i), k);
-                let p =
-                    |c: usize| center[c] + radius * (cos * u[c] + sin * v[c]) + depth * normal[c];
-                positions.push([p(0), p(1), p(2)].map(|c| c as f32));
-                normals.push(self.normal(i));
-                of.push(i as u32);
-            }
-        }
-        (positions, normals, of)
-    }
 }
 
 /// Two unit vectors at right angles to a unit normal and each other.
-fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
+pub(super) fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
     let axis = least_axis(n);
     let u = cross(n, axis);
     let length = dot(u, u).sqrt();

@@ -1,4 +1,4 @@
-//! Growing neural gas: a map as neurons that spread over its surface and know who is next to them.
+//! Growing neural gas: a map as neurons that spread over its surface, joined by edges between neighbours on it.
 //!
 //! B. Fritzke: *A Growing Neural Gas Network Learns Topologies*, NIPS 1995, as used for maps by V. Morell,
 //! M. Cazorla, S. Orts-Escolano, J. Garcia-Rodriguez: *3D Maps Representation Using GNG*, 2014. A cloud runs
@@ -7,39 +7,44 @@
 //! | file | step | paper |
 //! |---|---|---|
 //! | `options` | what to learn | |
-//! | `signals` | points drawn at random | step 2 |
-//! | `index` | winner and second winner, exactly | step 3 |
-//! | `edges` | edges with ages | steps 4, 7, 8 |
-//! | `accumulated` | errors that decay, and the largest | steps 5, 9, 10 |
+//! | `learn` | the steps | |
+//! | `network/signals` | points drawn at random | step 2 |
+//! | `winners` | winner and second winner, exactly | step 3 |
+//! | `network/edges` | edges with ages | steps 4, 7, 8 |
+//! | `network/accumulated` | errors that decay, and the largest | steps 5, 9, 10 |
 //! | `network` | the ten steps | 1995, section 2 |
-//! | `grow` | from signal to signal until there is enough | stopping criterion |
-//! | `statistics`, `orient` | colour, normal, number of points, radius and thickness of every neuron | future work |
-//! | `order`, `model`, `syntax` | the result, in the integers that a file stores | |
+//! | `network/growth` | from signal to signal until there is enough | stopping criterion |
+//! | `finish`, `describe` | positions rounded; colour, normal, number of points, radius and thickness of every neuron | future work |
+//! | `model`, `coding` | the result, in the integers that a file stores | |
 //! | `decode` | back to a cloud at any spacing | future work |
-//! | `mesh`, `topology` | triangles, components, ways along the surface | |
-//! | `learn` | all of it, and the update with another scan | |
+//! | `surface` | triangles, components, distances along the surface | |
+//! | `update` | the same with another scan, from the neurons that there are | |
+//! | `adjacency` | the neighbours of every neuron | |
+//! | `contract` | what every model can do | |
+//! | `constants` | tuned constants, each with its reason | |
 
-mod accumulated;
 mod adjacency;
+mod coding;
+mod constants;
 mod contract;
 mod decode;
-mod edges;
-mod grow;
-mod index;
+mod describe;
+mod finish;
 mod learn;
-mod mesh;
 mod model;
 mod network;
 mod options;
-mod order;
-mod orient;
-mod signals;
-mod statistics;
-mod syntax;
-mod topology;
+mod surface;
+mod update;
+mod winners;
 
-pub use index::{BruteForce, Index, Winner, Winners};
 pub use learn::learn;
 pub use model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron};
 pub use network::{Graph, Network, Rates};
 pub use options::{GasOptions, MAX_NEURONS, Search};
+pub use winners::{BruteForce, Index, Winner, Winners};
+
+/// Distance between two positions, metres.
+fn distance(p: [f32; 3], q: [f32; 3]) -> f64 {
+    (0..3).map(|a| (f64::from(p[a]) - f64::from(q[a])).powi(2)).sum::<f64>().sqrt()
+}

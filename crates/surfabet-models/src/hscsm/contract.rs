@@ -5,14 +5,18 @@ use surfabet_entropy::Coder;
 use super::channels::dictionary::HscsmDictionary;
 use super::coding::Streams;
 use super::model::{Channel, HscsmHeader, HscsmModel};
+use super::options::HscsmOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for HscsmModel {
     const METHOD: &'static str = "hscsm";
     const STREAMS: usize = 5;
     const KEEPS_THICKNESS: bool = false;
+    type Options = HscsmOptions;
     type Header = HscsmHeader;
+    type Figures = Named;
     type Vocabulary = HscsmDictionary;
 
     fn header(&self) -> HscsmHeader {

@@ -16,6 +16,7 @@ use super::samples::Samples;
 use crate::color::{to_rgb, to_ycocg};
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
+use crate::options::Options;
 use crate::report::{Report, lost};
 
 /// Position lattice, in pixels: a quarter of a pixel moves no sample visibly, since depth and colour are measured

@@ -3,7 +3,9 @@
 use surfabet_entropy::Coder;
 
 use super::model::{PatchModel, PatchesHeader};
+use super::options::PatchesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a cell of colour takes while it is read.
@@ -13,7 +15,9 @@ impl SurfaceModel for PatchModel {
     const METHOD: &'static str = "patches";
     const STREAMS: usize = 3;
     const KEEPS_THICKNESS: bool = true;
+    type Options = PatchesOptions;
     type Header = PatchesHeader;
+    type Figures = Named;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PatchesHeader {

@@ -19,6 +19,7 @@ use super::surface::basis::Basis;
 use crate::contract::DecodeOptions;
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
+use crate::options::Options;
 use crate::report::{Report, lost};
 
 /// Side of the cells that vote for the scene's axes, in pixels.
@@ -55,7 +56,7 @@ pub fn learn(
         orientation,
         pixel_size: options.resolution,
         levels: options.levels,
-        depth_step: options.depth_step,
+        depth_step: options.depth_sixteenths(),
     };
     progress.update("growing sheets", 0.3);
     let sheets = report.time("growing sheets", || {
@@ -78,7 +79,7 @@ pub fn learn(
             luma: options.color_step,
             chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
         };
-        let lambda = options.color_lambda * f64::from(options.color_step).powi(2);
+        let lambda = options.color_rate * f64::from(options.color_step).powi(2);
         let source = Source::Targets { colors: &colors, lambda: lambda as f32 };
         let Ok(said) =
             code_colors(&mut Price::default(), &mut ColorModels::default(), &keys, steps, source);
@@ -131,8 +132,8 @@ fn choose(
         let choice = Choice {
             models: &models,
             bases: &bases,
-            lambda: (options.lambda * density) as f32,
-            step: options.depth_step as f32 / 16.0,
+            lambda: (options.rate * density) as f32,
+            step: options.depth_step as f32,
             lattice,
         };
         let roots: Vec<Root> = sheets

@@ -2,11 +2,10 @@
 
 use surfabet_geom::{Moments, Progress};
 
-use super::m_step::plane;
+use super::learn::{mean_square, plane, random};
 use super::options::MAX_PATCHES;
 use super::patch::Frame;
 use super::points::Points;
-use super::seed;
 use crate::error::{Error, Result, positive};
 use crate::vector;
 
@@ -32,7 +31,7 @@ pub fn random_planes(points: &Points, n: usize, random_state: u64) -> Result<Vec
     if !(1..=MAX_PATCHES).contains(&n) {
         return Err(Error::invalid("n_planes", n, "1 to 1048576"));
     }
-    Ok(seed::random(points, n, random_state).into_iter().map(|patch| patch.frame).collect())
+    Ok(random(points, n, random_state).into_iter().map(|patch| patch.frame).collect())
 }
 
 /// A mixture of planes with noise of one standard deviation, by expectation maximisation, as Healy and Westmacott
@@ -89,7 +88,7 @@ pub fn fit_planes(
             if let Some(fitted) = plane(moments) {
                 *frame = fitted;
             }
-            squares += moments.weight() * super::trim::mean_square(moments, frame);
+            squares += moments.weight() * mean_square(moments, frame);
         }
         s = (squares / step.weight).sqrt().max(f64::MIN_POSITIVE.sqrt());
     }

@@ -2,8 +2,10 @@
 
 use surfabet_entropy::Coder;
 
+use super::coding::Streams;
+use super::learn::PlanesFigures;
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
-use super::syntax::Streams;
+use super::options::PlanesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
@@ -14,7 +16,9 @@ impl SurfaceModel for PlaneModel {
     const METHOD: &'static str = "planes";
     const STREAMS: usize = 4;
     const KEEPS_THICKNESS: bool = true;
+    type Options = PlanesOptions;
     type Header = PlanesHeader;
+    type Figures = Option<PlanesFigures>;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PlanesHeader {

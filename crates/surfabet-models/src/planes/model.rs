@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Progress, octahedral};
 
-use super::e_step::{NONE, e_step};
+use super::learn::{Fit, NONE, PlanesReport, e_step};
 use super::options::MAX_PATCHES;
 use super::patch::{Frame, Patch};
 use super::points::Points;
@@ -123,7 +123,7 @@ pub struct PlaneModel {
     stored: Vec<StoredPatch>,
     patches: Vec<Patch>,
     labels: Option<Vec<u32>>,
-    report: Report,
+    report: PlanesReport,
 }
 
 /// Two models are equal when their files are.
@@ -138,12 +138,11 @@ impl PlaneModel {
     pub(super) fn new(
         cloud: &PointCloud,
         points: &Points,
-        patches: &[Patch],
-        grid_size: f64,
+        fit: &Fit<'_>,
         color_step: u32,
-        mut report: Report,
         progress: &dyn Progress,
     ) -> Result<Self> {
+        let (patches, grid_size) = (fit.patches(), fit.grid_size());
         let exponent = exponent(points, grid_size)?;
         // A point or two have no resolution, and their grid size may be below any step.
         let grid_size = grid_size.max(f64::from(exponent).exp2());
@@ -174,7 +173,7 @@ impl PlaneModel {
             let requirement = "larger: the patches would have more than 2^25 tiles";
             return Err(Error::invalid("min_grid_size", grid_size, requirement));
         }
-        report.add_figure("outliers", header.n_outliers as f64);
+        let report = Report::default();
         Ok(Self { header, stored, patches, labels: Some(labels), report })
     }
 
@@ -294,12 +293,13 @@ impl PlaneModel {
     }
 
     /// How the model was learned; empty for a model read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &PlanesReport {
         &self.report
     }
 
-    pub(super) fn report_mut(&mut self) -> &mut Report {
-        &mut self.report
+    /// The same model with the report of how it was learned.
+    pub(super) fn with_report(self, report: PlanesReport) -> Self {
+        Self { report, ..self }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The frame of a feature: its normal, and what is up about it (III-C).
 
+use crate::options::choices;
 use crate::vector::{cross, dot};
 
 /// From this share of the vertical on, the projected world z says little about what is up.
@@ -16,6 +17,7 @@ pub enum Upright {
     /// Away from the sensor.
     ViewDirection,
 }
+choices!(Upright { WorldX = "x", WorldZ = "z", ViewDirection = "view" });
 
 /// Rows: what is right, what is up, the normal; all unit vectors, right-handed.
 ///

@@ -131,6 +131,20 @@ pub struct HscsmDictionary {
 }
 
 impl HscsmDictionary {
+    /// Default options of the dictionary's hierarchy, to describe a cloud with.
+    pub fn options(&self) -> HscsmOptions {
+        let default = HscsmOptions::default();
+        match self.levels.last() {
+            Some(finest) => HscsmOptions {
+                resolution: finest.pixel_size,
+                patch_pixels: finest.pixels,
+                levels: self.levels.len() as u32,
+                ..default
+            },
+            None => default,
+        }
+    }
+
     /// Refuses options of another hierarchy.
     pub(in crate::hscsm) fn check(&self, options: &HscsmOptions) -> Result<()> {
         let mismatch = |what: &str, given: String, own: String| {

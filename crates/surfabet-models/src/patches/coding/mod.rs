@@ -3,7 +3,7 @@
 pub(in crate::patches) mod points;
 pub(in crate::patches) mod surroundings;
 
-use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
+use surfabet_entropy::{Bit, Cells, Coder, Quadtree, SInt, Symbols, UInt};
 
 use crate::patches::coding::surroundings::{Place, Placed, Surroundings, UNKNOWN};
 use crate::patches::model::{
@@ -15,6 +15,9 @@ use crate::patches::surface::leaf::Leaf;
 /// Bits of the height of the quadtree over tiles.
 const HEIGHT_BITS: u32 = 5;
 
+/// Heights of the quadtree with models of their own.
+const HEIGHTS: u32 = 3;
+
 /// A depth that nothing around suggests is said to this many steps.
 const COARSE: i32 = 4;
 
@@ -24,7 +27,7 @@ const LEVELS: usize = MAX_LEVELS as usize;
 #[derive(Debug, Clone)]
 pub(in crate::patches) struct GeometryModels {
     corner: SInt,
-    tiles: Vec<Bit>,
+    tiles: Quadtree,
     sheets: UInt,
     candidate: UInt,
     base: SInt,
@@ -46,7 +49,7 @@ impl Default for GeometryModels {
         };
         Self {
             corner: SInt::new(),
-            tiles: vec![Bit::new(); 3 * 16],
+            tiles: Quadtree::new(HEIGHTS),
             sheets: UInt::new(),
             candidate: UInt::new(),
             base: SInt::new(),
@@ -134,9 +137,11 @@ impl<C: Coder> Sheets<'_, C> {
             span = span.max((most - least) as u32);
             *low = self.coder.sint(&mut self.models.corner, least)?;
         }
+        let code = |r: &Root| morton(std::array::from_fn(|a| (r.tile[a] - low[a]) as u32));
         // When reading there is nothing to sort.
-        let mut given: Vec<&Root> = given.iter().collect();
-        given.sort_by_key(|r| morton(std::array::from_fn(|a| (r.tile[a] - low[a]) as u32)));
+        let mut given: Vec<(u64, &Root)> = given.iter().map(|r| (code(r), r)).collect();
+        given.sort_by_key(|&(code, _)| code);
+        let (codes, given): (Vec<u64>, Vec<&Root>) = given.into_iter().unzip();
         let height = u32::BITS - span.leading_zeros();
         let height = self.coder.bypass(u64::from(height), HEIGHT_BITS)? as u32;
         if height > 21 || low.iter().any(|l| l.unsigned_abs() > MAX_TILE as u32) {
@@ -144,35 +149,11 @@ impl<C: Coder> Sheets<'_, C> {
                 .coder
                 .corrupt(format!("tiles from {low:?} over 2^{height} are out of range")));
         }
-        self.tiles(side, low, height, &given)
-    }
-
-    /// The square of `2^height` tiles from `corner`.
-    fn tiles(
-        &mut self,
-        side: u8,
-        corner: [i32; 2],
-        height: u32,
-        given: &[&Root],
-    ) -> Result<(), C::Error> {
-        if height == 0 {
-            return self.tile(side, corner, given);
-        }
-        let half = 1 << (height - 1);
-        let mut occupied = 0;
-        let mut rest = given;
-        for child in 0..4_usize {
-            let offset = [child as i32 & 1, child as i32 >> 1];
-            let at: [i32; 2] = std::array::from_fn(|a| corner[a] + offset[a] * half);
-            let inside = |r: &&&Root| (0..2).all(|a| (at[a]..at[a] + half).contains(&r.tile[a]));
-            let here = rest.iter().take_while(inside).count();
-            let certain = child == 3 && occupied == 0;
-            let context = (height.min(3) - 1) as usize * 16 + child * 4 + occupied;
-            if certain || self.coder.bit(&mut self.models.tiles[context], here > 0)? {
-                occupied += 1;
-                self.tiles(side, at, height - 1, &rest[..here])?;
-            }
-            rest = &rest[here..];
+        // Every tile holds a patch.
+        let mut tiles = Cells::new(&codes, height, self.max_patches);
+        while let Some(cell) = tiles.next(self.coder, &mut self.models.tiles)? {
+            let tile = std::array::from_fn(|a| low[a] + cell.at[a] as i32);
+            self.tile(side, tile, &given[cell.given])?;
         }
         Ok(())
     }

@@ -1,20 +1,18 @@
 //! Points that no patch is near enough to: cells of a cubic grid, said as an octree.
 
-use surfabet_entropy::{Bit, Coder};
+use surfabet_entropy::{Cells, Coder, Octree};
+use surfabet_geom::morton;
 
-/// Bits of a cell coordinate.
-const BITS: u32 = 21;
+/// Heights of the octree with models of their own.
+const HEIGHTS: u32 = 4;
 
-/// Heights above the leaves with models of their own.
-const HEIGHTS: usize = 4;
-
-/// Adaptive models of the octree: by height, child and number of occupied children before it.
+/// Adaptive models of the points.
 #[derive(Debug, Clone)]
-pub(in crate::patches) struct PointModels(Vec<Bit>);
+pub(in crate::patches) struct PointModels(Octree);
 
 impl Default for PointModels {
     fn default() -> Self {
-        Self(vec![Bit::new(); HEIGHTS * 64])
+        Self(Octree::new(HEIGHTS))
     }
 }
 
@@ -30,43 +28,12 @@ pub(in crate::patches) fn code_points<C: Coder>(
 ) -> Result<Vec<u64>, C::Error> {
     let mut found = Vec::with_capacity(keys.len());
     if coder.bypass(u64::from(!keys.is_empty()), 1)? != 0 {
-        let mut octree = Octree { coder, models, found: &mut found, max_points };
-        octree.cell(keys, 0, BITS)?;
+        let mut cells = Cells::new(keys, morton::BITS, max_points);
+        while let Some(cell) = cells.next(coder, &mut models.0)? {
+            found.push(morton::encode(cell.at.map(u64::from)));
+        }
     }
     Ok(found)
-}
-
-struct Octree<'a, C> {
-    coder: &'a mut C,
-    models: &'a mut PointModels,
-    found: &'a mut Vec<u64>,
-    max_points: usize,
-}
-
-impl<C: Coder> Octree<'_, C> {
-    fn cell(&mut self, keys: &[u64], prefix: u64, height: u32) -> Result<(), C::Error> {
-        if height == 0 {
-            if self.found.len() == self.max_points {
-                return Err(self.coder.corrupt(format!("more than {} points", self.max_points)));
-            }
-            self.found.push(prefix);
-            return Ok(());
-        }
-        let (mut rest, mut occupied) = (keys, 0);
-        for child in 0..8_usize {
-            let at = prefix << 3 | child as u64;
-            let here = rest.partition_point(|&k| k >> (3 * (height - 1)) <= at);
-            let certain = child == 7 && occupied == 0;
-            let context = (height as usize).min(HEIGHTS) - 1;
-            let model = &mut self.models.0[context * 64 + child * 8 + occupied];
-            if certain || self.coder.bit(model, here > 0)? {
-                occupied += 1;
-                self.cell(&rest[..here], at, height - 1)?;
-            }
-            rest = &rest[here..];
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use surfabet_geom::Progress;
 
 use super::occupancy::Occupancy;
-use super::place::{Motion, Place};
+use super::scene::{Motion, Place};
 use super::template::Template;
 use crate::alphabet::model::{AlphabetModel, Occurrence};
 use crate::error::Result;

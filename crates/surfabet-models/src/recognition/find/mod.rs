@@ -3,20 +3,20 @@
 //! | file | step |
 //! |---|---|
 //! | `options` | what to look for, and how |
-//! | `place` | the scene that is searched, and motions in it |
+//! | `scene` | the scene that is searched, and motions in it |
 //! | `template` | the example, sample by sample |
 //! | `guess`, `occupancy` | motions from pairs of like words, tried coarsely |
 //! | `refine` | motions improved |
 //! | `score` | how like the example a place is |
-//! | `apart` | one motion for one thing |
+//! | `suppression` | one motion for one thing |
 
-mod apart;
 mod guess;
 mod occupancy;
 mod options;
-mod place;
 mod refine;
+mod scene;
 mod score;
+mod suppression;
 mod template;
 
 use rayon::prelude::*;
@@ -24,8 +24,8 @@ use surfabet_geom::{KdTree, Pose, Progress};
 
 use self::guess::guesses;
 pub use self::options::{FindOptions, Region};
-use self::place::{Motion, Place};
 use self::refine::REFINED;
+use self::scene::{Motion, Place};
 use self::score::{MATCHED, share};
 use self::template::Template;
 use super::surface::Surface;
@@ -163,7 +163,6 @@ mod tests {
 
     use super::*;
     use crate::alphabet::{AlphabetOptions, learn};
-    use crate::scans::Deviation;
 
     /// Where the things stand: x, y, yaw.
     const PLACES: [[f64; 3]; 3] = [[-1.0, -0.9, 0.2], [1.0, -0.7, 1.4], [0.1, 1.1, 3.7]];
@@ -202,9 +201,9 @@ mod tests {
         rectangle(other, [[0.0, 0.0, 0.6], [0.4, 0.0, 0.0], [0.0, 0.3, 0.0]]);
         rectangle(other, [[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.0, 0.6]]);
         let (cloud, _) = PointCloud::from_positions(points);
-        let deviation = Deviation { scale: 1.0, noise: Some(0.008), ..Deviation::default() };
-        learn(&cloud, &AlphabetOptions { deviation, ..AlphabetOptions::default() }, &Silent)
-            .unwrap()
+        let options =
+            AlphabetOptions { sigma_scale: 1.0, noise: Some(0.008), ..AlphabetOptions::default() };
+        learn(&cloud, &options, &Silent).unwrap()
     }
 
     fn example() -> Region {

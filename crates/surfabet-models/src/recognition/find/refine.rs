@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use super::place::{Motion, Place};
+use super::scene::{Motion, Place};
 use super::score::share;
 use super::template::{ALIKE, Template};
 

@@ -2,7 +2,7 @@
 
 use surfabet_geom::Neighbor;
 
-use super::place::{Motion, Place};
+use super::scene::{Motion, Place};
 use super::template::Template;
 
 /// Samples of the example that places are scored with.

@@ -3,7 +3,7 @@
 use surfabet_geom::{KdTree, Pose};
 
 use super::options::Region;
-use super::place::{Motion, Place};
+use super::scene::{Motion, Place};
 use crate::error::Result;
 use crate::vector::dot;
 

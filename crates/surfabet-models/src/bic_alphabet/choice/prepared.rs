@@ -1,0 +1,94 @@
+//! A scene with what scoring needs of it and never changes.
+
+use surfabet_geom::{KdTree, PointCloud};
+
+use crate::bic_alphabet::constants::OCCURRENCE_RADIUS;
+use crate::bic_alphabet::features::{Descriptors, Features, penalty_steps};
+use crate::bic_alphabet::likelihood::{Likelihood, ReachableBlocks};
+use crate::bic_alphabet::options::BicAlphabetOptions;
+use crate::bic_alphabet::rebuild::Stamp;
+use crate::bic_alphabet::words::BicWord;
+use crate::error::Result;
+use crate::report::Report;
+use crate::scans::Scene;
+use crate::stages::Stages;
+
+/// The points of a scene, its features with their descriptors, and its likelihood function.
+pub(in crate::bic_alphabet) struct PreparedScene<'a> {
+    pub options: &'a BicAlphabetOptions,
+    pub scene: Scene,
+    pub tree: KdTree,
+    pub features: Features,
+    pub descriptors: Descriptors,
+    pub likelihood: Likelihood,
+    /// Blocks of the likelihood by feature.
+    pub reachable: ReachableBlocks,
+}
+
+impl<'a> PreparedScene<'a> {
+    /// Merges the points of a cloud (eq. 13), and extracts and describes features (III-C).
+    pub fn new(
+        cloud: &PointCloud,
+        options: &'a BicAlphabetOptions,
+        report: &mut Report,
+        stages: &mut Stages<'_>,
+    ) -> Result<Self> {
+        let scene = stages.run("preparing the scene", |progress| {
+            Scene::new(cloud, options.deviation(), options.min_range, progress)
+        })?;
+        let prepared = Self::of_scene(scene, options, stages)?;
+        report.add_figure("points", cloud.len() as f64);
+        report.add_figure("points too near", prepared.scene.too_near as f64);
+        report.add_figure("duplicate points", prepared.scene.duplicates as f64);
+        report.add_figure("distinct points", prepared.scene.len() as f64);
+        report.add_figure("features", prepared.features.len() as f64);
+        report.add_figure("interest points", prepared.features.interest as f64);
+        Ok(prepared)
+    }
+
+    /// The same from points that are merged already.
+    pub fn of_scene(
+        scene: Scene,
+        options: &'a BicAlphabetOptions,
+        stages: &mut Stages<'_>,
+    ) -> Result<Self> {
+        let tree = KdTree::new(&scene.positions)?;
+        let features = stages.run("extracting features", |progress| {
+            Features::new(&scene, &tree, options, progress)
+        })?;
+        let descriptors = stages.run("describing features", |progress| {
+            Descriptors::new(&scene, &tree, &features, options, progress)
+        })?;
+        let (likelihood, reachable) = stages.run("preparing the likelihood", |_| {
+            let likelihood = Likelihood::new(&scene, options.floor);
+            let radius = OCCURRENCE_RADIUS * options.radius as f32;
+            let reachable = likelihood.reachable(&features.frames, radius);
+            Ok((likelihood, reachable))
+        })?;
+        Ok(Self { options, scene, tree, features, descriptors, likelihood, reachable })
+    }
+
+    /// The word at a feature (eq. 1), with the feature's descriptor.
+    pub fn word(&self, feature: u32) -> BicWord {
+        let f = feature as usize;
+        let pixels = self.descriptors.pixels;
+        let descriptor = &self.descriptors.values[f * pixels..(f + 1) * pixels];
+        let frame = &self.features.frames[f];
+        BicWord::take(&self.scene, &self.tree, frame, descriptor, self.options.radius)
+    }
+
+    /// A word ready to be placed.
+    pub fn stamp(&self, word: &BicWord) -> Stamp {
+        Stamp::new(word, self.options.radius, self.options.epsilon())
+    }
+
+    /// Least distance of decoded points, metres.
+    pub fn epsilon(&self) -> f32 {
+        self.options.epsilon() as f32
+    }
+
+    /// The difference that a pixel empty in one of two descriptors counts as, in height steps.
+    pub fn penalty(&self) -> i32 {
+        penalty_steps(self.options.empty_penalty)
+    }
+}

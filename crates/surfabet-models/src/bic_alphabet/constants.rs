@@ -1,0 +1,43 @@
+//! Tuned constants of the method. What a user may set is in [`BicAlphabetOptions`](super::BicAlphabetOptions); what the
+//! file format fixes is beside the code that writes it.
+
+/// Side of a pixel of the range image (III-C) in angles between beams, alpha: scanners differ in both directions, and a
+/// pixel should not be empty. @PIXEL
+pub(super) const PIXEL_PER_ALPHA: f64 = 1.5;
+
+/// Least side of a pixel of the range image, radians, so that an image has at most 8 million pixels.
+pub(super) const LEAST_PIXEL: f64 = 0.0016;
+
+/// Least share of a Gaussian's weight that has to lie on pixels with a point. @WEIGHT
+pub(super) const LEAST_WEIGHT: f32 = 0.3;
+
+/// Least distance between interest points in feature spacings: nearer ones would describe the same structure. @SPACING
+pub(super) const INTEREST_SPACING: f32 = 0.5;
+
+/// Bandwidth of a descriptor's pixel in mean spacings of the points about the feature, where that is more than a pixel.
+/// @BANDWIDTH
+pub(super) const BANDWIDTH: f32 = 0.7;
+
+/// Largest distance of an occurrence's points from its middle, in radii: a word's points lie within one radius before
+/// each coordinate is rounded to 1/64 of it, by at most `sqrt(3) / 128` = 0.014 in all.
+pub(super) const OCCURRENCE_RADIUS: f32 = 1.03;
+
+/// Most candidates tried at once per thread; results do not depend on it. While candidates are rejected, twice as many
+/// are tried each time, since none is tried in vain; after one is accepted, one per thread.
+pub(super) const CANDIDATES_PER_THREAD: usize = 4;
+
+/// Decoded points whose Gaussians are summed in 32 bits before they are added: no more than 2^10, since each is at most
+/// 2^22. Results do not depend on it. Columns of so many points stay in the first-level cache.
+pub(super) const POINTS_PER_SCATTER: usize = 64;
+
+/// Features per unit of parallel work when the blocks near them are searched, some milliseconds; results do not depend on it.
+pub(super) const FEATURES_PER_SEARCH: usize = 512;
+
+/// Features per unit of parallel work when they are described, some milliseconds; results do not depend on it.
+pub(super) const FEATURES_PER_TASK: usize = 256;
+
+/// Points between two checks whether the caller wants to stop, some milliseconds.
+pub(super) const POINTS_PER_CHECK: usize = 1 << 16;
+
+/// Occurrences between two checks whether the caller wants to stop, some milliseconds.
+pub(super) const OCCURRENCES_PER_CHECK: usize = 256;

@@ -1,0 +1,381 @@
+//! The likelihood of a scene given decoded points (eq. 6 to 13), so that a few points more or less change it exactly.
+//!
+//! For the points d_i of the scene (N of them, with sigma_i of eq. 13) and the decoded points r_j (M of them):
+//!
+//! ```text
+//! ln L = sum_i ln P(d_i)                                                     eq. 6, 7
+//! P(d_i) = 1/M sum_j P(d_i | r_j)    over the r_j with |d_i - r_j| <= 3 sigma_i    eq. 8 to 11
+//! P(d_i | r_j) = exp(-|d_i - r_j|^2 / (2 sigma_i^2)) / (sqrt(2 pi) sigma_i)        eq. 12
+//! ```
+//!
+//! With `S_i = sum_j exp(...)`, the sum of Gaussians without their normaliser, that is
+//!
+//! ```text
+//! ln L = sum_i ln S_i - sum_i ln(sqrt(2 pi) sigma_i) - N ln M
+//! ```
+//!
+//! `S_i` is summed in integers of 2^-22 ([`Likelihood::scatter`]), `ln S_i` is an integer of 2^-30
+//! ([`Likelihood::log`]): sums do not depend on the order, so what was added can be subtracted again exactly, and a
+//! state reached step by step is the same, to the bit, as one computed at once. [`Likelihood::log_likelihood`] adds the
+//! other two terms, of which the second is constant.
+//!
+//! Where no decoded point lies within 3 sigma, `P(d_i)` would be zero and ln L minus infinity. There `S_i` is
+//! `exp(-floor^2 / 2)`: as if one decoded point lay at `floor` sigma (option `floor`; not in the paper).
+
+mod kernel;
+
+use rayon::prelude::*;
+
+use kernel::{KERNEL_BITS, gaussian};
+
+use crate::bic_alphabet::constants::{FEATURES_PER_SEARCH, POINTS_PER_SCATTER};
+use crate::bic_alphabet::pose::Frame;
+use crate::scans::Scene;
+
+/// Points per block: one vector of single precision.
+pub(super) const LANES: usize = 8;
+
+/// Bits of a logarithm's fraction: the sum over 2^28 points stays below 2^63.
+const LOG_BITS: u32 = 30;
+
+/// Distance in sigmas within which decoded points are searched: 3 (eq. 10), and so much more that rounding never loses
+/// one.
+const REACH_SIGMAS: f32 = 3.001;
+
+/// Points that lie together, as a box with the largest distance, 3 sigma, at which a decoded point counts
+/// for any of them.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    low: [f32; 3],
+    high: [f32; 3],
+    reach: f32,
+}
+
+impl Block {
+    const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], reach: 0.0 };
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
+            high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
+            reach: self.reach.max(other.reach),
+        }
+    }
+
+    #[inline(always)]
+    fn squared_distance(&self, p: [f32; 3]) -> f32 {
+        // `f32::max` also sees to NaN, which takes three instructions instead of one.
+        let larger = |a: f32, b: f32| if a > b { a } else { b };
+        let outside = |a: usize| larger(larger(self.low[a] - p[a], p[a] - self.high[a]), 0.0);
+        let d: [f32; 3] = std::array::from_fn(outside);
+        d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    }
+}
+
+/// A run of blocks, halved until one is left.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    block: Block,
+    /// First block, or the number of the second child in the list; the first child follows its parent.
+    first: u32,
+    is_leaf: bool,
+}
+
+/// The likelihood function of a scene: its points in blocks.
+#[derive(Debug, Clone)]
+pub(super) struct Likelihood {
+    /// Coordinates per block.
+    positions: Vec<[[f32; LANES]; 3]>,
+    /// `1 / (2 sigma^2)` per lane.
+    narrow: Vec<[f32; LANES]>,
+    blocks: Vec<Block>,
+    nodes: Vec<Node>,
+    len: usize,
+    /// `sum_i ln(sqrt(2 pi) sigma_i)`: the normaliser of eq. 12.
+    normalizer: f64,
+    /// `ln S_i` of a point without a decoded one within 3 sigma, as [`Likelihood::log`] gives it.
+    floor: i64,
+}
+
+/// The blocks for whose points an occurrence at each feature may count (eq. 10).
+#[derive(Debug, Clone)]
+pub(super) struct ReachableBlocks {
+    starts: Vec<u32>,
+    blocks: Vec<u32>,
+}
+
+impl ReachableBlocks {
+    /// The blocks of one feature.
+    #[inline]
+    pub fn of(&self, feature: u32) -> &[u32] {
+        let f = feature as usize;
+        &self.blocks[self.starts[f] as usize..self.starts[f + 1] as usize]
+    }
+}
+
+impl Likelihood {
+    /// The function over the points of `scene`, with `floor` in sigma.
+    pub fn new(scene: &Scene, floor: f64) -> Self {
+        let mut order: Vec<u32> = (0..scene.len() as u32).collect();
+        arrange(&mut order, &scene.positions);
+        let n_blocks = order.len().div_ceil(LANES);
+        // Lanes beyond the last point are too far from every decoded point.
+        let mut positions = vec![[[1e30; LANES]; 3]; n_blocks];
+        let mut narrow = vec![[1.0; LANES]; n_blocks];
+        let mut blocks = vec![Block::EMPTY; n_blocks];
+        for (b, members) in order.chunks(LANES).enumerate() {
+            for (lane, &i) in members.iter().enumerate() {
+                let (p, sigma) = (scene.positions[i as usize], scene.sigma[i as usize]);
+                for a in 0..3 {
+                    positions[b][a][lane] = p[a];
+                }
+                narrow[b][lane] = 0.5 / (sigma * sigma);
+                let own = Block { low: p, high: p, reach: REACH_SIGMAS * sigma };
+                blocks[b] = blocks[b].and(own);
+            }
+        }
+        let mut nodes = Vec::with_capacity(2 * n_blocks);
+        grow(&mut nodes, &blocks, 0);
+        let root = std::f64::consts::TAU.sqrt();
+        let normalizer = scene.sigma.iter().map(|&s| (root * f64::from(s)).ln()).sum();
+        let floor = f64::from(KERNEL_BITS) * std::f64::consts::LN_2 - 0.5 * floor * floor;
+        let floor = (floor * (1_u64 << LOG_BITS) as f64).round() as i64;
+        Self { positions, narrow, blocks, nodes, len: order.len(), normalizer, floor }
+    }
+
+    /// Number of points, N.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Number of blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// The blocks with a point that may lie within its 3 sigma of a decoded point within `radius` of each frame.
+    pub fn reachable(&self, frames: &[Frame], radius: f32) -> ReachableBlocks {
+        let parts: Vec<(Vec<u32>, Vec<u32>)> = frames
+            .par_chunks(FEATURES_PER_SEARCH)
+            .map(|frames| {
+                let (mut counts, mut found) = (Vec::with_capacity(frames.len()), Vec::new());
+                let mut open = Vec::new();
+                for frame in frames {
+                    let before = found.len();
+                    open.push(0_usize);
+                    while let Some(n) = open.pop() {
+                        let Some(node) = self.nodes.get(n) else { continue };
+                        let limit = radius + node.block.reach;
+                        if node.block.squared_distance(frame.origin) > limit * limit {
+                            continue;
+                        }
+                        if node.is_leaf {
+                            found.push(node.first);
+                        } else {
+                            open.push(node.first as usize);
+                            open.push(n + 1);
+                        }
+                    }
+                    counts.push((found.len() - before) as u32);
+                }
+                (counts, found)
+            })
+            .collect();
+        let mut starts = vec![0];
+        let mut end = 0;
+        for count in parts.iter().flat_map(|(counts, _)| counts) {
+            end += count;
+            starts.push(end);
+        }
+        ReachableBlocks { starts, blocks: parts.into_iter().flat_map(|(_, found)| found).collect() }
+    }
+
+    /// Adds `exp(-|d_i - r_j|^2 / (2 sigma_i^2))` (eq. 12 without its normaliser, eq. 10) to the `S_i` in `sums` for all
+    /// `r_j` in `decoded`, or subtracts it, over the points of the `reachable` blocks. Calls `touched` for each block
+    /// that may have changed.
+    pub fn scatter(
+        &self,
+        decoded: &[[f32; 3]],
+        reachable: &[u32],
+        add: bool,
+        sums: &mut [[i64; LANES]],
+        mut touched: impl FnMut(u32),
+    ) {
+        // The sum of so many Gaussians of at most 2^22 fits 32 bits.
+        for decoded in decoded.chunks(POINTS_PER_SCATTER) {
+            let mut columns = [[f32::INFINITY; POINTS_PER_SCATTER]; 3];
+            for (k, p) in decoded.iter().enumerate() {
+                for a in 0..3 {
+                    columns[a][k] = p[a];
+                }
+            }
+            let padded = decoded.len().next_multiple_of(LANES);
+            for &b in reachable {
+                let at = b as usize;
+                let block = &self.blocks[at];
+                let limit = block.reach * block.reach;
+                let mut distances = [0.0_f32; POINTS_PER_SCATTER];
+                for k in 0..padded {
+                    distances[k] = block.squared_distance(columns.each_ref().map(|c| c[k]));
+                }
+                // About half of the points are near, so the list is written without a branch.
+                let mut near = [0_u8; POINTS_PER_SCATTER];
+                let mut n_near = 0;
+                for (k, &distance) in distances[..decoded.len()].iter().enumerate() {
+                    near[n_near] = k as u8;
+                    n_near += usize::from(distance <= limit);
+                }
+                if n_near == 0 {
+                    continue;
+                }
+                let ([x, y, z], narrow) = (&self.positions[at], &self.narrow[at]);
+                let mut values = [0_u32; LANES];
+                for &k in &near[..n_near] {
+                    let p = decoded[usize::from(k)];
+                    for lane in 0..LANES {
+                        let (dx, dy, dz) = (x[lane] - p[0], y[lane] - p[1], z[lane] - p[2]);
+                        values[lane] += gaussian((dx * dx + dy * dy + dz * dz) * narrow[lane]);
+                    }
+                }
+                touched(b);
+                let sign = if add { 1 } else { -1 };
+                for lane in 0..LANES {
+                    sums[at][lane] += sign * i64::from(values[lane]);
+                }
+            }
+        }
+    }
+
+    /// Number of points in a block.
+    #[inline]
+    pub fn lanes(&self, block: usize) -> usize {
+        LANES.min(self.len - block * LANES)
+    }
+
+    /// `ln S_i` plus `22 ln 2`, in units of 2^-30, of a sum in units of 2^-22.
+    #[inline]
+    pub fn log(&self, sum: i64) -> i64 {
+        if sum > 0 {
+            ((sum as f64).ln() * (1_u64 << LOG_BITS) as f64).round() as i64
+        } else {
+            self.floor
+        }
+    }
+
+    /// `ln L = sum_i ln S_i - sum_i ln(sqrt(2 pi) sigma_i) - N ln M` (eq. 6 to 12), given the sum of
+    /// [`Likelihood::log`] over all points and the number M of decoded points.
+    pub fn log_likelihood(&self, logs: i64, decoded: i64) -> f64 {
+        let n = self.len as f64;
+        let sum = logs as f64 / (1_u64 << LOG_BITS) as f64;
+        let units = f64::from(KERNEL_BITS) * std::f64::consts::LN_2;
+        sum - n * units - self.normalizer - n * (decoded as f64).ln()
+    }
+
+    /// The sums without decoded points.
+    pub fn empty_sums(&self) -> KernelSums {
+        KernelSums {
+            sums: vec![[0; LANES]; self.n_blocks()],
+            logs: vec![[self.floor; LANES]; self.n_blocks()],
+            total: self.floor * self.len as i64,
+        }
+    }
+}
+
+/// The state of the likelihood for some decoded points.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct KernelSums {
+    /// `S_i`, in units of 2^-22, by block and lane.
+    pub sums: Vec<[i64; LANES]>,
+    /// [`Likelihood::log`] of each.
+    pub logs: Vec<[i64; LANES]>,
+    /// The sum of `logs` over all points.
+    pub total: i64,
+}
+
+/// Orders points so that each run of [`LANES`] lies close together: halves across the longest side, at whole blocks.
+fn arrange(order: &mut [u32], positions: &[[f32; 3]]) {
+    if order.len() <= LANES {
+        return;
+    }
+    let own = |i: u32| {
+        let p = positions[i as usize];
+        Block { low: p, high: p, reach: 0.0 }
+    };
+    let bounds = order.iter().fold(Block::EMPTY, |b, &i| b.and(own(i)));
+    let side: [f32; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a]);
+    let axis = (1..3).fold(0, |longest, a| if side[a] > side[longest] { a } else { longest });
+    let middle = order.len().div_ceil(LANES).div_ceil(2) * LANES;
+    let along = |i: &u32| positions[*i as usize][axis];
+    order.select_nth_unstable_by(middle, |i, j| along(i).total_cmp(&along(j)).then(i.cmp(j)));
+    let (left, right) = order.split_at_mut(middle);
+    rayon::join(|| arrange(left, positions), || arrange(right, positions));
+}
+
+/// Appends the tree over `blocks`, the first of which has the number `first`.
+fn grow(nodes: &mut Vec<Node>, blocks: &[Block], first: usize) {
+    let block = blocks.iter().copied().fold(Block::EMPTY, Block::and);
+    let at = nodes.len();
+    nodes.push(Node { block, first: first as u32, is_leaf: blocks.len() <= 1 });
+    if blocks.len() > 1 {
+        let (left, right) = blocks.split_at(blocks.len().div_ceil(2));
+        grow(nodes, left, first);
+        nodes[at].first = nodes.len() as u32;
+        grow(nodes, right, first + left.len());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::*;
+    use crate::scans::Deviation;
+
+    /// Eq. 6 to 12 by a plain double loop.
+    fn plain(scene: &Scene, decoded: &[[f32; 3]], floor: f64) -> f64 {
+        let gaussian = |d: [f32; 3], sigma: f64, r: [f32; 3]| {
+            let squared: f64 = (0..3).map(|a| f64::from(d[a] - r[a]).powi(2)).sum();
+            let e = squared / (2.0 * sigma * sigma);
+            if e <= 4.5 { (-e).exp() / (std::f64::consts::TAU.sqrt() * sigma) } else { 0.0 }
+        };
+        let each = scene.positions.iter().zip(&scene.sigma).map(|(&d, &sigma)| {
+            let sigma = f64::from(sigma);
+            let sum: f64 = decoded.iter().map(|&r| gaussian(d, sigma, r)).sum();
+            let least = (-0.5 * floor * floor).exp() / (std::f64::consts::TAU.sqrt() * sigma);
+            (if sum > 0.0 { sum } else { least }).ln() - (decoded.len() as f64).ln()
+        });
+        each.sum()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn it_is_that_of_a_plain_double_loop(
+            positions in prop::collection::vec(prop::array::uniform3(-1.0_f32..1.0), 1..200),
+            decoded in prop::collection::vec(prop::array::uniform3(-1.0_f32..1.0), 1..100),
+            floor in 3.0_f64..10.0,
+        ) {
+            let (cloud, _) = PointCloud::from_positions(positions);
+            let scene = Scene::new(&cloud, Deviation::default(), 0.0, &Silent).unwrap();
+            let likelihood = Likelihood::new(&scene, floor);
+            let frame = Frame { origin: [0.0; 3], rows: [[0.0; 3]; 3] };
+            let reachable = likelihood.reachable(&[frame], 2.0);
+            let mut state = likelihood.empty_sums();
+            likelihood.scatter(&decoded, reachable.of(0), true, &mut state.sums, |_| ());
+            let logs: i64 = (0..likelihood.n_blocks())
+                .flat_map(|b| state.sums[b][..likelihood.lanes(b)].iter())
+                .map(|&s| likelihood.log(s))
+                .sum();
+            let found = likelihood.log_likelihood(logs, decoded.len() as i64);
+            let expected = plain(&scene, &decoded, floor);
+            // A point exactly at 3 sigma may fall on either side in single precision.
+            prop_assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{found} {expected}");
+            for &r in &decoded {
+                likelihood.scatter(&[r], reachable.of(0), false, &mut state.sums, |_| ());
+            }
+            prop_assert_eq!(state, likelihood.empty_sums());
+        }
+    }
+}

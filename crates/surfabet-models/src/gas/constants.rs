@@ -1,0 +1,62 @@
+//! Tuned constants of the method. What a user may set is in [`GasOptions`](super::GasOptions); what the file format fixes
+//! is beside the code that writes it.
+
+/// Position steps per mean edge e, by default: rounding adds `3 (e / 16)^2 / 12`, a thousandth of e^2, to the squared
+/// error.
+pub(super) const STEPS_PER_EDGE: f64 = 16.0;
+
+/// Multiple of the planned signals after which a network that does not reach its size is taken as it is: its neurons are
+/// removed as fast as they are inserted. @PATIENCE
+pub(super) const PATIENCE: u64 = 2;
+
+/// Signals between two checks whether the caller wants to stop, some milliseconds.
+pub(super) const SIGNALS_PER_BATCH: usize = 4096;
+
+/// Signals per neuron over which the mean distance is compared with `target_error`: so few that the network has hardly
+/// grown meanwhile, yet so many that most neurons have won.
+pub(super) const SIGNALS_PER_NEURON_OF_MEAN: u64 = 2;
+
+/// Points of the trace of mean distances in the report: enough for a curve.
+pub(super) const TRACE_LENGTH: u64 = 64;
+
+/// Neurons per leaf of a tree built anew: the rest of the eight is room to grow. @FILL
+pub(super) const FILL: usize = 6;
+
+/// Most points that represent the old scans in an update. @RECALLED
+pub(super) const MOST_RECALLED: f64 = 2e6;
+
+/// Signals per neuron of an update beyond those of the inserted neurons, so that old neurons move to where the new scan
+/// is. @SETTLING
+pub(super) const SETTLING: u64 = 30;
+
+/// Neurons per unit of parallel work when they are described, some milliseconds; results do not depend on it.
+pub(super) const NEURONS_PER_TASK: usize = 256;
+
+/// Neurons and edges per unit of parallel work when they are decoded; results do not depend on it.
+pub(super) const DISCS_PER_TASK: usize = 64;
+
+/// Radius of a decoded disc in radii of a round disc of the same spread: a neuron's points fill the cell of those nearest
+/// to it, on an even surface a hexagon, whose corners are `sqrt(2 pi / (3 sqrt(3)))` = 1.10 times as far from its middle
+/// as the rim of a disc of the same area. @REACH
+pub(super) const DISC_REACH: f64 = 1.15;
+
+/// Least cosine between the normals of two neurons for their planes to blend: surfaces that turn by more than 45 degrees
+/// are on two sides of an edge.
+pub(super) const LEAST_BLEND_COSINE: f64 = 0.7;
+
+/// Weights of blended planes and colours fall as `exp(-BLEND_WIDTH d^2 / r^2)` at distance d from a neuron of radius r:
+/// to 14 percent at the rim. @BLEND
+pub(super) const BLEND_WIDTH: f64 = 2.0;
+
+/// Least cosine between a triangle and the mean normal of its corners: steeper triangles lie across the surface.
+/// @COSINE
+pub(super) const LEAST_TRIANGLE_COSINE: f64 = 0.3;
+
+/// Most edges of a hole of the mesh that is closed. @HOLE
+pub(super) const LARGEST_HOLE: usize = 12;
+
+/// Steps of the cosine between two normals when edges are ordered by it, so that they order as integers.
+pub(super) const COSINE_STEPS: f64 = 1e6;
+
+/// Least vertical component of a normal that points up or down; a normal below it is horizontal but for rounding.
+pub(super) const LEAST_UP: f64 = 1e-3;

@@ -1,0 +1,178 @@
+//! Statistics of the points nearest to a neuron: number, colour, normal, radius and thickness.
+
+use rayon::prelude::*;
+use surfabet_geom::{KdTree, Moments, Progress};
+
+use super::orient::orient;
+use crate::error::Result;
+use crate::gas::adjacency::Adjacency;
+use crate::gas::constants::NEURONS_PER_TASK;
+
+/// Colour of neurons of a coloured map without a colour of their own.
+const GREY: [f32; 3] = [127.0; 3];
+
+/// Points to describe, all with the same weight.
+pub(in crate::gas) struct Observed<'a> {
+    pub points: &'a [[f32; 3]],
+    pub colors: Option<&'a [[u8; 3]]>,
+    /// Direction to the viewpoint of each point, or its known normal; zero where unknown.
+    pub facing: Option<Vec<[f32; 3]>>,
+    pub weight: f64,
+}
+
+/// Description of every neuron.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(in crate::gas) struct Statistics {
+    /// Sum of the weights of the nearest points.
+    pub counts: Vec<f64>,
+    /// Unit normals; zero where unknown.
+    pub normals: Vec<[f32; 3]>,
+    /// Mean colours.
+    pub colors: Option<Vec<[f32; 3]>>,
+    /// Radius of the disc over which the points would spread as they do in their plane, metres.
+    pub radii: Vec<f64>,
+    /// Standard deviation of the points across their plane, metres.
+    pub thicknesses: Vec<f64>,
+    /// Mean distance of points to their neurons, metres.
+    pub mean_distance: f64,
+}
+
+/// Sums over the points nearest to a neuron, with their weights.
+#[derive(Clone, Copy, Default)]
+struct PointSums {
+    moments: Moments,
+    color: [f64; 3],
+    /// Weight of the points with a colour.
+    colored: f64,
+    facing: [f64; 3],
+    distance: f64,
+}
+
+impl PointSums {
+    /// Mean colour, where there is one.
+    fn mean_color(&self) -> Option<[f32; 3]> {
+        (self.colored > 0.0).then(|| self.color.map(|c| (c / self.colored) as f32))
+    }
+}
+
+/// Describes neurons at `positions` by the points of `sets`, of which at least one has points.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub(in crate::gas) fn describe(
+    positions: &[[f32; 3]],
+    adjacency: &Adjacency,
+    sets: &[Observed<'_>],
+    progress: &dyn Progress,
+) -> Result<Statistics> {
+    let tree = KdTree::new(positions)?;
+    let mut sums = vec![PointSums::default(); positions.len()];
+    for set in sets {
+        gather(&mut sums, &tree, set, progress)?;
+    }
+    progress.check()?;
+    let counts: Vec<f64> = sums.iter().map(|of| of.moments.weight()).collect();
+    let total: f64 = counts.iter().sum();
+    let mean_distance = sums.iter().map(|of| of.distance).sum::<f64>() / total;
+    let normals = normals(positions, adjacency, &sums);
+    let (radii, thicknesses) = (0..positions.len())
+        .into_par_iter()
+        .with_min_len(NEURONS_PER_TASK)
+        .map(|i| spread(&sums[i].moments, normals[i]))
+        .unzip();
+    Ok(Statistics {
+        counts,
+        normals: normals.into_iter().map(|n| n.map(|c| c as f32)).collect(),
+        colors: colors(adjacency, &sums),
+        radii,
+        thicknesses,
+        mean_distance,
+    })
+}
+
+/// Unit normal of the plane through the points of each neuron and its neighbours, on the side of the sensor or that of
+/// the neighbours (see [`orient`]); zero where there is no plane.
+///
+/// A neuron's own points are few and about as thick as wide; with those of its neighbours they span a plane.
+fn normals(positions: &[[f32; 3]], adjacency: &Adjacency, sums: &[PointSums]) -> Vec<[f64; 3]> {
+    let mut normals: Vec<[f64; 3]> = (0..positions.len())
+        .into_par_iter()
+        .with_min_len(NEURONS_PER_TASK)
+        .map(|i| {
+            let mut moments = sums[i].moments;
+            for &j in adjacency.of(i) {
+                moments.merge(&sums[j as usize].moments);
+            }
+            let magnitude = positions[i].iter().fold(0.0_f32, |m, c| m.max(c.abs()));
+            moments.plane(f64::from(f32::EPSILON * magnitude)).map_or([0.0; 3], |p| p.normal)
+        })
+        .collect();
+    let facing: Vec<[f64; 3]> = sums.iter().map(|of| of.facing).collect();
+    orient(&mut normals, positions, adjacency, &facing);
+    normals
+}
+
+/// Radius of the disc over which points spread, and their standard deviation across it: for the covariance C and the
+/// normal n, `sqrt(2 (tr C - n' C n))`, as a disc of radius r has the variance `r^2 / 4` along either axis, and
+/// `sqrt(n' C n)`.
+fn spread(moments: &Moments, n: [f64; 3]) -> (f64, f64) {
+    let covariance = moments.covariance();
+    let trace: f64 = (0..3).map(|a| covariance[a][a]).sum();
+    let across: f64 = (0..3)
+        .map(|r| (0..3).map(|c| n[r] * covariance[r][c] * n[c]).sum::<f64>())
+        .sum::<f64>()
+        .clamp(0.0, trace);
+    ((2.0 * (trace - across)).sqrt(), across.sqrt())
+}
+
+/// Mean colour of each neuron's points; without any that of a neighbour, or grey. `None` where no point has a colour.
+fn colors(adjacency: &Adjacency, sums: &[PointSums]) -> Option<Vec<[f32; 3]>> {
+    let color = |(i, own): (usize, &PointSums)| {
+        let around = || adjacency.of(i).iter().find_map(|&j| sums[j as usize].mean_color());
+        own.mean_color().or_else(around).unwrap_or(GREY)
+    };
+    let any = sums.iter().any(|of| of.colored > 0.0);
+    any.then(|| sums.iter().enumerate().map(color).collect())
+}
+
+/// Adds the points of a set to the sums of their nearest neurons, in the order of the points.
+fn gather(
+    sums: &mut [PointSums],
+    tree: &KdTree,
+    set: &Observed<'_>,
+    progress: &dyn Progress,
+) -> Result<()> {
+    if set.points.is_empty() {
+        return Ok(());
+    }
+    let nearest = tree.nearest_batch(set.points, progress)?;
+    let mut starts = vec![0_usize; sums.len() + 1];
+    for n in &nearest {
+        starts[n.index() + 1] += 1;
+    }
+    for i in 0..sums.len() {
+        starts[i + 1] += starts[i];
+    }
+    let mut next = starts.clone();
+    let mut order = vec![0_u32; nearest.len()];
+    for (i, n) in nearest.iter().enumerate() {
+        order[next[n.index()]] = i as u32;
+        next[n.index()] += 1;
+    }
+    progress.check()?;
+    sums.par_iter_mut().with_min_len(NEURONS_PER_TASK).enumerate().for_each(|(i, of)| {
+        let members = &order[starts[i]..starts[i + 1]];
+        for m in members.iter().map(|&m| m as usize) {
+            of.moments.add(set.points[m].map(f64::from), set.weight);
+            of.distance += set.weight * f64::from(nearest[m].squared_distance().sqrt());
+            if let Some(colors) = set.colors {
+                (0..3).for_each(|c| of.color[c] += set.weight * f64::from(colors[m][c]));
+                of.colored += set.weight;
+            }
+            if let Some(facing) = &set.facing {
+                (0..3).for_each(|a| of.facing[a] += set.weight * f64::from(facing[m][a]));
+            }
+        }
+    });
+    Ok(())
+}

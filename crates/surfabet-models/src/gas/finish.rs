@@ -1,0 +1,91 @@
+//! From a grown network to a model: positions rounded, neurons described.
+
+use super::adjacency::Adjacency;
+use super::constants::STEPS_PER_EDGE;
+use super::describe::{Observed, describe};
+use super::distance;
+use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
+use super::network::{Graph, Grown};
+use super::options::GasOptions;
+use crate::error::{Error, Result};
+use crate::report::Report;
+use crate::stages::Stages;
+
+/// Rounds the positions of a grown network, and describes its neurons by the points of `observed`, as the last of
+/// `stages`.
+pub(super) fn finish(
+    grown: Grown,
+    origin: [f64; 3],
+    observed: &[Observed<'_>],
+    n_points: u64,
+    options: &GasOptions,
+    mut report: Report,
+    mut stages: Stages<'_>,
+) -> Result<GasModel> {
+    let Graph { positions, edges } = grown.graph;
+    let exponent = step_exponent(&positions, &edges, options)?;
+    let step = f64::from(exponent).exp2();
+    let rounded: Vec<[i32; 3]> =
+        positions.iter().map(|p| p.map(|c| (f64::from(c) / step).round() as i32)).collect();
+    // As they are decoded.
+    let positions: Vec<[f32; 3]> =
+        rounded.iter().map(|p| p.map(|c| (f64::from(c) * step) as f32)).collect();
+    let adjacency = Adjacency::new(positions.len(), &edges);
+    let statistics = stages.run("describing neurons", |progress| {
+        describe(&positions, &adjacency, observed, progress)
+    })?;
+    report.stages = stages.finish();
+    report.figures.extend([
+        ("points", n_points as f64),
+        ("signals", grown.signals as f64),
+        ("neurons", positions.len() as f64),
+        ("edges", edges.len() as f64),
+        ("mean error", statistics.mean_distance),
+    ]);
+    report.iterations = grown.signals as usize;
+    report.objectives.push(("mean distance of signals".into(), grown.trace));
+    report.stop_reason = grown.stop_reason;
+    let header = GasHeader {
+        n_points,
+        origin,
+        exponent,
+        color_step: statistics.colors.is_some().then_some(options.color_step),
+        mean_error: statistics.mean_distance,
+        n_neurons: positions.len() as u64,
+        n_edges: edges.len() as u64,
+    };
+    GasModel::new(header, &rounded, &edges, &statistics, report)
+}
+
+/// The position step as a power of two: the largest that is no larger than `position_step`, or, without one, no larger
+/// than the mean edge over [`STEPS_PER_EDGE`] but large enough for all positions to fit.
+fn step_exponent(positions: &[[f32; 3]], edges: &[[u32; 2]], options: &GasOptions) -> Result<i32> {
+    let extent = positions.iter().flatten().fold(0.0_f32, |m, c| m.max(c.abs()));
+    let lengths = edges.iter().map(|e| {
+        let [p, q] = e.map(|i| positions[i as usize]);
+        distance(p, q)
+    });
+    let mean = lengths.sum::<f64>() / edges.len() as f64;
+    let step = options.position_step.unwrap_or(mean / STEPS_PER_EDGE);
+    // Neurons all at one place have edges of no length.
+    let wanted = if step > 0.0 { step.log2().floor() } else { -f64::from(MAX_EXPONENT) };
+    let limit = f64::from(MAX_EXPONENT);
+    let mut exponent = wanted.clamp(-limit, limit) as i32;
+    let fits = |exponent: i32| {
+        f64::from(extent) <= f64::from(exponent).exp2() * (f64::from(MAX_COORDINATE) - 1.0)
+    };
+    if options.position_step.is_none() {
+        while !fits(exponent) && exponent < MAX_EXPONENT {
+            exponent += 1;
+        }
+    }
+    if !fits(exponent) {
+        let step = f64::from(exponent).exp2();
+        return Err(Error::TooLarge {
+            extent: f64::from(extent),
+            limit: step * f64::from(MAX_COORDINATE),
+            resolution: step,
+        });
+    }
+    Ok(exponent)
+}

@@ -1,0 +1,5 @@
+//! The streams of a file.
+
+mod syntax;
+
+pub(super) use syntax::Streams;

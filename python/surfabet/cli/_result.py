@@ -1,0 +1,66 @@
+"""What `surfabet compress` tells at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import surfabet
+from surfabet.cli._files import size_on_disk
+from surfabet.cli._format import bytes_text, millimetres, peak_memory, raw_bytes
+from surfabet.learning import LearningReport
+
+
+@dataclass
+class Result:
+    """Sizes, error and seconds of one compression."""
+
+    input: Path
+    output: Path
+    n_points: int = 0
+    raw_bytes: int = 0
+    n_bytes: int = 0
+    quality: surfabet.Quality | None = None
+    report: LearningReport | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def of(self, cloud: surfabet.PointCloud) -> None:
+        """Notes the size of the cloud."""
+        self.n_points = len(cloud)
+        self.raw_bytes = raw_bytes(len(cloud), cloud.colors is not None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "input": {
+                "path": str(self.input),
+                "points": self.n_points,
+                "raw_bytes": self.raw_bytes,
+                "bytes_on_disk": size_on_disk(self.input),
+            },
+            "output": {"path": str(self.output), "bytes": self.n_bytes},
+            "ratio": self.raw_bytes / self.n_bytes,
+            "bits_per_point": 8 * self.n_bytes / self.n_points,
+            "quality": self.quality and self.quality.as_dict(),
+            "seconds": self.seconds,
+            "peak_memory_bytes": peak_memory(),
+            "report": self.report and self.report.as_dict(),
+        }
+
+    def line(self) -> str:
+        """For people."""
+        parts = [
+            f"{self.n_points:,} points",
+            f"{bytes_text(self.raw_bytes)} -> {bytes_text(self.n_bytes)}",
+            f"ratio {self.raw_bytes / self.n_bytes:.3g}",
+        ]
+        if (quality := self.quality) is not None:
+            pooled = millimetres(quality.rmse_pooled)
+            parts.append(f"rmse {millimetres(quality.rmse)} (pooled {pooled})")
+            if quality.inliers is not None and quality.outliers is not None:
+                parts.append(f"inliers {quality.inliers:.2%}, outliers {quality.outliers:.2%}")
+            if quality.color_rmse_pooled is not None:
+                parts.append(f"colour rmse {quality.color_rmse_pooled:.3g}")
+        encoding = sum(self.seconds[stage] for stage in ("read", "learn", "write"))
+        return f"{self.output}: {', '.join(parts)}, {encoding:.1f} s"
