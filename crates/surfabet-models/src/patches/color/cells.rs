@@ -1,4 +1,4 @@
-//! The places that carry colour: the cells of a cubic grid that the surface with its thickness passes through.
+//! The cells that carry colour: those of a cubic grid that the surface with its thickness passes through.
 //!
 //! They follow from the geometry alone, in integers, so that a decoder knows them before it reads a colour.
 
@@ -13,7 +13,7 @@ use crate::patches::surface::leaf::Leaf;
 /// Cell coordinates are at least `-HALF` and below `HALF`.
 const HALF: i32 = 1 << (BITS - 1);
 
-/// Map from sorted keys to their places.
+/// Map from sorted keys to their numbers.
 pub(in crate::patches) fn index(keys: &[u64]) -> MortonMap<u32> {
     (0..).zip(keys).map(|(i, &k)| (k, i)).collect()
 }
@@ -30,7 +30,7 @@ pub(in crate::patches) fn cell_of_key(key: u64) -> [i32; 3] {
 
 /// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
 /// be more than `limit`.
-pub(in crate::patches) fn nodes(
+pub(in crate::patches) fn color_cells(
     lattice: &Lattice,
     leaves: &[Leaf],
     limit: u64,
