@@ -27,6 +27,7 @@
 
 mod classical;
 mod coding;
+mod constants;
 mod contract;
 mod decode;
 mod learn;
@@ -37,14 +38,12 @@ mod points;
 mod tiles;
 
 pub use classical::{PlaneFit, fit_planes, random_planes};
+pub use coding::{DIRECTIONS, MAX_COORDINATE, PARTS, StoredPatch};
 pub use decode::PlaneMesh;
 pub use learn::{
     Fit, Iteration, PlanesFigures, PlanesReport, Responsibilities, Trace, learn, weight_scale,
 };
-pub use model::{
-    DIRECTIONS, MAX_COORDINATE, MAX_DOUBLINGS, MAX_EXPONENT, MAX_MODEL_TILES, MAX_PATCH_TILES,
-    NORMAL_BITS, PARTS, PlaneModel, PlanesHeader, StoredPatch,
-};
+pub use model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 pub use options::{MAX_PATCHES, PlanesOptions};
 pub use patch::{Frame, Patch};
 pub use points::Points;

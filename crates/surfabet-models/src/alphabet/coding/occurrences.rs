@@ -67,8 +67,8 @@ impl OccurrenceModels {
         Self {
             count: [const { UInt::new() }; SCALES],
             children: [Bit::new(); 2 * SCALES],
-            // Above the largest words, nodes of all sizes are alike.
-            cells: Octree::new(setting.scales),
+            // Nodes above the largest words share their models.
+            cells: Octree::new(params.scales),
             same_view: Bit::new(),
             view: symbols(params.sensors.len()),
             prediction: std::array::from_fn(|n| symbols(n + 1)),

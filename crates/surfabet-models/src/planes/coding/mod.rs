@@ -1,5 +1,11 @@
-//! The streams of a file.
+//! Patches in integers, and the streams of a file.
 
+mod colors;
+mod masks;
+mod poses;
+mod sizes;
+mod stored;
 mod syntax;
 
+pub use stored::{DIRECTIONS, MAX_COORDINATE, PARTS, StoredPatch};
 pub(super) use syntax::Streams;

@@ -1,4 +1,15 @@
-//! E-step: how probable it is that each point belongs to each patch (eq. 1 and 2).
+//! E-step: the probability that each point belongs to each patch (section II-A).
+//!
+//! With `d_ij` the distance of point `i` to the closest supported tile of patch `j`,
+//!
+//! ```text
+//! p_ij ~ w_j exp(-d_ij^2 / (2 S^2)),   sum_j p_ij = 1      (eq. 1)
+//! S = G / sqrt(-2 ln W)                                    (eq. 2)
+//! ```
+//!
+//! The mixing weight `w_j`, the number of points per area of patch `j`, is not in the paper: it weighs patches alike. Without
+//! it a patch right through a noisy wall lives on the points that happen to lie far from the wall; it has few points for
+//! its area, and so it loses them.
 
 use rayon::prelude::*;
 use surfabet_geom::Progress;
@@ -27,7 +38,7 @@ pub struct Responsibilities {
 }
 
 impl Responsibilities {
-    /// Points with a chance to belong to a patch, and that chance (p_ij).
+    /// The points with a probability above zero for a patch, and this probability p_ij.
     pub fn of(&self, patch: usize) -> &[(u32, f32)] {
         &self.entries[self.starts[patch]..self.starts[patch + 1]]
     }
@@ -39,7 +50,7 @@ impl Responsibilities {
         (sum / near.max(1) as f64, near as f64 / self.supports.len().max(1) as f64)
     }
 
-    /// The points that support each of `n` patches (S), ascending.
+    /// The support sets of `n` patches, points ascending: `S(s_j) = {a_i : p_ij = max_k p_ik}`.
     pub(super) fn support_sets(&self, n: usize) -> Vec<Vec<u32>> {
         let mut sets = vec![Vec::new(); n];
         for (i, &s) in self.supports.iter().enumerate() {
@@ -51,24 +62,13 @@ impl Responsibilities {
     }
 }
 
-/// The standard deviation S that gives a point at distance `grid_size` (G) the weight W (eq. 2), metres.
+/// S = G / sqrt(-2 ln W), metres (eq. 2): the standard deviation that gives a point at distance `grid_size` (G) the
+/// weight W.
 pub fn weight_scale(grid_size: f64, weight_at_grid_size: f64) -> f64 {
     grid_size / (-2.0 * weight_at_grid_size.ln()).sqrt()
 }
 
-/// What one chunk of blocks finds.
-struct Found {
-    /// Patch, point, probability.
-    entries: Vec<(u32, u32, f32)>,
-    supports: Vec<u32>,
-    distances: Vec<f32>,
-}
-
 /// Probabilities of all points for the patches within reach, which is the grid size G; `s` is S.
-///
-/// Eq. 1 weighs patches alike; here the weights are also in proportion to the number of points per area of each patch,
-/// as the mixing weights of a mixture of surfaces are. Otherwise a patch right through a noisy wall lives on the points
-/// that happen to lie far from the wall; it has few points for its area, and so it loses them.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`] when the caller asks to stop.
@@ -80,52 +80,87 @@ pub fn e_step(
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
     let near = candidates(points, patches, grid_size);
-    let exponent = -1.0 / (2.0 * s * s);
-    let known = patches.iter().all(|p| p.density > 0.0);
-    // The logarithm of the density in the unit of a squared distance.
-    let prior = |p: &Patch| if known { 2.0 * s * s * p.density.ln() } else { 0.0 };
-    let prior: Vec<f64> = patches.iter().map(prior).collect();
+    let mixture = Mixture::new(patches, grid_size, s);
     let n_blocks = points.n_blocks();
-    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Found> {
+    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
         progress.check()?;
-        let mut found = Found { entries: Vec::new(), supports: Vec::new(), distances: Vec::new() };
-        let mut costs: Vec<(u32, f64)> = Vec::new();
+        let mut weighed = Weighed::default();
         for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
-            let near = near.of(b);
             for i in points.block(b) {
-                costs.clear();
-                let mut closest = (f64::INFINITY, NONE, 0.0);
-                for &j in near {
-                    let patch = &patches[j as usize];
-                    let Some((d, _)) = patch.distance(points.positions[i], grid_size) else {
-                        continue;
-                    };
-                    if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
-                        continue;
-                    }
-                    let cost = d * d - prior[j as usize];
-                    costs.push((j, cost));
-                    // Of several the first.
-                    if cost < closest.0 {
-                        closest = (cost, j, d);
-                    }
-                }
-                // The least is taken off first, so that a point far from all patches still counts for one.
-                let weight = |cost: f64| (exponent * (cost - closest.0)).exp();
-                let sum: f64 = costs.iter().map(|c| weight(c.1)).sum();
-                let share = |&(j, cost): &(u32, f64)| (j, i as u32, (weight(cost) / sum) as f32);
-                found.entries.extend(costs.iter().map(share));
-                found.supports.push(closest.1);
-                found.distances.push(closest.2 as f32);
+                mixture.weigh(points, i, near.of(b), &mut weighed);
             }
         }
-        Ok(found)
+        Ok(weighed)
     });
-    let chunks = chunks.collect::<Result<Vec<Found>>>()?;
+    let chunks = chunks.collect::<Result<Vec<Weighed>>>()?;
     Ok(by_patch(patches.len(), &chunks))
 }
 
-fn by_patch(n: usize, chunks: &[Found]) -> Responsibilities {
+/// The right side of eq. 1.
+struct Mixture<'a> {
+    patches: &'a [Patch],
+    grid_size: f64,
+    /// -1 / (2 S^2).
+    exponent: f64,
+    /// 2 S^2 ln w_j for each patch: the mixing weight in the unit of a squared distance.
+    prior: Vec<f64>,
+}
+
+/// What a chunk of blocks gives, in the order of its points.
+#[derive(Default)]
+struct Weighed {
+    /// Patch, point, probability.
+    entries: Vec<(u32, u32, f32)>,
+    supports: Vec<u32>,
+    distances: Vec<f32>,
+    /// Patch and d_ij^2 - 2 S^2 ln w_j of the point at hand.
+    costs: Vec<(u32, f64)>,
+}
+
+impl<'a> Mixture<'a> {
+    fn new(patches: &'a [Patch], grid_size: f64, s: f64) -> Self {
+        // Patches placed at random have no points yet: all w_j are 1 then.
+        let known = patches.iter().all(|p| p.density > 0.0);
+        let prior = |p: &Patch| if known { 2.0 * s * s * p.density.ln() } else { 0.0 };
+        Self {
+            patches,
+            grid_size,
+            exponent: -1.0 / (2.0 * s * s),
+            prior: patches.iter().map(prior).collect(),
+        }
+    }
+
+    /// p_ij of point `i` for the patches `near` it, and the patch with the largest.
+    fn weigh(&self, points: &Points, i: usize, near: &[u32], to: &mut Weighed) {
+        to.costs.clear();
+        let mut closest = (f64::INFINITY, NONE, 0.0);
+        for &j in near {
+            let patch = &self.patches[j as usize];
+            let Some(d) = patch.distance(points.positions[i], self.grid_size) else {
+                continue;
+            };
+            if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
+                continue;
+            }
+            let cost = d * d - self.prior[j as usize];
+            to.costs.push((j, cost));
+            // Of several the first.
+            if cost < closest.0 {
+                closest = (cost, j, d);
+            }
+        }
+        // The least cost is subtracted first, so that a point far from all patches still counts for one.
+        let weight = |cost: f64| (self.exponent * (cost - closest.0)).exp();
+        let sum: f64 = to.costs.iter().map(|c| weight(c.1)).sum();
+        let share = |&(j, cost): &(u32, f64)| (j, i as u32, (weight(cost) / sum) as f32);
+        to.entries.extend(to.costs.iter().map(share));
+        to.supports.push(closest.1);
+        to.distances.push(closest.2 as f32);
+    }
+}
+
+/// The probabilities of all points sorted by patch; points stay in their order (counting sort).
+fn by_patch(n: usize, chunks: &[Weighed]) -> Responsibilities {
     let mut starts = vec![0; n + 1];
     for &(j, _, _) in chunks.iter().flat_map(|c| &c.entries) {
         starts[j as usize + 1] += 1;
@@ -159,6 +194,7 @@ impl Candidates {
     }
 }
 
+/// The patches of which a supported tile may be within `reach` of a point of each block (counting sort).
 fn candidates(points: &Points, patches: &[Patch], reach: f64) -> Candidates {
     let blocks: Vec<Vec<u32>> =
         patches.par_iter().map(|patch| patch.blocks(points, reach)).collect();
@@ -218,7 +254,7 @@ mod tests {
                 .iter()
                 .enumerate()
                 .filter_map(|(j, patch)| {
-                    let (d, _) = patch.distance(p, g)?;
+                    let d = patch.distance(p, g)?;
                     Some((j, patch.density * (-d * d / (2.0 * s * s)).exp()))
                 })
                 .collect();

@@ -1,16 +1,13 @@
-//! The grid size G, which steers tiles, reach, splits and merges (section II-E).
+//! The grid size, which steers tiles, reach, splits and merges: `G = 3 std(d)` (section II-E).
 
 use super::m_step::Regression;
 use super::trim::mean_square;
 
-/// Grid size per standard deviation of the distances.
-pub(super) const PER_DEVIATION: f64 = 3.0;
-
-/// std(d), where d are the distances of points from their planes, metres: a third of G.
+/// std(d), metres: `sqrt(sum_ij p_ij d_ij^2 / sum_ij p_ij)` over the distances `d_ij` of points from planes, a third of G.
 ///
-/// Distances have a sign, by the side of the plane, their mean is zero, and a point counts for every plane with its
-/// probability. Without a sign, as one may also read the paper, the standard deviation of what lies within reach G is
-/// below G/3 whatever the points do, so that G would shrink to nothing.
+/// Distances have a sign, by the side of the plane, so that their mean is zero. Without a sign, as one may also read the
+/// paper, the standard deviation of what lies within reach G is below G/3 whatever the points do, and G would shrink to
+/// nothing.
 pub(super) fn deviation(planes: &[Option<Regression>]) -> f64 {
     let (mut squares, mut weight) = (0.0, 0.0);
     for plane in planes.iter().flatten() {

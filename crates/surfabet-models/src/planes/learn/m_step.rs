@@ -1,16 +1,22 @@
 //! M-step: the plane of each patch by orthogonal regression, weighted with the probabilities (section II-A).
+//!
+//! With `c_j = sum_i p_ij a_i / sum_i p_ij`, the weighted mean of the points `a_i`, the plane `e_j` goes through `c_j`, and its
+//! normal is the eigenvector of the smallest eigenvalue of
+//!
+//! ```text
+//! M_j = sum_i p_ij (a_i - c_j) (a_i - c_j)^T
+//! ```
 
 use rayon::prelude::*;
 use surfabet_geom::Moments;
 
 use super::e_step::Responsibilities;
+use crate::planes::constants::CLEAR_SHARE;
 use crate::planes::patch::{Frame, Patch};
 use crate::planes::points::Points;
 
-/// Share of a patch's points that has to be clear of others for the rest to be left out.
-const ENOUGH: f64 = 0.3;
-
-/// The plane through the mean along the two larger principal axes; `None` for points on a line or at one place.
+/// The plane through `c_j` whose normal is the eigenvector of the smallest eigenvalue of `M_j`; `None` for points on a
+/// line or at one place.
 pub(in crate::planes) fn plane(moments: &Moments) -> Option<Frame> {
     let fitted = moments.plane(0.0)?;
     Some(Frame::with_normal(fitted.mean, fitted.normal))
@@ -21,6 +27,7 @@ pub(in crate::planes) fn plane(moments: &Moments) -> Option<Frame> {
 pub struct Regression {
     /// The plane.
     pub frame: Frame,
+    /// Weight, `c_j` and `M_j`.
     pub(super) moments: Moments,
 }
 
@@ -44,9 +51,9 @@ pub fn m_step(
 /// As [`m_step`], without points whose foot on the plane is within `margin` of another of the patches, as long as
 /// enough are left.
 ///
-/// Where two surfaces meet, which of them a point belongs to is guessed by its distances, so that the regression sees
-/// noise that is cut off on one side, and the planes lean into the corner. Points chosen by their place along the
-/// plane have all of their noise.
+/// Where two surfaces meet, the patch of a point is decided by its distances. The regression then sees noise that is
+/// cut off on one side, and the planes lean into the corner. Points chosen by their place along the plane have all of
+/// their noise.
 pub(super) fn clear_m_step(
     points: &Points,
     patches: &[Patch],
@@ -74,7 +81,7 @@ pub(super) fn clear_m_step(
             let center = patch.frame.center;
             let whole = points.moments_about(center, all);
             let moments = points.moments_about(center, chosen);
-            let enough = moments.weight() >= ENOUGH * whole.weight();
+            let enough = moments.weight() >= CLEAR_SHARE * whole.weight();
             let moments = if enough { moments } else { whole };
             Some(Regression { frame: plane(&moments)?, moments })
         })

@@ -5,6 +5,7 @@ mod fit;
 mod grid_size;
 mod m_step;
 mod merge;
+mod round;
 mod seed;
 mod split;
 mod surface;
@@ -26,6 +27,8 @@ pub use fit::{Fit, Iteration, Trace};
 pub(super) use m_step::plane;
 pub(super) use seed::random;
 pub(super) use trim::mean_square;
+
+use self::round::rounded;
 
 /// The stages and their shares of the progress: the time of each in per cent, on scans of a room and of a street.
 const STAGES: &[(&str, f32)] = &[
@@ -85,7 +88,7 @@ pub fn learn(
     let trace = stages.run("fitting", |progress| fit.run(progress))?;
     // The integers of the file; labels of the points and colours of the tiles (III).
     let model = stages.run("rounding patches", |progress| {
-        PlaneModel::new(cloud, &points, &fit, options.color_step, progress)
+        rounded(cloud, &points, &fit, options.color_step, progress)
     })?;
     let figures = PlanesFigures {
         points: cloud.len(),

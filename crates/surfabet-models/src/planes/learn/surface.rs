@@ -5,13 +5,11 @@ use surfabet_geom::Progress;
 
 use super::e_step::NONE;
 use crate::error::Result;
+use crate::planes::constants::LEAST_BEND_NOISE;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 
-/// Noise that is taken for granted, in grid sizes: points that fit exactly still deviate by their rounding.
-const LEAST_NOISE: f64 = 0.25;
-
-/// What a patch has to be, to be kept.
+/// The conditions under which a patch is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Surfaces {
     /// Least share of the points around it that support it.
@@ -20,17 +18,20 @@ pub(super) struct Surfaces {
     pub min_fill: f64,
     /// Largest ratio of the standard deviation of its points about its plane to that about their tiles' means.
     pub max_bend: f64,
-    /// Number of points from which a patch is kept whatever it looks like.
+    /// Number of points from which a patch is kept without the other conditions.
     pub large: usize,
 }
 
-/// The patches that are surfaces, in their order.
+/// The patches that are surfaces, in their order:
 ///
-/// Before and behind a surface is empty space. Through a heap of things, which has points everywhere, a plane is
-/// easily laid that many of them support by chance; but as many others are next to it. So patches are looked at from
-/// the one with most points down: of the points over its supported tiles, up to the grid size before and behind
-/// them, enough have to support it. Those that support a patch that was kept, and those seen from the other side, do
-/// not count.
+/// ```text
+/// own >= min_purity all,  area >= min_fill width height,  deviation <= max_bend noise
+/// ```
+///
+/// Before and behind a surface is empty space. A plane through a heap of things, which has points everywhere, has many
+/// that support it by chance; but as many others are next to it. So patches are tested from the one with most points
+/// down: `own` are the points over its supported tiles, up to the grid size before and behind them, that support it, and
+/// `all` those that support no patch that was kept. Points seen from the other side do not count.
 pub(super) fn surfaces(
     points: &Points,
     patches: Vec<Patch>,
@@ -56,7 +57,7 @@ pub(super) fn surfaces(
         let patch = &patches[j];
         let [x, y] = patch.tiles.size();
         let filled = patch.tiles.area() >= wanted.min_fill * x * y;
-        let noise = patch.noise.max(LEAST_NOISE * grid_size);
+        let noise = patch.noise.max(LEAST_BEND_NOISE * grid_size);
         let bent = patch.standard_deviation > wanted.max_bend * noise;
         let others = around[j].iter().filter(|(k, _)| *k == NONE || !kept[*k as usize]);
         let all: u32 = others.map(|(_, n)| n).sum();
