@@ -102,8 +102,7 @@ class PatchModel(Model[_core.PatchModel]):
         """All patches as arrays."""
         levels = self.levels
         places = self._core.places()
-        sides, from_finest, corners = places[:, 0], places[:, 1], places[:, 2:]
-        level = len(levels) - 1 - from_finest
+        sides, level, corners = places[:, 0], places[:, 1], places[:, 2:]
         size = np.array([of.pixel_size * of.pixels for of in levels])[level]
         depth_axis = sides // 2
         axes = np.stack([(depth_axis + 1) % 3, (depth_axis + 2) % 3, depth_axis], axis=1)

@@ -60,10 +60,10 @@ impl PyPatchModel {
         let level = |(l, of): (u32, patches::LevelSize)| {
             (lattice.pixel_of(l), patches::PATCH_PIXELS as u32, of.patches, of.set_pixels)
         };
-        (0..lattice.levels).zip(self.model.level_sizes()).rev().map(level).collect()
+        (0..lattice.levels).zip(self.model.level_sizes()).map(level).collect()
     }
 
-    /// Side, level and the first column and row (finest pixels) of every patch, (m, 4).
+    /// Side, level (0 the coarsest) and the first column and row (finest pixels) of every patch, (m, 4).
     fn places<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<i64>> {
         let leaves = self.model.leaves();
         Array2::from_shape_fn((leaves.len(), 4), |(i, column)| match column {

@@ -139,7 +139,8 @@ fn the_surface_is_nearer_to_the_truth_than_the_scan_and_the_filled_one_nearer_to
     // to the thin side, since errors of decoded points count double.
     let (mut sum, mut area) = (0.0, 0.0);
     for leaf in model.leaves() {
-        let weight = f64::from(leaf.patch.mask.count_ones() << (2 * leaf.level));
+        let pixel = model.lattice().pixel_of(leaf.level);
+        let weight = f64::from(leaf.patch.mask.count_ones()) * pixel * pixel;
         sum += weight * f64::from(leaf.patch.thickness) * 0.25 * PIXEL / 3.0_f64.sqrt();
         area += weight;
     }
@@ -170,8 +171,8 @@ fn every_surface_point_belongs_to_one_patch() {
     let model = learn(&cloud, &PatchesOptions::default());
     let mut area = 0.0;
     for leaf in model.leaves() {
-        area +=
-            f64::from(leaf.patch.mask.count_ones()) * (PIXEL * f64::from(1 << leaf.level)).powi(2);
+        let pixel = model.lattice().pixel_of(leaf.level);
+        area += f64::from(leaf.patch.mask.count_ones()) * pixel.powi(2);
     }
     // Three squares of 1.2 m; rims and edges, four of 1.2 m each, may add or lose a pixel.
     let exact = 3.0 * 1.2 * 1.2;

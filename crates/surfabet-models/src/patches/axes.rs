@@ -7,23 +7,11 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use rayon::prelude::*;
 use surfabet_geom::{Moments, PointCloud};
 
-use super::samples::cells::{Cells, cell_of, key};
+use super::constants::{
+    ACROSS_AXIS, ALONG_AXIS, AXES_ROUNDS, MAX_AXES_CANDIDATES, MAX_AXES_POINTS,
+};
+use super::samples::cells::{CellGroups, cell_of, key};
 use crate::vector::dot;
-
-/// Points that vote, at most.
-const MAX_POINTS: usize = 400_000;
-
-/// Directions that are tried for the first axis, at most.
-const MAX_CANDIDATES: usize = 1500;
-
-/// Normals within this angle of an axis belong to it: cos 12 degrees.
-const NEAR: f64 = 0.978;
-
-/// Second axes are at most this far from being orthogonal to the first: sin 12 degrees.
-const ORTHOGONAL: f64 = 0.208;
-
-/// Rounds of assigning normals to axes and turning the axes to their mean.
-const ROUNDS: usize = 10;
 
 /// Quaternions are stored in units of this: 2e-6 rad, so 0.2 mm at 100 m.
 const QUATERNION_STEP: f64 = 1.0 / (1 << 19) as f64;
@@ -45,6 +33,7 @@ impl Default for Orientation {
 }
 
 impl Orientation {
+    /// The nearest orientation that a file can store.
     fn nearest(rotation: &Rotation3<f64>) -> Self {
         let q = UnitQuaternion::from_rotation_matrix(rotation);
         let store = |c: f64| (c / QUATERNION_STEP).round() as i32;
@@ -70,19 +59,19 @@ impl Orientation {
         let normals = normals(cloud, cell);
         let Some(first) = strongest(&normals, |_| true) else { return Self::default() };
         let second =
-            strongest(&normals, |c| dot(c, first).abs() < ORTHOGONAL).unwrap_or_else(|| {
+            strongest(&normals, |c| dot(c, first).abs() < ACROSS_AXIS).unwrap_or_else(|| {
                 // Nothing else stands across the first axis: any direction does.
                 let axis = (0..3).min_by(|&a, &b| first[a].abs().total_cmp(&first[b].abs()));
                 std::array::from_fn(|a| f64::from(u8::from(Some(a) == axis)))
             });
         let mut axes = orthonormal(first, second);
-        for _ in 0..ROUNDS {
+        for _ in 0..AXES_ROUNDS {
             // Directions as close to the means as a rotation can be (orthogonal Procrustes).
             let mut sums = Matrix3::<f64>::zeros();
             for (n, weight) in &normals {
                 for (a, axis) in axes.iter().enumerate() {
                     let along = dot(*n, *axis);
-                    if along.abs() >= NEAR {
+                    if along.abs() >= ALONG_AXIS {
                         for k in 0..3 {
                             sums[(k, a)] += weight * along.signum() * n[k];
                         }
@@ -106,11 +95,12 @@ impl Orientation {
     }
 }
 
-/// Plane normals of the cells of a thinned cloud, weighted by how many points lie in how thin a plane.
+/// Plane normals of the cells of a thinned cloud, each weighted by the number of points times `1 - sqrt(v0 / v1)`, with
+/// the variances `v0 <= v1 <= v2` along the principal axes.
 fn normals(cloud: &PointCloud, cell: f32) -> Vec<([f64; 3], f64)> {
-    let stride = cloud.len().div_ceil(MAX_POINTS).max(1);
+    let stride = cloud.len().div_ceil(MAX_AXES_POINTS).max(1);
     let points: Vec<[f32; 3]> = cloud.positions().iter().step_by(stride).copied().collect();
-    let cells = Cells::new(points.len(), |i| key(cell_of(points[i], cell)));
+    let cells = CellGroups::new(points.len(), |i| key(cell_of(points[i], cell)));
     (0..cells.len())
         .into_par_iter()
         .filter_map(|g| {
@@ -127,23 +117,24 @@ fn normals(cloud: &PointCloud, cell: f32) -> Vec<([f64; 3], f64)> {
         .collect()
 }
 
-/// The normal that most weight lies about, among those that are allowed.
+/// The allowed normal with most weight of normals along it, either way.
 fn strongest(
     normals: &[([f64; 3], f64)],
     allowed: impl Fn([f64; 3]) -> bool + Sync,
 ) -> Option<[f64; 3]> {
-    let stride = normals.len().div_ceil(MAX_CANDIDATES).max(1);
+    let stride = normals.len().div_ceil(MAX_AXES_CANDIDATES).max(1);
     let candidates: Vec<[f64; 3]> =
         normals.iter().step_by(stride).map(|n| n.0).filter(|&n| allowed(n)).collect();
     let votes: Vec<f64> = candidates
         .par_iter()
-        .map(|c| normals.iter().filter(|(n, _)| dot(*n, *c).abs() >= NEAR).map(|n| n.1).sum())
+        .map(|c| normals.iter().filter(|(n, _)| dot(*n, *c).abs() >= ALONG_AXIS).map(|n| n.1).sum())
         .collect();
     let best =
         (0..candidates.len()).max_by(|&a, &b| votes[a].total_cmp(&votes[b]).then(b.cmp(&a)))?;
     Some(candidates[best])
 }
 
+/// The right-handed frame whose first axis is along `first` and whose second is as near to `second` as it can be.
 fn orthonormal(first: [f64; 3], second: [f64; 3]) -> [[f64; 3]; 3] {
     let unit = |v: [f64; 3]| {
         let length = dot(v, v).sqrt();

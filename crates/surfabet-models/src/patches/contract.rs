@@ -44,9 +44,8 @@ impl SurfaceModel for PatchModel {
             .with("colour", self.has_color())
             .with("patches", self.len());
         let lattice = self.lattice();
-        let sizes = (0..lattice.levels).zip(self.level_sizes()).rev();
-        for (j, (level, of)) in sizes.enumerate() {
-            let pixel = lattice.pixel_of(level);
+        for (j, of) in (0..lattice.levels).zip(self.level_sizes()) {
+            let pixel = lattice.pixel_of(j);
             summary = summary
                 .with(format!("level {j}: resolution (m)"), pixel)
                 .with(format!("level {j}: patches"), of.patches)

@@ -1,4 +1,4 @@
-//! The whole way from a cloud to a lattice model.
+//! The whole way from a cloud to a model.
 
 use rayon::prelude::*;
 use surfabet_entropy::Price;
@@ -6,29 +6,36 @@ use surfabet_geom::{KdTree, PointCloud, Progress};
 
 use super::axes::Orientation;
 use super::choice::Choice;
-use super::coding::{GeometryModels, Said, code_geometry};
-use super::color::cells::nodes;
+use super::coding::{Geometry, GeometryModels, code_geometry};
+use super::color::cells::color_cells;
 use super::color::targets::targets;
-use super::color::{ColorModels, ColorSteps, Source, code_colors};
-use super::model::{ColorField, Lattice, LevelSize, Node, PatchModel, Root, extra_key};
+use super::color::{CellColors, ColorModels, ColorSource, ColorSteps, code_colors};
+use super::constants::{AXES_CELL, EXTRA_CELL, SAMPLE_SIZE};
+use super::model::{ColorField, Lattice, LevelSize, PatchModel, SheetTree, Square, extra_key};
 use super::options::PatchesOptions;
+use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
-use super::samples::{SAMPLE_SIZE, Samples};
-use super::sheets::{Sheet, grow};
+use super::sheets::{Sheet, sheets};
 use super::surface::basis::Basis;
+use super::surface::leaf::Leaf;
 use crate::contract::DecodeOptions;
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
 use crate::report::{Report, lost};
+use crate::stages::Stages;
 
-/// Side of the cells that vote for the scene's axes, in pixels.
-const AXES_CELL: f64 = 6.0;
+/// The stages of learning, with their shares of the progress.
+const STAGES: &[(&str, f32)] = &[
+    ("finding axes", 0.05),
+    ("merging points", 0.25),
+    ("growing sheets", 0.1),
+    ("choosing patches", 0.4),
+    ("colouring", 0.1),
+    ("checking the bound", 0.1),
+];
 
-/// Diagonal of a cube over its side, turned round: cells of this side keep their points within half the bound.
-const WITHIN: f64 = 1.15;
-
-/// Learns a lattice model from a cloud.
+/// Learns patches on a lattice from a cloud.
 ///
 /// The result depends on cloud and options alone, not on the number of threads.
 ///
@@ -41,126 +48,144 @@ pub fn learn(
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
     options.check()?;
-    // Turned to its axes, the scene may reach as far along one as its corner is from the origin.
-    let extent = reach(cloud)?.map(|c| c * c).iter().sum::<f64>().sqrt();
-    check_extent(extent, options.resolution, SAMPLE_SIZE * f64::from(LIMIT - 2))?;
+    check_size(cloud, options)?;
+    let resolution = options.resolution;
+    let mut stages = Stages::new(STAGES, progress);
     let mut report = Report::default();
-    progress.update("merging points", 0.0);
-    let cell = (AXES_CELL * options.resolution) as f32;
-    let orientation = report.time("finding axes", || Orientation::of(cloud, cell));
-    let samples = report.time("merging points", || {
-        Samples::merge(cloud, orientation, options.resolution, options.sensor, progress)
-    })?;
+
+    // 1. Axes of the scene.
+    let cell = (AXES_CELL * resolution) as f32;
+    let orientation = stages.run("finding axes", |_| Ok(Orientation::of(cloud, cell)))?;
     let lattice = Lattice {
         origin: cloud.origin(),
         orientation,
-        pixel_size: options.resolution,
+        pixel_size: resolution,
         levels: options.levels,
         depth_step: options.depth_sixteenths(),
     };
-    progress.update("growing sheets", 0.3);
-    let sheets = report.time("growing sheets", || {
-        grow(&samples, options.resolution as f32, lattice.tile_pixels())
+    // 2. Samples and sides.
+    let samples = stages.run("merging points", |progress| {
+        SidedSamples::merge(cloud, orientation, resolution, options.sensor, progress)
     })?;
-    progress.check()?;
-    progress.update("choosing patches", 0.4);
-    let chosen = choose(lattice, &sheets, options, &mut report, progress)?;
-    progress.update("colouring", 0.8);
-    let start = std::time::Instant::now();
-    // A learned model has no more cells than its samples call for; the bound is for files.
-    let keys = if samples.has_color {
-        nodes(lattice, &chosen.leaves, u64::MAX).unwrap_or_default()
-    } else {
-        Vec::new()
-    };
-    let color = samples.has_color.then(|| {
-        let colors = targets(&samples, &keys, options.resolution as f32);
-        let steps = ColorSteps {
-            luma: options.color_step,
-            chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
-        };
-        let lambda = options.color_rate * f64::from(options.color_step).powi(2);
-        let source = Source::Targets { colors: &colors, lambda: lambda as f32 };
-        let Ok(said) =
-            code_colors(&mut Price::default(), &mut ColorModels::default(), &keys, steps, source);
-        (ColorField { steps, coefficients: said.coefficients }, said.colors)
-    });
-    report.add_time("colouring", start.elapsed().as_secs_f64());
-    progress.check()?;
+    // 3. Sheets.
+    let sheets = stages
+        .run("growing sheets", |_| sheets(&samples, resolution as f32, lattice.tile_pixels()))?;
+    // 4. to 6. Shapes, least cost, bits.
+    let geometry = stages.run("choosing patches", |progress| {
+        choose(lattice, &sheets, options, &mut report, progress)
+    })?;
+    // 7. Colour.
+    let color = stages.run("colouring", |_| {
+        Ok(samples.has_color.then(|| color(&samples, &lattice, &geometry.leaves, options)))
+    })?;
     report.figures.extend([
         ("points", cloud.len() as f64),
-        ("samples", samples.samples.len() as f64),
+        ("samples", samples.all.len() as f64),
         ("sheets", sheets.len() as f64),
-        ("cells of colour", keys.len() as f64),
+        ("cells of colour", color.as_ref().map_or(0.0, |field| field.cells.len() as f64)),
     ]);
+    let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, color)?;
+    // 8. Points beside the patches.
+    if let Some(bound) = options.max_error {
+        model = stages
+            .run("checking the bound", |progress| keep_far_points(model, cloud, bound, progress))?;
+    }
+
+    report.stages = stages.finish();
     report.not_kept = lost(cloud, &["colors"]);
     report.stop_reason = "every sheet has the hierarchy of least cost";
-    let mut model = PatchModel::new(cloud.len() as u64, lattice, chosen, color, keys, report)?;
-    if let Some(bound) = options.max_error {
-        let start = std::time::Instant::now();
-        model = keep_far_points(model, cloud, bound, progress)?;
-        let seconds = start.elapsed().as_secs_f64();
-        model.report_mut().add_time("checking the bound", seconds);
-    }
-    describe(&mut model);
+    describe(&mut model, report);
     Ok(model)
 }
 
-/// Chooses the hierarchies of all sheets, a few rounds over, each with the prices that the round before taught.
+/// Refuses clouds without points, and those that are too large for the cells of samples.
+fn check_size(cloud: &PointCloud, options: &PatchesOptions) -> Result<()> {
+    // Turned to its axes, the scene may reach as far along one as its corner is from the origin.
+    let extent = reach(cloud)?.map(|c| c * c).iter().sum::<f64>().sqrt();
+    check_extent(extent, options.resolution, SAMPLE_SIZE * f64::from(LIMIT - 2))
+}
+
+/// Chooses the hierarchies of all sheets, a few rounds over, each with the adaptive models as coding the round before
+/// left them.
 fn choose(
     lattice: Lattice,
     sheets: &[Sheet],
     options: &PatchesOptions,
     report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Said> {
-    let start = std::time::Instant::now();
+) -> Result<Geometry> {
     let bases = Basis::of_levels(options.levels);
-    // Errors are summed over samples; what a bit must save is said per pixel, so that dense and sparse scans
-    // are treated alike.
-    let large = || sheets.iter().filter(|s| !s.small).flat_map(|s| &s.runs);
-    let density = if large().next().is_some() {
-        large().map(|r| f64::from(r.n)).sum::<f64>() / large().count() as f64
-    } else {
-        1.0
-    };
+    let density = samples_per_pixel(sheets);
     report.figures.push(("samples per pixel", density));
     let mut models = GeometryModels::default();
-    let mut bits = Vec::new();
-    let mut chosen = Said::default();
-    for _ in 0..options.rounds {
+    let mut bytes = Vec::new();
+    let mut chosen = Geometry::default();
+    for round in 0..options.rounds {
+        progress.update("choosing patches", round as f32 / options.rounds as f32);
         let choice = Choice {
             models: &models,
             bases: &bases,
+            // Distortion is summed over samples. What a bit must save is given per pixel, so that dense and sparse
+            // scans are treated alike.
             lambda: (options.rate * density) as f32,
             step: options.depth_step as f32,
-            levels: options.levels,
+            lattice,
         };
-        let roots: Vec<Root> = sheets
-            .par_iter()
-            .map(|sheet| {
-                progress.check()?;
-                let node = choice.root(sheet);
-                let root = Root { side: sheet.side, tile: sheet.tile, node };
-                Ok((root.node != Node::Empty).then_some(root))
-            })
-            .collect::<Result<Vec<Option<Root>>>>()?
-            .into_iter()
-            .flatten()
-            .collect();
+        let trees = trees(&choice, sheets, progress)?;
         let mut price = Price::default();
         models = GeometryModels::default();
-        let Ok(said) = code_geometry(&mut price, &mut models, lattice, &roots, usize::MAX);
-        chosen = said;
-        bits.push(price.bits / 8.0);
+        let Ok(geometry) = code_geometry(&mut price, &mut models, lattice, &trees, usize::MAX);
+        chosen = geometry;
+        bytes.push(price.bits / 8.0);
     }
-    report.add_time("choosing patches", start.elapsed().as_secs_f64());
-    report.iterations = bits.len();
-    report.objectives.push(("bytes of geometry".into(), bits));
+    report.iterations = bytes.len();
+    report.objectives.push(("bytes of geometry".into(), bytes));
     Ok(chosen)
 }
 
-/// Adds a point for every cell that holds input points further than `bound` from the decoded cloud.
+/// The best hierarchy of every sheet that is not left out.
+fn trees(choice: &Choice<'_>, sheets: &[Sheet], progress: &dyn Progress) -> Result<Vec<SheetTree>> {
+    let of_sheet = |sheet: &Sheet| {
+        progress.check()?;
+        let root = choice.sheet(sheet);
+        let tree = SheetTree { side: sheet.side, tile: sheet.tile, root };
+        Ok((tree.root != Square::Empty).then_some(tree))
+    };
+    let trees: Vec<Option<SheetTree>> = sheets.par_iter().map(of_sheet).collect::<Result<_>>()?;
+    Ok(trees.into_iter().flatten().collect())
+}
+
+/// Mean number of samples of the pixels of large sheets; 1 without any.
+fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
+    let large = || sheets.iter().filter(|s| !s.small).flat_map(|s| &s.runs);
+    if large().next().is_none() {
+        return 1.0;
+    }
+    large().map(|r| f64::from(r.n)).sum::<f64>() / large().count() as f64
+}
+
+/// The colours of least cost of the cells around the patches.
+fn color(
+    samples: &SidedSamples,
+    lattice: &Lattice,
+    leaves: &[Leaf],
+    options: &PatchesOptions,
+) -> ColorField {
+    // A learned model has no more cells than its samples call for; the limit is for files.
+    let cells = color_cells(lattice, leaves, u64::MAX).unwrap_or_default();
+    let targets = targets(samples, &cells, options.resolution as f32);
+    let steps = ColorSteps {
+        luma: options.color_step,
+        chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
+    };
+    let lambda = options.color_rate * f64::from(options.color_step).powi(2);
+    let source = ColorSource::Targets { colors: &targets, lambda: lambda as f32 };
+    let Ok(CellColors { colors, coefficients }) =
+        code_colors(&mut Price::default(), &mut ColorModels::default(), &cells, steps, source);
+    ColorField { steps, cells, coefficients, colors }
+}
+
+/// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured.
 fn keep_far_points(
     model: PatchModel,
     cloud: &PointCloud,
@@ -187,7 +212,7 @@ fn keep_far_points(
         let pairs = cloud.positions().iter().zip(&nearest);
         pairs.filter(|(_, n)| is_far(n)).map(|(&p, _)| p).collect()
     };
-    let size = WITHIN * limit;
+    let size = EXTRA_CELL * limit;
     let to_lattice = |p: [f32; 3]| -> [f32; 3] {
         std::array::from_fn(|a| (0..3).map(|k| rows[k][a] * f64::from(p[k])).sum::<f64>() as f32)
     };
@@ -197,16 +222,16 @@ fn keep_far_points(
     Ok(model.with_extra(keys, size, bound))
 }
 
-fn describe(model: &mut PatchModel) {
+/// What the report says of the model, all in all and level by level.
+fn describe(model: &mut PatchModel, mut report: Report) {
     let lattice = model.lattice();
     let level = |(l, of): (u32, LevelSize)| {
         let pixel = lattice.pixel_of(l);
         let area = of.set_pixels as f64 * pixel * pixel;
         vec![("pixel size", pixel), ("patches", of.patches as f64), ("area", area)]
     };
-    let levels = (0..lattice.levels).zip(model.level_sizes()).rev().map(level).collect();
+    report.levels = (0..lattice.levels).zip(model.level_sizes()).map(level).collect();
     let (n, extra) = (model.len() as f64, model.header().n_extra as f64);
-    let report = model.report_mut();
     report.figures.extend([("patches", n), ("extra points", extra)]);
-    report.levels = levels;
+    *model.report_mut() = report;
 }

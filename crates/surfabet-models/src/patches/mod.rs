@@ -1,30 +1,32 @@
 //! Patches on a lattice: surfaces of least Lagrangian cost, with thickness and colour.
 //!
 //! The frames of all patches follow the scene's own three axes and share one pixel lattice, so that a pose is a
-//! tile and a depth, every point of the surface belongs to one patch, and neighbours meet without gaps. What is
-//! said of a sheet of surface - how finely it is split, which pixels are set, which shapes make its depth, how
-//! thick the scan was - is what costs least, bits weighed against squared error. A cloud runs through the files
-//! of this folder in this order:
+//! tile and a depth, every point of the surface belongs to one patch, and neighbours meet without gaps. How finely a
+//! sheet of surface is split, which pixels are set, which shapes make its depth, how thick the scan was: the choice is
+//! what costs least, bits weighed against squared error. The method is described in `docs/methods/patches.md`. A cloud
+//! runs through the files of this folder in this order:
 //!
-//! | file | step |
-//! |---|---|
-//! | `options` | what to learn |
-//! | `axes` | the scene's own axes |
-//! | `samples` | points merged to half a pixel, each with the side it faces |
-//! | `sheets` | samples of a side as height fields over tiles |
-//! | `choice` | hierarchy, masks, shapes and thickness of least cost |
-//! | `basis` | the shapes, in integers |
-//! | `surroundings`, `syntax` | how all that is said in binary decisions, given the neighbours |
-//! | `nodes`, `targets`, `color` | colour on the cells around the surface |
-//! | `points` | points that no patch is near enough to |
-//! | `model`, `leaves` | the result |
-//! | `fragments` | which patches are noise that stands off a surface |
-//! | `decode` | back to a cloud, as a surface or as measured |
+//! | file or folder | step | section |
+//! |---|---|---|
+//! | `options`, `constants` | what to learn | |
+//! | `learn` | the list of steps | |
+//! | `axes` | the scene's own axes | 1 |
+//! | `samples` | points merged to half a pixel, each with the side it faces | 2 |
+//! | `sheets` | samples of a side as height fields over tiles | 3 |
+//! | `surface` | the shapes, in integers; patches with their places | 4 |
+//! | `choice` | hierarchy, masks, shapes and thickness of least cost | 5 |
+//! | `coding` | the geometry as binary decisions, given the neighbours; points beside the patches | 6, 8 |
+//! | `color` | colour on the cells around the surface | 7 |
+//! | `model`, `contract` | the result | |
+//! | `decode` | back to a cloud, as a surface or as measured | 9 |
+//!
+//! Level 0 is the coarsest. Squares, masks and depths are counted in pixels of the finest level.
 
 mod axes;
 mod choice;
 mod coding;
 mod color;
+mod constants;
 mod contract;
 mod decode;
 mod learn;
@@ -38,8 +40,8 @@ pub use axes::Orientation;
 pub use color::ColorSteps;
 pub use learn::learn;
 pub use model::{
-    Lattice, LatticePatch, LevelSize, MAX_LEVELS, Node, PATCH_PIXELS, PatchModel, PatchesHeader,
-    Root,
+    Lattice, LatticePatch, LevelSize, MAX_LEVELS, PATCH_PIXELS, PatchModel, PatchesHeader,
+    SheetTree, Square,
 };
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;

@@ -4,9 +4,9 @@ use surfabet_entropy::Coder;
 
 use super::axes::Orientation;
 use super::coding::points::{PointModels, code_points};
-use super::coding::{GeometryModels, Said, code_geometry};
-use super::color::cells::{cell_key, cell_of_key, nodes};
-use super::color::{ColorModels, ColorSteps, Colors, Source, code_colors};
+use super::coding::{Geometry, GeometryModels, code_geometry};
+use super::color::cells::{cell_key, cell_of_key, color_cells};
+use super::color::{CellColors, ColorModels, ColorSource, ColorSteps, code_colors};
 use super::surface::basis::N_SHAPES;
 use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
@@ -55,25 +55,25 @@ impl LatticePatch {
 
 /// What stands at a square of the hierarchy.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum Node {
+pub enum Square {
     /// No surface.
     #[default]
     Empty,
     /// One patch.
-    Leaf(LatticePatch),
+    Patch(LatticePatch),
     /// Four squares of the next level: left to right, then the next row.
-    Split(Box<[Node; 4]>),
+    Split(Box<[Square; 4]>),
 }
 
 /// A sheet of surface over a tile of the coarsest level.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Root {
+pub struct SheetTree {
     /// Twice the depth axis, plus one where the surface faces down that axis.
     pub side: u8,
     /// Tile coordinates along the two axes that follow the depth axis.
     pub tile: [i32; 2],
-    /// The hierarchy below.
-    pub node: Node,
+    /// What stands at the tile; never empty.
+    pub root: Square,
 }
 
 /// The pixel lattice that all patches share.
@@ -85,7 +85,8 @@ pub struct Lattice {
     pub orientation: Orientation,
     /// Side of the finest pixel, metres.
     pub pixel_size: f64,
-    /// Number of levels, 1 to 4; pixels of level 0, the finest, have side `pixel_size`, each further one doubles.
+    /// Number of levels, 1 to 4; pixels of the last, the finest, have side `pixel_size`, those of each level above
+    /// twice the side of the next.
     pub levels: u32,
     /// Depth step, in sixteenths of the finest pixel.
     pub depth_step: u32,
@@ -94,12 +95,22 @@ pub struct Lattice {
 impl Lattice {
     /// Finest pixels per side of a tile.
     pub fn tile_pixels(&self) -> i32 {
-        PATCH_PIXELS << (self.levels - 1)
+        self.patch_width(0)
     }
 
-    /// Side of a pixel of a level, 0 the finest, metres.
+    /// Side of a pixel of a level below `levels`, 0 the coarsest, metres.
     pub fn pixel_of(&self, level: u32) -> f64 {
-        self.pixel_size * f64::from(1_u32 << level)
+        self.pixel_size * f64::from(1_u32 << self.doublings(level))
+    }
+
+    /// Doublings from the side of a finest pixel to that of a pixel of `level`.
+    pub(super) fn doublings(&self, level: u32) -> u32 {
+        self.levels - 1 - level
+    }
+
+    /// Finest pixels per side of a patch of `level`.
+    pub(super) fn patch_width(&self, level: u32) -> i32 {
+        PATCH_PIXELS << self.doublings(level)
     }
 
     /// Checks that all numbers are in their domains.
@@ -125,21 +136,22 @@ impl Lattice {
 }
 
 /// Checks that all sheets fit the lattice.
-fn check_roots(roots: &[Root], levels: u32) -> Result<()> {
-    for root in roots {
-        if root.side >= 6 || root.tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
-            let what = format!("side {} at tile {:?} is out of range", root.side, root.tile);
+fn check_sheets(sheets: &[SheetTree], levels: u32) -> Result<()> {
+    for sheet in sheets {
+        if sheet.side >= 6 || sheet.tile.iter().any(|t| t.unsigned_abs() > MAX_TILE as u32) {
+            let what = format!("side {} at tile {:?} is out of range", sheet.side, sheet.tile);
             return Err(Error::Inconsistent(what));
         }
-        check_node(&root.node, levels - 1)?;
+        check_square(&sheet.root, levels - 1)?;
     }
     Ok(())
 }
 
-fn check_node(node: &Node, level: u32) -> Result<()> {
-    match node {
-        Node::Empty => Ok(()),
-        Node::Leaf(patch) => {
+/// Checks what stands at a square with `levels_below` finer levels.
+fn check_square(square: &Square, levels_below: u32) -> Result<()> {
+    match square {
+        Square::Empty => Ok(()),
+        Square::Patch(patch) => {
             let large = patch.coefficients.iter().find(|c| c.unsigned_abs() > MAX_DEPTH as u32);
             if let Some(c) = large {
                 return Err(Error::Inconsistent(format!("a depth of {c} steps is out of range")));
@@ -153,10 +165,12 @@ fn check_node(node: &Node, level: u32) -> Result<()> {
             }
             Ok(())
         }
-        Node::Split(_) if level == 0 => {
+        Square::Split(_) if levels_below == 0 => {
             Err(Error::Inconsistent("a split below the finest level".into()))
         }
-        Node::Split(children) => children.iter().try_for_each(|c| check_node(c, level - 1)),
+        Square::Split(children) => {
+            children.iter().try_for_each(|c| check_square(c, levels_below - 1))
+        }
     }
 }
 
@@ -180,11 +194,16 @@ pub struct PatchesHeader {
     pub max_error: Option<f64>,
 }
 
-/// Colours as a file stores them.
+/// Colours of the cells around the surface.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ColorField {
     pub steps: ColorSteps,
+    /// Sorted keys of the cells.
+    pub cells: Vec<u64>,
+    /// Coefficients of the transform, as a file stores them.
     pub coefficients: Vec<i32>,
+    /// Colour of each cell.
+    pub colors: Vec<[u8; 3]>,
 }
 
 /// A cloud as patches on a lattice, with colour on the cells around them; immutable.
@@ -192,11 +211,9 @@ pub(super) struct ColorField {
 pub struct PatchModel {
     n_points: u64,
     lattice: Lattice,
-    roots: Vec<Root>,
+    sheets: Vec<SheetTree>,
     leaves: Vec<Leaf>,
     color: Option<ColorField>,
-    nodes: Vec<u64>,
-    node_colors: Vec<[u8; 3]>,
     extra: Vec<u64>,
     extra_size: f64,
     max_error: Option<f64>,
@@ -213,30 +230,25 @@ pub struct LevelSize {
 }
 
 impl PatchModel {
-    /// Puts the learned parts together.
+    /// Puts the learned parts together, with an empty report.
     pub(super) fn new(
         n_points: u64,
         lattice: Lattice,
-        Said { roots, leaves }: Said,
-        color: Option<(ColorField, Vec<[u8; 3]>)>,
-        nodes: Vec<u64>,
-        report: Report,
+        Geometry { sheets, leaves }: Geometry,
+        color: Option<ColorField>,
     ) -> Result<Self> {
         lattice.check()?;
-        check_roots(&roots, lattice.levels)?;
-        let (color, node_colors) = color.map_or((None, Vec::new()), |(f, c)| (Some(f), c));
+        check_sheets(&sheets, lattice.levels)?;
         Ok(Self {
             n_points,
             lattice,
-            roots,
+            sheets,
             leaves,
             color,
-            nodes,
-            node_colors,
             extra: Vec::new(),
             extra_size: lattice.pixel_size,
             max_error: None,
-            report: Beside(report),
+            report: Beside::default(),
         })
     }
 
@@ -274,10 +286,10 @@ impl PatchModel {
         extra: &mut C,
     ) -> Result<(), C::Error> {
         let mut models = GeometryModels::default();
-        code_geometry(geometry, &mut models, self.lattice, &self.roots, usize::MAX)?;
+        code_geometry(geometry, &mut models, self.lattice, &self.sheets, usize::MAX)?;
         if let Some(field) = &self.color {
-            let source = Source::Model(&field.coefficients);
-            code_colors(color, &mut ColorModels::default(), &self.nodes, field.steps, source)?;
+            let source = ColorSource::Model(&field.coefficients);
+            code_colors(color, &mut ColorModels::default(), &field.cells, field.steps, source)?;
         }
         code_points(extra, &mut PointModels::default(), &self.extra, usize::MAX)?;
         Ok(())
@@ -298,23 +310,22 @@ impl PatchModel {
         lattice.check().map_err(|e| geometry.corrupt(e.to_string()))?;
         let n_patches = usize::try_from(header.n_patches).unwrap_or(usize::MAX);
         let models = &mut GeometryModels::default();
-        let Said { roots, leaves } = code_geometry(geometry, models, lattice, &[], n_patches)?;
-        check_roots(&roots, lattice.levels).map_err(|e| geometry.corrupt(e.to_string()))?;
+        let Geometry { sheets, leaves } = code_geometry(geometry, models, lattice, &[], n_patches)?;
+        check_sheets(&sheets, lattice.levels).map_err(|e| geometry.corrupt(e.to_string()))?;
         if leaves.len() != n_patches {
             let found = leaves.len();
             return Err(geometry.corrupt(format!("{found} patches instead of {n_patches}")));
         }
-        let keys = match header.color {
-            None => Vec::new(),
-            Some(_) => nodes(lattice, &leaves, max_cells).ok_or_else(|| {
-                geometry.corrupt(format!("more than {max_cells} cells of colour"))
-            })?,
-        };
-        let colors = match header.color {
+        let color = match header.color {
             None => None,
             Some(steps) if steps.is_valid() => {
+                let cells = color_cells(&lattice, &leaves, max_cells).ok_or_else(|| {
+                    geometry.corrupt(format!("more than {max_cells} cells of colour"))
+                })?;
                 let models = &mut ColorModels::default();
-                Some((steps, code_colors(color, models, &keys, steps, Source::Stream)?))
+                let CellColors { colors, coefficients } =
+                    code_colors(color, models, &cells, steps, ColorSource::Stream)?;
+                Some(ColorField { steps, cells, coefficients, colors })
             }
             Some(steps) => return Err(color.corrupt(format!("{steps:?} are not 1 to 4096"))),
         };
@@ -331,20 +342,12 @@ impl PatchModel {
         if header.max_error.is_some_and(|e| !(e.is_finite() && e > 0.0)) {
             return Err(extra.corrupt(format!("a largest error of {:?} m", header.max_error)));
         }
-        let (color, node_colors) = match colors {
-            Some((steps, Colors { colors, coefficients })) => {
-                (Some(ColorField { steps, coefficients }), colors)
-            }
-            None => (None, Vec::new()),
-        };
         Ok(Self {
             n_points: header.n_points,
             lattice,
-            roots,
+            sheets,
             leaves,
             color,
-            nodes: keys,
-            node_colors,
             extra: points,
             extra_size: header.extra_size,
             max_error: header.max_error,
@@ -358,11 +361,11 @@ impl PatchModel {
     }
 
     /// The hierarchies of all sheets, by side, then along a space-filling curve of their tiles.
-    pub fn roots(&self) -> &[Root] {
-        &self.roots
+    pub fn sheets(&self) -> &[SheetTree] {
+        &self.sheets
     }
 
-    /// Number of patches and of their set pixels at each level, finest first.
+    /// Number of patches and of their set pixels at each level, coarsest first.
     pub fn level_sizes(&self) -> Vec<LevelSize> {
         let mut sizes = vec![LevelSize::default(); self.lattice.levels as usize];
         for leaf in &self.leaves {
@@ -379,8 +382,8 @@ impl PatchModel {
     }
 
     /// Keys and colours of the cells that carry colour.
-    pub(super) fn node_colors(&self) -> Option<(&[u64], &[[u8; 3]])> {
-        self.color.as_ref().map(|_| (&self.nodes[..], &self.node_colors[..]))
+    pub(super) fn cell_colors(&self) -> Option<(&[u64], &[[u8; 3]])> {
+        self.color.as_ref().map(|field| (&field.cells[..], &field.colors[..]))
     }
 
     /// Points that no patch holds, in the frame of the lattice, metres.

@@ -1,4 +1,4 @@
-//! Points that no patch is near enough to: cells of a cubic grid, said as an octree.
+//! Points that no patch is near enough to: cells of a cubic grid, coded as an octree.
 
 use surfabet_entropy::{Cells, Coder, Octree};
 use surfabet_geom::morton;

@@ -1,55 +1,67 @@
-//! What is known of the surface around a place while patches are written or read one by one.
+//! Predictions for a square from the patches that were coded before it.
 
 use std::collections::{HashMap, HashSet};
 
-use crate::patches::model::{Lattice, MAX_DEPTH, PATCH_PIXELS};
+use super::models::UNKNOWN;
+use crate::patches::model::{Lattice, MAX_DEPTH, PATCH_PIXELS, THICKNESS_STEPS};
 use crate::patches::surface::basis::{Basis, FRACTION};
 use crate::patches::surface::leaf::Leaf;
 
-/// Surfaces of other sheets go on here when their depths agree within this many finest pixels.
+/// A patch of another sheet continues the surface when their depths differ by at most this many finest pixels.
 const REACH: i64 = 8;
 
-/// State of a pixel that may not have been coded yet.
-pub(in crate::patches) const UNKNOWN: usize = 2;
+/// Half thickness that the first patch is predicted to have: one pixel.
+const FIRST_THICKNESS: i32 = THICKNESS_STEPS as i32;
+
+/// sqrt(3) with the fraction of the shapes.
+const ROOT_3: i64 = 7094;
+
+/// Most depths that the surroundings of a tile suggest.
+const MAX_CANDIDATES: usize = 12;
 
 /// A patch of a sheet.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::patches) struct Placed {
+pub(super) struct SheetLeaf {
     pub leaf: Leaf,
     /// Number of the sheet.
     pub sheet: u32,
 }
 
-/// Where the next patch will lie.
+/// Where a square lies, and in which sheet.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::patches) struct Place {
+pub(super) struct SquarePlace {
     pub side: u8,
     pub level: u32,
+    /// First column and row, in pixels of the finest level.
     pub corner: [i32; 2],
+    /// Number of the sheet.
     pub sheet: u32,
-    /// Depth of the sheet, in steps.
+    /// Base of the sheet, in depth steps.
     pub base: i32,
 }
 
-/// What the neighbours say about a place.
+/// What the patches beside a square predict for it.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in crate::patches) struct Prediction {
+pub(super) struct Prediction {
     /// Depth of the middle, in steps.
     pub depth: i32,
-    /// Half thickness.
+    /// Half thickness, in steps.
     pub thickness: i32,
-    /// Number of neighbouring patches that said so, at most 2.
-    pub voices: usize,
-    /// Whether any neighbour is of a finer level.
-    pub finer: usize,
+    /// Number of patches beside the square, at most 2.
+    pub neighbours: usize,
+    /// Whether any of them is of a finer level.
+    pub finer: bool,
 }
 
-pub(in crate::patches) struct Surroundings {
+/// All patches coded so far, by where they lie.
+pub(super) struct Surroundings {
+    lattice: Lattice,
     bases: Vec<Basis>,
-    patches: Vec<Placed>,
+    patches: Vec<SheetLeaf>,
+    /// Patches by side and square of 8 x 8 finest pixels.
     by_block: HashMap<(u8, i32, i32), Vec<u32>>,
-    done: HashSet<(u8, [i32; 2])>,
-    tile_pixels: i32,
+    /// Side and tile of which all sheets are coded.
+    finished: HashSet<(u8, [i32; 2])>,
     /// Largest difference of depths on one surface, in steps with fraction.
     reach: i64,
     /// Thickness of the patch before.
@@ -57,16 +69,16 @@ pub(in crate::patches) struct Surroundings {
 }
 
 impl Surroundings {
-    /// Nothing yet.
+    /// Surroundings without patches.
     pub fn new(lattice: Lattice) -> Self {
         Self {
+            lattice,
             bases: Basis::of_levels(lattice.levels),
             patches: Vec::new(),
             by_block: HashMap::new(),
-            done: HashSet::new(),
-            tile_pixels: lattice.tile_pixels(),
+            finished: HashSet::new(),
             reach: (REACH << (FRACTION + 4)) / i64::from(lattice.depth_step),
-            thickness: 4,
+            thickness: FIRST_THICKNESS,
         }
     }
 
@@ -77,49 +89,50 @@ impl Surroundings {
 
     /// All patches, in the order in which they were added.
     pub fn into_leaves(self) -> Vec<Leaf> {
-        self.patches.into_iter().map(|placed| placed.leaf).collect()
+        self.patches.into_iter().map(|patch| patch.leaf).collect()
     }
 
-    pub fn add(&mut self, placed: Placed) {
+    /// Adds the patch that was coded last.
+    pub fn add(&mut self, patch: SheetLeaf) {
         let index = self.patches.len() as u32;
-        let leaf = placed.leaf;
+        let leaf = patch.leaf;
         let block = leaf.corner.map(|c| c.div_euclid(PATCH_PIXELS));
-        let blocks = 1 << leaf.level;
+        let blocks = 1 << self.lattice.doublings(leaf.level);
         for bv in block[1]..block[1] + blocks {
             for bu in block[0]..block[0] + blocks {
                 self.by_block.entry((leaf.side, bu, bv)).or_default().push(index);
             }
         }
         self.thickness = i32::from(leaf.patch.thickness);
-        self.patches.push(placed);
+        self.patches.push(patch);
     }
 
-    /// All sheets of this tile are known now.
+    /// Marks a tile: all of its sheets are coded.
     pub fn finish_tile(&mut self, side: u8, tile: [i32; 2]) {
-        self.done.insert((side, tile));
+        self.finished.insert((side, tile));
     }
 
-    /// Depth of a patch at a position in half pixels, in steps with fraction; outside it, of its tilted plane.
+    /// Depth of a patch at a position in half pixels, in steps with fraction. Outside of the patch it is that of its
+    /// tilted plane, `c_0 + c_1 P_1(x) + c_2 P_1(y)` with `P_1(x) = sqrt(3) x`.
     fn depth(&self, leaf: &Leaf, half: [i32; 2]) -> i64 {
         let local: [i32; 2] = std::array::from_fn(|a| half[a] - 2 * leaf.corner[a]);
-        let (c, limit) = (&leaf.patch.coefficients, 2 * leaf.width());
+        let (c, limit) = (&leaf.patch.coefficients, 2 * self.lattice.patch_width(leaf.level));
         if local.iter().all(|&x| (0..=limit).contains(&x)) {
             return self.bases[leaf.level as usize].depth(c, local.map(|x| x as usize));
         }
-        // sqrt(3) with the fraction of the shapes.
-        const ROOT_3: i64 = 7094;
         let along = |a: usize| i64::from(2 * local[a] - limit) * ROOT_3 / i64::from(limit);
         (i64::from(c[0]) << FRACTION) + i64::from(c[1]) * along(0) + i64::from(c[2]) * along(1)
     }
 
-    /// Patches of this sheet, or of others at about this depth, that hold a block's pixel.
-    fn at(&self, place: &Place, pixel: [i32; 2]) -> Option<&Leaf> {
+    /// The patch that a finest pixel lies in: the one of the square's own sheet, or the one of another sheet whose depth
+    /// there is nearest to the base and within [`REACH`] of it.
+    fn at(&self, place: &SquarePlace, pixel: [i32; 2]) -> Option<&Leaf> {
         let block = pixel.map(|c| c.div_euclid(PATCH_PIXELS));
         let found = self.by_block.get(&(place.side, block[0], block[1]))?;
         let half = pixel.map(|c| 2 * c + 1);
         let mut best: Option<(&Leaf, i64)> = None;
         for &i in found {
-            let Placed { leaf, sheet } = &self.patches[i as usize];
+            let SheetLeaf { leaf, sheet } = &self.patches[i as usize];
             if *sheet == place.sheet {
                 return Some(leaf);
             }
@@ -131,20 +144,26 @@ impl Surroundings {
         best.map(|(leaf, _)| leaf)
     }
 
-    /// Whether the pixel is set, 0 or 1, or [`UNKNOWN`].
-    pub fn state(&self, place: &Place, pixel: [i32; 2]) -> usize {
+    /// State of a finest pixel as a square of this sheet sees it: 0 unset, 1 set, or [`UNKNOWN`].
+    pub fn state(&self, place: &SquarePlace, pixel: [i32; 2]) -> usize {
         if let Some(leaf) = self.at(place, pixel) {
-            return usize::from(leaf.is_set(pixel[0] - leaf.corner[0], pixel[1] - leaf.corner[1]));
+            return usize::from(leaf.is_set(
+                &self.lattice,
+                pixel[0] - leaf.corner[0],
+                pixel[1] - leaf.corner[1],
+            ));
         }
-        let tile = pixel.map(|c| c.div_euclid(self.tile_pixels));
-        let own = place.corner.map(|c| c.div_euclid(self.tile_pixels));
-        // Within the own tile, what comes before in the order of squares is known to be empty.
-        if self.done.contains(&(place.side, tile)) || tile == own { 0 } else { UNKNOWN }
+        let width = self.lattice.tile_pixels();
+        let tile = pixel.map(|c| c.div_euclid(width));
+        let own = place.corner.map(|c| c.div_euclid(width));
+        // Within the own tile, what comes earlier in the order of squares and has no patch is empty.
+        if self.finished.contains(&(place.side, tile)) || tile == own { 0 } else { UNKNOWN }
     }
 
-    /// Depth, thickness and level that the patches next to a place suggest.
-    pub fn predict(&self, place: &Place) -> Prediction {
-        let width = PATCH_PIXELS << place.level;
+    /// Depth and thickness of the patches beside a square: the mean of their depths, continued to its middle, and of
+    /// their thicknesses. Without any, its base and the thickness of the patch before.
+    pub fn predict(&self, place: &SquarePlace) -> Prediction {
+        let width = self.lattice.patch_width(place.level);
         let [u, v] = place.corner;
         let middle = width / 2;
         let beside = [
@@ -154,32 +173,34 @@ impl Surroundings {
             [u + middle, v + width],
         ];
         let center = [2 * u + width, 2 * v + width];
-        let (mut depth, mut thickness, mut voices, mut finer) = (0_i64, 0, 0, 0);
+        let (mut depth, mut thickness, mut n, mut finer) = (0_i64, 0, 0_i64, false);
         for pixel in beside {
             let Some(leaf) = self.at(place, pixel) else { continue };
             depth += self.depth(leaf, center);
             thickness += i32::from(leaf.patch.thickness);
-            voices += 1;
-            finer |= usize::from(leaf.level < place.level);
+            n += 1;
+            finer |= leaf.level > place.level;
         }
-        if voices == 0 {
-            return Prediction { depth: place.base, thickness: self.thickness, voices: 0, finer };
+        if n == 0 {
+            let (depth, thickness) = (place.base, self.thickness);
+            return Prediction { depth, thickness, neighbours: 0, finer };
         }
-        let rounding = voices << (FRACTION - 1);
-        let mean = (depth + rounding).div_euclid(voices << FRACTION);
+        let rounding = n << (FRACTION - 1);
+        let mean = (depth + rounding).div_euclid(n << FRACTION);
         let bound = i64::from(MAX_DEPTH);
         Prediction {
             depth: mean.clamp(-bound, bound) as i32,
-            thickness: (2 * thickness + voices as i32) / (2 * voices as i32),
-            voices: voices.min(2) as usize,
+            thickness: (2 * thickness + n as i32) / (2 * n as i32),
+            neighbours: n.min(2) as usize,
             finer,
         }
     }
 
-    /// Depths at which the surfaces around a tile reach it, in steps, each once, nearest sides first.
+    /// Depths at which patches beside a tile reach it, in steps, at most [`MAX_CANDIDATES`]. Of depths within half of
+    /// [`REACH`] of each other only the first counts.
     pub fn candidates(&self, side: u8, tile: [i32; 2]) -> Vec<i32> {
-        let corner = tile.map(|t| t * self.tile_pixels);
-        let width = self.tile_pixels;
+        let width = self.lattice.tile_pixels();
+        let corner = tile.map(|t| t * width);
         let mut found: Vec<i32> = Vec::new();
         for step in 0..width / PATCH_PIXELS {
             let along = step * PATCH_PIXELS + PATCH_PIXELS / 2;
@@ -210,6 +231,3 @@ impl Surroundings {
         found
     }
 }
-
-/// Most depths that a tile's surroundings suggest.
-const MAX_CANDIDATES: usize = 12;

@@ -1,4 +1,4 @@
-//! The places that carry colour: the cells of a cubic grid that the surface with its thickness passes through.
+//! The cells that carry colour: those of a cubic grid that the surface with its thickness passes through.
 //!
 //! They follow from the geometry alone, in integers, so that a decoder knows them before it reads a colour.
 
@@ -11,27 +11,30 @@ use crate::patches::sheets::axes_of;
 use crate::patches::surface::basis::Basis;
 use crate::patches::surface::leaf::Leaf;
 
-/// Map from sorted keys to their places.
+/// Map from sorted keys to their numbers.
 pub(in crate::patches) fn index(keys: &[u64]) -> MortonMap<u32> {
     (0..).zip(keys).map(|(i, &k)| (k, i)).collect()
 }
 
 /// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
 /// be more than `limit`.
-pub(in crate::patches) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec<u64>> {
+pub(in crate::patches) fn color_cells(
+    lattice: &Lattice,
+    leaves: &[Leaf],
+    limit: u64,
+) -> Option<Vec<u64>> {
     let layers = |leaf: &Leaf| 2 * u64::from(leaf.patch.thickness) / CELL as u64 + 2;
     let bound: u64 =
-        leaves.iter().map(|l| u64::from(l.area()) * layers(l)).fold(0, u64::saturating_add);
+        leaves.iter().map(|l| u64::from(l.area(lattice)) * layers(l)).fold(0, u64::saturating_add);
     if bound > limit {
         return None;
     }
     let bases = Basis::of_levels(lattice.levels);
     let of_leaf = |leaf: &Leaf| {
-        let basis = &bases[leaf.level as usize];
         let [d, u, v] = axes_of(leaf.side);
         let half = i64::from(leaf.patch.thickness);
         let mut keys = Vec::new();
-        for ([column, row], depth) in leaf.depths(basis, lattice.depth_step) {
+        for ([column, row], depth) in leaf.depths(lattice, &bases) {
             let low = (depth - half).div_euclid(CELL);
             let high = (depth + half - i64::from(half > 0)).div_euclid(CELL);
             let mut at = [0; 3];

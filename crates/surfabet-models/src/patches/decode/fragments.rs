@@ -10,26 +10,16 @@ use surfabet_geom::morton::{MortonMap, step};
 
 use crate::error::Result;
 use crate::patches::color::cells::cell_key;
+use crate::patches::constants::{FRAGMENT_GAP, FRAGMENT_REACH, LARGEST_FRAGMENT};
 use crate::patches::model::Lattice;
 use crate::patches::surface::basis::Basis;
 use crate::patches::surface::leaf::Leaf;
 
-/// Most finest pixels of a fragment, of all patches that touch one another.
-const LARGEST: u32 = 16;
-
-/// Fragments stand off larger pieces by more than this, in finest pixels: what is nearer continues them.
-const TOUCHING: f32 = 1.5;
-
-/// Beyond this, in finest pixels, a small piece stands for itself.
-const FAR: f32 = 10.0;
-
-/// Tells for each patch whether it is a fragment.
-pub(in crate::patches) fn fragments(lattice: Lattice, leaves: &[Leaf]) -> Result<Vec<bool>> {
+/// Whether each patch is a fragment.
+pub(in crate::patches) fn fragments(lattice: &Lattice, leaves: &[Leaf]) -> Result<Vec<bool>> {
     let bases = Basis::of_levels(lattice.levels);
-    let pixels = |leaf: &Leaf| -> Vec<[f32; 3]> {
-        leaf.pixels(&bases[leaf.level as usize], lattice.depth_step).collect()
-    };
-    let is_small = |leaf: &&Leaf| leaf.area() <= LARGEST;
+    let pixels = |leaf: &Leaf| -> Vec<[f32; 3]> { leaf.pixels(lattice, &bases).collect() };
+    let is_small = |leaf: &&Leaf| leaf.area(lattice) <= LARGEST_FRAGMENT;
     let large: Vec<[f32; 3]> =
         leaves.par_iter().filter(|leaf| !is_small(leaf)).flat_map_iter(pixels).collect();
     let mut found = vec![false; leaves.len()];
@@ -57,14 +47,15 @@ pub(in crate::patches) fn fragments(lattice: Lattice, leaves: &[Leaf]) -> Result
     let mut gap = vec![f32::INFINITY; small.len()];
     for (piece, &i) in small.iter().enumerate() {
         let of = pieces.of(piece);
-        area[of] += leaves[i].area();
+        area[of] += leaves[i].area(lattice);
         for n in pixels(&leaves[i]).into_iter().filter_map(|p| tree.nearest(p)) {
             gap[of] = gap[of].min(n.squared_distance().sqrt());
         }
     }
     for (piece, &i) in small.iter().enumerate() {
         let of = pieces.of(piece);
-        found[i] = area[of] <= LARGEST && (TOUCHING..FAR).contains(&gap[of]);
+        found[i] =
+            area[of] <= LARGEST_FRAGMENT && (FRAGMENT_GAP..FRAGMENT_REACH).contains(&gap[of]);
     }
     Ok(found)
 }
@@ -128,7 +119,7 @@ mod tests {
         let of = |small: &[Leaf]| {
             let mut leaves = vec![wall];
             leaves.extend(small);
-            fragments(LATTICE, &leaves).unwrap()[1..].to_vec()
+            fragments(&LATTICE, &leaves).unwrap()[1..].to_vec()
         };
         assert_eq!(of(&[leaf(0, 4, 0b11)]), [true]);
         // Next to the wall, and far from it.
@@ -138,6 +129,6 @@ mod tests {
         let [first, second] = [leaf(0, 4, 0xffff), leaf(8, 4, 0x01)];
         assert_eq!(of(&[first, second]), [false, false]);
         assert_eq!(of(&[first]), [true]);
-        assert_eq!(fragments(LATTICE, &[first]).unwrap(), [false]);
+        assert_eq!(fragments(&LATTICE, &[first]).unwrap(), [false]);
     }
 }

@@ -36,16 +36,15 @@ impl PatchModel {
         let pixel = self.lattice().pixel_size;
         let resolution = options.spacing(0.5 * pixel)?;
         let spacing = resolution / pixel;
-        let points =
-            bound(self.leaves(), spacing, options.as_measured) + self.header().n_extra as f64;
+        let points = bound(self, spacing, options.as_measured) + self.header().n_extra as f64;
         check_points(resolution, points, options.max_points)?;
         let decoder = Decoder::new(self, spacing, options);
         let mut all = Points::default();
-        // Measured, what stands off the surface is part of the scan.
+        // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = if options.as_measured {
             vec![false; self.len()]
         } else {
-            fragments(self.lattice(), self.leaves())?
+            fragments(&self.lattice(), self.leaves())?
         };
         let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
         let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
@@ -93,7 +92,7 @@ struct Decoder<'a> {
     spacing: f64,
     options: DecodeOptions,
     colors: Option<(MortonMap<u32>, &'a [[u8; 3]])>,
-    /// Middles of the nodes, once anyone asks.
+    /// Middles of the cells of colour, built when first needed.
     tree: OnceLock<Option<KdTree>>,
 }
 
@@ -105,18 +104,19 @@ fn layers(leaf: &Leaf, spacing: f64, as_measured: bool) -> f64 {
 
 /// Samples along a side of a patch. The small slack keeps 0.01 / 0.005 at two samples per pixel although neither is
 /// exact in binary.
-fn samples(level: u32, spacing: f64) -> f64 {
-    (f64::from(PATCH_PIXELS << level) / spacing - 1e-9).ceil().max(1.0)
+fn samples(patch_width: i32, spacing: f64) -> f64 {
+    (f64::from(patch_width) / spacing - 1e-9).ceil().max(1.0)
 }
 
 /// Most points that all patches give; spacing in pixels.
-fn bound(leaves: &[Leaf], spacing: f64, as_measured: bool) -> f64 {
+fn bound(model: &PatchModel, spacing: f64, as_measured: bool) -> f64 {
     let of = |leaf: &Leaf| {
-        let per_pixel = (samples(leaf.level, spacing) / f64::from(PATCH_PIXELS)).ceil();
+        let per_side = samples(model.lattice().patch_width(leaf.level), spacing);
+        let per_pixel = (per_side / f64::from(PATCH_PIXELS)).ceil();
         let set = f64::from(leaf.patch.mask.count_ones());
         set * per_pixel * per_pixel * layers(leaf, spacing, as_measured)
     };
-    leaves.iter().map(of).sum()
+    model.leaves().iter().map(of).sum()
 }
 
 /// The samples along a side of the patches of a level.
@@ -131,9 +131,9 @@ struct Grid {
 }
 
 impl Grid {
-    fn new(level: u32, spacing: f64) -> Self {
-        let width = f64::from(PATCH_PIXELS << level);
-        let n = samples(level, spacing) as usize;
+    fn new(patch_width: i32, spacing: f64) -> Self {
+        let width = f64::from(patch_width);
+        let n = samples(patch_width, spacing) as usize;
         let part = |i: usize| (i as f64 + 0.5) / n as f64;
         let x = |i: usize| 2.0 * part(i) - 1.0;
         Self {
@@ -149,8 +149,10 @@ impl Grid {
 
 impl<'a> Decoder<'a> {
     fn new(model: &'a PatchModel, spacing: f64, options: DecodeOptions) -> Self {
-        let grids = (0..model.lattice().levels).map(|l| Grid::new(l, spacing)).collect();
-        let colors = model.node_colors().map(|(nodes, colors)| (index(nodes), colors));
+        let lattice = model.lattice();
+        let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
+        let grids = widths.map(|width| Grid::new(width, spacing)).collect();
+        let colors = model.cell_colors().map(|(cells, colors)| (index(cells), colors));
         Self { model, grids, spacing, options, colors, tree: OnceLock::new() }
     }
 
@@ -224,7 +226,8 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Colour of the nodes around a position (pixels), interpolated between their middles.
+    /// Colour at a position (pixels): that of the eight cells around it, trilinear between their middles, of those that
+    /// carry colour.
     fn color(&self, position: [f32; 3], cache: &mut CornerCache) -> [u8; 3] {
         let Some((places, colors)) = &self.colors else { return [0; 3] };
         let shifted = position.map(|c| c - 0.5);
@@ -246,19 +249,19 @@ impl<'a> Decoder<'a> {
         self.nearest(position).map_or([0; 3], |i| colors[i])
     }
 
-    /// The nearest node of all; only points off every patch ask for it.
+    /// The nearest cell of colour of all, for points off every patch.
     fn nearest(&self, position: [f32; 3]) -> Option<usize> {
-        let (nodes, _) = self.model.node_colors()?;
+        let (cells, _) = self.model.cell_colors()?;
         let tree = self.tree.get_or_init(|| {
             let middle = |&key: &u64| cell_of_key(key).map(|c| c as f32 + 0.5);
-            let middles: Vec<[f32; 3]> = nodes.iter().map(middle).collect();
+            let middles: Vec<[f32; 3]> = cells.iter().map(middle).collect();
             KdTree::new(&middles).ok()
         });
         tree.as_ref()?.nearest(position).map(|n| n.index())
     }
 }
 
-/// Nodes at the corners of the cubes between cell middles, for those looked at lately.
+/// A cache of the cells of colour at the corners of the cubes between cell middles.
 struct CornerCache {
     slots: Vec<(u64, [u32; 8])>,
 }
@@ -272,7 +275,7 @@ impl CornerCache {
         Self { slots: vec![(u64::MAX, [u32::MAX; 8]); Self::SIZE] }
     }
 
-    /// Places of the nodes at the cell `low` and its seven successors; `u32::MAX` where there is none.
+    /// Numbers of the cell `low` and its seven successors among those of colour; `u32::MAX` for those without.
     fn around(&mut self, low: u64, places: &MortonMap<u32>) -> &[u32; 8] {
         let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
         if slot.0 != low {

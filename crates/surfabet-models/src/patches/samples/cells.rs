@@ -1,4 +1,4 @@
-//! Sorting things into the cubic cells of a grid.
+//! Grouping of points and samples by the cubic cells of a grid.
 
 use rayon::prelude::*;
 pub(in crate::patches) use surfabet_geom::cells::cell_of;
@@ -17,16 +17,16 @@ pub(in crate::patches) fn key(cell: [i32; 3]) -> u64 {
     cell.iter().fold(0, |key, &c| key << KEY_BITS | (c.clamp(1 - LIMIT, LIMIT - 1) + LIMIT) as u64)
 }
 
-/// Things grouped by the keys of their cells.
-pub(in crate::patches) struct Cells {
+/// Items grouped by the keys of their cells.
+pub(in crate::patches) struct CellGroups {
     /// Different keys, growing.
     keys: Vec<u64>,
-    /// Things of each key, by growing number.
+    /// Items of each key, by growing number.
     groups: Groups,
 }
 
-impl Cells {
-    /// Groups `count` things by `key`.
+impl CellGroups {
+    /// Groups `count` items by `key`.
     pub fn new(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Self {
         let mut keyed: Vec<(u64, u32)> =
             (0..count).into_par_iter().map(|i| (key(i), i as u32)).collect();
@@ -38,17 +38,17 @@ impl Cells {
         Self { keys, groups }
     }
 
-    /// Number of cells with anything in them.
+    /// Number of cells that hold items.
     pub fn len(&self) -> usize {
         self.groups.len()
     }
 
-    /// Things of cell `i`.
+    /// Items of cell `i`.
     pub fn of(&self, i: usize) -> &[u32] {
         self.groups.of(i)
     }
 
-    /// Place of the cell with this key.
+    /// Number of the cell with this key.
     pub fn find(&self, key: u64) -> Option<usize> {
         self.keys.binary_search(&key).ok()
     }

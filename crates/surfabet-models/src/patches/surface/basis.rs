@@ -96,9 +96,10 @@ impl Basis {
         Self { halves, values }
     }
 
-    /// Those of all levels, finest first.
+    /// Those of all levels, coarsest first.
     pub fn of_levels(levels: u32) -> Vec<Self> {
-        (0..levels).map(|level| Self::new((PATCH_PIXELS << level) as usize)).collect()
+        let of_doublings = |doublings: u32| Self::new((PATCH_PIXELS << doublings) as usize);
+        (0..levels).rev().map(of_doublings).collect()
     }
 
     /// Depth of a patch at a half-pixel position, in steps with fraction.

@@ -1,0 +1,161 @@
+//! Which pixels of a patch are set.
+
+use super::{BESIDE, Choice, SheetPixels, TileSquare};
+use crate::patches::coding::{UNKNOWN, beside_context, pixel_context};
+use crate::patches::constants::{DECODED_WEIGHT, HOLE_WEIGHT, MASK_PASSES, NEAREST_SAMPLE};
+use crate::patches::model::PATCH_PIXELS;
+use crate::patches::sheets::Run;
+
+/// Pixels per side of a mask.
+const SIDE: usize = PATCH_PIXELS as usize;
+
+/// Pixels of a mask.
+const AREA: usize = SIDE * SIDE;
+
+/// Distortion of each pixel of a patch, if it is set and if not.
+struct PixelCosts {
+    set: [f32; AREA],
+    unset: [f32; AREA],
+}
+
+impl Choice<'_> {
+    /// Pixels that are worth setting, and the cost J of them and of those that are not. At least one of the set pixels
+    /// holds a run.
+    pub(super) fn mask(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> (u64, f32) {
+        let costs = pixel_costs(pixels, runs, at);
+        let PixelCosts { set, unset } = &costs;
+        let full = &self.models.full[beside_context(at.level, BESIDE)];
+        let all: f32 = set.iter().sum::<f32>() + self.lambda * full.cost(true);
+
+        let measured = (0..AREA).filter(|&p| unset[p] > 0.0).fold(0_u64, |m, p| m | 1 << p);
+        let mut mask = (0..AREA).filter(|&p| set[p] < unset[p]).fold(0_u64, |m, p| m | 1 << p);
+        if mask & measured == 0 {
+            // The pixel with samples that would lose most.
+            let most = (0..AREA)
+                .filter(|&p| unset[p] > 0.0)
+                .max_by(|&a, &b| (unset[a] - set[a]).total_cmp(&(unset[b] - set[b])));
+            mask |= most.map_or(1, |p| 1_u64 << p);
+        }
+        for _ in 0..MASK_PASSES {
+            for pixel in 0..AREA {
+                mask = self.reconsider(mask, pixel, measured, &costs, at.level);
+            }
+        }
+        let loss: f32 = (0..AREA).map(|p| if mask >> p & 1 != 0 { set[p] } else { unset[p] }).sum();
+        let bits: f32 =
+            full.cost(false) + (0..AREA).map(|p| self.pixel_bits(mask, p, at.level)).sum::<f32>();
+        let partial = loss + self.lambda * bits;
+        if all <= partial { (u64::MAX, all) } else { (mask, partial) }
+    }
+
+    /// The mask with `pixel` set or not, whichever costs less: its distortion, and the price of its own bit and of the
+    /// four bits that it is context of.
+    fn reconsider(
+        &self,
+        mask: u64,
+        pixel: usize,
+        measured: u64,
+        costs: &PixelCosts,
+        level: u32,
+    ) -> u64 {
+        let (column, below) = (pixel % SIDE, pixel + SIDE);
+        let touched = [
+            Some(pixel),
+            (column + 1 < SIDE).then_some(pixel + 1),
+            (below < AREA).then_some(below),
+            (column + 1 < SIDE && below + 1 < AREA).then_some(below + 1),
+            (column > 0 && below - 1 < AREA).then_some(below - 1),
+        ];
+        let cost = |mask: u64, loss: f32| {
+            let bits: f32 =
+                touched.iter().flatten().map(|&p| self.pixel_bits(mask, p, level)).sum();
+            loss + self.lambda * bits
+        };
+        let (with, without) = (mask | 1 << pixel, mask & !(1 << pixel));
+        let keep = without & measured == 0;
+        if keep || cost(with, costs.set[pixel]) <= cost(without, costs.unset[pixel]) {
+            with
+        } else {
+            without
+        }
+    }
+
+    /// Bits that a pixel of the mask takes in its context, with unknown pixels beyond the patch.
+    fn pixel_bits(&self, mask: u64, pixel: usize, level: u32) -> f32 {
+        let (column, row) = (pixel % SIDE, pixel / SIDE);
+        let state = |du: isize, dv: isize| {
+            let (x, y) = (column.wrapping_add_signed(du), row.wrapping_add_signed(dv));
+            if x < SIDE && y < SIDE { (mask >> (y * SIDE + x) & 1) as usize } else { UNKNOWN }
+        };
+        let states = [state(-1, 0), state(0, -1), state(-1, -1), state(1, -1)];
+        self.models.mask[pixel_context(level, states)].cost(mask >> pixel & 1 != 0)
+    }
+}
+
+/// What each pixel costs without its bits. Unset, its n samples lie at a mean squared distance of `side^2 / 3` from
+/// what remains; set, points are decoded where there may be no sample.
+fn pixel_costs(pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> PixelCosts {
+    let side = 1_usize << at.doublings;
+    let mut costs = PixelCosts { set: [0.0; AREA], unset: [0.0; AREA] };
+    for run in runs {
+        let pixel = side as f32;
+        costs.unset[at.pixel_of(run)] += run.n * pixel * pixel / 3.0;
+    }
+    for (pixel, cost) in costs.set.iter_mut().enumerate() {
+        let u = at.corner[0] + ((pixel % SIDE) << at.doublings);
+        let v = at.corner[1] + ((pixel / SIDE) << at.doublings);
+        for dv in 0..side {
+            for du in 0..side {
+                let squared = pixels.squared_distances[(v + dv) * pixels.width + u + du];
+                *cost += DECODED_WEIGHT * pixels.density * squared;
+            }
+        }
+    }
+    costs
+}
+
+/// Adds a run of little weight at each pixel of `holes`, as deep as the nearest measured one: where nothing was
+/// measured the surface goes on, it does not run away.
+pub(super) fn fill_holes(runs: &mut Vec<Run>, holes: u64, at: TileSquare, density: f32) {
+    let n_measured = runs.len();
+    for hole in (0..AREA).filter(|h| holes >> h & 1 != 0) {
+        let middle = |corner: usize, i: usize| {
+            (corner + (i << at.doublings) + (1 << at.doublings) / 2).min(255) as u8
+        };
+        let (u, v) = (middle(at.corner[0], hole % SIDE), middle(at.corner[1], hole / SIDE));
+        let squared = |r: &Run| {
+            let (du, dv) = (f32::from(r.u) - f32::from(u), f32::from(r.v) - f32::from(v));
+            du * du + dv * dv
+        };
+        let measured = runs[..n_measured].iter();
+        let nearest = measured.min_by(|a, b| squared(a).total_cmp(&squared(b)));
+        if let Some(&nearest) = nearest {
+            let n = HOLE_WEIGHT * density * (1_u32 << (2 * at.doublings)) as f32;
+            runs.push(Run { u, v, n, ..nearest });
+        }
+    }
+}
+
+/// Squared in-plane distance of the middle of each pixel of a tile to the nearest run, in squared pixels. Beyond four
+/// pixels it counts as four.
+pub(super) fn distances_to_runs(runs: &[Run], width: usize) -> Vec<f32> {
+    const REACH: i32 = 4;
+    let mut squared = vec![(REACH * REACH) as f32; width * width];
+    for run in runs {
+        for dv in -REACH..=REACH {
+            for du in -REACH..=REACH {
+                let (u, v) = (i32::from(run.u) + du, i32::from(run.v) + dv);
+                if u < 0 || v < 0 || u >= width as i32 || v >= width as i32 {
+                    continue;
+                }
+                let d = &mut squared[v as usize * width + u as usize];
+                *d = d.min((du * du + dv * dv) as f32);
+            }
+        }
+    }
+    // Samples of the other pixel lie about its middle, some of them closer.
+    squared
+        .iter()
+        .map(|&d| if d > 0.0 { (d.sqrt() - NEAREST_SAMPLE).powi(2) } else { 0.0 })
+        .collect()
+}

@@ -1,0 +1,226 @@
+//! Depth of a patch as a sum of shapes, and its thickness.
+
+use super::misfit::misfit;
+use super::{Choice, NEIGHBOURS, TileSquare};
+use crate::patches::coding::{depth_context, shape_context};
+use crate::patches::constants::{MAX_SHAPES, SHAPE_PATIENCE, SHAPE_PULL, THINNEST};
+use crate::patches::model::{LatticePatch, MAX_THICKNESS, THICKNESS_STEPS};
+use crate::patches::sheets::Run;
+use crate::patches::surface::basis::{Basis, DEGREES, FRACTION, N_SHAPES};
+
+/// Values of all shapes at a run.
+type ShapeValues = [f32; N_SHAPES];
+
+/// A patch without its mask, and its cost J.
+pub(super) struct PricedPatch {
+    pub patch: LatticePatch,
+    pub cost: f32,
+}
+
+/// The runs that a patch is fitted to.
+struct Fit<'a> {
+    runs: &'a [Run],
+    /// Values of the shapes at each run.
+    values: Vec<ShapeValues>,
+    /// Number of samples of all runs.
+    total: f32,
+    level: u32,
+}
+
+/// Normal equations of weighted least squares over all shapes: depths about their mean.
+struct NormalEquations {
+    /// Mean depth of the samples.
+    mean: f32,
+    /// `G_ij = sum of n s_i s_j` over the runs, plus the pull to zero on the diagonal.
+    gram: [[f32; N_SHAPES]; N_SHAPES],
+    /// `r_i = sum of n s_i (depth - mean)`.
+    right: [f32; N_SHAPES],
+}
+
+impl Choice<'_> {
+    /// Coefficients and thickness of least cost for the runs of set pixels.
+    ///
+    /// Matching pursuit: the shape that explains most of the residual joins, all coefficients are solved for again, and
+    /// the patch with the least cost on the way is kept. Then each coefficient is tried at zero and a step nearer to it.
+    pub(super) fn shape(&self, runs: &[Run], at: TileSquare) -> PricedPatch {
+        let fit = Fit::new(runs, &self.bases[at.level as usize], at);
+        let equations = NormalEquations::new(&fit);
+        let mut chosen = vec![0_usize];
+        let mut best: Option<PricedPatch> = None;
+        let mut since = 0;
+        while let Some(solution) = equations.solve(&chosen) {
+            let priced = self.priced(self.rounded(&equations, &chosen, &solution), &fit);
+            if best.as_ref().is_none_or(|b| priced.cost < b.cost) {
+                best = Some(priced);
+                since = 0;
+            } else {
+                since += 1;
+            }
+            if since == SHAPE_PATIENCE || chosen.len() == MAX_SHAPES.min(runs.len()) {
+                break;
+            }
+            let Some(next) = equations.next_shape(&chosen, &solution) else { break };
+            chosen.push(next);
+        }
+        // One coefficient is always solved for: its weight is positive.
+        let best = best.unwrap_or_else(|| self.priced(LatticePatch::default(), &fit));
+        self.shrunk(best, &fit)
+    }
+
+    /// The patch with the solved coefficients in depth steps.
+    fn rounded(
+        &self,
+        equations: &NormalEquations,
+        chosen: &[usize],
+        solution: &[f32],
+    ) -> LatticePatch {
+        let mut patch = LatticePatch::default();
+        for (&k, c) in chosen.iter().zip(solution) {
+            let offset = if k == 0 { equations.mean } else { 0.0 };
+            patch.coefficients[k] = ((c + offset) / self.step).round() as i32;
+        }
+        patch
+    }
+
+    /// The patch with coefficients at zero or a step nearer to it, the last first, where that costs less.
+    fn shrunk(&self, mut best: PricedPatch, fit: &Fit<'_>) -> PricedPatch {
+        for k in (1..N_SHAPES).rev() {
+            let c = best.patch.coefficients[k];
+            if c == 0 {
+                continue;
+            }
+            for smaller in [0, c - c.signum()] {
+                let mut patch = best.patch;
+                patch.coefficients[k] = smaller;
+                let priced = self.priced(patch, fit);
+                if priced.cost < best.cost {
+                    best = priced;
+                }
+            }
+        }
+        best
+    }
+
+    /// A patch with its best thickness, and its cost `J = sum of n misfit + lambda R`.
+    fn priced(&self, mut patch: LatticePatch, fit: &Fit<'_>) -> PricedPatch {
+        let used: Vec<usize> = (0..N_SHAPES).filter(|&k| patch.coefficients[k] != 0).collect();
+        let depths: Vec<f32> = fit
+            .values
+            .iter()
+            .map(|s| used.iter().map(|&k| patch.coefficients[k] as f32 * self.step * s[k]).sum())
+            .collect();
+        let (thickness, distortion) = best_thickness(fit, &depths);
+        patch.thickness = thickness;
+        PricedPatch { patch, cost: distortion + self.lambda * self.patch_bits(&patch, fit.level) }
+    }
+
+    /// Bits that coefficients, depth and thickness of a patch take.
+    fn patch_bits(&self, patch: &LatticePatch, level: u32) -> f32 {
+        let l = level as usize;
+        let last = (1..N_SHAPES).rev().find(|&k| patch.coefficients[k] != 0).unwrap_or(0);
+        let mut bits = self.models.last[l].cost(last as u32);
+        for k in 1..last {
+            bits += self.models.shapes[shape_context(level, k)].cost(patch.coefficients[k]);
+        }
+        if last > 0 {
+            let magnitude = patch.coefficients[last].unsigned_abs() - 1;
+            bits += 1.0 + self.models.last_shape[l].cost(magnitude);
+        }
+        // How far depth and thickness are from the predicted ones is not known yet: a step each.
+        bits += self.models.depth[depth_context(level, NEIGHBOURS)].cost(1)
+            + self.models.thickness[1].cost(1);
+        bits
+    }
+}
+
+/// The thickness, in steps, with which decoded `depths` fit the runs best, and the distortion then: from the thickness
+/// of a slab with the samples' variance about the surface, thinner as long as the distortion falls.
+fn best_thickness(fit: &Fit<'_>, depths: &[f32]) -> (u8, f32) {
+    let distortion = |steps: u8| -> f32 {
+        let half = (f32::from(steps) / f32::from(THICKNESS_STEPS)).max(THINNEST);
+        fit.runs.iter().zip(depths).map(|(r, &d)| r.n * misfit(r, d, half)).sum()
+    };
+    let variance = fit
+        .runs
+        .iter()
+        .zip(depths)
+        .map(|(r, d)| r.n * (r.half * r.half / 3.0 + (r.depth - d) * (r.depth - d)))
+        .sum::<f32>()
+        / fit.total;
+    let guess = ((3.0 * variance).sqrt() * f32::from(THICKNESS_STEPS)).round();
+    let mut thickness = guess.clamp(0.0, f32::from(MAX_THICKNESS)) as u8;
+    let mut least = distortion(thickness);
+    while thickness > 0 {
+        let thinner = distortion(thickness - 1);
+        if thinner >= least {
+            break;
+        }
+        (least, thickness) = (thinner, thickness - 1);
+    }
+    (thickness, least)
+}
+
+impl<'a> Fit<'a> {
+    fn new(runs: &'a [Run], basis: &Basis, at: TileSquare) -> Self {
+        let scale = 1.0 / (1_u32 << FRACTION) as f32;
+        let half_pixel = |x: u8, corner: usize| 2 * (usize::from(x) - corner) + 1;
+        let values_at = |r: &Run| {
+            let (hu, hv) = (half_pixel(r.u, at.corner[0]), half_pixel(r.v, at.corner[1]));
+            basis.at(hu, hv).map(|s| s as f32 * scale)
+        };
+        let values = runs.iter().map(values_at).collect();
+        let total = runs.iter().map(|r| r.n).sum::<f32>().max(1e-6);
+        Self { runs, values, total, level: at.level }
+    }
+}
+
+impl NormalEquations {
+    fn new(fit: &Fit<'_>) -> Self {
+        let mean = fit.runs.iter().map(|r| r.n * r.depth).sum::<f32>() / fit.total;
+        let mut gram = [[0.0_f32; N_SHAPES]; N_SHAPES];
+        let mut right = [0.0_f32; N_SHAPES];
+        for (run, s) in fit.runs.iter().zip(&fit.values) {
+            for i in 0..N_SHAPES {
+                let weighted = run.n * s[i];
+                right[i] += weighted * (run.depth - mean);
+                for j in 0..=i {
+                    gram[i][j] += weighted * s[j];
+                }
+            }
+        }
+        for i in 0..N_SHAPES {
+            // Shapes that the set pixels hardly tell apart must not grow large against each other.
+            gram[i][i] += SHAPE_PULL * fit.total * f32::from(DEGREES[i].0 + DEGREES[i].1);
+        }
+        // Both triangles.
+        let lower = gram;
+        for (i, row) in gram.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate().skip(i + 1) {
+                *entry = lower[j][i];
+            }
+        }
+        Self { mean, gram, right }
+    }
+
+    /// Coefficients c of the chosen shapes with `G c = r`, by Cholesky's decomposition.
+    fn solve(&self, chosen: &[usize]) -> Option<Vec<f32>> {
+        let n = chosen.len();
+        let entry = |i: usize, j: usize| f64::from(self.gram[chosen[i]][chosen[j]]);
+        let matrix = nalgebra::DMatrix::from_fn(n, n, entry);
+        let vector = nalgebra::DVector::from_fn(n, |i, _| f64::from(self.right[chosen[i]]));
+        let solution = matrix.cholesky()?.solve(&vector);
+        Some(solution.iter().map(|&c| c as f32).collect())
+    }
+
+    /// The shape not chosen yet that lowers the squared error most, alone: by `(r_i - sum of G_ik c_k)^2 / G_ii`.
+    fn next_shape(&self, chosen: &[usize], solution: &[f32]) -> Option<usize> {
+        let residual: [f32; N_SHAPES] = std::array::from_fn(|i| {
+            let explained = chosen.iter().zip(solution).map(|(&k, c)| self.gram[i][k] * c);
+            self.right[i] - explained.sum::<f32>()
+        });
+        let gain = |i: usize| residual[i] * residual[i] / self.gram[i][i].max(1e-6);
+        (0..N_SHAPES)
+            .filter(|i| !chosen.contains(i))
+            .max_by(|&a, &b| gain(a).total_cmp(&gain(b)).then(b.cmp(&a)))
+    }
+}

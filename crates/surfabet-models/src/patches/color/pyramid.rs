@@ -1,0 +1,121 @@
+//! The pyramid of cells over the cells of colour, and the prediction of a level from the one above.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+use surfabet_geom::morton::step;
+
+use super::cells::index;
+use super::steps::to_channels;
+use crate::patches::constants::NEIGHBOUR_SHARE;
+
+/// Cells of one size: those of a pyramid's first level carry colour, each further level joins them by eights.
+pub(super) struct PyramidLevel {
+    /// Sorted.
+    pub keys: Vec<u64>,
+    /// Number of cells of the first level in each cell.
+    pub weights: Vec<f32>,
+    /// Children of cell i are cells `children[i]..children[i + 1]` of the level before; empty at the first.
+    children: Vec<u32>,
+    /// Means of the colours that are to be coded, in channels; empty when reading.
+    pub targets: Vec<[f32; 3]>,
+}
+
+impl PyramidLevel {
+    /// The children of each cell.
+    pub fn children(&self) -> impl Iterator<Item = Range<usize>> {
+        self.children.windows(2).map(|range| range[0] as usize..range[1] as usize)
+    }
+
+    /// One value per cell as one per child.
+    pub fn for_children<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        let of_cell = |(&value, range): (&T, Range<usize>)| std::iter::repeat_n(value, range.len());
+        values.iter().zip(self.children()).flat_map(of_cell).collect()
+    }
+}
+
+/// The levels over sorted `cells`, up to one cell. `targets` are the colours of the cells, red, green and blue.
+pub(super) fn pyramid(cells: &[u64], targets: Option<&[[f32; 3]]>) -> Vec<PyramidLevel> {
+    let targets = targets.map_or(Vec::new(), |t| t.iter().map(|&c| to_channels(c)).collect());
+    let mut levels = vec![PyramidLevel {
+        keys: cells.to_vec(),
+        weights: vec![1.0; cells.len()],
+        children: Vec::new(),
+        targets,
+    }];
+    while levels[levels.len() - 1].keys.len() > 1 {
+        levels.push(parents(&levels[levels.len() - 1]));
+    }
+    levels
+}
+
+/// The level whose cells join those of `below` by eights, with their weighted mean colours.
+fn parents(below: &PyramidLevel) -> PyramidLevel {
+    let mut level = PyramidLevel {
+        keys: Vec::new(),
+        weights: Vec::new(),
+        children: Vec::new(),
+        targets: Vec::new(),
+    };
+    for (i, key) in (0..).zip(&below.keys) {
+        if level.keys.last() != Some(&(key >> 3)) {
+            level.keys.push(key >> 3);
+            level.children.push(i);
+        }
+    }
+    level.children.push(below.keys.len() as u32);
+    let (mut weights, mut targets) = (Vec::new(), Vec::new());
+    for range in level.children() {
+        let weight: f32 = below.weights[range.clone()].iter().sum();
+        weights.push(weight);
+        if !below.targets.is_empty() {
+            let mut mean = [0.0; 3];
+            for i in range {
+                (0..3).for_each(|c| mean[c] += below.weights[i] * below.targets[i][c] / weight);
+            }
+            targets.push(mean);
+        }
+    }
+    PyramidLevel { weights, targets, ..level }
+}
+
+/// Predicts the mean colour of every child: the means of its parent and of the seven parents next to it on the child's
+/// side, interpolated. Along each axis the parent counts `1 - s` and its neighbour s, see [`NEIGHBOUR_SHARE`]; parents that
+/// do not exist are left out.
+pub(super) fn predict(
+    parents: &PyramidLevel,
+    means: &[[f32; 3]],
+    children: &PyramidLevel,
+) -> Vec<[f32; 3]> {
+    let places = index(&parents.keys);
+    let numbers: Vec<u32> = (0..parents.keys.len() as u32).collect();
+    let of_parent = parents.for_children(&numbers);
+    children
+        .keys
+        .par_iter()
+        .zip(&of_parent)
+        .with_min_len(1 << 10)
+        .map(|(&child, &parent)| {
+            let own = parents.keys[parent as usize];
+            let (mut sum, mut total) = ([0.0; 3], 0.0);
+            for corner in 0..8_usize {
+                let mut key = own;
+                let mut weight = 1.0;
+                for axis in 0..3 {
+                    if corner >> axis & 1 != 0 {
+                        key = step(key, axis, child >> axis & 1 != 0);
+                        weight *= NEIGHBOUR_SHARE;
+                    } else {
+                        weight *= 1.0 - NEIGHBOUR_SHARE;
+                    }
+                }
+                let found = if corner == 0 { Some(&parent) } else { places.get(&key) };
+                if let Some(&i) = found {
+                    (0..3).for_each(|c| sum[c] += weight * means[i as usize][c]);
+                    total += weight;
+                }
+            }
+            sum.map(|s| s / total)
+        })
+        .collect()
+}

@@ -1,0 +1,145 @@
+//! The tuned constants of the method, with the reason for each. Those of which "the effect was not measured" were set
+//! once and kept.
+//!
+//! Limits and sizes that the file fixes stand beside the code that they bound. What was measured of the options is in
+//! `docs/benchmarks/patches.md`.
+
+// Axes of the scene.
+
+/// Side of the cells that vote for the scene's axes, pixels: large enough for a plane to show through the noise. The
+/// effect was not measured.
+pub(super) const AXES_CELL: f64 = 6.0;
+
+/// Points that vote for the axes, at most: bounds the time. The effect was not measured.
+pub(super) const MAX_AXES_POINTS: usize = 400_000;
+
+/// Directions that are tried for the first axis, at most: each is compared with all normals. The effect was not
+/// measured.
+pub(super) const MAX_AXES_CANDIDATES: usize = 1500;
+
+/// Normals within this angle of an axis belong to it: cos 12 degrees. The effect was not measured; a turned corner is
+/// found to a tenth of a degree (test in `axes`).
+pub(super) const ALONG_AXIS: f64 = 0.978;
+
+/// Second axes are at most this far from being orthogonal to the first: sin 12 degrees, as [`ALONG_AXIS`].
+pub(super) const ACROSS_AXIS: f64 = 0.208;
+
+/// Rounds of assigning normals to axes and turning the axes to their mean. The effect was not measured.
+pub(super) const AXES_ROUNDS: usize = 10;
+
+// Samples and their sides.
+
+/// Side of the cells that points are merged in, pixels: a pixel then holds several samples, and their spread gives the
+/// thickness.
+pub(super) const SAMPLE_SIZE: f64 = 0.5;
+
+/// Side of the cells that normals are fitted in, pixels; each takes its 26 neighbours in. The effect was not measured.
+pub(super) const NORMAL_CELL: f32 = 2.0;
+
+/// How much the axis of a neighbouring cell counts, against 1 for the own normal of a flat cell that is along the axis.
+/// All 27 together, the cell itself among them, count 1.08: a cell gives way where nearly all around it agree. The effect
+/// was not measured.
+pub(super) const NEIGHBOUR_PULL: f32 = 0.04;
+
+/// How much a cell counts whose samples lie on a line, against 1 for a plane: any plane along the line will do, so
+/// its neighbours decide. The effect was not measured.
+pub(super) const LINE_WEIGHT: f32 = 0.2;
+
+/// Rounds of choosing axes, each with the neighbours' choice of the round before. The effect was not measured.
+pub(super) const SIDE_ROUNDS: usize = 4;
+
+/// A cell of which at least this share of the samples faces one way faces that way as a whole. The effect was not
+/// measured.
+pub(super) const SIDE_AGREEMENT: f32 = 0.85;
+
+// Sheets.
+
+/// Samples of a column further apart than this are two runs, pixels: several empty samples of [`SAMPLE_SIZE`]. The
+/// effect was not measured.
+pub(super) const MAX_GAP: f32 = 2.5;
+
+/// Longest run, pixels. A half thickness is at most 63 quarters of a pixel, so no patch is thicker than 31.5. The
+/// effect of the value below was not measured.
+pub(super) const MAX_RUN: f32 = 24.0;
+
+/// Depth step between neighbouring runs that one surface may make, pixels, beside their mean half thickness: a slope
+/// of 51 degrees, where one of 45 may face another axis. The effect was not measured.
+pub(super) const MAX_STEP: f32 = 1.25;
+
+/// Least half thickness of a run, and of what is decoded when the choice compares, pixels: what one layer of samples
+/// stands for, half of [`SAMPLE_SIZE`].
+pub(super) const THINNEST: f32 = 0.25;
+
+/// Sheets of fewer samples are small: they are joined to others, and may be left out of the model at the price of
+/// their distance to the large ones. A full patch of one layer of
+/// samples has as many. The effect was not measured.
+pub(super) const SMALL_SHEET: f32 = 256.0;
+
+/// Reaches at which small sheets are joined to others, pixels, one after the other: for surfaces that are sampled more
+/// coarsely than the pixel. The effect was not measured.
+pub(super) const JOIN_REACHES: [i32; 2] = [2, 4];
+
+// Choice of hierarchy, mask, shapes and thickness.
+
+/// How much the distance of the thin surface from the middle of a run counts, per sample: slabs overlap well even
+/// where their middles are apart, and the surface is decoded too. The effect was not measured.
+pub(super) const THIN_WEIGHT: f32 = 0.5;
+
+/// How much the error of decoded points counts against that of input points: filled thickness has many. The effect
+/// was not measured.
+pub(super) const DECODED_WEIGHT: f32 = 2.0;
+
+/// Most shapes in a patch: bounds the time. The effect was not measured.
+pub(super) const MAX_SHAPES: usize = 12;
+
+/// Shapes tried after the last one that lowered the cost. The effect was not measured.
+pub(super) const SHAPE_PATIENCE: usize = 3;
+
+/// Pull of coefficients to zero: a diagonal of this times the samples and the order of the shape. The effect was not
+/// measured.
+pub(super) const SHAPE_PULL: f32 = 0.01;
+
+/// Passes over the pixels of a mask. The effect was not measured.
+pub(super) const MASK_PASSES: usize = 2;
+
+/// Weight of a pixel without samples against one with samples in the fit of depths. The effect was not measured.
+pub(super) const HOLE_WEIGHT: f32 = 0.2;
+
+/// How much nearer than its middle the samples of a neighbouring pixel may be, pixels: half of [`SAMPLE_SIZE`].
+pub(super) const NEAREST_SAMPLE: f32 = 0.25;
+
+/// Bits of a sheet beside those of its squares: tile, number of sheets and base. An estimate; the effect was not
+/// measured.
+pub(super) const SHEET_BITS: f32 = 10.0;
+
+/// A small sheet is left out at the price of at most this distance per sample, pixels: far beyond any that is worth
+/// it, so that squares stay finite.
+pub(super) const MAX_STRAY: f32 = 1e4;
+
+// Colour. Both are part of the file format.
+
+/// Weight of the parent next to a cell's own along each axis, where colours are predicted. Linear interpolation between
+/// middles would be 1/4; more smooths the noise of single parents. How much it is worth was not measured.
+pub(super) const NEIGHBOUR_SHARE: f32 = 0.32;
+
+/// Step of a level of the pyramid against that of the model: for the cells themselves, their parents, and so on.
+/// Coefficients of coarse cells also predict the finer ones, so they are rounded more finely. The effect was not measured.
+pub(super) const STEP_SHARES: [f32; 4] = [1.25, 1.0, 0.85, 0.7];
+
+// Points beside the patches.
+
+/// Side of the cells of extra points, as a multiple of the bound on the error. A cube of this side has half a diagonal
+/// of 0.996, so that its points are within the bound of its middle.
+pub(super) const EXTRA_CELL: f64 = 1.15;
+
+// Fragments, which the thin surface leaves out. In the simulated room they are a sixth of all patches and one percent
+// of the decoded points, with a sixth of the squared error (docs/benchmarks/patches.md).
+
+/// Most finest pixels of a fragment, of all patches that touch one another.
+pub(super) const LARGEST_FRAGMENT: u32 = 16;
+
+/// Fragments stand off larger pieces by at least this, finest pixels: what is nearer continues them.
+pub(super) const FRAGMENT_GAP: f32 = 1.5;
+
+/// From this distance on, finest pixels, a small piece stands for itself.
+pub(super) const FRAGMENT_REACH: f32 = 10.0;

@@ -1,0 +1,161 @@
+//! The side that each sample faces: one of three axes, up or down.
+//!
+//! Planes are fitted in cells. A cell takes the axis that its normal is closest to, with a small pull towards the
+//! axes of its neighbours, and its samples the direction that they were seen from.
+
+use rayon::prelude::*;
+use surfabet_geom::Moments;
+
+use super::Sample;
+use super::cells::{CellGroups, cell_of, key};
+use crate::patches::constants::{LINE_WEIGHT, NEIGHBOUR_PULL, SIDE_AGREEMENT, SIDE_ROUNDS};
+use crate::vector::dot;
+
+/// The plane about a cell of samples.
+struct CellPlane {
+    normal: [f32; 3],
+    /// 1 for a plane, towards 0 for a ball: how much the normal counts.
+    flatness: f32,
+    /// The cell and its neighbours, as far as they hold samples.
+    around: Vec<u32>,
+}
+
+impl CellPlane {
+    /// How well the plane is orthogonal to an axis: the squared cosine of its normal, times its flatness.
+    fn fit(&self, axis: usize) -> f32 {
+        self.normal[axis] * self.normal[axis] * self.flatness
+    }
+}
+
+/// Side of every sample, from planes in cells of side `cell` metres. Without views all face up their axes.
+pub(super) fn sides_of(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
+    let cells = CellGroups::new(samples.len(), |i| key(cell_of(samples[i].position, cell)));
+    let planes = fit_planes(samples, &cells, cell);
+    let axes = choose_axes(&planes);
+    let of_cells: Vec<Vec<u8>> = (0..cells.len())
+        .into_par_iter()
+        .map(|g| {
+            let members = cells.of(g).iter().map(|&i| &samples[i as usize]);
+            sides_of_cell(members, axes[g], planes[g].normal, has_views)
+        })
+        .collect();
+    let mut sides = vec![0_u8; samples.len()];
+    for (g, of) in of_cells.into_iter().enumerate() {
+        for (&i, side) in cells.of(g).iter().zip(of) {
+            sides[i as usize] = side;
+        }
+    }
+    sides
+}
+
+/// The least-squares plane of every cell with its 26 neighbours.
+fn fit_planes(samples: &[Sample], cells: &CellGroups, cell: f32) -> Vec<CellPlane> {
+    let moments: Vec<Moments> = (0..cells.len())
+        .into_par_iter()
+        .map(|g| {
+            let members = cells.of(g);
+            let at = samples[members[0] as usize].position;
+            Moments::about(at, members.iter().map(|&i| samples[i as usize].position))
+        })
+        .collect();
+    (0..cells.len())
+        .into_par_iter()
+        .map(|g| {
+            let at = samples[cells.of(g)[0] as usize].position;
+            let (sum, around) = neighbourhood(cells, &moments, cell_of(at, cell));
+            let (normal, flatness) = normal_of(&sum);
+            CellPlane { normal, flatness, around }
+        })
+        .collect()
+}
+
+/// Sum of the moments of a cell and its 26 neighbours, and which of them hold samples.
+fn neighbourhood(cells: &CellGroups, moments: &[Moments], cell: [i32; 3]) -> (Moments, Vec<u32>) {
+    let mut sum = Moments::new();
+    let mut around = Vec::with_capacity(27);
+    for dx in -1..=1 {
+        for dy in -1..=1 {
+            for dz in -1..=1 {
+                if let Some(g) = cells.find(key([cell[0] + dx, cell[1] + dy, cell[2] + dz])) {
+                    sum.merge(&moments[g]);
+                    around.push(g as u32);
+                }
+            }
+        }
+    }
+    (sum, around)
+}
+
+/// Normal of the plane of these moments, and its flatness `1 - sqrt(v0 / v1)`, with the variances `v0 <= v1 <= v2`
+/// along the principal axes.
+fn normal_of(moments: &Moments) -> ([f32; 3], f32) {
+    match moments.principal_axes() {
+        Some(axes) if moments.weight() >= 5.0 && axes.variances[1] > 0.0 => {
+            let flatness = 1.0 - (axes.variances[0] / axes.variances[1]).sqrt();
+            (axes.normal().map(|c| c as f32), flatness as f32)
+        }
+        Some(axes) => {
+            // A line or less: any plane along it will do, so not one across it.
+            let along = axes.directions[2].map(|c| c.abs());
+            let across = (0..3).min_by(|&a, &b| along[a].total_cmp(&along[b])).unwrap_or(0);
+            let mut normal = [0.0; 3];
+            normal[across] = 1.0;
+            (normal, LINE_WEIGHT)
+        }
+        None => ([0.0; 3], 0.0),
+    }
+}
+
+/// The axis of every cell: the one with the largest sum of [`CellPlane::fit`] and the votes of the cells around,
+/// [`NEIGHBOUR_PULL`] each, a few rounds over.
+fn choose_axes(planes: &[CellPlane]) -> Vec<u8> {
+    let best = |score: &dyn Fn(usize) -> f32| {
+        (0..3).max_by(|&a, &b| score(a).total_cmp(&score(b)).then(b.cmp(&a))).map_or(0, |a| a as u8)
+    };
+    let mut axes: Vec<u8> = planes.par_iter().map(|plane| best(&|a| plane.fit(a))).collect();
+    for _ in 0..SIDE_ROUNDS {
+        axes = planes
+            .par_iter()
+            .map(|plane| {
+                let mut votes = [0.0_f32; 3];
+                for &near in &plane.around {
+                    votes[axes[near as usize] as usize] += NEIGHBOUR_PULL;
+                }
+                best(&|a| plane.fit(a) + votes[a])
+            })
+            .collect();
+    }
+    axes
+}
+
+/// Sides of the samples of a cell: down the axis for those that were seen from below its plane, unless nearly all
+/// agree.
+fn sides_of_cell<'a>(
+    samples: impl Iterator<Item = &'a Sample>,
+    axis: u8,
+    mut normal: [f32; 3],
+    has_views: bool,
+) -> Vec<u8> {
+    let a = usize::from(axis);
+    if normal[a] < 0.0 {
+        normal = normal.map(|c| -c);
+    }
+    if normal[a] == 0.0 {
+        normal = [0.0; 3];
+        normal[a] = 1.0;
+    }
+    let down: Vec<bool> = samples.map(|s| has_views && dot(s.view, normal) < 0.0).collect();
+    let share = down.iter().filter(|d| **d).count() as f32 / down.len() as f32;
+    let side = |down: bool| 2 * axis + u8::from(down);
+    down.into_iter()
+        .map(|d| {
+            if share >= SIDE_AGREEMENT {
+                side(true)
+            } else if share <= 1.0 - SIDE_AGREEMENT {
+                side(false)
+            } else {
+                side(d)
+            }
+        })
+        .collect()
+}
