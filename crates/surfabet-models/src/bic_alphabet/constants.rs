@@ -1,5 +1,5 @@
-//! Tuned constants of the method. What a user may set is in [`BicAlphabetOptions`](super::BicAlphabetOptions), what the
-//! file format fixes stands beside the code that writes it.
+//! Tuned constants of the method. What a user may set is in [`BicAlphabetOptions`](super::BicAlphabetOptions); what the
+//! file format fixes is beside the code that writes it.
 
 /// Side of a pixel of the range image (III-C) in angles between beams, alpha: scanners differ in both directions, and a
 /// pixel should not be empty. @PIXEL
@@ -30,7 +30,7 @@ pub(super) const CANDIDATES_PER_THREAD: usize = 4;
 /// 2^22. Results do not depend on it. Columns of so many points stay in the first-level cache.
 pub(super) const POINTS_PER_SCATTER: usize = 64;
 
-/// Features per unit of parallel work when blocks are looked up, some milliseconds; results do not depend on it.
+/// Features per unit of parallel work when the blocks near them are searched, some milliseconds; results do not depend on it.
 pub(super) const FEATURES_PER_SEARCH: usize = 512;
 
 /// Features per unit of parallel work when they are described, some milliseconds; results do not depend on it.

@@ -201,14 +201,14 @@ impl BicAlphabet {
     }
 }
 
-/// Where words stand.
+/// The words that occur, and their poses.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Occurrences {
     pub poses: Vec<BicPose>,
     pub words: Vec<u32>,
 }
 
-/// What a model says of itself before its streams.
+/// What the file holds of the scene before its streams.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BicHeader {
     /// Points of the cloud that was described.
@@ -290,7 +290,7 @@ impl BicAlphabetModel {
             }
             previous = Some(pose.order(header.low));
             if pose.roll != 0 && alphabet.upright() != Upright::ViewDirection {
-                return fail(format!("{pose:?} has a roll that its upright rule does not know"));
+                return fail(format!("{pose:?} has a roll, which its upright rule does not use"));
             }
         }
         let report = Beside::default();
@@ -333,7 +333,7 @@ impl BicAlphabetModel {
             .map_err(|e| coder.corrupt(e.to_string()))
     }
 
-    /// What the file says before its streams.
+    /// What the file holds of the scene before its streams.
     pub fn header(&self) -> BicHeader {
         self.header
     }

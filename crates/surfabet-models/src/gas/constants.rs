@@ -1,5 +1,5 @@
-//! Tuned constants of the method. What a user may set is in [`GasOptions`](super::GasOptions), what the file format fixes
-//! stands beside the code that writes it.
+//! Tuned constants of the method. What a user may set is in [`GasOptions`](super::GasOptions); what the file format fixes
+//! is beside the code that writes it.
 
 /// Position steps per mean edge e, by default: rounding adds `3 (e / 16)^2 / 12`, a thousandth of e^2, to the squared
 /// error.
@@ -22,7 +22,7 @@ pub(super) const TRACE_LENGTH: u64 = 64;
 /// Neurons per leaf of a tree built anew: the rest of the eight is room to grow. @FILL
 pub(super) const FILL: usize = 6;
 
-/// Most points that stand for the old scans in an update. @RECALLED
+/// Most points that represent the old scans in an update. @RECALLED
 pub(super) const MOST_RECALLED: f64 = 2e6;
 
 /// Signals per neuron of an update beyond those of the inserted neurons, so that old neurons move to where the new scan
@@ -48,7 +48,7 @@ pub(super) const LEAST_BLEND_COSINE: f64 = 0.7;
 /// to 14 percent at the rim. @BLEND
 pub(super) const BLEND_WIDTH: f64 = 2.0;
 
-/// Least cosine between a triangle and the mean normal of its corners: steeper triangles stand across the surface.
+/// Least cosine between a triangle and the mean normal of its corners: steeper triangles lie across the surface.
 /// @COSINE
 pub(super) const LEAST_TRIANGLE_COSINE: f64 = 0.3;
 

@@ -27,7 +27,7 @@ pub struct Neuron {
     pub position: [i32; 3],
     /// Octahedral code of the normal, where there is one.
     pub normal: Option<[i8; 2]>,
-    /// Code of the number of points that it stands for: none for 0, else `2^((code - 1) / 4)`.
+    /// Code of the number of points nearest to it: none for 0, else `2^((code - 1) / 4)`.
     pub count: u8,
     /// Code of the radius of its disc: zero for 0, else `2^((code - 1) / 4)` eighths of a position step.
     pub radius: u8,
@@ -37,7 +37,7 @@ pub struct Neuron {
     pub color: [i16; 3],
 }
 
-/// What a gas says of itself before its streams.
+/// What the file holds before its streams.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct GasHeader {
     /// Points of the clouds that the model was learned from.
@@ -85,7 +85,7 @@ impl GasHeader {
 
 /// A cloud as a gas of neurons with a topology; immutable.
 ///
-/// Neurons are numbered along the topology, breadth first, as they stand in the file.
+/// Neurons are numbered along the topology, breadth first, as in the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GasModel {
     pub(super) header: GasHeader,
@@ -139,7 +139,7 @@ impl GasModel {
         Ok(Self { header, neurons, edges, adjacency, report: Beside(report) })
     }
 
-    /// What the file says before its streams.
+    /// What the file holds before its streams.
     pub fn header(&self) -> &GasHeader {
         &self.header
     }
@@ -243,7 +243,7 @@ impl GasModel {
         self.has_color().then(|| (0..self.len()).map(|i| rounded(self.color(i))).collect())
     }
 
-    /// Number of points that a neuron stands for, rounded to a quarter of a doubling.
+    /// Number of points nearest to a neuron, rounded to a quarter of a doubling.
     pub fn count(&self, i: usize) -> f64 {
         size_of_code(self.neurons[i].count)
     }

@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use surfabet_geom::cells::wide_cell_of;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::constants::{MOST_RECALLED, PATIENCE, SETTLING};
@@ -21,7 +22,7 @@ use crate::stages::Stages;
 /// Golden angle, radians: turns by it fill a disc evenly.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
-/// Points that stand for the scans that a model was learned from.
+/// Points that represent the scans that a model was learned from.
 struct Recalled {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
@@ -32,7 +33,7 @@ struct Recalled {
 impl GasModel {
     /// Adds another scan of the same world to the map: a larger gas, which still holds this one's scene.
     ///
-    /// Signals are drawn from `cloud` and from points spread over this model's discs, which stand for its own scans, in
+    /// Signals are drawn from `cloud` and from points spread over this model's discs, which represent its own scans, in
     /// proportion to the numbers of points: so nothing is lost where the new scan does not reach, and both are
     /// averaged where it does. `n_neurons` is the number of neurons afterwards; `None` gives the space that both
     /// occupy as many per volume as this model has.
@@ -117,7 +118,7 @@ impl GasModel {
         }
         let lengths = self.edges.iter().map(|&edge| self.edge_length(edge));
         let size = (2.0 * lengths.sum::<f64>() / self.edges.len() as f64).max(self.position_step());
-        let cell = |p: &[f32; 3]| p.map(|c| (f64::from(c) / size).floor() as i64);
+        let cell = |p: &[f32; 3]| wide_cell_of(p.map(f64::from), size);
         let mut cells: HashSet<[i64; 3]> = recalled.iter().map(cell).collect();
         let before = cells.len().max(1) as f64;
         cells.extend(positions.iter().map(cell));

@@ -2,10 +2,10 @@
 
 use surfabet_entropy::Coder;
 
+use super::coding::Streams;
 use super::learn::PlanesFigures;
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 use super::options::PlanesOptions;
-use super::syntax::Streams;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 

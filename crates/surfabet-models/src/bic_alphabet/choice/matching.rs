@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::bic_alphabet::features::{Descriptors, distance};
+use crate::bic_alphabet::features::{Descriptors, descriptor_distance};
 use crate::bic_alphabet::words::BicWord;
 
 /// The word of every feature, and the distance of their descriptors. Of words equally near the newest is taken, so that
@@ -25,7 +25,7 @@ impl Matching {
     pub fn new(descriptors: &Descriptors, words: &[BicWord], penalty: i32) -> Self {
         let nearest = |descriptor: &[i8]| {
             let all = (0..).zip(words).map(|(id, w)| {
-                (distance(descriptor, &w.descriptor, penalty), std::cmp::Reverse(id))
+                (descriptor_distance(descriptor, &w.descriptor, penalty), std::cmp::Reverse(id))
             });
             all.min().map_or((u32::MAX, u32::MAX), |(d, id)| (id.0, d))
         };

@@ -25,7 +25,7 @@ pub(in crate::bic_alphabet) fn reduce(
             occurrences.push(f);
         }
     }
-    // Stable: of equally frequent words the older goes first.
+    // Stable: of equally frequent words the older is visited first.
     of_word.sort_by_key(|occurrences| std::cmp::Reverse(occurrences.len()));
     let total = scene.features.len().max(1) as f32;
     let mut trial = Trial::default();

@@ -245,7 +245,7 @@ mod tests {
             let n_words = words.len();
             let matching = Matching::new(&scene.descriptors, &words, scene.penalty());
             let full = Reconstruction::new(scene, words, matching);
-            // One removal after the other, each held against the likelihood before it.
+            // One removal after the other, each compared with the likelihood before it.
             let mut plain = full.clone();
             let mut trial = Trial::default();
             for f in 0..scene.features.len() as u32 {

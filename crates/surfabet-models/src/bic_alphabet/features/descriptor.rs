@@ -67,14 +67,16 @@ impl Descriptors {
     /// Squared distances of all descriptors to `to`.
     pub fn distances(&self, to: &[i8], penalty: i32, out: &mut Vec<u32>) {
         out.clear();
-        out.extend(self.values.chunks_exact(self.pixels).map(|d| distance(d, to, penalty)));
+        out.extend(
+            self.values.chunks_exact(self.pixels).map(|d| descriptor_distance(d, to, penalty)),
+        );
     }
 }
 
 /// `|a - b|^2` in squared height steps; a pixel empty in one of both counts as a difference of `penalty` steps, one
 /// empty in both as none.
 #[inline]
-pub(in crate::bic_alphabet) fn distance(a: &[i8], b: &[i8], penalty: i32) -> u32 {
+pub(in crate::bic_alphabet) fn descriptor_distance(a: &[i8], b: &[i8], penalty: i32) -> u32 {
     let squared = penalty * penalty;
     let mut sum = 0;
     for (&a, &b) in a.iter().zip(b) {
@@ -189,7 +191,7 @@ mod tests {
         let edge = describe(grid(|u, _| (u < 0.0).then_some(0.0)));
         let empty = edge.iter().filter(|&&h| h == EMPTY).count();
         assert!((16..=26).contains(&empty), "{empty}");
-        assert_eq!(distance(&plane, &edge, 32), 32 * 32 * empty as u32);
-        assert_eq!(distance(&edge, &edge, 32), 0);
+        assert_eq!(descriptor_distance(&plane, &edge, 32), 32 * 32 * empty as u32);
+        assert_eq!(descriptor_distance(&edge, &edge, 32), 0);
     }
 }

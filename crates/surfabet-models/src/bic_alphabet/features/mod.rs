@@ -12,7 +12,9 @@ mod descriptor;
 mod interest;
 mod laplacian;
 
-pub(super) use descriptor::{Descriptors, EMPTY, distance, penalty_steps, pixel_centers};
+pub(super) use descriptor::{
+    Descriptors, EMPTY, descriptor_distance, penalty_steps, pixel_centers,
+};
 
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Progress, fit_normal, orient_normal};

@@ -1,7 +1,7 @@
-//! Which points change from kept to dropped or back (eq. 3) when occurrences come or go.
+//! Which points change from kept to dropped or back (eq. 3) when occurrences are added or removed.
 //!
 //! Points are decided in the order of their ranks. The removed points let in points that they kept out, and each point
-//! whose decision flips puts the points within epsilon that come after it in the queue: a newly kept one those kept so
+//! whose decision flips puts the points of larger rank within epsilon in the queue: a newly kept one those kept so
 //! far, a dropped one those dropped so far.
 
 use std::cmp::Reverse;
@@ -47,7 +47,7 @@ pub(in crate::bic_alphabet) struct Flip {
 /// What a change of a few occurrences does to the kept points. Applied or forgotten; reused for the next.
 #[derive(Debug, Clone, Default)]
 pub(in crate::bic_alphabet) struct Change {
-    /// Points that come, in the order of their ranks: set before [`Sparsified::change`].
+    /// Points to add, in the order of their ranks: set before [`Sparsified::change`].
     pub added: Vec<PlacedPoint>,
     /// Points whose decision flips.
     pub flips: Vec<Flip>,
@@ -61,7 +61,7 @@ pub(in crate::bic_alphabet) struct Change {
     newly_kept: KeptGrid,
     /// Rank and number of the points of the grid to decide.
     queue: BinaryHeap<Reverse<(u64, u32)>>,
-    /// Points within epsilon of the one under decision that come after it.
+    /// Points of larger rank within epsilon of the one under decision.
     later: Vec<u32>,
 }
 
@@ -127,8 +127,8 @@ impl Change {
 }
 
 impl Sparsified {
-    /// Computes in `change` what happens to the kept points when all points of the owners in `removed` go and those in
-    /// `change.added` come.
+    /// Computes in `change` what happens to the kept points when all points of the owners in `removed` are removed and
+    /// those in `change.added` are added.
     pub fn change(&self, removed: &[u32], epsilon: f32, change: &mut Change) {
         change.reset(self.grid.points.len(), epsilon);
         self.mark_removed(removed, change);
@@ -176,7 +176,7 @@ impl Sparsified {
         let Change { flips, added_kept, marks, marked, newly_kept, queue, later, .. } = change;
         let &Turn { point, index, was_kept } = turn;
         let cells = CellsAround::new(point.position, epsilon);
-        // Points newly kept so far come before this one.
+        // Points newly kept so far have smaller ranks.
         let mut is_kept = newly_kept.is_clear(&cells, point.position);
         later.clear();
         if is_kept || was_kept {

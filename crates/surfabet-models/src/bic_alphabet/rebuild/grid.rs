@@ -2,10 +2,10 @@
 //!
 //! Cells are slightly more than two epsilon wide, so that all points within epsilon of a position lie in two by two by
 //! two of them. Four by four by four cells make a group. Groups are found by hash and numbered as they appear, and
-//! since points come along a curve through space, neighbours in space are neighbours in memory.
+//! since points are given along a curve through space, neighbours in space are neighbours in memory.
 
 use super::stamp::PlacedPoint;
-use crate::vector::{dot, minus};
+use crate::vector::squared_distance;
 
 /// Factors that scatter the three coordinates of a group: the first three primes of xxHash.
 const FACTORS: [u32; 3] = [0x9e37_79b1, 0x85eb_ca77, 0xc2b2_ae3d];
@@ -58,12 +58,6 @@ fn join([x, y, z]: [Cell; 3]) -> Cell {
 #[inline]
 fn cell_of(position: [f32; 3], epsilon: f32) -> Cell {
     join(std::array::from_fn(|a| part((position[a] * per_metre(epsilon)).floor(), a)))
-}
-
-#[inline]
-fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    let d = minus(a, b);
-    dot(d, d)
 }
 
 /// Numbers of the groups that hold points. Groups whose hashes agree share a number, which costs time but is exact,
@@ -152,7 +146,7 @@ impl PointGrid {
         let mut start = 0;
         for bucket in &mut buckets {
             let (n, n_kept) = (bucket.end, bucket.kept_end);
-            // Both ends grow as points come.
+            // Both ends grow as points are inserted.
             *bucket = Bucket { start, kept_end: start, end: start + n_kept };
             start += n;
         }

@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | `stamp` | the points of a word at its poses, each with a rank | eq. 2 |
 //! | `sparsify` | which points are kept | eq. 3 |
-//! | `change` | which of them change when occurrences come or go | eq. 3 |
+//! | `change` | which of them change when occurrences are added or removed | eq. 3 |
 //! | `grid` | the points within epsilon of a position | |
 
 mod change;

@@ -4,7 +4,7 @@
 use surfabet_entropy::{Coder, SInt, UInt};
 use surfabet_geom::octahedral;
 
-use super::{Coded, NOBODY, Streams, bounded, check_edges};
+use super::{Coded, NO_NEURON, Streams, bounded, check_edges};
 use crate::gas::model::{GasHeader, NORMAL_BITS};
 
 /// Classes of length, a power of two each: edges are at most `2 sqrt(3) 2^23` steps long.
@@ -44,7 +44,7 @@ impl Prediction {
         let position = |i: usize| coded.neurons[i].position.map(i64::from);
         let at = position(v);
         let parent = coded.parents[v];
-        let from = if parent == NOBODY { at } else { position(parent as usize) };
+        let from = if parent == NO_NEURON { at } else { position(parent as usize) };
         let squared: i64 = (0..3).map(|a| (at[a] - from[a]).pow(2)).sum();
         let code = coded.neurons[v].normal;
         let normal = code.map_or([0, 0, 1], |code| {

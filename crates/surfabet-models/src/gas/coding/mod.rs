@@ -32,7 +32,7 @@ use neuron::{NeuronModels, code_neuron};
 const MAX_CANDIDATES: usize = 32;
 
 /// No neuron.
-const NOBODY: u32 = u32::MAX;
+const NO_NEURON: u32 = u32::MAX;
 
 /// The streams of a gas.
 #[derive(Debug)]
@@ -76,7 +76,7 @@ impl Coded<'_> {
         self.neurons.push(Neuron { position, ..Neuron::default() });
         self.parents.push(parent);
         self.known.push(Vec::new());
-        self.marks.push(NOBODY);
+        self.marks.push(NO_NEURON);
     }
 
     /// Marks the neighbours of `v`, for [`Coded::knows`].
@@ -105,7 +105,7 @@ impl Coded<'_> {
     }
 }
 
-/// Writes, reads or prices a gas. `given` is what to write; in any case all of it comes back.
+/// Writes, reads or prices a gas. `given` is what to write; in any case all of it is returned.
 ///
 /// # Errors
 /// Whatever the coders find wrong with what they read.
@@ -134,7 +134,7 @@ pub(super) fn code_gas<C: Coder>(
                 let step = streams.positions.sint(&mut root_model, to.wrapping_sub(*last))?;
                 *last = bounded(streams.positions, i64::from(*last) + i64::from(step))?;
             }
-            coded.add(root, NOBODY);
+            coded.add(root, NO_NEURON);
         }
         code_neuron(streams, &mut neurons, &mut coded, header, v)?;
         code_edges(streams.topology, &mut edges, &mut coded, header, v)?;

@@ -11,7 +11,7 @@ const GROUP: usize = 64;
 const LARGEST_SCALE: f64 = 1e100;
 
 /// In place of the error of a neuron that does not exist: below every error, whatever it is multiplied with.
-const NOBODY: f64 = f64::NEG_INFINITY;
+const NO_NEURON: f64 = f64::NEG_INFINITY;
 
 /// Accumulated errors by neuron.
 #[derive(Debug, Clone)]
@@ -57,14 +57,14 @@ impl AccumulatedErrors {
 
     /// Removes a neuron.
     pub(in crate::gas) fn remove(&mut self, id: u32) {
-        self.put(id as usize, NOBODY);
+        self.put(id as usize, NO_NEURON);
     }
 
     /// Sets the stored number of a neuron, which may be new.
     fn put(&mut self, id: usize, value: f64) {
         if id >= self.scaled.len() {
-            self.scaled.resize((id + 1).next_multiple_of(GROUP), NOBODY);
-            self.largest.resize(self.scaled.len() / GROUP, NOBODY);
+            self.scaled.resize((id + 1).next_multiple_of(GROUP), NO_NEURON);
+            self.largest.resize(self.scaled.len() / GROUP, NO_NEURON);
         }
         self.scaled[id] = value;
         self.renew(id / GROUP);
@@ -73,7 +73,7 @@ impl AccumulatedErrors {
     /// Computes the largest of a group.
     fn renew(&mut self, group: usize) {
         let of = &self.scaled[group * GROUP..(group + 1) * GROUP];
-        self.largest[group] = of.iter().fold(NOBODY, |m, &e| if e > m { e } else { m });
+        self.largest[group] = of.iter().fold(NO_NEURON, |m, &e| if e > m { e } else { m });
     }
 
     /// Step 10: all errors decay.
@@ -97,7 +97,7 @@ impl AccumulatedErrors {
             .reduce(|best, next| if next.1 > best.1 { next } else { best })?;
         let first = group * GROUP;
         let at = self.scaled[first..first + GROUP].iter().position(|&e| e == largest)?;
-        (largest > NOBODY).then_some((first + at) as u32)
+        (largest > NO_NEURON).then_some((first + at) as u32)
     }
 }
 

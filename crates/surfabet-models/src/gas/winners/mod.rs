@@ -1,4 +1,4 @@
-//! The two nearest neurons to a signal, exactly, while neurons move, come and go (step 3).
+//! The two nearest neurons to a signal, exactly, while neurons move, are added and removed (step 3).
 //!
 //! | file | search |
 //! |---|---|
