@@ -185,7 +185,6 @@ def test_a_frame_of_structured_light_is_kept_within_its_resolution(tmp_path):
         frame = sb.read(tmp_path / "frame.pcd")
     model = sb.learn_hscsm(frame, resolution=0.015)
     quality = sb.evaluate(frame, model.decode(), normal_neighbors=None)
-    print("XX hframe", quality)
     assert quality.rmse_pooled < 0.015
 
 

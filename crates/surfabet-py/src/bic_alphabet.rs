@@ -34,8 +34,7 @@ impl PyBicAlphabet {
         let options = options_onto(words.options(), options)?;
         let cloud = &cloud.get().cloud;
         let model = run(slf.py(), progress, |monitor| words.describe(cloud, &options, monitor))?;
-        // The file names the alphabet and does not hold it.
-        wrap(slf.py(), model.sharing_alphabet(true))
+        wrap(slf.py(), model)
     }
 
     #[getter]

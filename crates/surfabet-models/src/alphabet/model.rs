@@ -13,6 +13,9 @@ use crate::error::{Error, Result};
 use crate::report::Beside;
 use crate::scans::Deviation;
 
+/// Largest radius of a word, metres: with it every coordinate that a file can hold is finite in single precision.
+const MAX_RADIUS: f64 = 1e12;
+
 /// Words and the radii that they occur in, for any number of scenes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alphabet {
@@ -25,11 +28,11 @@ impl Alphabet {
     /// An alphabet of `words`, the first of which is the plane: word 0 of every alphabet.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for a radius that is not positive, 0 or more than 8 scales, no or too many words, or
+    /// [`Error::Inconsistent`] for a radius that is not positive or too large, 0 or more than 8 scales, no or too many words, or
     /// another first word than the plane.
     pub fn new(radius: f64, scales: u32, words: Vec<Word>) -> Result<Self> {
         let wrong = |what: String| Err(Error::Inconsistent(what));
-        if !(radius > 0.0 && radius.is_finite()) {
+        if !(radius > 0.0 && radius <= MAX_RADIUS) {
             return wrong(format!("a radius of {radius} m"));
         }
         if !(1..=MAX_SCALE + 1).contains(&scales) {

@@ -69,7 +69,7 @@ pub fn learn(
 
 impl BicAlphabet {
     /// Describes another cloud with this alphabet (IV-B). Only features, matching and, where the options ask for it,
-    /// the reduction of occurrences take place; nothing is learned.
+    /// the reduction of occurrences take place; nothing is learned. The file names the alphabet and does not hold it.
     ///
     /// # Errors
     /// As [`learn`], and [`Error::Inconsistent`](crate::Error::Inconsistent) when the options contradict those that
@@ -92,7 +92,7 @@ impl BicAlphabet {
         let best =
             stages.run("placing words", |_| Ok(Reconstruction::new(&scene, words, matching)))?;
         report.stop_reason = "the alphabet was given";
-        finish(cloud, &scene, best, report, stages)
+        Ok(finish(cloud, &scene, best, report, stages)?.sharing_alphabet(true))
     }
 }
 

@@ -63,7 +63,7 @@ impl GasHeader {
         if self.origin.iter().any(|c| !c.is_finite()) {
             return fail(format!("origin {:?} is not finite", self.origin));
         }
-        if self.exponent.abs() > MAX_EXPONENT {
+        if !(-MAX_EXPONENT..=MAX_EXPONENT).contains(&self.exponent) {
             return fail(format!("a position step of 2^{} m", self.exponent));
         }
         if self.color_step.is_some_and(|step| !(1..=64).contains(&step)) {

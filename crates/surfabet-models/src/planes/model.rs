@@ -53,7 +53,7 @@ impl PlanesHeader {
         if self.origin.iter().any(|c| !c.is_finite()) {
             return fail(format!("origin {:?} is not finite", self.origin));
         }
-        if self.exponent.abs() > MAX_EXPONENT {
+        if !(-MAX_EXPONENT..=MAX_EXPONENT).contains(&self.exponent) {
             return fail(format!("a position step of 2^{} m", self.exponent));
         }
         let step = self.position_step();
