@@ -74,13 +74,13 @@ impl Placement {
 
 impl WordPose {
     /// Right, up and height of a point in the frame of the word.
-    pub fn to_word(&self, point: [f64; 3]) -> [f64; 3] {
+    pub fn to_word(self, point: [f64; 3]) -> [f64; 3] {
         let d: [f64; 3] = std::array::from_fn(|a| point[a] - self.center[a]);
         self.rows.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2])
     }
 
     /// The point with these coordinates in the frame of the word.
-    pub fn to_scene(&self, local: [f64; 3]) -> [f64; 3] {
+    pub fn to_scene(self, local: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| {
             self.center[a] + (0..3).map(|k| self.rows[k][a] * local[k]).sum::<f64>()
         })

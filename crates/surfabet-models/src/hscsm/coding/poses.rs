@@ -101,11 +101,11 @@ fn code_pose<C: Coder>(
 ) -> Result<PatchPose, C::Error> {
     let side = i64::from(side);
     let mut pose = PatchPose::default();
-    for a in 0..3 {
+    for (a, corner) in corner.into_iter().enumerate() {
         let predicted = i64::from(previous.position[a]);
         let difference = (i64::from(given.position[a]) - predicted).rem_euclid(side) as u32;
         let difference = i64::from(coder.symbol(&mut models.offset[a], difference)?);
-        let at = corner[a] + (predicted + difference).rem_euclid(side);
+        let at = corner + (predicted + difference).rem_euclid(side);
         pose.position[a] = i32::try_from(at)
             .ok()
             .filter(|c| c.abs() <= MAX_POSITION)
