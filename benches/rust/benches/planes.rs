@@ -6,9 +6,10 @@ use std::hint::black_box;
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use surfabet_codec::{Container, Limits, planes as section};
+use surfabet_codec::{Container, Limits, read, write};
 use surfabet_geom::{PointCloud, Silent};
-use surfabet_models::planes::{DecodeOptions, Fit, PlanesOptions, Points, learn};
+use surfabet_models::DecodeOptions;
+use surfabet_models::planes::{Fit, PlaneModel, PlanesOptions, Points, learn};
 
 const POINTS: usize = 200_000;
 
@@ -83,7 +84,7 @@ fn whole(criterion: &mut Criterion) {
     let cloud = rooms(POINTS);
     let options = PlanesOptions::default();
     let model = learn(&cloud, None, &options, &Silent).unwrap();
-    let file = section::write(&model).unwrap();
+    let file = write(&model).unwrap();
     let limits = Limits::default();
     let decode = DecodeOptions { resolution: Some(0.02), ..DecodeOptions::default() };
     let mut group = criterion.benchmark_group("planes: 200000 points");
@@ -92,11 +93,11 @@ fn whole(criterion: &mut Criterion) {
         b.iter(|| learn(black_box(&cloud), None, &options, &Silent).unwrap());
     });
     group.bench_function("segment", |b| b.iter(|| model.segment(&cloud, &Silent).unwrap()));
-    group.bench_function("write", |b| b.iter(|| section::write(black_box(&model)).unwrap()));
+    group.bench_function("write", |b| b.iter(|| write(black_box(&model)).unwrap()));
     group.bench_function("read", |b| {
         b.iter(|| {
             let container = Container::parse(black_box(&file), &limits).unwrap();
-            section::read(&container, &limits).unwrap()
+            read::<PlaneModel>(&container, &limits, None).unwrap()
         });
     });
     group.bench_function("decode at 20 mm", |b| b.iter(|| model.decode(decode, &Silent).unwrap()));

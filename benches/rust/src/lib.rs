@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use criterion::BenchmarkGroup;
 use criterion::measurement::WallTime;
-use surfabet_models::Report;
+use surfabet_models::Stage;
 
 /// Seconds of one stage of a run, as its own report times them.
-pub fn seconds(report: &Report, stage: &str) -> f64 {
-    report.stages.iter().find(|s| s.name == stage).map_or(0.0, |s| s.seconds)
+pub fn seconds(stages: &[Stage], stage: &str) -> f64 {
+    stages.iter().find(|s| s.name == stage).map_or(0.0, |s| s.seconds)
 }
 
 /// A benchmark of what takes `seconds()` of a run that takes much longer.
@@ -32,7 +32,7 @@ pub fn bench_part(
 pub fn bench_stages(
     group: &mut BenchmarkGroup<'_, WallTime>,
     stages: &[&str],
-    mut run: impl FnMut() -> Report,
+    mut run: impl FnMut() -> Vec<Stage>,
 ) {
     for stage in stages {
         bench_part(group, stage, || seconds(&run(), stage));
