@@ -1,22 +1,22 @@
-//! The scene: rays, exact distances to the exposed surface, samples of it, and who is who.
+//! The scene: solids grouped into instances, rays, and what of their surface is exposed.
 
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+mod builder;
+mod closest;
+mod samples;
+mod surfaces;
 
-use surfabet_geom::{Error, Result};
+pub(crate) use builder::Builder;
 
 use crate::bvh::Hierarchy;
-use crate::pose::{Frame, Pose, Vec3, pose_of};
-use crate::solid::{Cell, Shape, SurfacePoint};
+use crate::pose::{Frame, Pose, Vec3};
+use crate::solid::{Shape, SurfacePoint};
 use crate::texture::{Rgb, Texture};
 
-/// How far along its normal a surface point is moved to ask whether another solid covers it, metres.
+/// How far along its normal a surface point is moved to test whether another solid covers it, metres.
 const LIFT: f64 = 1e-6;
 /// Depth below which a lifted point is clear of another solid: solids are closed, up to rounding. A point on the
 /// rim of a contact counts as covered for the face in contact; it is found as part of a free face beside it.
 const COVERED: f64 = -1e-9;
-/// Cells of surface smaller than this are not cut further when looking for their exposed part, metres.
-const SMALLEST_CELL: f64 = 1e-5;
 
 /// A named thing in the scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,168 +119,6 @@ pub(crate) struct Model {
     pub solids: Vec<(Shape, Frame, Texture, u8)>,
 }
 
-/// Collects instances and their solids.
-#[derive(Debug, Default)]
-pub(crate) struct Builder {
-    solids: Vec<Solid>,
-    instances: Vec<Instance>,
-    frames: Vec<Frame>,
-}
-
-fn to_array(v: &Vec3) -> [f64; 3] {
-    [v.x, v.y, v.z]
-}
-
-/// Bounding box of a shape in a frame.
-fn bounds_of(shape: &Shape, frame: &Frame) -> (Vec3, Vec3) {
-    let centre = frame.translation.vector;
-    let rotation = frame.rotation.to_rotation_matrix();
-    let m = rotation.matrix();
-    let reach = match *shape {
-        Shape::Cuboid(half) => m.abs() * half,
-        // A disc of radius r with unit normal a reaches r sqrt(1 - a_k^2) along axis k.
-        Shape::Cylinder(radius, half) => Vec3::from_fn(|k, _| {
-            let a = m[(k, 2)];
-            radius * (1.0 - a * a).max(0.0).sqrt() + half * a.abs()
-        }),
-        Shape::Sphere(radius) => Vec3::repeat(radius),
-    };
-    (centre - reach, centre + reach)
-}
-
-fn union_bounds(boxes: impl Iterator<Item = (Vec3, Vec3)>) -> ([f64; 3], [f64; 3]) {
-    let start = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    let (low, high) = boxes.fold(start, |(low, high), (l, h)| (low.inf(&l), high.sup(&h)));
-    (to_array(&low), to_array(&high))
-}
-
-impl Builder {
-    /// Places `model` and returns its row.
-    pub(crate) fn place(
-        &mut self,
-        class: &'static str,
-        number: u32,
-        model: &Model,
-        frame: &Frame,
-    ) -> u32 {
-        let row = self.instances.len() as u32;
-        let placed = model.solids.iter().map(|(shape, local, texture, hidden)| Solid {
-            shape: *shape,
-            frame: frame * local,
-            texture: *texture,
-            instance: row,
-            hidden: *hidden,
-        });
-        let first = self.solids.len();
-        self.solids.extend(placed);
-        self.frames.push(*frame);
-        self.instances.push(Instance {
-            class,
-            model: number,
-            pose: pose_of(frame),
-            extent: union_bounds(model.solids.iter().map(|(s, f, ..)| bounds_of(s, f))),
-            bounds: union_bounds(
-                self.solids[first..].iter().map(|s| bounds_of(&s.shape, &s.frame)),
-            ),
-        });
-        row
-    }
-
-    /// A scene with its lamp at `lamp`; `interior` is the room's inner box.
-    pub(crate) fn finish(self, lamp: Vec3, interior: (Vec3, Vec3)) -> Scene {
-        let boxes: Vec<_> = self.solids.iter().map(|s| bounds_of(&s.shape, &s.frame)).collect();
-        let hierarchy = Hierarchy::new(&boxes);
-        let inverses = self.solids.iter().map(|s| s.frame.inverse()).collect();
-        let instance_inverses: Vec<Frame> = self.frames.iter().map(Frame::inverse).collect();
-        let (surfaces, surface_of_face) = surfaces_of(&self.solids, &instance_inverses);
-        Scene {
-            solids: self.solids,
-            inverses,
-            instances: self.instances,
-            instance_inverses,
-            surfaces,
-            surface_of_face,
-            hierarchy,
-            lamp,
-            interior,
-        }
-    }
-}
-
-/// The smooth pieces of surface, and for every face of every solid its row among them.
-fn surfaces_of(solids: &[Solid], inverses: &[Frame]) -> (Vec<Surface>, Vec<[u32; 6]>) {
-    struct Piece {
-        surface: Surface,
-        bounds: (Vec3, Vec3),
-        root: usize,
-    }
-    fn root(pieces: &[Piece], mut i: usize) -> usize {
-        while pieces[i].root != i {
-            i = pieces[i].root;
-        }
-        i
-    }
-    let mut pieces: Vec<Piece> = Vec::new();
-    let mut piece_of_face = vec![[0_usize; 6]; solids.len()];
-    let mut first_of_instance = (u32::MAX, 0);
-    for (s, solid) in solids.iter().enumerate() {
-        if first_of_instance.0 != solid.instance {
-            first_of_instance = (solid.instance, pieces.len());
-        }
-        for face in 0..solid.shape.faces() {
-            let index = pieces.len();
-            piece_of_face[s][usize::from(face)] = index;
-            let (kind, direction, offset) = match (solid.shape.plane_normal(face), solid.shape) {
-                (Some(normal), _) => {
-                    let normal = solid.frame.rotation * normal;
-                    let on =
-                        solid.frame * nalgebra::Point3::from(solid.shape.at(face, [0.0; 2]).point);
-                    (SurfaceKind::Plane, normal, normal.dot(&on.coords))
-                }
-                (None, Shape::Sphere(_)) => (SurfaceKind::Sphere, Vec3::zeros(), 0.0),
-                (None, _) => (SurfaceKind::Cylinder, solid.frame.rotation * Vec3::z(), 0.0),
-            };
-            // Coplanar faces touch where their solids do; most solids are aligned with their instance, where
-            // their boxes are exact.
-            let inverse = &inverses[solid.instance as usize];
-            let bounds = bounds_of(&solid.shape, &(inverse * solid.frame));
-            let surface =
-                Surface { kind, instance: solid.instance, direction: to_array(&direction), offset };
-            pieces.push(Piece { surface, bounds, root: index });
-            if kind != SurfaceKind::Plane {
-                continue;
-            }
-            for other in first_of_instance.1..index {
-                let o = &pieces[other];
-                let coplanar = o.surface.kind == SurfaceKind::Plane
-                    && (Vec3::from(o.surface.direction) - direction).amax() < 1e-9
-                    && (o.surface.offset - offset).abs() < 1e-9;
-                let touching = (0..3).all(|a| {
-                    o.bounds.0[a] <= bounds.1[a] + LIFT && bounds.0[a] <= o.bounds.1[a] + LIFT
-                });
-                if coplanar && touching {
-                    let (a, b) = (root(&pieces, other), root(&pieces, index));
-                    // The lower number stays the root, so that numbering follows the solids.
-                    pieces[a.max(b)].root = a.min(b);
-                }
-            }
-        }
-    }
-    let mut number = vec![0_u32; pieces.len()];
-    let mut surfaces = Vec::new();
-    for i in 0..pieces.len() {
-        let r = root(&pieces, i);
-        if r == i {
-            number[i] = surfaces.len() as u32;
-            surfaces.push(pieces[i].surface);
-        } else {
-            number[i] = number[r];
-        }
-    }
-    let table = piece_of_face.iter().map(|faces| faces.map(|p| number[p])).collect();
-    (surfaces, table)
-}
-
 /// A furnished room or another set of solids, immutable, with its surface known exactly.
 ///
 /// The surface is that of the union of all solids, without the faces that look away from the room (the
@@ -296,36 +134,6 @@ pub struct Scene {
     hierarchy: Hierarchy,
     lamp: Vec3,
     interior: (Vec3, Vec3),
-}
-
-/// A cell of surface ordered by its distance, the nearest first.
-struct Candidate {
-    distance: f64,
-    cell: Cell,
-    nearest: SurfacePoint,
-}
-
-impl PartialEq for Candidate {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Candidate {}
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Candidate {
-    fn cmp(&self, other: &Self) -> Ordering {
-        // Ties by face and parameters, so that the order is total.
-        other
-            .distance
-            .total_cmp(&self.distance)
-            .then_with(|| other.cell.face.cmp(&self.cell.face))
-            .then_with(|| other.cell.low[0].total_cmp(&self.cell.low[0]))
-            .then_with(|| other.cell.low[1].total_cmp(&self.cell.low[1]))
-    }
 }
 
 impl Scene {
@@ -381,65 +189,6 @@ impl Scene {
         })
     }
 
-    /// The exact unsigned distance from `point` to the exposed surface, metres; NaN for a point that is not
-    /// finite. See [`Scene::closest_point`] for the one case that is exact to 10 micrometres only.
-    pub fn distance(&self, point: [f64; 3]) -> f64 {
-        self.closest_point(point).map_or(f64::NAN, |c| c.distance)
-    }
-
-    /// The nearest point of the exposed surface; `None` for a point that is not finite.
-    ///
-    /// Where the nearest point of a solid is covered by another one, its faces are cut into cells and searched
-    /// best first for the nearest exposed one, down to 10 micrometres: such a point lies inside a solid, nearest
-    /// to the rim of a contact. Spheres touch others in single points only and are never cut.
-    pub fn closest_point(&self, point: [f64; 3]) -> Option<ClosestPoint> {
-        let p = Vec3::from(point);
-        if !p.iter().all(|c| c.is_finite()) {
-            return None;
-        }
-        let mut nearest: Option<(usize, SurfacePoint)> = None;
-        let mut covered = Vec::new();
-        let local = |s: usize| (self.inverses[s] * nalgebra::Point3::from(p)).coords;
-        let bound = self.hierarchy.near(&p, f64::INFINITY, |s, best| {
-            let solid = &self.solids[s];
-            let (signed, on) = solid.shape.closest(&local(s));
-            let found = signed.abs();
-            if found > best {
-                return best;
-            }
-            if !(matches!(solid.shape, Shape::Sphere(_)) || self.exposed(s, &on)) {
-                covered.push((found, s));
-                return best;
-            }
-            if found < best || nearest.is_some_and(|n| s < n.0) {
-                nearest = Some((s, on));
-            }
-            found
-        });
-        // Only what is nearer than the bound has to be searched, so the cells to cut are few.
-        let mut distance = bound;
-        covered.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for (least, s) in covered {
-            if least >= distance {
-                break;
-            }
-            if let Some((found, on)) = self.closest_exposed(s, &local(s), distance)
-                && found < distance
-            {
-                (distance, nearest) = (found, Some((s, on)));
-            }
-        }
-        let (s, on) = nearest?;
-        let (point, normal) = self.to_world(s, &on);
-        Some(ClosestPoint {
-            distance,
-            point: to_array(&point),
-            normal: to_array(&normal),
-            instance: self.solids[s].instance,
-            surface: self.surface(s, &on),
-        })
-    }
-
     /// True when nothing lies between `viewpoint` and the surface point `point` with outward `normal`.
     pub fn is_visible(&self, point: [f64; 3], normal: [f64; 3], viewpoint: [f64; 3]) -> bool {
         let ray = Vec3::from(point) - Vec3::from(viewpoint);
@@ -449,39 +198,13 @@ impl Scene {
                 .is_some_and(|hit| hit.distance >= ray.norm() - 2.0 * LIFT)
     }
 
-    /// Points of the exposed surface, about one per `spacing` x `spacing`, each the middle of a cell of at most
-    /// that size; cells whose middle is covered by another solid are left out.
-    ///
-    /// # Errors
-    /// [`Error::InvalidParameter`] unless `spacing` is at least 0.5 mm.
-    pub fn sample_surface(&self, spacing: f64) -> Result<SurfaceSamples> {
-        if !(spacing >= 5e-4 && spacing.is_finite()) {
-            return Err(Error::invalid("spacing", spacing, "finite and at least 0.0005 m"));
-        }
-        let mut samples = SurfaceSamples::default();
-        for (s, solid) in self.solids.iter().enumerate() {
-            for face in (0..solid.shape.faces()).filter(|f| solid.hidden & (1 << f) == 0) {
-                for parameters in sample_face(&solid.shape, face, spacing) {
-                    let on = solid.shape.at(face, parameters);
-                    if !self.exposed(s, &on) {
-                        continue;
-                    }
-                    let (point, normal) = self.to_world(s, &on);
-                    samples.points.push(to_array(&point));
-                    samples.normals.push(to_array(&normal).map(|c| c as f32));
-                    samples.instances.push(solid.instance);
-                    samples.surfaces.push(self.surface(s, &on));
-                }
-            }
-        }
-        Ok(samples)
-    }
-
+    /// A surface point of solid `s` and its normal in the world.
     fn to_world(&self, s: usize, on: &SurfacePoint) -> (Vec3, Vec3) {
         let frame = &self.solids[s].frame;
         ((frame * nalgebra::Point3::from(on.point)).coords, frame.rotation * on.normal)
     }
 
+    /// The row in [`Scene::surfaces`] of a surface point of solid `s`.
     fn surface(&self, s: usize, on: &SurfacePoint) -> u32 {
         self.surface_of_face[s][usize::from(on.face)]
     }
@@ -504,60 +227,8 @@ impl Scene {
         -self.solids[s].shape.closest(&local.coords).0
     }
 
-    /// The exposed point of solid `s` nearest to `p` (in the frame of the solid), when nearer than `limit`.
-    fn closest_exposed(&self, s: usize, p: &Vec3, limit: f64) -> Option<(f64, SurfacePoint)> {
-        let solid = &self.solids[s];
-        let shape = &solid.shape;
-        let candidate = |cell: Cell| {
-            let nearest = shape.at(cell.face, shape.closest_in_cell(&cell, p));
-            Candidate { distance: (nearest.point - p).norm(), cell, nearest }
-        };
-        let mut queue: BinaryHeap<Candidate> = (0..shape.faces())
-            .filter(|face| solid.hidden & (1 << face) == 0)
-            .flat_map(|face| shape.cells(face))
-            .map(candidate)
-            .collect();
-        while let Some(Candidate { distance, cell, nearest }) = queue.pop() {
-            if distance >= limit {
-                return None;
-            }
-            let radius = shape.cell_radius(&cell);
-            if radius < SMALLEST_CELL || self.exposed(s, &nearest) {
-                return Some((distance, nearest));
-            }
-            let middle: [f64; 2] = std::array::from_fn(|k| 0.5 * (cell.low[k] + cell.high[k]));
-            if self.wholly_covered(s, &cell) {
-                continue;
-            }
-            for (u, v) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                let half = |k: usize, upper: usize| {
-                    if upper == 1 { (middle[k], cell.high[k]) } else { (cell.low[k], middle[k]) }
-                };
-                let ((u0, u1), (v0, v1)) = (half(0, u), half(1, v));
-                queue.push(candidate(Cell { face: cell.face, low: [u0, v0], high: [u1, v1] }));
-            }
-        }
-        None
-    }
-
-    /// True when one other solid, being convex, covers all of a cell of surface.
-    fn wholly_covered(&self, s: usize, cell: &Cell) -> bool {
-        let solid = &self.solids[s];
-        let middle = std::array::from_fn(|k| 0.5 * (cell.low[k] + cell.high[k]));
-        let (centre, normal) = self.to_world(s, &solid.shape.at(cell.face, middle));
-        let lift = normal * LIFT;
-        let hull: Vec<Vec3> = solid
-            .shape
-            .hull(cell)
-            .iter()
-            .map(|p| (solid.frame * nalgebra::Point3::from(*p)).coords + lift)
-            .collect();
-        self.hierarchy.any_at(&(centre + lift), |other| {
-            other != s && hull.iter().all(|p| self.depth_in(other, p) > COVERED)
-        })
-    }
-
-    /// The colour of a surface point under the room's light.
+    /// The colour of a surface point under the room's lamp: its texture, shaded by the angle to the lamp and by the
+    /// distance from it.
     fn color(&self, s: usize, point: &Vec3, normal: &Vec3) -> Rgb {
         let solid = &self.solids[s];
         let inverse = &self.instance_inverses[solid.instance as usize];
@@ -570,48 +241,8 @@ impl Scene {
     }
 }
 
-/// Parameters of cell middles over a face, cells of about `spacing` in both directions.
-fn sample_face(shape: &Shape, face: u8, spacing: f64) -> Vec<[f64; 2]> {
-    let steps = |length: f64| ((length / spacing).ceil()).max(1.0) as usize;
-    let middle =
-        |low: f64, high: f64, i: usize, n: usize| low + (high - low) * (i as f64 + 0.5) / n as f64;
-    let turn = std::f64::consts::TAU;
-    let mut parameters = Vec::new();
-    match *shape {
-        Shape::Cuboid(_) => {
-            for cell in shape.cells(face) {
-                let (n, m) = (steps(cell.high[0] - cell.low[0]), steps(cell.high[1] - cell.low[1]));
-                for i in 0..n {
-                    let u = middle(cell.low[0], cell.high[0], i, n);
-                    parameters.extend((0..m).map(|j| [u, middle(cell.low[1], cell.high[1], j, m)]));
-                }
-            }
-        }
-        Shape::Cylinder(radius, half) if face == 0 => {
-            let (n, m) = (steps(turn * radius), steps(2.0 * half));
-            for i in 0..n {
-                let angle = middle(0.0, turn, i, n);
-                parameters.extend((0..m).map(|j| [angle, middle(-half, half, j, m)]));
-            }
-        }
-        Shape::Cylinder(radius, _) => {
-            let m = steps(radius);
-            for j in 0..m {
-                let r = middle(0.0, radius, j, m);
-                let n = steps(turn * r);
-                parameters.extend((0..n).map(|i| [middle(0.0, turn, i, n), r]));
-            }
-        }
-        Shape::Sphere(radius) => {
-            let m = steps(0.5 * turn * radius);
-            for j in 0..m {
-                let latitude = middle(-0.25 * turn, 0.25 * turn, j, m);
-                let n = steps(turn * radius * latitude.cos());
-                parameters.extend((0..n).map(|i| [middle(0.0, turn, i, n), latitude]));
-            }
-        }
-    }
-    parameters
+fn to_array(v: &Vec3) -> [f64; 3] {
+    [v.x, v.y, v.z]
 }
 
 #[cfg(test)]
