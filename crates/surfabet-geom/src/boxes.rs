@@ -178,7 +178,7 @@ mod tests {
     fn the_empty_box_is_infinitely_far_from_everything() {
         assert_eq!(Aabb::of(std::iter::empty::<[f32; 3]>()), None);
         assert_eq!(Aabb::EMPTY.squared_distance([0.0; 3]), f32::INFINITY);
-        assert!(!Aabb::EMPTY.contains([0.0; 3]) && !Aabb::EMPTY.intersects(&Aabb::ALL));
+        assert!(!Aabb::EMPTY.contains([0.0; 3]) && !Aabb::EMPTY.intersects(&Aabb::point([0.0; 3])));
         assert_eq!(Aabb::ALL.squared_distance([1e30; 3]), 0.0);
     }
 }

@@ -25,7 +25,11 @@ pub fn minus<T: Copy + Sub<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
 
 /// `a + s b`.
 #[inline]
-pub fn add_scaled<T: Copy + Mul<Output = T> + Add<Output = T>>(a: [T; 3], s: T, b: [T; 3]) -> [T; 3] {
+pub fn add_scaled<T: Copy + Mul<Output = T> + Add<Output = T>>(
+    a: [T; 3],
+    s: T,
+    b: [T; 3],
+) -> [T; 3] {
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 

@@ -2,10 +2,10 @@
 
 use surfabet_entropy::Coder;
 
+use super::learn::AlphabetFigures;
 use super::model::{Alphabet, AlphabetHeader, AlphabetModel};
 use super::options::AlphabetOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
-use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for AlphabetModel {
@@ -14,7 +14,7 @@ impl SurfaceModel for AlphabetModel {
     const KEEPS_THICKNESS: bool = false;
     type Options = AlphabetOptions;
     type Header = AlphabetHeader;
-    type Figures = Named;
+    type Figures = Option<AlphabetFigures>;
     type Vocabulary = Alphabet;
 
     fn header(&self) -> AlphabetHeader {

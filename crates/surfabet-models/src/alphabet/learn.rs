@@ -17,7 +17,7 @@ use super::scene::{Cells, LatticeScene, thinned};
 use super::word::Word;
 use crate::error::Result;
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::{Report, figures, lost};
 use crate::scans::Scene;
 use crate::stages::Stages;
 
@@ -29,6 +29,27 @@ const STAGES: &[(&str, f32)] = &[
     ("placing words", 30.0),
     ("choosing occurrences", 30.0),
 ];
+
+/// The report of [`learn`] and [`describe`].
+pub type AlphabetReport = Report<Option<AlphabetFigures>>;
+
+figures! {
+    /// What [`learn`] and [`describe`] count.
+    pub struct AlphabetFigures {
+        /// Points of the cloud.
+        pub points: usize = "points",
+        /// Points at different places, but for those that are too near.
+        pub distinct_points: usize = "distinct points",
+        /// Points that the words are fitted to.
+        pub thinned_points: usize = "points as dense as sigma asks",
+        /// Points that repeat another.
+        pub duplicates: usize = "duplicates",
+        /// Points nearer to the sensor than `min_range`.
+        pub too_near: usize = "points too near",
+        /// Planes and words in their places that were candidates for occurrences, when learning ended.
+        pub candidates: usize = "candidates",
+    }
+}
 
 /// Learns an alphabet from a cloud, and the cloud's description by it.
 ///
@@ -127,19 +148,20 @@ fn run(
     })?;
 
     let Choice { words, lengths, .. } = choice;
-    let mut report = prepared.report(cloud);
-    report.stages = stages.finish();
-    report.figures.push(("candidates", candidates.len() as f64));
-    report.iterations = lengths.len();
-    report.objectives.push(("bits, misfit included".into(), lengths));
-    report.stop_reason = "every round was run";
     let alphabet = match frozen {
         Some(alphabet) => alphabet.clone(),
         None => Alphabet::new(scene.radius, options.scales, words)?,
     };
-    let mut model = prepared.model(alphabet, frozen.is_some(), &chosen, options)?;
-    *model.report_mut() = report;
-    Ok(model)
+    let model = prepared.model(alphabet, frozen.is_some(), &chosen, options)?;
+    Ok(model.with_report(AlphabetReport {
+        stages: stages.finish(),
+        figures: Some(prepared.figures(candidates.len())),
+        iterations: lengths.len(),
+        objectives: vec![("bits, misfit included".into(), lengths)],
+        stop_reason: "every round was run",
+        not_kept: prepared.not_kept(cloud),
+        ..Report::default()
+    }))
 }
 
 /// The scene in the forms that the steps need.
@@ -172,22 +194,25 @@ impl Prepared {
         Ok(Self { n_points: cloud.len(), scene, thinned, lattice })
     }
 
-    /// What is known about the scene, and what of the cloud is not kept.
-    fn report(&self, cloud: &PointCloud) -> Report {
-        // Ranges follow from the positions of the sensors.
+    fn figures(&self, candidates: usize) -> AlphabetFigures {
+        AlphabetFigures {
+            points: self.n_points,
+            distinct_points: self.scene.len(),
+            thinned_points: self.lattice.points.len(),
+            duplicates: self.scene.duplicates,
+            too_near: self.scene.too_near,
+            candidates,
+        }
+    }
+
+    /// What the cloud has and the model does not keep. Ranges follow from the positions of the sensors.
+    fn not_kept(&self, cloud: &PointCloud) -> Vec<&'static str> {
         let kept: &[&str] = if self.lattice.sensors.is_empty() {
             &["colors", "intensities"]
         } else {
             &["colors", "intensities", "ranges", "viewpoints"]
         };
-        let figures = vec![
-            ("points", self.n_points as f64),
-            ("distinct points", self.scene.len() as f64),
-            ("points as dense as sigma asks", self.lattice.points.len() as f64),
-            ("duplicates", self.scene.duplicates as f64),
-            ("points too near", self.scene.too_near as f64),
-        ];
-        Report { figures, not_kept: lost(cloud, kept), ..Report::default() }
+        lost(cloud, kept)
     }
 
     /// The model of the chosen occurrences, with the colours and intensities of what they explain.

@@ -13,7 +13,7 @@
 //!
 //! | file or folder | step | paper |
 //! |---|---|---|
-//! | `options`, `constants` | what the user sets, and what is tuned | |
+//! | `options`, `constants` | options of the user, tuned constants of the method | |
 //! | `learn` | the steps, one after the other | III, IV-B |
 //! | `lattice`, `word`, `placement` | radii, height maps and poses in integers | |
 //! | `scene` | points no denser than sigma needs, in units of the lattice and by cells | eq. 13 |
@@ -41,7 +41,7 @@ pub(crate) mod word;
 
 pub use channels::{Channels, INTENSITY_STEPS};
 pub use lattice::{MAX_SCALE, SigmaRule};
-pub use learn::{describe, learn};
+pub use learn::{AlphabetFigures, AlphabetReport, describe, learn};
 pub use model::{Alphabet, AlphabetHeader, AlphabetModel, Attributes, Header, Occurrence};
 pub use options::{AlphabetOptions, MAX_WORDS};
 pub use word::{HEIGHT_STEPS, PIXELS, Word};

@@ -5,11 +5,12 @@ use surfabet_entropy::{Coder, Price};
 use super::channels::Channels;
 use super::coding::{CodingParams, code_channels, code_occurrences, code_words};
 use super::lattice::{MAX_CELL, MAX_SCALE, SigmaRule, UNITS, sigma};
+use super::learn::AlphabetReport;
 use super::options::MAX_WORDS;
 use super::placement::{Placement, WordPose};
 use super::word::Word;
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 use crate::scans::Deviation;
 
 /// Words and the radii that they occur in, for any number of scenes.
@@ -110,6 +111,19 @@ pub struct Header {
     pub sensors: Vec<[i64; 3]>,
 }
 
+impl Header {
+    /// Rounds to what a file holds, so that a model is the same before it is saved and after it is read: spacing and
+    /// deviation in single precision, no noise as zero.
+    fn round(&mut self) {
+        let single = |value: f64| f64::from(value as f32);
+        self.spacing = single(self.spacing);
+        let deviation = &mut self.deviation;
+        deviation.sigma_scale = single(deviation.sigma_scale);
+        deviation.angular_resolution = deviation.angular_resolution.map(single);
+        deviation.noise = Some(single(deviation.noise.unwrap_or(0.0)));
+    }
+}
+
 /// What the file holds before its streams.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct AlphabetHeader {
@@ -159,7 +173,7 @@ pub struct AlphabetModel {
     placements: Vec<Placement>,
     attributes: Option<Attributes>,
     shares_alphabet: bool,
-    report: Beside<Report>,
+    report: Beside<AlphabetReport>,
 }
 
 /// What the coder of the occurrences has to know.
@@ -178,12 +192,13 @@ impl AlphabetModel {
     /// # Errors
     /// [`Error::Inconsistent`] when an occurrence does not fit the alphabet or the lattice.
     pub(super) fn new(
-        header: Header,
+        mut header: Header,
         alphabet: Alphabet,
         mut occurrences: Vec<(Placement, Vec<i32>)>,
         channels: Channels,
         shares_alphabet: bool,
     ) -> Result<Self> {
+        header.round();
         let fits = |p: &Placement| {
             u32::from(p.scale) < alphabet.scales
                 && usize::from(p.word) < alphabet.words.len()
@@ -335,12 +350,13 @@ impl AlphabetModel {
     }
 
     /// How the model came about; empty for one that was read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &AlphabetReport {
         &self.report.0
     }
 
-    pub(super) fn report_mut(&mut self) -> &mut Report {
-        &mut self.report.0
+    /// The model with the report of its learning.
+    pub(super) fn with_report(self, report: AlphabetReport) -> Self {
+        Self { report: Beside(report), ..self }
     }
 
     pub(super) fn placements(&self) -> &[Placement] {

@@ -86,3 +86,35 @@ impl WordPose {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn frames_are_rigid_and_face_the_sensor(
+            axis in 0_u8..3,
+            slopes in prop::array::uniform2(-40_i16..=40),
+            offset in -20_i32..=20,
+            point in prop::array::uniform3(-9000.0_f64..9000.0),
+            sensor in prop::array::uniform3(-9000_i64..9000),
+        ) {
+            let placement =
+                Placement { scale: 1, cell: [3; 3], axis, slopes, offset, word: 0, view: 0 };
+            let pose = placement.pose(8, Some(sensor));
+            let local = pose.to_word(point);
+            let back = pose.to_scene(local);
+            for a in 0..3 {
+                prop_assert!((back[a] - point[a]).abs() < 1e-6);
+            }
+            let squared = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>();
+            let apart = std::array::from_fn(|a| point[a] - pose.center[a]);
+            prop_assert!((squared(local) - squared(apart)).abs() <= 1e-9 * squared(apart));
+            let [.., height] = pose.to_word(sensor.map(|c| c as f64));
+            prop_assert!(height > -1e-6, "the sensor is {height} in front");
+        }
+    }
+}

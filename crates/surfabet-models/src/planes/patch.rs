@@ -1,10 +1,10 @@
 //! A patch: a plane, a rectangle in it, and the tiles of the rectangle (section II-A).
 
-use surfabet_geom::Moments;
+use surfabet_geom::{Aabb, Moments};
 
-use super::points::{Aabb, Points};
+use super::points::Points;
 use super::tiles::Tiles;
-use crate::vector::{cross, dot, least_axis, minus};
+use crate::vector::{cross, dot, least_axis, minus, unit};
 
 /// Axes of a plane: a point on it, two orthonormal directions in it and its unit normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,11 +17,6 @@ pub struct Frame {
     pub v: [f64; 3],
     /// Unit normal, u x v; towards the side that the points were seen from, where that is known.
     pub normal: [f64; 3],
-}
-
-fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt();
-    a.map(|c| c / length)
 }
 
 impl Frame {

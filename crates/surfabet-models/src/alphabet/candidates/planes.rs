@@ -15,7 +15,7 @@ use crate::alphabet::scene::{Cells, LatticeScene, LocalPoint, local_points};
 use crate::alphabet::word::Word;
 use crate::error::Result;
 use crate::scans::{Upright, upright_frame};
-use crate::vector;
+use crate::vector::{self, squared_distance};
 
 /// A plane as a candidate, and the descriptor of the surface about it.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,7 +88,8 @@ impl PlaneSearch<'_> {
         for _ in 0..PLANES_PER_CELL {
             let with_normal = open.iter().filter(|&&i| scene.normals[i as usize] != [0.0; 3]);
             let Some(&seed) = with_normal.min_by(|&&i, &&j| {
-                let off = |i: u32| squared_distance(scene.points[i as usize], center);
+                let off =
+                    |i: u32| squared_distance(scene.points[i as usize].map(f64::from), center);
                 off(i).total_cmp(&off(j)).then(i.cmp(&j))
             }) else {
                 break;
@@ -194,8 +195,4 @@ fn quantized(
         word: 0,
         view,
     }
-}
-
-fn squared_distance(p: [f32; 3], q: [f64; 3]) -> f64 {
-    (0..3).map(|a| (f64::from(p[a]) - q[a]).powi(2)).sum()
 }

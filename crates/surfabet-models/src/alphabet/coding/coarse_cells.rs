@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use surfabet_geom::cells;
+
 /// Items of one coarsest cell that are looked up at most, the last ones coded: reading a hostile file takes bounded
 /// time. Part of the format.
 const MAX_PER_CELL: usize = 128;
@@ -29,9 +31,8 @@ impl<T> CoarseCells<T> {
 
     /// The items in the coarsest cell that holds a cell, and in the 26 around that one, the last of each cell first.
     pub fn around(&self, cell: [i32; 3], scale: u32) -> impl Iterator<Item = &T> {
-        let [x, y, z] = self.coarsest(cell, scale);
-        (0..27)
-            .filter_map(move |k| self.items.get(&[x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1]))
+        cells::around(self.coarsest(cell, scale))
+            .filter_map(|cell| self.items.get(&cell))
             .flat_map(|items| items.iter().rev().take(MAX_PER_CELL))
     }
 }

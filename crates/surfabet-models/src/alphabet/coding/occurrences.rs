@@ -67,7 +67,7 @@ impl OccurrenceModels {
         Self {
             count: [const { UInt::new() }; SCALES],
             children: [Bit::new(); 2 * SCALES],
-            // Above the largest words, nodes of all sizes are alike.
+            // Nodes above the largest words share their models.
             cells: Octree::new(params.scales),
             same_view: Bit::new(),
             view: symbols(params.sensors.len()),

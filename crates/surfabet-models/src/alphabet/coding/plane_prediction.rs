@@ -118,3 +118,54 @@ impl PredictedPlane {
         rounded.clamp(-i128::from(MAX_OFFSET), i128::from(MAX_OFFSET)) as i32
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// An occurrence of scale 1 in the cell (9, 9, 9).
+    fn occurrence(axis: u8, slopes: [i16; 2], offset: i32) -> Placement {
+        Placement { scale: 1, cell: [9; 3], axis, slopes, offset, word: 0, view: 0 }
+    }
+
+    proptest! {
+        #[test]
+        fn a_plane_goes_on_in_its_own_cell_and_in_the_next(
+            axis in 0_u8..3,
+            slopes in prop::array::uniform2(-9_i16..=9),
+            offset in -20_i32..=20,
+        ) {
+            // Sigma of 16 units: offsets in steps of 8, and 46 steps of a normal from an axis to the diagonal.
+            let level = 8;
+            let given = occurrence(axis, slopes, offset);
+            let mut predictor = PlanePredictor::new(3);
+            predictor.insert(given, level);
+            let own = predictor.predict(given.cell, 1, level);
+            prop_assert_eq!(own.len(), 1);
+            prop_assert_eq!((own[0].axis(), own[0].slopes(1, level)), (axis, slopes));
+            prop_assert_eq!(own[0].offset(&given, level), offset);
+            // Along an axis across the normal's, the plane has risen by the slope times the side of a cell.
+            let mut next = given;
+            next.cell[(usize::from(axis) + 1) % 3] += 1;
+            let normal = given.normal(level).map(|c| c as f64);
+            let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let risen = normal[(usize::from(axis) + 1) % 3] * (UNITS << 1) as f64 / length;
+            let exact = f64::from(offset) - risen / offset_step(level) as f64;
+            let off = f64::from(own[0].offset(&next, level)) - exact;
+            prop_assert!(off.abs() <= 0.51, "{off}");
+        }
+    }
+
+    #[test]
+    fn of_equal_planes_one_is_predicted_and_of_far_ones_none() {
+        let mut predictor = PlanePredictor::new(3);
+        for cell in [[9, 9, 9], [10, 9, 9]] {
+            predictor.insert(Placement { cell, ..occurrence(2, [0, 0], 3) }, 8);
+        }
+        assert_eq!(predictor.predict([9, 10, 9], 1, 8).len(), 1);
+        // Two cells above, the plane is more than a side from the middle.
+        assert_eq!(predictor.predict([9, 9, 11], 1, 8).len(), 0);
+    }
+}

@@ -216,7 +216,7 @@ pub(in crate::hscsm) fn learn_channel(
             tolerance: options.tolerance,
             ..OmpOptions::default()
         };
-        let sparse = omp(&entries, &signals, &omp_options, &|| progress.is_cancelled())?;
+        let sparse = omp(&entries, &signals, &omp_options, progress)?;
         Ok(quantize_codes(&sparse, &rich, n_signals, options.code_step))
     };
     if let Some(frozen) = options.frozen {
@@ -243,7 +243,7 @@ pub(in crate::hscsm) fn learn_channel(
         random_state: options.random_state,
         ..KsvdOptions::default()
     };
-    let learned = ksvd(&signals, &ksvd_options, &|| progress.is_cancelled(), &mut |step| {
+    let learned = ksvd(&signals, &ksvd_options, progress, &mut |step| {
         progress.update(options.name, step.iteration as f32 / options.iterations as f32);
     })?;
     report.iterations += learned.iterations;

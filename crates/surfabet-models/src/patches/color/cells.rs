@@ -3,29 +3,17 @@
 //! They follow from the geometry alone, in integers, so that a decoder knows them before it reads a colour.
 
 use rayon::prelude::*;
-use surfabet_geom::morton::{self, BITS, MortonMap};
+pub(in crate::patches) use surfabet_geom::cells::{key as cell_key, of_key as cell_of_key};
+use surfabet_geom::morton::MortonMap;
 
 use crate::patches::model::{Lattice, THICKNESS_STEPS};
 use crate::patches::sheets::axes_of;
 use crate::patches::surface::basis::Basis;
 use crate::patches::surface::leaf::Leaf;
 
-/// Cell coordinates are at least `-HALF` and below `HALF`.
-const HALF: i32 = 1 << (BITS - 1);
-
 /// Map from sorted keys to their places.
 pub(in crate::patches) fn index(keys: &[u64]) -> MortonMap<u32> {
     (0..).zip(keys).map(|(i, &k)| (k, i)).collect()
-}
-
-/// Key of a cell: the Morton code of its coordinates, counted from the lowest.
-pub(in crate::patches) fn cell_key(cell: [i32; 3]) -> u64 {
-    morton::encode(cell.map(|c| (c.clamp(-HALF, HALF - 1) + HALF) as u64))
-}
-
-/// Cell of a key.
-pub(in crate::patches) fn cell_of_key(key: u64) -> [i32; 3] {
-    morton::decode(key).map(|c| c as i32 - HALF)
 }
 
 /// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
@@ -64,16 +52,3 @@ pub(in crate::patches) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -
 
 /// Side of a cell, in steps of thickness.
 const CELL: i64 = THICKNESS_STEPS as i64;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn cells_come_back(cell in prop::array::uniform3(-HALF..HALF)) {
-            prop_assert_eq!(cell_of_key(cell_key(cell)), cell);
-        }
-    }
-}

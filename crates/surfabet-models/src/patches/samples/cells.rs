@@ -1,6 +1,7 @@
 //! Sorting things into the cubic cells of a grid.
 
 use rayon::prelude::*;
+pub(in crate::patches) use surfabet_geom::cells::cell_of;
 
 use crate::groups::Groups;
 
@@ -14,11 +15,6 @@ pub(in crate::patches) const LIMIT: i32 = 1 << (KEY_BITS - 1);
 /// its rim; callers check the extent of a cloud before.
 pub(in crate::patches) fn key(cell: [i32; 3]) -> u64 {
     cell.iter().fold(0, |key, &c| key << KEY_BITS | (c.clamp(1 - LIMIT, LIMIT - 1) + LIMIT) as u64)
-}
-
-/// Cell of a position in a grid of cells of side `size`.
-pub(in crate::patches) fn cell_of(p: [f32; 3], size: f32) -> [i32; 3] {
-    p.map(|c| (c / size).floor() as i32)
 }
 
 /// Things grouped by the keys of their cells.

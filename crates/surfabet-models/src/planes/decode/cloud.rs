@@ -26,11 +26,18 @@ impl PlaneModel {
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         let spacing = options.spacing(0.5 * self.grid_size())?;
         let along = |extent: f64| (extent / spacing).ceil().max(1.0);
-        let edge = |i: usize| along(self.patches()[i].tiles.edge());
-        let most: f64 = (0..self.len())
-            .map(|i| edge(i) * edge(i) * self.patches()[i].tiles.n_supported() as f64)
-            .sum();
-        check_points(spacing, most, options.max_points)?;
+        // Tile by tile as they are filled: where a side is a multiple of the spacing, rounding makes some of one row more.
+        let points_of = |i: usize| -> f64 {
+            let tiles = &self.patches()[i].tiles;
+            let supported = tiles.supported().iter().enumerate().filter(|(_, s)| **s);
+            supported
+                .map(|(t, _)| {
+                    let (low, high) = tiles.bounds(t % tiles.shape()[0], t / tiles.shape()[0]);
+                    along(high[0] - low[0]) * along(high[1] - low[1])
+                })
+                .sum()
+        };
+        check_points(spacing, (0..self.len()).map(points_of).sum(), options.max_points)?;
         let patches = (0..self.len()).into_par_iter().map(|i| {
             progress.check()?;
             Ok(self.fill(i, along, options.as_measured))

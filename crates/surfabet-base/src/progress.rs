@@ -1,7 +1,7 @@
 //! How long work reports its progress, and learns that the caller wants it to stop.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 /// The caller asked for the work to stop; nothing was produced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -76,6 +76,32 @@ impl Progress for Part<'_> {
     }
 }
 
+/// Counts finished parts of parallel work, and asks after each whether to go on.
+pub struct Meter<'a> {
+    progress: &'a dyn Progress,
+    stage: &'static str,
+    total: usize,
+    done: AtomicUsize,
+}
+
+impl<'a> Meter<'a> {
+    /// Work of `total` parts in the stage `stage`.
+    pub fn new(progress: &'a dyn Progress, stage: &'static str, total: usize) -> Self {
+        Self { progress, stage, total, done: AtomicUsize::new(0) }
+    }
+
+    /// One more part is done.
+    ///
+    /// # Errors
+    /// [`Cancelled`] when the caller no longer wants the result.
+    pub fn step(&self) -> Result<(), Cancelled> {
+        self.progress.check()?;
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        self.progress.update(self.stage, done as f32 / self.total.max(1) as f32);
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Mutex;
@@ -109,5 +135,24 @@ mod tests {
         assert_eq!(*seen.0.lock().unwrap(), [0.625, 0.75, 0.75, 0.75, 1.0].map(|f| ("half", f)));
         Part::new(&seen, 0.0..1.0).update("own name", 0.5);
         assert_eq!(seen.0.lock().unwrap().last(), Some(&("own name", 0.5)));
+    }
+    #[test]
+    fn a_meter_counts_parts_and_stops() {
+        #[derive(Default)]
+        struct Willing(Seen);
+        impl Progress for Willing {
+            fn update(&self, stage: &'static str, fraction: f32) {
+                self.0.update(stage, fraction);
+            }
+            fn is_cancelled(&self) -> bool {
+                false
+            }
+        }
+        let willing = Willing::default();
+        let meter = Meter::new(&willing, "parts", 4);
+        assert!((0..4).all(|_| meter.step().is_ok()));
+        let seen = [0.25, 0.5, 0.75, 1.0].map(|f| ("parts", f));
+        assert_eq!(*willing.0.0.lock().unwrap(), seen);
+        assert_eq!(Meter::new(&Seen::default(), "parts", 4).step(), Err(Cancelled));
     }
 }
