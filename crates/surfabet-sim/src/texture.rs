@@ -58,6 +58,7 @@ fn noise(p: Vec3, salt: u64) -> f64 {
     sum
 }
 
+/// The colour at share `t` of the way from `a` to `b`.
 pub(crate) fn mix(a: Rgb, b: Rgb, t: f64) -> Rgb {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t)
 }
@@ -66,6 +67,7 @@ fn scale(a: Rgb, factor: f64) -> Rgb {
     a.map(|c| c * factor)
 }
 
+/// 0 up to `low`, 1 from `high` on, smooth between.
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -85,37 +87,9 @@ impl Texture {
     pub(crate) fn color(&self, p: &Vec3, n: &Vec3) -> Rgb {
         match *self {
             Self::Paint(color) => scale(color, 0.97 + 0.05 * noise(p * 9.0, 1)),
-            Self::Wood(light, dark, axis) => {
-                let mut q = p * 45.0;
-                q[axis] = p[axis] * 4.0;
-                let grain = 0.65 * noise(q, 2) + 0.35 * noise(q * 2.3, 3);
-                mix(light, dark, smoothstep(0.2, 0.85, grain))
-            }
-            Self::Tiles(color, second, size) => {
-                let (u, v) = in_plane(p, n);
-                let (i, j) = ((u / size).floor(), (v / size).floor());
-                let joint = |w: f64| {
-                    let offset = (w / size).rem_euclid(1.0) * size;
-                    offset.min(size - offset) < 0.003
-                };
-                if joint(u) || joint(v) {
-                    return [0.55, 0.54, 0.52];
-                }
-                let shade = 0.94 + 0.08 * hash([i as i64, j as i64, 0], 4);
-                let odd = (i + j).rem_euclid(2.0) > 0.5;
-                scale(if odd { second } else { color }, shade)
-            }
-            Self::Boards(light, dark, width) => {
-                let row = (p.y / width).floor();
-                let length = 1.2;
-                let along = p.x + length * hash([row as i64, 0, 0], 5);
-                let board = [row as i64, (along / length).floor() as i64, 1];
-                let edge = (p.y / width - row).min(row + 1.0 - p.y / width) * width;
-                let shade = hash(board, 6);
-                let offset = Vec3::new(0.0, 3.0 * shade, 7.0 * shade);
-                let wood = Self::Wood(light, dark, 0).color(&(p + offset), n);
-                scale(wood, (0.88 + 0.2 * shade) * if edge < 0.0015 { 0.6 } else { 1.0 })
-            }
+            Self::Wood(light, dark, axis) => wood(light, dark, axis, p),
+            Self::Tiles(color, second, size) => tiles(color, second, size, in_plane(p, n)),
+            Self::Boards(light, dark, width) => boards(light, dark, width, p),
             Self::Wallpaper(a, b, period) => {
                 let (u, _) = in_plane(p, n);
                 let wave = 0.5 + 0.5 * (std::f64::consts::TAU * u / period).sin();
@@ -128,34 +102,70 @@ impl Texture {
                     b
                 }
             }
-            Self::Print(seed) => {
-                let cell =
-                    |size: f64| [(p.x / size).floor() as i64, (p.z / size).floor() as i64, 0];
-                let pick = |k: i64| std::array::from_fn(|c| hash([k, c as i64, 2], seed));
-                let ground =
-                    mix([0.93, 0.90, 0.84], pick(0), 0.25 + 1.2 * (p.z + 0.3).clamp(0.0, 0.5));
-                let (x, z) = (p.x - 0.2 * (hash([5, 0, 0], seed) - 0.5), p.z);
-                let disc = 0.09 + 0.05 * hash([6, 0, 0], seed);
-                if x.hypot(z) < disc {
-                    return mix(pick(1), [1.0, 0.85, 0.3], 0.5);
-                }
-                if hash(cell(0.11), seed) > 0.72 {
-                    return mix(pick(2), ground, 0.3 * hash(cell(0.11), seed ^ 1));
-                }
-                ground
-            }
-            Self::View(horizon) => {
-                let sky = mix(
-                    [0.80, 0.88, 0.97],
-                    [0.45, 0.65, 0.93],
-                    smoothstep(0.0, 0.8, p.z - horizon),
-                );
-                let trees = 0.12 * noise(Vec3::new(p.x * 7.0, 0.0, 0.0), 8);
-                let green = mix([0.24, 0.40, 0.18], [0.40, 0.55, 0.25], noise(p * 12.0, 9));
-                mix(green, sky, smoothstep(-0.01, 0.01, p.z - horizon - trees))
-            }
+            Self::Print(seed) => print(seed, p),
+            Self::View(horizon) => view(horizon, p),
         }
     }
+}
+
+/// Two octaves of noise, drawn out along the grain.
+fn wood(light: Rgb, dark: Rgb, axis: usize, p: &Vec3) -> Rgb {
+    let mut q = p * 45.0;
+    q[axis] = p[axis] * 4.0;
+    let grain = 0.65 * noise(q, 2) + 0.35 * noise(q * 2.3, 3);
+    mix(light, dark, smoothstep(0.2, 0.85, grain))
+}
+
+/// A chequerboard with joints, each tile with a shade of its own.
+fn tiles(color: Rgb, second: Rgb, size: f64, (u, v): (f64, f64)) -> Rgb {
+    let (i, j) = ((u / size).floor(), (v / size).floor());
+    let joint = |w: f64| {
+        let offset = (w / size).rem_euclid(1.0) * size;
+        offset.min(size - offset) < 0.003
+    };
+    if joint(u) || joint(v) {
+        return [0.55, 0.54, 0.52];
+    }
+    let shade = 0.94 + 0.08 * hash([i as i64, j as i64, 0], 4);
+    let odd = (i + j).rem_euclid(2.0) > 0.5;
+    scale(if odd { second } else { color }, shade)
+}
+
+/// Rows of boards of 1.2 m along x, shifted against each other, with dark gaps between the rows.
+fn boards(light: Rgb, dark: Rgb, width: f64, p: &Vec3) -> Rgb {
+    let row = (p.y / width).floor();
+    let length = 1.2;
+    let along = p.x + length * hash([row as i64, 0, 0], 5);
+    let board = [row as i64, (along / length).floor() as i64, 1];
+    let edge = (p.y / width - row).min(row + 1.0 - p.y / width) * width;
+    let shade = hash(board, 6);
+    let offset = Vec3::new(0.0, 3.0 * shade, 7.0 * shade);
+    let grain = wood(light, dark, 0, &(p + offset));
+    scale(grain, (0.88 + 0.2 * shade) * if edge < 0.0015 { 0.6 } else { 1.0 })
+}
+
+/// A disc and squares over a ground whose colour changes upwards.
+fn print(seed: u64, p: &Vec3) -> Rgb {
+    let cell = |size: f64| [(p.x / size).floor() as i64, (p.z / size).floor() as i64, 0];
+    let pick = |k: i64| std::array::from_fn(|c| hash([k, c as i64, 2], seed));
+    let ground = mix([0.93, 0.90, 0.84], pick(0), 0.25 + 1.2 * (p.z + 0.3).clamp(0.0, 0.5));
+    let (x, z) = (p.x - 0.2 * (hash([5, 0, 0], seed) - 0.5), p.z);
+    let disc = 0.09 + 0.05 * hash([6, 0, 0], seed);
+    if x.hypot(z) < disc {
+        return mix(pick(1), [1.0, 0.85, 0.3], 0.5);
+    }
+    if hash(cell(0.11), seed) > 0.72 {
+        return mix(pick(2), ground, 0.3 * hash(cell(0.11), seed ^ 1));
+    }
+    ground
+}
+
+/// Sky above a wavy line of trees.
+fn view(horizon: f64, p: &Vec3) -> Rgb {
+    let sky = mix([0.80, 0.88, 0.97], [0.45, 0.65, 0.93], smoothstep(0.0, 0.8, p.z - horizon));
+    let trees = 0.12 * noise(Vec3::new(p.x * 7.0, 0.0, 0.0), 8);
+    let green = mix([0.24, 0.40, 0.18], [0.40, 0.55, 0.25], noise(p * 12.0, 9));
+    mix(green, sky, smoothstep(-0.01, 0.01, p.z - horizon - trees))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use surfabet_geom::{Moments, Progress};
 
-use super::learn::{mean_square, plane, random};
+use super::fit::{mean_square, plane, random};
 use super::options::MAX_PATCHES;
 use super::patch::Frame;
 use super::points::Points;

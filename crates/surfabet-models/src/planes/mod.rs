@@ -8,21 +8,23 @@
 //! | `options` | what to learn | |
 //! | `learn` | the list of steps | |
 //! | `points` | distinct points along a curve, in a tree of boxes | |
-//! | `learn/seed` | patches to start from and to add | II-B, III |
+//! | `fit` | the steps below in turn until stable: SMEMPF | II-B |
+//! | `fit/seed` | patches to start from and to add: random, or where cells are flat | II-B, III |
 //! | `patch`, `tiles` | a plane, a rectangle, supported tiles and the distance to them | II-A, figure 1 |
-//! | `learn/fit` | the steps below in turn until stable | II-B |
-//! | `learn/e_step` | probabilities of points for patches within reach | II-A, eq. 1 and 2 |
-//! | `learn/m_step` | weighted orthogonal regression | II-A |
-//! | `learn/grid_size` | G | II-E |
-//! | `learn/trim` | rectangles and supported tiles, T | II-A, figures 2 and 3 |
-//! | `learn/split` | unevenly supported patches | II-C |
-//! | `learn/merge` | similar patches | II-D |
-//! | `learn/surface` | no patches through clutter, across corners or along something bent | |
-//! | `model` | the result, in the integers that a file stores; points of any cloud on their patches | III |
-//! | `coding/syntax` | the streams of the file | |
+//! | `fit/e_step` | probabilities of points for patches within reach | II-A, eq. 1 and 2 |
+//! | `fit/m_step` | weighted orthogonal regression | II-A |
+//! | `fit/grid_size` | the grid size G | II-E |
+//! | `fit/trim` | rectangles and supported tiles, T | II-A, figures 2 and 3 |
+//! | `fit/split` | two patches of one that is unevenly supported or folded | II-C |
+//! | `fit/merge` | one patch of similar ones | II-D |
+//! | `fit/surface` | no patches through clutter, across corners or along something bent | |
+//! | `coding/round`, `coding/stored` | patches in the integers of the file, labels, colours | III |
+//! | `model` | the result; points of any cloud on its patches | III |
+//! | `coding/syntax` and beside it | the streams of the file | |
 //! | `decode/cloud` | back to a cloud at any spacing | |
-//! | `decode/outline` | polygons and triangles of the supported area | |
-//! | `contract` | the model as one among those of other methods | |
+//! | `decode/outline`, `decode/mesh` | polygons around the supported area, and its triangles | |
+//! | `contract` | what planes have in common with the other methods | |
+//! | `constants` | the tuned constants | |
 //! | `classical` | EM with infinite planes, to compare with | II, figure 4 |
 
 mod classical;
@@ -30,6 +32,7 @@ mod coding;
 mod constants;
 mod contract;
 mod decode;
+mod fit;
 mod learn;
 mod model;
 mod options;
@@ -40,9 +43,8 @@ mod tiles;
 pub use classical::{PlaneFit, fit_planes, random_planes};
 pub use coding::{DIRECTIONS, MAX_COORDINATE, PARTS, StoredPatch};
 pub use decode::PlaneMesh;
-pub use learn::{
-    Fit, Iteration, PlanesFigures, PlanesReport, Responsibilities, Trace, learn, weight_scale,
-};
+pub use fit::{Fit, Iteration, Regression, Responsibilities, Trace, weight_scale};
+pub use learn::{PlanesFigures, PlanesReport, learn};
 pub use model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 pub use options::{MAX_PATCHES, PlanesOptions};
 pub use patch::{Frame, Patch};

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::coding::{MAX_COORDINATE, StoredPatch};
-use super::learn::{NONE, PlanesReport, e_step};
+use super::fit::{NONE, e_step};
+use super::learn::PlanesReport;
 use super::options::MAX_PATCHES;
 use super::patch::Patch;
 use super::points::Points;

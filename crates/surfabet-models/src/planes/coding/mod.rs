@@ -3,9 +3,11 @@
 mod colors;
 mod masks;
 mod poses;
+mod round;
 mod sizes;
 mod stored;
 mod syntax;
 
+pub(super) use round::rounded;
 pub use stored::{DIRECTIONS, MAX_COORDINATE, PARTS, StoredPatch};
 pub(super) use syntax::Streams;

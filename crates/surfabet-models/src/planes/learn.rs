@@ -1,34 +1,16 @@
 //! From a cloud to planes, step by step.
 
-mod e_step;
-mod fit;
-mod grid_size;
-mod m_step;
-mod merge;
-mod round;
-mod seed;
-mod split;
-mod surface;
-mod trim;
-
 use surfabet_geom::{PointCloud, Progress};
 
+use super::coding::rounded;
+use super::fit::{Fit, Iteration};
+use super::model::PlaneModel;
+use super::options::PlanesOptions;
+use super::points::Points;
 use crate::error::Result;
 use crate::options::Options;
-use crate::planes::model::PlaneModel;
-use crate::planes::options::PlanesOptions;
-use crate::planes::points::Points;
 use crate::report::{Report, figures, lost};
 use crate::stages::Stages;
-
-pub(super) use e_step::{NONE, e_step};
-pub use e_step::{Responsibilities, weight_scale};
-pub use fit::{Fit, Iteration, Trace};
-pub(super) use m_step::plane;
-pub(super) use seed::random;
-pub(super) use trim::mean_square;
-
-use self::round::rounded;
 
 /// The stages and their shares of the progress: the time of each in per cent, on scans of a room and of a street.
 const STAGES: &[(&str, f32)] = &[

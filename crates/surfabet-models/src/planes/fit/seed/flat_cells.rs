@@ -8,8 +8,8 @@ use surfabet_geom::{Moments, Progress};
 
 use crate::error::Result;
 use crate::planes::constants::{CELL_POINTS, CELL_SPREAD, FLAT_CELL_SIGMAS};
-use crate::planes::learn::merge::Part;
-use crate::planes::learn::trim::facing;
+use crate::planes::fit::merge::Part;
+use crate::planes::fit::trim::facing;
 use crate::planes::patch::Frame;
 use crate::planes::points::Points;
 

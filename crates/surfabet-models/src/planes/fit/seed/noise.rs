@@ -8,7 +8,7 @@ use crate::planes::points::Points;
 
 /// Standard deviation of the points about their planes, metres: the median over the points, in the smallest cells in
 /// which at least half of the points lie in flat cells. `None` when that is so at no size of cells.
-pub(in crate::planes::learn) fn noise(points: &Points) -> Option<f64> {
+pub(in crate::planes::fit) fn noise(points: &Points) -> Option<f64> {
     let mut level = points.level_with(CELL_POINTS);
     let mut cells: Vec<(u64, Moments)> = points
         .cells(level)

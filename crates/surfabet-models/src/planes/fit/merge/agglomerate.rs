@@ -36,7 +36,7 @@ type Candidate = Reverse<(Cost, [u32; 2], [u32; 2])>;
 
 /// Joins neighbouring parts, those first whose union is flattest, until no pair is left that `rule` allows. Gives
 /// the part that each has become, numbered by its first member.
-pub(in crate::planes::learn) fn agglomerate(
+pub(in crate::planes::fit) fn agglomerate(
     parts: Vec<Part>,
     pairs: &[[u32; 2]],
     rule: &Rule,

@@ -3,12 +3,11 @@
 use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Progress};
 
-use super::e_step::NONE;
-use super::fit::Fit;
+use super::stored::{MAX_COORDINATE, StoredPatch};
 use crate::color;
 use crate::error::{Error, Result};
-use crate::planes::coding::{MAX_COORDINATE, StoredPatch};
 use crate::planes::constants::STEPS_PER_GRID_SIZE;
+use crate::planes::fit::{Fit, NONE};
 use crate::planes::model::{
     MAX_EXPONENT, MAX_MODEL_TILES, PlaneModel, PlanesHeader, labels, n_tiles,
 };
@@ -17,7 +16,7 @@ use crate::planes::points::Points;
 
 /// The model of a fit, the patches that most points support first. Colours are those of `cloud`, by the patches that its
 /// points support after rounding.
-pub(super) fn rounded(
+pub(in crate::planes) fn rounded(
     cloud: &PointCloud,
     points: &Points,
     fit: &Fit<'_>,

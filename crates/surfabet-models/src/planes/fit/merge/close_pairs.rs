@@ -6,7 +6,7 @@ use crate::planes::patch::Patch;
 use crate::vector::{dot, minus};
 
 /// Pairs of patches of which supported tiles come within G of each other, both expanded by G.
-pub(in crate::planes::learn) fn close_pairs(patches: &[Patch], grid_size: f64) -> Vec<[u32; 2]> {
+pub(in crate::planes::fit) fn close_pairs(patches: &[Patch], grid_size: f64) -> Vec<[u32; 2]> {
     let boxes: Vec<([f64; 3], [f64; 3])> = patches.iter().map(|p| expanded(p, grid_size)).collect();
     // Along the axis on which the boxes overlap least, sorted by their lower ends.
     let axis = widest_axis(&boxes);

@@ -2,14 +2,14 @@
 
 use surfabet_geom::Moments;
 
-use crate::planes::learn::m_step::plane;
-use crate::planes::learn::trim::mean_square;
+use crate::planes::fit::m_step::plane;
+use crate::planes::fit::trim::mean_square;
 use crate::planes::patch::{Frame, Patch};
 use crate::vector::dot;
 
 /// A set of points and its plane, as merging sees them.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::planes::learn) struct Part {
+pub(in crate::planes::fit) struct Part {
     pub moments: Moments,
     pub frame: Frame,
     /// Sum of the sides that the points were seen from.
@@ -20,7 +20,7 @@ pub(in crate::planes::learn) struct Part {
 
 /// When two parts become one.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::planes::learn) struct Rule {
+pub(in crate::planes::fit) struct Rule {
     /// Largest distance of one part's points from the other's plane, as root of the mean square: G.
     pub distance: f64,
     /// Standard deviation that every part may have, metres.

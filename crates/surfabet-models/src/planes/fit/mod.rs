@@ -1,25 +1,38 @@
 //! Split and merge EM patch fitting, SMEMPF: EMPF, split, EMPF, merge, until distances are stable (section II-B).
 
+mod e_step;
+mod grid_size;
+mod m_step;
+mod merge;
+mod seed;
+mod split;
+mod surface;
+mod trim;
+
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::e_step::{NONE, Responsibilities, e_step, weight_scale};
-use super::grid_size::deviation;
-use super::m_step::{Regression, clear_m_step, m_step};
-use super::merge::{Rule, close_pairs, merge};
-use super::seed;
-use super::split::{SplitRule, split};
-use super::surface::{Surfaces, surfaces};
-use super::trim::trim;
-use crate::error::Result;
-use crate::options::Options;
-use crate::planes::constants::{
+pub(super) use self::e_step::{NONE, e_step};
+pub use self::e_step::{Responsibilities, weight_scale};
+use self::grid_size::deviation;
+pub use self::m_step::Regression;
+pub(super) use self::m_step::plane;
+use self::m_step::{clear_m_step, m_step};
+use self::merge::{Rule, close_pairs, merge};
+pub(super) use self::seed::random;
+use self::split::{SplitRule, split};
+use self::surface::{Surfaces, surfaces};
+pub(super) use self::trim::mean_square;
+use self::trim::trim;
+use super::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
     LEAST_SCALE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
-use crate::planes::options::PlanesOptions;
-use crate::planes::patch::Patch;
-use crate::planes::points::Points;
+use super::options::PlanesOptions;
+use super::patch::Patch;
+use super::points::Points;
+use crate::error::Result;
+use crate::options::Options;
 
 /// The state of a fit, to be moved on step by step.
 #[derive(Debug, Clone)]
@@ -83,7 +96,7 @@ impl<'a> Fit<'a> {
             patches: Vec::new(),
         };
         if options.initial_patches > 0 {
-            fit.patches = seed::random(points, options.initial_patches, options.random_state);
+            fit.patches = random(points, options.initial_patches, options.random_state);
             fit.grid_size = fit.first_grid_size().max(smallest);
             fit.deviation = fit.grid_size / SIGMAS_PER_GRID_SIZE;
         } else if let Some(noise) = noise {

@@ -23,7 +23,7 @@ use crate::planes::points::Points;
 
 /// Patches where the points `ids`, ascending, are flat: cells of an octree that are flat up to the noise, which is G/3,
 /// joined with their neighbours where both are in one plane. Those with fewer than `min_points` are left out.
-pub(in crate::planes::learn) fn from_data(
+pub(in crate::planes::fit) fn from_data(
     points: &Points,
     ids: &[u32],
     grid_size: f64,

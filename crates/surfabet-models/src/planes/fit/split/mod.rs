@@ -50,8 +50,8 @@ mod tests {
     use surfabet_geom::PointCloud;
 
     use super::*;
-    use crate::planes::learn::m_step::plane;
-    use crate::planes::learn::trim::trim;
+    use crate::planes::fit::m_step::plane;
+    use crate::planes::fit::trim::trim;
 
     const RULE: SplitRule = SplitRule {
         threshold: 2.0 / 3.0,

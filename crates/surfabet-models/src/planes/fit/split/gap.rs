@@ -6,7 +6,7 @@
 use super::SplitRule;
 use super::bins::{Bins, Cut, DIRECTIONS, flat};
 use crate::planes::constants::{FULL_STRIP, GAP_DEVIATIONS};
-use crate::planes::learn::trim::trim;
+use crate::planes::fit::trim::trim;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 

@@ -5,9 +5,9 @@ use surfabet_geom::Moments;
 use super::SplitRule;
 use super::bins::{Bins, Cut, DIRECTIONS, flat};
 use crate::planes::constants::{CLEAR_FOLD, FOLD_SIGMAS};
-use crate::planes::learn::m_step::plane;
-use crate::planes::learn::merge::Part;
-use crate::planes::learn::trim::{mean_square, trim};
+use crate::planes::fit::m_step::plane;
+use crate::planes::fit::merge::Part;
+use crate::planes::fit::trim::{mean_square, trim};
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 
