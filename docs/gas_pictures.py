@@ -26,7 +26,7 @@ SPACING = 0.004
 def main() -> None:
     cloud = sb.read(sys.argv[1])
     folder = Path(sys.argv[2] if len(sys.argv) > 2 else Path(__file__).parent / "pictures")
-    model = sb.learn_gas(cloud, NEURONS)
+    model = sb.learn_gas(cloud, n_neurons=NEURONS)
     print(model)
     # As the sensor saw it, which stood at the origin with y upwards.
     target = cloud.points.mean(axis=0)

@@ -34,7 +34,7 @@ def main() -> None:
     camera = report.choose_camera(cloud)
     comparison(folder / "demo.png", cloud)
     for resolution in (0.04, 0.02, 0.01):
-        model = sb.learn_patches(cloud, method="hscsm", resolution=resolution)
+        model = sb.learn_hscsm(cloud, resolution=resolution)
         decoded = model.decode()
         print_figures(scan, model, decoded)
     # The last one, at 1 cm, is drawn.
@@ -42,7 +42,7 @@ def main() -> None:
     save(folder / "room.png", beside(views), colors=80)
 
     exact = datasets.simulated_room(n_poses=18, noise=0, pose_error=0)
-    model = sb.learn_patches(exact.cloud, method="hscsm")
+    model = sb.learn_hscsm(exact.cloud)
     decoded = model.decode()
     print_figures(exact, model, decoded)
     views = [

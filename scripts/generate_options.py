@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes what follows from the records of options in Rust; `--check` only tells what is out of date.
+"""Writes what follows from the records of options in Rust; `--check` only says what is stale.
 
 The records are `crates/surfabet-models/src/*/options.rs`, as the installed surfabet has them. From
 them come the keywords and docstrings of the learn functions in `python/surfabet/*.py`, the options
@@ -243,7 +243,7 @@ def python_files(records: dict[str, list[Option]]) -> Iterator[tuple[Path, str]]
 # ------------------------------------------------------------------------------------- command line
 
 
-CLI_HEAD = '''"""Options of learning, for all models; written by scripts/generate_options.py, not by hand."""
+CLI_HEAD = '''"""Options of learning, for all models; written by scripts/generate_options.py."""
 
 from __future__ import annotations
 
@@ -259,24 +259,22 @@ __all__ = ["LEARN_OPTIONS", "LearnOptions", "ModelName"]
 
 
 def cli_help(models: dict[str, Option]) -> str:
-    """Help of an option: what it does, then range and default of each model that has it."""
+    """Help of an option: what it does, then range and default, for each model that has it."""
     summaries: dict[str, list[str]] = {}
-    for model, option in models.items():
-        summaries.setdefault(option.summary, []).append(model)
-    if len(summaries) == 1:
-        (text,) = summaries
-    else:
-        text = " ".join(f"{', '.join(who)}: {what}" for what, who in summaries.items())
     rules: dict[str, list[str]] = {}
     for model, option in models.items():
+        summaries.setdefault(option.summary, []).append(model)
         rule = f"{option.requirement}; by default {option.default_in_words}"
         rules.setdefault(rule, []).append(model)
+    if len(models) == 1:
+        (summary,), (rule,) = summaries, rules
+        return f"{summary} {capital(rule)}."
+    sentences = [f"{', '.join(who)}: {summary}" for summary, who in summaries.items()]
     if len(rules) == 1:
-        (rule,) = rules
-        return f"{text} {capital(rule)}."
-    for rule, who in rules.items():
-        text += f" {capital(', '.join(who))}: {rule}."
-    return text
+        sentences += [f"{capital(rule)}." for rule in rules]
+    else:
+        sentences += [f"For {', '.join(who)} {rule}." for rule, who in rules.items()]
+    return " ".join(sentences)
 
 
 def cli_annotation(option: Option) -> str:
@@ -330,9 +328,11 @@ def cli_field(name: str, annotation: str, of_group: str) -> str:
     """The declaration of one field, broken as the formatter breaks it."""
     extra = ", consume_multiple=True, negative=()" if annotation.startswith("Sequence") else ""
     parameter = f"Parameter(group={of_group}{extra})"
-    line = f"    {name}: Annotated[{annotation}, {parameter}] = None\n"
-    if len(line) <= WIDTH + 1:
-        return line
+    declared = f"    {name}: Annotated[{annotation}, {parameter}]"
+    if len(declared) + len(" = None") <= WIDTH:
+        return f"{declared} = None\n"
+    if len(declared) + len(" = (") <= WIDTH:
+        return f"{declared} = (\n        None\n    )\n"
     return f"    {name}: Annotated[\n        {annotation}, {parameter}\n    ] = None\n"
 
 

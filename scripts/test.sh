@@ -65,6 +65,7 @@ for i in range(10_000):
 }
 
 step "Build and install" install_surfabet test
+step "Options up to date with their records" .venv/bin/python scripts/generate_options.py --check
 step "Rust format" cargo fmt --all --check
 step "Rust lints" cargo clippy --quiet --workspace --all-targets -- -D warnings
 step "Licences of dependencies" .venv/bin/python scripts/check_licenses.py
@@ -72,7 +73,7 @@ step "Rust tests" cargo test --quiet --workspace
 step "Rust documentation" build_docs
 step "Rust benchmarks build" cargo bench --quiet --workspace --no-run
 step "Example of embedding" embed_example
-step "Python lints" .venv/bin/ruff check python tests/python benches docs
+step "Python lints" .venv/bin/ruff check python tests/python benches docs scripts
 step "Python types" .venv/bin/mypy
 step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt
 step "Python tests" .venv/bin/pytest --quiet

@@ -10,7 +10,6 @@ itself is not counted, neither as found nor as to be found.
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from collections import defaultdict
 
@@ -30,12 +29,12 @@ def scan(seed: int, sensor: str) -> tuple[datasets.SimulatedScan, dict[str, floa
     scene = datasets.make_room(seed=seed)
     if sensor == "lidar":
         seen = datasets.scan_lidar(scene, n_scans=6, random_state=seed)
-        return seen, {"angular_resolution": math.radians(0.5), "noise": 0.005}
+        return seen, {"angular_resolution": 0.5, "noise": 0.005}
     noise = {"rgbd": 1.0, "rgbd-low": 0.25}[sensor]
     seen = datasets.scan_rgbd(
         scene, n_frames=32, width=320, height=240, depth_noise=noise, random_state=seed
     )
-    return seen, {"angular_resolution": math.radians(0.5), "noise": 0.005}
+    return seen, {"angular_resolution": 0.5, "noise": 0.005}
 
 
 def middle(instance: datasets.Instance) -> NDArray[np.float64]:

@@ -85,12 +85,12 @@ def range_image(points: NDArray[np.float32]) -> tuple[bytes, sb.PointCloud]:
     ranges = np.linalg.norm(points, axis=1)
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     elevation = np.arcsin(points[:, 2] / ranges)
-    steps = np.radians((1.2, 0.972))
+    steps = np.radians((1.2, ROOM_RESOLUTION))
     low = np.array((-np.pi, elevation.min()))
     at = np.floor((np.column_stack([azimuth, elevation]) - low) / steps).astype(int)
     shape = at.max(axis=0) + 1
     # A step of the logarithm as wide as sigma: the error stays within half of it.
-    step = 1.4 * SIGMA.scale * np.tan(SIGMA.angular_resolution / 2)
+    step = 1.4 * SIGMA.sigma_scale * np.tan(np.radians(SIGMA.angular_resolution) / 2)
     levels = np.zeros(shape, np.int64)
     levels[at[:, 0], at[:, 1]] = np.round(np.log(ranges) / step).astype(int) + 128
     left = np.pad(levels, ((1, 0), (0, 0)))[:-1]

@@ -10,8 +10,8 @@ from paper_bench import DATA
 
 import surfabet as sb
 
-# Of the room's scanner: the finer of its two resolutions.
-ROOM_RESOLUTION = np.radians(0.972)
+ROOM_RESOLUTION = 0.972
+"""Degrees between beams of the room's scanner: the finer of its two resolutions."""
 HALL_SCANS = (0, 10, 20, 30, 40, 50)
 """Three of the six stand at one place."""
 

@@ -27,7 +27,6 @@ from alphabet_scans import ROOM_RESOLUTION, distinct, hall, room, street
 from paper_bench import check_data, print_header, print_row
 
 import surfabet as sb
-from surfabet import _core
 
 RADII = (0.1, 0.25)
 NAMES = ("alphabet", "occurrences", "rate", "rate (zlib)", "inliers", "outliers", "seconds")
@@ -42,13 +41,9 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def options(**changes: Any) -> dict[str, Any]:
-    return {**_core.bic_defaults(), "alphabet": None, "progress": None, **changes}
-
-
-def paper_file(model: _core.BicAlphabetModel) -> bytes:
+def paper_file(model: sb.BicAlphabetModel) -> bytes:
     """A model as the paper counts it: three floats a point, six and a number an occurrence."""
-    poses = model.poses()
+    poses = model.poses
     rotation = poses[:, :3, :3]
     # Any six numbers of a pose will do for zlib: the axis-angle vector and the translation.
     angle = np.arccos(np.clip((np.trace(rotation, axis1=1, axis2=2) - 1) / 2, -1, 1))
@@ -62,22 +57,34 @@ def paper_file(model: _core.BicAlphabetModel) -> bytes:
     )
     vector = axis * (angle / np.maximum(2 * np.sin(angle), 1e-9))[:, None]
     six = np.concatenate([vector, poses[:, :3, 3]], axis=1).astype(np.float32)
-    points = [p.tobytes() for p in model.alphabet.points()]
-    return b"".join(points) + six.tobytes() + model.word_ids.tobytes()
+    points = [p.tobytes() for p in model.alphabet.points]
+    return b"".join(points) + six.tobytes() + model.words.tobytes()
 
 
-def rows(name: str, cloud: sb.PointCloud, chosen: dict[str, Any]) -> _core.BicAlphabetModel:
-    """Prints the rows of a run, before and after III-D, and gives back the reduced model."""
+def rows(
+    name: str,
+    cloud: sb.PointCloud,
+    chosen: dict[str, Any],
+    alphabet: sb.BicAlphabet | None = None,
+) -> sb.BicAlphabetModel:
+    """Prints the rows of a run, before and after III-D, and gives back the reduced model.
+
+    With an alphabet nothing is learned: the cloud is described in its words.
+    """
     raw = distinct(cloud, chosen["min_range"])
     raw_zlib = len(zlib.compress(raw.tobytes(), 9))
+    of_words = ("radius", "iterations")
+    described = {option: value for option, value in chosen.items() if option not in of_words}
     began = time.perf_counter()
-    model = _core.learn_bic(cloud, **chosen)
+    if alphabet is None:
+        model = sb.learn_bic_alphabet(cloud, **chosen)
+    else:
+        model = alphabet.describe(cloud, **described)
     seconds = time.perf_counter() - began
     # Describing the cloud in its own words gives the model as it was before III-D.
-    own = {**chosen, "alphabet": model.alphabet, "reduce": False}
-    full = _core.learn_bic(cloud, **own)
-    report = model.report_dict
-    spent = seconds - report["stages"]["removing occurrences"]
+    full = model.alphabet.describe(cloud, **described, reduce=False)
+    report = model.report
+    spent = seconds - report.stages["removing occurrences"]
     for of, label, suffix, time_spent in (
         (full, name, "", spent),
         (model, f"{name}, III-D", " reduced", seconds),
@@ -85,20 +92,20 @@ def rows(name: str, cloud: sb.PointCloud, chosen: dict[str, Any]) -> _core.BicAl
         stored = paper_file(of)
         print_row(
             label,
-            f"{chosen['radius']:g} m",
+            f"{model.alphabet.radius:g} m",
             len(of.alphabet),
             f"{len(of):,}",
             f"{100 * len(stored) / raw.nbytes:.1f} %",
             f"{100 * len(zlib.compress(stored, 9)) / raw_zlib:.1f} %",
-            f"{100 * report['figures']['inliers' + suffix]:.1f} %",
-            f"{100 * report['figures']['outliers' + suffix]:.1f} %",
+            f"{100 * report.figures['inliers' + suffix]:.1f} %",
+            f"{100 * report.figures['outliers' + suffix]:.1f} %",
             f"{time_spent:.1f}",
             f"{len(of.to_bytes()):,}",
         )
     return model
 
 
-def plot(out: Path, name: str, model: _core.BicAlphabetModel, title: str) -> None:
+def plot(out: Path, name: str, model: sb.BicAlphabetModel, title: str) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -106,7 +113,7 @@ def plot(out: Path, name: str, model: _core.BicAlphabetModel, title: str) -> Non
     from matplotlib.ticker import MaxNLocator
 
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
-    trace = np.array(model.report_dict["objectives"]["bic"])
+    trace = np.array(model.report.objectives["bic"])
     axes[0].plot(np.arange(1, len(trace) + 1), trace / 1e3)
     axes[0].set(xlabel="iteration", ylabel="BIC (thousands)", title=title)
     counts = np.sort(model.counts)[::-1]
@@ -132,7 +139,7 @@ def table(args: argparse.Namespace) -> None:
         # The robot's own body, or the car's roof.
         least = {"indoor": 0.5, "multi": 0.5, "outdoor": 2.5}[key]
         for radius in RADII:
-            chosen = options(radius=radius, min_range=least, iterations=args.iterations, **changes)
+            chosen = {"radius": radius, "min_range": least, "iterations": args.iterations} | changes
             model = rows(name, cloud, chosen)
             if args.out:
                 file = f"alphabet_bic_{key}_{round(100 * radius)}cm"
@@ -141,10 +148,14 @@ def table(args: argparse.Namespace) -> None:
 
 def rebuild(args: argparse.Namespace) -> None:
     """Scene rebuilding (IV-B): the second scan in the words of the first."""
-    chosen = options(min_range=0.5, angular_resolution=ROOM_RESOLUTION, iterations=args.iterations)
-    alphabet = _core.learn_bic(room(1), **chosen).alphabet
+    chosen = {
+        "min_range": 0.5,
+        "angular_resolution": ROOM_RESOLUTION,
+        "iterations": args.iterations,
+    }
+    alphabet = sb.learn_bic_alphabet(room(1), **chosen).alphabet
     print_header("data", "radius", *NAMES, "file (bytes)")
-    rows("room, scan 2 in the words of scan 1", room(2), {**chosen, "alphabet": alphabet})
+    rows("room, scan 2 in the words of scan 1", room(2), chosen, alphabet)
 
 
 def main() -> None:

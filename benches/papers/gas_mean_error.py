@@ -24,7 +24,7 @@ import surfabet as sb
 COUNTS = [1000, 2000, 5000, 10_000, 20_000, 50_000]
 
 METHODS: dict[str, Callable[[sb.PointCloud, int], np.ndarray]] = {
-    "GNG": lambda cloud, n: sb.learn_gas(cloud, n).neurons.positions,
+    "GNG": lambda cloud, n: sb.learn_gas(cloud, n_neurons=n).neurons.positions,
     "voxel grid": lambda cloud, n: sb.voxel_downsample(cloud, count=n).points,
     "octree centroid": lambda cloud, n: sb.octree_downsample(cloud, count=n).points,
     "octree centre": lambda cloud, n: (

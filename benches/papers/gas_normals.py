@@ -58,7 +58,7 @@ def main() -> None:
         raw = estimated(points, tree, truth)
         for count in options.counts:
             voxels = sb.voxel_downsample(cloud, count=count).points
-            neurons = sb.learn_gas(cloud, count).neurons
+            neurons = sb.learn_gas(cloud, n_neurons=count).neurons
             stored = errors(neurons.positions, neurons.normals, tree, truth)
             grid, gas = (estimated(p, tree, truth) for p in (voxels, neurons.positions))
             print(

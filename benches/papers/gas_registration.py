@@ -86,7 +86,7 @@ def main() -> None:
     frames = [(frame(n), frame(n + 20)) for n in numbers]
     known = [np.linalg.inv(second[1]) @ first[1] for first, second in frames]
     reducers = {
-        "GNG": lambda cloud, n: sb.learn_gas(cloud, n).neurons.positions,
+        "GNG": lambda cloud, n: sb.learn_gas(cloud, n_neurons=n).neurons.positions,
         "voxel grid": lambda cloud, n: sb.voxel_downsample(cloud, count=n).points,
     }
     columns = [(name, count) for name in reducers for count in COUNTS]

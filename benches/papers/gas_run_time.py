@@ -28,7 +28,7 @@ SIZES = [1000, 2000, 5000, 10_000, 20_000, 50_000]
 def grow(cloud: sb.PointCloud, n: int, patterns: int) -> tuple[float, float]:
     """CPU seconds and wall-clock seconds of growth alone."""
     began = cpu_seconds()
-    model = sb.learn_gas(cloud, n, patterns=patterns)
+    model = sb.learn_gas(cloud, n_neurons=n, patterns=patterns)
     used = cpu_seconds() - began
     stages = model.report.stages
     share = stages["growing"] / sum(stages.values())
@@ -40,7 +40,7 @@ def per_signal(cloud: sb.PointCloud, n: int, search: str, signals: int) -> float
 
     def seconds(passes: float) -> float:
         began = cpu_seconds()
-        model = sb.learn_gas(cloud, n, patterns=2, passes=passes, search=search)  # type: ignore[arg-type]
+        model = sb.learn_gas(cloud, n_neurons=n, patterns=2, passes=passes, search=search)  # type: ignore[arg-type]
         assert len(model) == n
         return cpu_seconds() - began
 

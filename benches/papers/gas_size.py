@@ -58,7 +58,7 @@ def main() -> None:
     for name in options.scans:
         cloud = scan(name)
         for count in options.counts:
-            model = sb.learn_gas(cloud, count)
+            model = sb.learn_gas(cloud, n_neurons=count)
             with_all = len(model.to_bytes())
             path_sections = sections(model)
             bare = with_all - sum(path_sections[part] for part in ("normals", "sizes", "colour"))

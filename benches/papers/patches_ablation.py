@@ -18,7 +18,7 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -75,6 +75,7 @@ class Row:
     decodes: tuple[Decode, ...] = (Decode(),)
     is_default: bool = False
     """But for the size of pixels."""
+    learn: Callable[..., sb.PatchModel | sb.HscsmModel] = sb.learn_patches
 
 
 THIN = Decode(", decoded thin", as_measured=False)
@@ -116,8 +117,9 @@ def rows(scene: Scene) -> Iterator[Row]:
         ("3 levels", {"levels": 3}),
         ("1 level, subsampled placement", {"levels": 1, "placement": "subsampled"}),
     ]:
-        published = {"method": "hscsm", **scene.published, **options}
-        yield Row(f"paper's method, pixels of {pixel}, {name}", published, surface)
+        published = scene.published | options
+        name = f"paper's method, pixels of {pixel}, {name}"
+        yield Row(name, published, surface, learn=sb.learn_hscsm)
 
 
 def parse() -> argparse.Namespace:
@@ -163,16 +165,16 @@ def measure(scene: Scene, named: str, only_json: bool) -> None:
     for row in rows(scene):
         if named not in row.name:
             continue
-        options = row.options if "method" in row.options else scene.options | row.options
+        is_published = row.learn is sb.learn_hscsm
+        options = row.options if is_published else scene.options | row.options
         began = time.perf_counter()
-        model = sb.learn_patches(raw, **options)
+        model = row.learn(raw, **options)
         data = model.to_bytes()
         seconds = time.perf_counter() - began
         sizes = parts(data)
         for way in row.decodes:
             spacing = way.pixels * model.levels[-1].pixel_size
-            thick = {} if isinstance(model, sb.HscsmModel) else {"as_measured": way.as_measured}
-            decoded = model.decode(spacing, **thick)
+            decoded = model.decode(spacing, as_measured=way.as_measured)
             q = sb.evaluate(reference, decoded, normal_neighbors=None)
             result = {
                 "scene": scene.name,
@@ -192,7 +194,7 @@ def measure(scene: Scene, named: str, only_json: bool) -> None:
             if only_json:
                 print(json.dumps(result), flush=True)
             else:
-                comparable = not (row.is_default or way.suffix or "method" in options)
+                comparable = not (row.is_default or way.suffix or is_published)
                 print_row(*cells(result, curve if comparable else []))
 
 

@@ -80,7 +80,7 @@ def octomap(name: str, cloud: sb.PointCloud, step: float) -> None:
 
 def model_row(name: str, method: str, cloud: sb.PointCloud, options: dict[str, Any]) -> None:
     began = time.perf_counter()
-    model = sb.learn_patches(cloud, method="hscsm", **options)
+    model = sb.learn_hscsm(cloud, **options)
     size = len(model.to_bytes())
     seconds = time.perf_counter() - began
     levels = model.levels
@@ -174,9 +174,7 @@ def plots(out: Path) -> None:
         for value in values:
             thresholds = {"max_depth_deviation": 0.02, "max_color_deviation": 100.0}
             thresholds[f"max_{name}_deviation"] = value / scale
-            model = sb.learn_patches(
-                cloud, method="hscsm", **{**FRAME, **FRAME_LEVELS, **thresholds}
-            )
+            model = sb.learn_hscsm(cloud, **{**FRAME, **FRAME_LEVELS, **thresholds})
             q = sb.evaluate(cloud, model.decode(), normal_neighbors=None)
             areas.append([level.area for level in model.levels])
             error = 1e3 * q.rmse_pooled if name == "depth" else q.color_rmse_pooled

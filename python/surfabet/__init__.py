@@ -35,7 +35,7 @@ from surfabet.geometry import (
     random_downsample,
     voxel_downsample,
 )
-from surfabet.hscsm import HscsmDictionary, HscsmModel, PatchLevel, Patches, learn_hscsm
+from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, learn_hscsm
 from surfabet.io import read, write
 from surfabet.learning import LearningReport
 from surfabet.metrics import Quality, RangeSigma, evaluate

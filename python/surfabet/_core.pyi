@@ -5,10 +5,12 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
 from surfabet._progress import ProgressCallback
 
 __version__: str
+LARGEST_UNSHIFTED: float
 
 def set_num_threads(n_threads: int | None) -> None: ...
 def get_num_threads() -> int: ...
@@ -27,6 +29,19 @@ class PointCloud:
         viewpoint_index: ArrayLike | None = None,
         origin: Sequence[float] | None = None,
     ) -> PointCloud: ...
+    @staticmethod
+    def checked(
+        points: ArrayLike,
+        *,
+        colors: ArrayLike | None = None,
+        intensities: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        ranges: ArrayLike | None = None,
+        viewpoints: ArrayLike | None = None,
+        viewpoint_index: ArrayLike | None = None,
+        origin: Sequence[float] | None = None,
+    ) -> tuple[PointCloud, str | None]: ...
+    def seen_from(self, viewpoint: Sequence[float]) -> PointCloud: ...
     @property
     def points(self) -> NDArray[np.float64]: ...
     @property
@@ -363,7 +378,6 @@ def sparse_squared_errors(
 
 def option_specs() -> dict[str, list[dict[str, Any]]]: ...
 def check_options(method: str, options: Mapping[str, object]) -> None: ...
-
 def learn_hscsm(
     cloud: PointCloud,
     options: Mapping[str, object],
@@ -377,6 +391,7 @@ def learn_patches(
     progress: ProgressCallback | None,
 ) -> PatchModel: ...
 
+@disjoint_base
 class Model:
     def decode(
         self,
@@ -413,9 +428,7 @@ _Vocabulary: TypeAlias = Alphabet | BicAlphabet | HscsmDictionary
 def from_bytes(
     data: bytes, *, max_items: int, max_bytes: int, vocabulary: _Vocabulary | None
 ) -> Model: ...
-def load(
-    path: str, *, max_items: int, max_bytes: int, vocabulary: _Vocabulary | None
-) -> Model: ...
+def load(path: str, *, max_items: int, max_bytes: int, vocabulary: _Vocabulary | None) -> Model: ...
 def inspect(
     data: bytes, *, max_items: int, max_bytes: int
 ) -> tuple[str, str, str | None, list[tuple[str, int]]]: ...

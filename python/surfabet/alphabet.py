@@ -31,6 +31,7 @@ __all__ = [
     "place_similarity",
 ]
 
+
 @dataclass(frozen=True, slots=True)
 class Occurrences:
     """Where words occur: all m occurrences of a model as arrays, in the order of the file."""
@@ -116,6 +117,16 @@ class Alphabet:
         self,
         cloud: PointCloud,
         *,
+        preset: Literal["small", "balanced", "fine"] = "balanced",
+        inlier_bits: float | None = None,
+        outlier_bits: float | None = None,
+        spacing: float = 1.0,
+        rounds: int = 4,
+        sigma_scale: float = 3.0,
+        angular_resolution: float | None = None,
+        noise: float | None = None,
+        min_range: float = 0.0,
+        color_step: int = 8,
         progress: Progress = None,
     ) -> AlphabetModel:
         """Another cloud by the words of this alphabet, which stays as it is (IV-B).
@@ -126,6 +137,37 @@ class Alphabet:
         ----------
         cloud
             The scan.
+        preset
+            Smaller files, or more of the scan within sigma. Sets `inlier_bits` to 4, 7 or 24.
+            'small', 'balanced' or 'fine'; by default balanced.
+        inlier_bits
+            What explaining a point is worth. Points denser than half a sigma count once. A positive
+            number of bits; by default by `preset`.
+        outlier_bits
+            What a decoded point that explains nothing costs. 0 or a positive number of bits; by
+            default as `inlier_bits`.
+        spacing
+            Distance of decoded points. A number from 0.25 to 4 sigma; by default 1.
+        rounds
+            Rounds of covering the scene. Each uses the prices that the coder learned in the round
+            before. An integer from 1 to 64; by default 4.
+        sigma_scale
+            Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma
+            is this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number;
+            by default 3.
+        angular_resolution
+            Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180
+            degrees; by default estimated from the spacing of the points.
+        noise
+            Standard deviation of a measured point about its surface. 0 or a positive number of
+            metres; by default estimated as the median deviation of neighbouring points from their
+            plane.
+        min_range
+            Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
+            number of metres; by default 0.
+        color_step
+            Rounding of the mean colours of occurrences. An integer from 1 to 255 grey levels; by
+            default 8.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -134,7 +176,18 @@ class Alphabet:
         InvalidInputError
             As `learn_alphabet`.
         """
-        options = {}
+        options = {
+            "preset": preset,
+            "inlier_bits": inlier_bits,
+            "outlier_bits": outlier_bits,
+            "spacing": spacing,
+            "rounds": rounds,
+            "sigma_scale": sigma_scale,
+            "angular_resolution": angular_resolution,
+            "noise": noise,
+            "min_range": min_range,
+            "color_step": color_step,
+        }
         with progress_callback(progress) as callback:
             return AlphabetModel(self._core.describe(cloud, options, progress=callback))
 
@@ -161,11 +214,6 @@ class AlphabetModel(Model[_core.AlphabetModel]):
     def alphabet(self) -> Alphabet:
         """The words that occur."""
         return Alphabet(self._core.alphabet)
-
-    @property
-    def shares_alphabet(self) -> bool:
-        """Whether the file names its alphabet instead of holding it."""
-        return self._core.shares_vocabulary
 
     @property
     def has_intensity(self) -> bool:
@@ -305,6 +353,19 @@ class AlphabetModel(Model[_core.AlphabetModel]):
 def learn_alphabet(
     cloud: PointCloud,
     *,
+    radius: float | None = None,
+    scales: int = 4,
+    max_words: int = 24,
+    preset: Literal["small", "balanced", "fine"] = "balanced",
+    inlier_bits: float | None = None,
+    outlier_bits: float | None = None,
+    spacing: float = 1.0,
+    rounds: int = 4,
+    sigma_scale: float = 3.0,
+    angular_resolution: float | None = None,
+    noise: float | None = None,
+    min_range: float = 0.0,
+    color_step: int = 8,
     progress: Progress = None,
 ) -> AlphabetModel:
     """Learns words at several scales by description length, and describes the cloud by them.
@@ -321,6 +382,44 @@ def learn_alphabet(
     cloud
         The scan. Duplicates count once. Ranges and viewpoints make sigma, and orient words. Colours
         and intensities are kept as the mean of every occurrence.
+    radius
+        Smallest radius of a word (delta). A positive number of metres; by default 0.1, or one and a
+        half times the median sigma where that is more.
+    scales
+        Number of radii, each twice the one before. An integer from 1 to 8; by default 4.
+    max_words
+        Most words beside the plane. Those that do not pay for themselves are dropped. An integer
+        from 0 to 4095; by default 24.
+    preset
+        Smaller files, or more of the scan within sigma. Sets `inlier_bits` to 4, 7 or 24. 'small',
+        'balanced' or 'fine'; by default balanced.
+    inlier_bits
+        What explaining a point is worth. Points denser than half a sigma count once. A positive
+        number of bits; by default by `preset`.
+    outlier_bits
+        What a decoded point that explains nothing costs. 0 or a positive number of bits; by default
+        as `inlier_bits`.
+    spacing
+        Distance of decoded points. A number from 0.25 to 4 sigma; by default 1.
+    rounds
+        Rounds of covering the scene. Each uses the prices that the coder learned in the round
+        before. An integer from 1 to 64; by default 4.
+    sigma_scale
+        Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is
+        this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number; by
+        default 3.
+    angular_resolution
+        Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180 degrees; by
+        default estimated from the spacing of the points.
+    noise
+        Standard deviation of a measured point about its surface. 0 or a positive number of metres;
+        by default estimated as the median deviation of neighbouring points from their plane.
+    min_range
+        Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
+        number of metres; by default 0.
+    color_step
+        Rounding of the mean colours of occurrences. An integer from 1 to 255 grey levels; by
+        default 8.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -344,7 +443,21 @@ def learn_alphabet(
     >>> quality.inliers > 0.95
     True
     """
-    options = {}
+    options = {
+        "radius": radius,
+        "scales": scales,
+        "max_words": max_words,
+        "preset": preset,
+        "inlier_bits": inlier_bits,
+        "outlier_bits": outlier_bits,
+        "spacing": spacing,
+        "rounds": rounds,
+        "sigma_scale": sigma_scale,
+        "angular_resolution": angular_resolution,
+        "noise": noise,
+        "min_range": min_range,
+        "color_step": color_step,
+    }
     with progress_callback(progress) as callback:
         return AlphabetModel(_core.learn_alphabet(cloud, options, progress=callback))
 

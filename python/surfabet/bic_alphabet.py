@@ -53,6 +53,19 @@ class BicAlphabet:
         self,
         cloud: PointCloud,
         *,
+        sigma_scale: float = 3.0,
+        angular_resolution: float | None = None,
+        noise: float | None = 0.0,
+        min_range: float = 0.0,
+        epsilon: float | None = None,
+        feature_spacing: float | None = None,
+        interest_scales: Sequence[float] = (1.0, 2.0, 4.0),
+        interest_threshold: float = 0.05,
+        normal_neighbors: int = 12,
+        empty_penalty: float = 0.5,
+        floor: float = 3.0,
+        reduce: bool = True,
+        random_state: int = 0,
         progress: Progress = None,
     ) -> BicAlphabetModel:
         """Another cloud in the words of this alphabet, which stays as it is (IV-B).
@@ -64,6 +77,49 @@ class BicAlphabet:
         ----------
         cloud
             The scan.
+        sigma_scale
+            Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma
+            is this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number;
+            by default 3.
+        angular_resolution
+            Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180
+            degrees; by default estimated from the spacing of the points.
+        noise
+            Standard deviation of a measured point about its surface. The paper has none. 0 or a
+            positive number of metres; by default 0. None: estimated as the median deviation of
+            neighbouring points from their plane.
+        min_range
+            Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
+            number of metres; by default 0.
+        epsilon
+            Least distance of decoded points (epsilon, eq. 3). It should be below the sigma of near
+            points. A positive number of metres; by default a fifth of the radius.
+        feature_spacing
+            Largest distance of a point of the scene to a feature. A positive number of metres; by
+            default the radius.
+        interest_scales
+            Scales of the Laplacian of Gaussian that finds interest points in the range image.
+            Without scales, or where the cloud has no viewpoints, features are spread uniformly
+            only. A sequence with each a number from 0.5 to 32 pixels; by default 1, 2, 4.
+        interest_threshold
+            Least response of an interest point: squared scale times the Laplacian of the logarithm
+            of the range. A positive number; by default 0.05.
+        normal_neighbors
+            Least number of neighbours that a feature's normal is fitted to, where fewer lie within
+            the radius. An integer from 3 to 1000; by default 12.
+        empty_penalty
+            Part of the distance of two descriptors for a pixel that is empty in only one of them,
+            as a share of the radius. A number from 0 to 1; by default 0.5.
+        floor
+            Distance at which a point without a decoded one nearby counts as having one. Its
+            likelihood would be zero otherwise; the paper has no floor. A number from 3 to 40 sigma;
+            by default 3.
+        reduce
+            Removes occurrences without which the likelihood does not fall (section III-D). True or
+            False; by default True.
+        random_state
+            Seed of the order in which candidates are tried and features are spread. An integer from
+            0 to below 2^64; by default 0.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -72,7 +128,21 @@ class BicAlphabet:
         InvalidInputError
             As `learn_bic_alphabet`, and for an alphabet without words.
         """
-        options = {}
+        options = {
+            "sigma_scale": sigma_scale,
+            "angular_resolution": angular_resolution,
+            "noise": noise,
+            "min_range": min_range,
+            "epsilon": epsilon,
+            "feature_spacing": feature_spacing,
+            "interest_scales": interest_scales,
+            "interest_threshold": interest_threshold,
+            "normal_neighbors": normal_neighbors,
+            "empty_penalty": empty_penalty,
+            "floor": floor,
+            "reduce": reduce,
+            "random_state": random_state,
+        }
         with progress_callback(progress) as callback:
             return BicAlphabetModel(self._core.describe(cloud, options, progress=callback))
 
@@ -88,8 +158,8 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
     """A cloud as occurrences of words that were chosen by BIC; immutable.
 
     Made by `learn_bic_alphabet`, `BicAlphabet.describe` and `surfabet.load`. It decodes to the
-    points of all occurrences, no two nearer than epsilon (eq. 2 and 3). Words are points and not
-    surfaces, so that no other spacing can be decoded.
+    points of all occurrences, no two nearer than the spacing, by default epsilon (eq. 2 and 3).
+    Words are points and not surfaces, so that a spacing below epsilon adds few.
     """
 
     __slots__ = ()
@@ -98,11 +168,6 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
     def alphabet(self) -> BicAlphabet:
         """The words that occur."""
         return BicAlphabet(self._core.alphabet)
-
-    @property
-    def shares_alphabet(self) -> bool:
-        """Whether the file names its alphabet instead of holding it."""
-        return self._core.shares_vocabulary
 
     @property
     def words(self) -> NDArray[np.uint32]:
@@ -129,6 +194,25 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
 def learn_bic_alphabet(
     cloud: PointCloud,
     *,
+    radius: float = 0.1,
+    sigma_scale: float = 3.0,
+    angular_resolution: float | None = None,
+    noise: float | None = 0.0,
+    min_range: float = 0.0,
+    epsilon: float | None = None,
+    feature_spacing: float | None = None,
+    interest_scales: Sequence[float] = (1.0, 2.0, 4.0),
+    interest_threshold: float = 0.05,
+    normal_neighbors: int = 12,
+    upright: Literal["x", "z", "view"] = "x",
+    descriptor_pixels: int = 8,
+    empty_penalty: float = 0.5,
+    floor: float = 3.0,
+    min_points: int = 8,
+    iterations: int = 500,
+    max_rejections: int = 500,
+    reduce: bool = True,
+    random_state: int = 0,
     progress: Progress = None,
 ) -> BicAlphabetModel:
     """Learns an alphabet of local scans by the Bayesian information criterion, as published.
@@ -144,6 +228,63 @@ def learn_bic_alphabet(
     ----------
     cloud
         The scan. Duplicates count once. Ranges and viewpoints make sigma, and orient words.
+    radius
+        Radius of a word (delta, eq. 1). A positive number of metres; by default 0.1.
+    sigma_scale
+        Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is
+        this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number; by
+        default 3.
+    angular_resolution
+        Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180 degrees; by
+        default estimated from the spacing of the points.
+    noise
+        Standard deviation of a measured point about its surface. The paper has none. 0 or a
+        positive number of metres; by default 0. None: estimated as the median deviation of
+        neighbouring points from their plane.
+    min_range
+        Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
+        number of metres; by default 0.
+    epsilon
+        Least distance of decoded points (epsilon, eq. 3). It should be below the sigma of near
+        points. A positive number of metres; by default a fifth of the radius.
+    feature_spacing
+        Largest distance of a point of the scene to a feature. A positive number of metres; by
+        default the radius.
+    interest_scales
+        Scales of the Laplacian of Gaussian that finds interest points in the range image. Without
+        scales, or where the cloud has no viewpoints, features are spread uniformly only. A sequence
+        with each a number from 0.5 to 32 pixels; by default 1, 2, 4.
+    interest_threshold
+        Least response of an interest point: squared scale times the Laplacian of the logarithm of
+        the range. A positive number; by default 0.05.
+    normal_neighbors
+        Least number of neighbours that a feature's normal is fitted to, where fewer lie within the
+        radius. An integer from 3 to 1000; by default 12.
+    upright
+        What is up where the normal is vertical. It is an axis of the world, or away from the sensor
+        for 'view'. 'x', 'z' or 'view'; by default x.
+    descriptor_pixels
+        Pixels per side of a descriptor; those within the inscribed circle count. An integer from 2
+        to 32; by default 8.
+    empty_penalty
+        Part of the distance of two descriptors for a pixel that is empty in only one of them, as a
+        share of the radius. A number from 0 to 1; by default 0.5.
+    floor
+        Distance at which a point without a decoded one nearby counts as having one. Its likelihood
+        would be zero otherwise; the paper has no floor. A number from 3 to 40 sigma; by default 3.
+    min_points
+        Least number of points of a word. An integer of at least 1; by default 8.
+    iterations
+        Most candidate words that are tried. An integer of at least 1; by default 500.
+    max_rejections
+        Learning ends after this many candidates in a row that did not lower the BIC. An integer of
+        at least 1; by default 500.
+    reduce
+        Removes occurrences without which the likelihood does not fall (section III-D). True or
+        False; by default True.
+    random_state
+        Seed of the order in which candidates are tried and features are spread. An integer from 0
+        to below 2^64; by default 0.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -157,6 +298,26 @@ def learn_bic_alphabet(
     InvalidInputError
         For an empty cloud, a cloud too large for its radius, or options outside their range.
     """
-    options = {}
+    options = {
+        "radius": radius,
+        "sigma_scale": sigma_scale,
+        "angular_resolution": angular_resolution,
+        "noise": noise,
+        "min_range": min_range,
+        "epsilon": epsilon,
+        "feature_spacing": feature_spacing,
+        "interest_scales": interest_scales,
+        "interest_threshold": interest_threshold,
+        "normal_neighbors": normal_neighbors,
+        "upright": upright,
+        "descriptor_pixels": descriptor_pixels,
+        "empty_penalty": empty_penalty,
+        "floor": floor,
+        "min_points": min_points,
+        "iterations": iterations,
+        "max_rejections": max_rejections,
+        "reduce": reduce,
+        "random_state": random_state,
+    }
     with progress_callback(progress) as callback:
         return BicAlphabetModel(_core.learn_bic_alphabet(cloud, options, progress=callback))

@@ -22,6 +22,7 @@ from surfabet.model import Model
 
 __all__ = ["GasModel", "Neurons", "learn_gas"]
 
+
 @dataclass(frozen=True, slots=True)
 class Neurons:
     """All n neurons of a model as arrays, in the order of the file: along the topology."""
@@ -66,6 +67,16 @@ class GasModel(Model[_core.GasModel]):
         cloud: PointCloud,
         n_neurons: int | None = None,
         *,
+        patterns: int = 300,
+        epsilon_w: float = 0.2,
+        epsilon_n: float = 0.006,
+        alpha: float = 0.5,
+        beta: float | None = None,
+        max_age: int = 50,
+        target_error: float | None = None,
+        color_step: int = 8,
+        search: Literal["indexed", "brute-force"] = "indexed",
+        random_state: int = 0,
         progress: Progress = None,
     ) -> GasModel:
         """Adds another scan of the same world: a larger model, this one stays as it is.
@@ -81,6 +92,37 @@ class GasModel(Model[_core.GasModel]):
         n_neurons
             Number of neurons afterwards; by default the space that both occupy gets as many per
             volume as this model has.
+        patterns
+            Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
+            default 300.
+        epsilon_w
+            Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b). A
+            number above 0 and at most 1; by default 0.2.
+        epsilon_n
+            Share of the way to the signal that the winner's neighbours move (epsilon_n). A number
+            from 0 to 1; by default 0.006.
+        alpha
+            Factor of the errors of the two neurons that a new one is put between (alpha). A number
+            above 0 and below 1; by default 0.5.
+        beta
+            Share of every error that is forgotten with each signal (beta, 1 - d). The published
+            0.005 is for 100 neurons; with it a network of thousands remembers the errors of the
+            last few hundred signals only, most neurons having had none of them. A number from 0 to
+            0.5; by default 0.5 divided by the number of neurons, the same memory per neuron for any
+            number.
+        max_age
+            Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50.
+        target_error
+            Mean distance of signals to their winners at which the network stops growing before it
+            has all its neurons. A positive number of metres; by default it grows until it has all
+            its neurons.
+        color_step
+            Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
+        search
+            How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
+            'brute-force'; by default indexed.
+        random_state
+            Seed of the signals. An integer from 0 to below 2^64; by default 0.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -89,7 +131,18 @@ class GasModel(Model[_core.GasModel]):
         InvalidInputError
             For an empty scan, fewer neurons than this model has, or options outside their range.
         """
-        options = {}
+        options = {
+            "patterns": patterns,
+            "epsilon_w": epsilon_w,
+            "epsilon_n": epsilon_n,
+            "alpha": alpha,
+            "beta": beta,
+            "max_age": max_age,
+            "target_error": target_error,
+            "color_step": color_step,
+            "search": search,
+            "random_state": random_state,
+        }
         with progress_callback(progress) as callback:
             return GasModel(
                 self._core.update(cloud, options, n_neurons=n_neurons, progress=callback)
@@ -153,6 +206,19 @@ class GasModel(Model[_core.GasModel]):
 def learn_gas(
     cloud: PointCloud,
     *,
+    n_neurons: int = 10_000,
+    patterns: int = 300,
+    epsilon_w: float = 0.2,
+    epsilon_n: float = 0.006,
+    alpha: float = 0.5,
+    beta: float | None = None,
+    max_age: int = 50,
+    target_error: float | None = None,
+    passes: float | None = None,
+    position_step: float | None = None,
+    color_step: int = 8,
+    search: Literal["indexed", "brute-force"] = "indexed",
+    random_state: int = 0,
     progress: Progress = None,
 ) -> GasModel:
     """Learns a growing neural gas: as many neurons as asked for, spread over the scan.
@@ -163,6 +229,46 @@ def learn_gas(
     ----------
     cloud
         The scan.
+    n_neurons
+        Number of neurons at which the network stops growing, at most as many as the points have
+        places. An integer from 2 to 2^26; by default 10000.
+    patterns
+        Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
+        default 300.
+    epsilon_w
+        Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b). A number
+        above 0 and at most 1; by default 0.2.
+    epsilon_n
+        Share of the way to the signal that the winner's neighbours move (epsilon_n). A number from
+        0 to 1; by default 0.006.
+    alpha
+        Factor of the errors of the two neurons that a new one is put between (alpha). A number
+        above 0 and below 1; by default 0.5.
+    beta
+        Share of every error that is forgotten with each signal (beta, 1 - d). The published 0.005
+        is for 100 neurons; with it a network of thousands remembers the errors of the last few
+        hundred signals only, most neurons having had none of them. A number from 0 to 0.5; by
+        default 0.5 divided by the number of neurons, the same memory per neuron for any number.
+    max_age
+        Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50.
+    target_error
+        Mean distance of signals to their winners at which the network stops growing before it has
+        all its neurons. A positive number of metres; by default it grows until it has all its
+        neurons.
+    passes
+        Number of signals as a multiple of the number of points. Learning ends there, whether or not
+        the network has all its neurons. A number above 0 and at most 1000000; by default `patterns`
+        signals per neuron.
+    position_step
+        Rounding of positions, taken to the next power of two below. A positive number of metres; by
+        default a sixteenth of the mean edge.
+    color_step
+        Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
+    search
+        How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
+        'brute-force'; by default indexed.
+    random_state
+        Seed of the signals. An integer from 0 to below 2^64; by default 0.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -179,6 +285,20 @@ def learn_gas(
     >>> len(model), model.components().max()
     (50, np.uint32(0))
     """
-    options = {}
+    options = {
+        "n_neurons": n_neurons,
+        "patterns": patterns,
+        "epsilon_w": epsilon_w,
+        "epsilon_n": epsilon_n,
+        "alpha": alpha,
+        "beta": beta,
+        "max_age": max_age,
+        "target_error": target_error,
+        "passes": passes,
+        "position_step": position_step,
+        "color_step": color_step,
+        "search": search,
+        "random_state": random_state,
+    }
     with progress_callback(progress) as callback:
         return GasModel(_core.learn_gas(cloud, options, progress=callback))

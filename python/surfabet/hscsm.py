@@ -146,6 +146,15 @@ class HscsmDictionary:
         self,
         cloud: PointCloud,
         *,
+        max_depth_deviation: float | None = None,
+        max_color_deviation: float = 60.0,
+        min_coverage: float = 0.9,
+        placement: Literal["greedy", "subsampled"] = "greedy",
+        depth_sparsity: int = 6,
+        color_sparsity: int = 12,
+        depth_tolerance: float | None = None,
+        color_tolerance: float = 7.0,
+        sensor: Literal["structured-light", "constant"] = "structured-light",
         progress: Progress = None,
     ) -> HscsmModel:
         """Describes another cloud in these dictionaries: nothing is learned.
@@ -156,6 +165,39 @@ class HscsmDictionary:
         ----------
         cloud
             The scan; with colours only if the dictionary has colour.
+        max_depth_deviation
+            Largest standard deviation of depth in a pixel (rho_max_depth). What deviates more goes
+            to the level below; the lowest level takes all. A positive number of metres; by default
+            `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the
+            lowest.
+        max_color_deviation
+            Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
+            channels. A positive number of grey levels; by default 60.
+        min_coverage
+            Least fraction of its pixels that a patch covers. The level below describes what covers
+            less. A number above 0 and at most 1; by default 0.9.
+        placement
+            How places of patches are chosen. 'greedy' takes the best coverage first, then aligned
+            neighbours; 'subsampled' takes a patch per cube, as SCSM does, to compare with. 'greedy'
+            or 'subsampled'; by default greedy.
+        depth_sparsity
+            Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from
+            1 to 64; by default 6.
+        color_sparsity
+            Most dictionary entries that describe the colour of one patch (k, eq. 1). An integer
+            from 1 to 64; by default 12.
+        depth_tolerance
+            Root mean square error at which coding of a patch's depth ends, on the lowest level.
+            Each level above has half the tolerance of the one below, since its errors spread over
+            larger patches. A positive number of metres; by default a fifth of `resolution`.
+        color_tolerance
+            Root mean square error at which coding of a patch's colour ends, on the lowest level. It
+            is halved from level to level likewise. A number above 0 and at most 255 grey levels; by
+            default 7.
+        sensor
+            How the error of a range measurement grows with the range. 'structured-light' is with
+            its square, as for Kinects. Without ranges all points weigh the same. 'structured-light'
+            or 'constant'; by default structured-light.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -164,7 +206,17 @@ class HscsmDictionary:
         InvalidInputError
             As `learn_hscsm`, and for a cloud with colours when the dictionary has none.
         """
-        options = {}
+        options = {
+            "max_depth_deviation": max_depth_deviation,
+            "max_color_deviation": max_color_deviation,
+            "min_coverage": min_coverage,
+            "placement": placement,
+            "depth_sparsity": depth_sparsity,
+            "color_sparsity": color_sparsity,
+            "depth_tolerance": depth_tolerance,
+            "color_tolerance": color_tolerance,
+            "sensor": sensor,
+        }
         with progress_callback(progress) as callback:
             return HscsmModel(self._core.describe(cloud, options, progress=callback))
 
@@ -223,11 +275,6 @@ class HscsmModel(Model[_core.HscsmModel]):
     def dictionary(self) -> HscsmDictionary:
         """The dictionaries of all levels, for other clouds to be described with."""
         return HscsmDictionary(self._core.dictionaries())
-
-    @property
-    def shares_dictionary(self) -> bool:
-        """Whether the file refers to the dictionary of another model instead of holding one."""
-        return self._core.shares_vocabulary
 
     @property
     def patches(self) -> Patches:
@@ -293,6 +340,22 @@ class HscsmModel(Model[_core.HscsmModel]):
 def learn_hscsm(
     cloud: PointCloud,
     *,
+    resolution: float = 0.01,
+    patch_pixels: int = 8,
+    levels: int = 1,
+    max_depth_deviation: float | None = None,
+    max_color_deviation: float = 60.0,
+    min_coverage: float = 0.9,
+    placement: Literal["greedy", "subsampled"] = "greedy",
+    depth_atoms: int = 128,
+    color_atoms: int = 256,
+    depth_sparsity: int = 6,
+    color_sparsity: int = 12,
+    depth_tolerance: float | None = None,
+    color_tolerance: float = 7.0,
+    iterations: int = 8,
+    sensor: Literal["structured-light", "constant"] = "structured-light",
+    random_state: int = 0,
     progress: Progress = None,
 ) -> HscsmModel:
     """Learns hierarchical sparse-coded surface patches, as published; one level is SCSM.
@@ -305,6 +368,58 @@ def learn_hscsm(
     cloud
         The scan. Colours are kept when present; ranges weight the points by the depth error of
         their sensor; viewpoints tell the two sides of a thin wall apart.
+    resolution
+        Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost. A
+        positive number of metres; by default 0.01.
+    patch_pixels
+        Pixels per side of a patch. The patch size (ps) is this times `resolution`. An integer from
+        2 to 32; by default 8.
+    levels
+        Levels of the hierarchy; one is SCSM. Pixels of each are twice as wide as those of the level
+        below it. An integer from 1 to 8; by default 1.
+    max_depth_deviation
+        Largest standard deviation of depth in a pixel (rho_max_depth). What deviates more goes to
+        the level below; the lowest level takes all. A positive number of metres; by default
+        `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the lowest.
+    max_color_deviation
+        Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
+        channels. A positive number of grey levels; by default 60.
+    min_coverage
+        Least fraction of its pixels that a patch covers. The level below describes what covers
+        less. A number above 0 and at most 1; by default 0.9.
+    placement
+        How places of patches are chosen. 'greedy' takes the best coverage first, then aligned
+        neighbours; 'subsampled' takes a patch per cube, as SCSM does, to compare with. 'greedy' or
+        'subsampled'; by default greedy.
+    depth_atoms
+        Most entries of the depth dictionary of each level. Those that no patch uses are dropped. An
+        integer from 1 to 65535; by default 128.
+    color_atoms
+        Most entries of the colour dictionary of each level. Those that no patch uses are dropped.
+        An integer from 1 to 65535; by default 256.
+    depth_sparsity
+        Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from 1
+        to 64; by default 6.
+    color_sparsity
+        Most dictionary entries that describe the colour of one patch (k, eq. 1). An integer from 1
+        to 64; by default 12.
+    depth_tolerance
+        Root mean square error at which coding of a patch's depth ends, on the lowest level. Each
+        level above has half the tolerance of the one below, since its errors spread over larger
+        patches. A positive number of metres; by default a fifth of `resolution`.
+    color_tolerance
+        Root mean square error at which coding of a patch's colour ends, on the lowest level. It is
+        halved from level to level likewise. A number above 0 and at most 255 grey levels; by
+        default 7.
+    iterations
+        Most iterations of weighted K-SVD per dictionary. An integer from 1 to 1000; by default 8.
+    sensor
+        How the error of a range measurement grows with the range. 'structured-light' is with its
+        square, as for Kinects. Without ranges all points weigh the same. 'structured-light' or
+        'constant'; by default structured-light.
+    random_state
+        Seed of the first entries of the dictionaries. An integer from 0 to below 2^64; by default
+        0.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -327,6 +442,23 @@ def learn_hscsm(
     >>> bool(np.abs(model.decode().points[:, 1]).max() < 0.002)
     True
     """
-    options = {}
+    options = {
+        "resolution": resolution,
+        "patch_pixels": patch_pixels,
+        "levels": levels,
+        "max_depth_deviation": max_depth_deviation,
+        "max_color_deviation": max_color_deviation,
+        "min_coverage": min_coverage,
+        "placement": placement,
+        "depth_atoms": depth_atoms,
+        "color_atoms": color_atoms,
+        "depth_sparsity": depth_sparsity,
+        "color_sparsity": color_sparsity,
+        "depth_tolerance": depth_tolerance,
+        "color_tolerance": color_tolerance,
+        "iterations": iterations,
+        "sensor": sensor,
+        "random_state": random_state,
+    }
     with progress_callback(progress) as callback:
         return HscsmModel(_core.learn_hscsm(cloud, options, progress=callback))

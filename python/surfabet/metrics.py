@@ -179,9 +179,12 @@ def evaluate(
     """
     if bytes is not None and bytes < 0:
         raise InvalidInputError(f"bytes is {bytes}, but must not be negative")
-    distance, by_range = sigma, None
+    distance: float | None = None
+    by_range: tuple[float, float] | None = None
     if isinstance(sigma, RangeSigma):
-        distance, by_range = None, (sigma.sigma_scale, sigma.angular_resolution)
+        by_range = (sigma.sigma_scale, sigma.angular_resolution)
+    else:
+        distance = sigma
     with progress_callback(progress) as callback:
         measures = _core.evaluate(
             reference, decoded, distance, by_range, peak, normal_neighbors, callback

@@ -129,6 +129,11 @@ class Model(Generic[C]):
         """Whether the model keeps how thick the scan was, and can be decoded as measured."""
         return self._core.keeps_thickness
 
+    @property
+    def shares_vocabulary(self) -> bool:
+        """Whether the file names its dictionary or alphabet by its hash instead of holding it."""
+        return self._core.shares_vocabulary
+
     def __len__(self) -> int:
         return len(self._core)
 

@@ -137,6 +137,16 @@ class PatchModel(Model[_core.PatchModel]):
 def learn_patches(
     cloud: PointCloud,
     *,
+    resolution: float = 0.01,
+    levels: int = 2,
+    max_error: float | None = None,
+    rate: float = 1.4,
+    depth_step: float = 0.75,
+    rounds: int = 3,
+    color_step: int = 90,
+    chroma_ratio: float = 1.5,
+    color_rate: float = 0.15,
+    sensor: Literal["structured-light", "constant"] = "structured-light",
     progress: Progress = None,
 ) -> PatchModel:
     """Learns surface patches on the scene's own lattice, at the least cost in bits and error.
@@ -148,6 +158,37 @@ def learn_patches(
     cloud
         The scan. Colours are kept when present; ranges weight the points by the depth error of
         their sensor; viewpoints tell the two sides of a thin wall apart.
+    resolution
+        Side of a pixel of the finest level. Smaller detail is lost; this is the one knob between
+        size and error, and all else follows it. A positive number of metres; by default 0.01.
+    levels
+        Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above
+        it, pixels and patches double in size. An integer from 1 to 4; by default 2.
+    max_error
+        Largest distance of any input point to the cloud that is decoded as measured at the default
+        spacing. Points that would be further away are kept beside the patches. A positive number of
+        metres; by default no bound.
+    rate
+        Squared error that a bit of geometry must save (lambda), summed over pixels and both
+        directions. Larger makes smaller files. A positive number of squared pixels; by default 1.4.
+    depth_step
+        Rounding of depths, in pixels of the finest level. A number from 0.0625 to 16 pixels in
+        steps of 0.0625; by default 0.75.
+    rounds
+        Rounds of choosing patches. Each uses the prices that the coder learned in the round before.
+        An integer from 1 to 10; by default 3.
+    color_step
+        Rounding of luma of a single cell. Means over n cells are rounded about sqrt(n) times finer;
+        larger makes smaller files. An integer from 1 to 1024 grey levels; by default 90.
+    chroma_ratio
+        Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5.
+    color_rate
+        Squared error that a bit of colour must save. A positive number of squared colour steps; by
+        default 0.15.
+    sensor
+        How the error of a range measurement grows with the range. 'structured-light' is with its
+        square, as for Kinects. Without ranges all points weigh the same. 'structured-light' or
+        'constant'; by default structured-light.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -172,6 +213,17 @@ def learn_patches(
     >>> len(model.to_bytes()) < 300
     True
     """
-    options = {}
+    options = {
+        "resolution": resolution,
+        "levels": levels,
+        "max_error": max_error,
+        "rate": rate,
+        "depth_step": depth_step,
+        "rounds": rounds,
+        "color_step": color_step,
+        "chroma_ratio": chroma_ratio,
+        "color_rate": color_rate,
+        "sensor": sensor,
+    }
     with progress_callback(progress) as callback:
         return PatchModel(_core.learn_patches(cloud, options, progress=callback))

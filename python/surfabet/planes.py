@@ -236,6 +236,21 @@ def _means(colors: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 def learn_planes(
     cloud: PointCloud,
     *,
+    initial_patches: int = 0,
+    min_grid_size: float | None = None,
+    weight_at_grid_size: float = 0.01,
+    split_threshold: float = 0.6666666666666666,
+    merge_tolerance: float = 1.25,
+    em_steps: int = 2,
+    new_patches_every: int = 5,
+    max_iterations: int = 30,
+    tolerance: float = 0.01,
+    min_points: int | None = None,
+    min_purity: float = 0.85,
+    min_fill: float = 0.6,
+    max_bend: float = 1.55,
+    color_step: int = 8,
+    random_state: int = 0,
     weights: ArrayLike | None = None,
     progress: Progress = None,
 ) -> PlaneModel:
@@ -249,6 +264,54 @@ def learn_planes(
     ----------
     cloud
         The scan.
+    initial_patches
+        Number of patches to start from, placed at random. With 0 they are taken from the data:
+        cells that are flat. An integer from 0 to 2^20; by default 0.
+    min_grid_size
+        Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat
+        at this size. A positive number of metres; by default twice the median spacing of the
+        points.
+    weight_at_grid_size
+        Weight of a point at distance G before normalisation (W, eq. 2). Points further than G from
+        all patches support none. A number above 0 and below 1; by default 0.01.
+    split_threshold
+        A patch is split where its density falls below this share of the mean (section II-C). A
+        number from 0 to below 1; by default 0.6667.
+    merge_tolerance
+        Factor by which points of either of two patches may be further from their common plane than
+        from their own for the two to merge (section II-D). With infinity only the paper's two
+        conditions hold. A number of at least 1; by default 1.25.
+    em_steps
+        Passes of E-step, M-step and trimming before each split and each merge (EMPF, section II-A).
+        An integer from 1 to 10000; by default 2.
+    new_patches_every
+        Iterations after which patches are added where many points support none (section II-B). An
+        integer from 1 to 10000; by default 5.
+    max_iterations
+        Most iterations of EMPF, split, EMPF, merge. An integer from 1 to 10000; by default 30.
+    tolerance
+        Learning ends when the mean distance of points to their patches and the share of points that
+        support one change by less than this share. A positive number; by default 0.01.
+    min_points
+        Points that a patch needs. An integer of at least 3; by default a thousandth of all points,
+        at least 30.
+    min_purity
+        Least share of the points before and behind a patch, up to the grid size, that support it.
+        Patches in the middle of clutter have less; with 0 they are kept. Patches with 20 times
+        `min_points` are kept whatever this option, `min_fill` and `max_bend` are. A number from 0
+        to 1; by default 0.85.
+    min_fill
+        Least share of a patch's rectangle that its supported tiles cover. With 0 all are kept. A
+        number from 0 to 1; by default 0.6.
+    max_bend
+        Largest ratio of the standard deviation of points about their patch to that about the mean
+        of their tile. Patches that are bent or lie across a corner have more; with infinity they
+        are kept. A number of at least 1; by default 1.55.
+    color_step
+        Rounding of the colours of tiles. An integer from 1 to 64 grey levels; by default 8.
+    random_state
+        Seed of the patches that are placed at random. An integer from 0 to below 2^64; by default
+        0.
     weights
         By how much each point counts, (n,), not negative; one if None.
     progress
@@ -268,7 +331,23 @@ def learn_planes(
     >>> len(model), np.abs(model.planes.normals).round(3).max(axis=1)
     (2, array([1., 1.]))
     """
-    options = {}
+    options = {
+        "initial_patches": initial_patches,
+        "min_grid_size": min_grid_size,
+        "weight_at_grid_size": weight_at_grid_size,
+        "split_threshold": split_threshold,
+        "merge_tolerance": merge_tolerance,
+        "em_steps": em_steps,
+        "new_patches_every": new_patches_every,
+        "max_iterations": max_iterations,
+        "tolerance": tolerance,
+        "min_points": min_points,
+        "min_purity": min_purity,
+        "min_fill": min_fill,
+        "max_bend": max_bend,
+        "color_step": color_step,
+        "random_state": random_state,
+    }
     with progress_callback(progress) as callback:
         learned = _core.learn_planes(cloud, options, weights=weights, progress=callback)
     return PlaneModel(learned)

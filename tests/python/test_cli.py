@@ -87,7 +87,10 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["compres"], "compress"),
         (["compress", "a.ply"], "OUT"),
         (["compress", "a.ply", "b.sfb", "--model", "cubes"], "planes"),
-        (["compress", "a.ply", "b.sfb", "--resolution", "0"], "> 0"),
+        (["compress", "a.ply", "b.sfb", "--resolution", "0"], "--resolution is 0, but must be a p"),
+        (["compress", "a.ply", "b.sfb", "--max-error=-1"], "--max-error is -1, but must be a pos"),
+        (["compress", "a.ply", "b.sfb", "--n-neurons", "9"], "not an option of --model patches"),
+        (["compress", "a.ply", "b.sfb", "--random-state", "1"], "but of hscsm, bic-alphabet, plan"),
         (["compress", "a.ply", "b.sfb", "--resolution", "fine"], "float"),
         (["compress", "a.ply", "b.sfb", "--colour"], "--colour"),
         (["compress", "a.ply", "b.ply"], ".sfb"),
@@ -241,7 +244,7 @@ def test_decompress(sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_info_accounts_for_every_byte(sfb: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", str(sfb), "--json"]) == 0
     said = parsed(capsys)
-    assert said["family"] == "patches"
+    assert said["method"] == "patches"
     assert said["bytes"] == sfb.stat().st_size
     assert 0 < sum(said["sections"].values()) <= said["bytes"]
     assert main(["info", str(sfb)]) == 0
@@ -263,12 +266,13 @@ def test_evaluate_takes_the_dictionary_that_a_model_needs(
     ply: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, second = tmp_path / "first.sfb", tmp_path / "second.sfb"
-    options = ["--resolution", "0.05", "--method", "hscsm", "--no-evaluate", "--quiet"]
-    assert main(["compress", str(ply), str(first), *options]) == 0
-    assert main(["compress", str(ply), str(second), *options, "--dictionary", str(first)]) == 0
+    quiet, words = ["--no-evaluate", "--quiet"], ["--vocabulary", str(first)]
+    model = ["--model", "hscsm", "--resolution", "0.05"]
+    assert main(["compress", str(ply), str(first), *model, *quiet]) == 0
+    assert main(["compress", str(ply), str(second), *words, *quiet]) == 0
     assert main(["evaluate", str(ply), str(second), "--json"]) == 1
     assert "does not hold it" in capsys.readouterr().err
-    command = ["evaluate", str(ply), str(second), "--dictionary", str(first), "--json"]
+    command = ["evaluate", str(ply), str(second), *words, "--json"]
     assert main(command) == 0
     assert parsed(capsys)["bytes"] == second.stat().st_size
 
@@ -276,25 +280,31 @@ def test_evaluate_takes_the_dictionary_that_a_model_needs(
 def start_compress(
     ply: Path, output: Path, resolution: str, on_interrupt: signal.Handlers
 ) -> subprocess.Popen[str]:
-    """Starts `surfabet compress` as a shell does in the foreground (`SIG_DFL`) or with `&` and after
-    `trap '' INT` (`SIG_IGN`), however the tests themselves were started."""
-    command = [sys.executable, "-m", "surfabet.cli", "compress", str(ply), str(output)]
-    return subprocess.Popen(
-        [*command, "--resolution", resolution],
-        stdout=subprocess.DEVNULL,
+    """Starts `surfabet compress` as a shell does in the foreground (`SIG_DFL`) or with `&` and
+    after `trap '' INT` (`SIG_IGN`), however the tests themselves were started."""
+    code = (
+        "import sys; from surfabet.cli import main; print('ready', flush=True)\n"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "compress", str(ply), str(output), "--resolution", resolution],
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, on_interrupt),
     )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
 
 
 def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
-    # At this resolution the work takes far longer than the wait.
+    # At this resolution the work takes minutes; wherever in it the interrupt comes, it ends alike.
     process = start_compress(ply, tmp_path / "out.sfb", "0.0005", signal.SIG_DFL)
-    time.sleep(2.0)
+    time.sleep(1)
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err == "surfabet: interrupted\n"
     assert list(tmp_path.iterdir()) == []

@@ -298,9 +298,8 @@ def bumpy_cloud(colors: bool) -> sb.PointCloud:
 
 @pytest.mark.parametrize(("colors", "n"), [(True, 8), (False, 5)])
 def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: int) -> None:
-    model = sb.learn_patches(
+    model = sb.learn_hscsm(
         bumpy_cloud(colors),
-        method="hscsm",
         resolution=0.03,
         patch_pixels=n,
         depth_atoms=20,
@@ -343,7 +342,7 @@ def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: in
 
 
 def test_pixels_become_points_as_the_page_says() -> None:
-    model = sb.learn_patches(bumpy_cloud(True), method="hscsm", resolution=0.03)
+    model = sb.learn_hscsm(bumpy_cloud(True), resolution=0.03)
     decoded = model.decode(resolution=0.03, normals=False)
     n, mask = 8, model.masks().reshape(len(model), -1)
 

@@ -258,6 +258,26 @@ def test_las_colors_of_8_and_16_bits(tmp_path: Path, factor: int) -> None:
     np.testing.assert_array_equal(cloud.colors, colors)
 
 
+@pytest.mark.parametrize("unit", [("metre", 1.0, ""), ("foot", 0.3048, r", unit foot \(0.3048\)")])
+def test_las_names_the_coordinate_system_and_its_unit(
+    tmp_path: Path, unit: tuple[str, float, str]
+) -> None:
+    path = las_file(tmp_path / "a.las", np.zeros((3, 3)))
+    laspy = pytest.importorskip("laspy")
+    name, metres, told = unit
+    wkt = (
+        'PROJCS["Lambert_Conformal_Conic",GEOGCS["GCS",UNIT["Degree",0.0174532925199433]],'
+        f'PROJECTION["Lambert_Conformal_Conic"],UNIT["{name}",{metres}]]'
+    )
+    file = laspy.read(path)
+    file.header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+    file.write(path)
+    with pytest.warns(sb.LostAttributeWarning, match=f"Lambert_Conformal_Conic{told}"):
+        cloud = sb.read(path)
+    # Coordinates stay as they are, whatever the unit.
+    np.testing.assert_allclose(cloud.points, laspy.read(path).xyz, rtol=0, atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("offset", "patch", "message"),
     [

@@ -1,4 +1,10 @@
-"""Real files against their documented counts and the readings of other packages."""
+"""Real files against their documented counts and the readings of other packages.
+
+Each has a small twin made in the tests: counts and attributes in `test_io_roundtrip.py`, gaps of
+organised clouds in `test_io_pcd.py`, a robot in its scan in `test_alphabet.py`, frames, fused and
+not, in `test_io_rgbd.py`, LAS with feet and colours of 8 bits, E57 and KITTI in
+`test_io_formats.py`, map coordinates through every format in `test_io_roundtrip.py`.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +16,10 @@ import numpy as np
 import pytest
 
 import surfabet as sb
+from generated import DATA, WITHOUT_DATA
 from surfabet.io import read_rgbd
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real scans are not at {DATA}")
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=WITHOUT_DATA)
 
 
 def read(name: str, **options: Any) -> sb.PointCloud:

@@ -103,6 +103,20 @@ def test_per_frame(tmp_path: Path) -> None:
         check(cloud, [expected_frame(i, matrix)], [matrix[:3, 3]])
 
 
+def test_poses_that_stretch_are_taken_as_they_are(tmp_path: Path) -> None:
+    # As rotations of tracked cameras do, by up to 0.02 percent. Ranges are those of the images.
+    stretched = [matrix.copy() for matrix in POSES]
+    for matrix in stretched:
+        matrix[:3, :3] *= 1.0002
+    cloud = sb.read(make_frames(tmp_path, stretched))
+    frames = [expected_frame(i, matrix) for i, matrix in enumerate(stretched)]
+    check(cloud, frames, [matrix[:3, 3] for matrix in stretched])
+    assert cloud.viewpoints is not None
+    assert cloud.viewpoint_index is not None
+    away = np.linalg.norm(cloud.points - cloud.viewpoints[cloud.viewpoint_index], axis=1)
+    np.testing.assert_allclose(away / cloud.ranges, 1.0002, rtol=1e-6)
+
+
 def test_strides_and_limits(tmp_path: Path) -> None:
     folder = make_frames(tmp_path)
     cloud = sb.read(folder, frame_stride=2, pixel_stride=3, depth_limits=(1, 2.5))

@@ -66,7 +66,7 @@ def test_plane_distance_ignores_sliding_along_the_surface() -> None:
 def test_sigma_by_range() -> None:
     reference = sb.PointCloud([[1.0, 0, 0], [10.0, 0, 0]], ranges=[1.0, 10.0])
     decoded = sb.PointCloud([[1.03, 0, 0], [10.15, 0, 0]])
-    sigma = sb.RangeSigma(scale=2.0, angular_resolution=0.02)
+    sigma = sb.RangeSigma(sigma_scale=2.0, angular_resolution=np.degrees(0.02))
     found = sb.evaluate(reference, decoded, sigma=sigma)
     assert (found.inliers, found.outliers) == (0.5, 0.5)
     with pytest.raises(sb.InvalidInputError, match="ranges or viewpoints"):

@@ -1,7 +1,10 @@
 //! Neighbours, normals, voxel grid and metrics on a million points of a noisy, generated room.
 #![allow(missing_docs)]
 
+use std::num::NonZero;
+
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use kiddo::{Executor, ImmutableKdTree, SquaredEuclidean};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use surfabet_geom::{
@@ -40,6 +43,30 @@ fn neighbours(c: &mut Criterion) {
     group.finish();
 }
 
+/// The same searches by kiddo.
+fn kiddo(c: &mut Criterion) {
+    let cloud = room(POINTS, 1);
+    let points = cloud.positions();
+    let build = || ImmutableKdTree::<f32, 3>::new_from_slice_parallel(points);
+    let tree = build().expect("the points are finite and distinct enough");
+    let executor = Executor::parallel();
+    let queries = || tree.query_batch(points).with_executor(&executor);
+    let mut group = c.benchmark_group("kiddo");
+    group.sample_size(10).throughput(Throughput::Elements(POINTS as u64));
+    group.bench_function("build", |b| b.iter(build));
+    group.bench_function("nearest", |b| {
+        b.iter(|| queries().nearest_one::<SquaredEuclidean<f32>>().execute());
+    });
+    group.bench_function("16 nearest", |b| {
+        let n = NonZero::new(16).expect("16 is not zero");
+        b.iter(|| queries().nearest_n::<SquaredEuclidean<f32>>(n).execute());
+    });
+    group.bench_function("within 1 cm", |b| {
+        b.iter(|| queries().within::<SquaredEuclidean<f32>>(1e-4).execute());
+    });
+    group.finish();
+}
+
 fn surfaces(c: &mut Criterion) {
     let cloud = room(POINTS, 1);
     let mut group = c.benchmark_group("surfaces");
@@ -73,5 +100,5 @@ fn metrics(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, neighbours, surfaces, metrics);
+criterion_group!(benches, neighbours, kiddo, surfaces, metrics);
 criterion_main!(benches);

@@ -2,9 +2,11 @@
 #![allow(missing_docs)]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use faer::MatRef;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, ksvd, omp};
+use surfabet_geom::Silent;
+use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, ksvd, leading_atom, omp};
 
 const FEATURES: usize = 400;
 const ATOMS: usize = 500;
@@ -29,16 +31,56 @@ fn sparse(criterion: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements(SIGNALS as u64));
     for (name, signals) in [("full", &full), ("masked", &masked)] {
         group.bench_function(format!("omp/{name}"), |b| {
-            b.iter(|| omp(&dictionary, signals, &options, &|| false));
+            b.iter(|| omp(&dictionary, signals, &options, &Silent));
         });
         let options =
             KsvdOptions { n_atoms: 100, iterations: 1, convergence: 0.0, ..KsvdOptions::default() };
         group.bench_function(format!("ksvd/{name}"), |b| {
-            b.iter(|| ksvd(signals, &options, &|| false, &mut |_| {}));
+            b.iter(|| ksvd(signals, &options, &Silent, &mut |_| {}));
         });
     }
     group.finish();
 }
 
-criterion_group!(benches, sparse);
+/// The leading direction of the residuals that an atom is updated from: the Lanczos start of the update, and faer's thin
+/// singular value decomposition.
+fn leading(criterion: &mut Criterion) {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let atom = noise(&mut rng, FEATURES);
+    for signals in [30, 100, 1000] {
+        let mut rows = noise(&mut rng, signals * FEATURES);
+        for row in rows.chunks_mut(FEATURES) {
+            let share = rng.random_range(-1.0..1.0);
+            for (value, a) in row.iter_mut().zip(&atom) {
+                // A fifth is missing; where a value is known, it is the atom with as much noise.
+                let known = !rng.random_bool(0.2);
+                *value = if known { *value + share * a } else { 0.0 };
+            }
+        }
+        let mut start = noise(&mut rng, FEATURES);
+        start.iter_mut().zip(&atom).for_each(|(s, a)| *s += a);
+        let norm = start.iter().map(|s| s * s).sum::<f32>().sqrt();
+        start.iter_mut().for_each(|s| *s /= norm);
+        let decompose = || {
+            let rows = MatRef::from_row_major_slice(&rows, signals, FEATURES);
+            let svd = rows.thin_svd().expect("the residuals are finite");
+            svd.V().col(0).iter().copied().collect::<Vec<f32>>()
+        };
+        let lanczos = || leading_atom(&rows, &start, &Silent).expect("nobody stops it");
+        let explained = |atom: &[f32]| -> f64 {
+            let along = |row: &[f32]| row.iter().zip(atom).map(|(r, a)| f64::from(r * a)).sum();
+            rows.chunks(FEATURES).map(along).map(|p: f64| p * p).sum()
+        };
+        let share = explained(&lanczos()) / explained(&decompose());
+        eprintln!("{signals} signals: the Lanczos start explains {share:.6} of what is possible");
+
+        let mut group = criterion.benchmark_group(format!("leading atom of {signals}"));
+        group.sample_size(10);
+        group.bench_function("lanczos", |b| b.iter(lanczos));
+        group.bench_function("faer thin_svd", |b| b.iter(decompose));
+        group.finish();
+    }
+}
+
+criterion_group!(benches, sparse, leading);
 criterion_main!(benches);

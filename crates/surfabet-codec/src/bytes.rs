@@ -23,11 +23,6 @@ impl ByteWriter {
         self.bytes.push(value);
     }
 
-    /// Appends 2 bytes, little-endian.
-    pub fn u16(&mut self, value: u16) {
-        self.bytes.extend_from_slice(&value.to_le_bytes());
-    }
-
     /// Appends 4 bytes, little-endian.
     pub fn u32(&mut self, value: u32) {
         self.bytes.extend_from_slice(&value.to_le_bytes());
@@ -65,12 +60,6 @@ impl ByteWriter {
     /// Appends `bytes` as they are.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
-    }
-
-    /// Appends the length of `bytes` as a varint, then `bytes`.
-    pub fn block(&mut self, bytes: &[u8]) {
-        self.varint(bytes.len() as u64);
-        self.bytes(bytes);
     }
 
     /// Number of bytes so far.
@@ -128,26 +117,6 @@ impl<'a> ByteReader<'a> {
         Ok(&self.bytes[start..self.offset])
     }
 
-    /// A varint length, then that many bytes.
-    pub fn block(&mut self) -> Result<&'a [u8]> {
-        let len = self.varint()?;
-        let Ok(len) = usize::try_from(len) else {
-            return Err(Error::Truncated {
-                section: self.section,
-                needed: len,
-                available: self.remaining() as u64,
-            });
-        };
-        self.bytes(len)
-    }
-
-    /// All bytes left.
-    pub fn rest(&mut self) -> &'a [u8] {
-        let start = self.offset;
-        self.offset = self.bytes.len();
-        &self.bytes[start..]
-    }
-
     fn array<const N: usize>(&mut self) -> Result<[u8; N]> {
         let mut array = [0; N];
         array.copy_from_slice(self.bytes(N)?);
@@ -157,11 +126,6 @@ impl<'a> ByteReader<'a> {
     /// One byte.
     pub fn u8(&mut self) -> Result<u8> {
         Ok(u8::from_le_bytes(self.array()?))
-    }
-
-    /// 2 bytes, little-endian.
-    pub fn u16(&mut self) -> Result<u16> {
-        Ok(u16::from_le_bytes(self.array()?))
     }
 
     /// 4 bytes, little-endian.
@@ -283,7 +247,7 @@ mod tests {
     proptest! {
         #[test]
         fn fields_round_trip(
-            (a, b, c, d) in any::<(u8, u16, u32, u64)>(),
+            (a, c, d) in any::<(u8, u32, u64)>(),
             e in any::<f32>().prop_filter("finite", |x| x.is_finite()),
             f in any::<f64>().prop_filter("finite", |x| x.is_finite()),
             (g, h) in any::<(u64, i64)>(),
@@ -291,25 +255,25 @@ mod tests {
         ) {
             let mut writer = ByteWriter::new();
             writer.u8(a);
-            writer.u16(b);
             writer.u32(c);
             writer.u64(d);
             writer.f32(e);
             writer.f64(f);
             writer.varint(g);
             writer.signed_varint(h);
-            writer.block(&block);
+            writer.varint(block.len() as u64);
+            writer.bytes(&block);
             let bytes = writer.finish();
             let mut reader = ByteReader::new(TEST, &bytes);
             prop_assert_eq!(reader.u8()?, a);
-            prop_assert_eq!(reader.u16()?, b);
             prop_assert_eq!(reader.u32()?, c);
             prop_assert_eq!(reader.u64()?, d);
             prop_assert_eq!(reader.f32()?.to_bits(), e.to_bits());
             prop_assert_eq!(reader.f64()?.to_bits(), f.to_bits());
             prop_assert_eq!(reader.varint()?, g);
             prop_assert_eq!(reader.signed_varint()?, h);
-            prop_assert_eq!(reader.block()?, &block[..]);
+            let len = reader.count("bytes", 1)?;
+            prop_assert_eq!(reader.bytes(len)?, &block[..]);
             reader.finish()?;
         }
 
@@ -374,7 +338,8 @@ mod tests {
         huge.varint(u64::MAX);
         let huge = huge.finish();
         assert!(ByteReader::new(TEST, &huge).count("words", 0).is_err());
-        assert!(matches!(ByteReader::new(TEST, &huge).block(), Err(Error::Truncated { .. })));
+        let beyond = ByteReader::new(TEST, &huge).bytes(huge.len() + 1);
+        assert!(matches!(beyond, Err(Error::Truncated { needed: 11, available: 10, .. })));
     }
 
     #[test]

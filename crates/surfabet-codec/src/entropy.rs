@@ -402,6 +402,7 @@ impl DecoderModel<PRECISION> for EqualSlots {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use surfabet_entropy::{Cells, Octree, Price};
 
     use super::*;
 
@@ -546,6 +547,43 @@ mod tests {
             flipped[bit / 8] ^= 1 << (bit % 8);
             let _ = decode(&items, &flipped);
         }
+    }
+
+    proptest! {
+        #[test]
+        fn a_tree_takes_the_bytes_of_its_price_and_comes_back(
+            codes in prop::collection::btree_set(0_u64..1 << 30, 1..300),
+        ) {
+            let codes: Vec<u64> = codes.into_iter().collect();
+            let mut encoder = Encoder::new();
+            let mut price = Price::default();
+            let Ok(written) = tree(&mut encoder, &codes, codes.len());
+            let Ok(_) = tree(&mut price, &codes, codes.len());
+            let bytes = encoder.finish();
+            // Prices of single decisions are rounded to 2^-12 bits and a stream ends in whole bytes.
+            let length = 8.0 * bytes.len() as f64;
+            let tolerance = 0.002 * price.bits;
+            prop_assert!(length >= price.bits - tolerance - 8.0, "{} of {}", length, price.bits);
+            prop_assert!(length <= price.bits + tolerance + 24.0, "{} of {}", length, price.bits);
+            let mut decoder = Decoder::new(TEST, &bytes);
+            prop_assert_eq!(tree(&mut decoder, &[], codes.len())?, written);
+            prop_assert_eq!(decoder.finish(), Ok(()));
+        }
+    }
+
+    /// Cells of an octree over codes of 30 bits.
+    fn tree<C: Coder>(
+        coder: &mut C,
+        codes: &[u64],
+        most: usize,
+    ) -> Result<Vec<[u32; 3]>, C::Error> {
+        let mut models = Octree::new(3);
+        let mut cells = Cells::new(codes, 10, most);
+        let mut found = Vec::new();
+        while let Some(cell) = cells.next(coder, &mut models)? {
+            found.push(cell.at);
+        }
+        Ok(found)
     }
 
     #[test]

@@ -1,5 +1,9 @@
 //! The one error type of this crate.
 
+use std::borrow::Cow;
+
+use surfabet_base::{Cancelled, InvalidParameter};
+
 use crate::container::{Family, Tag, Version};
 use crate::hash::ContentHash;
 
@@ -135,15 +139,8 @@ pub enum Error {
         remedy: &'static str,
     },
     /// A parameter is outside its domain.
-    #[error("{name} is {value}, but must be {requirement}")]
-    InvalidParameter {
-        /// Name of the parameter.
-        name: &'static str,
-        /// The value given, as text.
-        value: String,
-        /// What it has to satisfy.
-        requirement: &'static str,
-    },
+    #[error(transparent)]
+    InvalidParameter(#[from] InvalidParameter),
     /// The shared dictionary given is not the one the file was made with.
     #[error(
         "the file was made with dictionary {expected}, the one given is {found}; give the former"
@@ -167,7 +164,7 @@ pub enum Error {
     },
     /// The caller asked to stop.
     #[error(transparent)]
-    Cancelled(#[from] surfabet_geom::Cancelled),
+    Cancelled(#[from] Cancelled),
 }
 
 impl Error {
@@ -175,9 +172,9 @@ impl Error {
     pub fn invalid(
         name: &'static str,
         value: impl std::fmt::Display,
-        requirement: &'static str,
+        requirement: impl Into<Cow<'static, str>>,
     ) -> Self {
-        Self::InvalidParameter { name, value: value.to_string(), requirement }
+        InvalidParameter::new(name, value, requirement).into()
     }
 
     /// A value at byte `offset` of `section` that contradicts the format.

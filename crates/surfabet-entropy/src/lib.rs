@@ -6,7 +6,9 @@
 mod coder;
 mod error;
 mod models;
+mod octree;
 
 pub use coder::{Coder, Price};
 pub use error::InvalidAlphabet;
 pub use models::{Bit, PRECISION, SInt, Symbols, UInt};
+pub use octree::{Cell, Cells, MortonCode, Octree, Quadtree, Tree};

@@ -114,13 +114,6 @@ impl Bit {
         Self { one: 1 << 31, updates: 0, memory }
     }
 
-    /// This bit with a prior: true has probability `one / 2^16`, as if seen `updates` times already.
-    #[must_use]
-    pub const fn with_prior(self, one: u16, updates: u16) -> Self {
-        let updates = if updates > self.memory { self.memory } else { updates };
-        Self { one: (one as u32) << 16, updates, ..self }
-    }
-
     /// Share of false in `[0, 2^16)`; at least 16 and at most 2^16 - 16.
     #[inline]
     pub fn zero_width(self) -> u32 {
@@ -257,7 +250,7 @@ impl UInt {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SInt {
     nonzero: Bit,
-    negative: Option<Bit>,
+    negative: Bit,
     magnitude: UInt,
 }
 
@@ -276,23 +269,14 @@ impl SInt {
     /// An integer whose bits have the given memory, see [`Bit::with_memory`].
     pub const fn with_memory(memory: u16) -> Self {
         let bit = Bit::with_memory(memory);
-        Self { nonzero: bit, negative: Some(bit), magnitude: UInt::with_memory(memory) }
-    }
-
-    /// This integer with both signs equally frequent: a sign takes one bit and nothing is learned of it.
-    #[must_use]
-    pub const fn symmetric(self) -> Self {
-        Self { negative: None, ..self }
+        Self { nonzero: bit, negative: bit, magnitude: UInt::with_memory(memory) }
     }
 
     pub(crate) fn code<C: Coder>(&mut self, coder: &mut C, value: i32) -> Result<i32, C::Error> {
         if !coder.bit(&mut self.nonzero, value != 0)? {
             return Ok(0);
         }
-        let negative = match &mut self.negative {
-            Some(bit) => coder.bit(bit, value < 0)?,
-            None => coder.bypass(u64::from(value < 0), 1)? != 0,
-        };
+        let negative = coder.bit(&mut self.negative, value < 0)?;
         let wanted = value.unsigned_abs().saturating_sub(1);
         let magnitude = i64::from(self.magnitude.code(coder, wanted)?) + 1;
         let value = if negative { -magnitude } else { magnitude };
@@ -304,7 +288,7 @@ impl SInt {
     pub fn cost(&self, value: i32) -> f32 {
         let mut cost = self.nonzero.cost(value != 0);
         if value != 0 {
-            cost += self.negative.map_or(1.0, |bit| bit.cost(value < 0));
+            cost += self.negative.cost(value < 0);
             cost += self.magnitude.cost(value.unsigned_abs() - 1);
         }
         cost

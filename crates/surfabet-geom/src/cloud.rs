@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::vector::distance;
 
 /// Largest absolute coordinate, in metres, that is stored without an origin of its own. An `f32` of this size
 /// still resolves 0.06 mm, and clouds below it (rooms, buildings, single scans) keep their `f32` bits exactly.
-const LARGEST_UNSHIFTED: f64 = 1000.0;
+pub const LARGEST_UNSHIFTED: f64 = 1000.0;
 
 /// Where each point was measured from: a short table of sensor origins and one index into it per point.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -170,7 +171,7 @@ impl PointCloud {
 
     /// Splits world coordinates into an origin and local `f32` positions, for [`CloudParts`].
     ///
-    /// The origin is zero while every coordinate is below 1000 m, so that `f32` input keeps its bits; else it
+    /// The origin is zero while no coordinate is beyond [`LARGEST_UNSHIFTED`], so that `f32` input keeps its bits; else it
     /// is the centre of the bounding box rounded to whole metres. Local coordinates up to 8 km from it are
     /// then exact to 0.5 mm.
     pub fn split_origin(world: &[[f64; 3]]) -> ([f64; 3], Vec<[f32; 3]>) {
@@ -191,6 +192,38 @@ impl PointCloud {
         let local =
             world.iter().map(|p| std::array::from_fn(|a| (p[a] - origin[a]) as f32)).collect();
         (origin, local)
+    }
+
+    /// As [`PointCloud::split_origin`] for world coordinates in single precision, which keep their bits where the
+    /// origin is zero.
+    pub fn split_origin_single(world: Vec<[f32; 3]>) -> ([f64; 3], Vec<[f32; 3]>) {
+        let is_far = |c: &f32| c.is_finite() && f64::from(c.abs()) > LARGEST_UNSHIFTED;
+        if !world.iter().flatten().any(is_far) {
+            return ([0.0; 3], world);
+        }
+        let world: Vec<[f64; 3]> = world.into_iter().map(|p| p.map(f64::from)).collect();
+        Self::split_origin(&world)
+    }
+
+    /// The cloud as measured from one place, in world coordinates: where it has no viewpoints, it gets this one, and
+    /// the distances to it where it has no ranges.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for a viewpoint that is not finite.
+    pub fn seen_from(mut self, viewpoint: [f64; 3]) -> Result<Self> {
+        if viewpoint.iter().any(|c| !c.is_finite()) {
+            let given = format!("{viewpoint:?}");
+            return Err(Error::invalid("viewpoint", given, "three finite coordinates"));
+        }
+        if self.viewpoints.is_some() {
+            return Ok(self);
+        }
+        if self.ranges.is_none() {
+            let range = |i: usize| distance(self.world(i), viewpoint) as f32;
+            self.ranges = Some((0..self.len()).map(range).collect());
+        }
+        self.viewpoints = Some(Viewpoints { origins: vec![viewpoint], index: vec![0; self.len()] });
+        Ok(self)
     }
 
     /// Number of points.
@@ -396,6 +429,38 @@ mod tests {
         assert_eq!(cloud.positions(), [[0.0; 3], [1.0; 3]]);
         assert_eq!(cloud.colors().unwrap(), [[1; 3], [4; 3]]);
         assert_eq!(cloud.normals().unwrap(), [[0.0, 0.0, 1.0], [0.0; 3]]);
+    }
+
+    #[test]
+    fn single_precision_keeps_its_bits_up_to_the_limit() {
+        let near = vec![[1000.0, -1000.0, 0.1], [f32::INFINITY, 2.0, 3.0]];
+        let (origin, positions) = PointCloud::split_origin_single(near.clone());
+        assert_eq!((origin, positions), ([0.0; 3], near));
+        let (origin, positions) =
+            PointCloud::split_origin_single(vec![[1000.5, 0.0, 0.0], [1002.5, 0.0, 4.0]]);
+        assert_eq!(origin, [1002.0, 0.0, 2.0]);
+        assert_eq!(positions, [[-1.5, 0.0, -2.0], [0.5, 0.0, 2.0]]);
+    }
+
+    #[test]
+    fn a_viewpoint_is_given_where_there_is_none() {
+        let parts = CloudParts {
+            origin: [2000.0, 0.0, 0.0],
+            positions: vec![[0.0, 3.0, 4.0], [1.0, 0.0, 0.0]],
+            ..CloudParts::default()
+        };
+        let (cloud, _) = PointCloud::from_parts(parts.clone()).unwrap();
+        let seen = cloud.clone().seen_from([2000.0, 0.0, 0.0]).unwrap();
+        assert_eq!(seen.ranges().unwrap(), [5.0, 1.0]);
+        let viewpoints = seen.viewpoints().unwrap();
+        assert_eq!(viewpoints.origins, [[2000.0, 0.0, 0.0]]);
+        assert_eq!(viewpoints.index, [0, 0]);
+        // What the cloud knows already stays.
+        assert_eq!(seen.clone().seen_from([0.0; 3]).unwrap(), seen);
+        let ranges = Some(vec![7.0, 8.0]);
+        let (cloud, _) = PointCloud::from_parts(CloudParts { ranges, ..parts }).unwrap();
+        assert_eq!(cloud.seen_from([0.0; 3]).unwrap().ranges().unwrap(), [7.0, 8.0]);
+        assert!(seen.seen_from([f64::NAN, 0.0, 0.0]).is_err());
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! The one error type of this crate.
 
-use crate::progress::Cancelled;
+use std::borrow::Cow;
+
+use surfabet_base::{Cancelled, InvalidParameter};
 
 /// Shorthand for results of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -30,15 +32,8 @@ pub enum Error {
         found: usize,
     },
     /// A parameter is outside its domain.
-    #[error("{name} is {value}, but must be {requirement}")]
-    InvalidParameter {
-        /// Name of the parameter.
-        name: &'static str,
-        /// The value given, as text.
-        value: String,
-        /// What it has to satisfy.
-        requirement: &'static str,
-    },
+    #[error(transparent)]
+    InvalidParameter(#[from] InvalidParameter),
     /// An index points outside the data.
     #[error("{name} {index} is out of range: there are {len}")]
     IndexOutOfRange {
@@ -67,8 +62,8 @@ impl Error {
     pub fn invalid(
         name: &'static str,
         value: impl std::fmt::Display,
-        requirement: &'static str,
+        requirement: impl Into<Cow<'static, str>>,
     ) -> Self {
-        Self::InvalidParameter { name, value: value.to_string(), requirement }
+        InvalidParameter::new(name, value, requirement).into()
     }
 }

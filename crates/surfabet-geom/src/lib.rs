@@ -4,6 +4,9 @@
 //! georeferenced coordinates keep their millimetres while the work stays in single precision; sums are
 //! accumulated in `f64`.
 
+mod box_tree;
+mod boxes;
+pub mod cells;
 mod cloud;
 mod error;
 mod kdtree;
@@ -14,12 +17,14 @@ mod normals;
 pub mod octahedral;
 mod octree;
 mod pose;
-mod progress;
 mod range_image;
 mod reduce;
+pub mod vector;
 mod voxel_grid;
 
-pub use cloud::{CloudParts, DroppedValues, PointCloud, Viewpoints};
+pub use box_tree::{BoxTree, Union, arrange, boxes_of};
+pub use boxes::Aabb;
+pub use cloud::{CloudParts, DroppedValues, LARGEST_UNSHIFTED, PointCloud, Viewpoints};
 pub use error::{Error, Result};
 pub use kdtree::{KdTree, Neighbor, Neighborhoods};
 pub use metrics::{DirectedErrors, EvaluateOptions, Quality, Tolerance, evaluate};
@@ -27,7 +32,7 @@ pub use moments::{FittedPlane, Moments, PrincipalAxes};
 pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal, orient_normal};
 pub use octree::Octree;
 pub use pose::Pose;
-pub use progress::{Cancelled, Part, Progress, Silent};
 pub use range_image::{Projection, RangeImage};
 pub use reduce::{farthest_points, octree_with, random_points, voxel_grid_with};
+pub use surfabet_base::{Cancelled, InvalidParameter, Part, Progress, Silent};
 pub use voxel_grid::VoxelGrid;

@@ -6,12 +6,13 @@
 //! the number of threads.
 
 use rayon::prelude::*;
+use surfabet_base::{Meter, Progress};
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::kdtree::{KdTree, Meter, Neighbor};
+use crate::kdtree::{KdTree, Neighbor};
 use crate::normals::fit_normal;
-use crate::progress::Progress;
+use crate::vector::{distance, dot, minus};
 
 /// Pairs per partial sum.
 const CHUNK: usize = 8192;
@@ -139,6 +140,50 @@ pub fn evaluate(
     options: &EvaluateOptions,
     progress: &dyn Progress,
 ) -> Result<Quality> {
+    check(reference, decoded, options)?;
+    let tolerances = options.tolerance.map(|t| Tolerances::new(t, reference)).transpose()?;
+    let psnr_peak = peak(reference, options.peak)?;
+    let pairs = Pairs::find(reference, decoded, options, progress)?;
+
+    let distances = pairs.squares_of(|pair, _, _| f64::from(pair.squared_distance()));
+    let planes =
+        pairs.has_planes().then(|| pairs.squares_of(|_, i, j| pairs.squared_plane_distance(i, j)));
+    progress.check()?;
+    let colors = reference.colors().zip(decoded.colors()).map(|(a, b)| {
+        let squared = |x: u8, y: u8| (f64::from(x) - f64::from(y)).powi(2);
+        pairs.squares_of(|_, i, j| (0..3).map(|c| squared(a[i][c], b[j][c])).sum::<f64>() / 3.0)
+    });
+    progress.check()?;
+
+    let root_means = |squares: Option<[Squares; 2]>| squares.map(|s| s.map(Squares::root_mean));
+    let (plane_rmse, color_rmse) = (root_means(planes), root_means(colors));
+    let directed = |way: usize, pairs: &[Neighbor]| {
+        directed(pairs, distances[way], plane_rmse.map(|r| r[way]), color_rmse.map(|r| r[way]))
+    };
+    let forward = directed(0, &pairs.forward);
+    let backward = directed(1, &pairs.backward);
+    let pooled = |[forward, backward]: [Squares; 2]| forward.pooled(backward);
+    let psnr = |rmse: f64| 20.0 * (psnr_peak / rmse).log10();
+    let rmse = forward.rmse.max(backward.rmse);
+    Ok(Quality {
+        reference_points: reference.len(),
+        decoded_points: decoded.len(),
+        forward,
+        backward,
+        rmse,
+        rmse_pooled: pooled(distances),
+        plane_rmse_pooled: planes.map(pooled),
+        color_rmse_pooled: colors.map(pooled),
+        psnr_peak,
+        d1_psnr: psnr(rmse),
+        d2_psnr: plane_rmse.map(|[forward, backward]| psnr(forward.max(backward))),
+        inliers: tolerances.as_ref().map(|t| pairs.inliers(t)),
+        outliers: tolerances.as_ref().and_then(|t| pairs.outliers(t)),
+    })
+}
+
+/// Refuses clouds without points and too few neighbours for a plane.
+fn check(reference: &PointCloud, decoded: &PointCloud, options: &EvaluateOptions) -> Result<()> {
     for (operation, cloud) in [("evaluate (reference)", reference), ("evaluate (decoded)", decoded)]
     {
         if cloud.is_empty() {
@@ -148,113 +193,102 @@ pub fn evaluate(
     if let Some(k) = options.normal_neighbors.filter(|&k| k < 3) {
         return Err(Error::invalid("normal_neighbors", k, "at least 3 to span a plane"));
     }
-    let tolerances = options.tolerance.map(|t| Tolerances::new(t, reference)).transpose()?;
-    let psnr_peak = peak(reference, options.peak)?;
+    Ok(())
+}
 
-    let p = reference.positions();
-    let q = decoded.positions_about(reference.origin());
-    // One tree at a time: with both, memory would peak a third higher.
-    let (forward_pairs, fitted) = {
-        let tree = KdTree::new(p)?;
-        let pairs = tree.nearest_batch(&q, progress)?;
-        let fitted = match options.normal_neighbors {
-            Some(k) if reference.normals().is_none() => {
-                Some(fit_normals(&tree, p, &q, k, progress)?)
-            }
-            _ => None,
+/// The nearest point of the other cloud to every point of both.
+struct Pairs<'a> {
+    reference: &'a PointCloud,
+    /// Decoded points about the reference's origin.
+    decoded: Vec<[f32; 3]>,
+    /// Of each decoded point, its nearest reference point.
+    forward: Vec<Neighbor>,
+    /// Of each reference point, its nearest decoded point.
+    backward: Vec<Neighbor>,
+    /// Normals of the reference's surface at the decoded points, where the reference has none itself.
+    fitted: Option<Vec<[f32; 3]>>,
+}
+
+impl<'a> Pairs<'a> {
+    fn find(
+        reference: &'a PointCloud,
+        decoded: &PointCloud,
+        options: &EvaluateOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let p = reference.positions();
+        let q = decoded.positions_about(reference.origin());
+        // One tree at a time: with both, memory would peak a third higher.
+        let (forward, fitted) = {
+            let tree = KdTree::new(p)?;
+            let forward = tree.nearest_batch(&q, progress)?;
+            let k = options.normal_neighbors.filter(|_| reference.normals().is_none());
+            let fitted = k.map(|k| fit_normals(&tree, p, &q, k, progress)).transpose()?;
+            (forward, fitted)
         };
-        (pairs, fitted)
-    };
-    let backward_pairs = KdTree::new(&q)?.nearest_batch(p, progress)?;
+        let backward = KdTree::new(&q)?.nearest_batch(p, progress)?;
+        Ok(Self { reference, decoded: q, forward, backward, fitted })
+    }
 
-    let plane = |i: usize, j: usize| -> f64 {
-        let d: [f64; 3] = std::array::from_fn(|a| f64::from(q[j][a]) - f64::from(p[i][a]));
-        let n = match (reference.normals(), &fitted) {
-            (Some(normals), _) => normals[i],
-            (None, Some(fitted)) => fitted[j],
+    /// True when normals are known, of the reference or fitted to it.
+    fn has_planes(&self) -> bool {
+        self.reference.normals().is_some() || self.fitted.is_some()
+    }
+
+    /// `((q - p) . n)^2` of reference point p and decoded point q; `|q - p|^2` where n is unknown.
+    fn squared_plane_distance(&self, p: usize, q: usize) -> f64 {
+        let n = match (self.reference.normals(), &self.fitted) {
+            (Some(normals), _) => normals[p],
+            (None, Some(fitted)) => fitted[q],
             (None, None) => [0.0; 3],
         };
-        let along: f64 = (0..3).map(|a| d[a] * f64::from(n[a])).sum();
-        if n == [0.0; 3] { d.iter().map(|c| c * c).sum() } else { along * along }
-    };
-    let colors = reference.colors().zip(decoded.colors());
-    let color = |i: usize, j: usize| -> f64 {
-        colors.map_or(0.0, |(a, b)| {
-            (0..3).map(|c| (f64::from(a[i][c]) - f64::from(b[j][c])).powi(2)).sum::<f64>() / 3.0
-        })
-    };
-    let has_planes = reference.normals().is_some() || fitted.is_some();
+        let [at, from] = [self.decoded[q], self.reference.positions()[p]];
+        let d = minus(at.map(f64::from), from.map(f64::from));
+        let along = dot(d, n.map(f64::from));
+        if n == [0.0; 3] { dot(d, d) } else { along * along }
+    }
 
-    let (q_count, p_count) = (q.len(), p.len());
-    let distance = |pair: &Neighbor| f64::from(pair.squared_distance());
-    let forward_distance =
-        Squares { sum: sum_by(q_count, |j| distance(&forward_pairs[j])), count: q_count };
-    let backward_distance =
-        Squares { sum: sum_by(p_count, |i| distance(&backward_pairs[i])), count: p_count };
-    let both = |wanted: bool, error: &(dyn Fn(usize, usize) -> f64 + Sync)| {
-        wanted.then(|| {
-            let forward = sum_by(q_count, |j| error(forward_pairs[j].index(), j));
-            let backward = sum_by(p_count, |i| error(i, backward_pairs[i].index()));
-            (Squares { sum: forward, count: q_count }, Squares { sum: backward, count: p_count })
-        })
-    };
-    let planes = both(has_planes, &plane);
-    progress.check()?;
-    let color_squares = both(colors.is_some(), &color);
-    progress.check()?;
+    /// Sums of an error over the pairs of both directions, forward first. The error is that of a pair, of its reference
+    /// point and of its decoded point.
+    fn squares_of(&self, error: impl Fn(&Neighbor, usize, usize) -> f64 + Sync) -> [Squares; 2] {
+        let Self { forward, backward, .. } = self;
+        let over = |count: usize, error: &(dyn Fn(usize) -> f64 + Sync)| Squares {
+            sum: sum_by(count, error),
+            count,
+        };
+        [
+            over(forward.len(), &|j| error(&forward[j], forward[j].index(), j)),
+            over(backward.len(), &|i| error(&backward[i], i, backward[i].index())),
+        ]
+    }
 
-    let inliers = tolerances.as_ref().map(|t| {
-        let known = count_by(p_count, |i| t.squared(i).is_some());
-        let matched = count_by(p_count, |i| {
-            t.squared(i).is_some_and(|limit| distance(&backward_pairs[i]) <= limit)
-        });
-        matched as f64 / known as f64
-    });
-    let outliers = tolerances.as_ref().and_then(|t| {
-        let limit = |j: usize| t.squared(forward_pairs[j].index());
-        let known = count_by(q_count, |j| limit(j).is_some());
-        let lone = count_by(q_count, |j| limit(j).is_some_and(|l| distance(&forward_pairs[j]) > l));
-        (known > 0).then(|| lone as f64 / known as f64)
-    });
+    /// Share of the reference points, where their tolerance is known, with a decoded point within it.
+    fn inliers(&self, tolerances: &Tolerances<'_>) -> f64 {
+        let n = self.backward.len();
+        let matched =
+            |i: usize, limit: f64| f64::from(self.backward[i].squared_distance()) <= limit;
+        let known = count_by(n, |i| tolerances.squared(i).is_some());
+        let inside = count_by(n, |i| tolerances.squared(i).is_some_and(|l| matched(i, l)));
+        inside as f64 / known as f64
+    }
 
-    let forward = directed(
-        &forward_pairs,
-        forward_distance,
-        planes.map(|p| p.0.root_mean()),
-        color_squares.map(|c| c.0.root_mean()),
-    );
-    let backward = directed(
-        &backward_pairs,
-        backward_distance,
-        planes.map(|p| p.1.root_mean()),
-        color_squares.map(|c| c.1.root_mean()),
-    );
-    let psnr = |rmse: f64| 20.0 * (psnr_peak / rmse).log10();
-    let rmse = forward.rmse.max(backward.rmse);
-    Ok(Quality {
-        reference_points: p_count,
-        decoded_points: q_count,
-        forward,
-        backward,
-        rmse,
-        rmse_pooled: forward_distance.pooled(backward_distance),
-        plane_rmse_pooled: planes.map(|(f, b)| f.pooled(b)),
-        color_rmse_pooled: color_squares.map(|(f, b)| f.pooled(b)),
-        psnr_peak,
-        d1_psnr: psnr(rmse),
-        d2_psnr: planes.map(|(f, b)| psnr(f.root_mean().max(b.root_mean()))),
-        inliers,
-        outliers,
-    })
+    /// Share of the decoded points, where the tolerance of the nearest reference point is known, that are farther from
+    /// it; none where all are unknown.
+    fn outliers(&self, tolerances: &Tolerances<'_>) -> Option<f64> {
+        let n = self.forward.len();
+        let limit = |j: usize| tolerances.squared(self.forward[j].index());
+        let lone = |j: usize, limit: f64| f64::from(self.forward[j].squared_distance()) > limit;
+        let known = count_by(n, |j| limit(j).is_some());
+        let outside = count_by(n, |j| limit(j).is_some_and(|l| lone(j, l)));
+        (known > 0).then(|| outside as f64 / known as f64)
+    }
 }
 
 fn peak(reference: &PointCloud, given: Option<f64>) -> Result<f64> {
     match given {
         Some(peak) if peak > 0.0 && peak.is_finite() => Ok(peak),
         Some(peak) => Err(Error::invalid("peak", peak, "a positive length in metres")),
-        None => Ok(reference.bounds().map_or(0.0, |(low, high)| {
-            (0..3).map(|a| (high[a] - low[a]).powi(2)).sum::<f64>().sqrt()
-        })),
+        None => Ok(reference.bounds().map_or(0.0, |(low, high)| distance(low, high))),
     }
 }
 
@@ -268,7 +302,7 @@ fn fit_normals(
 ) -> Result<Vec<[f32; 3]>> {
     const BATCH: usize = 1024;
     let mut normals = vec![[0.0; 3]; decoded.len()];
-    let meter = Meter::named(progress, "reference planes", decoded.len().div_ceil(BATCH));
+    let meter = Meter::new(progress, "reference planes", decoded.len().div_ceil(BATCH));
     normals.par_chunks_mut(BATCH).zip(decoded.par_chunks(BATCH)).try_for_each(
         |(normals, decoded)| {
             let mut found = Vec::new();
@@ -332,9 +366,7 @@ impl<'a> Tolerances<'a> {
         }
         let viewpoint = self.reference.local_viewpoint(i)?;
         let p = self.reference.positions()[i];
-        let squared: f64 =
-            (0..3).map(|a| (f64::from(viewpoint[a]) - f64::from(p[a])).powi(2)).sum();
-        Some(squared.sqrt())
+        Some(distance(viewpoint.map(f64::from), p.map(f64::from)))
     }
 
     /// `None` where the range is unknown: such points are not counted.
@@ -394,7 +426,7 @@ mod tests {
 
     use super::*;
     use crate::cloud::{CloudParts, Viewpoints};
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn cloud(parts: CloudParts) -> PointCloud {
         PointCloud::from_parts(parts).unwrap().0

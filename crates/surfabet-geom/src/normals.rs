@@ -4,9 +4,10 @@ use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::kdtree::{KdTree, Meter, Neighbor};
+use crate::kdtree::{KdTree, Neighbor};
 use crate::moments::Moments;
-use crate::progress::Progress;
+use surfabet_base::Meter;
+use surfabet_base::Progress;
 
 /// Points per unit of parallel work.
 const BATCH: usize = 1024;
@@ -94,7 +95,7 @@ pub fn estimate_normals(
     let tree = KdTree::new(positions)?;
     let mut normals = vec![[0.0; 3]; positions.len()];
     let mut curvatures = vec![0.0; positions.len()];
-    let meter = Meter::named(progress, "normals", positions.len().div_ceil(BATCH));
+    let meter = Meter::new(progress, "normals", positions.len().div_ceil(BATCH));
     let unknown = normals
         .par_chunks_mut(BATCH)
         .zip(curvatures.par_chunks_mut(BATCH))
@@ -115,7 +116,8 @@ pub fn estimate_normals(
                     None => unknown += 1,
                 }
             }
-            meter.step().map(|()| unknown)
+            meter.step()?;
+            Ok(unknown)
         })
         .sum::<Result<usize>>()?;
     Ok(Normals { normals, curvatures, unknown })
@@ -143,7 +145,7 @@ pub fn orient_normal(
 mod tests {
     use super::*;
     use crate::cloud::{CloudParts, Viewpoints};
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn cloud(positions: Vec<[f32; 3]>, viewpoint: Option<[f64; 3]>) -> PointCloud {
         let index = vec![0; positions.len()];

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::morton;
-use crate::progress::Progress;
+use surfabet_base::Progress;
 
 /// Deepest level.
 const DEEPEST: u32 = morton::BITS;
@@ -177,7 +177,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn bare(positions: Vec<[f32; 3]>) -> PointCloud {
         PointCloud::from_positions(positions).0

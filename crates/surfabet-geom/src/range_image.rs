@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::pose::Pose;
-use crate::progress::Progress;
+use surfabet_base::Progress;
 
 /// Points between two looks at [`Progress`].
 const BATCH: usize = 1 << 16;
@@ -222,7 +222,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     const KINECT: Projection =
         Projection::Pinhole { fx: 585.0, fy: 585.0, cx: 320.0, cy: 240.0, width: 640, height: 480 };

@@ -1,13 +1,18 @@
 //! Fewer points: a number of them at random or far apart, and the cell size that gives a number of cells.
 
+use std::ops::Range;
+
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use crate::box_tree::{BoxTree, Union, arrange};
+use crate::boxes::Aabb;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::octree::Octree;
-use crate::progress::Progress;
+use crate::vector::squared_distance;
 use crate::voxel_grid::VoxelGrid;
+use surfabet_base::Progress;
 
 /// Most cell sizes that are tried.
 const MAX_TRIALS: usize = 40;
@@ -150,19 +155,22 @@ fn far_key(squared_distance: f32, index: u32) -> u64 {
     u64::from(squared_distance.to_bits()) << 32 | u64::from(u32::MAX - index)
 }
 
-struct FarNode {
-    low: [f32; 3],
-    high: [f32; 3],
-    /// Largest key of the points below.
+/// A box of points with the largest key of those in it.
+#[derive(Debug, Clone, Copy)]
+struct Far {
+    aabb: Aabb,
     key: u64,
-    begin: u32,
-    end: u32,
-    /// First of two children that follow each other; zero for a leaf.
-    children: u32,
+}
+
+impl Union for Far {
+    fn union(self, other: Self) -> Self {
+        Self { aabb: self.aabb.union(other.aabb), key: self.key.max(other.key) }
+    }
 }
 
 struct FarTree {
-    nodes: Vec<FarNode>,
+    /// Over runs of [`LEAF`] points.
+    boxes: BoxTree<Far>,
     /// Points in the order of the leaves.
     points: Vec<([f32; 3], u32)>,
     keys: Vec<u64>,
@@ -172,92 +180,50 @@ struct FarTree {
 
 impl FarTree {
     fn new(positions: &[[f32; 3]]) -> Self {
-        let points: Vec<([f32; 3], u32)> = positions.iter().copied().zip(0..).collect();
-        let n = points.len();
-        let mut tree = Self { nodes: Vec::new(), points, keys: vec![0; n], places: vec![0; n] };
-        tree.nodes.push(tree.node(0, n));
-        tree.split(0);
-        for (place, &(_, index)) in tree.points.iter().enumerate() {
-            tree.places[index as usize] = place as u32;
-            tree.keys[place] = far_key(f32::INFINITY, index);
-        }
-        tree
-    }
-
-    fn node(&self, begin: usize, end: usize) -> FarNode {
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for (p, _) in &self.points[begin..end] {
-            for a in 0..3 {
-                low[a] = low[a].min(p[a]);
-                high[a] = high[a].max(p[a]);
-            }
+        let mut order: Vec<u32> = (0..positions.len() as u32).collect();
+        arrange(&mut order, positions, LEAF);
+        let points: Vec<([f32; 3], u32)> =
+            order.into_iter().map(|i| (positions[i as usize], i)).collect();
+        let mut places = vec![0; points.len()];
+        for (place, &(_, index)) in (0..).zip(&points) {
+            places[index as usize] = place;
         }
         // Everything is infinitely far from no sample.
-        let key = far_key(f32::INFINITY, 0);
-        FarNode { low, high, key, begin: begin as u32, end: end as u32, children: 0 }
-    }
-
-    /// Halves a node until leaves are small; as deep as the logarithm of the number of points.
-    fn split(&mut self, at: usize) {
-        let FarNode { low, high, begin, end, .. } = self.nodes[at];
-        let (begin, end) = (begin as usize, end as usize);
-        if end - begin <= LEAF {
-            return;
-        }
-        let longest =
-            (1..3).fold(0, |m, a| if high[a] - low[a] > high[m] - low[m] { a } else { m });
-        let half = (end - begin) / 2;
-        self.points[begin..end].select_nth_unstable_by(half, |(p, i), (q, j)| {
-            p[longest].total_cmp(&q[longest]).then(i.cmp(j))
-        });
-        let children = self.nodes.len();
-        self.nodes[at].children = children as u32;
-        let (left, right) = (self.node(begin, begin + half), self.node(begin + half, end));
-        self.nodes.extend([left, right]);
-        self.split(children);
-        self.split(children + 1);
-    }
-
-    fn farthest(&self) -> usize {
-        (u32::MAX - self.nodes[0].key as u32) as usize
-    }
-
-    fn take(&mut self, index: usize) {
-        let place = self.places[index];
-        let (sample, _) = self.points[place as usize];
-        self.update(0, sample, place);
-    }
-
-    fn update(&mut self, at: usize, sample: [f32; 3], place: u32) {
-        let node = &self.nodes[at];
-        let mine = (node.begin..node.end).contains(&place);
-        let outside = |a: usize| (node.low[a] - sample[a]).max(sample[a] - node.high[a]).max(0.0);
-        let d = [outside(0), outside(1), outside(2)];
-        // Summed as the distances of points are, so that no box looks farther away than a point in it.
-        let nearest = (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2];
-        if !mine && nearest >= f32::from_bits((node.key >> 32) as u32) {
-            return;
-        }
-        let key = if node.children == 0 {
-            let range = node.begin as usize..node.end as usize;
-            let mut largest = 0;
-            for (place_of, ((p, index), key)) in
-                range.clone().zip(self.points[range.clone()].iter().zip(&mut self.keys[range]))
-            {
-                let d: [f32; 3] = std::array::from_fn(|a| p[a] - sample[a]);
-                let squared = (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2];
-                *key =
-                    if place_of as u32 == place { 0 } else { (*key).min(far_key(squared, *index)) };
-                largest = largest.max(*key);
-            }
-            largest
-        } else {
-            let children = node.children as usize;
-            self.update(children, sample, place);
-            self.update(children + 1, sample, place);
-            self.nodes[children].key.max(self.nodes[children + 1].key)
+        let keys: Vec<u64> = points.iter().map(|&(_, i)| far_key(f32::INFINITY, i)).collect();
+        let far = |(&(p, _), &key): (&([f32; 3], u32), &u64)| Far { aabb: Aabb::point(p), key };
+        let leaf = |(points, keys): (&[([f32; 3], u32)], &[u64])| {
+            points.iter().zip(keys).map(far).reduce(Far::union)
         };
-        self.nodes[at].key = key;
+        let leaves = points.chunks(LEAF).zip(keys.chunks(LEAF)).filter_map(leaf).collect();
+        Self { boxes: BoxTree::new(leaves), points, keys, places }
+    }
+
+    /// The point farthest from all samples; there are points.
+    fn farthest(&self) -> usize {
+        let key = self.boxes.root().map_or(0, |far| far.key);
+        (u32::MAX - key as u32) as usize
+    }
+
+    /// Makes a point a sample.
+    fn take(&mut self, index: usize) {
+        let place = self.places[index] as usize;
+        let (sample, _) = self.points[place];
+        let (points, keys) = (&self.points, &mut self.keys);
+        let enters = |far: &Far, leaves: Range<usize>| {
+            // No box looks farther away than a point in it, so what is passed over keeps its distances.
+            leaves.contains(&(place / LEAF))
+                || far.aabb.squared_distance(sample) < f32::from_bits((far.key >> 32) as u32)
+        };
+        self.boxes.update(enters, |leaf, far| {
+            let run = leaf * LEAF..((leaf + 1) * LEAF).min(points.len());
+            far.key = 0;
+            for at in run {
+                let (p, index) = points[at];
+                let key = if at == place { 0 } else { far_key(squared_distance(p, sample), index) };
+                keys[at] = keys[at].min(key);
+                far.key = far.key.max(keys[at]);
+            }
+        });
     }
 }
 
@@ -266,7 +232,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn by_definition(points: &[[f32; 3]], count: usize, start: usize) -> Vec<usize> {
         let mut keys: Vec<u64> =

@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
+use crate::cells::wide_cell_of;
 use crate::cloud::{CloudParts, PointCloud, Viewpoints};
 use crate::error::{Error, Result};
-use crate::kdtree::Meter;
-use crate::progress::Progress;
+use surfabet_base::Meter;
+use surfabet_base::Progress;
 
 /// Largest cell number per axis that `f64` counts without gaps.
 const LARGEST_CELL: f64 = 9_007_199_254_740_992.0;
@@ -49,7 +50,7 @@ impl VoxelGrid {
         if low.iter().chain(&high).any(|c| (c / size).abs() >= LARGEST_CELL) {
             return too_small("at least the largest coordinate divided by 2^53");
         }
-        let cell = |p: [f64; 3]| p.map(|c| (c / size).floor() as i64);
+        let cell = |p: [f64; 3]| wide_cell_of(p, size);
         let (first, last) = (cell(low), cell(high));
         let bits: [u32; 3] = std::array::from_fn(|a| 64 - (last[a] - first[a]).leading_zeros());
         if bits.iter().any(|&b| b > 32) {
@@ -260,13 +261,14 @@ impl VoxelGrid {
         progress: &dyn Progress,
         value: impl Fn(&[u32]) -> T + Sync,
     ) -> Result<()> {
-        let meter = Meter::named(progress, "voxel means", values.len().div_ceil(BATCH));
+        let meter = Meter::new(progress, "voxel means", values.len().div_ceil(BATCH));
         values.par_chunks_mut(BATCH).enumerate().try_for_each(|(chunk, values)| {
             for (j, place) in values.iter_mut().enumerate() {
                 *place = value(self.members(chunk * BATCH + j));
             }
             meter.step()
-        })
+        })?;
+        Ok(())
     }
 }
 
@@ -318,7 +320,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::progress::Silent;
+    use surfabet_base::Silent;
 
     fn cloud(parts: CloudParts) -> PointCloud {
         PointCloud::from_parts(parts).unwrap().0

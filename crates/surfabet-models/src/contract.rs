@@ -7,7 +7,7 @@ use surfabet_geom::{PointCloud, Progress};
 
 use crate::error::{Error, Result, positive};
 use crate::options::Options;
-use crate::report::Report;
+use crate::report::{Figures, Report};
 use crate::summary::Summary;
 
 /// A cloud as a compact model of its surfaces; immutable.
@@ -28,6 +28,9 @@ pub trait SurfaceModel: Debug + Clone + PartialEq + Send + Sync + 'static {
 
     /// What the file holds before the streams. The default stands for a header that is not read yet.
     type Header: Debug + Clone + PartialEq + Default;
+
+    /// The counts and measures that learning reports.
+    type Figures: Figures;
 
     /// What files of several models can share and name by its hash: a dictionary or an alphabet. [`NoVocabulary`]
     /// for methods without one.
@@ -64,7 +67,7 @@ pub trait SurfaceModel: Debug + Clone + PartialEq + Send + Sync + 'static {
     fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud>;
 
     /// How the model was learned; empty for a model read from a file.
-    fn report(&self) -> &Report;
+    fn report(&self) -> &Report<Self::Figures>;
 
     /// What the model holds, for people.
     fn summary(&self) -> Summary;
@@ -104,7 +107,7 @@ macro_rules! own_methods {
             self.decode(options, progress)
         }
 
-        fn report(&self) -> &crate::report::Report {
+        fn report(&self) -> &crate::report::Report<Self::Figures> {
             self.report()
         }
 

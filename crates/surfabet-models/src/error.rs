@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use surfabet_geom::Cancelled;
+use surfabet_base::{Cancelled, InvalidParameter};
 
 /// Shorthand for results of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -12,15 +12,8 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// A parameter is outside its domain.
-    #[error("{name} is {value}, but must be {requirement}")]
-    InvalidParameter {
-        /// Name of the parameter.
-        name: &'static str,
-        /// The value given, as text.
-        value: String,
-        /// What it has to satisfy.
-        requirement: Cow<'static, str>,
-    },
+    #[error(transparent)]
+    InvalidParameter(#[from] InvalidParameter),
     /// A parameter is of another type.
     #[error("{name} is {value}, but must be {requirement}")]
     InvalidType {
@@ -97,7 +90,7 @@ impl From<surfabet_geom::Error> for Error {
 impl From<surfabet_sparse::Error> for Error {
     fn from(error: surfabet_sparse::Error) -> Self {
         match error {
-            surfabet_sparse::Error::Cancelled => Self::Cancelled(Cancelled),
+            surfabet_sparse::Error::Cancelled(cancelled) => Self::Cancelled(cancelled),
             other => Self::Sparse(other),
         }
     }
@@ -110,7 +103,7 @@ impl Error {
         value: impl std::fmt::Display,
         requirement: impl Into<Cow<'static, str>>,
     ) -> Self {
-        Self::InvalidParameter { name, value: value.to_string(), requirement: requirement.into() }
+        InvalidParameter::new(name, value, requirement).into()
     }
 }
 

@@ -29,10 +29,10 @@ mod size_code;
 mod spread;
 mod stages;
 mod summary;
-mod vector;
 
 pub use contract::{Budget, DecodeOptions, NoVocabulary, Source, SurfaceModel};
 pub use error::{Error, Result};
-pub use report::{Report, Stage};
+pub use report::{Figures, Named, Report, Stage};
 pub use sensor::Sensor;
 pub use summary::{Fact, Summary};
+use surfabet_geom::vector;

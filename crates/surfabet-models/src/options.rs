@@ -7,6 +7,8 @@
 use std::borrow::Cow;
 use std::ops::{Bound, RangeBounds};
 
+use surfabet_base::InvalidParameter;
+
 use crate::error::{Error, Result};
 
 /// The options of a method.
@@ -285,7 +287,7 @@ impl OptionSpec {
             (self.name, value.to_string(), Cow::Owned(self.requirement()));
         match mismatch {
             Mismatch::Type => Error::InvalidType { name, value, requirement },
-            Mismatch::Range => Error::InvalidParameter { name, value, requirement },
+            Mismatch::Range => InvalidParameter { name, value, requirement }.into(),
         }
     }
 }

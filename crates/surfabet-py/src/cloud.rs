@@ -3,6 +3,7 @@
 use numpy::ndarray::{ArrayView1, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Viewpoints};
 
 use crate::arrays::{self, Rows3};
@@ -13,13 +14,15 @@ use crate::view::{FrozenOwner, read_only_view};
 #[pyclass(name = "PointCloud", module = "surfabet", frozen)]
 pub struct PyPointCloud {
     pub(crate) cloud: PointCloud,
+    /// World coordinates, once they were asked for.
+    world: PyOnceLock<Py<PyArray2<f64>>>,
 }
 
 impl FrozenOwner for PyPointCloud {}
 
 impl From<PointCloud> for PyPointCloud {
     fn from(cloud: PointCloud) -> Self {
-        Self { cloud }
+        Self { cloud, world: PyOnceLock::new() }
     }
 }
 
@@ -27,10 +30,8 @@ fn rows<T, const N: usize>(values: &[[T; N]]) -> ArrayView2<'_, T> {
     ArrayView2::from(values)
 }
 
-fn warn_dropped(py: Python<'_>, dropped: DroppedValues, total: usize) -> PyResult<()> {
-    if dropped == DroppedValues::default() {
-        return Ok(());
-    }
+/// What construction left out of `total` points, if anything.
+fn said(dropped: DroppedValues, total: usize) -> Option<String> {
     let mut parts = Vec::new();
     if dropped.points > 0 {
         parts.push(format!(
@@ -44,9 +45,7 @@ fn warn_dropped(py: Python<'_>, dropped: DroppedValues, total: usize) -> PyResul
             dropped.attributes
         ));
     }
-    let category = py.import("surfabet.errors")?.getattr("DroppedPointsWarning")?;
-    py.import("warnings")?.call_method1("warn", (parts.join("; "), category, 2))?;
-    Ok(())
+    (!parts.is_empty()).then(|| parts.join("; "))
 }
 
 #[pymethods]
@@ -66,17 +65,42 @@ impl PyPointCloud {
         viewpoint_index: Option<&Bound<'_, PyAny>>,
         origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
+        let (cloud, dropped) = Self::checked(
+            points,
+            colors,
+            intensities,
+            normals,
+            ranges,
+            viewpoints,
+            viewpoint_index,
+            origin,
+        )?;
+        if let Some(dropped) = dropped {
+            let category = py.import("surfabet.errors")?.getattr("DroppedPointsWarning")?;
+            py.import("warnings")?.call_method1("warn", (dropped, category, 2))?;
+        }
+        Ok(cloud)
+    }
+
+    /// The cloud, and what of the columns was not finite and had to go, for callers that warn in their own words.
+    #[staticmethod]
+    #[pyo3(signature = (points, *, colors=None, intensities=None, normals=None, ranges=None,
+                        viewpoints=None, viewpoint_index=None, origin=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn checked(
+        points: &Bound<'_, PyAny>,
+        colors: Option<&Bound<'_, PyAny>>,
+        intensities: Option<&Bound<'_, PyAny>>,
+        normals: Option<&Bound<'_, PyAny>>,
+        ranges: Option<&Bound<'_, PyAny>>,
+        viewpoints: Option<&Bound<'_, PyAny>>,
+        viewpoint_index: Option<&Bound<'_, PyAny>>,
+        origin: Option<[f64; 3]>,
+    ) -> PyResult<(Self, Option<String>)> {
         let (origin, positions) = match (arrays::rows3("points", points)?, origin) {
             (rows, Some(origin)) => (origin, rows.into_f32()),
             (Rows3::F64(world), None) => PointCloud::split_origin(&world),
-            (Rows3::F32(local), None) => {
-                let far = local.iter().flatten().any(|c| c.is_finite() && c.abs() > 1000.0);
-                if far {
-                    PointCloud::split_origin(&Rows3::F32(local).into_f64())
-                } else {
-                    ([0.0; 3], local)
-                }
-            }
+            (Rows3::F32(world), None) => PointCloud::split_origin_single(world),
         };
         let total = positions.len();
         let viewpoints = match (viewpoints, viewpoint_index) {
@@ -111,14 +135,20 @@ impl PyPointCloud {
             viewpoints,
         };
         let (cloud, dropped) = PointCloud::from_parts(parts).map_err(IntoPyErr::into_py_err)?;
-        warn_dropped(py, dropped, total)?;
-        Ok(Self { cloud })
+        Ok((cloud.into(), said(dropped, total)))
     }
 
+    /// World coordinates in double precision, metres: a read-only copy that is made when they are first asked for and
+    /// kept with the cloud, 24 bytes per point. `local_points` and `origin` are views of what the cloud holds.
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let world: Vec<f64> = (0..self.cloud.len()).flat_map(|i| self.cloud.world(i)).collect();
-        world.into_pyarray(py).reshape([self.cloud.len(), 3])
+        let made = || {
+            let world: Vec<f64> = (0..self.cloud.len()).flat_map(|i| self.cloud.world(i)).collect();
+            let array = world.into_pyarray(py).reshape([self.cloud.len(), 3])?;
+            array.readwrite().make_nonwriteable();
+            Ok::<_, PyErr>(array.unbind())
+        };
+        self.world.get_or_try_init(py, made).map(|array| array.bind(py).clone())
     }
 
     #[getter]
@@ -186,6 +216,15 @@ impl PyPointCloud {
             ("viewpoints", self.cloud.viewpoints().is_some()),
         ];
         present.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect()
+    }
+
+    /// The cloud with a viewpoint (x, y, z in world coordinates) where it has none, and the ranges to it where it has
+    /// none.
+    fn seen_from(&self, viewpoint: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let place: [f64; 3] = viewpoint.extract().map_err(|_| {
+            invalid_input(format!("viewpoint is {viewpoint}, but must be three finite coordinates"))
+        })?;
+        self.cloud.clone().seen_from(place).map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
     /// Points at integer indices or where a boolean mask is true.

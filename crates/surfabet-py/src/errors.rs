@@ -3,6 +3,7 @@
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
+use surfabet_geom::InvalidParameter;
 
 fn raise(class: &str, message: String) -> PyErr {
     raise_with(class, message, |_| Ok(None))
@@ -52,20 +53,27 @@ pub trait IntoPyErr {
     fn into_py_err(self) -> PyErr;
 }
 
+impl IntoPyErr for InvalidParameter {
+    fn into_py_err(self) -> PyErr {
+        let message = self.to_string();
+        let Self { name, value, requirement } = self;
+        invalid_argument("InvalidInputError", message, name, &value, &requirement)
+    }
+}
+
 impl IntoPyErr for surfabet_geom::Error {
     fn into_py_err(self) -> PyErr {
         let message = self.to_string();
         match self {
             Self::Cancelled(_) => cancelled(),
-            Self::InvalidParameter { name, value, requirement } => {
-                invalid_argument("InvalidInputError", message, name, &value, requirement)
-            }
+            Self::InvalidParameter(invalid) => invalid.into_py_err(),
             _ => invalid_input(message),
         }
     }
 }
 
-fn cancelled() -> PyErr {
+/// `KeyboardInterrupt`: the caller asked to stop.
+pub fn cancelled() -> PyErr {
     pyo3::exceptions::PyKeyboardInterrupt::new_err(())
 }
 
@@ -79,11 +87,9 @@ impl IntoPyErr for surfabet_models::Error {
         let message = self.to_string();
         match self {
             Self::Geometry(error) => error.into_py_err(),
+            Self::Sparse(error) => error.into_py_err(),
             Self::Cancelled(_) => cancelled(),
-            Self::Sparse(surfabet_sparse::Error::Cancelled) => cancelled(),
-            Self::InvalidParameter { name, value, requirement } => {
-                invalid_argument("InvalidInputError", message, name, &value, &requirement)
-            }
+            Self::InvalidParameter(invalid) => invalid.into_py_err(),
             Self::InvalidType { name, value, requirement } => {
                 invalid_argument("InvalidTypeError", message, name, &value, &requirement)
             }

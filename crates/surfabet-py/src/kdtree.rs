@@ -21,8 +21,8 @@ pub struct PyKdTree {
 
 fn split(rows: Rows3) -> ([f64; 3], Vec<[f32; 3]>) {
     match rows {
-        Rows3::F32(rows) if rows.iter().flatten().all(|c| c.abs() <= 1000.0) => ([0.0; 3], rows),
-        rows => PointCloud::split_origin(&rows.into_f64()),
+        Rows3::F32(rows) => PointCloud::split_origin_single(rows),
+        Rows3::F64(rows) => PointCloud::split_origin(&rows),
     }
 }
 

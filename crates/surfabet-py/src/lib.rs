@@ -35,6 +35,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("LARGEST_UNSHIFTED", surfabet_geom::LARGEST_UNSHIFTED)?;
     run::register(module)?;
     cloud::register(module)?;
     model::register(module)?;

@@ -9,14 +9,15 @@ use surfabet_sparse::{
 };
 
 use crate::arrays;
-use crate::errors::{IntoPyErr, invalid_input};
+use crate::errors::{IntoPyErr, cancelled, invalid_input};
 use crate::run;
 use crate::view::{FrozenOwner, read_only_view};
 
 impl IntoPyErr for Error {
     fn into_py_err(self) -> PyErr {
         match self {
-            Self::Cancelled => pyo3::exceptions::PyKeyboardInterrupt::new_err(()),
+            Self::Cancelled(_) => cancelled(),
+            Self::InvalidParameter(invalid) => invalid.into_py_err(),
             other => invalid_input(other),
         }
     }
@@ -249,7 +250,7 @@ fn omp(
     let table = Table::new(signals, weights)?;
     let options = OmpOptions { max_atoms, tolerance, selection: selection_of(selection)? };
     let codes = run::run(py, None, |progress| {
-        surfabet_sparse::omp(&dictionary, &table.signals()?, &options, &|| progress.is_cancelled())
+        surfabet_sparse::omp(&dictionary, &table.signals()?, &options, progress)
     })?;
     Ok(codes.into())
 }
@@ -291,8 +292,7 @@ fn ksvd(
         let mut on_iteration = |done: &surfabet_sparse::KsvdIteration| {
             progress.update("dictionary", done.iteration as f32 / iterations as f32);
         };
-        let stop = || progress.is_cancelled();
-        surfabet_sparse::ksvd(&table.signals()?, &options, &stop, &mut on_iteration)
+        surfabet_sparse::ksvd(&table.signals()?, &options, progress, &mut on_iteration)
     })?;
     let codes = Py::new(py, PySparseCodes::from(learned.codes.clone()))?;
     Ok(PyKsvd { learned, codes })

@@ -11,8 +11,8 @@ use pyo3::prelude::*;
 
 /// A pyclass whose buffers are never changed, moved or freed while the Python object lives.
 ///
-/// Implement it only for `#[pyclass(frozen)]` types that hold their buffers in plain fields, without interior
-/// mutability.
+/// Implement it only for `#[pyclass(frozen)]` types that hold the buffers that are viewed in plain fields, without
+/// interior mutability.
 pub trait FrozenOwner: PyClass<Frozen = pyo3::pyclass::boolean_struct::True> {}
 
 /// A read-only view of a buffer of `owner`, chosen by `buffer`; the view keeps `owner` alive.

@@ -1,5 +1,9 @@
 //! The one error type of this crate.
 
+use std::borrow::Cow;
+
+use surfabet_base::{Cancelled, InvalidParameter};
+
 /// Shorthand for results of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
@@ -8,15 +12,8 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// A parameter is outside its domain.
-    #[error("{name} is {value}, but must be {requirement}")]
-    InvalidParameter {
-        /// Name of the parameter.
-        name: &'static str,
-        /// The value given, as text.
-        value: String,
-        /// What it has to satisfy.
-        requirement: &'static str,
-    },
+    #[error(transparent)]
+    InvalidParameter(#[from] InvalidParameter),
     /// A buffer is not a whole number of rows.
     #[error(
         "{name} hold {found} numbers, which is no multiple of n_features = {n_features}; give \
@@ -92,8 +89,8 @@ pub enum Error {
     #[error("the codes are inconsistent: {0}")]
     InconsistentCodes(&'static str),
     /// The caller asked to stop.
-    #[error("cancelled by the caller")]
-    Cancelled,
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 impl Error {
@@ -101,8 +98,8 @@ impl Error {
     pub fn invalid(
         name: &'static str,
         value: impl std::fmt::Display,
-        requirement: &'static str,
+        requirement: impl Into<Cow<'static, str>>,
     ) -> Self {
-        Self::InvalidParameter { name, value: value.to_string(), requirement }
+        InvalidParameter::new(name, value, requirement).into()
     }
 }

@@ -5,6 +5,7 @@
 //! values which were not observed neither shape atoms nor codes.
 
 use rayon::prelude::*;
+use surfabet_base::Progress;
 
 use crate::codes::{SparseCodes, squared_errors};
 use crate::dictionary::Dictionary;
@@ -140,25 +141,25 @@ pub struct Ksvd {
 /// minimum can still be wild there: small positive weights on filled-in values tame it.
 ///
 /// Deterministic: the result does not depend on the number of threads. `on_iteration` hears of every
-/// iteration; `stop` is asked every few milliseconds whether to give up.
+/// iteration; `progress` is asked every few milliseconds whether to give up.
 ///
 /// # Errors
 /// Options out of range, or [`Error::Cancelled`].
 pub fn ksvd(
     signals: &Signals<'_>,
     options: &KsvdOptions,
-    stop: &(dyn Fn() -> bool + Sync),
+    progress: &dyn Progress,
     on_iteration: &mut dyn FnMut(&KsvdIteration),
 ) -> Result<Ksvd> {
     options.check()?;
     let dictionary = initial_dictionary(signals, options.n_atoms, options.random_state)?;
-    let codes = omp(&dictionary, signals, &options.omp_options(), stop)?;
+    let codes = omp(&dictionary, signals, &options.omp_options(), progress)?;
     let errors = squared_errors(&dictionary, signals, &codes)?;
     let weights = unit_weights(signals);
     let mut learner = Learner {
         signals,
         options,
-        stop,
+        progress,
         weights,
         budgets: budgets(signals, options.tolerance),
         dictionary,
@@ -211,7 +212,7 @@ fn budgets(signals: &Signals<'_>, tolerance: f32) -> Vec<f64> {
 struct Learner<'a> {
     signals: &'a Signals<'a>,
     options: &'a KsvdOptions,
-    stop: &'a (dyn Fn() -> bool + Sync),
+    progress: &'a dyn Progress,
     weights: Option<Vec<f32>>,
     budgets: Vec<f64>,
     dictionary: Dictionary,
@@ -237,9 +238,7 @@ impl Learner<'_> {
             if uses.is_empty() {
                 continue;
             }
-            if (self.stop)() {
-                return Err(Error::Cancelled);
-            }
+            self.progress.check()?;
             residuals.resize(uses.len() * n, 0.0);
             residuals.par_chunks_exact_mut(n).with_min_len(32).zip(uses).for_each(|(row, used)| {
                 self.residual_without(used, row);
@@ -256,7 +255,7 @@ impl Learner<'_> {
             let mut coefficients: Vec<f32> =
                 uses.iter().map(|u| self.codes.coefficients()[u.entry]).collect();
             let improved = self.dictionary.atom_mut(atom);
-            rank_one::update(&group, improved, &mut coefficients, &convergence, self.stop)?;
+            rank_one::update(&group, improved, &mut coefficients, &convergence, self.progress)?;
             let all = self.codes.coefficients_mut();
             for (used, x) in uses.iter().zip(coefficients) {
                 all[used.entry] = x;
@@ -284,7 +283,8 @@ impl Learner<'_> {
     fn code(&mut self) -> Result<usize> {
         let usage = self.codes.usage(self.dictionary.n_atoms());
         let unused: Vec<bool> = usage.iter().map(|&u| u == 0).collect();
-        let repeats = duplicates(&self.dictionary, &usage, self.options.max_coherence, self.stop)?;
+        let repeats =
+            duplicates(&self.dictionary, &usage, self.options.max_coherence, self.progress)?;
         let either: Vec<bool> = unused.iter().zip(&repeats).map(|(u, r)| *u || *r).collect();
         let before = self.objective();
         let (dictionary, codes, errors, replaced) = self.replace_and_code(&either)?;
@@ -304,13 +304,14 @@ impl Learner<'_> {
     fn drop_duplicates(&mut self) -> Result<()> {
         let usage = self.codes.usage(self.dictionary.n_atoms());
         let unused: Vec<bool> = usage.iter().map(|&u| u == 0).collect();
-        let repeats = duplicates(&self.dictionary, &usage, self.options.max_coherence, self.stop)?;
+        let repeats =
+            duplicates(&self.dictionary, &usage, self.options.max_coherence, self.progress)?;
         if unused.iter().zip(&repeats).all(|(unused, repeats)| *unused || !*repeats) {
             return Ok(());
         }
         let keep: Vec<bool> = repeats.iter().map(|r| !r).collect();
         let dictionary = self.dictionary.retain(&keep);
-        let codes = omp(&dictionary, self.signals, &self.options.omp_options(), self.stop)?;
+        let codes = omp(&dictionary, self.signals, &self.options.omp_options(), self.progress)?;
         let errors = squared_errors(&dictionary, self.signals, &codes)?;
         let after: f64 = errors.iter().sum();
         let energy: f64 = (0..self.signals.len()).map(|i| self.signals.energy(i)).sum();
@@ -334,9 +335,9 @@ impl Learner<'_> {
             &self.codes,
             &self.errors,
             coherence,
-            self.stop,
+            self.progress,
         )?;
-        let fresh = omp(&dictionary, self.signals, &self.options.omp_options(), self.stop)?;
+        let fresh = omp(&dictionary, self.signals, &self.options.omp_options(), self.progress)?;
         let fresh_errors = squared_errors(&dictionary, self.signals, &fresh)?;
         let mut codes = SparseCodes::default();
         let mut errors = Vec::with_capacity(fresh_errors.len());
@@ -392,10 +393,12 @@ fn crop(dictionary: &Dictionary, codes: SparseCodes) -> (Dictionary, SparseCodes
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{mask, never, noise, planted, random_dictionary, rng};
+    use surfabet_base::{Cancelled, Silent};
+
+    use crate::testing::{Impatient, mask, noise, planted, random_dictionary, rng};
 
     fn learn(signals: &Signals<'_>, options: &KsvdOptions) -> Ksvd {
-        ksvd(signals, options, &never, &mut |_| {}).unwrap()
+        ksvd(signals, options, &Silent, &mut |_| {}).unwrap()
     }
 
     /// For every true atom the absolute cosine of the learned atom that is most like it, in rising order.
@@ -595,7 +598,7 @@ mod tests {
             KsvdOptions { n_atoms: 24, max_atoms: 3, iterations: 5, ..KsvdOptions::default() };
         let learned = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| ksvd(&signals, &options, &never, &mut |_| {}).unwrap())
+            pool.install(|| ksvd(&signals, &options, &Silent, &mut |_| {}).unwrap())
         };
         let one = learned(1);
         assert_eq!(one, learned(2));
@@ -612,12 +615,15 @@ mod tests {
         let options =
             KsvdOptions { n_atoms: 10, iterations: 4, convergence: 0.0, ..KsvdOptions::default() };
         let mut seen = Vec::new();
-        let learned = ksvd(&signals, &options, &never, &mut |i| seen.push(*i)).unwrap();
+        let learned = ksvd(&signals, &options, &Silent, &mut |i| seen.push(*i)).unwrap();
         assert_eq!(seen.iter().map(|i| i.iteration).collect::<Vec<_>>(), [1, 2, 3, 4]);
         assert_eq!(seen[3].objective, learned.objective[4]);
         assert_eq!(seen.iter().map(|i| i.replaced).sum::<usize>(), learned.replaced);
         assert_eq!(learned.stop_reason, StopReason::Iterations);
-        assert_eq!(ksvd(&signals, &options, &|| true, &mut |_| {}).unwrap_err(), Error::Cancelled);
+        assert_eq!(
+            ksvd(&signals, &options, &Impatient, &mut |_| {}).unwrap_err(),
+            Error::Cancelled(Cancelled)
+        );
         let hasty = KsvdOptions { iterations: 100, convergence: 0.5, ..options };
         let learned = learn(&signals, &hasty);
         assert_eq!(learned.stop_reason, StopReason::Converged);
@@ -636,7 +642,7 @@ mod tests {
             KsvdOptions { max_coherence: 0.0, ..good },
             KsvdOptions { update_tolerance: -1.0, ..good },
         ] {
-            let refused = ksvd(&signals, &bad, &never, &mut |_| {});
+            let refused = ksvd(&signals, &bad, &Silent, &mut |_| {});
             assert!(matches!(refused, Err(Error::InvalidParameter { .. })), "{bad:?}");
         }
     }

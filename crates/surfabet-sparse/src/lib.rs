@@ -25,4 +25,6 @@ pub use dictionary::Dictionary;
 pub use error::{Error, Result};
 pub use ksvd::{Ksvd, KsvdIteration, KsvdOptions, StopReason, ksvd};
 pub use omp::{OmpOptions, Selection, omp};
+#[doc(hidden)]
+pub use rank_one::leading_atom;
 pub use signals::{MAX_MAGNITUDE, Signals};

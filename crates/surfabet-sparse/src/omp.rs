@@ -7,6 +7,7 @@
 //! own take the shared Gram matrix.
 
 use rayon::prelude::*;
+use surfabet_base::Progress;
 
 use crate::codes::SparseCodes;
 use crate::dictionary::Dictionary;
@@ -65,7 +66,7 @@ impl OmpOptions {
 /// the observed values. Signals that are zero, or of which nothing is observed, get empty codes.
 ///
 /// Parallel over blocks of signals that do not depend on the number of threads: neither do the codes.
-/// `stop` is asked every few milliseconds whether to give up.
+/// `progress` is asked every few milliseconds whether to give up.
 ///
 /// # Errors
 /// Options out of range, a dictionary with other features than the signals, or [`Error::Cancelled`].
@@ -73,7 +74,7 @@ pub fn omp(
     dictionary: &Dictionary,
     signals: &Signals<'_>,
     options: &OmpOptions,
-    stop: &(dyn Fn() -> bool + Sync),
+    progress: &dyn Progress,
 ) -> Result<SparseCodes> {
     options.check()?;
     if signals.n_features() != dictionary.n_features() {
@@ -82,7 +83,7 @@ pub fn omp(
             signals: signals.n_features(),
         });
     }
-    let coder = Coder::new(dictionary, signals, options, stop)?;
+    let coder = Coder::new(dictionary, signals, options, progress)?;
     let size = coder.block_size();
     let blocks: Vec<SparseCodes> = (0..signals.len().div_ceil(size))
         .into_par_iter()
@@ -100,7 +101,7 @@ struct Coder<'a> {
     dictionary: &'a Dictionary,
     signals: &'a Signals<'a>,
     options: &'a OmpOptions,
-    stop: &'a (dyn Fn() -> bool + Sync),
+    progress: &'a dyn Progress,
     /// The atoms feature-major: all atoms' values of feature 0, then of feature 1, ...
     by_feature: Vec<f32>,
     /// Squares of `by_feature`, for the weighted norms; only with weights.
@@ -116,7 +117,7 @@ impl<'a> Coder<'a> {
         dictionary: &'a Dictionary,
         signals: &'a Signals<'a>,
         options: &'a OmpOptions,
-        stop: &'a (dyn Fn() -> bool + Sync),
+        progress: &'a dyn Progress,
     ) -> Result<Self> {
         let (k, n) = (dictionary.n_atoms(), dictionary.n_features());
         let mut by_feature = vec![0.0; k * n];
@@ -134,7 +135,7 @@ impl<'a> Coder<'a> {
             dictionary,
             signals,
             options,
-            stop,
+            progress,
             by_feature,
             squares,
             squared_norms,
@@ -142,7 +143,7 @@ impl<'a> Coder<'a> {
         };
         let shares_gram = |i| Pursuit::start(signals, i, 0.0).is_some_and(|p| !p.is_weighted());
         if coder.most_atoms() > 1 && (0..signals.len()).into_par_iter().any(shares_gram) {
-            coder.gram = gram(dictionary, &coder.by_feature, stop)?;
+            coder.gram = gram(dictionary, &coder.by_feature, progress)?;
         }
         Ok(coder)
     }
@@ -154,7 +155,7 @@ impl<'a> Coder<'a> {
     }
 
     /// Signals per block: enough to make matrix products fast, few enough that a block's state stays near the
-    /// cache and that `stop` is heard within a few hundredths of a second.
+    /// cache and that an interrupt is heard within a few hundredths of a second.
     fn block_size(&self) -> usize {
         let (k, n) = (self.dictionary.n_atoms().max(1), self.dictionary.n_features());
         let by_work = (1usize << 28) / k.saturating_mul(n);
@@ -178,7 +179,7 @@ impl<'a> Coder<'a> {
     }
 
     fn check(&self) -> Result<()> {
-        if (self.stop)() { Err(Error::Cancelled) } else { Ok(()) }
+        Ok(self.progress.check()?)
     }
 }
 
@@ -186,7 +187,7 @@ impl<'a> Coder<'a> {
 pub(crate) fn gram(
     dictionary: &Dictionary,
     by_feature: &[f32],
-    stop: &(dyn Fn() -> bool + Sync),
+    progress: &dyn Progress,
 ) -> Result<Vec<f32>> {
     const COLUMNS: usize = 64;
     let (k, n) = (dictionary.n_atoms(), dictionary.n_features());
@@ -196,11 +197,8 @@ pub(crate) fn gram(
     }
     gram.par_chunks_mut(COLUMNS * k).zip(dictionary.atoms().par_chunks(COLUMNS * n)).try_for_each(
         |(out, atoms)| {
-            if stop() {
-                return Err(Error::Cancelled);
-            }
             product(by_feature, atoms, out, k, n);
-            Ok(())
+            progress.check()
         },
     )?;
     Ok(gram)
@@ -363,7 +361,9 @@ mod tests {
 
     use super::*;
     use crate::codes::squared_errors;
-    use crate::testing::{mask, never, noise, planted, random_dictionary, rng};
+    use surfabet_base::{Cancelled, Silent};
+
+    use crate::testing::{Impatient, mask, noise, planted, random_dictionary, rng};
 
     fn options(max_atoms: usize) -> OmpOptions {
         OmpOptions { max_atoms, ..OmpOptions::default() }
@@ -455,12 +455,12 @@ mod tests {
         let identity = (0..16).map(|i| if i % 5 == 0 { 1.0 } else { 0.0 }).collect();
         let dictionary = Dictionary::new(4, identity).unwrap();
         let signals = Signals::new(4, &[0.5, -3.0, 2.0, 0.0], None).unwrap();
-        let codes = omp(&dictionary, &signals, &options(2), &never).unwrap();
+        let codes = omp(&dictionary, &signals, &options(2), &Silent).unwrap();
         assert_eq!(codes.code(0).0, [1, 2]);
         for (x, expected) in codes.code(0).1.iter().zip([-3.0, 2.0]) {
             assert!((x - expected).abs() < 1e-6);
         }
-        let codes = omp(&dictionary, &signals, &options(9), &never).unwrap();
+        let codes = omp(&dictionary, &signals, &options(9), &Silent).unwrap();
         assert_eq!(codes.code(0).0, [1, 2, 0], "nothing is left after three atoms");
     }
 
@@ -471,7 +471,7 @@ mod tests {
             Dictionary::normalized(3, vec![0.0, 0.0, 1.0, 3.0, 4.0, 0.0, 1.0, 1.0, 1.0]).unwrap();
         let (values, weights) = ([1.2, 1.6, 50.0], [1.0, 1.0, 0.0]);
         let signals = Signals::new(3, &values, Some(&weights)).unwrap();
-        let codes = omp(&dictionary, &signals, &options(3), &never).unwrap();
+        let codes = omp(&dictionary, &signals, &options(3), &Silent).unwrap();
         assert_eq!(codes.code(0).0, [1]);
         assert!((codes.code(0).1[0] - 2.0).abs() < 1e-6);
     }
@@ -488,7 +488,7 @@ mod tests {
             let weights = mask(&mut rng, values.len(), missing);
             let signals = Signals::new(100, &values, Some(&weights)).unwrap();
             let options = OmpOptions { max_atoms: 3, selection, ..OmpOptions::default() };
-            let codes = omp(&dictionary, &signals, &options, &never).unwrap();
+            let codes = omp(&dictionary, &signals, &options, &Silent).unwrap();
             let found = (0..300).filter(|&i| sorted(&codes, i) == supports[i]).count();
             assert!(found >= 290, "{found} of 300 with {missing} missing");
         }
@@ -502,13 +502,13 @@ mod tests {
         let plain = Signals::new(30, &values, None).unwrap();
         let ones = vec![7.5; values.len()];
         let weighted = Signals::new(30, &values, Some(&ones)).unwrap();
-        let expected = omp(&dictionary, &plain, &options(6), &never).unwrap();
-        assert_eq!(omp(&dictionary, &weighted, &options(6), &never).unwrap(), expected);
+        let expected = omp(&dictionary, &plain, &options(6), &Silent).unwrap();
+        assert_eq!(omp(&dictionary, &weighted, &options(6), &Silent).unwrap(), expected);
         // The block product must agree with the shared Gram matrix: a weight that is all but 1 takes it.
         let mut nearly = vec![1.0; values.len()];
         nearly.iter_mut().step_by(30).for_each(|w| *w = 1.0 - f32::EPSILON);
         let weighted = Signals::new(30, &values, Some(&nearly)).unwrap();
-        let other = omp(&dictionary, &weighted, &options(6), &never).unwrap();
+        let other = omp(&dictionary, &weighted, &options(6), &Silent).unwrap();
         assert_eq!(other.atoms(), expected.atoms());
         for (a, b) in other.coefficients().iter().zip(expected.coefficients()) {
             assert!((a - b).abs() < 1e-4);
@@ -524,7 +524,7 @@ mod tests {
         let signals = Signals::new(50, &values, Some(&weights)).unwrap();
         let mut before = vec![f64::INFINITY; 20];
         for max_atoms in 1..12 {
-            let codes = omp(&dictionary, &signals, &options(max_atoms), &never).unwrap();
+            let codes = omp(&dictionary, &signals, &options(max_atoms), &Silent).unwrap();
             let model = crate::reconstruct(&dictionary, &codes).unwrap();
             let errors = squared_errors(&dictionary, &signals, &codes).unwrap();
             for i in 0..20 {
@@ -555,7 +555,7 @@ mod tests {
         let signals = Signals::new(40, &values, Some(&weights)).unwrap();
         let tolerance = 0.4;
         let options = OmpOptions { max_atoms: 40, tolerance, ..OmpOptions::default() };
-        let codes = omp(&dictionary, &signals, &options, &never).unwrap();
+        let codes = omp(&dictionary, &signals, &options, &Silent).unwrap();
         let errors = squared_errors(&dictionary, &signals, &codes).unwrap();
         for i in 0..30 {
             let observed: f32 = signals.weights(i).unwrap().iter().sum();
@@ -564,12 +564,12 @@ mod tests {
             let shorter = codes.code(i).0.len() - 1;
             let one = Signals::new(40, signals.values(i), signals.weights(i)).unwrap();
             let options = OmpOptions { max_atoms: shorter, ..OmpOptions::default() };
-            let codes = omp(&dictionary, &one, &options, &never).unwrap();
+            let codes = omp(&dictionary, &one, &options, &Silent).unwrap();
             let errors = squared_errors(&dictionary, &one, &codes).unwrap();
             assert!(rms(errors[0]) > f64::from(tolerance));
         }
         let loose = OmpOptions { tolerance: 1e9, ..options };
-        assert!(omp(&dictionary, &signals, &loose, &never).unwrap().atoms().is_empty());
+        assert!(omp(&dictionary, &signals, &loose, &Silent).unwrap().atoms().is_empty());
     }
 
     #[test]
@@ -579,12 +579,12 @@ mod tests {
         let values = [1.0, 2.0, 3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 5.0, 6.0, 0.0, 0.0];
         let weights = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0];
         let signals = Signals::new(4, &values, Some(&weights)).unwrap();
-        let codes = omp(&dictionary, &signals, &options(3), &never).unwrap();
+        let codes = omp(&dictionary, &signals, &options(3), &Silent).unwrap();
         assert_eq!((codes.len(), codes.atoms().len()), (3, 0));
         let none = Signals::new(4, &[], None).unwrap();
-        assert!(omp(&dictionary, &none, &options(3), &never).unwrap().is_empty());
+        assert!(omp(&dictionary, &none, &options(3), &Silent).unwrap().is_empty());
         let no_atoms = Dictionary::new(4, vec![]).unwrap();
-        assert_eq!(omp(&no_atoms, &signals, &options(3), &never).unwrap().len(), 3);
+        assert_eq!(omp(&no_atoms, &signals, &options(3), &Silent).unwrap().len(), 3);
     }
 
     #[test]
@@ -594,7 +594,7 @@ mod tests {
         let values = [2.0, 1.0, 0.5, 1.0, 1.5, 0.0];
         for weights in [None, Some(&[1.0, 0.5, 1.0, 1.0, 1.0, 0.0][..])] {
             let signals = Signals::new(3, &values, weights).unwrap();
-            let codes = omp(&dictionary, &signals, &options(4), &never).unwrap();
+            let codes = omp(&dictionary, &signals, &options(4), &Silent).unwrap();
             assert_eq!(sorted(&codes, 0), [0, 3], "the first of equals, and what else helps");
             assert_eq!(sorted(&codes, 1), [0]);
         }
@@ -607,14 +607,14 @@ mod tests {
         let values = noise(&mut rng, 20 * 10);
         let weights = mask(&mut rng, values.len(), 0.2);
         let signals = Signals::new(20, &values, Some(&weights)).unwrap();
-        let expected = omp(&dictionary, &signals, &options(4), &never).unwrap();
+        let expected = omp(&dictionary, &signals, &options(4), &Silent).unwrap();
         for (factor, weight) in
             [(2.0f32.powi(-80), 2.0f32.powi(40)), (2.0f32.powi(45), 2.0f32.powi(-90))]
         {
             let scaled: Vec<f32> = values.iter().map(|v| v * factor).collect();
             let reweighted: Vec<f32> = weights.iter().map(|w| w * weight).collect();
             let signals = Signals::new(20, &scaled, Some(&reweighted)).unwrap();
-            let codes = omp(&dictionary, &signals, &options(4), &never).unwrap();
+            let codes = omp(&dictionary, &signals, &options(4), &Silent).unwrap();
             assert_eq!(codes.atoms(), expected.atoms());
             for (a, b) in codes.coefficients().iter().zip(expected.coefficients()) {
                 assert!((a / factor - b).abs() < 1e-5);
@@ -632,7 +632,7 @@ mod tests {
         let signals = Signals::new(40, &values, Some(&weights)).unwrap();
         let coded = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| omp(&dictionary, &signals, &options(5), &never).unwrap())
+            pool.install(|| omp(&dictionary, &signals, &options(5), &Silent).unwrap())
         };
         let one = coded(1);
         assert_eq!(one, coded(2));
@@ -645,15 +645,18 @@ mod tests {
         let dictionary = random_dictionary(&mut rng, 5, 4);
         let values = noise(&mut rng, 8);
         let signals = Signals::new(4, &values, None).unwrap();
-        assert_eq!(omp(&dictionary, &signals, &options(2), &|| true), Err(Error::Cancelled));
-        assert!(omp(&dictionary, &signals, &options(0), &never).is_err());
+        assert_eq!(
+            omp(&dictionary, &signals, &options(2), &Impatient),
+            Err(Error::Cancelled(Cancelled))
+        );
+        assert!(omp(&dictionary, &signals, &options(0), &Silent).is_err());
         for tolerance in [-1.0, f32::NAN, f32::INFINITY] {
             let options = OmpOptions { tolerance, ..OmpOptions::default() };
-            assert!(omp(&dictionary, &signals, &options, &never).is_err());
+            assert!(omp(&dictionary, &signals, &options, &Silent).is_err());
         }
         let other = Signals::new(2, &values, None).unwrap();
         assert_eq!(
-            omp(&dictionary, &other, &options(2), &never),
+            omp(&dictionary, &other, &options(2), &Silent),
             Err(Error::FeatureMismatch { dictionary: 4, signals: 2 })
         );
     }
@@ -684,7 +687,7 @@ mod tests {
             let selection =
                 if by_correlation { Selection::Correlation } else { Selection::LeastSquares };
             let options = OmpOptions { max_atoms, tolerance: 0.0, selection };
-            let codes = omp(&dictionary, &signals, &options, &never).unwrap();
+            let codes = omp(&dictionary, &signals, &options, &Silent).unwrap();
             let errors = squared_errors(&dictionary, &signals, &codes).unwrap();
             for i in 0..4 {
                 let (values, weights) = (signals.values(i), signals.weights(i).unwrap());

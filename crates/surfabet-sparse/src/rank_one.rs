@@ -7,9 +7,10 @@
 //! `x_i = Σ_j w e d / Σ_j w d²` and `d_j = Σ_i w e x / Σ_i w x²`. Neither stage can raise the error.
 
 use rayon::prelude::*;
+use surfabet_base::Progress;
 
 use crate::dictionary::normalize;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::linalg::leading_right_singular_vector;
 use crate::pursuit::dot;
 
@@ -45,11 +46,11 @@ pub fn update(
     atom: &mut [f32],
     coefficients: &mut [f32],
     convergence: &Convergence,
-    stop: &(dyn Fn() -> bool + Sync),
+    progress: &dyn Progress,
 ) -> Result<()> {
     let n = group.n_features;
     let Some(weights) = group.weights else {
-        let leading = leading_atom(group.residuals, atom, stop)?;
+        let leading = leading_atom(group.residuals, atom, progress)?;
         coefficients
             .par_iter_mut()
             .with_min_len(ROWS)
@@ -62,12 +63,10 @@ pub fn update(
     let weighted = weight_and_fill(&mut filled, weights, atom, coefficients);
     let problem = Weighted { n, weighted: &weighted, weights };
     let gain_before = problem.gain(atom, coefficients);
-    let mut best = leading_atom(&filled, atom, stop)?;
+    let mut best = leading_atom(&filled, atom, progress)?;
     let mut solved = problem.solve(&best);
     for _ in 0..convergence.iterations {
-        if stop() {
-            return Err(Error::Cancelled);
-        }
+        progress.check()?;
         let Some(next) = solved.next_atom() else { break };
         let next_solved = problem.solve(&next);
         let gained = next_solved.explained - solved.explained;
@@ -204,8 +203,11 @@ fn add(sums: &mut [f64], values: &[f32]) {
 
 /// Leading right singular vector of `rows` (one per signal) in the Krylov space of `start`: Golub-Kahan
 /// bidiagonalisation with full orthogonalisation. It explains at least as much as `start` does, and has a
-/// positive product with it.
-fn leading_atom(rows: &[f32], start: &[f32], stop: &(dyn Fn() -> bool + Sync)) -> Result<Vec<f32>> {
+/// positive product with it. Public for the benches only.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub fn leading_atom(rows: &[f32], start: &[f32], progress: &dyn Progress) -> Result<Vec<f32>> {
     let n = start.len();
     let steps = LANCZOS_STEPS.min(n).min(rows.len() / n);
     let mut right: Vec<Vec<f32>> = vec![start.to_vec()];
@@ -213,9 +215,7 @@ fn leading_atom(rows: &[f32], start: &[f32], stop: &(dyn Fn() -> bool + Sync)) -
     let (mut diagonal, mut above) = (Vec::new(), Vec::new());
     let mut largest = 0.0f64;
     while left.len() < steps {
-        if stop() {
-            return Err(Error::Cancelled);
-        }
+        progress.check()?;
         let Some(newest) = right.last() else { break };
         let mut u = times(rows, newest);
         let alpha = orthonormalize(&mut u, &left);

@@ -3,10 +3,11 @@
 use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
+use surfabet_base::Progress;
 
 use crate::codes::{SparseCodes, add_code};
 use crate::dictionary::{Dictionary, normalize};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::omp::gram;
 use crate::pursuit::dot;
 use crate::signals::Signals;
@@ -74,7 +75,7 @@ pub fn duplicates(
     dictionary: &Dictionary,
     usage: &[usize],
     max_coherence: f32,
-    stop: &(dyn Fn() -> bool + Sync),
+    progress: &dyn Progress,
 ) -> Result<Vec<bool>> {
     let (k, n) = (dictionary.n_atoms(), dictionary.n_features());
     let mut by_feature = vec![0.0; k * n];
@@ -83,7 +84,7 @@ pub fn duplicates(
             by_feature[f * k + a] = v;
         }
     }
-    let gram = gram(dictionary, &by_feature, stop)?;
+    let gram = gram(dictionary, &by_feature, progress)?;
     let mut by_usage: Vec<usize> = (0..k).collect();
     by_usage.sort_by_key(|&a| (std::cmp::Reverse(usage[a]), a));
     let mut repeats = vec![false; k];
@@ -109,7 +110,7 @@ pub fn replace_atoms(
     codes: &SparseCodes,
     errors: &[f64],
     max_coherence: f32,
-    stop: &(dyn Fn() -> bool + Sync),
+    progress: &dyn Progress,
 ) -> Result<Vec<bool>> {
     let before = dictionary.clone();
     let mut replaced = vec![false; dictionary.n_atoms()];
@@ -120,9 +121,7 @@ pub fn replace_atoms(
     let mut added: Vec<usize> = Vec::new();
     for k in (0..replace.len()).filter(|&k| replace[k]) {
         for i in candidates.by_ref() {
-            if stop() {
-                return Err(Error::Cancelled);
-            }
+            progress.check()?;
             let mut atom = residual(&before, signals, codes, i);
             if !normalize(&mut atom) {
                 continue;

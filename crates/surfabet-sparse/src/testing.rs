@@ -2,12 +2,19 @@
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use surfabet_base::Progress;
 
 use crate::Dictionary;
 
-/// Never asks to stop.
-pub fn never() -> bool {
-    false
+/// Asks to stop from the start.
+pub struct Impatient;
+
+impl Progress for Impatient {
+    fn update(&self, _: &'static str, _: f32) {}
+
+    fn is_cancelled(&self) -> bool {
+        true
+    }
 }
 
 pub fn rng(seed: u64) -> ChaCha8Rng {

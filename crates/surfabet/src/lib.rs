@@ -45,5 +45,7 @@ pub use surfabet_models::patches::{self, PatchModel, PatchesOptions};
 pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
-pub use surfabet_models::{DecodeOptions, Fact, Report, Sensor, Stage, Summary, SurfaceModel};
+pub use surfabet_models::{
+    DecodeOptions, Fact, Figures, Named, Report, Sensor, Stage, Summary, SurfaceModel,
+};
 pub use surfabet_sparse as sparse;

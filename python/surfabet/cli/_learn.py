@@ -75,6 +75,8 @@ def _check_names(model: ModelName, options: dict[str, Any], has_vocabulary: bool
     for option in options:
         if option not in models[model]:
             owners = ", ".join(name for name, own in models.items() if option in own)
-            raise UsageError(f"{spelled(option)}: not an option of --model {model}, but of {owners}")
+            raise UsageError(
+                f"{spelled(option)}: not an option of --model {model}, but of {owners}"
+            )
         if has_vocabulary and not models[model][option]:
             raise UsageError(f"{spelled(option)}: not with --vocabulary, which nothing is added to")

@@ -106,8 +106,8 @@ class VocabularyOption:
     """Where the words are that model files may name instead of holding them."""
 
     vocabulary: Path | None = None
-    """A model file, of --model hscsm, alphabet or bic-alphabet, with the dictionary or alphabet that
-    other files name instead of holding it."""
+    """A model file, of --model hscsm, alphabet or bic-alphabet, whose dictionary or alphabet other
+    files name instead of holding it."""
 
 
 VOCABULARY_OPTION = VocabularyOption()

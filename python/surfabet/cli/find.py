@@ -41,8 +41,8 @@ def find(
 ) -> None:
     """Find all places in a scene that look like an example in it.
 
-    The model must be of --model alphabet, and fine enough to show the thing: `surfabet compress` it with
-    a sigma scale of 1 to 1.5.
+    The model must be of --model alphabet, and fine enough to show the thing: `surfabet compress` it
+    with a sigma scale of 1 to 1.5.
 
         surfabet find room.sfb --point 1.2 0.4 0.5 --radius 0.5
         surfabet find room.sfb --box 0.9 0.1 0.02 1.5 0.7 1.0 --json

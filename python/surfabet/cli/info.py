@@ -65,8 +65,8 @@ def info(
         _draw(file, picture, model)
     n_bytes = size_on_disk(file)
     if json:
-        sizes = model and {"n_points": model.n_points, "info": model.info}
-        print_json({"path": str(file), "bytes": n_bytes, **found.as_dict(), **(sizes or {})})
+        known = {} if model is None else {"n_points": model.n_points, "info": model.info}
+        print_json({"path": str(file), "bytes": n_bytes, **found.as_dict(), **known})
         return
     if common.quiet:
         return

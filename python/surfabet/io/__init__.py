@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
 from surfabet.io._files import format_error
@@ -121,28 +119,6 @@ def _check_options(function: Callable[..., Any], name: str, options: dict[str, A
             )
 
 
-def _seen_from(cloud: PointCloud, viewpoint: Sequence[float]) -> PointCloud:
-    """The cloud with a viewpoint, and the ranges to it where it has none."""
-    center = np.asarray(viewpoint, np.float64)
-    if center.shape != (3,) or not np.isfinite(center).all():
-        raise InvalidInputError(f"viewpoint is {viewpoint!r}, but must be three finite coordinates")
-    if cloud.viewpoints is not None:
-        return cloud
-    ranges = cloud.ranges
-    if ranges is None:
-        ranges = np.linalg.norm(cloud.points - center, axis=1).astype(np.float32)
-    return PointCloud(
-        cloud.local_points,
-        origin=cloud.origin,
-        colors=cloud.colors,
-        intensities=cloud.intensities,
-        normals=cloud.normals,
-        ranges=ranges,
-        viewpoints=center[None],
-        viewpoint_index=np.zeros(len(cloud), np.uint32),
-    )
-
-
 def read(
     path: str | os.PathLike[str],
     format: str | None = None,
@@ -200,7 +176,7 @@ def read(
     if options.get("fused") is False:
         raise InvalidInputError("read() gives one cloud; surfabet.io.read_rgbd gives one per frame")
     cloud = chosen.reader(path, **options)
-    return cloud if viewpoint is None else _seen_from(cloud, viewpoint)
+    return cloud if viewpoint is None else cloud.seen_from(viewpoint)
 
 
 def write(

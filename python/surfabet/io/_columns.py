@@ -89,19 +89,8 @@ def colors_from(path: Path, channels: tuple[Column, Column, Column]) -> NDArray[
     return rows.astype(np.uint8)
 
 
-def _finite_or_zero(values: Column | None) -> tuple[Column | None, int]:
-    if values is None:
-        return None, 0
-    with np.errstate(over="ignore", invalid="ignore"):
-        values = values.astype(np.float32, copy=False)
-    bad: NDArray[np.bool_] = ~np.isfinite(values)
-    if values.ndim == 2:
-        bad = np.any(bad, axis=1)
-    n_bad = int(bad.sum())
-    if n_bad:
-        values = values.copy()
-        values[bad] = 0
-    return values, n_bad
+def _single(values: Column | None) -> Column | None:
+    return None if values is None else values.astype(np.float32, copy=False)
 
 
 def build_cloud(
@@ -117,44 +106,23 @@ def build_cloud(
     origin: Column | None = None,
 ) -> PointCloud:
     """The cloud of a file; says in one warning what of it was not finite and had to go."""
-    finite = np.isfinite(points).all(axis=1)
-    kept = int(finite.sum())
-    said = []
-    if kept < len(points):
-        said.append(
-            f"dropped {len(points) - kept} of {len(points)} points with NaN or infinite coordinates"
-        )
-
-        def keep(column: Column | None) -> Column | None:
-            return None if column is None else column[finite]
-
-        points = points[finite]
-        colors, intensities, normals, ranges, viewpoint_index = (
-            keep(c) for c in (colors, intensities, normals, ranges, viewpoint_index)
-        )
-    intensities, n_intensities = _finite_or_zero(intensities)
-    normals, n_normals = _finite_or_zero(normals)
-    ranges, n_ranges = _finite_or_zero(ranges)
-    if n_attributes := n_intensities + n_normals + n_ranges:
-        said.append(
-            f"set {n_attributes} normals, ranges or intensities that were not finite "
-            "to zero (unknown)"
-        )
     try:
-        cloud = PointCloud(
-            points,
-            colors=colors,
-            intensities=intensities,
-            normals=normals,
-            ranges=ranges,
-            viewpoints=viewpoints,
-            viewpoint_index=viewpoint_index,
-            origin=None if origin is None else [float(c) for c in origin],
-        )
+        # What overflows single precision is not finite.
+        with np.errstate(over="ignore", invalid="ignore"):
+            cloud, dropped = PointCloud.checked(
+                points,
+                colors=colors,
+                intensities=_single(intensities),
+                normals=_single(normals),
+                ranges=_single(ranges),
+                viewpoints=viewpoints,
+                viewpoint_index=viewpoint_index,
+                origin=None if origin is None else [float(c) for c in origin],
+            )
     except InvalidInputError as error:
         raise format_error(path, str(error)) from error
-    if said:
-        warn(f"{path}: {'; '.join(said)}", DroppedPointsWarning)
+    if dropped is not None:
+        warn(f"{path}: {dropped}", DroppedPointsWarning)
     return cloud
 
 
@@ -193,9 +161,9 @@ def cloud_from_columns(
     ranges = _pick(columns, _RANGE)
     index = columns.get(VIEWPOINT_INDEX)
     viewpoint = _pick3(columns, _VIEWPOINT)
-    finite = np.isfinite(points).all(axis=1)
     if viewpoint is not None:
         rows = _stack(viewpoint, np.float64)
+        finite = np.isfinite(points).all(axis=1)
         if not finite.all():
             # The viewpoint of a point that goes does not matter.
             rows[~finite] = rows[np.argmax(finite)] if finite.any() else 0

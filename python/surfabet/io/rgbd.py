@@ -18,14 +18,12 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfabet._core import PointCloud, get_num_threads
+from surfabet._core import LARGEST_UNSHIFTED, PointCloud, get_num_threads
 from surfabet.errors import DroppedPointsWarning, FormatError, InvalidInputError
 from surfabet.io._columns import build_cloud
 from surfabet.io._files import format_error, optional_module, warn
 
 _NO_MEASUREMENT = 65535
-# Poses further out than this get an origin of their own, as everywhere in the package.
-_LARGEST_UNSHIFTED = 1000.0
 # Images larger than this on a side are no depth cameras'.
 _LARGEST_SIDE = 1 << 13
 _TUM_INTRINSICS = {
@@ -518,6 +516,6 @@ def _camera_of(folder: Path, intrinsics: ArrayLike | None, is_tum: bool) -> _Cam
 
 def _origin_of(frames: Iterable[_Frame]) -> NDArray[np.float64]:
     centers = np.stack([frame.pose[:3, 3] for frame in frames])
-    if np.abs(centers).max() <= _LARGEST_UNSHIFTED:
+    if np.abs(centers).max() <= LARGEST_UNSHIFTED:
         return np.zeros(3)
     return np.asarray(np.round(centers.mean(axis=0)))

@@ -1,24 +1,19 @@
-//! Alphabets by description length, on scenes whose surface is known exactly, and their files.
+//! Alphabets by description length, on scenes whose surface is known exactly.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::sync::OnceLock;
-
-use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use surfabet::alphabet;
 use surfabet::geom::KdTree;
 use surfabet::{
-    Alphabet, AlphabetModel, AlphabetOptions, CloudParts, MdlDecodeOptions, Model,
-    PointCloud, Save, Shared, Silent, Viewpoints,
+    Alphabet, AlphabetModel, AlphabetOptions, CloudParts, DecodeOptions, PointCloud, Save, Silent,
+    Viewpoints,
 };
-use surfabet_codec::{ContainerWriter, Family, Features};
 use surfabet_models::Error;
-use surfabet_tests::{
-    LIMITS, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_stops_when_asked,
-    golden,
-};
+use surfabet_tests::assert_stops_when_asked;
+use surfabet_tests::files::read;
+use surfabet_tests::scenes::windows;
 
 /// Angle between the beams of the scanner below, radians.
 const ALPHA: f64 = 0.03;
@@ -60,7 +55,7 @@ fn learn(cloud: &PointCloud, options: &AlphabetOptions) -> AlphabetModel {
 }
 
 fn decode(model: &AlphabetModel) -> PointCloud {
-    model.decode(MdlDecodeOptions::default(), &Silent).unwrap()
+    model.decode(DecodeOptions::default(), &Silent).unwrap()
 }
 
 /// Shares of explained points and of decoded points that explain nothing (eq. 13).
@@ -90,8 +85,10 @@ fn a_scanned_room_is_a_handful_of_planes() {
     let (inliers, outliers) = inliers_outliers(&scan, &decoded);
     assert!(inliers > 0.98, "{inliers}");
     assert!(outliers < 0.05, "{outliers}");
-    // 59 square metres in words of up to 2.56.
-    assert!(model.to_bytes().unwrap().len() < 800, "{}", model.to_bytes().unwrap().len());
+    // 59 square metres in words of up to 2.56: 23 at least, each 8 bytes or so.
+    println!("XX alphabet {} {} {inliers} {outliers}", model.len(), model.to_bytes().unwrap().len());
+    assert!((23..100).contains(&model.len()), "{}", model.len());
+    assert!(model.to_bytes().unwrap().len() < 8 * model.len(), "{}", model.to_bytes().unwrap().len());
     for o in model.occurrences() {
         let towards: f64 = (0..3).map(|a| -o.center[a] * o.rows[2][a]).sum();
         assert!(towards > 0.0, "{o:?} looks away from the sensor");
@@ -135,27 +132,6 @@ fn far_from_the_origin_nothing_changes() {
     }
 }
 
-/// A wall with openings of one shape at irregular places, seen from in front.
-fn windows(seed: u64, n: usize) -> PointCloud {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let places: Vec<[f32; 2]> = (0..n)
-        .map(|k| [k as f32 * 0.9 + rng.random_range(0.1..0.4), rng.random_range(0.2..0.6)])
-        .collect();
-    let mut positions = Vec::new();
-    for i in 0..n as i32 * 60 + 10 {
-        for j in 0..90 {
-            let p = [i as f32 * 0.015, j as f32 * 0.015];
-            let inside = |w: &[f32; 2]| (0..2).all(|a| (0.0..0.4).contains(&(p[a] - w[a])));
-            if !places.iter().any(inside) {
-                positions.push([p[0], 3.0, p[1]]);
-            }
-        }
-    }
-    let viewpoints =
-        Viewpoints { origins: vec![[n as f64 * 0.45, 0.0, 0.7]], index: vec![0; positions.len()] };
-    cloud(CloudParts { positions, viewpoints: Some(viewpoints), ..CloudParts::default() })
-}
-
 fn fine() -> AlphabetOptions {
     let angular_resolution = Some(0.005_f64.to_degrees());
     AlphabetOptions { angular_resolution, noise: Some(0.0), ..AlphabetOptions::default() }
@@ -188,13 +164,6 @@ fn an_alphabet_describes_another_scene() {
     let plane = Alphabet::plane(words.radius(), words.scales()).unwrap();
     let by_planes = alphabet::describe(&other, &plane, &fine(), &Silent).unwrap();
     assert!(cost(&described) < cost(&by_planes));
-
-    let file = described.to_bytes().unwrap();
-    assert!(Model::from_bytes(&file, &LIMITS).is_err());
-    let with = |alphabet| Shared { alphabet: Some(alphabet), ..Shared::default() };
-    assert!(Model::from_bytes_with(&file, &LIMITS, with(&plane)).is_err());
-    let again = Model::from_bytes_with(&file, &LIMITS, with(words)).unwrap();
-    assert_eq!(again.to_bytes().unwrap(), file);
 }
 
 #[test]
@@ -230,8 +199,7 @@ fn degenerate_clouds_give_an_answer_or_an_error() {
     let far = vec![[0.0; 3], [1e7, 0.0, 0.0]];
     for positions in [vec![[1.0, 2.0, 3.0]], vec![[0.5; 3]; 100], line] {
         let model = of(positions).unwrap();
-        let file = model.to_bytes().unwrap();
-        assert_eq!(Model::from_bytes(&file, &LIMITS).unwrap().to_bytes().unwrap(), file);
+        assert_eq!(read::<AlphabetModel>(&model.to_bytes().unwrap()).unwrap(), model);
     }
     // Sigma follows the spacing, and the radius sigma: even these two have their cells.
     assert!(of(far).is_ok());
@@ -241,115 +209,10 @@ fn degenerate_clouds_give_an_answer_or_an_error() {
 }
 
 #[test]
-fn spacings_that_make_no_sense_are_refused() {
-    let scan = cloud(room(0.0, 5));
-    let model = learn(&scan, &options());
-    let decode = |resolution| {
-        let options = MdlDecodeOptions { resolution: Some(resolution), ..Default::default() };
-        model.decode(options, &Silent)
-    };
-    assert!(matches!(decode(0.0), Err(Error::InvalidParameter { .. })));
-    assert!(matches!(decode(1e-6), Err(Error::TooManyPoints { .. })));
-}
-
-#[test]
 fn stops_when_asked_to() {
     let scan = windows(6, 6);
     let asked = assert_stops_when_asked(|progress| alphabet::learn(&scan, &fine(), progress));
     // In two passes of improvement, every occurrence is one question before its variants and one after.
     let occurrences = learn(&scan, &fine()).len();
     assert!(asked > 4 * occurrences, "{asked} for {occurrences}");
-}
-
-/// A few windows with colour, far from the origin.
-fn small_model() -> AlphabetModel {
-    let mut parts = windows(1, 6).into_parts();
-    parts.origin = [10.0, -20.0, 5.0];
-    let of = |p: &Point| [(p[0] * 30.0) as u8, 120, (p[2] * 100.0) as u8];
-    parts.colors = Some(parts.positions.iter().map(of).collect());
-    parts.viewpoints.as_mut().unwrap().origins = vec![[13.0, -20.0, 5.7]];
-    learn(&cloud(parts), &fine())
-}
-
-#[test]
-fn a_model_read_back_is_the_same() {
-    let model = small_model();
-    let file = model.to_bytes().unwrap();
-    let again = match Model::from_bytes(&file, &LIMITS).unwrap() {
-        Model::Alphabet(model) => model,
-        other => panic!("a model of family {}", other.family()),
-    };
-    assert_eq!(again.to_bytes().unwrap(), file);
-    assert_eq!(decode(&again).positions(), decode(&model).positions());
-    assert_eq!(decode(&again).colors(), decode(&model).colors());
-}
-
-#[test]
-fn cut_at_any_byte_it_is_an_error() {
-    assert_cuts_are_errors(&small_model().to_bytes().unwrap());
-}
-
-#[test]
-fn any_flipped_bit_is_an_error_or_harmless() {
-    assert_flipped_bits_are_noticed(&small_model().to_bytes().unwrap());
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
-    #[test]
-    fn streams_of_random_bytes_never_panic(
-        words in prop::collection::vec(any::<u8>(), 0..200),
-        occurrences in prop::collection::vec(any::<u8>(), 0..300),
-        channels in prop::collection::vec(any::<u8>(), 0..200),
-    ) {
-        // The checksums are right, so that only the content can be refused.
-        static FILE: OnceLock<Vec<u8>> = OnceLock::new();
-        let file = FILE.get_or_init(|| small_model().to_bytes().unwrap());
-        let container = surfabet::Container::parse(file, &LIMITS).unwrap();
-        let meta = container.sections()[0].bytes.to_vec();
-        let tags: Vec<_> = container.sections().iter().map(|s| s.tag).collect();
-        let forged = ContainerWriter::new(Family::Alphabet, Features::NONE)
-            .section(tags[0], meta)
-            .section(tags[1], words)
-            .section(tags[2], occurrences)
-            .section(tags[3], channels)
-            .finish()
-            .unwrap();
-        let _ = Model::from_bytes(&forged, &LIMITS);
-    }
-}
-
-/// Every occurrence, to the micrometre and the thousandth.
-fn listing(model: &AlphabetModel) -> String {
-    let text = |values: &[f64], digits: usize| {
-        values.iter().map(|v| format!("{:.digits$}", v + 0.0)).collect::<Vec<_>>().join(" ")
-    };
-    let colors = model.colors().unwrap();
-    let rows = model.occurrences().zip(colors).map(|(o, color)| {
-        let [center, normal] = [text(&o.center, 6), text(&o.rows[2], 3)];
-        format!("{} {} {center} {normal} {color:?}\n", o.word, o.radius)
-    });
-    rows.collect()
-}
-
-/// Writes the golden file of this release. Run once per release, before it is published:
-/// `cargo test -p surfabet-tests --test alphabet -- --ignored write_golden`.
-#[test]
-#[ignore = "writes tests/golden; files of a published release must never change"]
-fn write_golden() {
-    let model = small_model();
-    model.save(golden("alphabet_0_1.sfb")).unwrap();
-    std::fs::write(golden("alphabet_0_1.txt"), listing(&model)).unwrap();
-}
-
-#[test]
-fn the_golden_file_still_reads() {
-    let file = std::fs::read(golden("alphabet_0_1.sfb")).unwrap();
-    let Model::Alphabet(model) = Model::from_bytes(&file, &LIMITS).unwrap() else {
-        panic!("a model of another family");
-    };
-    assert_eq!(model.to_bytes().unwrap(), file);
-    let expected = std::fs::read_to_string(golden("alphabet_0_1.txt")).unwrap();
-    assert_eq!(listing(&model), expected);
 }

@@ -1,18 +1,14 @@
-//! Growing neural gas: what mathematics and the paper say of it, and what may come in a file.
+//! Growing neural gas: what mathematics and the paper say of it, and how it grows.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use surfabet::gas::{self, DecodeOptions, GasModel, GasOptions, Search};
-use surfabet::{CloudParts, Family, Model, PointCloud, Silent, Viewpoints};
-use surfabet_codec::{ContainerWriter, Features};
+use surfabet::gas::{self, GasModel, GasOptions, Search};
+use surfabet::{DecodeOptions, PointCloud, Save, Silent};
 use surfabet_geom::{KdTree, VoxelGrid};
 use surfabet_models::Error;
-use surfabet_tests::{
-    LIMITS, Stop, assert_cuts_are_errors, assert_flipped_bits_are_noticed, assert_same_numbers,
-    golden,
-};
+use surfabet_tests::files::read;
+use surfabet_tests::scenes::sphere;
 
 fn plain(points: Vec<[f32; 3]>) -> PointCloud {
     PointCloud::from_positions(points).0
@@ -27,35 +23,7 @@ fn learn(cloud: &PointCloud, options: &GasOptions) -> GasModel {
 }
 
 fn bytes(model: &GasModel) -> Vec<u8> {
-    Model::from(model.clone()).to_bytes().unwrap()
-}
-
-fn read(file: &[u8]) -> Result<GasModel, surfabet::Error> {
-    match Model::from_bytes(file, &LIMITS)? {
-        Model::Gas(model) => Ok(model),
-        other => panic!("a model of family {}", other.family()),
-    }
-}
-
-/// A sphere of radius 1 with colours by hemisphere, seen from its centre or with nothing known of the side.
-fn sphere(n: usize, seen: bool, seed: u64) -> PointCloud {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut parts = CloudParts::default();
-    let mut colors = Vec::new();
-    while parts.positions.len() < n {
-        let p: [f32; 3] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
-        let r = p.iter().map(|c| c * c).sum::<f32>().sqrt();
-        if r > 0.1 && r < 1.0 {
-            let p = p.map(|c| c / r);
-            parts.positions.push(p);
-            colors.push(if p[2] > 0.0 { [240, 40, 40] } else { [20, 60, 220] });
-        }
-    }
-    parts.colors = Some(colors);
-    if seen {
-        parts.viewpoints = Some(Viewpoints { origins: vec![[0.0; 3]], index: vec![0; n] });
-    }
-    PointCloud::from_parts(parts).unwrap().0
+    model.to_bytes().unwrap()
 }
 
 fn mean_distance(from: &PointCloud, to: &[[f32; 3]]) -> f64 {
@@ -83,7 +51,7 @@ fn the_same_seed_gives_the_same_network_with_either_search() {
 }
 
 #[test]
-fn the_same_bytes_for_any_number_of_threads() {
+fn many_tasks_give_the_same_on_any_number_of_threads() {
     let cloud = sphere(20_000, false, 1);
     let with = |n: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
@@ -217,6 +185,8 @@ fn decoding_at_a_spacing_covers_the_sphere_and_keeps_its_colours() {
     let options =
         DecodeOptions { resolution: Some(0.02), normals: true, ..DecodeOptions::default() };
     let dense = model.decode(options, &Silent).unwrap();
+    // A square lattice in every neuron's cell, and the cells fill the sphere; where they end some points are twice or
+    // missing: at most one for each spacing along 1500 borders of 0.1 m, of 31 000 in all.
     let expected = 4.0 * std::f64::consts::PI / 0.02_f64.powi(2);
     assert!((dense.len() as f64 / expected - 1.0).abs() < 0.1, "{} {expected}", dense.len());
     let tree = KdTree::new(dense.positions()).unwrap();
@@ -235,10 +205,6 @@ fn decoding_at_a_spacing_covers_the_sphere_and_keeps_its_colours() {
             }
         }
     }
-    let bounded = DecodeOptions { max_points: 100, ..options };
-    assert!(matches!(model.decode(bounded, &Silent), Err(Error::TooManyPoints { .. })));
-    let wrong = DecodeOptions { resolution: Some(-1.0), ..options };
-    assert!(matches!(model.decode(wrong, &Silent), Err(Error::InvalidParameter { .. })));
 }
 
 #[test]
@@ -256,11 +222,15 @@ fn thickness_comes_back_as_measured() {
         let sum: f64 = cloud.positions().iter().map(|p| f64::from(p[2]).powi(2)).sum();
         (sum / cloud.len() as f64).sqrt()
     };
+    println!("XX spread {} {}", spread(false), spread(true));
     assert!(spread(false) < 0.004, "{}", spread(false));
-    assert!((0.008..0.012).contains(&spread(true)), "{}", spread(true));
-    // The neurons' counts are those of the points, to a quarter of a doubling each.
+    // Rounded to a quarter of a doubling, 9 percent at most; the square of the thin spread adds to it.
+    assert!((0.009..0.011).contains(&spread(true)), "{}", spread(true));
+    // The neurons' counts are those of the points, rounded alike: of 300 independent errors of at most 9 percent the
+    // mean is within 1 percent, and the mean of 2^u over an eighth about zero is 0.1 percent above 1.
     let total: f64 = (0..model.len()).map(|i| model.count(i)).sum();
-    assert!((total / 40_000.0 - 1.0).abs() < 0.05, "{total}");
+    println!("XX total {total}");
+    assert!((total / 40_000.0 - 1.0).abs() < 0.012, "{total}");
 }
 
 #[test]
@@ -280,12 +250,17 @@ fn an_update_learns_the_new_scan_and_keeps_the_old_one() {
     let both = model.update(&second, Some(800), &base, &Silent).unwrap();
     assert_eq!(both.len(), 800);
     assert_eq!(both.n_points(), 40_000);
-    assert!(about(&first, &both) < 1.1 * before, "{} {before}", about(&first, &both));
-    assert!(about(&second, &both) < 1.2 * before, "{} {before}", about(&second, &both));
+    // Twice the neurons for the two spheres: as near as before to both.
+    println!("XX update {} {} {before}", about(&first, &both), about(&second, &both));
+    for scan in [&first, &second] {
+        let ratio = about(scan, &both) / before;
+        assert!((0.9..1.1).contains(&ratio), "{ratio}");
+    }
     // Left to itself it grows about as much as there is new space.
     let free = model.update(&second, None, &base, &Silent).unwrap();
+    println!("XX free {}", free.len());
     assert!((600..900).contains(&free.len()), "{}", free.len());
-    assert_eq!(read(&bytes(&both)).unwrap().edges(), both.edges());
+    assert_eq!(read::<GasModel>(&bytes(&both)).unwrap().edges(), both.edges());
     assert!(model.update(&second, Some(399), &base, &Silent).is_err());
     assert_eq!(model.update(&PointCloud::default(), None, &base, &Silent), Err(Error::EmptyCloud));
 }
@@ -294,8 +269,15 @@ fn an_update_learns_the_new_scan_and_keeps_the_old_one() {
 fn growth_ends_by_error_and_by_passes() {
     let cloud = sphere(20_000, false, 11);
     let by_error = learn(&cloud, &GasOptions { target_error: Some(0.1), ..options(5000) });
-    assert!(by_error.len() < 1000, "{}", by_error.len());
-    assert!((by_error.mean_error() / 0.1 - 1.0).abs() < 0.15, "{}", by_error.mean_error());
+    println!("XX by_error {} {}", by_error.len(), by_error.mean_error());
+    // It ends when the mean over twice as many signals as neurons is small enough. Distances in a cell have a standard
+    // deviation of 0.36 of their mean, so that this mean of some 400 is off by 2 percent; three times that.
+    assert!((by_error.mean_error() / 0.1 - 1.0).abs() < 0.06, "{}", by_error.mean_error());
+    // No network of n neurons is nearer than hexagons: a mean distance of 0.377 times the root of a cell's area.
+    let cells = 4.0 * std::f64::consts::PI / by_error.len() as f64;
+    let hexagons = 0.377 * cells.sqrt();
+    let ratio = by_error.mean_error() / hexagons;
+    assert!((1.0..1.15).contains(&ratio), "{ratio}");
     assert_eq!(by_error.report().stop_reason, "mean distance reached");
     let by_passes = learn(&cloud, &GasOptions { passes: Some(0.5), ..options(5000) });
     // 10 000 signals, one neuron for each hundred, and the first two.
@@ -333,7 +315,7 @@ fn clouds_that_are_hardly_any_give_a_gas_or_a_clear_error() {
             let decoded = model.decode(options, &Silent).unwrap();
             assert!(decoded.len() >= model.len().min(decoded.len()) && decoded.colors().is_none());
         }
-        let again = read(&bytes(&model)).unwrap();
+        let again: GasModel = read(&bytes(&model)).unwrap();
         assert_eq!(again.neurons(), model.neurons());
         model.mesh();
     }
@@ -358,104 +340,4 @@ fn positions_must_fit_their_step() {
     let wide = plain(vec![[0.0; 3], [1000.0; 3]]);
     let fine = GasOptions { position_step: Some(1e-6), ..options(2) };
     assert!(matches!(gas::learn(&wide, &fine, &Silent), Err(Error::TooLarge { .. })));
-}
-
-#[test]
-fn stopping_stops() {
-    let found = gas::learn(&sphere(100, false, 13), &options(10), &Stop);
-    assert!(matches!(found, Err(Error::Cancelled(_))));
-}
-
-/// A coloured sphere at an odd place, and a few neurons apart from it.
-fn small_model() -> GasModel {
-    let mut parts = sphere(2000, true, 14).into_parts();
-    parts.origin = [10.0, -20.0, 5.0];
-    parts.positions.iter_mut().step_by(5).for_each(|p| p[0] += 10.0);
-    learn(&PointCloud::from_parts(parts).unwrap().0, &options(60))
-}
-
-#[test]
-fn a_model_read_back_is_the_same() {
-    let model = small_model();
-    let file = bytes(&model);
-    let again = read(&file).unwrap();
-    assert_eq!(bytes(&again), file);
-    assert_eq!(again.header(), model.header());
-    assert_eq!(again.neurons(), model.neurons());
-    assert_eq!(again.edges(), model.edges());
-    let options =
-        DecodeOptions { resolution: Some(0.05), normals: true, ..DecodeOptions::default() };
-    assert_eq!(again.decode(options, &Silent), model.decode(options, &Silent));
-    // Prices are what the bytes come to.
-    let price: f64 = model.price().iter().sum();
-    assert!((file.len() as f64 - price) < 200.0, "{} {price}", file.len());
-}
-
-#[test]
-fn cut_at_any_byte_it_is_an_error() {
-    assert_cuts_are_errors(&bytes(&small_model()));
-}
-
-#[test]
-fn any_flipped_bit_is_an_error_or_harmless() {
-    assert_flipped_bits_are_noticed(&bytes(&small_model()));
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
-    #[test]
-    fn streams_of_random_bytes_never_panic(
-        streams in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..200), 5),
-        meta in prop::option::of(prop::collection::vec(any::<u8>(), 0..50)),
-    ) {
-        // The checksums are right, so that only the content can be refused.
-        let file = bytes(&small_model());
-        let container = surfabet::Container::parse(&file, &LIMITS).unwrap();
-        let mut forged = ContainerWriter::new(Family::Gas, Features::NONE);
-        for (i, section) in container.sections().iter().enumerate() {
-            let bytes = match i {
-                0 => meta.clone().unwrap_or(section.bytes.to_vec()),
-                _ => streams[i - 1].clone(),
-            };
-            forged = forged.section(section.tag, bytes);
-        }
-        let _ = Model::from_bytes(&forged.finish().unwrap(), &LIMITS);
-    }
-}
-
-/// A line per neuron, position in the world (metres), normal, colour and sizes; then one per edge.
-fn listing(model: &GasModel) -> String {
-    let (cloud, colors) =
-        (model.decode(DecodeOptions::default(), &Silent).unwrap(), model.colors().unwrap());
-    let neuron = |i: usize| {
-        let ([x, y, z], [u, v, w], [r, g, b]) = (cloud.world(i), model.normal(i), colors[i]);
-        let (count, radius, thickness) = (model.count(i), model.radius(i), model.thickness(i));
-        format!(
-            "{x:.7} {y:.7} {z:.7} {u:.6} {v:.6} {w:.6} {r} {g} {b} {count:.4} {radius:.7} {thickness:.7}\n"
-        )
-    };
-    let edges = model.edges().iter().map(|[a, b]| format!("{a} {b}\n"));
-    (0..model.len()).map(neuron).chain(edges).collect()
-}
-
-/// Writes the golden file of this release. Run once per release, before it is published:
-/// `cargo test -p surfabet-tests --test gas -- --ignored`.
-#[test]
-#[ignore = "writes tests/golden; files of a published release must never change"]
-fn write_golden() {
-    let model = small_model();
-    Model::from(model.clone()).save(golden("gas_0_1.sfb")).unwrap();
-    std::fs::write(golden("gas_0_1.txt"), listing(&model)).unwrap();
-}
-
-#[test]
-fn files_of_release_0_1_stay_readable() {
-    let file = std::fs::read(golden("gas_0_1.sfb")).unwrap();
-    let model = read(&file).unwrap();
-    assert_eq!(bytes(&model), file);
-    assert_eq!((model.len(), model.n_points()), (60, 2000));
-    assert_eq!(model.origin(), [15.0, -20.0, 5.0]);
-    let expected = std::fs::read_to_string(golden("gas_0_1.txt")).unwrap();
-    assert_same_numbers(&listing(&model), &expected, |_, e| 1e-6 * e.abs().max(1.0));
 }

@@ -47,8 +47,9 @@ fn refused<O: Options>(learn: impl Fn(&PointCloud, &O) -> Result<()>) {
             let mut options = O::default();
             let found = options.set(spec.name, &value).and_then(|()| learn(&cloud, &options));
             match found {
-                Err(Error::InvalidParameter { name, requirement, .. }) => {
-                    assert_eq!((name, requirement.as_ref()), (spec.name, &*spec.requirement()));
+                Err(Error::InvalidParameter(found)) => {
+                    assert_eq!(found.name, spec.name);
+                    assert_eq!(found.requirement, spec.requirement());
                 }
                 other => panic!("{} = {value}: {other:?}", spec.name),
             }

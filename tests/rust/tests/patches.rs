@@ -1,18 +1,16 @@
 //! Lattice patches on scenes whose surface is known exactly, and their files.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use surfabet::geom::KdTree;
 use surfabet::patches;
 use surfabet::{
-    CloudParts, DecodeOptions, Model, PatchModel, PatchesOptions, PointCloud, Silent, Viewpoints,
+    CloudParts, DecodeOptions, PatchModel, PatchesOptions, PointCloud, Save, Silent, Viewpoints,
 };
-use surfabet_codec::{ContainerWriter, Family, Features};
 use surfabet_models::Error;
-use surfabet_tests::{LIMITS, Stop, assert_cuts_are_errors, assert_flipped_bits_are_noticed};
+use surfabet_tests::files::read;
 
 const PIXEL: f64 = 0.01;
 
@@ -27,7 +25,7 @@ fn plain(points: Vec<Point>) -> PointCloud {
 }
 
 fn bytes(model: &PatchModel) -> Vec<u8> {
-    Model::from(model.clone()).to_bytes().unwrap()
+    model.to_bytes().unwrap()
 }
 
 fn decode(model: &PatchModel, resolution: f64, as_measured: bool) -> PointCloud {
@@ -36,9 +34,12 @@ fn decode(model: &PatchModel, resolution: f64, as_measured: bool) -> PointCloud 
     model.decode(options, &Silent).unwrap()
 }
 
+/// Colours of the walls of [`corner`], by the axis that each stands across.
+const COLORS: [[u8; 3]; 3] = [[200, 60, 40], [40, 180, 60], [60, 60, 200]];
+
 /// A room corner: floor and two walls of 1.2 m, turned by some angle, a point every 4 mm, with noise along the
-/// normal.
-fn corner(noise: f64, turn: f32, seed: u64) -> (PointCloud, impl Fn(Point) -> f32) {
+/// normal. With it the distances of a point to the three.
+fn corner(noise: f64, turn: f32, seed: u64) -> (PointCloud, impl Fn(Point) -> [f32; 3]) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (sine, cosine) = turn.sin_cos();
     let rotate = move |p: Point| [cosine * p[0] - sine * p[1], sine * p[0] + cosine * p[1], p[2]];
@@ -48,7 +49,7 @@ fn corner(noise: f64, turn: f32, seed: u64) -> (PointCloud, impl Fn(Point) -> f3
     for i in 0..300 {
         for j in 0..300 {
             let (a, b) = (i as f32 * 0.004, j as f32 * 0.004);
-            for (axis, color) in [(0, [200, 60, 40]), (1, [40, 180, 60]), (2, [60, 60, 200])] {
+            for (axis, color) in COLORS.into_iter().enumerate() {
                 let off: f64 = rng.sample(StandardNormal);
                 let mut p = [0.0; 3];
                 p[axis] = (noise * off) as f32;
@@ -60,17 +61,19 @@ fn corner(noise: f64, turn: f32, seed: u64) -> (PointCloud, impl Fn(Point) -> f3
         }
     }
     parts.colors = Some(colors);
-    let distance = move |p: Point| {
+    let distances = move |p: Point| {
         let p = back(p);
-        (0..3)
-            .map(|axis| {
-                let outside = |c: f32| (c - c.clamp(0.0, 1.196)).powi(2);
-                let across = outside(p[(axis + 1) % 3]) + outside(p[(axis + 2) % 3]);
-                (p[axis] * p[axis] + across).sqrt()
-            })
-            .fold(f32::INFINITY, f32::min)
+        std::array::from_fn(|axis| {
+            let outside = |c: f32| (c - c.clamp(0.0, 1.196)).powi(2);
+            let across = outside(p[(axis + 1) % 3]) + outside(p[(axis + 2) % 3]);
+            (p[axis] * p[axis] + across).sqrt()
+        })
     };
-    (PointCloud::from_parts(parts).unwrap().0, distance)
+    (PointCloud::from_parts(parts).unwrap().0, distances)
+}
+
+fn least(distances: [f32; 3]) -> f32 {
+    distances.into_iter().fold(f32::INFINITY, f32::min)
 }
 
 fn rms(values: impl Iterator<Item = f32>) -> f64 {
@@ -85,43 +88,58 @@ fn rms_to(cloud: &PointCloud, other: &PointCloud) -> f64 {
 
 #[test]
 fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
-    let (cloud, distance) = corner(0.0, 0.4, 0);
+    let (cloud, distances) = corner(0.0, 0.4, 0);
     let model = learn(&cloud, &PatchesOptions::default());
     let decoded = decode(&model, 0.005, false);
-    let off = rms(decoded.positions().iter().map(|&p| distance(p)));
+    let off = rms(decoded.positions().iter().map(|&p| least(distances(p))));
+    println!("XX off {off} rms {} len {} bytes {}", rms_to(&cloud, &decoded), model.len(), bytes(&model).len());
     assert!(off < 0.25 * PIXEL, "{off}");
-    // Sampling by half a pixel leaves a quarter of it along each axis.
-    assert!(rms_to(&cloud, &decoded) < 0.5 * PIXEL);
-    // Three planes of 1.44 m2 in squares of 16 cm: 64 each, and some at the rims.
-    assert!(model.len() < 240, "{}", model.len());
-    assert!(bytes(&model).len() < 1000, "{}", bytes(&model).len());
+    // Points half a pixel apart are up to a quarter of one from the next along each of two axes, evenly: a sixth of
+    // half a pixel's square, and the surface's own error.
+    let sampling = 0.5 * PIXEL / 6.0_f64.sqrt();
+    let found = rms_to(&cloud, &decoded);
+    assert!((sampling..sampling + 0.25 * PIXEL).contains(&found), "{found} {sampling}");
+    // Three planes of 1.44 m2 in squares of 16 cm: 56 each, and some at the rims.
+    assert!((168..240).contains(&model.len()), "{}", model.len());
+    // Away from the corner's edges every point has the colour of its wall.
+    let (mut worst, mut n) = (0, 0);
     for (p, c) in decoded.positions().iter().zip(decoded.colors().unwrap()) {
-        let _ = p;
-        assert!(c.iter().any(|&v| v > 90), "{c:?} is none of the three colours or their mixtures");
+        let distances = distances(*p);
+        for axis in 0..3 {
+            let [next, last] = [distances[(axis + 1) % 3], distances[(axis + 2) % 3]];
+            if distances[axis] < 0.02 && next.min(last) > 0.2 {
+                n += 1;
+                let off = |k: usize| c[k].abs_diff(COLORS[axis][k]);
+                worst = worst.max((0..3).map(off).max().unwrap());
+            }
+        }
     }
+    println!("XX worst {worst} of {n}");
+    assert!(n > decoded.len() / 2 && worst <= 16, "{worst} at {n} of {}", decoded.len());
 }
 
 #[test]
 fn the_surface_is_nearer_to_the_truth_than_the_scan_and_the_filled_one_nearer_to_the_scan() {
     let noise = 0.008;
-    let (cloud, distance) = corner(noise, 0.3, 1);
+    let (cloud, distances) = corner(noise, 0.3, 1);
     let model = learn(&cloud, &PatchesOptions::default());
-    let of_input = rms(cloud.positions().iter().map(|&p| distance(p)));
+    let of_input = rms(cloud.positions().iter().map(|&p| least(distances(p))));
     let surface = decode(&model, 0.005, false);
-    let of_surface = rms(surface.positions().iter().map(|&p| distance(p)));
+    let of_surface = rms(surface.positions().iter().map(|&p| least(distances(p))));
     assert!(of_surface < 0.5 * of_input, "{of_surface} {of_input}");
     let filled = decode(&model, 0.005, true);
     assert!(filled.len() > surface.len());
     assert!(rms_to(&cloud, &filled) < 0.75 * rms_to(&cloud, &surface));
-    // The thickness is that of a slab with the noise's variance, rounded to quarter pixels, and to the thin side,
-    // since errors of decoded points count double.
+    // The thickness is that of a slab with the noise's variance, rounded to quarter pixels (18 percent of this one), and
+    // to the thin side, since errors of decoded points count double.
     let (mut sum, mut area) = (0.0, 0.0);
     for leaf in model.leaves() {
         let weight = f64::from(leaf.patch.mask.count_ones() << (2 * leaf.level));
         sum += weight * f64::from(leaf.patch.thickness) * 0.25 * PIXEL / 3.0_f64.sqrt();
         area += weight;
     }
-    assert!((0.6..1.15).contains(&(sum / area / noise)), "{} {noise}", sum / area);
+    println!("XX thickness {}", sum / area / noise);
+    assert!((0.7..1.0).contains(&(sum / area / noise)), "{} {noise}", sum / area);
 }
 
 #[test]
@@ -150,9 +168,10 @@ fn every_surface_point_belongs_to_one_patch() {
         area +=
             f64::from(leaf.patch.mask.count_ones()) * (PIXEL * f64::from(1 << leaf.level)).powi(2);
     }
-    // Three squares of 1.2 m; rims and edges may add or lose a pixel.
+    // Three squares of 1.2 m; rims and edges, four of 1.2 m each, may add or lose a pixel.
     let exact = 3.0 * 1.2 * 1.2;
-    assert!((area / exact - 1.0).abs() < 0.05, "{area} {exact}");
+    println!("XX area {area} {exact}");
+    assert!((area - exact).abs() < 12.0 * 1.2 * PIXEL, "{area} {exact}");
 }
 
 #[test]
@@ -214,7 +233,7 @@ fn the_bound_holds_for_every_input_point() {
         let options = PatchesOptions { max_error: Some(bound), ..PatchesOptions::default() };
         let model = learn(&cloud, &options);
         assert_eq!(model.max_error(), Some(bound));
-        let again = read(&bytes(&model)).unwrap();
+        let again: PatchModel = read(&bytes(&model)).unwrap();
         assert_eq!(again.max_error(), Some(bound));
         let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
         let decoded = again.decode(options, &Silent).unwrap();
@@ -231,7 +250,7 @@ fn the_bound_holds_for_every_input_point() {
 }
 
 #[test]
-fn the_same_bytes_for_any_number_of_threads() {
+fn many_tasks_give_the_same_on_any_number_of_threads() {
     let (cloud, _) = corner(0.008, 0.5, 5);
     let with = |n: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
@@ -256,11 +275,13 @@ fn coarser_pixels_make_smaller_files_of_larger_error() {
 }
 
 #[test]
-fn bytes_of_a_fixed_scene_do_not_grow() {
-    // A regression of the coder shows here: 90 000 noisy points of three walls.
+fn bytes_of_a_fixed_scene_stay() {
+    // A change of the coder shows here, for better or worse: 270 000 noisy points of three walls. Another last bit of
+    // a sine may move a symbol or two.
     let (cloud, _) = corner(0.008, 0.5, 5);
     let size = bytes(&learn(&cloud, &PatchesOptions::default())).len();
-    assert!(size < 1500, "{size} bytes");
+    println!("XX size {size}");
+    assert!(size.abs_diff(1400) <= 14, "{size} bytes");
 }
 
 #[test]
@@ -279,7 +300,8 @@ fn clouds_that_are_hardly_any_give_a_model_or_a_clear_error() {
         // What is less than an area may get the pixels of the coarsest level.
         assert!(rms_to(&cloud, &decoded) < 2.0 * PIXEL, "{} points", cloud.len());
         assert!(decoded.colors().is_none());
-        assert_eq!(read(&bytes(&model)).unwrap().leaves(), model.leaves());
+        let again: PatchModel = read(&bytes(&model)).unwrap();
+        assert_eq!(again.leaves(), model.leaves());
     }
 }
 
@@ -302,84 +324,4 @@ fn a_scene_too_large_for_its_pixels_is_refused_with_the_limit() {
     let options = PatchesOptions { resolution: 1e-4, ..PatchesOptions::default() };
     let found = patches::learn(&cloud, &options, &Silent);
     assert!(matches!(found, Err(Error::TooLarge { .. })), "{found:?}");
-}
-
-#[test]
-fn stopping_stops() {
-    let (cloud, _) = corner(0.0, 0.0, 8);
-    let found = patches::learn(&cloud, &PatchesOptions::default(), &Stop);
-    assert!(matches!(found, Err(Error::Cancelled(_))));
-}
-
-fn read(file: &[u8]) -> Result<PatchModel, surfabet::Error> {
-    match Model::from_bytes(file, &LIMITS)? {
-        Model::Patches(model) => Ok(model),
-        other => panic!("a model of family {}", other.family()),
-    }
-}
-
-/// A bumpy coloured square of 0.3 m with a stray point.
-fn small_model() -> PatchModel {
-    let mut parts = CloudParts { origin: [10.0, -20.0, 5.0], ..CloudParts::default() };
-    let mut colors = Vec::new();
-    for i in 0..3600 {
-        let (x, y) = ((i % 60) as f32 * 0.005, (i / 60) as f32 * 0.005);
-        parts.positions.push([x, y, 0.02 * (20.0 * x).sin() * (15.0 * y).cos()]);
-        colors.push(if i % 60 / 15 % 2 == 0 { [220, 40, 30] } else { [20, 90, 200] });
-    }
-    // Too few and too near to be worth a patch, too far for the bound.
-    parts.positions.push([0.1, 0.1, 0.05]);
-    colors.push([1, 2, 3]);
-    parts.colors = Some(colors);
-    let cloud = PointCloud::from_parts(parts).unwrap().0;
-    learn(
-        &cloud,
-        &PatchesOptions { max_error: Some(0.01), color_step: 20, ..PatchesOptions::default() },
-    )
-}
-
-#[test]
-fn a_model_read_back_is_the_same() {
-    let model = small_model();
-    let file = bytes(&model);
-    let again = read(&file).unwrap();
-    assert_eq!(bytes(&again), file);
-    assert_eq!(again.header(), model.header());
-    let (a, b) = (decode(&model, 0.004, true), decode(&again, 0.004, true));
-    assert_eq!(a, b);
-}
-
-#[test]
-fn cut_at_any_byte_it_is_an_error() {
-    assert_cuts_are_errors(&bytes(&small_model()));
-}
-
-#[test]
-fn any_flipped_bit_is_an_error_or_harmless() {
-    assert_flipped_bits_are_noticed(&bytes(&small_model()));
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
-    #[test]
-    fn streams_of_random_bytes_never_panic(
-        geometry in prop::collection::vec(any::<u8>(), 0..300),
-        color in prop::collection::vec(any::<u8>(), 0..300),
-        points in prop::collection::vec(any::<u8>(), 0..60),
-    ) {
-        // The checksums are right, so that only the content can be refused.
-        let file = bytes(&small_model());
-        let container = surfabet::Container::parse(&file, &LIMITS).unwrap();
-        let meta = container.sections()[0].bytes.to_vec();
-        let tags: Vec<_> = container.sections().iter().map(|s| s.tag).collect();
-        let forged = ContainerWriter::new(Family::Patches, Features::LATTICE)
-            .section(tags[0], meta)
-            .section(tags[1], geometry)
-            .section(tags[2], color)
-            .section(tags[3], points)
-            .finish()
-            .unwrap();
-        let _ = Model::from_bytes(&forged, &LIMITS);
-    }
 }

@@ -2,6 +2,7 @@
 
 use surfabet_entropy::Coder;
 
+use super::learn::AlphabetFigures;
 use super::model::{Alphabet, AlphabetHeader, AlphabetModel};
 use super::options::AlphabetOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
@@ -13,6 +14,7 @@ impl SurfaceModel for AlphabetModel {
     const KEEPS_THICKNESS: bool = false;
     type Options = AlphabetOptions;
     type Header = AlphabetHeader;
+    type Figures = Option<AlphabetFigures>;
     type Vocabulary = Alphabet;
 
     fn header(&self) -> AlphabetHeader {

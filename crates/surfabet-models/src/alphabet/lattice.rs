@@ -1,9 +1,8 @@
-//! The integers that poses are made of, and the deviation allowed at each.
+//! The integers that poses are made of, and the deviation sigma allowed at each cell.
 //!
-//! Space is counted in units of a 256th of the smallest radius. A word of scale l has the radius `2^l` times the
-//! smallest and stands in a cubic cell whose side is that radius. How finely the pose is said follows from the
-//! deviation sigma at the cell, which follows from the sensor's distance: all in integers, so that every platform
-//! reads the same.
+//! Lengths are in units of a 256th of the smallest radius. A word of scale l has the radius `2^l` times the smallest
+//! and belongs to a cubic cell whose side is that radius. The steps of its pose follow from sigma at the middle of the
+//! cell, which follows from the distance to the sensor: all in integers, so that every platform reads the same.
 
 /// Units per smallest radius, and per side of the smallest cell.
 pub const UNITS: i64 = 256;
@@ -17,12 +16,15 @@ pub const MAX_CELL: i32 = 1 << 24;
 /// Fractional bits of [`SigmaRule::per_range`].
 const RANGE_BITS: u32 = 40;
 
-/// Angle of one step of a normal times the radius, over sigma, in hundredths: at the rim of a word, rounding of the
-/// normal weighs like rounding of the offset.
+/// One step of a normal moves the rim of a word by this many hundredths of sigma. Rounding the normal then moves the
+/// surface about as much as rounding the offset does: 0.165 and 0.144 sigma, root mean square. Part of the format.
 const TILT_STEP: i64 = 70;
 
 /// Steps of a normal from an axis to the next at most.
 pub const MAX_SLOPE: i32 = 255;
+
+/// Largest offset of an occurrence either way, steps.
+pub const MAX_OFFSET: i32 = 1 << 20;
 
 /// Sigma squared as a function of the squared distance from the sensor (eq. 13), in units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,7 +36,7 @@ pub struct SigmaRule {
 }
 
 impl SigmaRule {
-    /// From lengths in metres and the size of a unit.
+    /// Sigma per metre of range, sigma that does not depend on range (metres), and the size of a unit (metres).
     pub fn new(per_range: f64, constant: f64, unit: f64) -> Self {
         Self {
             per_range: (per_range * per_range * (1_u64 << RANGE_BITS) as f64).round() as u64,
@@ -42,23 +44,23 @@ impl SigmaRule {
         }
     }
 
-    /// Level of sigma at a point: the logarithm of sigma squared to base two, rounded down.
+    /// Level of sigma at a point: `floor(log2(sigma^2))` with `sigma^2 = per_range * range^2 + constant`.
     pub fn level(&self, point: [i64; 3], sensor: Option<[i64; 3]>) -> u32 {
         let squared: u128 = sensor
             .map_or(0, |from| (0..3).map(|a| u128::from(point[a].abs_diff(from[a])).pow(2)).sum());
-        // Coordinates are below 2^41, so that the square has 84 bits and the rule at most 44 above its fraction.
+        // Coordinates are below 2^41, so that the square has at most 84 bits; the product stays below 2^128.
         let grown = (squared.min(1 << 83) * u128::from(self.per_range.min(1 << 44))) >> RANGE_BITS;
         (grown + u128::from(self.constant)).clamp(1, 1 << 62).ilog2()
     }
 }
 
-/// Sigma of a level in units; at most the true one, and above it over the root of two.
+/// Sigma of a level in units, `2^(level / 2)`: at most the true sigma, and more than the true one over the root of two.
 pub fn sigma(level: u32) -> f64 {
     let whole = (1_u64 << (level / 2)) as f64;
     if level % 2 == 1 { whole * std::f64::consts::SQRT_2 } else { whole }
 }
 
-/// Sigma of a level in whole units.
+/// Sigma of a level, rounded down to whole units.
 fn whole_sigma(level: u32) -> i64 {
     (1_i128 << level).isqrt() as i64
 }
@@ -68,7 +70,7 @@ pub fn offset_step(level: u32) -> i64 {
     (whole_sigma(level) / 2).max(1)
 }
 
-/// Steps of a normal from an axis to the diagonal, for words of a scale.
+/// Steps of a normal from an axis to the diagonal: the radius over the step of the rim, rounded.
 pub fn slope_steps(scale: u32, level: u32) -> i32 {
     let steps = ((UNITS << scale) * 100 + TILT_STEP * whole_sigma(level) / 2)
         / (TILT_STEP * whole_sigma(level));

@@ -1,41 +1,55 @@
 //! Learning an alphabet with the scene that it describes, and describing a scene by an alphabet that is given.
 
-use rayon::prelude::*;
-use surfabet_entropy::Price;
 use surfabet_geom::{Neighborhood, PointCloud, Progress, estimate_normals};
 
-use super::candidates::clusters::{clustered, nearest_words};
-use super::candidates::coverage::Rasters;
-use super::candidates::descriptor::Patch;
-use super::candidates::{Candidate, NEAREST, Plane, planes, with_words};
+use super::candidates::{
+    Candidate, CandidatePlane, Descriptor, cluster_words, find_planes, place_words,
+};
 use super::channels::Channels;
-use super::choice::cover::{Prices, Tally, cover};
-use super::coding::occurrences::{Setting, code_occurrences, code_words};
+use super::choice::{Choice, Prices};
+use super::coding::CodingParams;
+use super::constants::{
+    DEFAULT_RADIUS, DEFAULT_RADIUS_IN_SIGMAS, FIRST_OCCURRENCE_BITS, NORMAL_NEIGHBORS,
+};
 use super::model::{Alphabet, AlphabetModel, Header};
 use super::options::AlphabetOptions;
-use super::placement::Placement;
-use super::scene::local_points::{NearPoint, near};
-use super::scene::thin::thinned;
-use super::scene::{Cells, Data};
+use super::scene::{Cells, LatticeScene, thinned};
 use super::word::Word;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::{Report, figures, lost};
 use crate::scans::Scene;
+use crate::stages::Stages;
 
-/// Points that a normal is fitted to.
-const NORMAL_NEIGHBORS: usize = 12;
+/// The stages and their shares of the progress: the time of each in per cent.
+const STAGES: &[(&str, f32)] = &[
+    ("preparing the scene", 10.0),
+    ("finding planes", 20.0),
+    ("clustering words", 10.0),
+    ("placing words", 30.0),
+    ("choosing occurrences", 30.0),
+];
 
-/// Smallest radius unless it is given: metres, and over the median sigma.
-const LEAST_RADIUS: f64 = 0.1;
-const RADIUS: f64 = 1.5;
+/// The report of [`learn`] and [`describe`].
+pub type AlphabetReport = Report<Option<AlphabetFigures>>;
 
-/// Bits of an occurrence and of its word before any was said.
-const FIRST_PRICE: f32 = 18.0;
-const FIRST_WORD_PRICE: f32 = 3.0;
-
-/// Passes of improving occurrences one by one.
-const PASSES: usize = 2;
+figures! {
+    /// What [`learn`] and [`describe`] count.
+    pub struct AlphabetFigures {
+        /// Points of the cloud.
+        pub points: usize = "points",
+        /// Points at different places, but for those that are too near.
+        pub distinct_points: usize = "distinct points",
+        /// Points that the words are fitted to.
+        pub thinned_points: usize = "points as dense as sigma asks",
+        /// Points that repeat another.
+        pub duplicates: usize = "duplicates",
+        /// Points nearer to the sensor than `min_range`.
+        pub too_near: usize = "points too near",
+        /// Planes and words in their places that were candidates for occurrences, when learning ended.
+        pub candidates: usize = "candidates",
+    }
+}
 
 /// Learns an alphabet from a cloud, and the cloud's description by it.
 ///
@@ -68,6 +82,7 @@ pub fn describe(
     run(cloud, Some(alphabet), &options, progress)
 }
 
+/// The steps of the guide's page, in its order.
 fn run(
     cloud: &PointCloud,
     frozen: Option<&Alphabet>,
@@ -75,368 +90,202 @@ fn run(
     progress: &dyn Progress,
 ) -> Result<AlphabetModel> {
     options.check()?;
-    let mut report = Report::default();
-    progress.update("preparing the scene", 0.0);
-    let (scene, thin, data) =
-        report.time("preparing the scene", || prepared(cloud, options, progress))?;
-    progress.update("finding planes", 0.1);
-    let mut scales = report.time("finding planes", || {
+    let mut stages = Stages::new(STAGES, progress);
+
+    // 1. Points denser than half a sigma are thinned out (eq. 13).
+    let prepared =
+        stages.run("preparing the scene", |progress| Prepared::new(cloud, options, progress))?;
+    let scene = &prepared.lattice;
+
+    // 2. Planes at every cell of every scale, rounded, with descriptors of the surface about them (III-C).
+    let mut scales = stages.run("finding planes", |progress| {
         (0..options.scales)
-            .map(|scale| {
-                let cells = Cells::new(&data.points, scale);
-                let planes = planes(&data, &cells, scale, options.spacing, progress)?;
-                Ok(Scale { cells, planes })
-            })
-            .collect::<Result<Vec<Scale>>>()
+            .map(|scale| Scale::new(scene, scale, options, progress))
+            .collect::<Result<Vec<_>>>()
     })?;
-    let mut prices = Prices {
-        point: options.inlier_bits() as f32,
-        lone: options.outlier_bits() as f32,
-        occurrence: vec![FIRST_PRICE; scales.len()],
-        word: Vec::new(),
-    };
-    progress.update("clustering words", 0.3);
-    let words = report.time("clustering words", || {
-        for scale in &mut scales {
-            // What cannot pay even alone is of no use.
-            let points = |p: &Plane| p.candidate.coverage.points.len() as f32;
-            scale.planes.retain(|p| prices.point * points(p) > FIRST_PRICE);
-        }
+
+    // 3. Words are the centroids of clustered descriptors (III-C), or given (IV-B).
+    let words = stages.run("clustering words", |progress| {
+        scales.iter_mut().for_each(|s| s.drop_poor_planes(options.inlier_bits() as f32));
         match frozen {
             Some(alphabet) => Ok(alphabet.words().to_vec()),
-            None => {
-                let all: Vec<&Patch> =
-                    scales.iter().flat_map(|s| s.planes.iter().map(|p| &p.look)).collect();
-                clustered(&all, options.max_words as usize, progress)
-            }
+            None => learned_words(&scales, options.max_words, progress),
         }
     })?;
-    prices.word = vec![FIRST_WORD_PRICE; words.len()];
-    prices.word[0] = 1.0;
-    progress.update("placing words", 0.4);
-    let mut candidates = report.time("placing words", || {
-        let mut all: Vec<Candidate> = Vec::new();
-        for Scale { cells, planes } in &scales {
-            all.extend(with_words(&data, cells, planes, &words, options.spacing, progress)?);
-            all.extend(planes.iter().map(|p| p.candidate.clone()));
-        }
-        all.retain(|c| prices.point * c.coverage.points.len() as f32 > prices.cost(c));
-        all.sort_by_key(|c| c.placement);
-        Ok::<_, Error>(all)
+
+    // 4. The candidates: every plane, and the words that fit best in its place (III-C).
+    let prices = Prices::first(
+        options.inlier_bits() as f32,
+        options.outlier_bits() as f32,
+        scales.len(),
+        words.len(),
+    );
+    let mut candidates = stages.run("placing words", |progress| {
+        candidates(scene, &scales, &words, &prices, options.spacing, progress)
     })?;
-    progress.update("choosing occurrences", 0.7);
-    let start = std::time::Instant::now();
-    let mut search = Search {
-        data: &data,
-        scales: &scales,
-        options,
-        setting: Setting {
+
+    let mut choice = Choice {
+        scene,
+        cells: scales.iter().map(|s| &s.cells).collect(),
+        spacing: options.spacing,
+        params: CodingParams {
             scales: options.scales,
-            rule: data.rule,
-            sensors: data.sensors.clone(),
+            rule: scene.rule,
+            sensors: scene.sensors.clone(),
             n_words: words.len() as u32,
         },
         words,
         frozen: frozen.is_some(),
         prices,
-        costs: Vec::new(),
+        lengths: Vec::new(),
     };
-    let chosen = search.choose(&mut candidates, progress)?;
-    report.add_time("choosing occurrences", start.elapsed().as_secs_f64());
-    report.iterations = search.costs.len();
-    report.objectives.push(("bits, misfit included".into(), search.costs.clone()));
-    report.stop_reason = "every round was run";
-    // Ranges follow from the sensors' places.
-    let kept: &[&str] = if data.sensors.is_empty() {
-        &["colors", "intensities"]
-    } else {
-        &["colors", "intensities", "ranges", "viewpoints"]
-    };
-    report.not_kept = lost(cloud, kept);
-    report.figures.extend([
-        ("points", cloud.len() as f64),
-        ("distinct points", scene.len() as f64),
-        ("points as dense as sigma asks", data.points.len() as f64),
-        ("duplicates", scene.duplicates as f64),
-        ("points too near", scene.too_near as f64),
-        ("candidates", candidates.len() as f64),
-    ]);
-    let header = Header {
-        n_points: cloud.len() as u64,
-        origin: data.origin,
-        spacing: options.spacing,
-        deviation: scene.deviation,
-        rule: data.rule,
-        sensors: data.sensors.clone(),
-    };
+    let chosen = stages.run("choosing occurrences", |progress| {
+        // 5. and 6. Covers of least description length without redundant occurrences (III-D), at the coder's prices;
+        // words that do not pay are dropped.
+        let (chosen, counts) = choice.cover_rounds(&mut candidates, options.rounds, progress)?;
+        // 7. Every occurrence is replaced by the best of its variants.
+        choice.refine_rounds(&mut candidates, chosen, counts, progress)
+    })?;
+
+    let Choice { words, lengths, .. } = choice;
     let alphabet = match frozen {
         Some(alphabet) => alphabet.clone(),
-        None => Alphabet::new(data.radius(), options.scales, search.words)?,
+        None => Alphabet::new(scene.radius, options.scales, words)?,
     };
-    let channels = Channels::of(&thin, options.color_step);
-    let means = |c: &Candidate| (c.placement, channels.means(&thin, &c.coverage.points));
-    let placed = chosen.iter().map(means).collect();
-    let mut model = AlphabetModel::new(header, alphabet, placed, channels, frozen.is_some())?;
-    *model.report_mut() = report;
-    Ok(model)
+    let model = prepared.model(alphabet, frozen.is_some(), &chosen, options)?;
+    Ok(model.with_report(AlphabetReport {
+        stages: stages.finish(),
+        figures: Some(prepared.figures(candidates.len())),
+        iterations: lengths.len(),
+        objectives: vec![("bits, misfit included".into(), lengths)],
+        stop_reason: "every round was run",
+        not_kept: prepared.not_kept(cloud),
+        ..Report::default()
+    }))
 }
 
-/// The scene, what of it the words are fitted to, and that in units.
-fn prepared(
-    cloud: &PointCloud,
-    options: &AlphabetOptions,
-    progress: &dyn Progress,
-) -> Result<(Scene, Scene, Data)> {
-    let scene = Scene::new(cloud, options.deviation(), options.min_range, progress)?;
-    progress.check()?;
-    let kept = thinned(&scene);
-    progress.check()?;
-    let thin = scene.select(&kept);
-    let (points, _) = PointCloud::from_positions(thin.positions.clone());
-    let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
-    let normals = estimate_normals(&points, near, progress)?.normals;
-    let radius = options.radius.unwrap_or_else(|| LEAST_RADIUS.max(RADIUS * scene.median_sigma()));
-    progress.check()?;
-    let data = Data::new(&thin, normals, radius)?;
-    Ok((scene, thin, data))
+/// The scene in the forms that the steps need.
+struct Prepared {
+    /// Points of the cloud.
+    n_points: usize,
+    /// All distinct points.
+    scene: Scene,
+    /// The points that the words are fitted to.
+    thinned: Scene,
+    /// The same in units of the lattice.
+    lattice: LatticeScene,
 }
 
+impl Prepared {
+    fn new(cloud: &PointCloud, options: &AlphabetOptions, progress: &dyn Progress) -> Result<Self> {
+        let scene = Scene::new(cloud, options.deviation(), options.min_range, progress)?;
+        progress.check()?;
+        let kept = thinned(&scene);
+        progress.check()?;
+        let thinned = scene.select(&kept);
+        let (points, _) = PointCloud::from_positions(thinned.positions.clone());
+        let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
+        let normals = estimate_normals(&points, near, progress)?.normals;
+        let radius = options
+            .radius
+            .unwrap_or_else(|| DEFAULT_RADIUS.max(DEFAULT_RADIUS_IN_SIGMAS * scene.median_sigma()));
+        progress.check()?;
+        let lattice = LatticeScene::new(&thinned, normals, radius)?;
+        Ok(Self { n_points: cloud.len(), scene, thinned, lattice })
+    }
+
+    fn figures(&self, candidates: usize) -> AlphabetFigures {
+        AlphabetFigures {
+            points: self.n_points,
+            distinct_points: self.scene.len(),
+            thinned_points: self.lattice.points.len(),
+            duplicates: self.scene.duplicates,
+            too_near: self.scene.too_near,
+            candidates,
+        }
+    }
+
+    /// What the cloud has and the model does not keep. Ranges follow from the positions of the sensors.
+    fn not_kept(&self, cloud: &PointCloud) -> Vec<&'static str> {
+        let kept: &[&str] = if self.lattice.sensors.is_empty() {
+            &["colors", "intensities"]
+        } else {
+            &["colors", "intensities", "ranges", "viewpoints"]
+        };
+        lost(cloud, kept)
+    }
+
+    /// The model of the chosen occurrences, with the colours and intensities of what they explain.
+    fn model(
+        &self,
+        alphabet: Alphabet,
+        shares_alphabet: bool,
+        chosen: &[Candidate],
+        options: &AlphabetOptions,
+    ) -> Result<AlphabetModel> {
+        let header = Header {
+            n_points: self.n_points as u64,
+            origin: self.lattice.origin,
+            spacing: options.spacing,
+            deviation: self.scene.deviation,
+            rule: self.lattice.rule,
+            sensors: self.lattice.sensors.clone(),
+        };
+        let channels = Channels::of(&self.thinned, options.color_step);
+        let with_means =
+            |c: &Candidate| (c.placement, channels.means(&self.thinned, &c.coverage.points));
+        let occurrences = chosen.iter().map(with_means).collect();
+        AlphabetModel::new(header, alphabet, occurrences, channels, shares_alphabet)
+    }
+}
+
+/// One scale of the scene.
 struct Scale {
     cells: Cells,
-    planes: Vec<Plane>,
+    planes: Vec<CandidatePlane>,
 }
 
-struct Search<'a> {
-    data: &'a Data,
-    scales: &'a [Scale],
-    options: &'a AlphabetOptions,
-    setting: Setting,
-    words: Vec<Word>,
-    frozen: bool,
-    prices: Prices,
-    /// Bits of every round, with what is not explained.
-    costs: Vec<f64>,
+impl Scale {
+    fn new(
+        scene: &LatticeScene,
+        scale: u32,
+        options: &AlphabetOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let cells = Cells::new(&scene.points, scale);
+        let planes = find_planes(scene, &cells, scale, options.spacing, progress)?;
+        Ok(Self { cells, planes })
+    }
+
+    /// Drops the planes that explain too little to pay for an occurrence; no word is tried in their place.
+    fn drop_poor_planes(&mut self, inlier_bits: f32) {
+        let n_points = |p: &CandidatePlane| p.candidate.coverage.points.len() as f32;
+        self.planes.retain(|p| inlier_bits * n_points(p) > FIRST_OCCURRENCE_BITS);
+    }
 }
 
-impl Search<'_> {
-    /// Chooses occurrences with prices that follow what the coder spends, drops words that do not pay, and improves
-    /// occurrences one by one.
-    fn choose(
-        &mut self,
-        candidates: &mut Vec<Candidate>,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Candidate>> {
-        for _ in 0..self.options.rounds {
-            progress.check()?;
-            let (mut chosen, tally) = self.covered(candidates, progress)?;
-            self.learn_prices(&chosen, &tally);
-            if !self.frozen {
-                let paying = self.paying(candidates, &chosen, &tally);
-                self.keep_words(&paying, candidates, &mut chosen);
-            }
-        }
-        let (mut chosen, mut tally) = self.covered(candidates, progress)?;
-        for _ in 0..PASSES {
-            progress.check()?;
-            self.improve(&mut chosen, &mut tally, progress)?;
-            self.learn_prices(&chosen, &tally);
-        }
-        chosen.retain(|c| {
-            let pays = self.prices.point * tally.count(&c.coverage.points, 1) > self.prices.cost(c);
-            if !pays {
-                tally.remove(&c.coverage.points);
-            }
-            pays
-        });
-        // Steps of neighbouring poses can meet.
-        chosen.sort_by_key(|c| c.placement);
-        chosen.dedup_by_key(|c| c.placement);
-        if !self.frozen {
-            let used: Vec<bool> = self.used(&chosen).iter().map(|&n| n > 0).collect();
-            self.keep_words(&used, candidates, &mut chosen);
-        }
-        self.learn_prices(&chosen, &tally);
-        Ok(chosen)
-    }
+/// The plane, and at most `max_words` words of the scene.
+fn learned_words(scales: &[Scale], max_words: u32, progress: &dyn Progress) -> Result<Vec<Word>> {
+    let descriptors: Vec<&Descriptor> =
+        scales.iter().flat_map(|s| s.planes.iter().map(|p| &p.descriptor)).collect();
+    cluster_words(&descriptors, max_words as usize, progress)
+}
 
-    fn covered(
-        &self,
-        candidates: &[Candidate],
-        progress: &dyn Progress,
-    ) -> Result<(Vec<Candidate>, Tally)> {
-        let (chosen, tally) = cover(candidates, &self.prices, self.data.points.len(), progress)?;
-        Ok((chosen.iter().map(|&k| candidates[k as usize].clone()).collect(), tally))
+/// The planes and the words in their places, as far as they can pay for themselves, sorted.
+fn candidates(
+    scene: &LatticeScene,
+    scales: &[Scale],
+    words: &[Word],
+    prices: &Prices,
+    spacing: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<Candidate>> {
+    let mut all: Vec<Candidate> = Vec::new();
+    for Scale { cells, planes } in scales {
+        all.extend(place_words(scene, cells, planes, words, spacing, progress)?);
+        all.extend(planes.iter().map(|p| p.candidate.clone()));
     }
-
-    /// What occurrences and words really take, and the length of the whole description.
-    fn learn_prices(&mut self, chosen: &[Candidate], tally: &Tally) {
-        let placements: Vec<Placement> = chosen.iter().map(|c| c.placement).collect();
-        let mut taken = vec![(0.0, 0_u32); self.scales.len()];
-        let mut before = 0.0;
-        let mut price = Price::default();
-        let mut mark = |price: &Price, p: &Placement| {
-            let (bits, n) = &mut taken[usize::from(p.scale)];
-            *bits += price.bits - before;
-            *n += 1;
-            before = price.bits;
-        };
-        let Ok(_) = code_occurrences(&mut price, &self.setting, &placements, usize::MAX, &mut mark);
-        let used = self.used(chosen);
-        let all = placements.len().max(1) as f32;
-        // The coder's own prices hold the word's share; half a use more for every word keeps them finite.
-        let of_word = |&n: &usize| (all / (n as f32 + 0.5)).log2();
-        self.prices.word = used.iter().map(of_word).collect();
-        let mean =
-            placements.iter().map(|p| self.prices.word[usize::from(p.word)]).sum::<f32>() / all;
-        for (kept, (bits, n)) in self.prices.occurrence.iter_mut().zip(taken) {
-            if n > 0 {
-                *kept = (bits / f64::from(n)) as f32 - mean;
-            }
-        }
-        let Ok(_) = code_words(&mut price, self.words.len() - 1, &self.words[1..]);
-        let lone: f32 = chosen.iter().map(|c| c.coverage.lone as f32).sum();
-        let misfit = self.prices.point * tally.unexplained() + self.prices.lone * lone;
-        self.costs.push(price.bits + f64::from(misfit));
-    }
-
-    fn used(&self, chosen: &[Candidate]) -> Vec<usize> {
-        let mut used = vec![0; self.words.len()];
-        chosen.iter().for_each(|c| used[usize::from(c.placement.word)] += 1);
-        used
-    }
-
-    /// The words that save more than their bits, against a plane in the same places.
-    fn paying(&self, candidates: &[Candidate], chosen: &[Candidate], tally: &Tally) -> Vec<bool> {
-        let mut saved = vec![0.0; self.words.len()];
-        for c in chosen {
-            let plain = Placement { word: 0, ..c.placement };
-            let plane = candidates.binary_search_by_key(&plain, |c| c.placement);
-            // Without the occurrence, its points are lost; with a plane in its stead, some of them.
-            let with = self.prices.point * tally.count(&c.coverage.points, 1) - self.prices.cost(c);
-            let without = plane.ok().map_or(0.0, |k| {
-                let plane = &candidates[k];
-                let shared = c
-                    .coverage
-                    .points
-                    .iter()
-                    .filter(|&&i| plane.coverage.points.binary_search(&i).is_ok());
-                let shared: Vec<u32> = shared.copied().collect();
-                let kept = tally.count(&shared, 1) + tally.count(&plane.coverage.points, 0);
-                (self.prices.point * kept - self.prices.cost(plane)).max(0.0)
-            });
-            saved[usize::from(c.placement.word)] += with - without;
-        }
-        let price_of = |word: &Word| {
-            let mut price = Price::default();
-            let Ok(_) = code_words(&mut price, 1, std::slice::from_ref(word));
-            price.bits as f32
-        };
-        self.words.iter().zip(&saved).map(|(word, &saved)| saved >= price_of(word)).collect()
-    }
-
-    /// Keeps these words and the plane, the most frequent first, and what is made of them.
-    fn keep_words(
-        &mut self,
-        keep: &[bool],
-        candidates: &mut Vec<Candidate>,
-        chosen: &mut Vec<Candidate>,
-    ) {
-        let used = self.used(chosen);
-        let mut order: Vec<usize> = (1..self.words.len()).filter(|&k| keep[k]).collect();
-        order.sort_by_key(|&k| (std::cmp::Reverse(used[k]), k));
-        order.insert(0, 0);
-        let mut renamed = vec![None; self.words.len()];
-        for (new, &old) in order.iter().enumerate() {
-            renamed[old] = Some(new as u16);
-        }
-        let rename = |all: &mut Vec<Candidate>| {
-            all.retain(|c| renamed[usize::from(c.placement.word)].is_some());
-            for c in all.iter_mut() {
-                c.placement.word = renamed[usize::from(c.placement.word)].unwrap_or(0);
-            }
-            all.sort_by_key(|c| c.placement);
-        };
-        rename(candidates);
-        rename(chosen);
-        self.words = order.iter().map(|&k| self.words[k].clone()).collect();
-        self.prices.word = order.iter().map(|&k| self.prices.word[k]).collect();
-        self.setting.n_words = self.words.len() as u32;
-    }
-
-    /// Takes every occurrence out in turn and puts the best of its variants back: a step of its pose, another word.
-    fn improve(
-        &self,
-        chosen: &mut [Candidate],
-        tally: &mut Tally,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        let known: Vec<Patch> = self.words.iter().map(Patch::of_word).collect();
-        let variants: Vec<Vec<Candidate>> = chosen
-            .par_iter()
-            .map_init(
-                || (Vec::new(), Vec::new(), Rasters::new(&self.words)),
-                |(around, close, rasters), c| {
-                    progress.check()?;
-                    Ok(self.variants(c, &known, around, close, rasters))
-                },
-            )
-            .collect::<Result<_>>()?;
-        for (c, variants) in chosen.iter_mut().zip(variants) {
-            progress.check()?;
-            tally.remove(&c.coverage.points);
-            let gain = |c: &Candidate| {
-                self.prices.point * tally.count(&c.coverage.points, 0) - self.prices.cost(c)
-            };
-            let mut best = gain(c);
-            for variant in variants {
-                let gain = gain(&variant);
-                if gain > best {
-                    best = gain;
-                    *c = variant;
-                }
-            }
-            tally.add(&c.coverage.points);
-        }
-        Ok(())
-    }
-
-    fn variants(
-        &self,
-        c: &Candidate,
-        known: &[Patch],
-        around: &mut Vec<u32>,
-        close: &mut Vec<NearPoint>,
-        rasters: &mut Rasters<'_>,
-    ) -> Vec<Candidate> {
-        let p = c.placement;
-        let cells = &self.scales[usize::from(p.scale)].cells;
-        cells.touched(p.cell, &c.stand, u32::from(p.scale), around);
-        let mut poses = Vec::new();
-        for step in [-1, 1] {
-            poses.push(Placement { offset: p.offset + step, ..p });
-            for a in 0..2 {
-                let mut slopes = p.slopes;
-                slopes[a] += step as i16;
-                poses.push(Placement { slopes, ..p });
-            }
-        }
-        poses.retain(|p| p.slopes_fit(c.stand.level));
-        near(self.data, &c.stand, around, close);
-        // A step of the pose moves nothing far: what is not near now will not be.
-        around.clear();
-        around.extend(close.iter().map(|p| p.index));
-        let fitting = nearest_words(&Patch::of(&c.stand, close), known, NEAREST);
-        let words = fitting.into_iter().map(|word| word as u16).filter(|&word| word != p.word);
-        poses.extend(words.map(|word| Placement { word, ..p }));
-        poses
-            .into_iter()
-            .map(|placement| {
-                let stand = placement.stand(c.stand.level, self.data.sensor(placement.view));
-                near(self.data, &stand, around, close);
-                let word = usize::from(placement.word);
-                let coverage = rasters.coverage(word, &stand, self.options.spacing, close);
-                Candidate { placement, stand, coverage }
-            })
-            .collect()
-    }
+    all.retain(|c| prices.pays_alone(c));
+    all.sort_by_key(|c| c.placement);
+    Ok(all)
 }

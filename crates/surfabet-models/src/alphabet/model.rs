@@ -2,17 +2,18 @@
 
 use surfabet_entropy::{Coder, Price};
 
-use super::channels::{Channels, code_channels};
-use super::coding::occurrences::{Setting, code_occurrences, code_words};
+use super::channels::Channels;
+use super::coding::{CodingParams, code_channels, code_occurrences, code_words};
 use super::lattice::{MAX_CELL, MAX_SCALE, SigmaRule, UNITS, sigma};
+use super::learn::AlphabetReport;
 use super::options::MAX_WORDS;
-use super::placement::{Placement, Stand};
+use super::placement::{Placement, WordPose};
 use super::word::Word;
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 use crate::scans::Deviation;
 
-/// Words and the radii that they stand in, for any number of scenes.
+/// Words and the radii that they occur in, for any number of scenes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alphabet {
     radius: f64,
@@ -21,7 +22,7 @@ pub struct Alphabet {
 }
 
 impl Alphabet {
-    /// An alphabet with `words` beside the plane, which is word 0 of every alphabet and stands first.
+    /// An alphabet of `words`, the first of which is the plane: word 0 of every alphabet.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a radius that is not positive, 0 or more than 8 scales, no or too many words, or
@@ -51,7 +52,7 @@ impl Alphabet {
         Self::new(radius, scales, vec![Word::plane()])
     }
 
-    /// Reads the words that the header promises.
+    /// Reads as many words as the header counts.
     ///
     /// # Errors
     /// Those of the coder, also for sizes or words that no alphabet has.
@@ -78,7 +79,7 @@ impl Alphabet {
         &self.words
     }
 
-    /// Writes, reads or prices the words; when reading, those of `self` are of no account but for their number.
+    /// Writes, reads or prices the words; when reading, the words of `self` are ignored.
     ///
     /// # Errors
     /// Whatever the coder finds wrong with what it reads.
@@ -93,7 +94,7 @@ impl Alphabet {
     }
 }
 
-/// What a model says before its occurrences.
+/// The scene that a model describes.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Header {
     /// Points of the cloud that was described.
@@ -106,8 +107,21 @@ pub struct Header {
     pub deviation: Deviation,
     /// Sigma in units.
     pub rule: SigmaRule,
-    /// Where sensors stood, units from the corner of the lattice; ascending.
+    /// Positions of the sensors, units from the corner of the lattice; ascending.
     pub sensors: Vec<[i64; 3]>,
+}
+
+impl Header {
+    /// Rounds to what a file holds, so that a model is the same before it is saved and after it is read: spacing and
+    /// deviation in single precision, no noise as zero.
+    fn round(&mut self) {
+        let single = |value: f64| f64::from(value as f32);
+        self.spacing = single(self.spacing);
+        let deviation = &mut self.deviation;
+        deviation.sigma_scale = single(deviation.sigma_scale);
+        deviation.angular_resolution = deviation.angular_resolution.map(single);
+        deviation.noise = Some(single(deviation.noise.unwrap_or(0.0)));
+    }
 }
 
 /// What the file holds before its streams.
@@ -145,7 +159,7 @@ pub struct Occurrence {
     pub radius: f64,
     /// Middle of the word, metres.
     pub center: [f64; 3],
-    /// Rows: what is right, what is up, and the normal towards the sensor.
+    /// Rows: right, up, and the normal towards the sensor.
     pub rows: [[f64; 3]; 3],
     /// Deviation allowed there, metres.
     pub sigma: f64,
@@ -159,11 +173,12 @@ pub struct AlphabetModel {
     placements: Vec<Placement>,
     attributes: Option<Attributes>,
     shares_alphabet: bool,
-    report: Beside<Report>,
+    report: Beside<AlphabetReport>,
 }
 
-fn setting(header: &Header, alphabet: &Alphabet) -> Setting {
-    Setting {
+/// What the coder of the occurrences has to know.
+fn coding_params(header: &Header, alphabet: &Alphabet) -> CodingParams {
+    CodingParams {
         scales: alphabet.scales,
         rule: header.rule,
         sensors: header.sensors.clone(),
@@ -177,36 +192,37 @@ impl AlphabetModel {
     /// # Errors
     /// [`Error::Inconsistent`] when an occurrence does not fit the alphabet or the lattice.
     pub(super) fn new(
-        header: Header,
+        mut header: Header,
         alphabet: Alphabet,
-        mut placed: Vec<(Placement, Vec<i32>)>,
+        mut occurrences: Vec<(Placement, Vec<i32>)>,
         channels: Channels,
         shares_alphabet: bool,
     ) -> Result<Self> {
+        header.round();
         let fits = |p: &Placement| {
             u32::from(p.scale) < alphabet.scales
                 && usize::from(p.word) < alphabet.words.len()
                 && usize::from(p.view) < header.sensors.len().max(1)
                 && p.cell.iter().all(|c| (0..MAX_CELL).contains(c))
         };
-        if let Some((p, _)) = placed.iter().find(|(p, _)| !fits(p)) {
+        if let Some((p, _)) = occurrences.iter().find(|(p, _)| !fits(p)) {
             return Err(Error::Inconsistent(format!(
                 "{p:?} does not fit the alphabet or the lattice"
             )));
         }
-        placed.sort();
-        let given: Vec<Placement> = placed.iter().map(|(p, _)| *p).collect();
-        let setting = setting(&header, &alphabet);
+        occurrences.sort();
+        let given: Vec<Placement> = occurrences.iter().map(|(p, _)| *p).collect();
+        let params = coding_params(&header, &alphabet);
         let mut price = Price::default();
         let Ok(placements) =
-            code_occurrences(&mut price, &setting, &given, given.len(), &mut |_, _| {});
+            code_occurrences(&mut price, &params, &given, given.len(), &mut |_, _| {});
         let attributes = (channels.count() > 0).then(|| Attributes {
             channels,
             values: placements
                 .iter()
                 .map(|p| {
-                    let k = placed.partition_point(|(other, _)| other < p);
-                    placed[k].1.clone()
+                    let k = occurrences.partition_point(|(other, _)| other < p);
+                    occurrences[k].1.clone()
                 })
                 .collect(),
         });
@@ -223,9 +239,9 @@ impl AlphabetModel {
         occurrences: &mut C,
         channels: &mut C,
     ) -> Result<(), C::Error> {
-        let setting = setting(&self.header, &self.alphabet);
+        let params = coding_params(&self.header, &self.alphabet);
         let n = self.placements.len();
-        code_occurrences(occurrences, &setting, &self.placements, n, &mut |_, _| {})?;
+        code_occurrences(occurrences, &params, &self.placements, n, &mut |_, _| {})?;
         if let Some(a) = &self.attributes {
             let scales = self.alphabet.scales;
             code_channels(channels, &self.placements, scales, a.channels.count(), &a.values)?;
@@ -246,11 +262,13 @@ impl AlphabetModel {
         occurrences: &mut C,
         channels: &mut C,
     ) -> Result<Self, C::Error> {
-        let setting = setting(&header, &alphabet);
-        let placements = code_occurrences(occurrences, &setting, &[], n, &mut |_, _| {})?;
+        let params = coding_params(&header, &alphabet);
+        let placements = code_occurrences(occurrences, &params, &[], n, &mut |_, _| {})?;
         if placements.len() != n {
             let found = placements.len();
-            return Err(occurrences.corrupt(format!("{found} occurrences where {n} were promised")));
+            return Err(
+                occurrences.corrupt(format!("{found} occurrences where the header counts {n}"))
+            );
         }
         let count = kept.count();
         let attributes = if count > 0 {
@@ -284,7 +302,7 @@ impl AlphabetModel {
         self.shares_alphabet
     }
 
-    /// What is said before the occurrences.
+    /// The scene that the model describes.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -317,13 +335,13 @@ impl AlphabetModel {
     /// Red, green and blue of every occurrence; `None` without colour.
     pub fn colors(&self) -> Option<Vec<[u8; 3]>> {
         let kept = self.attributes.as_ref()?;
-        kept.values.iter().map(|said| kept.channels.color(said)).collect()
+        kept.values.iter().map(|values| kept.channels.color(values)).collect()
     }
 
     /// Intensity of every occurrence, in the sensor's own unit; `None` without.
     pub fn intensities(&self) -> Option<Vec<f32>> {
         let kept = self.attributes.as_ref()?;
-        kept.values.iter().map(|said| kept.channels.intensity(said)).collect()
+        kept.values.iter().map(|values| kept.channels.intensity(values)).collect()
     }
 
     /// Points of the cloud that was described.
@@ -332,12 +350,13 @@ impl AlphabetModel {
     }
 
     /// How the model came about; empty for one that was read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &AlphabetReport {
         &self.report.0
     }
 
-    pub(super) fn report_mut(&mut self) -> &mut Report {
-        &mut self.report.0
+    /// The model with the report of its learning.
+    pub(super) fn with_report(self, report: AlphabetReport) -> Self {
+        Self { report: Beside(report), ..self }
     }
 
     pub(super) fn placements(&self) -> &[Placement] {
@@ -349,24 +368,24 @@ impl AlphabetModel {
         self.alphabet.radius / UNITS as f64
     }
 
-    /// Poses in units, with the words that stand there.
-    pub(crate) fn stands(&self) -> impl ExactSizeIterator<Item = (Stand, &Word)> + use<'_> {
-        let setting = setting(&self.header, &self.alphabet);
+    /// Poses of the occurrences in units, with their words.
+    pub(crate) fn poses(&self) -> impl ExactSizeIterator<Item = (WordPose, &Word)> + use<'_> {
+        let params = coding_params(&self.header, &self.alphabet);
         self.placements.iter().map(move |p| {
-            let stand = p.stand(setting.level(p), setting.sensor(p.view));
-            (stand, &self.alphabet.words[usize::from(p.word)])
+            let pose = p.pose(params.level(p), params.sensor(p.view));
+            (pose, &self.alphabet.words[usize::from(p.word)])
         })
     }
 
     /// Where words occur, in the file's order.
     pub fn occurrences(&self) -> impl ExactSizeIterator<Item = Occurrence> + use<'_> {
         let unit = self.unit();
-        self.stands().zip(&self.placements).map(move |((stand, _), p)| Occurrence {
+        self.poses().zip(&self.placements).map(move |((pose, _), p)| Occurrence {
             word: p.word,
-            radius: stand.radius * unit,
-            center: std::array::from_fn(|a| self.header.origin[a] + stand.center[a] * unit),
-            rows: stand.rows,
-            sigma: sigma(stand.level) * unit,
+            radius: pose.radius * unit,
+            center: std::array::from_fn(|a| self.header.origin[a] + pose.center[a] * unit),
+            rows: pose.rows,
+            sigma: sigma(pose.level) * unit,
         })
     }
 }

@@ -1,15 +1,15 @@
-//! Where a word stands: a pose of integers.
+//! An occurrence in integers, as the file holds it, and the pose that these integers stand for.
 
 use super::lattice::{UNITS, cell_center, offset_step, slope_steps};
 use crate::scans::{Upright, upright_frame};
 use crate::vector;
 
-/// One occurrence of a word, everything quantised.
+/// One occurrence of a word in integers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Placement {
     /// Its radius is `2^scale` times the smallest.
     pub scale: u8,
-    /// The cell that it stands in.
+    /// The cell that it belongs to.
     pub cell: [i32; 3],
     /// The axis that its normal is nearest to.
     pub axis: u8,
@@ -23,9 +23,9 @@ pub struct Placement {
     pub view: u16,
 }
 
-/// A pose in numbers: lengths in units.
+/// Position, orientation and size of an occurrence, lengths in units, with the deviation allowed there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stand {
+pub struct WordPose {
     /// Middle of the word.
     pub center: [f64; 3],
     /// Rows: right, up, normal.
@@ -47,14 +47,14 @@ impl Placement {
         normal
     }
 
-    /// Whether the axis is the one that the normal is nearest to.
+    /// Whether `axis` is the axis that the normal is nearest to.
     pub fn slopes_fit(&self, level: u32) -> bool {
         let steps = slope_steps(u32::from(self.scale), level);
         self.slopes.iter().all(|&s| i32::from(s).abs() <= steps)
     }
 
-    /// The pose, where sigma has `level` and `sensor` is where it was seen from.
-    pub fn stand(&self, level: u32, sensor: Option<[i64; 3]>) -> Stand {
+    /// The pose, where sigma has `level` and `sensor` is where the surface was seen from.
+    pub fn pose(&self, level: u32, sensor: Option<[i64; 3]>) -> WordPose {
         let scale = u32::from(self.scale);
         let middle = cell_center(self.cell, scale).map(|c| c as f64);
         let towards = self.normal(level).map(|c| c as f64);
@@ -68,21 +68,53 @@ impl Placement {
         let normal = if seen < 0.0 { along.map(|c| -c) } else { along };
         let rows = upright_frame(normal, Upright::WorldX, [0.0; 3]);
         let radius = (UNITS << scale) as f64;
-        Stand { center, rows, radius, level }
+        WordPose { center, rows, radius, level }
     }
 }
 
-impl Stand {
-    /// Right, up and height of a point about the word.
-    pub fn local(&self, point: [f64; 3]) -> [f64; 3] {
+impl WordPose {
+    /// Right, up and height of a point in the frame of the word.
+    pub fn to_word(&self, point: [f64; 3]) -> [f64; 3] {
         let d: [f64; 3] = std::array::from_fn(|a| point[a] - self.center[a]);
         self.rows.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2])
     }
 
-    /// A point from its coordinates about the word.
-    pub fn global(&self, local: [f64; 3]) -> [f64; 3] {
+    /// The point with these coordinates in the frame of the word.
+    pub fn to_scene(&self, local: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| {
             self.center[a] + (0..3).map(|k| self.rows[k][a] * local[k]).sum::<f64>()
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn frames_are_rigid_and_face_the_sensor(
+            axis in 0_u8..3,
+            slopes in prop::array::uniform2(-40_i16..=40),
+            offset in -20_i32..=20,
+            point in prop::array::uniform3(-9000.0_f64..9000.0),
+            sensor in prop::array::uniform3(-9000_i64..9000),
+        ) {
+            let placement =
+                Placement { scale: 1, cell: [3; 3], axis, slopes, offset, word: 0, view: 0 };
+            let pose = placement.pose(8, Some(sensor));
+            let local = pose.to_word(point);
+            let back = pose.to_scene(local);
+            for a in 0..3 {
+                prop_assert!((back[a] - point[a]).abs() < 1e-6);
+            }
+            let squared = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>();
+            let apart = std::array::from_fn(|a| point[a] - pose.center[a]);
+            prop_assert!((squared(local) - squared(apart)).abs() <= 1e-9 * squared(apart));
+            let [.., height] = pose.to_word(sensor.map(|c| c as f64));
+            prop_assert!(height > -1e-6, "the sensor is {height} in front");
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! A word: a small height map with a mask, in units of its radius, so that it stands at every scale.
+//! A word: a small height map with a mask, in units of its radius, so that it can occur at every scale.
 
 /// Pixels per side of a word.
 pub const PIXELS: usize = 8;
@@ -24,7 +24,8 @@ impl Word {
         Self { mask: u64::MAX, heights: [0; PIXELS * PIXELS] }
     }
 
-    /// Height at a place, over the radius: between the set pixels around it. `None` where the word has a hole.
+    /// Height at a point of the square, over the radius: bilinear between those of the four pixels around it that are
+    /// set, their weights brought to a sum of one. `None` where the nearest pixel is a hole.
     ///
     /// `right` and `up` are in radii, -1 to 1.
     pub fn height(&self, right: f64, up: f64) -> Option<f64> {

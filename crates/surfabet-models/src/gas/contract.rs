@@ -6,6 +6,7 @@ use super::coding::Streams;
 use super::model::{GasHeader, GasModel};
 use super::options::GasOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for GasModel {
@@ -14,6 +15,7 @@ impl SurfaceModel for GasModel {
     const KEEPS_THICKNESS: bool = true;
     type Options = GasOptions;
     type Header = GasHeader;
+    type Figures = Named;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> GasHeader {

@@ -32,8 +32,12 @@ impl GasModel {
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
     /// [`crate::Error::Cancelled`].
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        progress.check()?;
         let points = match options.resolution {
-            None => (0..self.len()).map(|i| self.neuron_point(i)).collect(),
+            None => {
+                check_points(self.mean_error(), self.len() as f64, options.max_points)?;
+                (0..self.len()).map(|i| self.neuron_point(i)).collect()
+            }
             Some(_) => self.fill(&options, progress)?,
         };
         let parts = CloudParts {

@@ -46,5 +46,5 @@ pub use winners::{BruteForce, Index, Winner, Winners};
 
 /// Distance between two positions, metres.
 fn distance(p: [f32; 3], q: [f32; 3]) -> f64 {
-    (0..3).map(|a| (f64::from(p[a]) - f64::from(q[a])).powi(2)).sum::<f64>().sqrt()
+    crate::vector::distance(p.map(f64::from), q.map(f64::from))
 }

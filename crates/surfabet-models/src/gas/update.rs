@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use surfabet_geom::cells::wide_cell_of;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::constants::{MOST_RECALLED, PATIENCE, SETTLING};
@@ -117,7 +118,7 @@ impl GasModel {
         }
         let lengths = self.edges.iter().map(|&edge| self.edge_length(edge));
         let size = (2.0 * lengths.sum::<f64>() / self.edges.len() as f64).max(self.position_step());
-        let cell = |p: &[f32; 3]| p.map(|c| (f64::from(c) / size).floor() as i64);
+        let cell = |p: &[f32; 3]| wide_cell_of(p.map(f64::from), size);
         let mut cells: HashSet<[i64; 3]> = recalled.iter().map(cell).collect();
         let before = cells.len().max(1) as f64;
         cells.extend(positions.iter().map(cell));

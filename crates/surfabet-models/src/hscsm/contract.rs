@@ -2,11 +2,12 @@
 
 use surfabet_entropy::Coder;
 
+use super::channels::dictionary::HscsmDictionary;
 use super::coding::Streams;
-use super::dictionary::HscsmDictionary;
 use super::model::{Channel, HscsmHeader, HscsmModel};
 use super::options::HscsmOptions;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for HscsmModel {
@@ -15,6 +16,7 @@ impl SurfaceModel for HscsmModel {
     const KEEPS_THICKNESS: bool = false;
     type Options = HscsmOptions;
     type Header = HscsmHeader;
+    type Figures = Named;
     type Vocabulary = HscsmDictionary;
 
     fn header(&self) -> HscsmHeader {

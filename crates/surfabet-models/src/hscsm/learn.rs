@@ -3,12 +3,14 @@
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
-use super::dictionary::{ChannelOptions, HscsmDictionary, LevelDictionary, learn_channel};
-use super::field::{Grid, Rules};
-use super::images::{Images, project};
+use super::channels::dictionary::{
+    ChannelOptions, HscsmDictionary, LevelDictionary, learn_channel,
+};
+use super::channels::images::{Images, project};
 use super::model::{Channel, HscsmModel, HscsmModelParts, Level, MAX_POSITION, Steps};
 use super::options::HscsmOptions;
 use super::order::{steps_per_cell, storing_order};
+use super::placement::field::{Grid, Rules};
 use super::placement::{Placed, place};
 use super::samples::Samples;
 use crate::color::{to_rgb, to_ycocg};

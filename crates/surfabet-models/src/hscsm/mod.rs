@@ -18,14 +18,11 @@
 //! | `model` | the result, in the integers that a file stores | III |
 //! | `decode` | back to a cloud at any spacing | III-B, eq. 2 and 3 |
 
-mod cells;
+mod channels;
 mod coding;
 mod contract;
 mod decode;
-mod dictionary;
-mod field;
 mod frame;
-mod images;
 mod learn;
 mod model;
 mod options;
@@ -33,7 +30,7 @@ pub mod order;
 mod placement;
 mod samples;
 
-pub use dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
+pub use channels::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
 pub use learn::{encode, learn};
 pub use model::{

@@ -7,8 +7,8 @@ use surfabet_entropy::Coder;
 use surfabet_geom::morton::encode_wide;
 use surfabet_geom::octahedral;
 
+use super::channels::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 use super::coding::{Streams, code_hscsm};
-use super::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 use super::frame::{NORMAL_BITS, PatchPose};
 use super::order;
 use crate::error::{Error, Result};

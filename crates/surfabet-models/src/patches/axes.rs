@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use rayon::prelude::*;
 use surfabet_geom::{Moments, PointCloud};
 
-use super::cells::{Cells, cell_of, key};
+use super::samples::cells::{Cells, cell_of, key};
 use crate::vector::dot;
 
 /// Points that vote, at most.

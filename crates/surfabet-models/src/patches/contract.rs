@@ -5,6 +5,7 @@ use surfabet_entropy::Coder;
 use super::model::{PatchModel, PatchesHeader};
 use super::options::PatchesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a cell of colour takes while it is read.
@@ -16,6 +17,7 @@ impl SurfaceModel for PatchModel {
     const KEEPS_THICKNESS: bool = true;
     type Options = PatchesOptions;
     type Header = PatchesHeader;
+    type Figures = Named;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PatchesHeader {

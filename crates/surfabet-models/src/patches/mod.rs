@@ -22,31 +22,24 @@
 //! | `decode` | back to a cloud, as a surface or as measured |
 
 mod axes;
-mod basis;
-mod cells;
 mod choice;
+mod coding;
 mod color;
 mod contract;
 mod decode;
-mod fragments;
 mod learn;
-mod leaves;
 mod model;
-mod nodes;
 mod options;
-mod points;
 mod samples;
 mod sheets;
-mod surroundings;
-mod syntax;
-mod targets;
+mod surface;
 
 pub use axes::Orientation;
 pub use color::ColorSteps;
 pub use learn::learn;
-pub use leaves::Leaf;
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, Node, PATCH_PIXELS, PatchModel, PatchesHeader,
     Root,
 };
 pub use options::PatchesOptions;
+pub use surface::leaf::Leaf;

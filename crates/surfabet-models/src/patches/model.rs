@@ -3,12 +3,12 @@
 use surfabet_entropy::Coder;
 
 use super::axes::Orientation;
-use super::basis::N_SHAPES;
+use super::coding::points::{PointModels, code_points};
+use super::coding::{GeometryModels, Said, code_geometry};
+use super::color::cells::{cell_key, cell_of_key, nodes};
 use super::color::{ColorModels, ColorSteps, Colors, Source, code_colors};
-use super::leaves::Leaf;
-use super::nodes::{cell_key, cell_of_key, nodes};
-use super::points::{PointModels, code_points};
-use super::syntax::{GeometryModels, Said, code_geometry};
+use super::surface::basis::N_SHAPES;
+use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
 use crate::report::{Beside, Report};
 

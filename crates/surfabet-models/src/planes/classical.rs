@@ -2,18 +2,17 @@
 
 use surfabet_geom::{Moments, Progress};
 
-use super::m_step::plane;
+use super::learn::{mean_square, plane, random};
 use super::options::MAX_PATCHES;
 use super::patch::Frame;
 use super::points::Points;
-use super::seed;
 use crate::error::{Error, Result, positive};
 use crate::vector;
 
 /// Planes and the standard deviation of the points about them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneFit {
-    /// The planes, in the order of those given; the axes lie any way in them.
+    /// The planes, in the order of those given; the direction of their axes is arbitrary.
     pub planes: Vec<Frame>,
     /// For each input point the plane that it most probably belongs to.
     pub labels: Vec<u32>,
@@ -32,11 +31,11 @@ pub fn random_planes(points: &Points, n: usize, random_state: u64) -> Result<Vec
     if !(1..=MAX_PATCHES).contains(&n) {
         return Err(Error::invalid("n_planes", n, "1 to 1048576"));
     }
-    Ok(seed::random(points, n, random_state).into_iter().map(|patch| patch.frame).collect())
+    Ok(random(points, n, random_state).into_iter().map(|patch| patch.frame).collect())
 }
 
-/// A mixture of planes with noise of one standard deviation, by expectation maximisation, as Healy and Westmacott
-/// (1956) and Dempster, Laird and Rubin (1977) have it.
+/// A mixture of planes with noise of one standard deviation, by expectation maximisation (Healy and Westmacott 1956;
+/// Dempster, Laird and Rubin 1977).
 ///
 /// `start` gives points on the initial planes about the points' origin and unit normals. The E-step weighs each
 /// point by exp(-d^2 / 2 S^2) for its distances d to the planes; the M-step refits every plane with these weights, and
@@ -89,7 +88,7 @@ pub fn fit_planes(
             if let Some(fitted) = plane(moments) {
                 *frame = fitted;
             }
-            squares += moments.weight() * super::trim::mean_square(moments, frame);
+            squares += moments.weight() * mean_square(moments, frame);
         }
         s = (squares / step.weight).sqrt().max(f64::MIN_POSITIVE.sqrt());
     }
@@ -97,12 +96,16 @@ pub fn fit_planes(
     Ok(PlaneFit { planes, labels, standard_deviation: s, log_likelihood })
 }
 
+/// What the E-step gives the M-step.
 struct Expected {
+    /// Weighted moments of the points of each plane.
     moments: Vec<Moments>,
     weight: f64,
     log_likelihood: f64,
 }
 
+/// E-step: `p_ij ~ exp(-d_ij^2 / (2 S^2))` of all points for all planes, summed up to moments; the mean log-likelihood
+/// `ln(sum_j exp(-d_ij^2 / (2 S^2)) / (n S))` of a point, without its constant; and the most probable plane of each.
 fn expect(points: &Points, planes: &[Frame], s: f64, best: &mut [u32]) -> Expected {
     let mut moments = vec![Moments::new(); planes.len()];
     let (mut weight, mut sum) = (0.0, 0.0);
@@ -116,7 +119,7 @@ fn expect(points: &Points, planes: &[Frame], s: f64, best: &mut [u32]) -> Expect
         let first = |m: usize, j: usize| if logs[j] > logs[m] { j } else { m };
         let most = (0..planes.len()).fold(0, first);
         best[i] = most as u32;
-        // Taken off first, so that a point far from all planes still counts for the closest.
+        // The largest is subtracted first, so that a point far from all planes still counts for the closest.
         let total: f64 = logs.iter().map(|l| (l - logs[most]).exp()).sum();
         for (m, log) in moments.iter_mut().zip(&logs) {
             m.add(p.map(f64::from), w * (log - logs[most]).exp() / total);

@@ -2,9 +2,10 @@
 
 use surfabet_entropy::Coder;
 
+use super::coding::Streams;
+use super::learn::PlanesFigures;
 use super::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 use super::options::PlanesOptions;
-use super::syntax::Streams;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
@@ -17,6 +18,7 @@ impl SurfaceModel for PlaneModel {
     const KEEPS_THICKNESS: bool = true;
     type Options = PlanesOptions;
     type Header = PlanesHeader;
+    type Figures = Option<PlanesFigures>;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PlanesHeader {

@@ -1,10 +1,10 @@
 //! A patch: a plane, a rectangle in it, and the tiles of the rectangle (section II-A).
 
-use surfabet_geom::Moments;
+use surfabet_geom::{Aabb, Moments};
 
-use super::points::{Aabb, Points};
+use super::points::Points;
 use super::tiles::Tiles;
-use crate::vector::{cross, dot, least_axis, minus};
+use crate::vector::{cross, dot, least_axis, minus, unit};
 
 /// Axes of a plane: a point on it, two orthonormal directions in it and its unit normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,13 +19,8 @@ pub struct Frame {
     pub normal: [f64; 3],
 }
 
-fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt();
-    a.map(|c| c / length)
-}
-
 impl Frame {
-    /// A frame with this normal, which has length one; its axes lie any way in the plane.
+    /// A frame with this normal, which has length one; the direction of its axes in the plane is arbitrary.
     pub(super) fn with_normal(center: [f64; 3], normal: [f64; 3]) -> Self {
         let u = unit(cross(least_axis(normal), normal));
         Self { center, u, v: cross(normal, u), normal }
@@ -100,12 +95,13 @@ impl Patch {
         self.whole.len()
     }
 
-    /// Distance of a point to the closest supported tile, where it is within `reach` (d(a, s) of eq. 1), with the
-    /// point's height above the plane.
+    /// Distance of a point to the closest supported tile, where it is within `reach` (d(a, s) of eq. 1):
+    /// `sqrt(z^2 + scale^2 beside^2)`, with the height `z` above the plane and the distance `beside` the tile in it.
     ///
-    /// Tiles may be larger than the reach where points are sparse; distances beside them count in proportion.
+    /// Tiles may be larger than the reach where points are sparse; distances beside them count in proportion:
+    /// `scale = min(reach / edge, 1)`.
     #[inline]
-    pub(super) fn distance(&self, p: [f32; 3], reach: f64) -> Option<(f64, f64)> {
+    pub(super) fn distance(&self, p: [f32; 3], reach: f64) -> Option<f64> {
         let [x, y, z] = self.frame.local(p);
         if z.abs() > reach {
             return None;
@@ -113,7 +109,7 @@ impl Patch {
         let scale = (reach / self.tiles.edge()).min(1.0);
         let beside = self.tiles.squared_distance([x, y], reach / scale)?;
         let squared = z * z + scale * scale * beside;
-        (squared <= reach * reach).then(|| (squared.sqrt(), z))
+        (squared <= reach * reach).then(|| squared.sqrt())
     }
 
     /// True when the point was seen from the patch's other side.
@@ -122,7 +118,8 @@ impl Patch {
         dot(facing.map(f64::from), self.frame.normal) < 0.0
     }
 
-    /// False only if no point of the box is within `reach` of a supported tile.
+    /// False only if no point of the box is within `reach` of a supported tile; true also for some boxes that are
+    /// beside them.
     pub(super) fn reaches(&self, aabb: &Aabb, reach: f64) -> bool {
         let (middle, half) = aabb.middle();
         let d = minus(middle, self.frame.center);
@@ -140,7 +137,7 @@ impl Patch {
         )
     }
 
-    /// Blocks of points with points within `reach`, nearly.
+    /// The blocks of points that may have points within `reach`: a few more than have.
     pub(super) fn blocks(&self, points: &Points, reach: f64) -> Vec<u32> {
         let mut found = Vec::new();
         points.blocks_where(|aabb| self.reaches(aabb, reach), &mut found);

@@ -1,51 +1,15 @@
-//! The points as learning sees them: distinct, weighted, along a space-filling curve, in a tree of boxes.
+//! The points that planes are learned from: distinct, weighted, along a space-filling curve, in a tree of boxes.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
-use surfabet_geom::{Moments, PointCloud, morton};
+use surfabet_geom::{Aabb, BoxTree, Moments, PointCloud, boxes_of, morton};
 
+use super::constants::{ORIENTED_SHARE, SPACING_POINTS};
 use crate::error::{Error, Result};
 
 /// Points per leaf of the tree of boxes.
 pub(super) const BLOCK: usize = 64;
-
-/// Points per cell that tells the spacing, on average.
-const PER_CELL: usize = 8;
-
-/// Share of neighbours with normals to the same side from which normals count as oriented.
-const AGREEMENT: f64 = 0.85;
-
-/// An axis-aligned box about the scene's origin, metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Aabb {
-    pub low: [f32; 3],
-    pub high: [f32; 3],
-}
-
-impl Aabb {
-    const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-
-    fn grown(self, other: &Self) -> Self {
-        Self {
-            low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
-            high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
-        }
-    }
-
-    fn of(points: &[[f32; 3]]) -> Self {
-        points.iter().fold(Self::EMPTY, |b, &p| b.grown(&Self { low: p, high: p }))
-    }
-
-    /// Middle and half the extent along each axis.
-    pub fn middle(&self) -> ([f64; 3], [f64; 3]) {
-        let [low, high] = [self.low, self.high].map(|p| p.map(f64::from));
-        (
-            std::array::from_fn(|a| 0.5 * (low[a] + high[a])),
-            std::array::from_fn(|a| 0.5 * (high[a] - low[a])),
-        )
-    }
-}
 
 /// The distinct points of a cloud.
 #[derive(Debug, Clone)]
@@ -67,7 +31,7 @@ pub struct Points {
     /// Median spacing of the points, metres.
     pub(super) spacing: f64,
     /// Boxes, level by level: leaves of [`BLOCK`] points first, each box above holds two below.
-    boxes: Vec<Vec<Aabb>>,
+    boxes: BoxTree<Aabb>,
 }
 
 impl Points {
@@ -117,7 +81,7 @@ impl Points {
             codes: Vec::with_capacity(order.len()),
             cell,
             spacing: 0.0,
-            boxes: Vec::new(),
+            boxes: BoxTree::new(Vec::new()),
         };
         let mut last = None;
         for (code, bits, i) in order {
@@ -136,7 +100,7 @@ impl Points {
             points.place[i as usize] = at as u32;
         }
         points.spacing = points.median_spacing();
-        points.boxes = tree(&points.positions);
+        points.boxes = BoxTree::new(boxes_of(&points.positions, BLOCK));
         Ok(points)
     }
 
@@ -162,8 +126,7 @@ impl Points {
 
     /// Largest side of the bounding box, metres.
     pub(super) fn extent(&self) -> f64 {
-        let (_, half) =
-            self.boxes.last().map_or_else(|| Aabb::of(&self.positions), |l| l[0]).middle();
+        let (_, half) = self.boxes.root().unwrap_or(&Aabb::EMPTY).middle();
         2.0 * half.into_iter().fold(0.0, f64::max)
     }
 
@@ -179,20 +142,7 @@ impl Points {
 
     /// Blocks of which `hits` lets the box and all boxes around it pass, in order.
     pub(super) fn blocks_where(&self, hits: impl Fn(&Aabb) -> bool, found: &mut Vec<u32>) {
-        let mut stack = vec![(self.boxes.len() - 1, 0_usize)];
-        while let Some((level, i)) = stack.pop() {
-            if !hits(&self.boxes[level][i]) {
-                continue;
-            }
-            if level == 0 {
-                found.push(i as u32);
-                continue;
-            }
-            let children = self.boxes[level - 1].len();
-            stack.extend(
-                [2 * i + 1, 2 * i].into_iter().filter(|&c| c < children).map(|c| (level - 1, c)),
-            );
-        }
+        self.boxes.leaves_where(hits, found);
     }
 
     /// Consecutive points that share a cell of side `cell * 2^level`.
@@ -237,7 +187,7 @@ impl Points {
 
     /// Median over all points of the spacing in their cells, as if these were filled by a surface.
     fn median_spacing(&self) -> f64 {
-        let level = self.level_with(PER_CELL);
+        let level = self.level_with(SPACING_POINTS);
         let mut counts: Vec<usize> = self.cells(level).map(|c| c.len()).collect();
         counts.sort_unstable();
         let mut seen = 0;
@@ -288,8 +238,8 @@ fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {
     Ok(())
 }
 
-/// True when normals tell sides: those of neighbours along the curve mostly point the same way. Normals that nobody
-/// oriented have signs by chance.
+/// True when normals are oriented: those of neighbours along the curve mostly point the same way. Normals that nobody
+/// oriented have random signs.
 fn agree(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
     let same = order
         .windows(2)
@@ -298,17 +248,5 @@ fn agree(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
             (0..3).map(|k| a[k] * b[k]).sum::<f32>() > 0.0
         })
         .count();
-    same as f64 >= AGREEMENT * (order.len() as f64 - 1.0)
-}
-
-fn tree(positions: &[[f32; 3]]) -> Vec<Vec<Aabb>> {
-    let mut levels = vec![positions.par_chunks(BLOCK).map(Aabb::of).collect::<Vec<_>>()];
-    while let Some(below) = levels.last()
-        && below.len() > 1
-    {
-        let above =
-            below.chunks(2).map(|pair| pair.iter().fold(Aabb::EMPTY, Aabb::grown)).collect();
-        levels.push(above);
-    }
-    levels
+    same as f64 >= ORIENTED_SHARE * (order.len() as f64 - 1.0)
 }

@@ -3,7 +3,8 @@
 /// Most tiles of a patch; a larger one gets larger tiles.
 pub(super) const MAX_TILES: f64 = (1 << 24) as f64;
 
-/// A rectangle in the plane of a patch, cut into square tiles; those at its far sides are what is left over.
+/// A rectangle in the plane of a patch, cut into square tiles; those at its far sides are narrower, where the side of the
+/// rectangle is no multiple.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tiles {
     low: [f64; 2],
@@ -11,7 +12,7 @@ pub struct Tiles {
     edge: f64,
     shape: [usize; 2],
     supported: Vec<bool>,
-    /// Number of supported tiles before each column and row, with a border of zeros.
+    /// Summed-area table: number of supported tiles before each column and row, with a border of zeros.
     sums: Vec<u32>,
     n_supported: usize,
 }
@@ -85,7 +86,12 @@ impl Tiles {
         self.supported.iter().enumerate().filter(|(_, s)| **s).map(|(t, _)| of(t)).sum()
     }
 
-    /// Corners of a tile.
+    /// Position of a corner of tiles, given in columns and rows; the far sides are where the rectangle ends.
+    pub(super) fn corner(&self, corner: [usize; 2]) -> [f64; 2] {
+        std::array::from_fn(|a| self.low[a] + (self.edge * corner[a] as f64).min(self.size[a]))
+    }
+
+    /// Lower and upper corner of a tile.
     pub(super) fn bounds(&self, x: usize, y: usize) -> ([f64; 2], [f64; 2]) {
         let at = [x as f64, y as f64];
         let low = std::array::from_fn(|a| self.low[a] + self.edge * at[a]);
@@ -122,7 +128,7 @@ impl Tiles {
         Some(window)
     }
 
-    /// True when a supported tile touches the box from `low` to `high`, give or take what is left of a tile.
+    /// True when a supported tile touches the box from `low` to `high`, up to rounding at the far sides.
     pub(super) fn any_in(&self, low: [f64; 2], high: [f64; 2]) -> bool {
         self.window(low, high).is_some_and(|[[x0, x1], [y0, y1]]| {
             let sum = |x: usize, y: usize| self.sums[y * (self.shape[0] + 1) + x];

@@ -1,11 +1,13 @@
-//! Questions to a model: where is this again, is this the same place.
+//! Recognition on a model of words: other places like an example, and the similarity of places.
 //!
-//! | folder or file | question |
+//! | file or folder | purpose |
 //! |---|---|
-//! | `find` | where in a scene stands what an example shows |
-//! | `similarity` | how alike two places are, by the words that occur there |
-//! | `surface` | the surface of a model as oriented samples, for both |
+//! | `find` | other places of a scene that look like an example |
+//! | `similarity` | whether two scenes are the same place |
+//! | `surface` | the surface of a model as oriented samples in smooth pieces, for `find` |
+//! | `constants` | tuned constants of all three |
 
+mod constants;
 mod find;
 mod similarity;
 mod surface;

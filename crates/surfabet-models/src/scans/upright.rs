@@ -1,28 +1,28 @@
-//! The frame of a feature: its normal, and what is up about it (III-C).
+//! The frame of a feature: its normal, and the upward direction about it (III-C).
 
 use crate::options::choices;
 use crate::vector::{cross, dot};
 
-/// From this share of the vertical on, the projected world z says little about what is up.
+/// From this |z| of a normal on, the projection of world z is too short to be the upward direction: 64 degrees.
 const NEARLY_VERTICAL: f64 = 0.9;
 
-/// What is up where the normal itself is nearly vertical, which the paper leaves open.
+/// The upward direction where the normal itself is nearly vertical, which the paper leaves open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Upright {
     /// World x. Floors and ceilings get one orientation for the whole scene.
     #[default]
     WorldX,
-    /// World z all the same, as long as it has a projection at all.
+    /// World z all the same, where it has a projection.
     WorldZ,
     /// Away from the sensor.
     ViewDirection,
 }
 choices!(Upright { WorldX = "x", WorldZ = "z", ViewDirection = "view" });
 
-/// Rows: what is right, what is up, the normal; all unit vectors, right-handed.
+/// Rows: right, up, normal; all unit vectors, right-handed.
 ///
-/// `view` is the direction from the sensor to the point; only [`Upright::ViewDirection`] asks for it, and takes world
-/// x where it is along the normal.
+/// Up is world z, or by `rule` where the normal is nearly vertical, projected onto the plane of the feature; world x
+/// where that has no projection. `view` is the direction from the sensor to the point, for [`Upright::ViewDirection`].
 pub fn upright_frame(normal: [f64; 3], rule: Upright, view: [f64; 3]) -> [[f64; 3]; 3] {
     let [x, z] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     let wanted = match rule {
@@ -36,7 +36,7 @@ pub fn upright_frame(normal: [f64; 3], rule: Upright, view: [f64; 3]) -> [[f64; 
     [cross(up, normal), up, normal]
 }
 
-/// The unit vector along what of `v` is orthogonal to the unit vector `normal`.
+/// The part of `v` that is orthogonal to the unit vector `normal`, at unit length; `None` where there is none.
 fn projected(v: [f64; 3], normal: [f64; 3]) -> Option<[f64; 3]> {
     let along = dot(v, normal);
     let rest: [f64; 3] = std::array::from_fn(|a| v[a] - along * normal[a]);

@@ -1,26 +1,27 @@
-//! What a placed word explains: the scene's points within sigma of its samples, and the samples that nothing
-//! measured is near to.
+//! What an occurrence explains (eq. 13): the points of the scene with a sample of the word within their sigma; and its
+//! outliers, the samples that explain no point.
 
 use std::collections::HashMap;
 
 use crate::alphabet::lattice::sigma;
-use crate::alphabet::placement::Stand;
-use crate::alphabet::scene::local_points::NearPoint;
-use crate::alphabet::word::Word;
+use crate::alphabet::placement::WordPose;
+use crate::alphabet::scene::LocalPoint;
+use crate::alphabet::word::{HEIGHT_STEPS, Word};
 
-/// What a placed word explains.
+/// What an occurrence explains.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(in crate::alphabet) struct Coverage {
     /// Points with a sample within their sigma, ascending.
     pub points: Vec<u32>,
-    /// Samples without a point that has them within its sigma.
-    pub lone: u32,
+    /// Samples of the word that are within the sigma of no point.
+    pub outliers: u32,
 }
 
-/// Samples per side of a word and their distance, units: `spacing` sigma of its level, an even share of the side.
-pub(in crate::alphabet) fn raster(stand: &Stand, spacing: f64) -> (usize, f64) {
-    let side = 2.0 * stand.radius;
-    let n = (side / (spacing * sigma(stand.level))).round().max(1.0);
+/// Samples per side of a word, and their distance in units: the even share of the side that is nearest to `spacing`
+/// times sigma.
+pub(in crate::alphabet) fn sample_grid(pose: &WordPose, spacing: f64) -> (usize, f64) {
+    let side = 2.0 * pose.radius;
+    let n = (side / (spacing * sigma(pose.level))).round().max(1.0);
     (n as usize, side / n)
 }
 
@@ -30,72 +31,76 @@ fn samples(word: &Word, n: usize) -> Vec<f32> {
     (0..n * n).map(|i| word.height(at(i % n), at(i / n)).map_or(f32::NAN, |h| h as f32)).collect()
 }
 
-/// Words as samples, made when first asked for, and a buffer.
-pub(in crate::alphabet) struct Rasters<'a> {
+/// Words as samples, made when first asked for.
+pub(in crate::alphabet) struct WordSamples<'a> {
     words: &'a [Word],
+    /// Heights by word and samples per side.
     known: HashMap<(usize, usize), Vec<f32>>,
-    is_near: Vec<bool>,
+    /// Buffer: which samples explain a point.
+    explains: Vec<bool>,
 }
 
-impl<'a> Rasters<'a> {
+impl<'a> WordSamples<'a> {
     pub fn new(words: &'a [Word]) -> Self {
-        Self { words, known: HashMap::new(), is_near: Vec::new() }
+        Self { words, known: HashMap::new(), explains: Vec::new() }
     }
 
-    /// What the k-th word explains at `stand`, of the points near to it.
+    /// What the k-th word explains with this pose, of the points about it: those with
+    /// `|point - sample| <= sigma of the point`.
     pub fn coverage(
         &mut self,
         k: usize,
-        stand: &Stand,
+        pose: &WordPose,
         spacing: f64,
-        near: &[NearPoint],
+        points: &[LocalPoint],
     ) -> Coverage {
-        let (n, step) = raster(stand, spacing);
+        let (n, step) = sample_grid(pose, spacing);
         let word = &self.words[k];
         let heights = &*self.known.entry((k, n)).or_insert_with(|| samples(word, n));
-        self.is_near.clear();
-        self.is_near.resize(n * n, false);
-        let [radius, step] = [stand.radius, step].map(|c| c as f32);
+        self.explains.clear();
+        self.explains.resize(n * n, false);
+        let [radius, step] = [pose.radius, step].map(|c| c as f32);
         let per_step = 1.0 / step;
         let last = n as f32 - 1.0;
         let highest = word.heights.iter().fold(0, |m, h| m.max(h.abs()));
-        let highest = f32::from(highest) / super::super::word::HEIGHT_STEPS as f32 * radius;
-        let mut points = Vec::new();
-        for p in near {
+        let highest = f32::from(highest) / HEIGHT_STEPS as f32 * radius;
+        let mut explained = Vec::new();
+        for p in points {
             if p.height.abs() > highest + p.sigma {
                 continue;
             }
             let reach = p.sigma * per_step;
+            // Rows or columns within sigma.
             let range = |c: f32| {
-                let place = (c + radius) * per_step - 0.5;
-                let first = (place - reach).ceil().max(0.0);
-                let end = (place + reach).floor().min(last) + 1.0;
+                let at = (c + radius) * per_step - 0.5;
+                let first = (at - reach).ceil().max(0.0);
+                let end = (at + reach).floor().min(last) + 1.0;
                 first as usize..end.max(0.0) as usize
             };
             let most = p.sigma * p.sigma;
             let columns = range(p.right);
-            let mut covered = false;
+            let mut is_explained = false;
             for row in range(p.up) {
                 let dv = (row as f32 + 0.5) * step - radius - p.up;
                 for column in columns.clone() {
                     let du = (column as f32 + 0.5) * step - radius - p.right;
                     let sample = row * n + column;
                     let dh = heights[sample] * radius - p.height;
-                    // Never for a hole.
+                    // Never true of a hole: its height is not a number.
                     if du * du + dv * dv + dh * dh <= most {
-                        covered = true;
-                        self.is_near[sample] = true;
+                        is_explained = true;
+                        self.explains[sample] = true;
                     }
                 }
             }
-            if covered {
-                points.push(p.index);
+            if is_explained {
+                explained.push(p.index);
             }
         }
-        points.sort_unstable();
-        let there = heights.iter().filter(|h| !h.is_nan()).count();
-        let found = self.is_near.iter().filter(|&&near| near).count();
-        Coverage { points, lone: (there - found) as u32 }
+        explained.sort_unstable();
+        let n_samples = heights.iter().filter(|h| !h.is_nan()).count();
+        let n_explaining = self.explains.iter().filter(|&&explains| explains).count();
+        Coverage { points: explained, outliers: (n_samples - n_explaining) as u32 }
     }
 }
 
@@ -105,9 +110,9 @@ mod tests {
 
     use super::*;
 
-    fn stand(level: u32) -> Stand {
+    fn pose(level: u32) -> WordPose {
         let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        Stand { center: [0.0; 3], rows, radius: 256.0, level }
+        WordPose { center: [0.0; 3], rows, radius: 256.0, level }
     }
 
     proptest! {
@@ -123,35 +128,35 @@ mod tests {
         ) {
             let height = |k: usize| if mask >> k & 1 != 0 && k.is_multiple_of(3) { bump } else { 0 };
             let words = [Word { mask: mask | 1, heights: std::array::from_fn(height) }];
-            let near: Vec<NearPoint> = (0..)
+            let points: Vec<LocalPoint> = (0..)
                 .zip(&points)
                 .map(|(index, &(right, up, height, sigma))| {
-                    NearPoint { right, up, height, sigma, index }
+                    LocalPoint { right, up, height, sigma, index }
                 })
                 .collect();
-            let stand = stand(level);
-            let found = Rasters::new(&words).coverage(0, &stand, 1.0, &near);
+            let pose = pose(level);
+            let found = WordSamples::new(&words).coverage(0, &pose, 1.0, &points);
 
-            let (n, step) = raster(&stand, 1.0);
-            let at = |i: usize| (i as f64 + 0.5) * step - stand.radius;
+            let (n, step) = sample_grid(&pose, 1.0);
+            let at = |i: usize| (i as f64 + 0.5) * step - pose.radius;
             let samples: Vec<[f64; 3]> = (0..n * n)
                 .filter_map(|i| {
                     let [u, v] = [at(i % n), at(i / n)];
-                    let height = words[0].height(u / stand.radius, v / stand.radius)?;
-                    Some([u, v, height * stand.radius])
+                    let height = words[0].height(u / pose.radius, v / pose.radius)?;
+                    Some([u, v, height * pose.radius])
                 })
                 .collect();
-            let over = |p: &NearPoint, s: &[f64; 3]| {
+            let over = |p: &LocalPoint, s: &[f64; 3]| {
                 let d = [f64::from(p.right) - s[0], f64::from(p.up) - s[1], f64::from(p.height) - s[2]];
                 d.iter().map(|c| c * c).sum::<f64>().sqrt() - f64::from(p.sigma)
             };
             // Pairs on the very limit may fall on either side in single precision.
-            prop_assume!(near.iter().all(|p| samples.iter().all(|s| over(p, s).abs() > 1e-2)));
-            let covered = near.iter().filter(|p| samples.iter().any(|s| over(p, s) <= 0.0));
+            prop_assume!(points.iter().all(|p| samples.iter().all(|s| over(p, s).abs() > 1e-2)));
+            let covered = points.iter().filter(|p| samples.iter().any(|s| over(p, s) <= 0.0));
             let covered: Vec<u32> = covered.map(|p| p.index).collect();
-            let lone = samples.iter().filter(|s| near.iter().all(|p| over(p, s) > 0.0)).count();
+            let outliers = samples.iter().filter(|s| points.iter().all(|p| over(p, s) > 0.0)).count();
             prop_assert_eq!(found.points, covered);
-            prop_assert_eq!(found.lone as usize, lone);
+            prop_assert_eq!(found.outliers as usize, outliers);
         }
     }
 }

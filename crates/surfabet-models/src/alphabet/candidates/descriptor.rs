@@ -1,51 +1,50 @@
-//! The descriptor of a placed plane: the surface over its square, seen along the normal (III-C).
+//! The descriptor of a pose: the heights of the surface over its square, seen along the normal (III-C).
 
+use crate::alphabet::constants::HOLE;
 use crate::alphabet::lattice::sigma;
-use crate::alphabet::placement::Stand;
-use crate::alphabet::scene::local_points::{NearPoint, look_reach};
+use crate::alphabet::placement::WordPose;
+use crate::alphabet::scene::{LocalPoint, descriptor_reach};
 use crate::alphabet::word::{HEIGHT_STEPS, MAX_HEIGHT, PIXELS, Word};
 
 /// Pixels of a descriptor.
-pub(in crate::alphabet) const N: usize = PIXELS * PIXELS;
+pub(in crate::alphabet) const N_PIXELS: usize = PIXELS * PIXELS;
 
-/// Squared distance, per pixel and in squared radii, of a surface to a hole, and of surfaces further apart than that.
-pub(in crate::alphabet) const HOLE: f32 = 0.02;
-
-/// Heights over the radius, and per pixel 1 where there is one, else 0.
+/// Heights over the radius, and per pixel 1 where there is a surface, else 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::alphabet) struct Patch {
-    pub set: [f32; N],
-    pub heights: [f32; N],
+pub(in crate::alphabet) struct Descriptor {
+    pub set: [f32; N_PIXELS],
+    pub heights: [f32; N_PIXELS],
 }
 
-impl Patch {
-    /// The surface about `stand` as the points near to it tell: per pixel the layer nearest to the viewer among what
-    /// lies within half a radius of the plane. A pixel is set when a point lies about its middle.
-    pub fn of(stand: &Stand, near: &[NearPoint]) -> Self {
-        let radius = stand.radius as f32;
+impl Descriptor {
+    /// The surface about `pose` from the points there. A pixel is set when a point within half a radius of the plane
+    /// reaches it. Its height is the mean of the layer nearest to the viewer: of the points at most sigma below the
+    /// highest.
+    pub fn of_points(pose: &WordPose, points: &[LocalPoint]) -> Self {
+        let radius = pose.radius as f32;
         let pixel = 2.0 * radius / PIXELS as f32;
-        let layer = sigma(stand.level) as f32;
-        let reach = look_reach(stand);
+        let layer = sigma(pose.level) as f32;
+        let reach = descriptor_reach(pose);
         let most = f32::from(MAX_HEIGHT) / HEIGHT_STEPS as f32 * radius;
-        let range = |c: f32| {
+        let pixels_about = |c: f32| {
             let first = ((c - reach + radius) / pixel - 0.5).ceil().max(0.0) as usize;
             let last = ((c + reach + radius) / pixel - 0.5).floor().min(PIXELS as f32 - 1.0);
             first..(last + 1.0).max(0.0) as usize
         };
-        let seen = || near.iter().filter(|p| p.height.abs() <= most);
-        let mut top = [f32::NEG_INFINITY; N];
+        let seen = || points.iter().filter(|p| p.height.abs() <= most);
+        let mut top = [f32::NEG_INFINITY; N_PIXELS];
         for p in seen() {
-            for row in range(p.up) {
-                for column in range(p.right) {
+            for row in pixels_about(p.up) {
+                for column in pixels_about(p.right) {
                     let t = &mut top[row * PIXELS + column];
                     *t = t.max(p.height);
                 }
             }
         }
-        let (mut sum, mut n) = ([0.0_f32; N], [0.0_f32; N]);
+        let (mut sum, mut n) = ([0.0_f32; N_PIXELS], [0.0_f32; N_PIXELS]);
         for p in seen() {
-            for row in range(p.up) {
-                for column in range(p.right) {
+            for row in pixels_about(p.up) {
+                for column in pixels_about(p.right) {
                     let k = row * PIXELS + column;
                     if p.height >= top[k] - layer {
                         sum[k] += p.height;
@@ -59,7 +58,7 @@ impl Patch {
         Self { set, heights }
     }
 
-    /// What a word looks like without noise.
+    /// The descriptor of the surface that a word stands for.
     pub fn of_word(word: &Word) -> Self {
         Self {
             set: std::array::from_fn(|k| f32::from(u8::from(word.mask >> k & 1 != 0))),
@@ -67,9 +66,9 @@ impl Patch {
         }
     }
 
-    /// Squared distance: of the heights where both are set, [`HOLE`] where only one is.
+    /// Squared distance, a sum over the pixels: `min((a - b)^2, HOLE)` where both are set, [`HOLE`] where one is.
     pub fn distance(&self, other: &Self) -> f32 {
-        (0..N)
+        (0..N_PIXELS)
             .map(|k| {
                 let d = self.heights[k] - other.heights[k];
                 let both = self.set[k] * other.set[k];

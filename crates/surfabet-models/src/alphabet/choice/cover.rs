@@ -1,65 +1,54 @@
-//! Lazy greedy cover: the candidates that explain most for their bits, and their redundancy removed.
+//! Lazy greedy cover: the candidates that shorten the description most, without redundant ones (III-D).
+//!
+//! With S the chosen candidates, P(c) the points that c explains, and P(S) those that any in S explains, the length to
+//! be minimised is
+//!
+//! ```text
+//! L(S) = inlier * (number of points not in P(S)) + sum over c in S of cost(c)
+//! cost(c) = occurrence[scale of c] + word[word of c] + outlier * (outliers of c)
+//! ```
+//!
+//! with the prices of [`Prices`].
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use surfabet_geom::Progress;
 
+use super::prices::Prices;
 use crate::alphabet::candidates::Candidate;
 use crate::error::Result;
 
-/// What explaining is worth, and what saying costs, in bits.
-#[derive(Debug, Clone, PartialEq)]
-pub(in crate::alphabet) struct Prices {
-    /// A point explained for the first time.
-    pub point: f32,
-    /// A sample near to nothing.
-    pub lone: f32,
-    /// An occurrence, per scale, without its word.
-    pub occurrence: Vec<f32>,
-    /// Which word it is, per word.
-    pub word: Vec<f32>,
+/// How many of the chosen candidates explain each point.
+pub(in crate::alphabet) struct CoverCounts {
+    counts: Vec<u16>,
 }
 
-impl Prices {
-    /// What a candidate costs whatever else is there.
-    pub fn cost(&self, candidate: &Candidate) -> f32 {
-        let p = &candidate.placement;
-        self.occurrence[usize::from(p.scale)]
-            + self.word[usize::from(p.word)]
-            + self.lone * candidate.coverage.lone as f32
-    }
-}
-
-/// How often each point is explained by what is chosen.
-pub(in crate::alphabet) struct Tally {
-    times: Vec<u16>,
-}
-
-impl Tally {
+impl CoverCounts {
     pub fn new(n_points: usize) -> Self {
-        Self { times: vec![0; n_points] }
+        Self { counts: vec![0; n_points] }
     }
 
     pub fn add(&mut self, points: &[u32]) {
-        points.iter().for_each(|&i| self.times[i as usize] += 1);
+        points.iter().for_each(|&i| self.counts[i as usize] += 1);
     }
 
     pub fn remove(&mut self, points: &[u32]) {
-        points.iter().for_each(|&i| self.times[i as usize] -= 1);
+        points.iter().for_each(|&i| self.counts[i as usize] -= 1);
     }
 
-    /// How many of `points` are explained `n` times.
-    pub fn count(&self, points: &[u32], n: u16) -> f32 {
-        points.iter().filter(|&&i| self.times[i as usize] == n).count() as f32
+    /// How many of `points` are explained by exactly `n` candidates.
+    pub fn n_explained_by(&self, n: u16, points: &[u32]) -> f32 {
+        points.iter().filter(|&&i| self.counts[i as usize] == n).count() as f32
     }
 
-    /// How many points of the scene nothing explains.
-    pub fn unexplained(&self) -> f32 {
-        self.times.iter().filter(|&&times| times == 0).count() as f32
+    /// How many points of the scene are not explained.
+    pub fn n_unexplained(&self) -> f32 {
+        self.counts.iter().filter(|&&n| n == 0).count() as f32
     }
 }
 
+/// A candidate with its gain when that was last computed; ordered by gain, of equal ones the first candidate on top.
 struct Entry {
     gain: f32,
     candidate: u32,
@@ -85,26 +74,31 @@ impl Ord for Entry {
     }
 }
 
-/// Chooses candidates one by one, always the one that gains most; ascending indices, and the tally of them.
+/// Chooses candidates one by one, always the one with the largest gain, as long as that is above 0:
 ///
-/// A gain only falls as others are chosen, so that an old gain is a bound: only the top of the heap is looked at anew.
+/// ```text
+/// gain(c | S) = L(S) - L(S + c) = inlier * |P(c) without P(S)| - cost(c)
+/// ```
+///
+/// Gives ascending indices, and the counts of these candidates. A gain only falls as others are chosen, so an old gain is
+/// an upper bound: only the top of the heap is computed anew.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub(in crate::alphabet) fn cover(
+pub(super) fn cover(
     candidates: &[Candidate],
     prices: &Prices,
     n_points: usize,
     progress: &dyn Progress,
-) -> Result<(Vec<u32>, Tally)> {
-    let mut tally = Tally::new(n_points);
+) -> Result<(Vec<u32>, CoverCounts)> {
+    let mut counts = CoverCounts::new(n_points);
     let cost: Vec<f32> = candidates.iter().map(|c| prices.cost(c)).collect();
     let mut heap: BinaryHeap<Entry> = candidates
         .iter()
         .zip(&cost)
         .enumerate()
         .map(|(k, (c, cost))| Entry {
-            gain: prices.point * c.coverage.points.len() as f32 - cost,
+            gain: prices.inlier * c.coverage.points.len() as f32 - cost,
             candidate: k as u32,
         })
         .filter(|e| e.gain > 0.0)
@@ -114,7 +108,7 @@ pub(in crate::alphabet) fn cover(
         progress.check()?;
         let k = top.candidate as usize;
         let points = &candidates[k].coverage.points;
-        let now = prices.point * tally.count(points, 0) - cost[k];
+        let now = prices.inlier * counts.n_explained_by(0, points) - cost[k];
         if now <= 0.0 {
             continue;
         }
@@ -122,34 +116,38 @@ pub(in crate::alphabet) fn cover(
             heap.push(Entry { gain: now, ..top });
             continue;
         }
-        tally.add(points);
+        counts.add(points);
         chosen.push(top.candidate);
     }
-    remove_redundant(candidates, &cost, prices.point, &mut chosen, &mut tally, progress)?;
+    remove_redundant(candidates, &cost, prices.inlier, &mut chosen, &mut counts, progress)?;
     chosen.sort_unstable();
-    Ok((chosen, tally))
+    Ok((chosen, counts))
 }
 
-/// What later ones made redundant goes, the least useful first.
+/// Removes what later candidates made redundant, the least useful first: c goes when its worth is below 0,
+///
+/// ```text
+/// worth(c) = L(S - c) - L(S) = inlier * |points of P(c) that no other in S explains| - cost(c)
+/// ```
 fn remove_redundant(
     candidates: &[Candidate],
     cost: &[f32],
-    point: f32,
+    inlier: f32,
     chosen: &mut Vec<u32>,
-    tally: &mut Tally,
+    counts: &mut CoverCounts,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let worth = |k: u32, tally: &Tally| {
-        let alone = tally.count(&candidates[k as usize].coverage.points, 1);
-        point * alone - cost[k as usize]
+    let worth = |k: u32, counts: &CoverCounts| {
+        let alone = counts.n_explained_by(1, &candidates[k as usize].coverage.points);
+        inlier * alone - cost[k as usize]
     };
-    // As others go, worth only grows: sorted once, each is looked at once more.
-    let mut order: Vec<(f32, u32)> = chosen.iter().map(|&k| (worth(k, tally), k)).collect();
+    // As others go, a worth only grows: each needs to be computed once more.
+    let mut order: Vec<(f32, u32)> = chosen.iter().map(|&k| (worth(k, counts), k)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for (_, k) in order.into_iter().take_while(|(worth, _)| *worth < 0.0) {
         progress.check()?;
-        if worth(k, tally) < 0.0 {
-            tally.remove(&candidates[k as usize].coverage.points);
+        if worth(k, counts) < 0.0 {
+            counts.remove(&candidates[k as usize].coverage.points);
             chosen.retain(|&c| c != k);
         }
     }
@@ -162,21 +160,21 @@ mod tests {
     use surfabet_geom::Silent;
 
     use super::*;
-    use crate::alphabet::candidates::coverage::Coverage;
-    use crate::alphabet::placement::{Placement, Stand};
+    use crate::alphabet::candidates::Coverage;
+    use crate::alphabet::placement::{Placement, WordPose};
 
-    fn candidate(offset: i32, points: Vec<u32>, lone: u32) -> Candidate {
+    fn candidate(offset: i32, points: Vec<u32>, outliers: u32) -> Candidate {
         let placement =
             Placement { scale: 0, cell: [0; 3], axis: 0, slopes: [0; 2], offset, word: 0, view: 0 };
-        let stand = Stand { center: [0.0; 3], rows: [[0.0; 3]; 3], radius: 1.0, level: 0 };
-        Candidate { placement, stand, coverage: Coverage { points, lone } }
+        let pose = WordPose { center: [0.0; 3], rows: [[0.0; 3]; 3], radius: 1.0, level: 0 };
+        Candidate { placement, pose, coverage: Coverage { points, outliers } }
     }
 
     fn prices() -> Prices {
-        Prices { point: 2.0, lone: 1.0, occurrence: vec![5.0], word: vec![0.5] }
+        Prices { inlier: 2.0, outlier: 1.0, occurrence: vec![5.0], word: vec![0.5] }
     }
 
-    /// Bits of what is not explained, of false samples, and of the occurrences.
+    /// L(S).
     fn length(all: &[Candidate], chosen: &[u32], n: usize) -> f32 {
         let prices = prices();
         let mut explained = vec![false; n];
@@ -185,7 +183,7 @@ mod tests {
             sum += prices.cost(&all[k as usize]);
             all[k as usize].coverage.points.iter().for_each(|&i| explained[i as usize] = true);
         }
-        sum + prices.point * explained.iter().filter(|&&e| !e).count() as f32
+        sum + prices.inlier * explained.iter().filter(|&&e| !e).count() as f32
     }
 
     #[test]
@@ -211,11 +209,11 @@ mod tests {
         fn the_description_never_gets_longer(
             sets in prop::collection::vec((prop::collection::btree_set(0_u32..30, 0..12), 0_u32..4), 0..12),
         ) {
-            let one = |(k, (points, lone)): (usize, &(std::collections::BTreeSet<u32>, u32))| {
-                candidate(k as i32, points.iter().copied().collect(), *lone)
+            let one = |(k, (points, outliers)): (usize, &(std::collections::BTreeSet<u32>, u32))| {
+                candidate(k as i32, points.iter().copied().collect(), *outliers)
             };
             let all: Vec<Candidate> = sets.iter().enumerate().map(one).collect();
-            let (chosen, tally) = cover(&all, &prices(), 30, &Silent).unwrap();
+            let (chosen, counts) = cover(&all, &prices(), 30, &Silent).unwrap();
             let best = length(&all, &chosen, 30);
             prop_assert!(best <= length(&all, &[], 30));
             // Nor would it be shorter without any one of them.
@@ -226,9 +224,9 @@ mod tests {
             let explained = |i: u32| {
                 chosen.iter().filter(|&&k| all[k as usize].coverage.points.contains(&i)).count()
             };
-            prop_assert_eq!(tally.unexplained(), (0..30).filter(|&i| explained(i) == 0).count() as f32);
+            prop_assert_eq!(counts.n_unexplained(), (0..30).filter(|&i| explained(i) == 0).count() as f32);
             for i in 0..30 {
-                prop_assert_eq!(tally.count(&[i], explained(i) as u16), 1.0);
+                prop_assert_eq!(counts.n_explained_by(explained(i) as u16, &[i]), 1.0);
             }
         }
     }

@@ -1,38 +1,39 @@
-//! What was said about occurrences near to a cell.
+//! Items of the occurrences coded so far, found by the cell that they belong to.
 
 use std::collections::HashMap;
 
-/// What is looked at of a coarsest cell, the last said; reading a hostile file takes bounded time.
-const REMEMBERED: usize = 128;
+use surfabet_geom::cells;
 
-/// Something about each occurrence said so far, by the coarsest cells.
+/// Items of one coarsest cell that are looked up at most, the last ones coded: reading a hostile file takes bounded
+/// time. Part of the format.
+const MAX_PER_CELL: usize = 128;
+
+/// An item for each occurrence coded so far, by coarsest cell.
 #[derive(Debug, Clone)]
-pub(in crate::alphabet) struct Nearby<T> {
+pub(super) struct CoarseCells<T> {
     scales: u32,
-    by_cell: HashMap<[i32; 3], Vec<T>>,
+    items: HashMap<[i32; 3], Vec<T>>,
 }
 
-impl<T> Nearby<T> {
+impl<T> CoarseCells<T> {
     pub fn new(scales: u32) -> Self {
-        Self { scales, by_cell: HashMap::new() }
+        Self { scales, items: HashMap::new() }
     }
 
-    fn coarse(&self, cell: [i32; 3], scale: u32) -> [i32; 3] {
+    /// The coarsest cell that holds a cell of `scale`.
+    fn coarsest(&self, cell: [i32; 3], scale: u32) -> [i32; 3] {
         cell.map(|c| c >> (self.scales - 1 - scale))
     }
 
-    pub fn add(&mut self, cell: [i32; 3], scale: u32, what: T) {
-        self.by_cell.entry(self.coarse(cell, scale)).or_default().push(what);
+    pub fn insert(&mut self, cell: [i32; 3], scale: u32, item: T) {
+        self.items.entry(self.coarsest(cell, scale)).or_default().push(item);
     }
 
-    /// What was added in the coarsest cell that holds a cell, and in the 26 around that one.
-    pub fn about(&self, cell: [i32; 3], scale: u32) -> impl Iterator<Item = &T> {
-        let [x, y, z] = self.coarse(cell, scale);
-        (0..27)
-            .filter_map(move |k| {
-                self.by_cell.get(&[x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1])
-            })
-            .flat_map(|there| there.iter().rev().take(REMEMBERED))
+    /// The items in the coarsest cell that holds a cell, and in the 26 around that one, the last of each cell first.
+    pub fn around(&self, cell: [i32; 3], scale: u32) -> impl Iterator<Item = &T> {
+        cells::around(self.coarsest(cell, scale))
+            .filter_map(|cell| self.items.get(&cell))
+            .flat_map(|items| items.iter().rev().take(MAX_PER_CELL))
     }
 }
 
@@ -41,14 +42,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_coarsest_cells_that_touch_are_looked_at() {
-        let mut nearby = Nearby::new(3);
+    fn all_coarsest_cells_that_touch_are_searched() {
+        let mut cells = CoarseCells::new(3);
         // On scale 0, four cells make the side of a coarsest one.
         for x in 0..20 {
-            nearby.add([x, 7, 7], 0, x);
+            cells.insert([x, 7, 7], 0, x);
         }
         let found = |cell, scale| {
-            let mut found: Vec<i32> = nearby.about(cell, scale).copied().collect();
+            let mut found: Vec<i32> = cells.around(cell, scale).copied().collect();
             found.sort_unstable();
             found
         };
@@ -58,10 +59,10 @@ mod tests {
     }
 
     #[test]
-    fn of_many_the_last_are_remembered() {
-        let mut nearby = Nearby::new(1);
-        (0..1000).for_each(|k| nearby.add([5; 3], 0, k));
-        let found: Vec<usize> = nearby.about([5; 3], 0).copied().collect();
-        assert_eq!(found, (1000 - REMEMBERED..1000).rev().collect::<Vec<_>>());
+    fn of_many_the_last_are_found() {
+        let mut cells = CoarseCells::new(1);
+        (0..1000).for_each(|k| cells.insert([5; 3], 0, k));
+        let found: Vec<usize> = cells.around([5; 3], 0).copied().collect();
+        assert_eq!(found, (1000 - MAX_PER_CELL..1000).rev().collect::<Vec<_>>());
     }
 }

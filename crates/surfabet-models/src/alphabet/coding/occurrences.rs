@@ -1,11 +1,14 @@
-//! How words and their occurrences are said in binary decisions: one function for writing, reading and pricing.
+//! Encoding of the occurrences: one function for writing, reading and pricing.
+//!
+//! Occurrences follow an octree over the cells, whose lower levels are the scales. Each is coded after those around it:
+//! a symbol selects the plane of an earlier occurrence that goes on here, residuals follow.
 
-use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
+use surfabet_entropy::{Bit, Coder, Octree, SInt, Symbols, UInt};
 
-use crate::alphabet::coding::plane_prediction::{MAX_SUGGESTED, Neighbors};
-use crate::alphabet::lattice::{MAX_SCALE, MAX_SLOPE, SigmaRule, cell_center};
+use super::plane_prediction::{MAX_PREDICTIONS, PlanePredictor, PredictedPlane};
+use crate::alphabet::constants::MAX_PREDICTION_CHANGE;
+use crate::alphabet::lattice::{MAX_OFFSET, MAX_SCALE, MAX_SLOPE, SigmaRule, cell_center};
 use crate::alphabet::placement::Placement;
-use crate::alphabet::word::{MAX_HEIGHT, PIXELS, Word};
 
 const SCALES: usize = MAX_SCALE as usize + 1;
 
@@ -15,20 +18,22 @@ const HEIGHT_BITS: u32 = 5;
 /// Largest height of the octree: cells have 24 bits.
 const MAX_TREE: u32 = 24;
 
-/// What both ends know before the first occurrence.
+/// What writer and reader both know before the first occurrence.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::alphabet) struct Setting {
+pub(in crate::alphabet) struct CodingParams {
     pub scales: u32,
     pub rule: SigmaRule,
     pub sensors: Vec<[i64; 3]>,
     pub n_words: u32,
 }
 
-impl Setting {
+impl CodingParams {
+    /// Where the sensor of a view stood, units.
     pub fn sensor(&self, view: u16) -> Option<[i64; 3]> {
         self.sensors.get(usize::from(view)).copied()
     }
 
+    /// Level of sigma at the middle of the cell of an occurrence.
     pub fn level(&self, placement: &Placement) -> u32 {
         let middle = cell_center(placement.cell, u32::from(placement.scale));
         self.rule.level(middle, self.sensor(placement.view))
@@ -39,10 +44,11 @@ impl Setting {
 pub(in crate::alphabet) struct OccurrenceModels {
     count: [UInt; SCALES],
     children: [Bit; 2 * SCALES],
-    child: Vec<Bit>,
+    cells: Octree,
     same_view: Bit,
     view: Symbols,
-    suggested: [Symbols; MAX_SUGGESTED + 1],
+    /// Which predicted plane, by how many there are.
+    prediction: [Symbols; MAX_PREDICTIONS + 1],
     axis: Symbols,
     slope: [SInt; 2],
     offset: SInt,
@@ -53,7 +59,7 @@ pub(in crate::alphabet) struct OccurrenceModels {
 }
 
 impl OccurrenceModels {
-    pub fn new(setting: &Setting) -> Self {
+    pub fn new(params: &CodingParams) -> Self {
         let symbols = |n: usize| {
             let size = n.clamp(1, 1 << 16) as u32;
             Symbols::new(size).expect("1 to 2^16 symbols are possible")
@@ -61,29 +67,30 @@ impl OccurrenceModels {
         Self {
             count: [const { UInt::new() }; SCALES],
             children: [Bit::new(); 2 * SCALES],
-            child: vec![Bit::new(); (SCALES + 1) * 64],
+            // Nodes above the largest words share their models.
+            cells: Octree::new(params.scales),
             same_view: Bit::new(),
-            view: symbols(setting.sensors.len()),
-            suggested: std::array::from_fn(|n| symbols(n + 1)),
+            view: symbols(params.sensors.len()),
+            prediction: std::array::from_fn(|n| symbols(n + 1)),
             axis: symbols(3),
             slope: [const { SInt::new() }; 2],
             offset: SInt::new(),
             slope_change: [const { SInt::new() }; 2],
             offset_change: [const { SInt::new() }; 2],
             plane: [Bit::new(); SCALES],
-            word: symbols(setting.n_words as usize - 1),
+            word: symbols(params.n_words as usize - 1),
         }
     }
 }
 
-/// Writes, reads or prices all occurrences; when reading, `given` is empty. They come back in the file's order, no
-/// more than `most` of them. Returns how many bits each took when priced, through `mark`.
+/// Writes, reads or prices all occurrences; when reading, `given` is empty. Returns them in the order of the file, at
+/// most `most` of them. `mark` is called after each, with the coder: from its state follows what each occurrence took.
 ///
 /// # Errors
-/// Whatever the coder finds wrong with what it reads.
+/// Those of the coder; when reading, also for more than `most` occurrences and for values out of range.
 pub(in crate::alphabet) fn code_occurrences<C: Coder>(
     coder: &mut C,
-    setting: &Setting,
+    params: &CodingParams,
     given: &[Placement],
     most: usize,
     mark: &mut dyn FnMut(&C, &Placement),
@@ -98,25 +105,26 @@ pub(in crate::alphabet) fn code_occurrences<C: Coder>(
     sorted.sort_unstable();
     let mut state = Occurrences {
         coder,
-        setting,
-        models: OccurrenceModels::new(setting),
-        around: Neighbors::new(setting.scales),
-        said: Vec::with_capacity(sorted.len()),
+        params,
+        models: OccurrenceModels::new(params),
+        predictor: PlanePredictor::new(params.scales),
+        coded: Vec::with_capacity(sorted.len()),
         most,
         mark,
     };
     if most > 0 {
-        state.node([0; 3], height.max(setting.scales - 1), &sorted)?;
+        state.node([0; 3], height.max(params.scales - 1), &sorted)?;
     }
-    Ok(state.said)
+    Ok(state.coded)
 }
 
+/// The coder in the middle of its work.
 struct Occurrences<'a, C> {
     coder: &'a mut C,
-    setting: &'a Setting,
+    params: &'a CodingParams,
     models: OccurrenceModels,
-    around: Neighbors,
-    said: Vec<Placement>,
+    predictor: PlanePredictor,
+    coded: Vec<Placement>,
     most: usize,
     mark: &'a mut dyn FnMut(&C, &Placement),
 }
@@ -125,18 +133,18 @@ impl<C: Coder> Occurrences<'_, C> {
     /// The occurrences in a cell, and in the eight cells of half its side.
     fn node(&mut self, cell: [i32; 3], scale: u32, given: &[Placement]) -> Result<(), C::Error> {
         // Above the largest words, the tree has one more kind of node.
-        let s = scale.min(self.setting.scales) as usize;
+        let s = scale.min(self.params.scales) as usize;
         let mut n = 0;
         let own: Vec<&Placement> = given.iter().filter(|p| u32::from(p.scale) == scale).collect();
-        if scale < self.setting.scales {
-            // A cell that holds nothing at all is not said to be there; on the finest scale it holds something.
+        if scale < self.params.scales {
+            // A cell is coded only if an occurrence is in it; on the finest scale, that is one of its own.
             let least = u32::from(scale == 0);
             let more = (own.len() as u32).saturating_sub(least);
             n = self.coder.uint(&mut self.models.count[s], more)? as usize + least as usize;
-            if n > self.most - self.said.len() {
-                return Err(self
-                    .coder
-                    .corrupt(format!("{n} occurrences in one cell are too many")));
+            if n > self.most - self.coded.len() {
+                return Err(self.coder.corrupt(format!(
+                    "{n} occurrences in one cell are more than the header counts"
+                )));
             }
         }
         for i in 0..n {
@@ -158,9 +166,8 @@ impl<C: Coder> Occurrences<'_, C> {
                 .filter(|p| p.cell.map(|c| c >> (scale - 1 - u32::from(p.scale))) == at)
                 .copied()
                 .collect();
-            let certain = child == 7 && occupied == 0;
-            let context = s * 64 + child as usize * 8 + occupied;
-            if certain || self.coder.bit(&mut self.models.child[context], !inside.is_empty())? {
+            let cells = &mut self.models.cells;
+            if cells.child(self.coder, scale, child as usize, occupied, !inside.is_empty())? {
                 occupied += 1;
                 self.node(at, scale - 1, &inside)?;
             }
@@ -168,6 +175,7 @@ impl<C: Coder> Occurrences<'_, C> {
         Ok(())
     }
 
+    /// One occurrence in `cell`: view, predicted plane, pose, word.
     fn occurrence(
         &mut self,
         cell: [i32; 3],
@@ -185,274 +193,110 @@ impl<C: Coder> Occurrences<'_, C> {
         };
         let given = given.copied().unwrap_or(blank);
         let mut p = blank;
-        if self.setting.sensors.len() > 1 {
-            let last = self.said.last().map_or(0, |p| p.view);
-            p.view = last;
-            if !self.coder.bit(&mut self.models.same_view, given.view == last)? {
-                p.view = self.coder.symbol(&mut self.models.view, u32::from(given.view))? as u16;
-            }
+        p.view = self.view(given.view)?;
+        let level = self.params.level(&p);
+        let predictions = self.predictor.predict(cell, scale, level);
+        let best = best_prediction(&predictions, &given, level);
+        let model = &mut self.models.prediction[predictions.len()];
+        let k = self.coder.symbol(model, best as u32)? as usize;
+        match predictions.get(k) {
+            Some(plane) => self.pose_from_plane(&mut p, &given, plane, level)?,
+            None => self.pose(&mut p, &given)?,
         }
-        let level = self.setting.level(&p);
-        let suggested = self.around.suggested(cell, scale, level);
-        let changes = |k: usize| {
-            let s = suggested[k].slopes(scale, level);
-            let d = [0, 1].map(|a| i32::from(given.slopes[a]) - i32::from(s[a]));
-            (d, given.offset - suggested[k].offset(&given, level))
-        };
-        // The plane that goes on best; the last symbol is none of them.
-        let best = (0..suggested.len())
-            .filter(|&k| suggested[k].placement.axis == given.axis)
-            .map(|k| {
-                let (d, o) = changes(k);
-                (d[0].abs() + d[1].abs() + o.abs(), k)
-            })
-            .min()
-            .filter(|(size, _)| *size <= 12)
-            .map_or(suggested.len(), |(_, k)| k);
-        let models = &mut self.models.suggested[suggested.len()];
-        let k = self.coder.symbol(models, best as u32)? as usize;
-        if let Some(plane) = suggested.get(k) {
-            p.axis = plane.placement.axis;
-            let base = plane.slopes(scale, level);
-            for (a, base) in base.map(i32::from).into_iter().enumerate() {
-                let change = i32::from(given.slopes[a]) - base;
-                let change = self.coder.sint(&mut self.models.slope_change[a], change)?;
-                p.slopes[a] = self.slope(base.saturating_add(change))?;
-            }
-            let base = plane.offset(&p, level);
-            let same = usize::from(p.slopes == plane.slopes(scale, level));
-            let change = given.offset.saturating_sub(base);
-            let change = self.coder.sint(&mut self.models.offset_change[same], change)?;
-            p.offset = base.saturating_add(change);
-        } else {
-            p.axis = self.coder.symbol(&mut self.models.axis, u32::from(given.axis))? as u8;
-            for a in 0..2 {
-                let slope = self.coder.sint(&mut self.models.slope[a], given.slopes[a].into())?;
-                p.slopes[a] = self.slope(slope)?;
-            }
-            p.offset = self.coder.sint(&mut self.models.offset, given.offset)?;
+        p.word = self.word(scale, given.word)?;
+        if p.offset.abs() > MAX_OFFSET {
+            return Err(self.coder.corrupt(format!(
+                "an offset of {} steps is out of range: at most {MAX_OFFSET} either way",
+                p.offset
+            )));
         }
-        let plane = &mut self.models.plane[scale as usize];
-        if self.setting.n_words > 1 && self.coder.bit(plane, given.word != 0)? {
-            let word = u32::from(given.word.saturating_sub(1));
-            p.word = self.coder.symbol(&mut self.models.word, word)? as u16 + 1;
-        }
-        if p.offset.abs() > 1 << 20 {
-            return Err(self.coder.corrupt(format!("an offset of {} steps", p.offset)));
-        }
-        self.around.add(p, level);
-        self.said.push(p);
+        self.predictor.insert(p, level);
+        self.coded.push(p);
         (self.mark)(self.coder, &p);
         Ok(())
     }
 
-    fn slope(&self, slope: i32) -> Result<i16, C::Error> {
+    /// Which sensor saw the occurrence: that of the one before, or another.
+    fn view(&mut self, given: u16) -> Result<u16, C::Error> {
+        if self.params.sensors.len() < 2 {
+            return Ok(0);
+        }
+        let last = self.coded.last().map_or(0, |p| p.view);
+        if self.coder.bit(&mut self.models.same_view, given == last)? {
+            return Ok(last);
+        }
+        Ok(self.coder.symbol(&mut self.models.view, u32::from(given))? as u16)
+    }
+
+    /// The pose as residuals to a predicted plane: slopes first, since the offset follows from them.
+    fn pose_from_plane(
+        &mut self,
+        p: &mut Placement,
+        given: &Placement,
+        plane: &PredictedPlane,
+        level: u32,
+    ) -> Result<(), C::Error> {
+        p.axis = plane.axis();
+        let predicted = plane.slopes(u32::from(p.scale), level);
+        for (a, predicted) in predicted.map(i32::from).into_iter().enumerate() {
+            let residual = i32::from(given.slopes[a]) - predicted;
+            let residual = self.coder.sint(&mut self.models.slope_change[a], residual)?;
+            p.slopes[a] = self.checked_slope(predicted.saturating_add(residual))?;
+        }
+        let same_slopes = usize::from(p.slopes == predicted);
+        let predicted = plane.offset(p, level);
+        let residual = given.offset.saturating_sub(predicted);
+        let residual = self.coder.sint(&mut self.models.offset_change[same_slopes], residual)?;
+        p.offset = predicted.saturating_add(residual);
+        Ok(())
+    }
+
+    /// The pose itself: axis, slopes, offset.
+    fn pose(&mut self, p: &mut Placement, given: &Placement) -> Result<(), C::Error> {
+        p.axis = self.coder.symbol(&mut self.models.axis, u32::from(given.axis))? as u8;
+        for a in 0..2 {
+            let slope = self.coder.sint(&mut self.models.slope[a], given.slopes[a].into())?;
+            p.slopes[a] = self.checked_slope(slope)?;
+        }
+        p.offset = self.coder.sint(&mut self.models.offset, given.offset)?;
+        Ok(())
+    }
+
+    /// Which word: the plane, or one of the others.
+    fn word(&mut self, scale: u32, given: u16) -> Result<u16, C::Error> {
+        let other = &mut self.models.plane[scale as usize];
+        if self.params.n_words < 2 || !self.coder.bit(other, given != 0)? {
+            return Ok(0);
+        }
+        let word = u32::from(given.saturating_sub(1));
+        Ok(self.coder.symbol(&mut self.models.word, word)? as u16 + 1)
+    }
+
+    fn checked_slope(&self, slope: i32) -> Result<i16, C::Error> {
         if slope.abs() > MAX_SLOPE {
-            return Err(self.coder.corrupt(format!("a slope of {slope} steps")));
+            return Err(self.coder.corrupt(format!(
+                "a slope of {slope} steps is out of range: at most {MAX_SLOPE} either way"
+            )));
         }
         Ok(slope as i16)
     }
 }
 
-/// Writes, reads or prices the words beside the plane; when reading, `given` is empty and `n` says how many there are.
-///
-/// # Errors
-/// Whatever the coder finds wrong with what it reads.
-pub(in crate::alphabet) fn code_words<C: Coder>(
-    coder: &mut C,
-    n: usize,
-    given: &[Word],
-) -> Result<Vec<Word>, C::Error> {
-    let mut pixel = [Bit::new(); 16];
-    let mut flat = Bit::new();
-    let mut height = [const { SInt::new() }; 2];
-    let mut said = Vec::with_capacity(n);
-    for i in 0..n {
-        let given = given.get(i).cloned().unwrap_or_else(Word::plane);
-        let mut word = Word { mask: 0, heights: [0; PIXELS * PIXELS] };
-        let is_flat = coder.bit(&mut flat, given.is_flat())?;
-        for k in 0..PIXELS * PIXELS {
-            let [row, column] = [k / PIXELS, k % PIXELS];
-            let [left, below] = [column > 0, row > 0];
-            let set = |there: bool, back: usize| there && word.mask >> (k - back) & 1 != 0;
-            // Left, below, below left and below right; beyond the rim lies nothing.
-            let known = [
-                set(left, 1),
-                set(below, PIXELS),
-                set(left && below, PIXELS + 1),
-                set(below && column + 1 < PIXELS, PIXELS - 1),
-            ];
-            let context = known.iter().fold(0, |c, &k| c * 2 + usize::from(k));
-            if !coder.bit(&mut pixel[context], given.mask >> k & 1 != 0)? {
-                continue;
-            }
-            word.mask |= 1 << k;
-            if is_flat {
-                continue;
-            }
-            let before: Vec<i32> = [(known[0], 1), (known[1], PIXELS)]
-                .iter()
-                .filter(|(there, _)| *there)
-                .map(|(_, back)| i32::from(word.heights[k - back]))
-                .collect();
-            let base = before.iter().sum::<i32>().div_euclid(before.len().max(1) as i32);
-            let models = &mut height[usize::from(before.is_empty())];
-            let change = coder.sint(models, i32::from(given.heights[k]) - base)?;
-            let h = base.saturating_add(change);
-            if h.abs() > i32::from(MAX_HEIGHT) {
-                return Err(coder.corrupt(format!("a height of {h} 32nds of the radius")));
-            }
-            word.heights[k] = h as i8;
-        }
-        if word.mask == 0 {
-            return Err(coder.corrupt(format!("word {} has no surface", i + 1)));
-        }
-        said.push(word);
-    }
-    Ok(said)
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-    use crate::alphabet::channels::code_channels;
-
-    /// Decisions as they are, to be read again.
-    #[derive(Default)]
-    struct Tape {
-        bits: Vec<bool>,
-        /// Where reading is; `None` while writing.
-        at: Option<usize>,
-    }
-
-    impl Tape {
-        fn one(&mut self, value: bool) -> Result<bool, String> {
-            let Some(at) = &mut self.at else {
-                self.bits.push(value);
-                return Ok(value);
-            };
-            let read = self.bits.get(*at).copied().ok_or("the tape is over")?;
-            *at += 1;
-            Ok(read)
-        }
-
-        fn rewound(self) -> Self {
-            Self { at: Some(0), ..self }
-        }
-
-        fn is_read(&self) -> bool {
-            self.at == Some(self.bits.len())
-        }
-    }
-
-    impl Coder for Tape {
-        type Error = String;
-
-        fn bit(&mut self, _: &mut Bit, value: bool) -> Result<bool, String> {
-            self.one(value)
-        }
-
-        fn bypass(&mut self, value: u64, n_bits: u32) -> Result<u64, String> {
-            (0..n_bits)
-                .try_fold(0, |read, k| Ok(read | u64::from(self.one(value >> k & 1 != 0)?) << k))
-        }
-
-        fn corrupt(&self, what: String) -> String {
-            what
-        }
-    }
-
-    const SCALES: u32 = 4;
-    const N_WORDS: u32 = 5;
-
-    fn any_placement() -> impl Strategy<Value = Placement> {
-        let cell = prop::array::uniform3(0_i32..20);
-        let slopes = prop::array::uniform2(-20_i16..=20);
-        (0..SCALES as u8, cell, 0_u8..3, slopes, -300_i32..300, 0..N_WORDS as u16, 0_u16..3)
-            .prop_map(|(scale, cell, axis, slopes, offset, word, view)| Placement {
-                scale,
-                cell,
-                axis,
-                slopes,
-                offset,
-                word,
-                view,
-            })
-    }
-
-    fn setting(n_sensors: usize) -> Setting {
-        let sensors = (0..n_sensors as i64).map(|k| [k * 900, 700, 300]).collect();
-        Setting {
-            scales: SCALES,
-            rule: SigmaRule::new(0.02, 0.01, 0.1 / 256.0),
-            sensors,
-            n_words: N_WORDS,
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn occurrences_come_back(
-            mut given in prop::collection::vec(any_placement(), 0..40),
-            n_sensors in 0_usize..=3,
-        ) {
-            given.iter_mut().for_each(|p| p.view = p.view.min(n_sensors.saturating_sub(1) as u16));
-            given.sort_unstable();
-            let setting = setting(n_sensors);
-            let mut tape = Tape::default();
-            let n = given.len();
-            let said = code_occurrences(&mut tape, &setting, &given, n, &mut |_, _| {}).unwrap();
-            let mut tape = tape.rewound();
-            let read = code_occurrences(&mut tape, &setting, &[], n, &mut |_, _| {}).unwrap();
-            prop_assert!(tape.is_read());
-            prop_assert_eq!(&read, &said);
-            let mut sorted = read;
-            sorted.sort_unstable();
-            prop_assert_eq!(sorted, given);
-        }
-
-        #[test]
-        fn channels_come_back(
-            given in prop::collection::vec((any_placement(), -99_i32..99, 0_i32..63), 0..40),
-        ) {
-            let places: Vec<Placement> = given.iter().map(|g| g.0).collect();
-            let values: Vec<Vec<i32>> = given.iter().map(|g| vec![g.1, g.2]).collect();
-            let mut tape = Tape::default();
-            code_channels(&mut tape, &places, SCALES, 2, &values).unwrap();
-            let mut tape = tape.rewound();
-            let read = code_channels(&mut tape, &places, SCALES, 2, &[]).unwrap();
-            prop_assert!(tape.is_read());
-            prop_assert_eq!(read, values);
-        }
-
-        #[test]
-        fn words_come_back(
-            given in prop::collection::vec(
-                (1_u64.., prop::array::uniform32(-16_i8..=16), any::<bool>()),
-                0..6,
-            ),
-        ) {
-            let word = |&(mask, heights, flat): &(u64, [i8; 32], bool)| {
-                let height = |k: usize| if flat || mask >> k & 1 == 0 { 0 } else { heights[k / 2] };
-                Word { mask, heights: std::array::from_fn(height) }
-            };
-            let words: Vec<Word> = given.iter().map(word).collect();
-            let mut tape = Tape::default();
-            code_words(&mut tape, words.len(), &words).unwrap();
-            let mut tape = tape.rewound();
-            prop_assert_eq!(code_words(&mut tape, words.len(), &[]).unwrap(), words);
-            prop_assert!(tape.is_read());
-        }
-
-        #[test]
-        fn any_tape_ends_in_an_answer_or_an_error(
-            bits in prop::collection::vec(any::<bool>(), 0..2000),
-        ) {
-            let read = |bits: &Vec<bool>| Tape { bits: bits.clone(), at: Some(0) };
-            let _ = code_occurrences(&mut read(&bits), &setting(2), &[], 500, &mut |_, _| {});
-            let _ = code_words(&mut read(&bits), 5, &[]);
-        }
-    }
+/// The prediction with the smallest sum of absolute residuals among those with the axis of `given`, the first of equal
+/// ones; their number where none is near enough.
+fn best_prediction(predictions: &[PredictedPlane], given: &Placement, level: u32) -> usize {
+    let size = |plane: &PredictedPlane| {
+        let predicted = plane.slopes(u32::from(given.scale), level);
+        let d = [0, 1].map(|a| i32::from(given.slopes[a]) - i32::from(predicted[a]));
+        let offset = given.offset - plane.offset(given, level);
+        d[0].abs() + d[1].abs() + offset.abs()
+    };
+    predictions
+        .iter()
+        .enumerate()
+        .filter(|(_, plane)| plane.axis() == given.axis)
+        .map(|(k, plane)| (size(plane), k))
+        .min()
+        .filter(|(size, _)| *size <= MAX_PREDICTION_CHANGE)
+        .map_or(predictions.len(), |(_, k)| k)
 }

@@ -1,7 +1,7 @@
 //! The occurrences of a model: an octree of the cells that hold poses, then in each cell word and pose of every
 //! occurrence, by their difference to the one before.
 
-use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
+use surfabet_entropy::{Cells, Coder, Octree, SInt, Symbols, UInt};
 use surfabet_geom::morton;
 
 use super::code_difference;
@@ -12,13 +12,12 @@ use crate::scans::Upright;
 /// Bits of the height of the octree over cells.
 const HEIGHT_BITS: u32 = 5;
 
-/// Levels of the octree above its leaves that have models of their own; those above share the last.
-const LEVELS: usize = 4;
+/// Heights of the octree with models of their own.
+const HEIGHTS: u32 = 4;
 
 /// The adaptive models of poses.
 struct Models {
-    /// Is a child occupied: by height, child, and how many before it are.
-    children: Vec<Bit>,
+    cells: Octree,
     /// Occurrences per cell, less one.
     count: UInt,
     word: Symbols,
@@ -35,7 +34,7 @@ impl Models {
         // Sizes of at least one and at most 2^16.
         let symbols = |n: u32| Symbols::new(n).expect("a size that alphabets may have");
         Self {
-            children: vec![Bit::new(); LEVELS * 64],
+            cells: Octree::new(HEIGHTS),
             count: UInt::new(),
             word: symbols(words.clamp(1, 1 << 16) as u32),
             normal: [const { SInt::new() }; 2],
@@ -62,32 +61,29 @@ pub(in crate::bic_alphabet) fn code_occurrences<C: Coder>(
     }
     let mut models = Models::new(alphabet.len());
     let keys: Vec<u64> = given.0.iter().map(|p| p.order(low).0).collect();
-    let mut cells: Vec<u64> = keys.clone();
-    cells.dedup();
-    let span = cells.last().map_or(0, |key| u64::BITS - key.leading_zeros());
+    let span = keys.last().map_or(0, |key| u64::BITS - key.leading_zeros());
     let height = coder.bypass(u64::from(span.div_ceil(3)), HEIGHT_BITS)? as u32;
     if height > morton::BITS {
         return Err(coder.corrupt(format!("cells over 2^{height}")));
     }
     let mut found = Vec::new();
-    code_node(coder, &mut models, &cells, height, 0, &mut found, n)?;
+    let mut cells = Cells::new(&keys, height, n);
+    while let Some(cell) = cells.next(coder, &mut models.cells)? {
+        found.push(cell);
+    }
 
-    let mut next = 0;
     let mut before = BicPose::default();
-    for key in found {
-        let here = keys[next.min(keys.len())..].iter().take_while(|&&k| k == key).count();
-        let wanted = here.saturating_sub(1) as u32;
+    for cell in found {
+        let wanted = cell.given.len().saturating_sub(1) as u32;
         let count = coder.uint(&mut models.count, wanted)? as usize + 1;
         if count > n - poses.len() {
             return Err(coder.corrupt(format!("more than {n} occurrences")));
         }
-        let cell = morton::decode(key);
-        for _ in 0..count {
-            let pose = given.0.get(next).copied().unwrap_or_default();
-            let word = given.1.get(next).copied().unwrap_or_default();
-            next += 1;
+        for i in cell.given.start..cell.given.start + count {
+            let pose = given.0.get(i).copied().unwrap_or_default();
+            let word = given.1.get(i).copied().unwrap_or_default();
             words.push(coder.symbol(&mut models.word, word)?);
-            before = code_pose(coder, &mut models, alphabet.upright(), pose, before, low, cell)?;
+            before = code_pose(coder, &mut models, alphabet.upright(), pose, before, low, cell.at)?;
             poses.push(before);
         }
     }
@@ -105,7 +101,7 @@ fn code_pose<C: Coder>(
     pose: BicPose,
     before: BicPose,
     low: [i32; 3],
-    cell: [u64; 3],
+    cell: [u32; 3],
 ) -> Result<BicPose, C::Error> {
     let mut read = BicPose::default();
     for a in 0..2 {
@@ -136,38 +132,4 @@ fn main_axis(normal: [i8; 2]) -> usize {
     // |x| + |y| + |z| = 127 on the octahedron.
     let z = (127 - u - v).abs();
     if z >= u && z >= v { 2 } else { usize::from(v > u) }
-}
-
-/// Which children hold any of the ascending `given` keys, depth first; no more than `limit` cells are read.
-fn code_node<C: Coder>(
-    coder: &mut C,
-    models: &mut Models,
-    given: &[u64],
-    height: u32,
-    prefix: u64,
-    found: &mut Vec<u64>,
-    limit: usize,
-) -> Result<(), C::Error> {
-    if height == 0 {
-        if found.len() == limit {
-            return Err(coder.corrupt(format!("more cells than {limit} occurrences")));
-        }
-        found.push(prefix);
-        return Ok(());
-    }
-    let level = (height as usize).min(LEVELS) - 1;
-    let mut occupied = 0;
-    let mut rest = given;
-    for child in 0..8_u64 {
-        let here = rest.partition_point(|&key| key >> (3 * (height - 1)) & 7 == child);
-        // The last child of a node without others is certain.
-        let certain = child == 7 && occupied == 0;
-        let model = &mut models.children[level * 64 + child as usize * 8 + occupied];
-        if certain || coder.bit(model, here > 0)? {
-            occupied += 1;
-            code_node(coder, models, &rest[..here], height - 1, prefix << 3 | child, found, limit)?;
-        }
-        rest = &rest[here..];
-    }
-    Ok(())
 }

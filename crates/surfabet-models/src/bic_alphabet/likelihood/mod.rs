@@ -25,6 +25,7 @@
 mod kernel;
 
 use rayon::prelude::*;
+use surfabet_geom::{Aabb, BoxTree, Union, arrange};
 
 use kernel::{KERNEL_BITS, gaussian};
 
@@ -46,39 +47,18 @@ const REACH_SIGMAS: f32 = 3.001;
 /// for any of them.
 #[derive(Debug, Clone, Copy)]
 struct Block {
-    low: [f32; 3],
-    high: [f32; 3],
+    aabb: Aabb,
     reach: f32,
 }
 
 impl Block {
-    const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], reach: 0.0 };
-
-    fn and(self, other: Self) -> Self {
-        Self {
-            low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
-            high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
-            reach: self.reach.max(other.reach),
-        }
-    }
-
-    #[inline(always)]
-    fn squared_distance(&self, p: [f32; 3]) -> f32 {
-        // `f32::max` also sees to NaN, which takes three instructions instead of one.
-        let larger = |a: f32, b: f32| if a > b { a } else { b };
-        let outside = |a: usize| larger(larger(self.low[a] - p[a], p[a] - self.high[a]), 0.0);
-        let d: [f32; 3] = std::array::from_fn(outside);
-        d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    }
+    const EMPTY: Self = Self { aabb: Aabb::EMPTY, reach: 0.0 };
 }
 
-/// A run of blocks, halved until one is left.
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    block: Block,
-    /// First block, or the number of the second child in the list; the first child follows its parent.
-    first: u32,
-    is_leaf: bool,
+impl Union for Block {
+    fn union(self, other: Self) -> Self {
+        Self { aabb: self.aabb.union(other.aabb), reach: self.reach.max(other.reach) }
+    }
 }
 
 /// The likelihood function of a scene: its points in blocks.
@@ -88,8 +68,7 @@ pub(super) struct Likelihood {
     positions: Vec<[[f32; LANES]; 3]>,
     /// `1 / (2 sigma^2)` per lane.
     narrow: Vec<[f32; LANES]>,
-    blocks: Vec<Block>,
-    nodes: Vec<Node>,
+    blocks: BoxTree<Block>,
     len: usize,
     /// `sum_i ln(sqrt(2 pi) sigma_i)`: the normaliser of eq. 12.
     normalizer: f64,
@@ -117,7 +96,7 @@ impl Likelihood {
     /// The function over the points of `scene`, with `floor` in sigma.
     pub fn new(scene: &Scene, floor: f64) -> Self {
         let mut order: Vec<u32> = (0..scene.len() as u32).collect();
-        arrange(&mut order, &scene.positions);
+        arrange(&mut order, &scene.positions, LANES);
         let n_blocks = order.len().div_ceil(LANES);
         // Lanes beyond the last point are too far from every decoded point.
         let mut positions = vec![[[1e30; LANES]; 3]; n_blocks];
@@ -130,17 +109,16 @@ impl Likelihood {
                     positions[b][a][lane] = p[a];
                 }
                 narrow[b][lane] = 0.5 / (sigma * sigma);
-                let own = Block { low: p, high: p, reach: REACH_SIGMAS * sigma };
-                blocks[b] = blocks[b].and(own);
+                let own = Block { aabb: Aabb::point(p), reach: REACH_SIGMAS * sigma };
+                blocks[b] = blocks[b].union(own);
             }
         }
-        let mut nodes = Vec::with_capacity(2 * n_blocks);
-        grow(&mut nodes, &blocks, 0);
         let root = std::f64::consts::TAU.sqrt();
         let normalizer = scene.sigma.iter().map(|&s| (root * f64::from(s)).ln()).sum();
         let floor = f64::from(KERNEL_BITS) * std::f64::consts::LN_2 - 0.5 * floor * floor;
         let floor = (floor * (1_u64 << LOG_BITS) as f64).round() as i64;
-        Self { positions, narrow, blocks, nodes, len: order.len(), normalizer, floor }
+        let blocks = BoxTree::new(blocks);
+        Self { positions, narrow, blocks, len: order.len(), normalizer, floor }
     }
 
     /// Number of points, N.
@@ -150,7 +128,7 @@ impl Likelihood {
 
     /// Number of blocks.
     pub fn n_blocks(&self) -> usize {
-        self.blocks.len()
+        self.blocks.leaves().len()
     }
 
     /// The blocks with a point that may lie within its 3 sigma of a decoded point within `radius` of each frame.
@@ -159,23 +137,13 @@ impl Likelihood {
             .par_chunks(FEATURES_PER_SEARCH)
             .map(|frames| {
                 let (mut counts, mut found) = (Vec::with_capacity(frames.len()), Vec::new());
-                let mut open = Vec::new();
                 for frame in frames {
                     let before = found.len();
-                    open.push(0_usize);
-                    while let Some(n) = open.pop() {
-                        let Some(node) = self.nodes.get(n) else { continue };
-                        let limit = radius + node.block.reach;
-                        if node.block.squared_distance(frame.origin) > limit * limit {
-                            continue;
-                        }
-                        if node.is_leaf {
-                            found.push(node.first);
-                        } else {
-                            open.push(node.first as usize);
-                            open.push(n + 1);
-                        }
-                    }
+                    let near = |block: &Block| {
+                        let limit = radius + block.reach;
+                        block.aabb.squared_distance(frame.origin) <= limit * limit
+                    };
+                    self.blocks.leaves_where(near, &mut found);
                     counts.push((found.len() - before) as u32);
                 }
                 (counts, found)
@@ -201,6 +169,7 @@ impl Likelihood {
         sums: &mut [[i64; LANES]],
         mut touched: impl FnMut(u32),
     ) {
+        let blocks = self.blocks.leaves();
         // The sum of so many Gaussians of at most 2^22 fits 32 bits.
         for decoded in decoded.chunks(POINTS_PER_SCATTER) {
             let mut columns = [[f32::INFINITY; POINTS_PER_SCATTER]; 3];
@@ -212,11 +181,11 @@ impl Likelihood {
             let padded = decoded.len().next_multiple_of(LANES);
             for &b in reachable {
                 let at = b as usize;
-                let block = &self.blocks[at];
+                let block = &blocks[at];
                 let limit = block.reach * block.reach;
                 let mut distances = [0.0_f32; POINTS_PER_SCATTER];
                 for k in 0..padded {
-                    distances[k] = block.squared_distance(columns.each_ref().map(|c| c[k]));
+                    distances[k] = block.aabb.squared_distance(columns.each_ref().map(|c| c[k]));
                 }
                 // About half of the points are near, so the list is written without a branch.
                 let mut near = [0_u8; POINTS_PER_SCATTER];
@@ -290,38 +259,6 @@ pub(super) struct KernelSums {
     pub logs: Vec<[i64; LANES]>,
     /// The sum of `logs` over all points.
     pub total: i64,
-}
-
-/// Orders points so that each run of [`LANES`] lies close together: halves across the longest side, at whole blocks.
-fn arrange(order: &mut [u32], positions: &[[f32; 3]]) {
-    if order.len() <= LANES {
-        return;
-    }
-    let own = |i: u32| {
-        let p = positions[i as usize];
-        Block { low: p, high: p, reach: 0.0 }
-    };
-    let bounds = order.iter().fold(Block::EMPTY, |b, &i| b.and(own(i)));
-    let side: [f32; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a]);
-    let axis = (1..3).fold(0, |longest, a| if side[a] > side[longest] { a } else { longest });
-    let middle = order.len().div_ceil(LANES).div_ceil(2) * LANES;
-    let along = |i: &u32| positions[*i as usize][axis];
-    order.select_nth_unstable_by(middle, |i, j| along(i).total_cmp(&along(j)).then(i.cmp(j)));
-    let (left, right) = order.split_at_mut(middle);
-    rayon::join(|| arrange(left, positions), || arrange(right, positions));
-}
-
-/// Appends the tree over `blocks`, the first of which has the number `first`.
-fn grow(nodes: &mut Vec<Node>, blocks: &[Block], first: usize) {
-    let block = blocks.iter().copied().fold(Block::EMPTY, Block::and);
-    let at = nodes.len();
-    nodes.push(Node { block, first: first as u32, is_leaf: blocks.len() <= 1 });
-    if blocks.len() > 1 {
-        let (left, right) = blocks.split_at(blocks.len().div_ceil(2));
-        grow(nodes, left, first);
-        nodes[at].first = nodes.len() as u32;
-        grow(nodes, right, first + left.len());
-    }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! since points are given along a curve through space, neighbours in space are neighbours in memory.
 
 use super::stamp::PlacedPoint;
-use crate::vector::{dot, minus};
+use crate::vector::squared_distance;
 
 /// Factors that scatter the three coordinates of a group: the first three primes of xxHash.
 const FACTORS: [u32; 3] = [0x9e37_79b1, 0x85eb_ca77, 0xc2b2_ae3d];
@@ -58,12 +58,6 @@ fn join([x, y, z]: [Cell; 3]) -> Cell {
 #[inline]
 fn cell_of(position: [f32; 3], epsilon: f32) -> Cell {
     join(std::array::from_fn(|a| part((position[a] * per_metre(epsilon)).floor(), a)))
-}
-
-#[inline]
-fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    let d = minus(a, b);
-    dot(d, d)
 }
 
 /// Numbers of the groups that hold points. Groups whose hashes agree share a number, which costs time but is exact,

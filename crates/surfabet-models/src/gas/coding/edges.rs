@@ -5,6 +5,7 @@ use surfabet_entropy::{Bit, Coder, UInt};
 
 use super::{Coded, MAX_CANDIDATES, check_edges};
 use crate::gas::model::GasHeader;
+use crate::vector;
 
 /// Neighbours of neighbours that are visited, at most: keeps damaged files from taking long.
 const MAX_VISITS: usize = 512;
@@ -53,8 +54,9 @@ pub(super) fn code_edges<C: Coder>(
     check_edges(coder, coded, header)
 }
 
+/// Squared distance of two neurons, in squared position steps.
 fn squared_distance(a: [i32; 3], b: [i32; 3]) -> i64 {
-    (0..3).map(|i| (i64::from(a[i]) - i64::from(b[i])).pow(2)).sum()
+    vector::squared_distance(a.map(i64::from), b.map(i64::from))
 }
 
 /// Neurons that v may be joined to: known, after it in the order, with a neighbour in common; the nearest first.

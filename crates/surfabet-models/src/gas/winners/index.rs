@@ -9,6 +9,8 @@
 //! in the order in which those of neurons are, and every rounding on the way is monotone. So no region is computed to
 //! be farther away than a neuron in it, and regions as far as the second winner are searched for the tie.
 
+use surfabet_geom::Aabb;
+
 use super::{Best, Winner, Winners};
 use crate::gas::constants::FILL;
 
@@ -32,28 +34,22 @@ struct Block {
     /// Columns; unused lanes are at infinity.
     position: [[f32; LANES]; 3],
     id: [u32; LANES],
-    /// Region of the leaf: from `low` up to but not including `high`.
-    low: [f32; 3],
-    high: [f32; 3],
+    /// Region of the leaf: its lower faces belong to it, its upper ones do not.
+    region: Aabb,
     len: u32,
     /// Another block of the same leaf: for neurons at one place that no plane parts.
     next: u32,
 }
 
 impl Block {
-    fn new(region: Region) -> Self {
+    fn new(region: Aabb) -> Self {
         Self {
             position: [[f32::INFINITY; LANES]; 3],
             id: [NONE; LANES],
-            low: region.low,
-            high: region.high,
+            region,
             len: 0,
             next: NONE,
         }
-    }
-
-    fn region(&self) -> Region {
-        Region { low: self.low, high: self.high }
     }
 
     #[inline(always)]
@@ -66,31 +62,13 @@ impl Block {
 
     #[inline(always)]
     fn contains(&self, p: [f32; 3]) -> bool {
+        let Aabb { low, high } = &self.region;
         // Without branches in between.
-        (0..3).fold(true, |inside, a| inside & (self.low[a] <= p[a]) & (p[a] < self.high[a]))
+        (0..3).fold(true, |inside, a| inside & (low[a] <= p[a]) & (p[a] < high[a]))
     }
 
     fn entry(&self, slot: usize) -> Entry {
         Entry { position: std::array::from_fn(|a| self.position[a][slot]), id: self.id[slot] }
-    }
-}
-
-/// A box in space, from `low` up to but not including `high`.
-#[derive(Debug, Clone, Copy)]
-struct Region {
-    low: [f32; 3],
-    high: [f32; 3],
-}
-
-impl Region {
-    const ALL: Self = Self { low: [f32::NEG_INFINITY; 3], high: [f32::INFINITY; 3] };
-
-    /// Both parts of the region at a plane.
-    fn split(self, axis: usize, at: f32) -> [Self; 2] {
-        let mut halves = [self; 2];
-        halves[0].high[axis] = at;
-        halves[1].low[axis] = at;
-        halves
     }
 }
 
@@ -142,7 +120,7 @@ impl Index {
     pub fn new() -> Self {
         Self {
             nodes: vec![Node { split: 0.0, axis: LEAF, first: 0 }],
-            blocks: vec![Block::new(Region::ALL)],
+            blocks: vec![Block::new(Aabb::ALL)],
             places: Vec::new(),
             len: 0,
             built_len: 0,
@@ -210,7 +188,7 @@ impl Index {
             entries.extend((0..block.len as usize).map(|slot| block.entry(slot)));
             at = block.next;
         }
-        let region = self.blocks[first as usize].region();
+        let region = self.blocks[first as usize].region;
         match median_plane(&mut entries) {
             Some((axis, split, half)) => {
                 let children = self.nodes.len();
@@ -226,7 +204,7 @@ impl Index {
     }
 
     /// Puts entries into new blocks of a leaf; more than one only where no plane parts them.
-    fn fill(&mut self, leaf: usize, entries: &[Entry], region: Region) {
+    fn fill(&mut self, leaf: usize, entries: &[Entry], region: Aabb) {
         let first = self.blocks.len();
         self.nodes[leaf].first = first as u32;
         let n_blocks = entries.len().div_ceil(LANES).max(1);
@@ -252,11 +230,11 @@ impl Index {
         self.nodes.clear();
         self.blocks.clear();
         self.nodes.push(Node { split: 0.0, axis: LEAF, first: 0 });
-        self.build(0, &mut entries, Region::ALL);
+        self.build(0, &mut entries, Aabb::ALL);
     }
 
     /// Builds the subtree of node `at` over `entries`.
-    fn build(&mut self, at: usize, entries: &mut [Entry], region: Region) {
+    fn build(&mut self, at: usize, entries: &mut [Entry], region: Aabb) {
         if entries.len() > FILL
             && let Some((axis, split, half)) = median_plane(entries)
         {
@@ -277,16 +255,9 @@ impl Index {
 /// A plane across the longest side of the bounding box of at least two entries, near the median: axis, place, and
 /// how many are below, which then come first. `None` when all are at one place.
 fn median_plane(entries: &mut [Entry]) -> Option<(usize, f32, usize)> {
-    let bounds = |axis: usize| {
-        let values = entries.iter().map(|e| e.position[axis]);
-        values.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)))
-    };
-    let side: [f32; 3] = std::array::from_fn(|axis| {
-        let (low, high) = bounds(axis);
-        high - low
-    });
-    let axis = (1..3).fold(0, |longest, a| if side[a] > side[longest] { a } else { longest });
-    if side[axis] <= 0.0 {
+    let bounds = Aabb::of(entries.iter().map(|e| e.position))?;
+    let axis = bounds.longest_axis();
+    if bounds.sides()[axis] <= 0.0 {
         return None;
     }
     entries.sort_unstable_by(|a, b| {

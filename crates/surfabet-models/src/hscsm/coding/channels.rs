@@ -2,7 +2,7 @@
 
 use surfabet_entropy::{Coder, SInt, Symbols, UInt};
 
-use crate::hscsm::dictionary::QuantizedDictionary;
+use crate::hscsm::channels::dictionary::QuantizedDictionary;
 use crate::hscsm::model::{Channel, Codes, MAX_SPARSITY};
 
 /// Values of dictionary entries, by the sum of the values to the left and above.

@@ -1,6 +1,6 @@
 //! Poses: an octree over the cells of one patch size, then where in its cell each centre lies, and its normal.
 
-use surfabet_entropy::{Bit, Coder, SInt, Symbols, UInt};
+use surfabet_entropy::{Cells, Coder, Octree, SInt, Symbols, UInt};
 use surfabet_geom::morton::encode_wide;
 
 use crate::hscsm::frame::PatchPose;
@@ -13,23 +13,8 @@ const HEIGHT_BITS: u32 = 6;
 /// Greatest height of the octree: cell coordinates then fit 32 bits with a sign.
 const MAX_HEIGHT: u32 = 30;
 
-/// Octree over the cells of patch centres: how often each of the eight children is occupied, by depth above the
-/// leaves, child and number of occupied children before it.
-struct OctreeModels(Vec<Bit>);
-
-impl OctreeModels {
-    const DEPTHS: usize = 3;
-
-    fn new() -> Self {
-        Self(vec![Bit::new(); Self::DEPTHS * 64])
-    }
-
-    fn child(&mut self, height: u32, child: usize, occupied: usize) -> &mut Bit {
-        let depth = (height as usize).min(Self::DEPTHS) - 1;
-        // `occupied` counts earlier children, of which there are at most seven.
-        &mut self.0[depth * 64 + child * 8 + occupied]
-    }
-}
+/// Heights of the octree with models of their own.
+const HEIGHTS: u32 = 3;
 
 /// How the poses within a cell are coded.
 struct PoseModels {
@@ -67,10 +52,12 @@ pub(super) fn code_poses<C: Coder>(
     }
 
     let keys: Vec<u128> = given_cells.into_iter().map(encode_wide).collect();
-    let mut occupied = keys.clone();
-    occupied.dedup();
-    let mut cells = Cells { found: Vec::new(), limit: n_patches };
-    code_cells(coder, &mut OctreeModels::new(), &occupied, [0; 3], height, &mut cells)?;
+    let mut octree = Octree::new(HEIGHTS);
+    let mut cells = Cells::new(&keys, height, n_patches);
+    let mut found = Vec::new();
+    while let Some(cell) = cells.next(coder, &mut octree)? {
+        found.push(cell);
+    }
 
     let mut count = UInt::new();
     let symbols = |coder: &C| Symbols::new(side as u32).map_err(|e| coder.corrupt(e.to_string()));
@@ -80,9 +67,8 @@ pub(super) fn code_poses<C: Coder>(
     };
     let mut poses = Vec::new();
     let mut previous = PatchPose::default();
-    let mut given_counts = keys.chunk_by(|a, b| a == b).map(<[u128]>::len);
-    for cell in cells.found {
-        let given_others = given_counts.next().map_or(0, |n| n as u32 - 1);
+    for cell in found {
+        let given_others = cell.given.len().saturating_sub(1) as u32;
         let n = u64::from(coder.uint(&mut count, given_others)?) + 1;
         if n > (n_patches - poses.len()) as u64 {
             return Err(coder.corrupt(format!("more poses than {n_patches} patches")));
@@ -90,7 +76,7 @@ pub(super) fn code_poses<C: Coder>(
         // Cells are below 2^30 and within MAX_POSITION / side + 2 + 2^30 of zero, times a side of at most 2^12:
         // i64 holds them.
         let corner =
-            std::array::from_fn(|a| (i64::from(low[a]) + i64::from(cell[a])) * i64::from(side));
+            std::array::from_fn(|a| (i64::from(low[a]) + i64::from(cell.at[a])) * i64::from(side));
         for _ in 0..n {
             let given = given.get(poses.len()).copied().unwrap_or_default();
             previous = code_pose(coder, &mut models, side, corner, previous, given)?;
@@ -134,47 +120,4 @@ fn code_pose<C: Coder>(
             i16::try_from(code).map_err(|_| coder.corrupt(format!("a normal's code of {code}")))?;
     }
     Ok(pose)
-}
-
-/// Cells that hold patch centres, and the most there may be.
-struct Cells {
-    found: Vec<[u32; 3]>,
-    limit: usize,
-}
-
-/// Which cells of the cube of side 2^`height` at `corner` are occupied, depth first. `given` are the Morton codes
-/// of those to write, sorted and distinct.
-fn code_cells<C: Coder>(
-    coder: &mut C,
-    models: &mut OctreeModels,
-    given: &[u128],
-    corner: [u32; 3],
-    height: u32,
-    cells: &mut Cells,
-) -> Result<(), C::Error> {
-    if height == 0 {
-        if cells.found.len() == cells.limit {
-            let limit = cells.limit;
-            return Err(coder.corrupt(format!("more occupied cells than {limit} patches")));
-        }
-        cells.found.push(corner);
-        return Ok(());
-    }
-    let shift = 3 * (height - 1);
-    let mut occupied = 0;
-    let mut rest = given;
-    for child in 0..8 {
-        let end = rest.partition_point(|&key| (key >> shift) as usize & 7 == child);
-        let (here, others) = rest.split_at(end);
-        rest = others;
-        // The last child of a node without others is certain.
-        let certain = child == 7 && occupied == 0;
-        if certain || coder.bit(models.child(height, child, occupied), !here.is_empty())? {
-            occupied += 1;
-            let corner =
-                std::array::from_fn(|a| corner[a] | ((child >> a & 1) as u32) << (height - 1));
-            code_cells(coder, models, here, corner, height - 1, cells)?;
-        }
-    }
-    Ok(())
 }

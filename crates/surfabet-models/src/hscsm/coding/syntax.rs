@@ -5,7 +5,7 @@ use surfabet_entropy::Coder;
 use super::channels::{code_channel, code_dictionary};
 use super::masks::code_masks;
 use super::poses::code_poses;
-use crate::hscsm::dictionary::{HscsmDictionary, QuantizedDictionary};
+use crate::hscsm::channels::dictionary::{HscsmDictionary, QuantizedDictionary};
 use crate::hscsm::model::{Channel, HscsmHeader, Level};
 
 /// The streams of a hierarchy of surface patches.

@@ -1,40 +1,28 @@
-//! Motions guessed from pairs of occurrences of like words.
+//! Motions guessed from pairs of occurrences: one in the example, one anywhere.
 
 use std::f64::consts::{FRAC_PI_8, PI, TAU};
 
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
+use super::motion::Motion;
 use super::occupancy::Occupancy;
-use super::scene::{Motion, Place};
+use super::scene::SearchScene;
 use super::template::Template;
 use crate::alphabet::model::{AlphabetModel, Occurrence};
 use crate::error::Result;
-use crate::recognition::surface;
+use crate::recognition::constants::{
+    GUESS_CELL, GUESSES, LEAST_COLOR_SIMILARITY, LEAST_TRIAL_SHARE, LEVEL, MAX_PIECE_RATIO,
+    RADIUS_RATIOS, SAME_INCLINATION, SEEDS, TRIAL_LEVEL, TRIAL_SAMPLES, TURNS, WHOLE_PIECE,
+};
+use crate::recognition::surface::color_similarity;
 
-/// Occurrences of the example that motions are guessed from.
-const SEEDS: usize = 48;
-
-/// Samples of the example that guesses are tried with.
-const TRIED: usize = 96;
-
-/// Guesses that are refined.
-const GUESSES: usize = 2000;
-
-/// Pieces larger than the example's largest whole piece by this factor are no place to look for it.
-const COMPACT: f64 = 8.0;
-
-/// From this |z| of a normal on, it says little about the direction that something faces.
-const LEVEL: f64 = 0.8;
-
-/// Occurrences whose colours are less alike than this are no pair.
-const SAME_COLOR: f64 = 0.1;
-
-/// The most promising motions: every pair of an occurrence in the example and one of its radius or the next and of its
-/// inclination anywhere gives one, and the opposite one, since thin things look alike from both sides.
-pub(super) fn guesses(
+/// The most promising motions: every pair of an occurrence in the example and one anywhere of the same inclination and of
+/// its radius or the next gives one, and the opposite one, since thin objects look the same from both sides. They are tried
+/// on coarse cells, and the best of each cell and direction is kept.
+pub(super) fn guess_motions(
     model: &AlphabetModel,
-    scene: &Place,
+    scene: &SearchScene,
     template: &Template,
     progress: &dyn Progress,
 ) -> Result<Vec<Motion>> {
@@ -43,107 +31,157 @@ pub(super) fn guesses(
         .occurrences()
         .map(|o| Occurrence { center: std::array::from_fn(|a| o.center[a] - origin[a]), ..o })
         .collect();
-    let inside: Vec<u32> = (0..scene.surface.len() as u32)
-        .filter(|&i| template.region.contains(scene.surface.points[i as usize].map(f64::from)))
-        .collect();
-    // What an occurrence is worth as a seed: the mean weight of its samples in the region.
-    let mut worth = vec![(0.0, 0.0); all.len()];
-    for (&i, weight) in inside.iter().zip(scene.shares(&inside)) {
-        let (sum, n) = &mut worth[scene.surface.occurrences[i as usize] as usize];
-        *sum += weight;
-        *n += 1.0;
-    }
-    let mut seeds: Vec<(f64, usize)> = worth
-        .iter()
-        .enumerate()
-        .filter(|(k, (_, n))| *n > 0.0 && template.region.contains(all[*k].center))
-        .map(|(k, (sum, n))| (sum / n, k))
-        .collect();
-    let any_steep = seeds.iter().any(|&(_, k)| all[k].rows[2][2].abs() < LEVEL);
-    seeds.retain(|&(_, k)| !any_steep || all[k].rows[2][2].abs() < LEVEL);
-    seeds.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    seeds.truncate(SEEDS);
-    let side = (2.0 * template.spacing).max(0.03 * template.diagonal).max(template.tolerance);
-    // Whole pieces of the example are not looked for in much larger ones.
-    let whole = template.sizes.iter().zip(&template.weights).filter(|(_, w)| **w > 0.7);
-    let largest = whole.map(|(size, _)| *size).fold(0.0, f64::max);
-    let limit = if largest > 0.0 { COMPACT * largest } else { f64::INFINITY };
-    let compact = |i: usize| scene.size(i) <= limit;
-    let grid = Occupancy::new(scene.surface, side, compact);
+    let seeds = Seeds::new(scene, template, &all);
+    let side = (2.0 * template.spacing).max(GUESS_CELL * template.diagonal).max(template.tolerance);
+    let limit = piece_limit(template);
+    let is_searched = |i: usize| scene.piece_size(i) <= limit;
+    let trial = Trial::new(scene, template, side, is_searched);
     let mut eligible = vec![false; all.len()];
     for (i, &o) in scene.surface.occurrences.iter().enumerate() {
-        eligible[o as usize] |= compact(i);
+        eligible[o as usize] |= is_searched(i);
     }
-    let tried = template.points.len().min(4 * TRIED);
-    // Of the first samples, those that weigh most.
-    let mut trial: Vec<usize> = (0..tried).collect();
-    trial.sort_by(|&i, &j| template.weights[j].total_cmp(&template.weights[i]).then(i.cmp(&j)));
-    trial.truncate(TRIED);
-    let total: f64 = trial.iter().map(|&i| template.weights[i]).sum();
-    let share = |motion: &Motion| {
-        let mut sum = 0.0;
-        for &i in &trial {
-            let level = template.normals[i][2].abs() > 0.68;
-            if grid.has(template.moved(motion, i), level) {
-                sum += template.weights[i];
-            }
+    let has_same_color = |i: usize, j: usize| match (&scene.surface.hues, scene.color_tolerance) {
+        (Some(hues), Some(tolerance)) => {
+            color_similarity(hues[i], hues[j], tolerance) > LEAST_COLOR_SIMILARITY
         }
-        sum / total
-    };
-    let hues = &scene.surface.hues;
-    let same_color = |i: usize, j: usize| match (hues, template.color_tolerance) {
-        (Some(hues), Some(tolerance)) => surface::alike(hues[i], hues[j], tolerance) > SAME_COLOR,
         _ => true,
     };
-    let mut motions: Vec<(f64, Motion)> = seeds
+    let motions: Vec<(f64, Motion)> = seeds
+        .occurrences
         .par_iter()
-        .map(|&(_, k)| {
+        .map(|&k| {
             progress.check()?;
-            let e = &all[k];
-            let mut best = Vec::new();
-            let there = (0..all.len()).filter(|&j| eligible[j] && same_color(k, j));
-            for s in there.map(|j| &all[j]) {
-                let ratio = s.radius / e.radius;
-                if (s.rows[2][2].abs() - e.rows[2][2].abs()).abs() > 0.3
-                    || !(0.4..2.5).contains(&ratio)
-                {
-                    continue;
-                }
-                let heading = |o: &Occurrence| o.rows[2][1].atan2(o.rows[2][0]);
-                let turns: Vec<f64> = if any_steep {
-                    let turn = heading(s) - heading(e);
-                    vec![turn, turn + PI]
-                } else {
-                    (0..16).map(|i| f64::from(i) * FRAC_PI_8).collect()
-                };
-                for yaw in turns {
-                    let arm = std::array::from_fn(|a| (e.center[a] - template.pivot[a]) as f32);
-                    let mut motion = Motion { yaw, shift: [0.0; 3] };
-                    let turned = motion.turned(arm);
-                    motion.shift =
-                        std::array::from_fn(|a| s.center[a] - turned[a] - template.pivot[a]);
-                    let share = share(&motion);
-                    if share > 0.3 {
-                        best.push((share, motion));
+            let mut promising = Vec::new();
+            for j in (0..all.len()).filter(|&j| eligible[j] && has_same_color(k, j)) {
+                for motion in seeds.motions(template, &all[k], &all[j]) {
+                    let share = trial.share(template, &motion);
+                    if share > LEAST_TRIAL_SHARE {
+                        promising.push((share, motion));
                     }
                 }
             }
-            Ok(best)
+            Ok(promising)
         })
         .collect::<Result<Vec<_>>>()?
         .concat();
-    // One guess per cell and direction.
-    let bin = |m: &Motion| {
+    Ok(best_by_cell(motions, side).into_iter().take(GUESSES).map(|m| m.1).collect())
+}
+
+/// The occurrences of the example that motions are guessed from.
+struct Seeds {
+    occurrences: Vec<usize>,
+    /// Whether their normals have horizontal directions, from which a turn follows.
+    are_steep: bool,
+}
+
+impl Seeds {
+    /// The occurrences of the example whose samples have the largest mean weight; only steep ones if there are any.
+    fn new(scene: &SearchScene, template: &Template, all: &[Occurrence]) -> Self {
+        let surface = &scene.surface;
+        let inside: Vec<u32> = (0..surface.len() as u32)
+            .filter(|&i| template.region.contains(surface.points[i as usize].map(f64::from)))
+            .collect();
+        let mut weights = vec![(0.0, 0.0); all.len()];
+        for (&i, weight) in inside.iter().zip(scene.weights(&inside)) {
+            let (sum, n) = &mut weights[surface.occurrences[i as usize] as usize];
+            *sum += weight;
+            *n += 1.0;
+        }
+        let mut seeds: Vec<(f64, usize)> = weights
+            .iter()
+            .enumerate()
+            .filter(|(k, (_, n))| *n > 0.0 && template.region.contains(all[*k].center))
+            .map(|(k, (sum, n))| (sum / n, k))
+            .collect();
+        let is_steep = |k: usize| all[k].rows[2][2].abs() < LEVEL;
+        let are_steep = seeds.iter().any(|&(_, k)| is_steep(k));
+        seeds.retain(|&(_, k)| !are_steep || is_steep(k));
+        seeds.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        seeds.truncate(SEEDS);
+        Self { occurrences: seeds.into_iter().map(|(_, k)| k).collect(), are_steep }
+    }
+
+    /// The motions that take `from` to `to`, if the two can be of one kind: with the normal, and against it. Where no seed
+    /// is steep, turns all around.
+    fn motions(&self, template: &Template, from: &Occurrence, to: &Occurrence) -> Vec<Motion> {
+        let difference = (to.rows[2][2].abs() - from.rows[2][2].abs()).abs();
+        if difference > SAME_INCLINATION || !RADIUS_RATIOS.contains(&(to.radius / from.radius)) {
+            return Vec::new();
+        }
+        let heading = |o: &Occurrence| o.rows[2][1].atan2(o.rows[2][0]);
+        let turns: Vec<f64> = if self.are_steep {
+            let turn = heading(to) - heading(from);
+            vec![turn, turn + PI]
+        } else {
+            (0..TURNS).map(|i| f64::from(i) * FRAC_PI_8).collect()
+        };
+        let motion = |yaw: f64| {
+            let arm = std::array::from_fn(|a| (from.center[a] - template.pivot[a]) as f32);
+            let turned = Motion { yaw, shift: [0.0; 3] }.turned(arm);
+            let shift = std::array::from_fn(|a| to.center[a] - turned[a] - template.pivot[a]);
+            Motion { yaw, shift }
+        };
+        turns.into_iter().map(motion).collect()
+    }
+}
+
+/// Size of the largest piece of the scene that is searched: whole pieces of the example are not searched in much larger
+/// ones.
+fn piece_limit(template: &Template) -> f64 {
+    let pieces = template.piece_sizes.iter().zip(&template.weights);
+    let whole = pieces.filter(|(_, weight)| **weight > WHOLE_PIECE);
+    let largest = whole.map(|(size, _)| *size).fold(0.0, f64::max);
+    if largest > 0.0 { MAX_PIECE_RATIO * largest } else { f64::INFINITY }
+}
+
+/// A quick trial of motions: a few samples against coarse cells.
+struct Trial {
+    cells: Occupancy,
+    samples: Vec<usize>,
+    /// Weight of all of them.
+    total: f64,
+}
+
+impl Trial {
+    fn new(
+        scene: &SearchScene,
+        template: &Template,
+        side: f64,
+        is_searched: impl Fn(usize) -> bool,
+    ) -> Self {
+        let mut samples: Vec<usize> = (0..template.points.len().min(4 * TRIAL_SAMPLES)).collect();
+        let weights = &template.weights;
+        samples.sort_by(|&i, &j| weights[j].total_cmp(&weights[i]).then(i.cmp(&j)));
+        samples.truncate(TRIAL_SAMPLES);
+        let total = samples.iter().map(|&i| weights[i]).sum();
+        Self { cells: Occupancy::new(&scene.surface, side, is_searched), samples, total }
+    }
+
+    /// The share of the samples, by weight, that a motion takes to occupied cells.
+    fn share(&self, template: &Template, motion: &Motion) -> f64 {
+        let mut sum = 0.0;
+        for &i in &self.samples {
+            let level = template.normals[i][2].abs() > TRIAL_LEVEL;
+            if self.cells.has(template.moved(motion, i), level) {
+                sum += template.weights[i];
+            }
+        }
+        sum / self.total
+    }
+}
+
+/// Of the motions of each cell of shifts and class of turns the best; the best first.
+fn best_by_cell(mut motions: Vec<(f64, Motion)>, side: f64) -> Vec<(f64, Motion)> {
+    let cell = |m: &Motion| {
         let turn = (m.yaw.rem_euclid(TAU) / (0.5 * FRAC_PI_8)).floor() as i64;
         (m.shift.map(|c| (c / side).floor() as i64), turn)
     };
     motions.sort_by(|a, b| {
         let ties = (0..3).map(|k| a.1.shift[k].total_cmp(&b.1.shift[k]));
-        let order = bin(&a.1).cmp(&bin(&b.1)).then(b.0.total_cmp(&a.0));
+        let order = cell(&a.1).cmp(&cell(&b.1)).then(b.0.total_cmp(&a.0));
         ties.fold(order, std::cmp::Ordering::then).then(a.1.yaw.total_cmp(&b.1.yaw))
     });
-    motions.dedup_by(|a, b| bin(&a.1) == bin(&b.1));
+    motions.dedup_by(|a, b| cell(&a.1) == cell(&b.1));
     motions.sort_by(|a, b| b.0.total_cmp(&a.0));
-    motions.truncate(GUESSES);
-    Ok(motions.into_iter().map(|m| m.1).collect())
+    motions
 }

@@ -1,16 +1,20 @@
-//! Find all like this: where else in the scene stands what an example shows.
+//! Search for other places of a scene that look like an example.
 //!
 //! | file | step |
 //! |---|---|
-//! | `options` | what to look for, and how |
-//! | `scene` | the scene that is searched, and motions in it |
-//! | `template` | the example, sample by sample |
-//! | `guess`, `occupancy` | motions from pairs of like words, tried coarsely |
-//! | `refine` | motions improved |
-//! | `score` | how like the example a place is |
-//! | `suppression` | one motion for one thing |
+//! | `options` | the example's region, and the options |
+//! | `lengths` | spacing of samples and tolerance |
+//! | `scene` | the scene that is searched, as samples of its surface in smooth pieces |
+//! | `template` | the example as samples about a pivot, and how well a place matches it |
+//! | `motion` | a turn about the vertical and a shift |
+//! | `guess`, `occupancy` | motions from pairs of occurrences, tried on coarse cells |
+//! | `refine` | motions improved by least squares |
+//! | `score` | how much of the example is found at a place, and how much of the place is explained |
+//! | `suppression` | of motions to one place the best |
 
 mod guess;
+mod lengths;
+mod motion;
 mod occupancy;
 mod options;
 mod refine;
@@ -19,55 +23,54 @@ mod score;
 mod suppression;
 mod template;
 
-use rayon::prelude::*;
-use surfabet_geom::{KdTree, Pose, Progress};
+use surfabet_geom::{Pose, Progress};
 
-use self::guess::guesses;
+use self::guess::guess_motions;
+use self::lengths::Lengths;
+use self::motion::Motion;
 pub use self::options::{FindOptions, Region};
-use self::refine::REFINED;
-use self::scene::{Motion, Place};
-use self::score::{MATCHED, share};
+use self::scene::SearchScene;
 use self::template::Template;
-use super::surface::Surface;
-use crate::alphabet::model::{AlphabetModel, Occurrence};
-use crate::error::{Error, Result};
+use super::constants::FINALISTS;
+use crate::alphabet::model::AlphabetModel;
+use crate::error::Result;
+use crate::stages::Stages;
 
-/// Samples along the diagonal of an example.
-const FINENESS: f64 = 64.0;
-
-/// Closest spacing of samples, metres.
-const LEAST_SPACING: f64 = 0.004;
-
-/// Motions that are refined to the end.
-const FINALISTS: usize = 300;
+/// The stages and their shares of the progress, in per cent.
+const STAGES: &[(&str, f32)] = &[
+    ("sampling the surface", 20.0),
+    ("guessing motions", 20.0),
+    ("refining motions", 30.0),
+    ("scoring places", 30.0),
+];
 
 /// A place that looks like the example.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
     /// Takes the example there: a turn about the vertical and a shift.
     pub pose: Pose,
-    /// How alike, 0 to 1; 1 for the example itself.
+    /// Similarity, 0 to 1; 1 for the example itself.
     pub score: f64,
-    /// Where the middle of the region comes to lie, world coordinates.
+    /// The middle of the region after the motion, world coordinates.
     pub center: [f64; 3],
 }
 
 impl AlphabetModel {
-    /// All places that look like what stands in `example`, the best first; the example itself is among them.
+    /// All places that look like the part of the scene in `example`, the best first; the example itself is among them.
     ///
     /// Scenes are upright, so places differ by a turn about the vertical and a shift. Motions are guessed from pairs of
-    /// occurrences of like words, refined on the samples of both surfaces, and scored by the share of the example that
-    /// is found again and of the place that the example explains. Surfaces that go on beyond the region, such as the
-    /// floor, count by the share of them that lies inside.
+    /// occurrences of equal radius and inclination, refined on the samples of both surfaces, and scored by the share of
+    /// the example that is found again and of the place that the example explains. Surfaces that go on beyond the
+    /// region, such as the floor, count by the share of them that lies inside.
     ///
-    /// Things must stand out of the deviation that the model was learned with: legs of a chair are lost at a sigma of
-    /// their width.
+    /// Only shapes larger than the deviation that the model was learned with can be found: legs of a chair are lost at a
+    /// sigma of their width.
     ///
     /// The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for options or a region outside their domain, and for a region where no word
-    /// stands, [`Error::TooManyPoints`] when the spacing of samples is too close, [`Error::Cancelled`].
+    /// [`crate::Error::InvalidParameter`] for options or a region outside their domain, and for a region without
+    /// words, [`crate::Error::TooManyPoints`] when the spacing of samples is too close, [`crate::Error::Cancelled`].
     pub fn find(
         &self,
         example: &Region,
@@ -76,84 +79,35 @@ impl AlphabetModel {
     ) -> Result<Vec<Found>> {
         options.check()?;
         example.check()?;
-        progress.update("sampling the surface", 0.0);
+        let mut stages = Stages::new(STAGES, progress);
         let origin = self.header().origin;
-        let region = example.about(origin);
-        let inside: Vec<Occurrence> =
-            self.occurrences().filter(|o| example.contains(o.center)).collect();
-        let diagonal = region.diagonal();
-        let spacing = options.resolution.unwrap_or((diagonal / FINENESS).max(LEAST_SPACING));
-        let mut sigmas: Vec<f64> = inside.iter().map(|o| o.sigma).collect();
-        sigmas.sort_by(f64::total_cmp);
-        let Some(&sigma) = sigmas.get(sigmas.len() / 2) else {
-            let place = format!("{example:?}");
-            return Err(Error::invalid("region", place, "where the model has words"));
+        let lengths = Lengths::new(self, example, options)?;
+        let scene = stages.run("sampling the surface", |progress| {
+            SearchScene::new(self, &lengths, options.color_tolerance, progress)
+        })?;
+        let Some(template) = Template::new(&scene, &example.about(origin), &lengths)? else {
+            return Err(example.invalid("a region with a surface"));
         };
-        let tolerance = options.tolerance.unwrap_or(sigma.max(0.25 * spacing));
-        let surface = Surface::of(self, spacing, progress)?;
-        let tree = KdTree::new(&surface.points)?;
-        let color_tolerance = options.color_tolerance.filter(|_| surface.colors.is_some());
-        // What lies flush is one piece with its wall: where colours tell things apart, pieces do not.
-        let (pieces, sizes) = match color_tolerance {
-            Some(_) => ((0..surface.len() as u32).collect(), vec![1; surface.len()]),
-            None => surface.pieces(&tree, progress)?,
-        };
-        progress.check()?;
-        let scene = Place { surface: &surface, tree: &tree, pieces: &pieces, sizes: &sizes };
-        let Some(template) = Template::new(&scene, &region, tolerance, color_tolerance, diagonal)?
-        else {
-            let place = format!("{example:?}");
-            return Err(Error::invalid("region", place, "where the model has a surface"));
-        };
-        progress.update("guessing motions", 0.2);
-        let guesses = guesses(self, &scene, &template, progress)?;
-        progress.update("refining motions", 0.4);
-        let motions: Vec<(f64, Motion)> = guesses
-            .into_par_iter()
-            .map(|motion| {
-                progress.check()?;
-                let motion = template.refined(
-                    &scene,
-                    motion,
-                    REFINED[0],
-                    [0.12 * diagonal, 3.0 * tolerance],
-                    6,
-                );
-                let matches = template.matches(&scene, &motion, 2.0 * tolerance, REFINED[0]);
-                Ok((share(&matches, &template.weights), motion))
-            })
-            .collect::<Result<_>>()?;
-        let motions = template.best_guesses(motions, FINALISTS);
-        progress.update("scoring places", 0.7);
-        let motions: Vec<(Motion, Vec<f32>)> = motions
-            .into_par_iter()
-            .map(|(_, motion)| {
-                progress.check()?;
-                let reach = [6.0 * tolerance, tolerance];
-                let mut motion = template.refined(&scene, motion, REFINED[1], reach, 8);
-                if color_tolerance.is_some() {
-                    motion = template.slid(&scene, motion);
-                }
-                Ok((motion, template.matches(&scene, &motion, tolerance, MATCHED)))
-            })
-            .collect::<Result<_>>()?;
-        let rarity = template.rarity(&motions);
-        let mut finals: Vec<(f64, Motion)> = motions
-            .par_iter()
-            .map(|(motion, matches)| {
-                progress.check()?;
-                Ok((template.score(&scene, motion, matches, &rarity), *motion))
-            })
-            .collect::<Result<_>>()?;
-        finals.push((1.0, Motion { yaw: 0.0, shift: [0.0; 3] }));
-        finals.retain(|(score, _)| *score >= options.min_score);
-        let finals = template.best_places(finals, options.max_found);
+        // Guesses from pairs of occurrences, the most promising kept.
+        let guesses = stages
+            .run("guessing motions", |progress| guess_motions(self, &scene, &template, progress))?;
+        // A rough refinement of all, a fine one of the best.
+        let motions = stages.run("refining motions", |progress| {
+            let motions = template.refine_roughly(&scene, guesses, progress)?;
+            Ok(template.best_guesses(motions, FINALISTS))
+        })?;
+        let mut places = stages.run("scoring places", |progress| {
+            let motions = template.refine_finely(&scene, motions, progress)?;
+            template.score_all(&scene, &motions, progress)
+        })?;
+        places.push((1.0, Motion::NONE));
+        places.retain(|(score, _)| *score >= options.min_score);
         let middle = example.center();
         let found = |(score, motion): (f64, Motion)| {
             let pose = template.pose(&motion, origin)?;
             Ok(Found { pose, score, center: pose.apply(middle) })
         };
-        finals.into_iter().map(found).collect()
+        template.best_places(places, options.max_found).into_iter().map(found).collect()
     }
 }
 
@@ -162,9 +116,10 @@ mod tests {
     use surfabet_geom::{PointCloud, Silent};
 
     use super::*;
+    use crate::Error;
     use crate::alphabet::{AlphabetOptions, learn};
 
-    /// Where the things stand: x, y, yaw.
+    /// Poses of the things: x, y, yaw.
     const PLACES: [[f64; 3]; 3] = [[-1.0, -0.9, 0.2], [1.0, -0.7, 1.4], [0.1, 1.1, 3.7]];
 
     /// A seat with a back and one arm, so that it looks the same in no other direction, as rectangles: corner, two
@@ -232,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_threads_is_of_no_account() {
+    fn threads_do_not_change_the_result() {
         let model = model();
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -242,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn regions_without_room_or_words_are_refused() {
+    fn regions_without_extent_or_words_are_refused() {
         let model = model();
         let find = |region: Region| model.find(&region, &FindOptions::default(), &Silent);
         let nowhere = Region::Ball { center: [50.0, 0.0, 0.0], radius: 1.0 };

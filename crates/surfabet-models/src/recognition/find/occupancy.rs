@@ -1,8 +1,9 @@
-//! Where there is a surface, coarsely: most motions are tried against this alone.
+//! Which coarse cells hold a surface: most motions are tried against these alone.
 
+use crate::recognition::constants::{MAX_CELLS, OCCUPANCY_LEVELS};
 use crate::recognition::surface::Surface;
 
-/// Where there is a surface, and how steep: a bit per cell.
+/// Which cells hold a steep surface, and which a level one: a bit per cell each.
 pub(super) struct Occupancy {
     low: [f32; 3],
     per_cell: f32,
@@ -11,11 +12,9 @@ pub(super) struct Occupancy {
     level: Vec<u64>,
 }
 
-/// Most cells, 32 MiB of bits.
-const CELLS: f64 = (1_u64 << 28) as f64;
-
 impl Occupancy {
-    /// Cells of at least `side` metres; those next to an occupied one are occupied too.
+    /// Cells of at least `side` metres about the samples that count; cells that share a face with one that holds a
+    /// sample are occupied too.
     pub fn new(surface: &Surface, side: f64, counts: impl Fn(usize) -> bool) -> Self {
         let bound = |pick: fn(f32, f32) -> f32, from: f32| -> [f32; 3] {
             std::array::from_fn(|a| surface.points.iter().map(|p| p[a]).fold(from, pick))
@@ -25,7 +24,7 @@ impl Occupancy {
         let cells = |side: f64| -> [f64; 3] {
             std::array::from_fn(|a| (f64::from(high[a] - low[a]) / side).floor() + 5.0)
         };
-        while cells(side).iter().product::<f64>() > CELLS {
+        while cells(side).iter().product::<f64>() > MAX_CELLS {
             side *= 1.25;
         }
         let size = cells(side).map(|c| c as usize);
@@ -46,7 +45,7 @@ impl Occupancy {
             let middle = (cell[2] * size[1] + cell[1]) * size[0] + cell[0];
             let row = size[0];
             let layer = size[0] * size[1];
-            // Two cells lie around every sample.
+            // The bounds leave two cells around every sample.
             let around = [
                 middle,
                 middle - 1,
@@ -57,10 +56,10 @@ impl Occupancy {
                 middle + layer,
             ];
             for k in around {
-                if n[2].abs() < 0.85 {
+                if n[2].abs() < OCCUPANCY_LEVELS[0] {
                     grid.steep[k / 64] |= 1 << (k % 64);
                 }
-                if n[2].abs() > 0.5 {
+                if n[2].abs() > OCCUPANCY_LEVELS[1] {
                     grid.level[k / 64] |= 1 << (k % 64);
                 }
             }
@@ -68,6 +67,7 @@ impl Occupancy {
         grid
     }
 
+    /// Whether the cell of a point holds a surface, level or steep.
     pub fn has(&self, p: [f32; 3], level: bool) -> bool {
         let cell: [f32; 3] = std::array::from_fn(|a| (p[a] - self.low[a]) * self.per_cell);
         if !(0..3).all(|a| cell[a] >= 0.0 && cell[a] < self.size[a] as f32) {

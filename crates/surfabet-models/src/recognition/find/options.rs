@@ -1,9 +1,9 @@
-//! What to look for, and how.
+//! The example of a search, and its options.
 
 use crate::error::{Error, Result, positive};
 use crate::vector::{self, minus};
 
-/// What to look for, in world coordinates, metres.
+/// The region of the example, in world coordinates, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Region {
     /// An upright box by its lowest and highest corner.
@@ -24,18 +24,13 @@ pub enum Region {
 
 impl Region {
     /// # Errors
-    /// [`Error::InvalidParameter`] when there is no room in it.
+    /// [`Error::InvalidParameter`] for a region without extent.
     pub(super) fn check(&self) -> Result<()> {
         match *self {
             Self::Box { low, high } => {
-                let room = (0..3).all(|a| low[a] < high[a] && (high[a] - low[a]).is_finite());
-                if !room {
-                    let corners = format!("{low:?} to {high:?}");
-                    return Err(Error::invalid(
-                        "region",
-                        corners,
-                        "from a lower to a higher corner",
-                    ));
+                let has_extent = (0..3).all(|a| low[a] < high[a] && (high[a] - low[a]).is_finite());
+                if !has_extent {
+                    return Err(self.invalid("from a lower to a higher corner"));
                 }
             }
             Self::Ball { center, radius } => {
@@ -48,6 +43,20 @@ impl Region {
         Ok(())
     }
 
+    /// The error of a region that does not meet a requirement.
+    pub(super) fn invalid(&self, requirement: &'static str) -> Error {
+        match self {
+            Self::Box { low, high } => {
+                Error::invalid("box", format!("{low:?} to {high:?}"), requirement)
+            }
+            Self::Ball { center, radius } => {
+                let value = format!("{center:?} with radius {radius}");
+                Error::invalid("point", value, requirement)
+            }
+        }
+    }
+
+    /// Whether a point is in the region.
     pub(super) fn contains(&self, p: [f64; 3]) -> bool {
         match *self {
             Self::Box { low, high } => (0..3).all(|a| (low[a]..=high[a]).contains(&p[a])),
@@ -57,6 +66,7 @@ impl Region {
         }
     }
 
+    /// Middle of the region.
     pub(super) fn center(&self) -> [f64; 3] {
         match *self {
             Self::Box { low, high } => std::array::from_fn(|a| 0.5 * (low[a] + high[a])),
@@ -64,7 +74,7 @@ impl Region {
         }
     }
 
-    /// Metres; of a ball its diameter.
+    /// Longest distance within the region: of a ball its diameter.
     pub(super) fn diagonal(&self) -> f64 {
         match *self {
             Self::Box { low, high } => vector::length(minus(high, low)),
@@ -72,6 +82,7 @@ impl Region {
         }
     }
 
+    /// The region relative to `origin`.
     pub(super) fn about(&self, origin: [f64; 3]) -> Self {
         let minus = |p: [f64; 3]| std::array::from_fn(|a| p[a] - origin[a]);
         match *self {
@@ -81,7 +92,7 @@ impl Region {
     }
 }
 
-/// How to look.
+/// Options of [`AlphabetModel::find`](crate::alphabet::AlphabetModel::find).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FindOptions {
     /// Least score of what is found, 0 to 1. Things of one kind seen from different sides score 0.5 to 0.85 against
@@ -89,12 +100,12 @@ pub struct FindOptions {
     pub min_score: f64,
     /// Most places that are found.
     pub max_found: usize,
-    /// Spacing of the samples that are compared, metres; by default a 64th of the diagonal of what the example shows.
+    /// Spacing of the samples that are compared, metres; by default a 64th of the diagonal of the example's region.
     pub resolution: Option<f64>,
-    /// Deviation of equal surfaces, metres; by default sigma of the example's occurrences, their median.
+    /// Standard deviation of equal surfaces, metres; by default the median sigma of the example's occurrences.
     pub tolerance: Option<f64>,
-    /// Deviation of equal colours in chroma, grey levels; luma, which changes with the light, may differ three times as
-    /// much. `None` goes by shape alone, as in a model without colours.
+    /// Standard deviation of equal chromas, grey levels; luma, which changes with the light, may differ three times as
+    /// much. `None` compares shape alone, as in a model without colours.
     pub color_tolerance: Option<f64>,
 }
 
@@ -111,9 +122,11 @@ impl Default for FindOptions {
 }
 
 impl FindOptions {
+    /// # Errors
+    /// [`Error::InvalidParameter`] for values outside their range.
     pub(super) fn check(&self) -> Result<()> {
         if !(0.0..=1.0).contains(&self.min_score) {
-            return Err(Error::invalid("least score", self.min_score, "0 to 1"));
+            return Err(Error::invalid("min_score", self.min_score, "0 to 1"));
         }
         for (name, value) in [
             ("resolution", self.resolution),

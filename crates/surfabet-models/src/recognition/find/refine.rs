@@ -1,95 +1,154 @@
-//! Motions improved on the samples of both surfaces.
+//! Motions improved by least squares on the samples of both surfaces.
 
 use nalgebra::{Matrix4, Vector4};
+use rayon::prelude::*;
+use surfabet_geom::Progress;
 
-use super::scene::{Motion, Place};
-use super::score::share;
-use super::template::{ALIKE, Template};
-
-/// Samples of the example that motions are refined with, at first and to the end.
-pub(super) const REFINED: [usize; 2] = [128, 512];
-
-/// Shifts that are tried one after the other, as shares of the example's diagonal.
-const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
+use super::motion::Motion;
+use super::scene::SearchScene;
+use super::score::matched_share;
+use super::template::Template;
+use crate::error::Result;
+use crate::recognition::constants::{
+    FINE_REACH, FINE_SAMPLES, FINE_STEPS, HOLD, NORMAL_COSINE, ROUGH_REACH, ROUGH_SAMPLES,
+    ROUGH_STEPS, ROUGH_TOLERANCE, SLIDES, TANGENT_WEIGHT,
+};
 
 impl Template {
-    /// Improves a motion on the first `n` samples: Gauss-Newton steps on the distances to the nearest samples of the
-    /// scene, those farther than a reach that falls from the first to the second of `reach` left out.
-    pub fn refined(
+    /// All motions after a rough refinement, with the share of the example that matches.
+    pub fn refine_roughly(
         &self,
-        scene: &Place,
+        scene: &SearchScene,
+        motions: Vec<Motion>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<(f64, Motion)>> {
+        let (of_diagonal, of_tolerance) = ROUGH_REACH;
+        let reach = [of_diagonal * self.diagonal, of_tolerance * self.tolerance];
+        motions
+            .into_par_iter()
+            .map(|motion| {
+                progress.check()?;
+                let motion = self.refined(scene, motion, ROUGH_SAMPLES, reach, ROUGH_STEPS);
+                let tolerance = ROUGH_TOLERANCE * self.tolerance;
+                let matches = self.matches(scene, &motion, tolerance, ROUGH_SAMPLES);
+                Ok((matched_share(&matches, &self.weights), motion))
+            })
+            .collect()
+    }
+
+    /// All motions after a fine refinement.
+    pub fn refine_finely(
+        &self,
+        scene: &SearchScene,
+        motions: Vec<(f64, Motion)>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Motion>> {
+        let reach = FINE_REACH.map(|reach| reach * self.tolerance);
+        motions
+            .into_par_iter()
+            .map(|(_, motion)| {
+                progress.check()?;
+                let motion = self.refined(scene, motion, FINE_SAMPLES, reach, FINE_STEPS);
+                Ok(match scene.color_tolerance {
+                    Some(_) => self.slid(scene, motion),
+                    None => motion,
+                })
+            })
+            .collect()
+    }
+
+    /// A motion improved on the first `n` samples by Gauss-Newton steps. Samples farther from the scene than a reach are
+    /// left out; it falls geometrically from the first to the second of `reach`.
+    fn refined(
+        &self,
+        scene: &SearchScene,
         start: Motion,
         n: usize,
         reach: [f64; 2],
         steps: usize,
     ) -> Motion {
-        let n = self.points.len().min(n);
         let mut motion = start;
         for step in 0..steps {
             let at = step as f64 / (steps - 1).max(1) as f64;
             let limit = reach[0] * (reach[1] / reach[0]).powf(at);
-            let (mut matrix, mut vector) = (Matrix4::zeros(), Vector4::zeros());
-            let mut all = 0.0;
-            for i in 0..n {
-                let p = self.moved(&motion, i);
-                let Some(near) = scene.tree.nearest(p) else { continue };
-                let normal = scene.surface.normals[near.index()].map(f64::from);
-                let q = scene.surface.points[near.index()];
-                let d: [f64; 3] = std::array::from_fn(|a| f64::from(p[a] - q[a]));
-                let squared: f64 = d.iter().map(|c| c * c).sum();
-                if squared > (limit + self.spacing).powi(2) {
-                    continue;
-                }
-                let turned = motion.turned(self.normals[i]);
-                let cosine: f64 = (0..3).map(|a| turned[a] * normal[a]).sum();
-                if cosine.abs() < f64::from(ALIKE) {
-                    continue;
-                }
-                let along: f64 = (0..3).map(|a| d[a] * normal[a]).sum();
-                let weight = self.weights[i] / (1.0 + squared / (limit * limit));
-                // The turn moves a point at right angles to its arm.
-                let arm = motion.turned(self.points[i]);
-                let turn = [-arm[1], arm[0], 0.0];
-                let mut add = |direction: [f64; 3], residual: f64, weight: f64| {
-                    let across = (0..3).map(|a| direction[a] * turn[a]).sum::<f64>();
-                    let row = Vector4::new(direction[0], direction[1], direction[2], across);
-                    matrix += weight * row * row.transpose();
-                    vector -= weight * residual * row;
-                };
-                add(normal, along, weight);
-                // Along the surface the nearest sample says little: a tenth.
-                for a in 0..3 {
-                    let mut axis = [0.0; 3];
-                    axis[a] = 1.0;
-                    add(axis, d[a] - along * normal[a], 0.1 * weight);
-                }
-                all += weight;
-            }
-            // Holds what no surface tells.
-            let hold = 1e-3 * all + 1e-12;
-            for k in 0..4 {
-                matrix[(k, k)] += if k == 3 { hold * self.reach * self.reach } else { hold };
-            }
-            let Some(solver) = matrix.cholesky() else { break };
-            let by = solver.solve(&vector);
-            (0..3).for_each(|a| motion.shift[a] += by[a]);
-            motion.yaw += by[3];
+            let Some(change) = self.gauss_newton_step(scene, &motion, n, limit) else { break };
+            (0..3).for_each(|a| motion.shift[a] += change[a]);
+            motion.yaw += change[3];
         }
         motion
     }
 
-    /// A motion shifted to where more matches: surfaces hold nothing along themselves, colours do.
-    pub fn slid(&self, scene: &Place, start: Motion) -> Motion {
-        let worth = |motion: &Motion| {
-            share(&self.matches(scene, motion, self.tolerance, REFINED[1]), &self.weights)
+    /// The change of shift and yaw that minimises, to first order, the sum over the first `n` samples p with nearest
+    /// sample q and normal m of the scene
+    ///
+    /// ```text
+    /// w ((m . (p - q))^2 + TANGENT_WEIGHT |the rest of p - q|^2),  w = weight / (1 + |p - q|^2 / limit^2)
+    /// ```
+    ///
+    /// `None` where the equations have no solution.
+    fn gauss_newton_step(
+        &self,
+        scene: &SearchScene,
+        motion: &Motion,
+        n: usize,
+        limit: f64,
+    ) -> Option<Vector4<f64>> {
+        let (mut matrix, mut vector) = (Matrix4::zeros(), Vector4::zeros());
+        let mut all = 0.0;
+        for i in 0..self.points.len().min(n) {
+            let p = self.moved(motion, i);
+            let Some(near) = scene.tree.nearest(p) else { continue };
+            let normal = scene.surface.normals[near.index()].map(f64::from);
+            let q = scene.surface.points[near.index()];
+            let d: [f64; 3] = std::array::from_fn(|a| f64::from(p[a] - q[a]));
+            let squared: f64 = d.iter().map(|c| c * c).sum();
+            if squared > (limit + self.spacing).powi(2) {
+                continue;
+            }
+            let turned = motion.turned(self.normals[i]);
+            let cosine: f64 = (0..3).map(|a| turned[a] * normal[a]).sum();
+            if cosine.abs() < f64::from(NORMAL_COSINE) {
+                continue;
+            }
+            let along: f64 = (0..3).map(|a| d[a] * normal[a]).sum();
+            let weight = self.weights[i] / (1.0 + squared / (limit * limit));
+            // A turn moves a sample at right angles to its arm.
+            let arm = motion.turned(self.points[i]);
+            let turn = [-arm[1], arm[0], 0.0];
+            let mut add = |direction: [f64; 3], residual: f64, weight: f64| {
+                let across = (0..3).map(|a| direction[a] * turn[a]).sum::<f64>();
+                let row = Vector4::new(direction[0], direction[1], direction[2], across);
+                matrix += weight * row * row.transpose();
+                vector -= weight * residual * row;
+            };
+            add(normal, along, weight);
+            for a in 0..3 {
+                let mut axis = [0.0; 3];
+                axis[a] = 1.0;
+                add(axis, d[a] - along * normal[a], TANGENT_WEIGHT * weight);
+            }
+            all += weight;
+        }
+        let hold = HOLD * all + 1e-12;
+        for k in 0..4 {
+            matrix[(k, k)] += if k == 3 { hold * self.reach * self.reach } else { hold };
+        }
+        Some(matrix.cholesky()?.solve(&vector))
+    }
+
+    /// A motion shifted to where more of the example matches: surfaces do not fix a motion along themselves, colours do.
+    fn slid(&self, scene: &SearchScene, start: Motion) -> Motion {
+        let matched = |motion: &Motion| {
+            let matches = self.matches(scene, motion, self.tolerance, FINE_SAMPLES);
+            matched_share(&matches, &self.weights)
         };
-        let mut best = (worth(&start), start);
+        let mut best = (matched(&start), start);
         for step in SLIDES.map(|share| share * self.diagonal) {
             for axis in 0..3 {
                 for by in [-step, step] {
                     let mut motion = best.1;
                     motion.shift[axis] += by;
-                    let value = worth(&motion);
+                    let value = matched(&motion);
                     if value > best.0 {
                         best = (value, motion);
                     }

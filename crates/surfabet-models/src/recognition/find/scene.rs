@@ -1,48 +1,60 @@
-//! The scene that is searched, and motions in it.
+//! The scene that is searched.
 
-use surfabet_geom::KdTree;
+use surfabet_geom::{KdTree, Progress};
 
+use super::lengths::Lengths;
+use crate::alphabet::model::AlphabetModel;
+use crate::error::Result;
 use crate::recognition::surface::Surface;
 
-/// The samples of a scene.
-pub(super) struct Place<'a> {
-    pub surface: &'a Surface,
-    pub tree: &'a KdTree,
-    pub pieces: &'a [u32],
-    pub sizes: &'a [u32],
+/// The samples of a scene, and the smooth pieces that they fall into.
+pub(super) struct SearchScene {
+    pub surface: Surface,
+    pub tree: KdTree,
+    /// Standard deviation of equal chromas, grey levels; `None` where shape alone counts.
+    pub color_tolerance: Option<f64>,
+    /// The piece of each sample, by the number of its first sample.
+    pieces: Vec<u32>,
+    /// Samples of the piece that starts with each sample.
+    sizes: Vec<u32>,
 }
 
-impl Place<'_> {
+impl SearchScene {
+    /// Samples the surface of `model`. Where colours count, every sample is a piece of its own: what lies flush with a
+    /// wall is one smooth piece with it, and colours distinguish it.
+    pub fn new(
+        model: &AlphabetModel,
+        lengths: &Lengths,
+        color_tolerance: Option<f64>,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let surface = Surface::of(model, lengths.spacing, progress)?;
+        let tree = KdTree::new(&surface.points)?;
+        let color_tolerance = color_tolerance.filter(|_| surface.colors.is_some());
+        let (pieces, sizes) = match color_tolerance {
+            Some(_) => ((0..surface.len() as u32).collect(), vec![1; surface.len()]),
+            None => surface.pieces(&tree, progress)?,
+        };
+        progress.check()?;
+        Ok(Self { surface, tree, color_tolerance, pieces, sizes })
+    }
+
     /// Samples of the i-th sample's piece.
-    pub fn size(&self, i: usize) -> f64 {
+    pub fn piece_size(&self, i: usize) -> f64 {
         f64::from(self.sizes[self.pieces[i] as usize])
     }
 
-    /// The root of the share of its piece that lies among `samples`, per sample.
-    pub fn shares(&self, samples: &[u32]) -> Vec<f64> {
+    /// The weight of each of `samples`: the root of the share of its piece that lies among them. Surfaces that go on
+    /// beyond the samples, such as the floor, count little.
+    pub fn weights(&self, samples: &[u32]) -> Vec<f64> {
         let mut pieces: Vec<u32> = samples.iter().map(|&i| self.pieces[i as usize]).collect();
         pieces.sort_unstable();
-        let share = |&i: &u32| {
+        let weight = |&i: &u32| {
             let piece = self.pieces[i as usize];
             let n =
                 pieces.partition_point(|&p| p <= piece) - pieces.partition_point(|&p| p < piece);
             (n as f64 / f64::from(self.sizes[piece as usize])).sqrt()
         };
-        samples.iter().map(share).collect()
-    }
-}
-
-/// A turn about the vertical through the template's pivot, then a shift.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Motion {
-    pub yaw: f64,
-    pub shift: [f64; 3],
-}
-
-impl Motion {
-    pub fn turned(&self, p: [f32; 3]) -> [f64; 3] {
-        let (s, c) = self.yaw.sin_cos();
-        let [x, y, z] = p.map(f64::from);
-        [c * x - s * y, s * x + c * y, z]
+        samples.iter().map(weight).collect()
     }
 }

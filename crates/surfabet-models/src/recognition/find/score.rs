@@ -1,67 +1,90 @@
-//! How like the example a place is: the share of either that the other explains.
+//! The score of a place: how much of the example is found there, and how much of the place the example explains.
 
-use surfabet_geom::Neighbor;
+use rayon::prelude::*;
+use surfabet_geom::{Neighbor, Progress};
 
-use super::scene::{Motion, Place};
+use super::motion::Motion;
+use super::scene::SearchScene;
 use super::template::Template;
-
-/// Samples of the example that places are scored with.
-pub(super) const MATCHED: usize = 4096;
-
-/// What the rarest sample is taken to be met by chance with.
-const RAREST: f64 = 0.05;
+use crate::error::Result;
+use crate::recognition::constants::{RAREST, SCORED_SAMPLES};
 
 impl Template {
-    /// How much each sample tells: the logarithm of how seldom it is met, among motions that are mostly wrong.
-    pub fn rarity(&self, motions: &[(Motion, Vec<f32>)]) -> Vec<f64> {
-        let n = motions.len() as f64 + 1.0;
-        let met = |i: usize| motions.iter().map(|(_, m)| f64::from(m[i])).sum::<f64>();
-        // Half a motion that meets nothing: what is always met still counts a little.
-        let tells = |i| -((met(i) + 0.5) / n).clamp(RAREST, 1.0 - 0.5 / n).ln();
-        let n_samples = self.points.len().min(MATCHED);
-        (0..n_samples).map(|i| self.weights[i] * tells(i)).collect()
+    /// Scores of all motions: `sqrt(found * explained)`, with `found` the share of the example that is matched, by rarity
+    /// of its samples, and `explained` that of the place.
+    pub fn score_all(
+        &self,
+        scene: &SearchScene,
+        motions: &[Motion],
+        progress: &dyn Progress,
+    ) -> Result<Vec<(f64, Motion)>> {
+        let matches: Vec<Vec<f32>> = motions
+            .par_iter()
+            .map(|motion| {
+                progress.check()?;
+                Ok(self.matches(scene, motion, self.tolerance, SCORED_SAMPLES))
+            })
+            .collect::<Result<_>>()?;
+        let rarity = self.rarity(&matches);
+        motions
+            .par_iter()
+            .zip(&matches)
+            .map(|(motion, matches)| {
+                progress.check()?;
+                let found = matched_share(matches, &rarity);
+                let explained = self.explained(scene, motion, self.tolerance);
+                Ok(((found * explained).sqrt(), *motion))
+            })
+            .collect()
     }
 
-    /// The share of what the scene has in the region there, by weight, that the example explains.
-    fn explained(&self, scene: &Place, motion: &Motion, tolerance: f64) -> f64 {
+    /// Weight of each sample, times how rare it is: `-ln` of the share of motions that match it, most of which are wrong.
+    /// The share is at least [`RAREST`], and short of 1 by half a motion, so that what always matches counts a little.
+    fn rarity(&self, matches: &[Vec<f32>]) -> Vec<f64> {
+        let n = matches.len() as f64 + 1.0;
+        let matched = |i: usize| matches.iter().map(|m| f64::from(m[i])).sum::<f64>();
+        let rarity = |i| -((matched(i) + 0.5) / n).clamp(RAREST, 1.0 - 0.5 / n).ln();
+        let n_samples = self.points.len().min(SCORED_SAMPLES);
+        (0..n_samples).map(|i| self.weights[i] * rarity(i)).collect()
+    }
+
+    /// The share of the scene's samples in the moved region, by weight, that the example explains.
+    fn explained(&self, scene: &SearchScene, motion: &Motion, tolerance: f64) -> f64 {
         let center: [f32; 3] = std::array::from_fn(|a| (self.pivot[a] + motion.shift[a]) as f32);
         let mut near: Vec<Neighbor> = Vec::new();
         scene.tree.within(center, self.reach as f32, &mut near);
-        let back = Motion { yaw: -motion.yaw, shift: [0.0; 3] };
-        let place = |i: u32| {
+        let back = motion.turn_back();
+        // A sample of the scene in the frame of the template.
+        let local = |i: u32| {
             let p = scene.surface.points[i as usize];
             let d = std::array::from_fn(|a| p[a] - center[a]);
             back.turned(d)
         };
-        let mut there: Vec<u32> = near.iter().map(|n| n.index() as u32).collect();
-        there.retain(|&i| {
-            let p = place(i);
+        let mut inside: Vec<u32> = near.iter().map(|n| n.index() as u32).collect();
+        inside.retain(|&i| {
+            let p = local(i);
             self.region.contains(std::array::from_fn(|a| p[a] + self.pivot[a]))
         });
-        let weights = scene.shares(&there);
+        let weights = scene.weights(&inside);
         let (mut sum, mut all) = (0.0, 0.0);
-        for (&i, weight) in there.iter().zip(weights) {
+        for (&i, weight) in inside.iter().zip(weights) {
             all += weight;
-            let p = place(i).map(|c| c as f32);
+            let p = local(i).map(|c| c as f32);
             let Some(near) = self.tree.nearest(p) else { continue };
             let q = self.points[near.index()];
             let d = std::array::from_fn(|a| p[a] - q[a]);
             let turned = back.turned(scene.surface.normals[i as usize]).map(|c| c as f32);
-            let like = self.alike(scene, near.index(), i as usize);
-            sum += weight * like * self.nearness(d, self.normals[near.index()], turned, tolerance);
+            let similarity = self.similarity(scene, near.index(), i as usize);
+            sum += weight
+                * similarity
+                * self.nearness(d, self.normals[near.index()], turned, tolerance);
         }
         sum / all.max(f64::MIN_POSITIVE)
-    }
-
-    pub fn score(&self, scene: &Place, motion: &Motion, matches: &[f32], rarity: &[f64]) -> f64 {
-        let found = share(matches, rarity);
-        let explained = self.explained(scene, motion, self.tolerance);
-        (found * explained).sqrt()
     }
 }
 
 /// The share of `weights` that matches.
-pub(super) fn share(matches: &[f32], weights: &[f64]) -> f64 {
+pub(super) fn matched_share(matches: &[f32], weights: &[f64]) -> f64 {
     let (mut sum, mut all) = (0.0, f64::MIN_POSITIVE);
     for (&m, &w) in matches.iter().zip(weights) {
         sum += w * f64::from(m);

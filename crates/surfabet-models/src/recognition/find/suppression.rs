@@ -1,35 +1,28 @@
-//! One motion for one thing.
+//! Of motions that take the example to one place, the best is kept.
 
 use std::f64::consts::{FRAC_PI_8, TAU};
 
-use super::refine::REFINED;
-use super::scene::Motion;
+use super::motion::Motion;
 use super::template::Template;
-
-/// Two finds that share more of their region are one thing.
-const OVERLAP: f64 = 0.35;
-
-/// Two finds are nearer than this share of the example's diagonal: one thing.
-const APART: f64 = 0.25;
-
-/// The same while motions are still to be refined.
-const GUESSED_APART: f64 = 0.25 * APART;
+use crate::recognition::constants::{FINE_SAMPLES, OVERLAP, SAME_GUESS, SAME_PLACE};
 
 impl Template {
-    /// The best motions, at most `most`, before they are refined to the end: one place may keep several directions.
+    /// The best motions before the fine refinement, at most `most`; one place may keep several directions.
     pub fn best_guesses(&self, motions: Vec<(f64, Motion)>, most: usize) -> Vec<(f64, Motion)> {
         best_apart(motions, most, |a, b| {
             let turn = (a.yaw - b.yaw).rem_euclid(TAU);
-            self.is_near(a, b, GUESSED_APART) && turn.min(TAU - turn) < FRAC_PI_8
+            self.is_near(a, b, SAME_GUESS) && turn.min(TAU - turn) < FRAC_PI_8
         })
     }
 
-    /// The best motions, at most `most`, one for each thing.
+    /// The best motions, at most `most`, one for each place.
     pub fn best_places(&self, motions: Vec<(f64, Motion)>, most: usize) -> Vec<(f64, Motion)> {
-        best_apart(motions, most, |a, b| self.is_near(a, b, APART) || self.overlap(a, b) > OVERLAP)
+        best_apart(motions, most, |a, b| {
+            self.is_near(a, b, SAME_PLACE) || self.overlap(a, b) > OVERLAP
+        })
     }
 
-    /// Both take the pivot to nearly one place, closer than a share of the example's diagonal.
+    /// Whether both take the pivot to within a share of the example's diagonal.
     fn is_near(&self, a: &Motion, b: &Motion, share: f64) -> bool {
         let squared: f64 = (0..3).map(|k| (a.shift[k] - b.shift[k]).powi(2)).sum();
         squared < (share * self.diagonal).powi(2)
@@ -37,8 +30,8 @@ impl Template {
 
     /// The share of the example that `other` takes to where `motion` takes its region.
     fn overlap(&self, motion: &Motion, other: &Motion) -> f64 {
-        let back = Motion { yaw: -motion.yaw, shift: [0.0; 3] };
-        let n = self.points.len().min(REFINED[1]);
+        let back = motion.turn_back();
+        let n = self.points.len().min(FINE_SAMPLES);
         let inside = |i: usize| {
             let p = self.moved(other, i).map(f64::from);
             let d = std::array::from_fn(|a| (p[a] - self.pivot[a] - motion.shift[a]) as f32);
@@ -49,7 +42,7 @@ impl Template {
     }
 }
 
-/// The best of motions of which no two are the same, at most `most`.
+/// The motions of largest score, at most `most`, without those that are the same as a better one.
 fn best_apart(
     mut motions: Vec<(f64, Motion)>,
     most: usize,

@@ -1,70 +1,62 @@
-//! The example: samples about a pivot, and how like them another place is, sample by sample.
+//! The example: samples about a pivot, and how well the scene matches them elsewhere, sample by sample.
 
 use surfabet_geom::{KdTree, Pose};
 
+use super::lengths::Lengths;
+use super::motion::Motion;
 use super::options::Region;
-use super::scene::{Motion, Place};
+use super::scene::SearchScene;
 use crate::error::Result;
+use crate::recognition::constants::{NORMAL_COSINE, PIECE_SIZE_RATIO};
 use crate::vector::dot;
 
-/// Normals of one and the same surface differ by less, |cosine|.
-pub(super) const ALIKE: f32 = 0.6;
+/// Multiplier of Fibonacci hashing: 2^64 over the golden ratio.
+const SHUFFLE: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Equal pieces seen from two places may differ in size by this factor at no cost.
-const SEEN: f64 = 1.5;
-
-/// What to look for: samples about a pivot.
+/// The example as samples about a pivot.
 pub(super) struct Template {
+    /// Region of the example.
     pub region: Region,
+    /// Weighted mean of the samples.
     pub pivot: [f64; 3],
+    /// Samples about the pivot, in random order: any first few stand for all.
     pub points: Vec<[f32; 3]>,
     pub normals: Vec<[f32; 3]>,
     /// Which samples of the scene they are.
     pub samples: Vec<u32>,
     /// Samples of each sample's piece.
-    pub sizes: Vec<f64>,
-    /// The share of each sample's piece that lies in the region.
+    pub piece_sizes: Vec<f64>,
+    /// Weight of each sample: [`SearchScene::weights`] in the region.
     pub weights: Vec<f64>,
     pub tree: KdTree,
+    /// Standard deviation of equal surfaces.
     pub tolerance: f64,
-    pub color_tolerance: Option<f64>,
+    /// Distance of samples.
     pub spacing: f64,
+    /// Of the region.
     pub diagonal: f64,
     /// Farthest sample from the pivot.
     pub reach: f64,
 }
 
 impl Template {
-    pub fn new(
-        scene: &Place,
-        region: &Region,
-        tolerance: f64,
-        color_tolerance: Option<f64>,
-        diagonal: f64,
-    ) -> Result<Option<Self>> {
-        let surface = scene.surface;
-        let mut inside: Vec<u32> = (0..surface.len() as u32)
+    /// The samples of `scene` in `region`; `None` when there are none.
+    pub fn new(scene: &SearchScene, region: &Region, lengths: &Lengths) -> Result<Option<Self>> {
+        let surface = &scene.surface;
+        let inside: Vec<u32> = (0..surface.len() as u32)
             .filter(|&i| region.contains(surface.points[i as usize].map(f64::from)))
             .collect();
-        let weights = scene.shares(&inside);
-        // A fixed shuffle, so that any first so many stand for all.
-        let mut shuffled: Vec<(u64, u32, f64)> = inside
-            .iter()
-            .zip(weights)
-            .map(|(&i, w)| (u64::from(i).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(32), i, w))
-            .collect();
-        shuffled.sort_by_key(|s| (s.0, s.1));
-        inside = shuffled.iter().map(|s| s.1).collect();
-        let weights: Vec<f64> = shuffled.iter().map(|s| s.2).collect();
+        let weights = scene.weights(&inside);
+        let (samples, weights) = shuffled(&inside, weights);
         let total: f64 = weights.iter().sum();
         if total <= 0.0 {
             return Ok(None);
         }
         let pivot: [f64; 3] = std::array::from_fn(|a| {
             let at = |(&i, w): (&u32, &f64)| w * f64::from(surface.points[i as usize][a]);
-            inside.iter().zip(&weights).map(at).sum::<f64>() / total
+            samples.iter().zip(&weights).map(at).sum::<f64>() / total
         });
-        let points: Vec<[f32; 3]> = inside
+        let points: Vec<[f32; 3]> = samples
             .iter()
             .map(|&i| {
                 let p = surface.points[i as usize];
@@ -75,47 +67,55 @@ impl Template {
         Ok(Some(Self {
             region: *region,
             pivot,
-            normals: inside.iter().map(|&i| surface.normals[i as usize]).collect(),
-            color_tolerance,
-            sizes: inside.iter().map(|&i| scene.size(i as usize)).collect(),
+            normals: samples.iter().map(|&i| surface.normals[i as usize]).collect(),
+            piece_sizes: samples.iter().map(|&i| scene.piece_size(i as usize)).collect(),
             tree: KdTree::new(&points)?,
             points,
             weights,
-            samples: inside,
-            tolerance,
-            spacing: surface.spacing,
-            diagonal,
+            samples,
+            tolerance: lengths.tolerance,
+            spacing: lengths.spacing,
+            diagonal: lengths.diagonal,
             reach,
         }))
     }
 
+    /// Where a motion takes the i-th sample.
     pub fn moved(&self, motion: &Motion, i: usize) -> [f32; 3] {
         let turned = motion.turned(self.points[i]);
         std::array::from_fn(|a| (turned[a] + self.pivot[a] + motion.shift[a]) as f32)
     }
 
-    /// How near a surface with a normal comes to a point that is `d` away from one of its samples, and whether the
-    /// normals are alike: 1 to 0.
+    /// How near a surface comes to a sample that is `d` away from a point of it: `exp(-(h^2 + g^2) / (2 tolerance^2))`
+    /// with h the distance along `normal` and g the one across it beyond the spacing of samples; 0 where the normals
+    /// differ.
     pub fn nearness(&self, d: [f32; 3], normal: [f32; 3], other: [f32; 3], tolerance: f64) -> f64 {
-        if dot(normal, other).abs() < ALIKE {
+        if dot(normal, other).abs() < NORMAL_COSINE {
             return 0.0;
         }
         let along = f64::from(dot(d, normal));
-        let beside = (f64::from(dot(d, d)) - along * along).max(0.0).sqrt();
-        let gap = (beside - self.spacing).max(0.0);
+        let across = (f64::from(dot(d, d)) - along * along).max(0.0).sqrt();
+        let gap = (across - self.spacing).max(0.0);
         (-0.5 * (along * along + gap * gap) / (tolerance * tolerance)).exp()
     }
 
-    /// How alike the i-th sample and the j-th of the scene are in the sizes of their pieces and in colour, 1 to 0.
-    pub fn alike(&self, scene: &Place, i: usize, j: usize) -> f64 {
-        let size = alike(self.sizes[i], scene.size(j));
-        let colors = |t| scene.surface.alike(self.samples[i] as usize, j, t);
-        size * self.color_tolerance.map_or(1.0, colors)
+    /// Similarity of the i-th sample and the j-th of the scene in the sizes of their pieces and in colour, 1 to 0.
+    pub fn similarity(&self, scene: &SearchScene, i: usize, j: usize) -> f64 {
+        let size = size_similarity(self.piece_sizes[i], scene.piece_size(j));
+        let color =
+            |tolerance| scene.surface.color_similarity(self.samples[i] as usize, j, tolerance);
+        size * scene.color_tolerance.map_or(1.0, color)
     }
 
-    /// How near the scene comes to each of the first `n` samples there, 1 to 0.
-    pub fn matches(&self, scene: &Place, motion: &Motion, tolerance: f64, n: usize) -> Vec<f32> {
-        let near = |i: usize| {
+    /// How well the scene matches each of the first `n` samples after a motion, 1 to 0.
+    pub fn matches(
+        &self,
+        scene: &SearchScene,
+        motion: &Motion,
+        tolerance: f64,
+        n: usize,
+    ) -> Vec<f32> {
+        let match_of = |i: usize| {
             let p = self.moved(motion, i);
             let Some(near) = scene.tree.nearest(p) else { return 0.0 };
             if f64::from(near.squared_distance()).sqrt() > 4.0 * tolerance + self.spacing {
@@ -125,13 +125,13 @@ impl Template {
             let d = std::array::from_fn(|a| p[a] - q[a]);
             let turned = motion.turned(self.normals[i]).map(|c| c as f32);
             let normal = scene.surface.normals[near.index()];
-            let like = self.alike(scene, i, near.index());
-            (like * self.nearness(d, normal, turned, tolerance)) as f32
+            let similarity = self.similarity(scene, i, near.index());
+            (similarity * self.nearness(d, normal, turned, tolerance)) as f32
         };
-        (0..self.points.len().min(n)).map(near).collect()
+        (0..self.points.len().min(n)).map(match_of).collect()
     }
 
-    /// In world coordinates.
+    /// A motion in world coordinates.
     pub fn pose(&self, motion: &Motion, origin: [f64; 3]) -> Result<Pose> {
         let (s, c) = motion.yaw.sin_cos();
         let rows = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]];
@@ -145,7 +145,17 @@ impl Template {
     }
 }
 
-/// How alike pieces of so many samples are, 1 to 0: parts of things are hidden, but a seat is no floor.
-fn alike(a: f64, b: f64) -> f64 {
-    (SEEN / a.max(b) * a.min(b)).min(1.0).sqrt()
+/// Samples and their weights in an order that is random but always the same.
+fn shuffled(samples: &[u32], weights: Vec<f64>) -> (Vec<u32>, Vec<f64>) {
+    let key = |i: u32| u64::from(i).wrapping_mul(SHUFFLE).rotate_left(32);
+    let mut keyed: Vec<(u64, u32, f64)> =
+        samples.iter().zip(weights).map(|(&i, weight)| (key(i), i, weight)).collect();
+    keyed.sort_by_key(|k| (k.0, k.1));
+    keyed.into_iter().map(|k| (k.1, k.2)).unzip()
+}
+
+/// Similarity of pieces of `a` and `b` samples, 1 to 0: `sqrt(PIECE_SIZE_RATIO * smaller / larger)`, at most 1. Parts of
+/// things are hidden, but a seat is no floor.
+fn size_similarity(a: f64, b: f64) -> f64 {
+    (PIECE_SIZE_RATIO / a.max(b) * a.min(b)).min(1.0).sqrt()
 }

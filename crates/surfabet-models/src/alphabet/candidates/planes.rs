@@ -1,0 +1,198 @@
+//! Planes at every cell of a scale, as poses of integers.
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use super::{Candidate, Descriptor, WordSamples};
+use crate::alphabet::constants::{
+    LEAST_RADIUS_IN_SIGMAS, MAX_FITTED, MAX_SAMPLES_PER_SIDE, ON_FIRST_PLANE, ON_PLANE,
+    PLANE_ROUNDS, PLANES_PER_CELL, TILT_RIDGE,
+};
+use crate::alphabet::lattice::{MAX_SLOPE, UNITS, cell_center, offset_step, sigma, slope_steps};
+use crate::alphabet::placement::Placement;
+use crate::alphabet::scene::{Cells, LatticeScene, LocalPoint, local_points};
+use crate::alphabet::word::Word;
+use crate::error::Result;
+use crate::scans::{Upright, upright_frame};
+use crate::vector::{self, squared_distance};
+
+/// A plane as a candidate, and the descriptor of the surface about it.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::alphabet) struct CandidatePlane {
+    pub candidate: Candidate,
+    pub descriptor: Descriptor,
+}
+
+/// The planes at all cells of a scale, sorted and each once.
+pub(in crate::alphabet) fn find_planes(
+    scene: &LatticeScene,
+    cells: &Cells,
+    scale: u32,
+    spacing: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<CandidatePlane>> {
+    let plane = [Word::plane()];
+    let search = PlaneSearch { scene, cells, scale, spacing };
+    let found: Vec<Vec<CandidatePlane>> = (0..cells.len())
+        .into_par_iter()
+        .with_min_len(16)
+        .map_init(
+            || (Buffers::default(), WordSamples::new(&plane)),
+            |(buffers, samples), k| {
+                progress.check()?;
+                Ok(search.planes_of_cell(k, buffers, samples))
+            },
+        )
+        .collect::<Result<_>>()?;
+    let mut all: Vec<CandidatePlane> = found.into_iter().flatten().collect();
+    all.sort_by_key(|p| p.candidate.placement);
+    all.dedup_by_key(|p| p.candidate.placement);
+    Ok(all)
+}
+
+/// Buffers for the points about a cell.
+#[derive(Default)]
+struct Buffers {
+    fitted: Vec<u32>,
+    touched: Vec<u32>,
+    local: Vec<LocalPoint>,
+}
+
+/// The search on one scale.
+struct PlaneSearch<'a> {
+    scene: &'a LatticeScene,
+    cells: &'a Cells,
+    scale: u32,
+    spacing: f64,
+}
+
+impl PlaneSearch<'_> {
+    /// Up to [`PLANES_PER_CELL`] planes through the k-th cell: each starts at the point with a normal that is nearest to
+    /// the cell's middle, and takes the points within its sigma away from the search for the next.
+    fn planes_of_cell(
+        &self,
+        k: usize,
+        buffers: &mut Buffers,
+        samples: &mut WordSamples<'_>,
+    ) -> Vec<CandidatePlane> {
+        let Buffers { fitted, touched, local } = buffers;
+        let (cell, inside) = self.cells.get(k);
+        self.cells.some_around(cell, MAX_FITTED, fitted);
+        let scene = self.scene;
+        let middle = cell_center(cell, self.scale);
+        let center = middle.map(|c| c as f64);
+        let radius = (UNITS << self.scale) as f64;
+        let mut open: Vec<u32> = inside.to_vec();
+        let mut found: Vec<CandidatePlane> = Vec::new();
+        for _ in 0..PLANES_PER_CELL {
+            let with_normal = open.iter().filter(|&&i| scene.normals[i as usize] != [0.0; 3]);
+            let Some(&seed) = with_normal.min_by(|&&i, &&j| {
+                let off =
+                    |i: u32| squared_distance(scene.points[i as usize].map(f64::from), center);
+                off(i).total_cmp(&off(j)).then(i.cmp(&j))
+            }) else {
+                break;
+            };
+            let view = scene.views.get(seed as usize).copied().unwrap_or(0);
+            let sensor = scene.sensor(view);
+            let level = scene.rule.level(middle, sensor);
+            open.retain(|&i| i != seed);
+            let is_too_small = radius < LEAST_RADIUS_IN_SIGMAS * sigma(level);
+            if is_too_small || 2.0 * radius > MAX_SAMPLES_PER_SIDE * sigma(level) {
+                continue;
+            }
+            let Some((normal, offset)) = self.fit(cell, seed, fitted) else { continue };
+            let placement = quantized(normal, offset, cell, self.scale, level, view);
+            let pose = placement.pose(level, sensor);
+            open.retain(|&i| {
+                let [.., height] = pose.to_word(scene.points[i as usize].map(f64::from));
+                height.abs() > ON_PLANE * f64::from(scene.sigma[i as usize])
+            });
+            if found.iter().any(|p| p.candidate.placement == placement) {
+                continue;
+            }
+            self.cells.touched(cell, &pose, touched);
+            local_points(scene, &pose, touched, local);
+            let coverage = samples.coverage(0, &pose, self.spacing, local);
+            if !coverage.points.is_empty() {
+                let descriptor = Descriptor::of_points(&pose, local);
+                let candidate = Candidate { placement, pose, coverage };
+                found.push(CandidatePlane { candidate, descriptor });
+            }
+        }
+        found
+    }
+
+    /// Normal and offset from the cell's middle of a plane about `seed`, fitted to the points near to it within the
+    /// word's square: weighted least squares of the height over the plane before,
+    /// `sum (h - x0 - x1 u / r - x2 v / r)^2 / sigma^2`, in a few rounds. `None` where the plane does not pass within a
+    /// radius of the middle, or has no points.
+    fn fit(&self, cell: [i32; 3], seed: u32, points: &[u32]) -> Option<([f64; 3], f64)> {
+        let scene = self.scene;
+        let center = cell_center(cell, self.scale).map(|c| c as f64);
+        let radius = (UNITS << self.scale) as f64;
+        let mut normal = scene.normals[seed as usize].map(f64::from);
+        let p = scene.points[seed as usize].map(f64::from);
+        let mut offset: f64 = (0..3).map(|a| normal[a] * (p[a] - center[a])).sum();
+        for round in 0..PLANE_ROUNDS {
+            let rows = upright_frame(normal, Upright::WorldX, [0.0; 3]);
+            let tolerance = if round == 0 { ON_FIRST_PLANE } else { ON_PLANE };
+            let mut m = Matrix3::zeros();
+            let mut b = Vector3::zeros();
+            for &i in points {
+                let q = scene.points[i as usize].map(f64::from);
+                let d: [f64; 3] = std::array::from_fn(|a| q[a] - center[a]);
+                let [u, v, h] = rows.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2]);
+                let h = h - offset;
+                let s = f64::from(scene.sigma[i as usize]);
+                if u.abs() <= radius && v.abs() <= radius && h.abs() <= tolerance * s {
+                    let x = Vector3::new(1.0, u / radius, v / radius);
+                    let w = 1.0 / (s * s);
+                    m += x * x.transpose() * w;
+                    b += x * (h * w);
+                }
+            }
+            let ridge = TILT_RIDGE * m[(0, 0)];
+            m[(1, 1)] += ridge;
+            m[(2, 2)] += ridge;
+            let x = m.try_inverse()? * b;
+            let tilted: [f64; 3] = std::array::from_fn(|a| {
+                rows[2][a] - (x[1] * rows[0][a] + x[2] * rows[1][a]) / radius
+            });
+            let length = vector::length(tilted);
+            // The plane through the same point above the cell's middle.
+            offset = (offset + x[0]) / length;
+            normal = tilted.map(|c| c / length);
+        }
+        (offset.abs() <= radius).then_some((normal, offset))
+    }
+}
+
+/// The plane with this normal and offset from the cell's middle, rounded to the integers of the lattice.
+fn quantized(
+    normal: [f64; 3],
+    offset: f64,
+    cell: [i32; 3],
+    scale: u32,
+    level: u32,
+    view: u16,
+) -> Placement {
+    let axis = (1..3).fold(0, |m, a| if normal[a].abs() > normal[m].abs() { a } else { m });
+    let steps = f64::from(slope_steps(scale, level));
+    let slope = |k: usize| {
+        let s = (normal[(axis + k) % 3] / normal[axis] * steps).round();
+        s.clamp(-f64::from(MAX_SLOPE), f64::from(MAX_SLOPE)) as i16
+    };
+    // The integer normal points along the positive axis.
+    let offset = offset * normal[axis].signum();
+    Placement {
+        scale: scale as u8,
+        cell,
+        axis: axis as u8,
+        slopes: [slope(1), slope(2)],
+        offset: (offset / offset_step(level) as f64).round() as i32,
+        word: 0,
+        view,
+    }
+}

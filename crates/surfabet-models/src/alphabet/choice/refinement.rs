@@ -1,0 +1,100 @@
+//! Refinement: every occurrence is replaced by the best of its variants.
+
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use super::Choice;
+use super::cover::CoverCounts;
+use crate::alphabet::candidates::{Candidate, Descriptor, WordSamples, nearest_words};
+use crate::alphabet::constants::WORDS_PER_PLACE;
+use crate::alphabet::placement::Placement;
+use crate::alphabet::scene::{LocalPoint, local_points};
+use crate::error::Result;
+
+/// Buffers for the points about an occurrence.
+#[derive(Default)]
+struct Buffers {
+    around: Vec<u32>,
+    local: Vec<LocalPoint>,
+}
+
+impl Choice<'_> {
+    /// Takes every occurrence out in turn and puts the variant with the largest gain in its place, or itself.
+    pub(super) fn refine(
+        &self,
+        chosen: &mut [Candidate],
+        counts: &mut CoverCounts,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let descriptors: Vec<Descriptor> = self.words.iter().map(Descriptor::of_word).collect();
+        let variants: Vec<Vec<Candidate>> = chosen
+            .par_iter()
+            .map_init(
+                || (Buffers::default(), WordSamples::new(&self.words)),
+                |(buffers, samples), c| {
+                    progress.check()?;
+                    Ok(self.variants(c, &descriptors, buffers, samples))
+                },
+            )
+            .collect::<Result<_>>()?;
+        for (c, variants) in chosen.iter_mut().zip(variants) {
+            progress.check()?;
+            counts.remove(&c.coverage.points);
+            let gain = |c: &Candidate| {
+                self.prices.inlier * counts.n_explained_by(0, &c.coverage.points)
+                    - self.prices.cost(c)
+            };
+            let mut best = gain(c);
+            for variant in variants {
+                let gain = gain(&variant);
+                if gain > best {
+                    best = gain;
+                    *c = variant;
+                }
+            }
+            counts.add(&c.coverage.points);
+        }
+        Ok(())
+    }
+
+    /// The occurrence one step of its offset or of a slope away, and with the other words nearest to the surface there.
+    fn variants(
+        &self,
+        c: &Candidate,
+        descriptors: &[Descriptor],
+        buffers: &mut Buffers,
+        samples: &mut WordSamples<'_>,
+    ) -> Vec<Candidate> {
+        let Buffers { around, local } = buffers;
+        let p = c.placement;
+        let mut variants = Vec::new();
+        for step in [-1, 1] {
+            variants.push(Placement { offset: p.offset + step, ..p });
+            for a in 0..2 {
+                let mut slopes = p.slopes;
+                slopes[a] += step as i16;
+                variants.push(Placement { slopes, ..p });
+            }
+        }
+        variants.retain(|p| p.slopes_fit(c.pose.level));
+        self.cells[usize::from(p.scale)].touched(p.cell, &c.pose, around);
+        local_points(self.scene, &c.pose, around, local);
+        // A step moves the pose by less than sigma: the points about it serve all variants.
+        around.clear();
+        around.extend(local.iter().map(|p| p.index));
+        let descriptor = Descriptor::of_points(&c.pose, local);
+        let fitting = nearest_words(&descriptor, descriptors, WORDS_PER_PLACE);
+        let words = fitting.into_iter().map(|word| word as u16).filter(|&word| word != p.word);
+        variants.extend(words.map(|word| Placement { word, ..p }));
+        variants
+            .into_iter()
+            .map(|placement| {
+                let pose = placement.pose(c.pose.level, self.scene.sensor(placement.view));
+                local_points(self.scene, &pose, around, local);
+                let word = usize::from(placement.word);
+                let coverage = samples.coverage(word, &pose, self.spacing, local);
+                Candidate { placement, pose, coverage }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,88 @@
+//! The tuned constants of the method. None of them is needed to read a file; sizes that the format fixes stand beside
+//! the code that they bound (`lattice`, `word`, `coding`).
+
+// Preparing the scene.
+
+/// Side of the cells that keep one point each, over sigma: what lies closer adds time and no surface.
+pub(super) const THINNING_SIDE: f32 = 0.5;
+
+/// Points that a normal is fitted to.
+pub(super) const NORMAL_NEIGHBORS: usize = 12;
+
+/// Smallest radius if it is not given, metres: delta of the paper's indoor scans (table I).
+pub(super) const DEFAULT_RADIUS: f64 = 0.1;
+
+/// Smallest radius if it is not given, over the median sigma: the heights of a smaller word are lost in the deviation
+/// that is allowed.
+pub(super) const DEFAULT_RADIUS_IN_SIGMAS: f64 = 1.5;
+
+// Finding planes.
+
+/// Planes sought per cell: the walls and the floor of a corner.
+pub(super) const PLANES_PER_CELL: usize = 3;
+
+/// Rounds of fitting a plane to the points near to it.
+pub(super) const PLANE_ROUNDS: usize = 3;
+
+/// Points within this many sigmas of a plane are on it.
+pub(super) const ON_PLANE: f64 = 1.0;
+
+/// The same in the first round, which starts from the normal of a single point.
+pub(super) const ON_FIRST_PLANE: f64 = 1.5;
+
+/// Ridge on the tilt of a plane, over the weight of its points: few points leave the tilt as it was.
+pub(super) const TILT_RIDGE: f64 = 1e-3;
+
+/// Points about a cell that planes are fitted to, at most; bounds the time that a dense cell takes.
+pub(super) const MAX_FITTED: usize = 2048;
+
+/// Smallest radius of a word over the sigma where it occurs: a smaller one holds a sample or none.
+pub(super) const LEAST_RADIUS_IN_SIGMAS: f64 = 0.5;
+
+/// Samples per side of a word at most; bounds the time that a fine word takes.
+pub(super) const MAX_SAMPLES_PER_SIDE: f64 = 128.0;
+
+// Descriptors and words.
+
+/// A pixel of a descriptor is set when a point lies within this share of sigma of its middle, per axis.
+pub(super) const DESCRIPTOR_REACH: f32 = 0.7;
+
+/// Squared distance of descriptors, per pixel and in squared radii, where only one has a surface. Heights that are
+/// further apart count as much: (0.14 radii)^2.
+pub(super) const HOLE: f32 = 0.02;
+
+/// Squared distance up to which a descriptor counts as that of the whole plane: one and a half pixels. No other word
+/// is tried there.
+pub(super) const PLANE_DISTANCE: f32 = 1.5 * HOLE;
+
+/// Rounds of clustering at most.
+pub(super) const CLUSTERING_ROUNDS: usize = 10;
+
+/// Descriptors that are clustered at most, spread evenly over those there are.
+pub(super) const MAX_CLUSTERED: usize = 4096;
+
+/// Words tried at a place: those whose descriptors are nearest to the one there.
+pub(super) const WORDS_PER_PLACE: usize = 3;
+
+// Choosing occurrences.
+
+/// Bits of an occurrence without its word, before the coder has seen any.
+pub(super) const FIRST_OCCURRENCE_BITS: f32 = 18.0;
+
+/// Bits of a word, before the coder has seen any.
+pub(super) const FIRST_WORD_BITS: f32 = 3.0;
+
+/// The same of the plane, the most frequent word.
+pub(super) const FIRST_PLANE_BITS: f32 = 1.0;
+
+/// Added to how often a word occurs before its bits are taken from its share: words that do not occur have a price.
+pub(super) const WORD_PRIOR: f32 = 0.5;
+
+/// Passes of refining occurrences one by one.
+pub(super) const REFINEMENT_PASSES: usize = 2;
+
+// Encoding.
+
+/// Largest sum of residuals, in steps, at which an occurrence is coded from a predicted plane. Beyond it coding the
+/// pose directly is as short.
+pub(super) const MAX_PREDICTION_CHANGE: i32 = 12;

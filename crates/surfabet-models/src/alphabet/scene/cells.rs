@@ -1,0 +1,110 @@
+//! The points of a scene by the cells of one scale.
+
+use rayon::prelude::*;
+
+use crate::alphabet::lattice::{UNITS, cell_center, sigma};
+use crate::alphabet::placement::WordPose;
+
+/// Bits of one coordinate of a cell's key.
+pub(super) const KEY_BITS: u32 = 21;
+
+/// Cells around a cell that a word in it can reach, per direction.
+const REACH: i64 = 2;
+
+/// The points of a scene by the cells of one scale.
+///
+/// Points of cell k are `points[starts[k]..starts[k + 1]]`; keys ascend.
+pub(in crate::alphabet) struct Cells {
+    scale: u32,
+    keys: Vec<u64>,
+    starts: Vec<u32>,
+    points: Vec<u32>,
+}
+
+/// Key of a cell: x in the lowest bits, so that cells along x follow one another.
+fn key(cell: [i64; 3]) -> u64 {
+    (cell[2] as u64) << (2 * KEY_BITS) | (cell[1] as u64) << KEY_BITS | cell[0] as u64
+}
+
+impl Cells {
+    pub fn new(points: &[[f32; 3]], scale: u32) -> Self {
+        let side = (UNITS << scale) as f32;
+        let mut pairs: Vec<(u64, u32)> = points
+            .par_iter()
+            .enumerate()
+            .map(|(i, p)| (key(p.map(|c| (c / side) as i64)), i as u32))
+            .collect();
+        pairs.par_sort_unstable();
+        let mut keys = Vec::new();
+        let mut starts = Vec::new();
+        for (i, pair) in pairs.iter().enumerate() {
+            if keys.last() != Some(&pair.0) {
+                keys.push(pair.0);
+                starts.push(i as u32);
+            }
+        }
+        starts.push(pairs.len() as u32);
+        Self { scale, keys, starts, points: pairs.into_iter().map(|p| p.1).collect() }
+    }
+
+    /// Number of cells with points.
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// Coordinates and points of the k-th cell.
+    pub fn get(&self, k: usize) -> ([i32; 3], &[u32]) {
+        let mask = (1 << KEY_BITS) - 1;
+        let cell = [0, 1, 2].map(|a| (self.keys[k] >> (a * KEY_BITS) & mask) as i32);
+        (cell, &self.points[self.starts[k] as usize..self.starts[k + 1] as usize])
+    }
+
+    /// Calls `each` with the cells that a word in `cell` can reach, and their points.
+    fn around(&self, cell: [i32; 3], mut each: impl FnMut([i32; 3], &[u32])) {
+        let [x, y, z] = cell.map(i64::from);
+        let first = (x - REACH).max(0);
+        for z in (z - REACH).max(0)..=z + REACH {
+            for y in (y - REACH).max(0)..=y + REACH {
+                let from = self.keys.partition_point(|&k| k < key([first, y, z]));
+                let last = key([x + REACH, y, z]);
+                for k in (from..self.len()).take_while(|&k| self.keys[k] <= last) {
+                    let (cell, points) = self.get(k);
+                    each(cell, points);
+                }
+            }
+        }
+    }
+
+    /// Puts about `most` of the points that a word in `cell` can reach into `found`, or all where there are fewer: every
+    /// n-th of them.
+    pub fn some_around(&self, cell: [i32; 3], most: usize, found: &mut Vec<u32>) {
+        found.clear();
+        let mut n = 0;
+        self.around(cell, |_, points| n += points.len());
+        let step = n.div_ceil(most).max(1);
+        let mut skip = 0;
+        self.around(cell, |_, points| {
+            found.extend(points.iter().skip(skip).step_by(step));
+            // Points of the next cell before the first one taken there.
+            skip = if skip >= points.len() {
+                skip - points.len()
+            } else {
+                (step - (points.len() - skip) % step) % step
+            };
+        });
+    }
+
+    /// Puts the points of the cells that a word of `cell` with this pose can touch into `found`.
+    pub fn touched(&self, cell: [i32; 3], pose: &WordPose, found: &mut Vec<u32>) {
+        found.clear();
+        // Half the diagonal of a cell, and twice the sigma of points in it.
+        let margin = (0.75_f64).sqrt() * pose.radius + 2.0 * sigma(pose.level);
+        self.around(cell, |cell, points| {
+            let center = cell_center(cell, self.scale).map(|c| c as f64);
+            let [right, up, height] = pose.to_word(center).map(f64::abs);
+            if right.max(up) <= pose.radius + margin && height <= 0.5 * pose.radius + margin {
+                found.extend_from_slice(points);
+            }
+        });
+    }
+}

@@ -1,0 +1,299 @@
+//! A dictionary per channel by wK-SVD, and the sparse codes of all patches in it (section III-B, eq. 1).
+
+use surfabet_geom::Progress;
+use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
+
+use crate::error::{Error, Result};
+use crate::hscsm::model::{Codes, MAX_ENTRIES};
+use crate::hscsm::options::HscsmOptions;
+use crate::report::Report;
+
+/// Step of a stored dictionary value. Entries have unit norm, so the values of an 8 x 8 patch are about an
+/// eighth: this keeps each to a few percent, well below what the codes' own quantisation does.
+const ENTRY_STEP: f32 = 1.0 / 64.0;
+
+/// wK-SVD learns from at most this many patches, those with most energy; more change the dictionary little.
+const MAX_TRAINING_SIGNALS: usize = 6000;
+
+/// Dictionary entries in 8-bit integers. An entry stands for its integers scaled to unit norm.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct QuantizedDictionary {
+    n_features: usize,
+    values: Vec<i8>,
+}
+
+impl QuantizedDictionary {
+    /// A dictionary of entries with `n_features` values each, entry after entry.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] when the values do not divide into entries, there are more than 65 536 entries,
+    /// or one is all zero.
+    pub fn new(n_features: usize, values: Vec<i8>) -> Result<Self> {
+        if n_features == 0 || !values.len().is_multiple_of(n_features) {
+            return Err(Error::Inconsistent(format!(
+                "{} dictionary values do not divide into entries of {n_features}",
+                values.len()
+            )));
+        }
+        if values.len() / n_features > MAX_ENTRIES {
+            return Err(Error::Inconsistent(format!(
+                "a dictionary of {} entries, more than {MAX_ENTRIES}",
+                values.len() / n_features
+            )));
+        }
+        if values.chunks(n_features).any(|entry| entry.iter().all(|&v| v == 0)) {
+            return Err(Error::Inconsistent("a dictionary entry is all zero".to_owned()));
+        }
+        Ok(Self { n_features, values })
+    }
+
+    /// Values per entry.
+    pub fn n_features(&self) -> usize {
+        self.n_features
+    }
+
+    /// Number of entries.
+    pub fn n_atoms(&self) -> usize {
+        self.values.len().checked_div(self.n_features).unwrap_or(0)
+    }
+
+    /// All values, entry after entry.
+    pub fn values(&self) -> &[i8] {
+        &self.values
+    }
+
+    /// The entries that the integers stand for, scaled to unit norm, entry after entry.
+    pub fn atoms(&self) -> Vec<f32> {
+        let mut atoms = Vec::with_capacity(self.values.len());
+        for entry in self.values.chunks(self.n_features.max(1)) {
+            let norm = entry.iter().map(|&v| i64::from(v) * i64::from(v)).sum::<i64>() as f64;
+            let scale = 1.0 / norm.sqrt();
+            atoms.extend(entry.iter().map(|&v| (f64::from(v) * scale) as f32));
+        }
+        atoms
+    }
+
+    /// The nearest storable dictionary; entries that vanish are left out.
+    fn quantize(dictionary: &Dictionary) -> Self {
+        let n_features = dictionary.n_features();
+        let mut values = Vec::with_capacity(dictionary.n_atoms() * n_features);
+        for k in 0..dictionary.n_atoms() {
+            let entry: Vec<i8> = dictionary
+                .atom(k)
+                .iter()
+                .map(|v| (v / ENTRY_STEP).round().clamp(-127.0, 127.0) as i8)
+                .collect();
+            if entry.iter().any(|&v| v != 0) {
+                values.extend(entry);
+            }
+        }
+        Self { n_features, values }
+    }
+}
+
+/// How one channel is learned and coded.
+#[derive(Debug, Clone)]
+pub(in crate::hscsm) struct ChannelOptions<'a> {
+    pub name: &'static str,
+    /// How the report calls what learning minimised.
+    pub objective: String,
+    /// The dictionary to code in; `None`: learn one.
+    pub frozen: Option<&'a QuantizedDictionary>,
+    /// How the report calls the entries that were asked for and not needed.
+    pub cropped: &'static str,
+    pub n_atoms: usize,
+    pub sparsity: usize,
+    pub tolerance: f32,
+    pub code_step: f32,
+    pub iterations: usize,
+    pub random_state: u64,
+}
+
+/// The dictionaries of one level of a hierarchy.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LevelDictionary {
+    /// Side of a pixel (pr), metres.
+    pub pixel_size: f64,
+    /// Pixels per side of a patch.
+    pub pixels: u32,
+    /// Entries for depth.
+    pub depth: QuantizedDictionary,
+    /// Entries for colour, where the cloud that was learned from had colours.
+    pub color: Option<QuantizedDictionary>,
+}
+
+/// The dictionaries D_depth and D_rgb of a model (section III), level by level, for other clouds to be
+/// described with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HscsmDictionary {
+    /// Coarsest level first.
+    pub levels: Vec<LevelDictionary>,
+}
+
+impl HscsmDictionary {
+    /// Default options of the dictionary's hierarchy, to describe a cloud with.
+    pub fn options(&self) -> HscsmOptions {
+        let default = HscsmOptions::default();
+        match self.levels.last() {
+            Some(finest) => HscsmOptions {
+                resolution: finest.pixel_size,
+                patch_pixels: finest.pixels,
+                levels: self.levels.len() as u32,
+                ..default
+            },
+            None => default,
+        }
+    }
+
+    /// Refuses options of another hierarchy.
+    pub(in crate::hscsm) fn check(&self, options: &HscsmOptions) -> Result<()> {
+        let mismatch = |what: &str, given: String, own: String| {
+            Err(Error::Inconsistent(format!(
+                "the dictionary has {own} {what}, the options have {given}; give those of the dictionary"
+            )))
+        };
+        if self.levels.len() != options.levels as usize {
+            return mismatch("levels", options.levels.to_string(), self.levels.len().to_string());
+        }
+        for (j, level) in (0..).zip(&self.levels) {
+            if level.pixels != options.patch_pixels {
+                let given = options.patch_pixels.to_string();
+                return mismatch("pixels per side of a patch", given, level.pixels.to_string());
+            }
+            let size = options.pixel_size(j);
+            if (level.pixel_size - size).abs() > 1e-9 * size {
+                return mismatch("m per pixel", size.to_string(), level.pixel_size.to_string());
+            }
+        }
+        Ok(())
+    }
+}
+
+fn root_mean_square(values: &[f32], weights: &[f32]) -> f32 {
+    let (mut sum, mut count) = (0.0_f64, 0.0_f64);
+    for (v, w) in values.iter().zip(weights) {
+        sum += f64::from(w * v * v);
+        count += f64::from(*w);
+    }
+    (sum / count.max(1.0)).sqrt() as f32
+}
+
+/// Learns a dictionary from `values` (patch after patch, means removed) and codes all of them in it; with a
+/// `frozen` one, codes in that.
+///
+/// Patches within the tolerance of zero need no code and teach nothing. The dictionary is quantised before the
+/// final coding, so that codes are chosen for the entries that the decoder will use.
+pub(in crate::hscsm) fn learn_channel(
+    n_features: usize,
+    values: &[f32],
+    weights: &[f32],
+    options: &ChannelOptions<'_>,
+    report: &mut Report,
+    progress: &dyn Progress,
+) -> Result<(QuantizedDictionary, Codes)> {
+    let n_signals = values.len() / n_features;
+    let energy: Vec<f32> = (values.chunks(n_features).zip(weights.chunks(n_features)))
+        .map(|(v, w)| root_mean_square(v, w))
+        .collect();
+    let rich: Vec<usize> = (0..n_signals).filter(|&i| energy[i] > options.tolerance).collect();
+    let gather = |chosen: &[usize]| {
+        let pick = |from: &[f32]| -> Vec<f32> {
+            chosen
+                .iter()
+                .flat_map(|&i| &from[i * n_features..(i + 1) * n_features])
+                .copied()
+                .collect()
+        };
+        (pick(values), pick(weights))
+    };
+    let no_codes = || Codes { offsets: vec![0; n_signals + 1], ..Codes::default() };
+    let code = |dictionary: &QuantizedDictionary| -> Result<Codes> {
+        let (values, weights) = gather(&rich);
+        let signals = Signals::new(n_features, &values, Some(&weights))?;
+        let entries = Dictionary::new(n_features, dictionary.atoms())?;
+        let omp_options = OmpOptions {
+            max_atoms: options.sparsity,
+            tolerance: options.tolerance,
+            ..OmpOptions::default()
+        };
+        let sparse = omp(&entries, &signals, &omp_options, progress)?;
+        Ok(quantize_codes(&sparse, &rich, n_signals, options.code_step))
+    };
+    if let Some(frozen) = options.frozen {
+        let nothing = rich.is_empty() || frozen.n_atoms() == 0;
+        let codes = if nothing { no_codes() } else { code(frozen)? };
+        return Ok((frozen.clone(), codes));
+    }
+    if rich.is_empty() {
+        return Ok((QuantizedDictionary { n_features, values: Vec::new() }, no_codes()));
+    }
+    let mut training = rich.clone();
+    if training.len() > MAX_TRAINING_SIGNALS {
+        training.sort_by(|&a, &b| energy[b].total_cmp(&energy[a]).then(a.cmp(&b)));
+        training.truncate(MAX_TRAINING_SIGNALS);
+        training.sort_unstable();
+    }
+    let (values, weights) = gather(&training);
+    let signals = Signals::new(n_features, &values, Some(&weights))?;
+    let ksvd_options = KsvdOptions {
+        n_atoms: options.n_atoms,
+        max_atoms: options.sparsity,
+        tolerance: options.tolerance,
+        iterations: options.iterations,
+        random_state: options.random_state,
+        ..KsvdOptions::default()
+    };
+    let learned = ksvd(&signals, &ksvd_options, progress, &mut |step| {
+        progress.update(options.name, step.iteration as f32 / options.iterations as f32);
+    })?;
+    report.iterations += learned.iterations;
+    report.objectives.push((options.objective.clone(), learned.objective));
+    let dictionary = QuantizedDictionary::quantize(&learned.dictionary);
+    let codes = code(&dictionary)?;
+    let (used, codes) = crop(&dictionary, &codes);
+    let cropped = learned.cropped + learned.dictionary.n_atoms() - used.n_atoms();
+    report.add_figure(options.cropped, cropped as f64);
+    Ok((used, codes))
+}
+
+/// Coefficients in steps, entries in growing order, empty codes for the signals that were not coded.
+fn quantize_codes(sparse: &SparseCodes, coded: &[usize], n_signals: usize, step: f32) -> Codes {
+    let mut codes = Codes { offsets: Vec::with_capacity(n_signals + 1), ..Codes::default() };
+    codes.offsets.push(0);
+    let mut next = 0;
+    for signal in 0..n_signals {
+        if coded.get(next) == Some(&signal) {
+            let (atoms, coefficients) = sparse.code(next);
+            let mut code: Vec<(u16, i32)> = atoms
+                .iter()
+                .zip(coefficients)
+                .map(|(&a, &c)| (a as u16, (c / step).round() as i32))
+                .filter(|&(_, c)| c != 0)
+                .collect();
+            code.sort_unstable_by_key(|&(a, _)| a);
+            codes.atoms.extend(code.iter().map(|&(a, _)| a));
+            codes.coefficients.extend(code.iter().map(|&(_, c)| c));
+            next += 1;
+        }
+        codes.offsets.push(codes.atoms.len() as u32);
+    }
+    codes
+}
+
+/// Leaves out entries that no code uses.
+fn crop(dictionary: &QuantizedDictionary, codes: &Codes) -> (QuantizedDictionary, Codes) {
+    let n = dictionary.n_features;
+    let mut new_index = vec![None; dictionary.n_atoms()];
+    codes.atoms.iter().for_each(|&a| new_index[usize::from(a)] = Some(0));
+    let mut values = Vec::new();
+    for (old, slot) in new_index.iter_mut().enumerate() {
+        if slot.is_some() {
+            *slot = Some((values.len() / n) as u16);
+            values.extend_from_slice(&dictionary.values[old * n..(old + 1) * n]);
+        }
+    }
+    // Every entry that a code uses was given its new index above.
+    let atoms = codes.atoms.iter().filter_map(|&a| new_index[usize::from(a)]).collect();
+    let codes = Codes { atoms, ..codes.clone() };
+    (QuantizedDictionary { n_features: n, values }, codes)
+}

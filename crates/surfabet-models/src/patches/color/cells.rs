@@ -1,0 +1,54 @@
+//! The places that carry colour: the cells of a cubic grid that the surface with its thickness passes through.
+//!
+//! They follow from the geometry alone, in integers, so that a decoder knows them before it reads a colour.
+
+use rayon::prelude::*;
+pub(in crate::patches) use surfabet_geom::cells::{key as cell_key, of_key as cell_of_key};
+use surfabet_geom::morton::MortonMap;
+
+use crate::patches::model::{Lattice, THICKNESS_STEPS};
+use crate::patches::sheets::axes_of;
+use crate::patches::surface::basis::Basis;
+use crate::patches::surface::leaf::Leaf;
+
+/// Map from sorted keys to their places.
+pub(in crate::patches) fn index(keys: &[u64]) -> MortonMap<u32> {
+    (0..).zip(keys).map(|(i, &k)| (k, i)).collect()
+}
+
+/// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
+/// be more than `limit`.
+pub(in crate::patches) fn nodes(lattice: Lattice, leaves: &[Leaf], limit: u64) -> Option<Vec<u64>> {
+    let layers = |leaf: &Leaf| 2 * u64::from(leaf.patch.thickness) / CELL as u64 + 2;
+    let bound: u64 =
+        leaves.iter().map(|l| u64::from(l.area()) * layers(l)).fold(0, u64::saturating_add);
+    if bound > limit {
+        return None;
+    }
+    let bases = Basis::of_levels(lattice.levels);
+    let of_leaf = |leaf: &Leaf| {
+        let basis = &bases[leaf.level as usize];
+        let [d, u, v] = axes_of(leaf.side);
+        let half = i64::from(leaf.patch.thickness);
+        let mut keys = Vec::new();
+        for ([column, row], depth) in leaf.depths(basis, lattice.depth_step) {
+            let low = (depth - half).div_euclid(CELL);
+            let high = (depth + half - i64::from(half > 0)).div_euclid(CELL);
+            let mut at = [0; 3];
+            at[u] = leaf.corner[0] + column;
+            at[v] = leaf.corner[1] + row;
+            for depth in low..=high {
+                at[d] = depth.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+                keys.push(cell_key(at));
+            }
+        }
+        keys
+    };
+    let mut keys: Vec<u64> = leaves.par_iter().flat_map_iter(of_leaf).collect();
+    keys.par_sort_unstable();
+    keys.dedup();
+    Some(keys)
+}
+
+/// Side of a cell, in steps of thickness.
+const CELL: i64 = THICKNESS_STEPS as i64;

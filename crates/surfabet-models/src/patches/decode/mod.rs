@@ -1,0 +1,288 @@
+//! A lattice model back into a cloud, at any spacing, as a surface or as measured.
+
+mod fragments;
+
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
+use surfabet_geom::morton::{MortonMap, step};
+use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
+
+use crate::contract::DecodeOptions;
+use crate::error::{Result, check_points};
+use crate::patches::color::cells::{cell_key, cell_of_key, index};
+use crate::patches::decode::fragments::fragments;
+use crate::patches::model::{PATCH_PIXELS, PatchModel};
+use crate::patches::sheets::axes_of;
+use crate::patches::surface::basis::{DEGREES, N_SHAPES, derivative, value};
+use crate::patches::surface::leaf::Leaf;
+use crate::points::Points;
+
+/// Patches that one task decodes.
+const BLOCK: usize = 32;
+
+impl PatchModel {
+    /// The model as a cloud. Points come patch by patch, then those that no patch holds; their number and order
+    /// are not those of the input.
+    ///
+    /// With `as_measured`, the thickness that the scan had at each patch is filled with layers at the spacing;
+    /// otherwise the surface is thin, and nearer to the true one than the scan was; fragments are left out then, at
+    /// most 16 finest pixels that stand 1.5 to 10 of them off a larger piece and touch nothing.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
+    /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
+    pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        let pixel = self.lattice().pixel_size;
+        let resolution = options.spacing(0.5 * pixel)?;
+        let spacing = resolution / pixel;
+        let points =
+            bound(self.leaves(), spacing, options.as_measured) + self.header().n_extra as f64;
+        check_points(resolution, points, options.max_points)?;
+        let decoder = Decoder::new(self, spacing, options);
+        let mut all = Points::default();
+        // Measured, what stands off the surface is part of the scan.
+        let is_left_out = if options.as_measured {
+            vec![false; self.len()]
+        } else {
+            fragments(self.lattice(), self.leaves())?
+        };
+        let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
+        let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
+        all.extend(&kept, BLOCK, progress, |leaves, points| {
+            let mut cache = CornerCache::new();
+            leaves.iter().for_each(|leaf| decoder.leaf(leaf, &mut cache, points));
+        })?;
+        let mut cache = CornerCache::new();
+        for p in self.points() {
+            let position = p.map(|c| c / pixel as f32);
+            all.positions.push(position);
+            if decoder.colors.is_some() {
+                all.colors.push(decoder.color(position, &mut cache));
+            }
+            if options.normals {
+                all.normals.push([0.0; 3]);
+            }
+        }
+        progress.update("decoding", 1.0);
+        let rows = self.lattice().orientation.rotation().map(|row| row.map(|c| c as f32));
+        let rotate = |p: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
+        };
+        let scale = pixel as f32;
+        let parts = CloudParts {
+            origin: self.lattice().origin,
+            positions: all
+                .positions
+                .into_par_iter()
+                .map(|p| rotate(p.map(|c| c * scale)))
+                .collect(),
+            colors: self.has_color().then_some(all.colors),
+            normals: options.normals.then(|| all.normals.into_par_iter().map(rotate).collect()),
+            ..CloudParts::default()
+        };
+        Ok(PointCloud::from_parts(parts)?.0)
+    }
+}
+
+struct Decoder<'a> {
+    model: &'a PatchModel,
+    /// Samples per side of a patch, and the values of all shapes' factors there, per level.
+    grids: Vec<Grid>,
+    /// Spacing, pixels.
+    spacing: f64,
+    options: DecodeOptions,
+    colors: Option<(MortonMap<u32>, &'a [[u8; 3]])>,
+    /// Middles of the nodes, once anyone asks.
+    tree: OnceLock<Option<KdTree>>,
+}
+
+/// Layers that fill the thickness of a patch; spacing in pixels.
+fn layers(leaf: &Leaf, spacing: f64, as_measured: bool) -> f64 {
+    let thickness = 2.0 * f64::from(leaf.patch.half_thickness());
+    if as_measured { (thickness / spacing).round().max(1.0) } else { 1.0 }
+}
+
+/// Samples along a side of a patch. The small slack keeps 0.01 / 0.005 at two samples per pixel although neither is
+/// exact in binary.
+fn samples(level: u32, spacing: f64) -> f64 {
+    (f64::from(PATCH_PIXELS << level) / spacing - 1e-9).ceil().max(1.0)
+}
+
+/// Most points that all patches give; spacing in pixels.
+fn bound(leaves: &[Leaf], spacing: f64, as_measured: bool) -> f64 {
+    let of = |leaf: &Leaf| {
+        let per_pixel = (samples(leaf.level, spacing) / f64::from(PATCH_PIXELS)).ceil();
+        let set = f64::from(leaf.patch.mask.count_ones());
+        set * per_pixel * per_pixel * layers(leaf, spacing, as_measured)
+    };
+    leaves.iter().map(of).sum()
+}
+
+/// The samples along a side of the patches of a level.
+struct Grid {
+    /// Positions in pixels of the finest level.
+    at: Vec<f32>,
+    /// Row or column of the mask.
+    cell: Vec<usize>,
+    /// Factors and their derivatives by position.
+    values: Vec<[f32; 6]>,
+    slopes: Vec<[f32; 6]>,
+}
+
+impl Grid {
+    fn new(level: u32, spacing: f64) -> Self {
+        let width = f64::from(PATCH_PIXELS << level);
+        let n = samples(level, spacing) as usize;
+        let part = |i: usize| (i as f64 + 0.5) / n as f64;
+        let x = |i: usize| 2.0 * part(i) - 1.0;
+        Self {
+            at: (0..n).map(|i| (part(i) * width) as f32).collect(),
+            cell: (0..n).map(|i| (part(i) * f64::from(PATCH_PIXELS)) as usize).collect(),
+            values: (0..n).map(|i| std::array::from_fn(|k| value(k, x(i)) as f32)).collect(),
+            slopes: (0..n)
+                .map(|i| std::array::from_fn(|k| (derivative(k, x(i)) * 2.0 / width) as f32))
+                .collect(),
+        }
+    }
+}
+
+impl<'a> Decoder<'a> {
+    fn new(model: &'a PatchModel, spacing: f64, options: DecodeOptions) -> Self {
+        let grids = (0..model.lattice().levels).map(|l| Grid::new(l, spacing)).collect();
+        let colors = model.node_colors().map(|(nodes, colors)| (index(nodes), colors));
+        Self { model, grids, spacing, options, colors, tree: OnceLock::new() }
+    }
+
+    fn layers(&self, leaf: &Leaf) -> usize {
+        layers(leaf, self.spacing, self.options.as_measured) as usize
+    }
+
+    fn leaf(&self, leaf: &Leaf, cache: &mut CornerCache, points: &mut Points) {
+        let grid = &self.grids[leaf.level as usize];
+        let n = grid.at.len();
+        let before = points.positions.len();
+        for row in 0..n {
+            for column in 0..n {
+                let pixel = PATCH_PIXELS as usize * grid.cell[row] + grid.cell[column];
+                if leaf.patch.mask >> pixel & 1 != 0 {
+                    self.sample(leaf, grid, [column, row], cache, points);
+                }
+            }
+        }
+        if points.positions.len() == before {
+            // A spacing coarser than the set pixels stepped over them all: the sample nearest to the first one.
+            let pixel = leaf.patch.mask.trailing_zeros() as usize % 64;
+            let side = PATCH_PIXELS as usize;
+            let nearest = |p: usize| ((p * n + n / 2) / side).min(n - 1);
+            let at = [nearest(pixel % side), nearest(pixel / side)];
+            self.sample(leaf, grid, at, cache, points);
+        }
+    }
+
+    fn sample(
+        &self,
+        leaf: &Leaf,
+        grid: &Grid,
+        [column, row]: [usize; 2],
+        cache: &mut CornerCache,
+        points: &mut Points,
+    ) {
+        let [d, u, v] = axes_of(leaf.side);
+        let step = self.model.lattice().depth_step as f32 / 16.0;
+        let (x, y) = (&grid.values[column], &grid.values[row]);
+        let (dx, dy) = (&grid.slopes[column], &grid.slopes[row]);
+        let (mut depth, mut slope) = (0.0, [0.0; 2]);
+        for k in (0..N_SHAPES).filter(|&k| leaf.patch.coefficients[k] != 0) {
+            let (i, j) = (usize::from(DEGREES[k].0), usize::from(DEGREES[k].1));
+            let c = leaf.patch.coefficients[k] as f32 * step;
+            depth += c * x[i] * y[j];
+            slope[0] += c * dx[i] * y[j];
+            slope[1] += c * x[i] * dy[j];
+        }
+        let layers = self.layers(leaf);
+        let half = leaf.patch.half_thickness();
+        let mut position = [0.0; 3];
+        position[u] = leaf.corner[0] as f32 + grid.at[column];
+        position[v] = leaf.corner[1] as f32 + grid.at[row];
+        for layer in 0..layers {
+            let offset = (2.0 * layer as f32 + 1.0) / layers as f32 - 1.0;
+            position[d] = depth + if layers > 1 { half * offset } else { 0.0 };
+            points.positions.push(position);
+            if self.colors.is_some() {
+                points.colors.push(self.color(position, cache));
+            }
+            if self.options.normals {
+                let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+                let facing = if leaf.side.is_multiple_of(2) { 1.0 } else { -1.0 };
+                let mut normal = [0.0; 3];
+                normal[d] = facing / length;
+                normal[u] = -facing * slope[0] / length;
+                normal[v] = -facing * slope[1] / length;
+                points.normals.push(normal);
+            }
+        }
+    }
+
+    /// Colour of the nodes around a position (pixels), interpolated between their middles.
+    fn color(&self, position: [f32; 3], cache: &mut CornerCache) -> [u8; 3] {
+        let Some((places, colors)) = &self.colors else { return [0; 3] };
+        let shifted = position.map(|c| c - 0.5);
+        let low = shifted.map(f32::floor);
+        let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a]);
+        let corners = cache.around(cell_key(low.map(|c| c as i32)), places);
+        let (mut sum, mut total) = ([0.0_f32; 3], 0.0_f32);
+        for (corner, &place) in corners.iter().enumerate() {
+            let side = |a: usize| if corner >> a & 1 != 0 { part[a] } else { 1.0 - part[a] };
+            let weight = side(0) * side(1) * side(2);
+            if let Some(color) = colors.get(place as usize) {
+                (0..3).for_each(|c| sum[c] += weight * f32::from(color[c]));
+                total += weight;
+            }
+        }
+        if total > 1e-6 {
+            return sum.map(|s| (s / total).round() as u8);
+        }
+        self.nearest(position).map_or([0; 3], |i| colors[i])
+    }
+
+    /// The nearest node of all; only points off every patch ask for it.
+    fn nearest(&self, position: [f32; 3]) -> Option<usize> {
+        let (nodes, _) = self.model.node_colors()?;
+        let tree = self.tree.get_or_init(|| {
+            let middle = |&key: &u64| cell_of_key(key).map(|c| c as f32 + 0.5);
+            let middles: Vec<[f32; 3]> = nodes.iter().map(middle).collect();
+            KdTree::new(&middles).ok()
+        });
+        tree.as_ref()?.nearest(position).map(|n| n.index())
+    }
+}
+
+/// Nodes at the corners of the cubes between cell middles, for those looked at lately.
+struct CornerCache {
+    slots: Vec<(u64, [u32; 8])>,
+}
+
+impl CornerCache {
+    /// Slots; a patch passes through a few hundred cubes.
+    const SIZE: usize = 1 << 10;
+
+    fn new() -> Self {
+        // No key has its highest bit set.
+        Self { slots: vec![(u64::MAX, [u32::MAX; 8]); Self::SIZE] }
+    }
+
+    /// Places of the nodes at the cell `low` and its seven successors; `u32::MAX` where there is none.
+    fn around(&mut self, low: u64, places: &MortonMap<u32>) -> &[u32; 8] {
+        let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
+        if slot.0 != low {
+            let corner = |corner: usize| {
+                let along = (0..3).filter(|a| corner >> a & 1 != 0);
+                let key = along.fold(low, |key, axis| step(key, axis, true));
+                places.get(&key).copied().unwrap_or(u32::MAX)
+            };
+            *slot = (low, std::array::from_fn(corner));
+        }
+        &slot.1
+    }
+}

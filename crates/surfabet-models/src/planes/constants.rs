@@ -1,0 +1,117 @@
+//! The tuned constants of the method, in the order of the steps that use them.
+//!
+//! `sigma` is the standard deviation of the points across the surface: the noise.
+
+// Points.
+
+/// Points per cell in which the spacing of the points is estimated, on average.
+pub(super) const SPACING_POINTS: usize = 8;
+
+/// Share of neighbours along the curve with normals to the same side from which normals count as oriented.
+pub(super) const ORIENTED_SHARE: f64 = 0.85;
+
+// First patches.
+
+/// Sides of the largest and smallest cells in which flat parts are searched, in sigma and in spacings of the points;
+/// the larger of both counts.
+pub(super) const LARGEST_CELL_SIGMAS: f64 = 12.0;
+pub(super) const LARGEST_CELL_SPACINGS: f64 = 6.0;
+pub(super) const SMALLEST_CELL_SIGMAS: f64 = 5.0;
+pub(super) const SMALLEST_CELL_SPACINGS: f64 = 3.0;
+
+/// Points that a cell needs before it can be flat.
+pub(super) const CELL_POINTS: usize = 10;
+
+/// A cell is flat up to this standard deviation about its plane, in sigma.
+pub(super) const FLAT_CELL_SIGMAS: f64 = 1.5;
+
+/// Variance along the second axis that a cell's points need, as a share of the squared side: a filled square has a
+/// twelfth, a line of points none.
+pub(super) const CELL_SPREAD: f64 = 0.01;
+
+/// The noise is estimated where cells are flat to this share of their side; in smaller cells noise is all there is.
+pub(super) const NOISE_FLATNESS: f64 = 0.1;
+
+/// Side of a random patch as a share of the scene's, and tiles along it.
+pub(super) const RANDOM_SIDE: f64 = 0.5;
+pub(super) const RANDOM_TILES: f64 = 8.0;
+
+// Grid size G and the scale S of the weights.
+
+/// Grid size per standard deviation of the distances.
+pub(super) const SIGMAS_PER_GRID_SIZE: f64 = 3.0;
+
+/// Smallest grid size by default, in sigma as estimated beforehand.
+pub(super) const LEAST_GRID_SIZE_SIGMAS: f64 = 3.0;
+
+/// Smallest scale of the weights as a share of the grid size, for points that fit exactly.
+pub(super) const LEAST_SCALE: f64 = 0.01;
+
+// Trimming.
+
+/// Points that a tile with points holds on average; where points are sparse, tiles are as large as this needs.
+pub(super) const TILE_POINTS: f64 = 4.0;
+
+/// Doublings of the grid size that a tile may have where points are sparse.
+pub(super) const TILE_DOUBLINGS: usize = 5;
+
+/// The smallest threshold T: a tile is supported by more points than this.
+pub(super) const LEAST_THRESHOLD: f64 = 1.0;
+
+/// A tile needs this share of the mean of the tiles around it, up to so many tiles away.
+pub(super) const RIM_SHARE: f64 = 0.75;
+pub(super) const RIM_TILES: usize = 2;
+
+/// A rectangle turned away from the principal axes has to be smaller by this factor.
+pub(super) const TURNED_AREA: f64 = 0.95;
+
+/// Steps in which a right angle is searched for the smallest rectangle, and each step again.
+pub(super) const TURNS: f64 = 30.0;
+
+/// Strips of a rectangle whose outermost points stand for all points in that search.
+pub(super) const RIM_STRIPS: usize = 128;
+
+// Split.
+
+/// Bins whose strip of the rectangle is shorter than this share of the longest are partial and do not count.
+pub(super) const FULL_STRIP: f64 = 0.5;
+
+/// Standard deviations of the count by which a bin has to fall below the mean, so that chance does not split.
+pub(super) const GAP_DEVIATIONS: f64 = 3.0;
+
+/// A patch this close to its plane, in sigma, is not tested for folds.
+pub(super) const FOLD_SIGMAS: f64 = 1.1;
+
+/// Share of the squared distances that two planes leave across a clear fold, at most.
+pub(super) const CLEAR_FOLD: f64 = 0.5;
+
+/// Deepest recursion of splits: a patch becomes at most two to this power.
+pub(super) const SPLIT_DEPTH: u32 = 12;
+
+// The end of a fit.
+
+/// Points that a patch needs by default: one in so many, and at least this number.
+pub(super) const POINTS_PER_PATCH_POINT: usize = 1000;
+pub(super) const LEAST_PATCH_POINTS: usize = 30;
+
+/// A patch with this many times the points that it needs is kept, whatever its purity, fill and bend: no heap of things
+/// is that large, and a floor around furniture or a wall with pictures must not get lost.
+pub(super) const LARGE_PATCH: usize = 20;
+
+/// Standard deviation about the means of tiles that is assumed at least when bends are judged, in grid sizes: points
+/// that fit exactly still deviate by their rounding.
+pub(super) const LEAST_BEND_NOISE: f64 = 0.25;
+
+/// Last passes, in which the regression leaves out points near other patches.
+pub(super) const CLEAR_PASSES: usize = 6;
+
+/// How near to another patch a point has to be to be left out, in standard deviations of the distances.
+pub(super) const CLEAR_SIGMAS: f64 = 2.0;
+
+/// Share of a patch's points that has to be left for the others to be left out.
+pub(super) const CLEAR_SHARE: f64 = 0.3;
+
+// Rounding.
+
+/// Position steps per grid size, at least: rounding is a tenth of the noise.
+pub(super) const STEPS_PER_GRID_SIZE: f64 = 32.0;

@@ -1,0 +1,279 @@
+//! E-step: the probability that each point belongs to each patch (section II-A).
+//!
+//! With `d_ij` the distance of point `i` to the closest supported tile of patch `j`,
+//!
+//! ```text
+//! p_ij ~ w_j exp(-d_ij^2 / (2 S^2)),   sum_j p_ij = 1      (eq. 1)
+//! S = G / sqrt(-2 ln W)                                    (eq. 2)
+//! ```
+//!
+//! The mixing weight `w_j`, the number of points per area of patch `j`, is not in the paper: it weighs patches alike. Without
+//! it a patch right through a noisy wall lives on the points that happen to lie far from the wall; it has few points for
+//! its area, and so it loses them.
+
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use crate::error::Result;
+use crate::planes::patch::Patch;
+use crate::planes::points::Points;
+
+/// Stands for no patch.
+pub(in crate::planes) const NONE: u32 = u32::MAX;
+
+/// Blocks of points per unit of parallel work.
+const CHUNK: usize = 64;
+
+/// The probabilities p_ij that are not zero, by patch, and the patch that each point supports.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Responsibilities {
+    /// First entry of each patch, and the end.
+    starts: Vec<usize>,
+    /// Point and probability; points ascending for each patch.
+    entries: Vec<(u32, f32)>,
+    /// For each distinct point the patch with the largest probability.
+    pub(in crate::planes) supports: Vec<u32>,
+    /// Distance to that patch, metres; zero for points that support none.
+    pub(super) distances: Vec<f32>,
+}
+
+impl Responsibilities {
+    /// The points with a probability above zero for a patch, and this probability p_ij.
+    pub fn of(&self, patch: usize) -> &[(u32, f32)] {
+        &self.entries[self.starts[patch]..self.starts[patch + 1]]
+    }
+
+    /// Mean distance of the points that support a patch, and the share of all points that do.
+    pub(super) fn fit(&self) -> (f64, f64) {
+        let near = self.supports.iter().filter(|&&s| s != NONE).count();
+        let sum: f64 = self.distances.iter().map(|&d| f64::from(d)).sum();
+        (sum / near.max(1) as f64, near as f64 / self.supports.len().max(1) as f64)
+    }
+
+    /// The support sets of `n` patches, points ascending: `S(s_j) = {a_i : p_ij = max_k p_ik}`.
+    pub(super) fn support_sets(&self, n: usize) -> Vec<Vec<u32>> {
+        let mut sets = vec![Vec::new(); n];
+        for (i, &s) in self.supports.iter().enumerate() {
+            if s != NONE {
+                sets[s as usize].push(i as u32);
+            }
+        }
+        sets
+    }
+}
+
+/// S = G / sqrt(-2 ln W), metres (eq. 2): the standard deviation that gives a point at distance `grid_size` (G) the
+/// weight W.
+pub fn weight_scale(grid_size: f64, weight_at_grid_size: f64) -> f64 {
+    grid_size / (-2.0 * weight_at_grid_size.ln()).sqrt()
+}
+
+/// Probabilities of all points for the patches within reach, which is the grid size G; `s` is S.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`] when the caller asks to stop.
+pub fn e_step(
+    points: &Points,
+    patches: &[Patch],
+    grid_size: f64,
+    s: f64,
+    progress: &dyn Progress,
+) -> Result<Responsibilities> {
+    let near = candidates(points, patches, grid_size);
+    let mixture = Mixture::new(patches, grid_size, s);
+    let n_blocks = points.n_blocks();
+    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
+        progress.check()?;
+        let mut weighed = Weighed::default();
+        for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
+            for i in points.block(b) {
+                mixture.weigh(points, i, near.of(b), &mut weighed);
+            }
+        }
+        Ok(weighed)
+    });
+    let chunks = chunks.collect::<Result<Vec<Weighed>>>()?;
+    Ok(by_patch(patches.len(), &chunks))
+}
+
+/// The right side of eq. 1.
+struct Mixture<'a> {
+    patches: &'a [Patch],
+    grid_size: f64,
+    /// -1 / (2 S^2).
+    exponent: f64,
+    /// 2 S^2 ln w_j for each patch: the mixing weight in the unit of a squared distance.
+    prior: Vec<f64>,
+}
+
+/// What a chunk of blocks gives, in the order of its points.
+#[derive(Default)]
+struct Weighed {
+    /// Patch, point, probability.
+    entries: Vec<(u32, u32, f32)>,
+    supports: Vec<u32>,
+    distances: Vec<f32>,
+    /// Patch and d_ij^2 - 2 S^2 ln w_j of the point at hand.
+    costs: Vec<(u32, f64)>,
+}
+
+impl<'a> Mixture<'a> {
+    fn new(patches: &'a [Patch], grid_size: f64, s: f64) -> Self {
+        // Patches placed at random have no points yet: all w_j are 1 then.
+        let known = patches.iter().all(|p| p.density > 0.0);
+        let prior = |p: &Patch| if known { 2.0 * s * s * p.density.ln() } else { 0.0 };
+        Self {
+            patches,
+            grid_size,
+            exponent: -1.0 / (2.0 * s * s),
+            prior: patches.iter().map(prior).collect(),
+        }
+    }
+
+    /// p_ij of point `i` for the patches `near` it, and the patch with the largest.
+    fn weigh(&self, points: &Points, i: usize, near: &[u32], to: &mut Weighed) {
+        to.costs.clear();
+        let mut closest = (f64::INFINITY, NONE, 0.0);
+        for &j in near {
+            let patch = &self.patches[j as usize];
+            let Some(d) = patch.distance(points.positions[i], self.grid_size) else {
+                continue;
+            };
+            if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
+                continue;
+            }
+            let cost = d * d - self.prior[j as usize];
+            to.costs.push((j, cost));
+            // Of several the first.
+            if cost < closest.0 {
+                closest = (cost, j, d);
+            }
+        }
+        // The least cost is subtracted first, so that a point far from all patches still counts for one.
+        let weight = |cost: f64| (self.exponent * (cost - closest.0)).exp();
+        let sum: f64 = to.costs.iter().map(|c| weight(c.1)).sum();
+        let share = |&(j, cost): &(u32, f64)| (j, i as u32, (weight(cost) / sum) as f32);
+        to.entries.extend(to.costs.iter().map(share));
+        to.supports.push(closest.1);
+        to.distances.push(closest.2 as f32);
+    }
+}
+
+/// The probabilities of all points sorted by patch; points stay in their order (counting sort).
+fn by_patch(n: usize, chunks: &[Weighed]) -> Responsibilities {
+    let mut starts = vec![0; n + 1];
+    for &(j, _, _) in chunks.iter().flat_map(|c| &c.entries) {
+        starts[j as usize + 1] += 1;
+    }
+    for j in 0..n {
+        starts[j + 1] += starts[j];
+    }
+    let mut next = starts.clone();
+    let mut entries = vec![(0, 0.0); starts[n]];
+    for &(j, i, p) in chunks.iter().flat_map(|c| &c.entries) {
+        entries[next[j as usize]] = (i, p);
+        next[j as usize] += 1;
+    }
+    Responsibilities {
+        starts,
+        entries,
+        supports: chunks.iter().flat_map(|c| &c.supports).copied().collect(),
+        distances: chunks.iter().flat_map(|c| &c.distances).copied().collect(),
+    }
+}
+
+/// The patches that may be within reach of each block.
+struct Candidates {
+    starts: Vec<usize>,
+    patches: Vec<u32>,
+}
+
+impl Candidates {
+    fn of(&self, block: usize) -> &[u32] {
+        &self.patches[self.starts[block]..self.starts[block + 1]]
+    }
+}
+
+/// The patches of which a supported tile may be within `reach` of a point of each block (counting sort).
+fn candidates(points: &Points, patches: &[Patch], reach: f64) -> Candidates {
+    let blocks: Vec<Vec<u32>> =
+        patches.par_iter().map(|patch| patch.blocks(points, reach)).collect();
+    let mut starts = vec![0; points.n_blocks() + 1];
+    for &b in blocks.iter().flatten() {
+        starts[b as usize + 1] += 1;
+    }
+    for b in 0..points.n_blocks() {
+        starts[b + 1] += starts[b];
+    }
+    let mut next = starts.clone();
+    let mut of = vec![0; blocks.iter().map(Vec::len).sum()];
+    for (j, blocks) in blocks.iter().enumerate() {
+        for &b in blocks {
+            of[next[b as usize]] = j as u32;
+            next[b as usize] += 1;
+        }
+    }
+    Candidates { starts, patches: of }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::super::seed;
+    use super::*;
+
+    #[test]
+    fn a_point_at_the_grid_size_weighs_w() {
+        for (g, w) in [(1.0, 0.01), (0.05, 0.3)] {
+            let s: f64 = weight_scale(g, w);
+            assert!(((-g * g / (2.0 * s * s)).exp() - w).abs() < 1e-12);
+        }
+    }
+
+    /// Against the distances of all points to all patches.
+    #[test]
+    fn probabilities_are_those_of_eq_1_for_all_patches_within_reach() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let cloud: Vec<[f32; 3]> =
+            (0..3000).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
+        let points = Points::new(&PointCloud::from_positions(cloud).0, None).unwrap();
+        let mut patches = seed::random(&points, 7, 5);
+        for (j, patch) in patches.iter_mut().enumerate() {
+            let n = patch.tiles.supported().len();
+            patch.tiles.support((0..n).map(|t| t % (j + 2) == 0).collect());
+            patch.density = 1.0 + j as f64;
+        }
+        let (g, s) = (0.2, 0.07);
+        let found = e_step(&points, &patches, g, s, &Silent).unwrap();
+        let mut wanted: Vec<Vec<(u32, f64)>> = vec![Vec::new(); patches.len()];
+        for (i, &p) in points.positions.iter().enumerate() {
+            let weights: Vec<(usize, f64)> = patches
+                .iter()
+                .enumerate()
+                .filter_map(|(j, patch)| {
+                    let d = patch.distance(p, g)?;
+                    Some((j, patch.density * (-d * d / (2.0 * s * s)).exp()))
+                })
+                .collect();
+            let sum: f64 = weights.iter().map(|w| w.1).sum();
+            for &(j, w) in &weights {
+                wanted[j].push((i as u32, w / sum));
+            }
+            let best =
+                weights.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(NONE, |b| b.0 as u32);
+            assert_eq!(found.supports[i], best);
+        }
+        assert!(wanted.iter().map(Vec::len).sum::<usize>() > 500);
+        for (j, wanted) in wanted.iter().enumerate() {
+            let of = found.of(j);
+            assert_eq!(of.len(), wanted.len());
+            for (&(i, p), &(k, w)) in of.iter().zip(wanted) {
+                assert_eq!(i, k);
+                assert!((f64::from(p) - w).abs() < 1e-5, "{p} {w}");
+            }
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! Split and merge EM patch fitting, SMEMPF: EMPF, split, EMPF, merge, until distances are stable (section II-B).
+
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use super::e_step::{NONE, Responsibilities, e_step, weight_scale};
+use super::grid_size::deviation;
+use super::m_step::{Regression, clear_m_step, m_step};
+use super::merge::{Rule, close_pairs, merge};
+use super::seed;
+use super::split::{SplitRule, split};
+use super::surface::{Surfaces, surfaces};
+use super::trim::trim;
+use crate::error::Result;
+use crate::planes::constants::{
+    CLEAR_PASSES, CLEAR_SIGMAS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
+    LEAST_SCALE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
+};
+use crate::options::Options;
+use crate::planes::options::PlanesOptions;
+use crate::planes::patch::Patch;
+use crate::planes::points::Points;
+
+/// The state of a fit, to be moved on step by step.
+#[derive(Debug, Clone)]
+pub struct Fit<'a> {
+    points: &'a Points,
+    options: PlanesOptions,
+    min_points: usize,
+    smallest_grid_size: f64,
+    grid_size: f64,
+    /// Standard deviation of the distances, metres.
+    deviation: f64,
+    patches: Vec<Patch>,
+}
+
+/// One iteration in numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iteration {
+    /// Number of patches after it.
+    pub patches: usize,
+    /// Grid size (G), metres.
+    pub grid_size: f64,
+    /// Mean distance of supporting points to their patches, metres.
+    pub mean_distance: f64,
+    /// Share of the distinct points that support a patch.
+    pub supporting: f64,
+}
+
+/// How a fit went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// Each iteration in numbers.
+    pub iterations: Vec<Iteration>,
+    /// Why it ended.
+    pub stop_reason: &'static str,
+}
+
+impl<'a> Fit<'a> {
+    /// A fit with the patches to start from.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidParameter`] for options outside their domain, [`crate::Error::Cancelled`].
+    pub fn new(
+        points: &'a Points,
+        options: &PlanesOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        options.check()?;
+        let noise = seed::noise(points);
+        // Without this bound EM may lay several patches into the thickness of one noisy surface: each fits its slice
+        // well, G shrinks to the slice, and no two merge.
+        let known = noise.map_or(0.0, |n| LEAST_GRID_SIZE_SIGMAS * n);
+        let smallest = options.min_grid_size.unwrap_or(points.spacing().max(known));
+        let by_default = (points.len() / POINTS_PER_PATCH_POINT).max(LEAST_PATCH_POINTS);
+        let mut fit = Self {
+            points,
+            options: options.clone(),
+            min_points: options.min_points.unwrap_or(by_default),
+            smallest_grid_size: smallest,
+            grid_size: smallest,
+            deviation: 0.0,
+            patches: Vec::new(),
+        };
+        if options.initial_patches > 0 {
+            fit.patches = seed::random(points, options.initial_patches, options.random_state);
+            fit.grid_size = fit.first_grid_size().max(smallest);
+            fit.deviation = fit.grid_size / SIGMAS_PER_GRID_SIZE;
+        } else if let Some(noise) = noise {
+            fit.grid_size = (SIGMAS_PER_GRID_SIZE * noise).max(smallest);
+            fit.deviation = noise;
+            fit.add_patches(progress)?;
+        }
+        Ok(fit)
+    }
+
+    /// The patches as they are now.
+    pub fn patches(&self) -> &[Patch] {
+        &self.patches
+    }
+
+    /// The grid size G, metres.
+    pub fn grid_size(&self) -> f64 {
+        self.grid_size
+    }
+
+    /// Number of points that a patch needs to be kept.
+    pub fn min_points(&self) -> usize {
+        self.min_points
+    }
+
+    /// Iterates until the fit is stable and no flat points are left without a patch, then removes what is no surface.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn run(&mut self, progress: &dyn Progress) -> Result<Trace> {
+        let most = self.options.max_iterations;
+        let mut iterations: Vec<Iteration> = Vec::new();
+        let mut stop_reason = "reached the largest number of iterations";
+        // Patches are added once to a stable fit, which then has to become stable once more.
+        let mut complete = false;
+        for i in 0..most {
+            progress.update("fitting", i as f32 / most as f32);
+            let now = self.iterate(progress)?;
+            let tolerance = self.options.tolerance;
+            let is_stable = iterations.last().is_some_and(|last| stable(last, &now, tolerance));
+            iterations.push(now);
+            let mut done = is_stable && complete;
+            if !done && (is_stable || (i + 1) % self.options.new_patches_every == 0) {
+                let added = self.add_patches(progress)?;
+                complete = is_stable;
+                done = is_stable && added == 0;
+            }
+            if done {
+                stop_reason = "distances to the patches are stable";
+                break;
+            }
+        }
+        self.finish(progress)?;
+        Ok(Trace { iterations, stop_reason })
+    }
+
+    /// One iteration: EMPF, split, EMPF, merge (section II-B).
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn iterate(&mut self, progress: &dyn Progress) -> Result<Iteration> {
+        self.em(progress)?;
+        self.split(progress)?;
+        let last = self.em(progress)?;
+        self.merge(progress)?;
+        let (mean_distance, supporting) = last.fit();
+        let (patches, grid_size) = (self.patches.len(), self.grid_size);
+        Ok(Iteration { patches, grid_size, mean_distance, supporting })
+    }
+
+    /// E-step, M-step and trimming (EMPF, section II-A), as often as the options say. Gives the last probabilities.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn em(&mut self, progress: &dyn Progress) -> Result<Responsibilities> {
+        let mut last = Responsibilities::default();
+        for _ in 0..self.options.em_steps {
+            last = self.e_step(progress)?;
+            let planes = self.m_step(&last);
+            self.trim(&planes, &last);
+        }
+        Ok(last)
+    }
+
+    /// E-step with the patches as they are.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn e_step(&self, progress: &dyn Progress) -> Result<Responsibilities> {
+        // Where G is bounded from below, S still follows from the distances as they are.
+        let own = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.grid_size * LEAST_SCALE);
+        let s = weight_scale(own.min(self.grid_size), self.options.weight_at_grid_size);
+        e_step(self.points, &self.patches, self.grid_size, s, progress)
+    }
+
+    /// M-step: the new planes.
+    pub fn m_step(&self, responsibilities: &Responsibilities) -> Vec<Option<Regression>> {
+        m_step(self.points, &self.patches, responsibilities)
+    }
+
+    /// Trims new planes to patches, with the grid size that their distances give (sections II-A and II-E).
+    pub fn trim(&mut self, planes: &[Option<Regression>], responsibilities: &Responsibilities) {
+        let sets = responsibilities.support_sets(planes.len());
+        self.deviation = deviation(planes);
+        self.grid_size = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.smallest_grid_size);
+        let (points, size) = (self.points, self.grid_size);
+        self.patches = planes
+            .par_iter()
+            .zip(&sets)
+            .filter_map(|(frame, set)| trim(points, frame.as_ref()?.frame, set, size))
+            .collect();
+    }
+
+    /// Splits patches that are not evenly supported (section II-C).
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn split(&mut self, progress: &dyn Progress) -> Result<()> {
+        let points = self.points;
+        let rule = SplitRule {
+            threshold: self.options.split_threshold,
+            min_points: self.min_points,
+            noise: self.smallest_grid_size / SIGMAS_PER_GRID_SIZE,
+            merge: self.merge_rule(),
+        };
+        let parts: Vec<Vec<Patch>> = std::mem::take(&mut self.patches)
+            .into_par_iter()
+            .map(|patch| {
+                progress.check()?;
+                Ok(split(points, patch, &rule))
+            })
+            .collect::<Result<_>>()?;
+        self.patches = parts.into_iter().flatten().collect();
+        Ok(())
+    }
+
+    /// Merges similar patches (section II-D).
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn merge(&mut self, progress: &dyn Progress) -> Result<()> {
+        let patches = std::mem::take(&mut self.patches);
+        self.patches = merge(self.points, patches, &self.merge_rule(), progress)?;
+        Ok(())
+    }
+
+    /// Adds patches where points are flat and support none (section II-B). Gives their number.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn add_patches(&mut self, progress: &dyn Progress) -> Result<usize> {
+        let supports = self.e_step(progress)?.supports;
+        let free: Vec<u32> =
+            (0..).zip(&supports).filter(|(_, s)| **s == NONE).map(|f| f.0).collect();
+        let added = seed::from_data(
+            self.points,
+            &free,
+            self.grid_size,
+            self.options.merge_tolerance,
+            self.min_points,
+            progress,
+        )?;
+        let n = added.len();
+        self.patches.extend(added);
+        Ok(n)
+    }
+
+    /// Removes patches with too few points and those that are no surface, then fits the rest once more.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
+        self.patches.retain(|p| p.n_supporting() >= self.min_points);
+        let patches = std::mem::take(&mut self.patches);
+        let wanted = Surfaces {
+            min_purity: self.options.min_purity,
+            min_fill: self.options.min_fill,
+            large: LARGE_PATCH * self.min_points,
+            max_bend: self.options.max_bend,
+        };
+        self.patches = surfaces(self.points, patches, self.grid_size, wanted, progress)?;
+        self.em(progress)?;
+        for _ in 0..CLEAR_PASSES {
+            let last = self.e_step(progress)?;
+            let pairs = close_pairs(&self.patches, self.grid_size);
+            let margin = CLEAR_SIGMAS * self.deviation.min(self.grid_size / SIGMAS_PER_GRID_SIZE);
+            let planes = clear_m_step(self.points, &self.patches, &pairs, &last, margin);
+            self.trim(&planes, &last);
+        }
+        self.patches.retain(|p| p.n_supporting() >= self.min_points);
+        Ok(())
+    }
+
+    /// The first G of patches placed at random: 3 times the root mean square distance of the points to the closest.
+    fn first_grid_size(&self) -> f64 {
+        let far = 4.0 * self.points.extent().max(self.points.cell);
+        let squares: Vec<f64> = self
+            .points
+            .positions
+            .par_iter()
+            .map(|&p| {
+                let near = self.patches.iter().filter_map(|patch| patch.distance(p, far));
+                near.map(|d| d * d).fold(far * far, f64::min)
+            })
+            .collect();
+        SIGMAS_PER_GRID_SIZE * (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    }
+
+    /// When two patches merge.
+    fn merge_rule(&self) -> Rule {
+        Rule {
+            distance: self.grid_size,
+            deviation: self.grid_size / SIGMAS_PER_GRID_SIZE,
+            tolerance: self.options.merge_tolerance,
+        }
+    }
+}
+
+/// Whether mean distance and share of supporting points of two iterations differ by at most the share `tolerance`.
+fn stable(before: &Iteration, after: &Iteration, tolerance: f64) -> bool {
+    let close = |a: f64, b: f64| (a - b).abs() <= tolerance * a.abs().max(b.abs());
+    close(before.mean_distance, after.mean_distance) && close(before.supporting, after.supporting)
+}

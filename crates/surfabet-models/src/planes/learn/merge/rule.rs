@@ -1,0 +1,82 @@
+//! When two sets of points are one plane (section II-D, step 1).
+
+use surfabet_geom::Moments;
+
+use crate::planes::learn::m_step::plane;
+use crate::planes::learn::trim::mean_square;
+use crate::planes::patch::{Frame, Patch};
+use crate::vector::dot;
+
+/// A set of points and its plane, as merging sees them.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::planes::learn) struct Part {
+    pub moments: Moments,
+    pub frame: Frame,
+    /// Sum of the sides that the points were seen from.
+    pub facing: [f64; 3],
+    /// Variance of the points about the means of their tiles: without the surface's shape.
+    pub noise: f64,
+}
+
+/// When two parts become one.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::planes::learn) struct Rule {
+    /// Largest distance of one part's points from the other's plane, as root of the mean square: G.
+    pub distance: f64,
+    /// Standard deviation that every part may have, metres.
+    pub deviation: f64,
+    /// Factor of the deviation of a part about its own plane that is allowed about the common one.
+    pub tolerance: f64,
+}
+
+impl Part {
+    /// The whole support of a patch.
+    pub fn of(patch: &Patch) -> Self {
+        Self {
+            moments: patch.moments,
+            frame: patch.frame,
+            facing: patch.facing,
+            noise: patch.noise * patch.noise,
+        }
+    }
+
+    /// The union with another part and the mean square distance of its points from their plane, if `rule` allows.
+    ///
+    /// With `d(X, e)` the root mean square distance of the points of `X` from the plane `e`, both of these have to hold:
+    ///
+    /// ```text
+    /// min(d(A, e_B), d(B, e_A)) < G
+    /// d(X, e_AB) <= tolerance max(noise_X, G / 3)   for X = A and X = B
+    /// ```
+    ///
+    /// The paper has the first, of mean distances. Points known to be seen from opposite sides of the common plane do not
+    /// merge.
+    pub fn joined(&self, other: &Self, rule: &Rule) -> Option<(f64, Self)> {
+        let apart =
+            mean_square(&self.moments, &other.frame).min(mean_square(&other.moments, &self.frame));
+        if apart >= rule.distance * rule.distance {
+            return None;
+        }
+        let mut moments = self.moments;
+        moments.merge(&other.moments);
+        let frame = plane(&moments)?;
+        if dot(self.facing, frame.normal) * dot(other.facing, frame.normal) < 0.0 {
+            return None;
+        }
+        let fits = |part: &Self| {
+            let allowed = rule.tolerance * part.noise.sqrt().max(rule.deviation);
+            mean_square(&part.moments, &frame) <= allowed * allowed
+        };
+        if !(fits(self) && fits(other)) {
+            return None;
+        }
+        let share = other.moments.weight() / moments.weight();
+        let joined = Self {
+            moments,
+            frame,
+            facing: std::array::from_fn(|a| self.facing[a] + other.facing[a]),
+            noise: (1.0 - share) * self.noise + share * other.noise,
+        };
+        Some((mean_square(&moments, &joined.frame), joined))
+    }
+}

@@ -1,0 +1,116 @@
+//! From a cloud to planes, step by step.
+
+mod e_step;
+mod fit;
+mod grid_size;
+mod m_step;
+mod merge;
+mod round;
+mod seed;
+mod split;
+mod surface;
+mod trim;
+
+use surfabet_geom::{PointCloud, Progress};
+
+use crate::error::Result;
+use crate::options::Options;
+use crate::planes::model::PlaneModel;
+use crate::planes::options::PlanesOptions;
+use crate::planes::points::Points;
+use crate::report::{Report, figures, lost};
+use crate::stages::Stages;
+
+pub(super) use e_step::{NONE, e_step};
+pub use e_step::{Responsibilities, weight_scale};
+pub use fit::{Fit, Iteration, Trace};
+pub(super) use m_step::plane;
+pub(super) use seed::random;
+pub(super) use trim::mean_square;
+
+use self::round::rounded;
+
+/// The stages and their shares of the progress: the time of each in per cent, on scans of a room and of a street.
+const STAGES: &[(&str, f32)] = &[
+    ("sorting points", 2.0),
+    ("first patches", 4.0),
+    ("fitting", 92.0),
+    ("rounding patches", 2.0),
+];
+
+/// What the file keeps of a cloud beyond positions.
+const KEPT: [&str; 2] = ["colors", "normals"];
+
+/// The report of [`learn`].
+pub type PlanesReport = Report<Option<PlanesFigures>>;
+
+figures! {
+    /// What [`learn`] counts and measures.
+    pub struct PlanesFigures {
+        /// Points of the cloud.
+        pub points: usize = "points",
+        /// Points at different places.
+        pub distinct_points: usize = "distinct points",
+        /// Patches that the fit started from.
+        pub first_patches: usize = "first patches",
+        /// Patches of the model.
+        pub patches: usize = "patches",
+        /// The grid size G that was found, metres.
+        pub grid_size: f64 = "grid size",
+        /// Points of the cloud that support no patch.
+        pub outliers: u64 = "outliers",
+    }
+}
+
+/// Learns planar patches from a cloud; `weights` are by how much each point counts, one if `None`.
+///
+/// A cloud without anything flat, of a single point or a line, gives a model without patches, in which every point is
+/// an outlier. The result depends on cloud, weights and options alone, not on the number of threads or the order of
+/// the points.
+///
+/// # Errors
+/// [`crate::Error::EmptyCloud`], [`crate::Error::InvalidParameter`] for options or weights outside their domain,
+/// [`crate::Error::TooLarge`] when the scene does not fit the position step, [`crate::Error::Cancelled`].
+pub fn learn(
+    cloud: &PointCloud,
+    weights: Option<&[f32]>,
+    options: &PlanesOptions,
+    progress: &dyn Progress,
+) -> Result<PlaneModel> {
+    options.check()?;
+    let mut stages = Stages::new(STAGES, progress);
+    // Distinct points along a space-filling curve, in a tree of boxes.
+    let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
+    // Patches where cells are flat, or at random (II-B, III).
+    let mut fit = stages.run("first patches", |progress| Fit::new(&points, options, progress))?;
+    let first_patches = fit.patches().len();
+    // EMPF, split, EMPF and merge in turn, until distances are stable (II-B).
+    let trace = stages.run("fitting", |progress| fit.run(progress))?;
+    // The integers of the file; labels of the points and colours of the tiles (III).
+    let model = stages.run("rounding patches", |progress| {
+        rounded(cloud, &points, &fit, options.color_step, progress)
+    })?;
+    let figures = PlanesFigures {
+        points: cloud.len(),
+        distinct_points: points.len(),
+        first_patches,
+        patches: fit.patches().len(),
+        grid_size: fit.grid_size(),
+        outliers: model.header().n_outliers,
+    };
+    let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
+    Ok(model.with_report(PlanesReport {
+        stages: stages.finish(),
+        figures: Some(figures),
+        objectives: vec![
+            ("mean distance".into(), of(|i| i.mean_distance)),
+            ("share of points that support a patch".into(), of(|i| i.supporting)),
+            ("patches".into(), of(|i| i.patches as f64)),
+            ("grid size".into(), of(|i| i.grid_size)),
+        ],
+        iterations: trace.iterations.len(),
+        stop_reason: trace.stop_reason,
+        not_kept: lost(cloud, &KEPT),
+        ..Report::default()
+    }))
+}

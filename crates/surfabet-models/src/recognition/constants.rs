@@ -1,0 +1,174 @@
+//! The tuned constants of search and place similarity.
+//!
+//! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
+//! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
+
+// Surfaces.
+
+/// Distance of raw samples over the spacing of those that are kept: so dense that no cube on the surface is skipped.
+pub(super) const RAW_SPACING: f64 = 0.7;
+
+/// Samples up to this many spacings apart can belong to one piece: one skipped cube does not cut it.
+pub(super) const PIECE_REACH: f64 = 2.1;
+
+/// Least |cosine| between normals of neighbours in one piece: 20 degrees.
+pub(super) const PIECE_COSINE: f32 = 0.94;
+
+/// Farthest that a neighbour in one piece lies from the plane of the other, spacings.
+pub(super) const PIECE_STEP: f64 = 0.35;
+
+/// How many times as far as chroma luma, which changes with the light, may differ.
+pub(super) const LUMA_TOLERANCE: f64 = 3.0;
+
+/// Most raw samples of a surface; bounds memory.
+pub(super) const MAX_SAMPLES: u64 = 20_000_000;
+
+// The example.
+
+/// Samples along the diagonal of an example.
+pub(super) const SAMPLES_PER_DIAGONAL: f64 = 64.0;
+
+/// Closest spacing of samples unless it is given, metres.
+pub(super) const LEAST_SPACING: f64 = 0.004;
+
+/// Least tolerance unless it is given, spacings.
+pub(super) const LEAST_TOLERANCE: f64 = 0.25;
+
+/// Pieces of an object seen from two sides may differ in size by this factor at no cost.
+pub(super) const PIECE_SIZE_RATIO: f64 = 1.5;
+
+/// Least |cosine| between normals of one and the same surface: 53 degrees.
+pub(super) const NORMAL_COSINE: f32 = 0.6;
+
+// Guessing motions.
+
+/// Occurrences of the example that motions are guessed from.
+pub(super) const SEEDS: usize = 48;
+
+/// Samples of the example that guesses are tried with: those of largest weight among four times as many.
+pub(super) const TRIAL_SAMPLES: usize = 96;
+
+/// Guesses that are refined.
+pub(super) const GUESSES: usize = 2000;
+
+/// Least share of the trial samples, by weight, that a guess takes to occupied cells.
+pub(super) const LEAST_TRIAL_SHARE: f64 = 0.3;
+
+/// From this share in the region on, by its root, a piece counts as whole.
+pub(super) const WHOLE_PIECE: f64 = 0.7;
+
+/// Pieces this many times larger than the largest whole piece of the example are not searched: a seat is not searched
+/// in a wall.
+pub(super) const MAX_PIECE_RATIO: f64 = 8.0;
+
+/// From this |z| of a normal on, its horizontal direction is too uncertain to turn by: from 53 degrees of elevation.
+pub(super) const LEVEL: f64 = 0.8;
+
+/// Largest difference of |z| between normals of a pair of occurrences.
+pub(super) const SAME_INCLINATION: f64 = 0.3;
+
+/// Ratios of radii of a pair of occurrences: the same scale or the next.
+pub(super) const RADIUS_RATIOS: std::ops::Range<f64> = 0.4..2.5;
+
+/// Least similarity of colour of a pair of occurrences.
+pub(super) const LEAST_COLOR_SIMILARITY: f64 = 0.1;
+
+/// Turns that are tried where no normal gives one: an eighth of pi apart.
+pub(super) const TURNS: u32 = 16;
+
+/// Side of the cells of occupancy, and of guesses that count as one: twice the spacing or this share of the diagonal,
+/// whichever is more.
+pub(super) const GUESS_CELL: f64 = 0.03;
+
+/// |z| of a normal that separates samples tried against level cells from those tried against steep ones.
+pub(super) const TRIAL_LEVEL: f32 = 0.68;
+
+/// Cells are occupied by a steep surface below this |z| of its normal, by a level one above the other: they overlap, so
+/// that normals may be off by 13 degrees.
+pub(super) const OCCUPANCY_LEVELS: [f32; 2] = [0.85, 0.5];
+
+/// Most cells of occupancy: 32 MiB for each of two bits.
+pub(super) const MAX_CELLS: f64 = (1_u64 << 28) as f64;
+
+// Refining motions.
+
+/// Samples of the example in the rough refinement of all guesses, and in the fine one of the best.
+pub(super) const ROUGH_SAMPLES: usize = 128;
+/// The same of the fine refinement.
+pub(super) const FINE_SAMPLES: usize = 512;
+
+/// Gauss-Newton steps of either.
+pub(super) const ROUGH_STEPS: usize = 6;
+/// The same of the fine refinement.
+pub(super) const FINE_STEPS: usize = 8;
+
+/// How far a sample may be from the surface in the rough refinement: a share of the diagonal in the first step, a
+/// number of tolerances in the last.
+pub(super) const ROUGH_REACH: (f64, f64) = (0.12, 3.0);
+
+/// The same in the fine refinement, both in tolerances.
+pub(super) const FINE_REACH: [f64; 2] = [6.0, 1.0];
+
+/// Tolerance of the score by which the best guesses are kept, in tolerances.
+pub(super) const ROUGH_TOLERANCE: f64 = 2.0;
+
+/// Weight of distances along the surface beside those along its normal: along the surface the nearest sample lies anywhere
+/// within the spacing.
+pub(super) const TANGENT_WEIGHT: f64 = 0.1;
+
+/// Weight that holds a motion in directions that no surface fixes, over the weight of the samples.
+pub(super) const HOLD: f64 = 1e-3;
+
+/// Guesses that are refined finely.
+pub(super) const FINALISTS: usize = 300;
+
+/// Shifts that are tried one after the other where colours count, as shares of the diagonal.
+pub(super) const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
+
+// Scoring and suppressing.
+
+/// Samples of the example that places are scored with.
+pub(super) const SCORED_SAMPLES: usize = 4096;
+
+/// Share of motions below which a sample that matches does not count as rarer still.
+pub(super) const RAREST: f64 = 0.05;
+
+/// Motions closer than this share of the example's diagonal are one.
+pub(super) const SAME_PLACE: f64 = 0.25;
+
+/// The same before the fine refinement, for motions of about one direction.
+pub(super) const SAME_GUESS: f64 = 0.25 * SAME_PLACE;
+
+/// Motions that share more of their region than this are one.
+pub(super) const OVERLAP: f64 = 0.35;
+
+// Place similarity.
+
+/// Weight of the words against the pairs: words alone vary more between scans of one place.
+pub(super) const WORDS_WEIGHT: f64 = 0.25;
+
+/// Mean squared difference of heights, in squared radii, that halves the similarity of two words.
+pub(super) const HALF_HEIGHT_DIFFERENCE: f64 = 0.03;
+
+/// Squared difference of a hole and a surface, in squared radii: that of heights a quarter of the radius apart.
+pub(super) const HOLE_DIFFERENCE: f64 = 1.0 / 16.0;
+
+/// Weight of the squared ratio of radii, in octaves, in the exponent of the similarity of two words; that of classes of
+/// inclination is 1.
+pub(super) const RADIUS_WEIGHT: f64 = 0.25;
+
+/// Most occurrences that are compared with one another, evenly taken: bounds the time of large scenes.
+pub(super) const MAX_COMPARED: usize = 1500;
+
+/// Shortest distance with a class of its own, metres.
+pub(super) const NEAREST: f64 = 0.25;
+
+/// Height from which on the next class begins, metres.
+pub(super) const RISE_LIMITS: [f64; 3] = [0.25, 1.0, 2.5];
+
+/// |z| of a normal from which on the next class of inclination begins: steep, sloped, level.
+pub(super) const INCLINATION_LIMITS: [f64; 2] = [0.38, 0.92];
+
+/// |cosine| between the horizontal directions of two normals below which the next class begins: equal, between,
+/// perpendicular.
+pub(super) const TURN_LIMITS: [f64; 2] = [0.9, 0.45];

@@ -1,0 +1,63 @@
+//! How similar the words of two scenes are.
+
+use super::word_histogram::WordShare;
+use crate::alphabet::model::AlphabetModel;
+use crate::alphabet::word::{HEIGHT_STEPS, PIXELS, Word};
+use crate::recognition::constants::{HALF_HEIGHT_DIFFERENCE, HOLE_DIFFERENCE, RADIUS_WEIGHT};
+
+/// Cosine of two scenes under the kernel `k(a, b) = sum over the words x of a and y of b of share(x) share(y) s(x, y)`
+/// with the similarity s of words by shape, so that the alphabets may differ: `k(a, b) / sqrt(k(a, a) k(b, b))`.
+pub(super) fn word_cosine(a: &AlphabetModel, b: &AlphabetModel) -> f64 {
+    let [p, q] = [a, b].map(used_words);
+    let kernel = |p: &[UsedWord], q: &[UsedWord]| -> f64 {
+        p.iter().map(|x| q.iter().map(|y| x.share * y.share * x.similarity(y)).sum::<f64>()).sum()
+    };
+    // Summed both ways, so that rounding is the same for (a, b) and (b, a).
+    let across = 0.5 * (kernel(&p, &q) + kernel(&q, &p));
+    across / (kernel(&p, &p) * kernel(&q, &q)).sqrt()
+}
+
+/// A word of a scene in one radius and inclination.
+struct UsedWord {
+    word: Word,
+    radius: f64,
+    inclination: u8,
+    share: f64,
+}
+
+/// The words of a scene with their shares of its area.
+fn used_words(model: &AlphabetModel) -> Vec<UsedWord> {
+    let words = model.alphabet().words();
+    let used = |s: WordShare| UsedWord {
+        word: words[usize::from(s.word)].clone(),
+        radius: s.radius,
+        inclination: s.inclination,
+        share: s.share,
+    };
+    model.word_histogram().into_iter().map(used).collect()
+}
+
+impl UsedWord {
+    /// Similarity of two words as they occur, 1 to 0: `exp(-i^2 - RADIUS_WEIGHT r^2) 2^(-d / HALF_HEIGHT_DIFFERENCE)`, with
+    /// i classes of inclination and r octaves of radius between them, and their difference of heights d.
+    fn similarity(&self, other: &Self) -> f64 {
+        let classes = f64::from(self.inclination.abs_diff(other.inclination));
+        let octaves = (self.radius / other.radius).log2();
+        let heights = height_difference(&self.word, &other.word) / HALF_HEIGHT_DIFFERENCE;
+        (-classes * classes - RADIUS_WEIGHT * octaves * octaves - heights * std::f64::consts::LN_2)
+            .exp()
+    }
+}
+
+/// Mean squared difference of the heights of two words, in squared radii; [`HOLE_DIFFERENCE`] where one has a hole.
+fn height_difference(a: &Word, b: &Word) -> f64 {
+    let n = PIXELS * PIXELS;
+    let of = |k: usize| match (a.mask >> k & 1, b.mask >> k & 1) {
+        (1, 1) => {
+            (f64::from(i16::from(a.heights[k]) - i16::from(b.heights[k])) / HEIGHT_STEPS).powi(2)
+        }
+        (0, 0) => 0.0,
+        _ => HOLE_DIFFERENCE,
+    };
+    (0..n).map(of).sum::<f64>() / n as f64
+}

@@ -1,0 +1,315 @@
+"""Options of learning, for all models; written by scripts/generate_options.py."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from cyclopts import Group, Parameter
+
+__all__ = ["LEARN_OPTIONS", "LearnOptions", "ModelName"]
+
+ModelName = Literal["patches", "hscsm", "alphabet", "bic-alphabet", "planes", "gas"]
+"""What `--model` takes."""
+
+SHARED = Group("Options of several models", sort_key=1)
+PATCHES = Group("Options of --model patches", sort_key=2)
+HSCSM = Group("Options of --model hscsm", sort_key=3)
+ALPHABET = Group("Options of --model alphabet", sort_key=4)
+BIC_ALPHABET = Group("Options of --model bic-alphabet", sort_key=5)
+PLANES = Group("Options of --model planes", sort_key=6)
+GAS = Group("Options of --model gas", sort_key=7)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LearnOptions:
+    """Options of learning; None leaves them to the model."""
+
+    resolution: Annotated[float | None, Parameter(group=SHARED)] = None
+    """patches: Side of a pixel of the finest level. hscsm: Side of a pixel of the lowest level (pr,
+    the patch resolution). A positive number of metres; by default 0.01."""
+
+    levels: Annotated[int | None, Parameter(group=SHARED)] = None
+    """patches: Levels of the hierarchy. hscsm: Levels of the hierarchy; one is SCSM. For patches an
+    integer from 1 to 4; by default 2. For hscsm an integer from 1 to 8; by default 1."""
+
+    rounds: Annotated[int | None, Parameter(group=SHARED)] = None
+    """patches: Rounds of choosing patches. alphabet: Rounds of covering the scene. For patches an
+    integer from 1 to 10; by default 3. For alphabet an integer from 1 to 64; by default 4."""
+
+    color_step: Annotated[int | None, Parameter(group=SHARED)] = None
+    """patches: Rounding of luma of a single cell. alphabet: Rounding of the mean colours of
+    occurrences. planes: Rounding of the colours of tiles. gas: Rounding of colours. For patches an
+    integer from 1 to 1024 grey levels; by default 90. For alphabet an integer from 1 to 255 grey
+    levels; by default 8. For planes, gas an integer from 1 to 64 grey levels; by default 8."""
+
+    sensor: Annotated[Literal["structured-light", "constant"] | None, Parameter(group=SHARED)] = (
+        None
+    )
+    """patches, hscsm: How the error of a range measurement grows with the range. 'structured-light'
+    or 'constant'; by default structured-light."""
+
+    iterations: Annotated[int | None, Parameter(group=SHARED)] = None
+    """hscsm: Most iterations of weighted K-SVD per dictionary. bic-alphabet: Most candidate words
+    that are tried. For hscsm an integer from 1 to 1000; by default 8. For bic-alphabet an integer
+    of at least 1; by default 500."""
+
+    random_state: Annotated[int | None, Parameter(group=SHARED)] = None
+    """hscsm: Seed of the first entries of the dictionaries. bic-alphabet: Seed of the order in
+    which candidates are tried and features are spread. planes: Seed of the patches that are placed
+    at random. gas: Seed of the signals. An integer from 0 to below 2^64; by default 0."""
+
+    radius: Annotated[float | None, Parameter(group=SHARED)] = None
+    """alphabet: Smallest radius of a word (delta). bic-alphabet: Radius of a word (delta, eq. 1).
+    For alphabet a positive number of metres; by default 0.1, or one and a half times the median
+    sigma where that is more. For bic-alphabet a positive number of metres; by default 0.1."""
+
+    sigma_scale: Annotated[float | None, Parameter(group=SHARED)] = None
+    """alphabet, bic-alphabet: Factor of the deviation sigma within which a point is explained
+    (lambda, eq. 13). A positive number; by default 3."""
+
+    angular_resolution: Annotated[float | None, Parameter(group=SHARED)] = None
+    """alphabet, bic-alphabet: Angle between neighbouring beams (alpha, eq. 13). A number above 0
+    and below 180 degrees; by default estimated from the spacing of the points."""
+
+    noise: Annotated[float | None, Parameter(group=SHARED)] = None
+    """alphabet, bic-alphabet: Standard deviation of a measured point about its surface. For
+    alphabet 0 or a positive number of metres; by default estimated as the median deviation of
+    neighbouring points from their plane. For bic-alphabet 0 or a positive number of metres; by
+    default 0."""
+
+    min_range: Annotated[float | None, Parameter(group=SHARED)] = None
+    """alphabet, bic-alphabet: Points nearer to the sensor are left out, such as the robot's own
+    body. 0 or a positive number of metres; by default 0."""
+
+    min_points: Annotated[int | None, Parameter(group=SHARED)] = None
+    """bic-alphabet: Least number of points of a word. planes: Points that a patch needs. For
+    bic-alphabet an integer of at least 1; by default 8. For planes an integer of at least 3; by
+    default a thousandth of all points, at least 30."""
+
+    max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Largest distance of any input point to the cloud that is decoded as measured at the default
+    spacing. A positive number of metres; by default no bound."""
+
+    rate: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Squared error that a bit of geometry must save (lambda), summed over pixels and both
+    directions. A positive number of squared pixels; by default 1.4."""
+
+    depth_step: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Rounding of depths, in pixels of the finest level. A number from 0.0625 to 16 pixels in steps
+    of 0.0625; by default 0.75."""
+
+    chroma_ratio: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5."""
+
+    color_rate: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Squared error that a bit of colour must save. A positive number of squared colour steps; by
+    default 0.15."""
+
+    patch_pixels: Annotated[int | None, Parameter(group=HSCSM)] = None
+    """Pixels per side of a patch. An integer from 2 to 32; by default 8."""
+
+    max_depth_deviation: Annotated[float | None, Parameter(group=HSCSM)] = None
+    """Largest standard deviation of depth in a pixel (rho_max_depth). A positive number of metres;
+    by default `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the
+    lowest."""
+
+    max_color_deviation: Annotated[float | None, Parameter(group=HSCSM)] = None
+    """Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
+    channels. A positive number of grey levels; by default 60."""
+
+    min_coverage: Annotated[float | None, Parameter(group=HSCSM)] = None
+    """Least fraction of its pixels that a patch covers. A number above 0 and at most 1; by default
+    0.9."""
+
+    placement: Annotated[Literal["greedy", "subsampled"] | None, Parameter(group=HSCSM)] = None
+    """How places of patches are chosen. 'greedy' or 'subsampled'; by default greedy."""
+
+    depth_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
+    """Most entries of the depth dictionary of each level. An integer from 1 to 65535; by default
+    128."""
+
+    color_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
+    """Most entries of the colour dictionary of each level. An integer from 1 to 65535; by default
+    256."""
+
+    depth_sparsity: Annotated[int | None, Parameter(group=HSCSM)] = None
+    """Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from 1 to
+    64; by default 6."""
+
+    color_sparsity: Annotated[int | None, Parameter(group=HSCSM)] = None
+    """Most dictionary entries that describe the colour of one patch (k, eq. 1). An integer from 1
+    to 64; by default 12."""
+
+    depth_tolerance: Annotated[float | None, Parameter(group=HSCSM)] = None
+    """Root mean square error at which coding of a patch's depth ends, on the lowest level. A
+    positive number of metres; by default a fifth of `resolution`."""
+
+    color_tolerance: Annotated[float | None, Parameter(group=HSCSM)] = None
+    """Root mean square error at which coding of a patch's colour ends, on the lowest level. A
+    number above 0 and at most 255 grey levels; by default 7."""
+
+    scales: Annotated[int | None, Parameter(group=ALPHABET)] = None
+    """Number of radii, each twice the one before. An integer from 1 to 8; by default 4."""
+
+    max_words: Annotated[int | None, Parameter(group=ALPHABET)] = None
+    """Most words beside the plane. An integer from 0 to 4095; by default 24."""
+
+    preset: Annotated[Literal["small", "balanced", "fine"] | None, Parameter(group=ALPHABET)] = None
+    """Smaller files, or more of the scan within sigma. 'small', 'balanced' or 'fine'; by default
+    balanced."""
+
+    inlier_bits: Annotated[float | None, Parameter(group=ALPHABET)] = None
+    """What explaining a point is worth. A positive number of bits; by default by `preset`."""
+
+    outlier_bits: Annotated[float | None, Parameter(group=ALPHABET)] = None
+    """What a decoded point that explains nothing costs. 0 or a positive number of bits; by default
+    as `inlier_bits`."""
+
+    spacing: Annotated[float | None, Parameter(group=ALPHABET)] = None
+    """Distance of decoded points. A number from 0.25 to 4 sigma; by default 1."""
+
+    epsilon: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
+    """Least distance of decoded points (epsilon, eq. 3). A positive number of metres; by default a
+    fifth of the radius."""
+
+    feature_spacing: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
+    """Largest distance of a point of the scene to a feature. A positive number of metres; by
+    default the radius."""
+
+    interest_scales: Annotated[
+        Sequence[float] | None, Parameter(group=BIC_ALPHABET, consume_multiple=True, negative=())
+    ] = None
+    """Scales of the Laplacian of Gaussian that finds interest points in the range image. A sequence
+    with each a number from 0.5 to 32 pixels; by default 1, 2, 4."""
+
+    interest_threshold: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
+    """Least response of an interest point: squared scale times the Laplacian of the logarithm of
+    the range. A positive number; by default 0.05."""
+
+    normal_neighbors: Annotated[int | None, Parameter(group=BIC_ALPHABET)] = None
+    """Least number of neighbours that a feature's normal is fitted to, where fewer lie within the
+    radius. An integer from 3 to 1000; by default 12."""
+
+    upright: Annotated[Literal["x", "z", "view"] | None, Parameter(group=BIC_ALPHABET)] = None
+    """What is up where the normal is vertical. 'x', 'z' or 'view'; by default x."""
+
+    descriptor_pixels: Annotated[int | None, Parameter(group=BIC_ALPHABET)] = None
+    """Pixels per side of a descriptor; those within the inscribed circle count. An integer from 2
+    to 32; by default 8."""
+
+    empty_penalty: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
+    """Part of the distance of two descriptors for a pixel that is empty in only one of them, as a
+    share of the radius. A number from 0 to 1; by default 0.5."""
+
+    floor: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
+    """Distance at which a point without a decoded one nearby counts as having one. A number from 3
+    to 40 sigma; by default 3."""
+
+    max_rejections: Annotated[int | None, Parameter(group=BIC_ALPHABET)] = None
+    """Learning ends after this many candidates in a row that did not lower the BIC. An integer of
+    at least 1; by default 500."""
+
+    reduce: Annotated[bool | None, Parameter(group=BIC_ALPHABET)] = None
+    """Removes occurrences without which the likelihood does not fall (section III-D). True or
+    False; by default True."""
+
+    initial_patches: Annotated[int | None, Parameter(group=PLANES)] = None
+    """Number of patches to start from, placed at random. An integer from 0 to 2^20; by default
+    0."""
+
+    min_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Grid size (G, section II-E) that the learned one does not fall below. A positive number of
+    metres; by default twice the median spacing of the points."""
+
+    weight_at_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Weight of a point at distance G before normalisation (W, eq. 2). A number above 0 and below
+    1; by default 0.01."""
+
+    split_threshold: Annotated[float | None, Parameter(group=PLANES)] = None
+    """A patch is split where its density falls below this share of the mean (section II-C). A
+    number from 0 to below 1; by default 0.6667."""
+
+    merge_tolerance: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Factor by which points of either of two patches may be further from their common plane than
+    from their own for the two to merge (section II-D). A number of at least 1; by default 1.25."""
+
+    em_steps: Annotated[int | None, Parameter(group=PLANES)] = None
+    """Passes of E-step, M-step and trimming before each split and each merge (EMPF, section II-A).
+    An integer from 1 to 10000; by default 2."""
+
+    new_patches_every: Annotated[int | None, Parameter(group=PLANES)] = None
+    """Iterations after which patches are added where many points support none (section II-B). An
+    integer from 1 to 10000; by default 5."""
+
+    max_iterations: Annotated[int | None, Parameter(group=PLANES)] = None
+    """Most iterations of EMPF, split, EMPF, merge. An integer from 1 to 10000; by default 30."""
+
+    tolerance: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Learning ends when the mean distance of points to their patches and the share of points that
+    support one change by less than this share. A positive number; by default 0.01."""
+
+    min_purity: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Least share of the points before and behind a patch, up to the grid size, that support it. A
+    number from 0 to 1; by default 0.85."""
+
+    min_fill: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Least share of a patch's rectangle that its supported tiles cover. A number from 0 to 1; by
+    default 0.6."""
+
+    max_bend: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Largest ratio of the standard deviation of points about their patch to that about the mean of
+    their tile. A number of at least 1; by default 1.55."""
+
+    n_neurons: Annotated[int | None, Parameter(group=GAS)] = None
+    """Number of neurons at which the network stops growing, at most as many as the points have
+    places. An integer from 2 to 2^26; by default 10000."""
+
+    patterns: Annotated[int | None, Parameter(group=GAS)] = None
+    """Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
+    default 300."""
+
+    epsilon_w: Annotated[float | None, Parameter(group=GAS)] = None
+    """Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b). A number
+    above 0 and at most 1; by default 0.2."""
+
+    epsilon_n: Annotated[float | None, Parameter(group=GAS)] = None
+    """Share of the way to the signal that the winner's neighbours move (epsilon_n). A number from 0
+    to 1; by default 0.006."""
+
+    alpha: Annotated[float | None, Parameter(group=GAS)] = None
+    """Factor of the errors of the two neurons that a new one is put between (alpha). A number above
+    0 and below 1; by default 0.5."""
+
+    beta: Annotated[float | None, Parameter(group=GAS)] = None
+    """Share of every error that is forgotten with each signal (beta, 1 - d). A number from 0 to
+    0.5; by default 0.5 divided by the number of neurons, the same memory per neuron for any
+    number."""
+
+    max_age: Annotated[int | None, Parameter(group=GAS)] = None
+    """Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50."""
+
+    target_error: Annotated[float | None, Parameter(group=GAS)] = None
+    """Mean distance of signals to their winners at which the network stops growing before it has
+    all its neurons. A positive number of metres; by default it grows until it has all its
+    neurons."""
+
+    passes: Annotated[float | None, Parameter(group=GAS)] = None
+    """Number of signals as a multiple of the number of points. A number above 0 and at most
+    1000000; by default `patterns` signals per neuron."""
+
+    position_step: Annotated[float | None, Parameter(group=GAS)] = None
+    """Rounding of positions, taken to the next power of two below. A positive number of metres; by
+    default a sixteenth of the mean edge."""
+
+    search: Annotated[Literal["indexed", "brute-force"] | None, Parameter(group=GAS)] = None
+    """How winners are found. 'indexed' or 'brute-force'; by default indexed."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that were given."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+LEARN_OPTIONS = LearnOptions()

@@ -1,0 +1,198 @@
+"""Sparse-coded surface patches from Python: arrays, files, errors, threads and interrupts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import surfabet as sb
+from generated import DATA, WITHOUT_DATA, kinect_frame, write_organised_pcd
+from surfabet.errors import InvalidInputError
+
+PIXEL = 0.01
+
+
+def scene(n: int = 20_000) -> sb.PointCloud:
+    """A striped dome of one metre."""
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 1, (2, n))
+    points = np.stack([x, y, 0.1 * np.sin(9 * x) * np.cos(7 * y)], axis=1)
+    colors = (127.5 + 127.5 * np.sin(40 * points)).astype(np.uint8)
+    return sb.PointCloud(points, colors=colors)
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    return scene()
+
+
+@pytest.fixture(scope="module")
+def model(cloud: sb.PointCloud) -> sb.HscsmModel:
+    return sb.learn_hscsm(cloud, resolution=PIXEL, iterations=3)
+
+
+def test_arrays_have_their_shapes(cloud, model):
+    (level,) = model.levels
+    m, n = len(model), level.pixels
+    assert (level.patches, n, level.pixel_size) == (m, 8, PIXEL)
+    assert model.n_points == len(cloud)
+    assert model.has_color
+    assert model.centers.shape == (m, 3)
+    assert model.centers.dtype == np.float64
+    assert model.axes.shape == (m, 3, 3)
+    assert model.masks().shape == (m, n, n)
+    assert model.masks().dtype == np.bool_
+    assert model.masks().any(axis=(1, 2)).all()
+    identity = np.broadcast_to(np.eye(3), (m, 3, 3))
+    np.testing.assert_allclose(model.axes @ model.axes.transpose(0, 2, 1), identity, atol=1e-5)
+    for channel, planes, entries in [
+        ("depth", 1, level.depth_entries),
+        ("color", 3, level.color_entries),
+    ]:
+        dictionary = model.dictionary.concatenated(channel)[0]
+        assert dictionary.shape == (entries, planes * n * n)
+        assert dictionary.dtype == np.float32
+        np.testing.assert_allclose(np.linalg.norm(dictionary, axis=1), 1, atol=1e-5)
+        assert model.means(channel=channel).shape == (m, planes)
+        offsets, used, coefficients = model.codes(channel=channel)
+        assert offsets.shape == (m + 1,)
+        assert offsets[-1] == len(used) == len(coefficients) > 0
+        assert set(used) == set(range(entries))
+        assert (coefficients != 0).all()
+
+
+def test_decoding_is_what_the_equations_say(model):
+    """Eq. 2 and 3 in numpy, at one point per pixel, where nothing is interpolated."""
+    masks, n = model.masks(), model.levels[0].pixels
+    area = n * n
+
+    def images(channel, planes, means):
+        dictionary = model.dictionary.concatenated(channel)[0]
+        offsets, used, coefficients = model.codes(channel=channel)
+        out = np.repeat(means, area, axis=1)
+        for i in range(len(model)):
+            part = slice(offsets[i], offsets[i + 1])
+            out[i] += coefficients[part] @ dictionary[used[part]]
+        return out.reshape(len(model), planes, area)
+
+    depth = images("depth", 1, model.means())[:, 0]
+    luma, orange, green = model.means(channel="color").T
+    base = luma - green / 2
+    blue = base - orange / 2
+    rgb = np.stack([blue + orange, green + base, blue], axis=1)
+    color = images("color", 3, rgb)
+    grid = (np.arange(n) - (n - 1) / 2) * PIXEL
+    rows, columns = np.meshgrid(grid, grid, indexing="ij")
+    x, y, normal = (model.axes[:, None, i] for i in range(3))
+    points = model.centers[:, None] + columns.reshape(1, -1, 1) * x
+    points = points + rows.reshape(1, -1, 1) * y + depth[:, :, None] * normal
+    kept = masks.reshape(len(model), area)
+
+    decoded = model.decode(PIXEL)
+    np.testing.assert_allclose(decoded.points, points[kept], atol=1e-5)
+    expected = np.clip(color.transpose(0, 2, 1)[kept], 0, 255)
+    np.testing.assert_allclose(decoded.colors.astype(float), expected, atol=0.51)
+
+
+def test_the_report_accounts_for_the_cloud(cloud, model):
+    with pytest.raises(InvalidInputError, match="level is 3"):
+        model.masks(3)
+    report = model.report
+    assert report.figures["points"] == len(cloud)
+    assert report.figures["samples"] == report.figures["samples covered"]
+    assert report.figures["patches"] == len(model)
+    assert report.figures["set pixels"] == model.masks().sum()
+
+
+def learn_hierarchy(cloud: sb.PointCloud) -> sb.HscsmModel:
+    return sb.learn_hscsm(
+        cloud,
+        resolution=PIXEL,
+        levels=3,
+        patch_pixels=4,
+        max_color_deviation=60,
+        iterations=3,
+    )
+
+
+@pytest.fixture(scope="module")
+def levelled(cloud: sb.PointCloud) -> sb.HscsmModel:
+    return learn_hierarchy(cloud)
+
+
+def test_a_hierarchy_owns_every_sample_once(cloud, levelled):
+    report = levelled.report
+    assert [level.pixel_size for level in levelled.levels] == [0.04, 0.02, 0.01]
+    assert report.figures["samples"] == report.figures["samples covered"]
+    assert sum(level.patches for level in levelled.levels) == len(levelled)
+    assert levelled.levels[1].patches > 0
+    for level, figures in zip(levelled.levels, report.levels, strict=True):
+        assert figures["patches"] == level.patches
+        assert figures["set pixels"] == level.set_pixels
+        assert figures["area"] == pytest.approx(level.area)
+        assert level.area == pytest.approx(level.set_pixels * level.pixel_size**2)
+        assert figures["depth dictionary entries"] == level.depth_entries
+    again = sb.from_bytes(levelled.to_bytes())
+    np.testing.assert_array_equal(again.decode().points, levelled.decode().points)
+    far = sb.KdTree(again.decode()).query(cloud.points)[0]
+    # An upper level sets what is on average off its pixel's centre by at most a quarter.
+    assert far.max() < 0.04
+
+
+def test_patches_are_arrays_over_all_levels(levelled):
+    patches = levelled.patches
+    m = len(levelled)
+    assert len(patches) == m
+    assert patches.poses.shape == (m, 4, 4)
+    np.testing.assert_array_equal(patches.poses[:, :3, 3], levelled.centers)
+    np.testing.assert_allclose(np.linalg.det(patches.poses[:, :3, :3]), 1, atol=1e-5)
+    assert np.bincount(patches.level).tolist() == [x.patches for x in levelled.levels]
+    np.testing.assert_allclose(patches.size, 4 * patches.pixel_size)
+    assert [len(masks) for masks in patches.masks] == [x.patches for x in levelled.levels]
+    for channel, codes, width in [("depth", patches.depth, 1), ("color", patches.color, 3)]:
+        entries, starts = levelled.dictionary.concatenated(channel)
+        assert entries.shape == (starts[-1], width * 16)
+        assert codes.offsets.shape == (m + 1,)
+        assert codes.offsets[-1] == len(codes.atoms) == len(codes.coefficients)
+        # Indices are moved: each level uses its own part of the concatenated dictionary.
+        level_of_code = np.repeat(patches.level, np.diff(codes.offsets))
+        assert (codes.atoms >= starts[level_of_code]).all()
+        assert (codes.atoms < starts[level_of_code + 1]).all()
+        assert set(codes.atoms) == set(range(starts[-1]))
+
+
+def test_a_second_scene_needs_no_dictionary(levelled):
+    other = scene(19_000)
+    dictionary = levelled.dictionary
+    own = learn_hierarchy(other)
+    shared = dictionary.describe(other, max_color_deviation=60)
+    assert shared.shares_vocabulary
+    assert not own.shares_vocabulary
+    assert shared.dictionary == dictionary != own.dictionary
+    assert len(shared.to_bytes()) < len(own.to_bytes())
+    assert [level.pixel_size for level in shared.levels] == [0.04, 0.02, 0.01]
+    with pytest.raises(TypeError, match="levels"):
+        dictionary.describe(other, levels=2)
+    colorless = sb.learn_hscsm(sb.PointCloud(other.points), resolution=0.02)
+    with pytest.raises(InvalidInputError, match="dictionary has none"):
+        colorless.dictionary.describe(other)
+
+
+def test_a_frame_of_structured_light_is_kept_within_its_resolution(tmp_path):
+    """Twin of the test below."""
+    write_organised_pcd(tmp_path / "frame.pcd", kinect_frame(), width=240)
+    with pytest.warns(sb.DroppedPointsWarning, match="of 43200 points"):
+        frame = sb.read(tmp_path / "frame.pcd")
+    model = sb.learn_hscsm(frame, resolution=0.015)
+    quality = sb.evaluate(frame, model.decode(), normal_neighbors=None)
+    print("XX hframe", quality)
+    assert quality.rmse_pooled < 0.015
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=WITHOUT_DATA)
+@pytest.mark.filterwarnings("ignore::surfabet.DroppedPointsWarning")
+def test_a_real_frame_is_kept_within_its_resolution():
+    frame = sb.read(DATA / "rgbd_frame" / "table.pcd")
+    model = sb.learn_hscsm(frame, resolution=0.006)
+    quality = sb.evaluate(frame, model.decode())
+    assert quality.rmse_pooled < 0.006
