@@ -1,9 +1,13 @@
 //! The tuned constants of the method. None of them is needed to read a file; sizes that the format fixes stand beside
 //! the code that they bound (`lattice`, `word`, `coding`).
+//!
+//! Comments give the reason for a value. The effect of each constant by itself has not been measured; what was measured
+//! are the results of all together (`docs/benchmarks/alphabet.md`).
 
 // Preparing the scene.
 
-/// Side of the cells that keep one point each, over sigma: what lies closer adds time and no surface.
+/// Side of the cells that keep one point each, over sigma: a decoded point that explains one of the points of a cell
+/// explains most others too.
 pub(super) const THINNING_SIDE: f32 = 0.5;
 
 /// Points that a normal is fitted to.
@@ -18,7 +22,7 @@ pub(super) const DEFAULT_RADIUS_IN_SIGMAS: f64 = 1.5;
 
 // Finding planes.
 
-/// Planes sought per cell: the walls and the floor of a corner.
+/// Planes sought per cell: three meet in the corner of a room.
 pub(super) const PLANES_PER_CELL: usize = 3;
 
 /// Rounds of fitting a plane to the points near to it.
@@ -72,7 +76,7 @@ pub(super) const FIRST_OCCURRENCE_BITS: f32 = 18.0;
 /// Bits of a word, before the coder has seen any.
 pub(super) const FIRST_WORD_BITS: f32 = 3.0;
 
-/// The same of the plane, the most frequent word.
+/// The same of the plane.
 pub(super) const FIRST_PLANE_BITS: f32 = 1.0;
 
 /// Added to how often a word occurs before its bits are taken from its share: words that do not occur have a price.
@@ -83,6 +87,6 @@ pub(super) const REFINEMENT_PASSES: usize = 2;
 
 // Encoding.
 
-/// Largest sum of residuals, in steps, at which an occurrence is coded from a predicted plane. Beyond it coding the
-/// pose directly is as short.
+/// Largest sum of residuals, in steps, at which an occurrence is coded from a predicted plane. Beyond it the pose
+/// is coded directly.
 pub(super) const MAX_PREDICTION_CHANGE: i32 = 12;

@@ -21,7 +21,7 @@ use crate::report::{Report, figures, lost};
 use crate::scans::Scene;
 use crate::stages::Stages;
 
-/// The stages and their shares of the progress: the time of each in per cent.
+/// The stages and their shares of the progress, in per cent.
 const STAGES: &[(&str, f32)] = &[
     ("preparing the scene", 10.0),
     ("finding planes", 20.0),
