@@ -75,7 +75,7 @@ fn describe(
     let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);
     check_extent(extent, options.resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
     let mut stages = Stages::new(STAGES, progress);
-    let mut report = Report::default();
+    let mut report: Report = Report::default();
 
     // The sub-sampled cloud P' (III-A).
     let samples =

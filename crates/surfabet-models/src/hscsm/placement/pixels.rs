@@ -51,7 +51,7 @@ pub(in crate::hscsm) struct Rules {
 
 /// Weighted sums over the samples of a pixel.
 #[derive(Clone, Copy, Default)]
-pub(super) struct PixelSums {
+pub(in crate::hscsm) struct PixelSums {
     pub weight: f64,
     count: f64,
     /// Along the patch's x- and y-axes, without weights: where samples are, not how well they were seen.
