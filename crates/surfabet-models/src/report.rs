@@ -1,7 +1,5 @@
 //! What a learning run reports, whatever the method.
 
-use std::time::Instant;
-
 use surfabet_geom::PointCloud;
 
 /// One stage of a run.
@@ -125,22 +123,6 @@ impl<F: Figures> Report<F> {
 }
 
 impl Report {
-    /// Runs `work` as the stage `name` and takes its time.
-    pub(crate) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
-        let value = work();
-        self.add_time(name, start.elapsed().as_secs_f64());
-        value
-    }
-
-    /// Adds to the time of the stage `name`, which may come back level after level.
-    pub(crate) fn add_time(&mut self, name: &'static str, seconds: f64) {
-        match self.stages.iter_mut().find(|stage| stage.name == name) {
-            Some(stage) => stage.seconds += seconds,
-            None => self.stages.push(Stage { name, seconds }),
-        }
-    }
-
     /// Adds to the figure `name`.
     pub(crate) fn add_figure(&mut self, name: &'static str, value: f64) {
         match self.figures.iter_mut().find(|figure| figure.0 == name) {

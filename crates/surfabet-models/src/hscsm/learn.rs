@@ -1,36 +1,30 @@
 //! The whole way from a cloud to a model.
 
-use rayon::prelude::*;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
-use super::channels::dictionary::{
-    ChannelOptions, HscsmDictionary, LevelDictionary, learn_channel,
-};
-use super::channels::images::{Images, project};
+use super::channels::dictionary::{HscsmDictionary, LevelDictionary};
+use super::channels::images::project;
+use super::channels::means::{LevelTask, learn_color, learn_depth};
+use super::constants::{GATE_DEVIATIONS, LEFT_PIXELS, POSITION_STEP};
 use super::model::{Channel, HscsmModel, HscsmModelParts, Level, MAX_POSITION, Steps};
 use super::options::HscsmOptions;
 use super::order::{steps_per_cell, storing_order};
-use super::placement::field::{Grid, Rules};
-use super::placement::{Placed, place};
+use super::placement::{OwnedPatch, PixelGrid, Rules, place};
 use super::samples::Samples;
-use crate::color::{to_rgb, to_ycocg};
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
 use crate::report::{Report, lost};
+use crate::stages::Stages;
 
-/// Position lattice, in pixels: a quarter of a pixel moves no sample visibly, since depth and colour are measured
-/// after the pose is rounded.
-const POSITION_STEP: f64 = 0.25;
-
-/// Share of a patch's pixels that must be left above the lowest level when those that deviate too much are masked
-/// out: below it, the patches of the next level describe the same with fewer poses than would be needed twice.
-const LEFT_PIXELS: f64 = 0.5;
-
-/// Above the lowest level growth accepts depths within this many times the largest deviation: a layer of points spread
-/// evenly over that deviates just as much as a pixel may. What is thicker becomes several sheets, as at the lowest
-/// level, where the gate is a pixel.
-const GATE_DEVIATIONS: f64 = 1.732_050_807_568_877_2;
+/// The stages of learning, with their shares of the progress; all but the first come back level after level.
+const STAGES: &[(&str, f32)] = &[
+    ("merging points", 0.1),
+    ("placing patches", 0.4),
+    ("projecting patches", 0.05),
+    ("learning depth", 0.2),
+    ("learning colour", 0.25),
+];
 
 /// Learns surface patches from a cloud: SCSM with one level, HSCSM with several.
 ///
@@ -80,17 +74,24 @@ fn describe(
     options.check()?;
     let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);
     check_extent(extent, options.resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
-    let mut report = Report::default();
+    let mut stages = Stages::new(STAGES, progress);
+    let mut report: Report = Report::default();
 
-    progress.update("merging points", 0.0);
-    let samples = report.time("merging points", || Samples::merge(cloud, options, progress))?;
-    describe_cloud(&mut report, cloud, &samples);
+    // The sub-sampled cloud P' (III-A).
+    let samples =
+        stages.run("merging points", |progress| Samples::merge(cloud, options, progress))?;
+    report.figures.extend([("points", cloud.len() as f64), ("samples", samples.len() as f64)]);
+    report.not_kept = lost(cloud, &["colors"]);
+    // The hierarchy H, coarsest level first: each describes what it can of the samples that are left.
     let mut owned = vec![false; samples.len()];
     let mut levels = Vec::with_capacity(options.levels as usize);
     for j in 0..options.levels {
         let frozen = frozen.and_then(|d| d.levels.get(j as usize));
-        levels.push(learn_level(&samples, &mut owned, j, options, frozen, &mut report, progress)?);
+        let task = level_task(options, j, frozen);
+        levels.push(learn_level(&samples, &mut owned, &task, &mut stages, &mut report)?);
     }
+
+    report.stages = stages.finish();
     report.stop_reason = match frozen {
         None => "every point is covered and the dictionaries are learned",
         Some(_) => "every point is covered",
@@ -104,63 +105,86 @@ fn describe(
     Ok(HscsmModel::from_parts(parts)?.with_report(report))
 }
 
-/// Describes what level `j` can of the samples that are not `owned` yet; the others go down.
+fn level_task<'a>(
+    options: &'a HscsmOptions,
+    level: u32,
+    frozen: Option<&'a LevelDictionary>,
+) -> LevelTask<'a> {
+    let area = (options.patch_pixels * options.patch_pixels) as usize;
+    LevelTask { options, level, area, steps: steps(options, level), frozen }
+}
+
+/// Describes what a level can of the samples that are not `owned` yet; the others go down.
 fn learn_level(
     samples: &Samples,
     owned: &mut Vec<bool>,
-    j: u32,
-    options: &HscsmOptions,
-    frozen: Option<&LevelDictionary>,
+    task: &LevelTask<'_>,
+    stages: &mut Stages<'_>,
     report: &mut Report,
-    progress: &dyn Progress,
 ) -> Result<Level> {
+    let LevelTask { options, level: j, .. } = *task;
+    let n_levels = options.levels as usize;
     let pixel_size = options.pixel_size(j);
-    let grid = Grid {
+    let grid = PixelGrid {
         pixel: pixel_size as f32,
         n: options.patch_pixels as usize,
         position_step: (POSITION_STEP * pixel_size) as f32,
     };
-    let doublings = options.doublings(j);
-    let placed = report.time("placing patches", || {
-        place(samples, owned, doublings, grid, rules(options, j), options.placement, progress)
+    // Poses T, and which patch owns which samples (III-A).
+    let (patches, distance) = stages.run_round("placing patches", n_levels, |progress| {
+        let (doublings, rules) = (options.doublings(j), rules(options, j));
+        let patches = place(samples, owned, doublings, grid, rules, options.placement, progress)?;
+        let patches = in_storing_order(patches, pixel_size, options.patch_pixels);
+        let distance = neighbour_distance(&patches, grid, progress)?;
+        Ok((patches, distance))
     })?;
-    let placed = in_storing_order(placed, pixel_size, options.patch_pixels);
-    let images = report.time("projecting patches", || project(samples, &placed, grid));
-    progress.check()?;
+    // Depth and colour images, bitmasks b (III, figure 2).
+    let images = stages
+        .run_round("projecting patches", n_levels, |_| Ok(project(samples, &patches, grid)))?;
+    // Dictionaries and sparse codes c of both channels (III-B).
+    let depth = stages.run_round("learning depth", n_levels, |progress| {
+        learn_depth(&images, task, report, progress)
+    })?;
+    let color = match &images.color {
+        None => None,
+        Some(colors) => Some(stages.run_round("learning colour", n_levels, |progress| {
+            learn_color(colors, &images, task, report, progress)
+        })?),
+    };
+    let level = Level {
+        pixel_size,
+        pixels: options.patch_pixels,
+        steps: task.steps,
+        poses: patches.iter().map(|p| p.pose).collect(),
+        masks: images.mask,
+        depth,
+        color,
+    };
+    report_level(&level, &patches, distance, report);
+    Ok(level)
+}
 
-    let taken = placed.iter().map(|p| p.members.len()).sum::<usize>();
-    let distance = neighbour_distance(&placed, grid, progress)?;
-    let steps = steps(options, j);
-    let scale = Scale { level: j, grid, steps, frozen };
-    let depth = learn_depth(&images, scale, options, report, progress)?;
-    let color = learn_color(&images, scale, options, report, progress)?;
-    let set = images.mask.iter().map(|&m| usize::from(m)).sum::<usize>();
+/// Adds the figures of a level to the report: to those of the whole model, and as a level of their own.
+fn report_level(level: &Level, patches: &[OwnedPatch], distance: Option<f64>, report: &mut Report) {
+    let taken = patches.iter().map(|p| p.members.len()).sum::<usize>();
+    let set = level.set_pixels() as f64;
     let entries = |channel: &Channel| channel.dictionary.n_atoms() as f64;
     let figures = [
         ("samples covered", taken as f64),
-        ("patches", placed.len() as f64),
-        ("set pixels", set as f64),
-        ("area", set as f64 * pixel_size * pixel_size),
-        ("depth dictionary entries", entries(&depth)),
-        ("colour dictionary entries", color.as_ref().map_or(0.0, entries)),
+        ("patches", level.len() as f64),
+        ("set pixels", set),
+        ("area", level.covered_area()),
+        ("depth dictionary entries", entries(&level.depth)),
+        ("colour dictionary entries", level.color.as_ref().map_or(0.0, entries)),
     ];
     for (name, value) in figures {
         report.add_figure(name, value);
     }
-    let mut of_level = vec![("pixel size", pixel_size)];
+    let mut of_level = vec![("pixel size", level.pixel_size)];
     of_level.extend(figures);
-    of_level.push(("set pixels per patch", set as f64 / placed.len().max(1) as f64));
+    of_level.push(("set pixels per patch", set / level.len().max(1) as f64));
     of_level.extend(distance.map(|d| ("distance of neighbouring patches", d)));
     report.levels.push(of_level);
-    Ok(Level {
-        pixel_size,
-        pixels: options.patch_pixels,
-        steps,
-        poses: placed.iter().map(|p| p.pose).collect(),
-        masks: images.mask,
-        depth,
-        color,
-    })
 }
 
 /// What level `j` accepts; the lowest takes all.
@@ -189,29 +213,33 @@ fn rules(options: &HscsmOptions, j: u32) -> Rules {
 
 /// Mean distance from a patch of a level to the nearest other, metres; `None` for fewer than two patches.
 fn neighbour_distance(
-    placed: &[Placed],
-    grid: Grid,
+    patches: &[OwnedPatch],
+    grid: PixelGrid,
     progress: &dyn Progress,
 ) -> Result<Option<f64>> {
-    if placed.len() < 2 {
+    if patches.len() < 2 {
         return Ok(None);
     }
     let centers: Vec<[f32; 3]> =
-        placed.iter().map(|p| p.pose.frame(grid.position_step).center).collect();
+        patches.iter().map(|p| p.pose.frame(grid.position_step).center).collect();
     let nearest = KdTree::new(&centers)?.k_nearest_batch(&centers, 2, progress)?;
     let sum: f64 = nearest.chunks(2).map(|pair| f64::from(pair[1].squared_distance()).sqrt()).sum();
-    Ok(Some(sum / placed.len() as f64))
+    Ok(Some(sum / patches.len() as f64))
 }
 
-fn in_storing_order(placed: Vec<Placed>, pixel_size: f64, pixels: u32) -> Vec<Placed> {
-    let poses: Vec<_> = placed.iter().map(|p| p.pose).collect();
+/// The patches in the order in which a file stores them.
+fn in_storing_order(patches: Vec<OwnedPatch>, pixel_size: f64, pixels: u32) -> Vec<OwnedPatch> {
+    let poses: Vec<_> = patches.iter().map(|p| p.pose).collect();
     let side = steps_per_cell(pixel_size, pixels, POSITION_STEP * pixel_size);
-    let mut placed: Vec<Option<Placed>> = placed.into_iter().map(Some).collect();
-    storing_order(&poses, side).into_iter().filter_map(|i| placed[i].take()).collect()
+    let mut patches: Vec<Option<OwnedPatch>> = patches.into_iter().map(Some).collect();
+    storing_order(&poses, side).into_iter().filter_map(|i| patches[i].take()).collect()
 }
 
-/// Quantiser steps of level `j` at which rounding all coefficients of a full code costs about half of the
-/// tolerance.
+/// Quantiser steps of level `j`.
+///
+/// Rounding to a step q makes a squared error of q^2 / 12 per coefficient, so that k of them, spread over n values, make
+/// a mean squared error of k q^2 / (12 n). With `q = tolerance sqrt(3 n / k)` that is a quarter of the squared tolerance:
+/// rounding all coefficients of a full code costs half of the tolerance.
 fn steps(options: &HscsmOptions, j: u32) -> Steps {
     let code_step = |tolerance: f64, n_features: f64, sparsity: u32| {
         tolerance * (3.0 * n_features / f64::from(sparsity)).sqrt()
@@ -225,139 +253,5 @@ fn steps(options: &HscsmOptions, j: u32) -> Steps {
         depth_code: code_step(depth_tolerance, area, options.depth_sparsity),
         color_mean: 0.5 * color_tolerance,
         color_code: code_step(color_tolerance, 3.0 * area, options.color_sparsity),
-    }
-}
-
-fn describe_cloud(report: &mut Report, cloud: &PointCloud, samples: &Samples) {
-    report.figures.extend([("points", cloud.len() as f64), ("samples", samples.len() as f64)]);
-    report.not_kept = lost(cloud, &["colors"]);
-}
-
-/// The level that a channel is learned for.
-#[derive(Clone, Copy)]
-struct Scale<'a> {
-    level: u32,
-    grid: Grid,
-    steps: Steps,
-    frozen: Option<&'a LevelDictionary>,
-}
-
-/// How the report calls the objective of `channel` at `level`.
-fn objective(channel: &str, level: u32, options: &HscsmOptions) -> String {
-    if options.levels == 1 { channel.to_owned() } else { format!("{channel}, level {level}") }
-}
-
-/// Means in steps and what remains of `images` without them, plane by plane of `area` pixels.
-struct Centred {
-    means: Vec<i32>,
-    rest: Vec<f32>,
-}
-
-fn learn_depth(
-    images: &Images,
-    scale: Scale<'_>,
-    options: &HscsmOptions,
-    report: &mut Report,
-    progress: &dyn Progress,
-) -> Result<Channel> {
-    let Scale { level, grid, steps, frozen } = scale;
-    let area = grid.area();
-    let weights: Vec<f32> = images.mask.iter().map(|&m| f32::from(m)).collect();
-    let mut rest = images.depth.clone();
-    let means = (rest.par_chunks_mut(area).zip(images.mask.par_chunks(area)))
-        .map(|(values, mask)| {
-            let mean = masked_mean(values, mask) / steps.depth_mean;
-            let stored = mean.round() as i32;
-            subtract(values, mask, (f64::from(stored) * steps.depth_mean) as f32);
-            stored
-        })
-        .collect();
-    let centred = Centred { means, rest };
-    let channel = ChannelOptions {
-        name: "learning depth",
-        objective: objective("learning depth", level, options),
-        frozen: frozen.map(|f| &f.depth),
-        cropped: "depth dictionary entries cropped",
-        n_atoms: options.depth_atoms as usize,
-        sparsity: options.depth_sparsity as usize,
-        tolerance: options.depth_tolerance(level) as f32,
-        code_step: steps.depth_code as f32,
-        iterations: options.iterations as usize,
-        random_state: options.random_state,
-    };
-    finish(area, centred, &weights, &channel, report, progress)
-}
-
-fn learn_color(
-    images: &Images,
-    scale: Scale<'_>,
-    options: &HscsmOptions,
-    report: &mut Report,
-    progress: &dyn Progress,
-) -> Result<Option<Channel>> {
-    let Some(color) = &images.color else { return Ok(None) };
-    let Scale { level, grid, steps, frozen } = scale;
-    let area = grid.area();
-    let weights: Vec<f32> = images
-        .mask
-        .chunks(area)
-        .flat_map(|mask| mask.iter().chain(mask).chain(mask))
-        .map(|&m| f32::from(m))
-        .collect();
-    let mut rest = color.clone();
-    let means: Vec<[i32; 3]> = (rest.par_chunks_mut(3 * area).zip(images.mask.par_chunks(area)))
-        .map(|(values, mask)| {
-            let rgb: [f32; 3] = std::array::from_fn(|c| {
-                masked_mean(&values[c * area..(c + 1) * area], mask) as f32
-            });
-            let stored = to_ycocg(rgb).map(|c| (f64::from(c) / steps.color_mean).round() as i32);
-            let decoded = stored.map(|c| (f64::from(c) * steps.color_mean) as f32);
-            for (c, mean) in to_rgb(decoded).into_iter().enumerate() {
-                subtract(&mut values[c * area..(c + 1) * area], mask, mean);
-            }
-            stored
-        })
-        .collect();
-    let centred = Centred { means: means.into_flattened(), rest };
-    let channel = ChannelOptions {
-        name: "learning colour",
-        objective: objective("learning colour", level, options),
-        frozen: frozen.and_then(|f| f.color.as_ref()),
-        cropped: "colour dictionary entries cropped",
-        n_atoms: options.color_atoms as usize,
-        sparsity: options.color_sparsity as usize,
-        tolerance: options.color_tolerance(level) as f32,
-        code_step: steps.color_code as f32,
-        iterations: options.iterations as usize,
-        random_state: options.random_state,
-    };
-    finish(3 * area, centred, &weights, &channel, report, progress).map(Some)
-}
-
-fn finish(
-    n_features: usize,
-    centred: Centred,
-    weights: &[f32],
-    options: &ChannelOptions<'_>,
-    report: &mut Report,
-    progress: &dyn Progress,
-) -> Result<Channel> {
-    let start = std::time::Instant::now();
-    let (dictionary, codes) =
-        learn_channel(n_features, &centred.rest, weights, options, report, progress)?;
-    report.add_time(options.name, start.elapsed().as_secs_f64());
-    Ok(Channel { dictionary, means: centred.means, codes })
-}
-
-fn masked_mean(values: &[f32], mask: &[u8]) -> f64 {
-    let set = mask.iter().filter(|&&m| m != 0).count();
-    let sum: f64 =
-        values.iter().zip(mask).filter(|(_, m)| **m != 0).map(|(v, _)| f64::from(*v)).sum();
-    sum / set.max(1) as f64
-}
-
-fn subtract(values: &mut [f32], mask: &[u8], mean: f32) {
-    for (value, _) in values.iter_mut().zip(mask).filter(|(_, m)| **m != 0) {
-        *value -= mean;
     }
 }

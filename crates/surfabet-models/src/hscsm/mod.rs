@@ -4,22 +4,24 @@
 //! L. Bo, D. Fox, W. Burgard: *Hierarchical Sparse Coded Surface Models*, ICRA 2014. A cloud runs through the
 //! files of this folder in this order:
 //!
-//! | file | step | paper |
+//! | file or folder | step | paper |
 //! |---|---|---|
-//! | `options` | what to learn | |
+//! | `options`, `constants` | what to learn | |
+//! | `learn` | the list of steps | |
 //! | `samples` | points merged to half a pixel, with their moments | III-A, the sub-sampled cloud P' |
 //! | `frame` | pose of a patch: normal and two global axes | III-A |
-//! | `field`, `cells` | what a patch at some place would cover | III-A |
 //! | `placement` | where patches go, and which patch owns which sample | III-A |
-//! | `images` | depth, colour and bitmask of a patch | III, fig. 2 |
-//! | `dictionary` | wK-SVD per channel, sparse codes | III-B, eq. 1 |
 //! | `order` | patches along a space-filling curve | |
+//! | `channels` | depth, colour and bitmask of a patch; wK-SVD per channel, sparse codes | III, fig. 2; III-B, eq. 1 |
+//! | `model`, `contract` | the result, in the integers that a file stores | III |
 //! | `coding` | a model as binary decisions: written, read and priced | |
-//! | `model` | the result, in the integers that a file stores | III |
 //! | `decode` | back to a cloud at any spacing | III-B, eq. 2 and 3 |
+//!
+//! Level 0 is the coarsest.
 
 mod channels;
 mod coding;
+mod constants;
 mod contract;
 mod decode;
 mod frame;

@@ -4,16 +4,10 @@ use surfabet_geom::Progress;
 use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
 
 use crate::error::{Error, Result};
+use crate::hscsm::constants::{ENTRY_STEP, MAX_TRAINING_SIGNALS};
 use crate::hscsm::model::{Codes, MAX_ENTRIES};
 use crate::hscsm::options::HscsmOptions;
 use crate::report::Report;
-
-/// Step of a stored dictionary value. Entries have unit norm, so the values of an 8 x 8 patch are about an
-/// eighth: this keeps each to a few percent, well below what the codes' own quantisation does.
-const ENTRY_STEP: f32 = 1.0 / 64.0;
-
-/// wK-SVD learns from at most this many patches, those with most energy; more change the dictionary little.
-const MAX_TRAINING_SIGNALS: usize = 6000;
 
 /// Dictionary entries in 8-bit integers. An entry stands for its integers scaled to unit norm.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -169,6 +163,7 @@ impl HscsmDictionary {
     }
 }
 
+/// `sqrt(sum of w v^2 / sum of w)`.
 fn root_mean_square(values: &[f32], weights: &[f32]) -> f32 {
     let (mut sum, mut count) = (0.0_f64, 0.0_f64);
     for (v, w) in values.iter().zip(weights) {
@@ -178,63 +173,100 @@ fn root_mean_square(values: &[f32], weights: &[f32]) -> f32 {
     (sum / count.max(1.0)).sqrt() as f32
 }
 
-/// Learns a dictionary from `values` (patch after patch, means removed) and codes all of them in it; with a
-/// `frozen` one, codes in that.
-///
-/// Patches within the tolerance of zero need no code and teach nothing. The dictionary is quantised before the
-/// final coding, so that codes are chosen for the entries that the decoder will use.
-pub(in crate::hscsm) fn learn_channel(
+/// The images of one channel, as signals to learn from and to code.
+pub(in crate::hscsm) struct ChannelSignals<'a> {
     n_features: usize,
-    values: &[f32],
-    weights: &[f32],
-    options: &ChannelOptions<'_>,
-    report: &mut Report,
-    progress: &dyn Progress,
-) -> Result<(QuantizedDictionary, Codes)> {
-    let n_signals = values.len() / n_features;
-    let energy: Vec<f32> = (values.chunks(n_features).zip(weights.chunks(n_features)))
-        .map(|(v, w)| root_mean_square(v, w))
-        .collect();
-    let rich: Vec<usize> = (0..n_signals).filter(|&i| energy[i] > options.tolerance).collect();
-    let gather = |chosen: &[usize]| {
+    /// Patch after patch, means removed.
+    values: &'a [f32],
+    /// 1 where a pixel is set, else 0.
+    weights: &'a [f32],
+    /// Root mean square of the set pixels of each patch.
+    energy: Vec<f32>,
+    /// Patches beyond the tolerance of zero: the others need no code, and nothing is learned from them.
+    coded: Vec<usize>,
+}
+
+impl<'a> ChannelSignals<'a> {
+    /// Signals of `n_features` values each.
+    pub fn new(n_features: usize, values: &'a [f32], weights: &'a [f32], tolerance: f32) -> Self {
+        let energy: Vec<f32> = (values.chunks(n_features).zip(weights.chunks(n_features)))
+            .map(|(v, w)| root_mean_square(v, w))
+            .collect();
+        let coded = (0..energy.len()).filter(|&i| energy[i] > tolerance).collect();
+        Self { n_features, values, weights, energy, coded }
+    }
+
+    /// Values and weights of the chosen signals.
+    fn gather(&self, chosen: &[usize]) -> (Vec<f32>, Vec<f32>) {
+        let n = self.n_features;
         let pick = |from: &[f32]| -> Vec<f32> {
-            chosen
-                .iter()
-                .flat_map(|&i| &from[i * n_features..(i + 1) * n_features])
-                .copied()
-                .collect()
+            chosen.iter().flat_map(|&i| &from[i * n..(i + 1) * n]).copied().collect()
         };
-        (pick(values), pick(weights))
-    };
-    let no_codes = || Codes { offsets: vec![0; n_signals + 1], ..Codes::default() };
-    let code = |dictionary: &QuantizedDictionary| -> Result<Codes> {
-        let (values, weights) = gather(&rich);
-        let signals = Signals::new(n_features, &values, Some(&weights))?;
-        let entries = Dictionary::new(n_features, dictionary.atoms())?;
+        (pick(self.values), pick(self.weights))
+    }
+
+    /// Those that a dictionary is learned from, at most [`MAX_TRAINING_SIGNALS`].
+    fn training(&self) -> Vec<usize> {
+        let mut training = self.coded.clone();
+        if training.len() > MAX_TRAINING_SIGNALS {
+            let energy = &self.energy;
+            training.sort_by(|&a, &b| energy[b].total_cmp(&energy[a]).then(a.cmp(&b)));
+            training.truncate(MAX_TRAINING_SIGNALS);
+            training.sort_unstable();
+        }
+        training
+    }
+
+    /// Empty codes for all signals.
+    fn empty_codes(&self) -> Codes {
+        Codes { offsets: vec![0; self.energy.len() + 1], ..Codes::default() }
+    }
+
+    /// Sparse codes of all signals in a dictionary, by orthogonal matching pursuit.
+    fn code(
+        &self,
+        dictionary: &QuantizedDictionary,
+        options: &ChannelOptions<'_>,
+        progress: &dyn Progress,
+    ) -> Result<Codes> {
+        let (values, weights) = self.gather(&self.coded);
+        let signals = Signals::new(self.n_features, &values, Some(&weights))?;
+        let entries = Dictionary::new(self.n_features, dictionary.atoms())?;
         let omp_options = OmpOptions {
             max_atoms: options.sparsity,
             tolerance: options.tolerance,
             ..OmpOptions::default()
         };
         let sparse = omp(&entries, &signals, &omp_options, progress)?;
-        Ok(quantize_codes(&sparse, &rich, n_signals, options.code_step))
-    };
+        Ok(quantize_codes(&sparse, &self.coded, self.energy.len(), options.code_step))
+    }
+}
+
+/// Learns a dictionary from the signals and codes all of them in it (eq. 1); with a frozen one, codes in that.
+///
+/// The dictionary is quantised before the final coding, so that codes are chosen for the entries that the decoder will
+/// use.
+pub(in crate::hscsm) fn learn_channel(
+    signals: &ChannelSignals<'_>,
+    options: &ChannelOptions<'_>,
+    report: &mut Report,
+    progress: &dyn Progress,
+) -> Result<(QuantizedDictionary, Codes)> {
+    let nothing_to_code = signals.coded.is_empty();
     if let Some(frozen) = options.frozen {
-        let nothing = rich.is_empty() || frozen.n_atoms() == 0;
-        let codes = if nothing { no_codes() } else { code(frozen)? };
+        let codes = if nothing_to_code || frozen.n_atoms() == 0 {
+            signals.empty_codes()
+        } else {
+            signals.code(frozen, options, progress)?
+        };
         return Ok((frozen.clone(), codes));
     }
-    if rich.is_empty() {
-        return Ok((QuantizedDictionary { n_features, values: Vec::new() }, no_codes()));
+    let n_features = signals.n_features;
+    if nothing_to_code {
+        return Ok((QuantizedDictionary { n_features, values: Vec::new() }, signals.empty_codes()));
     }
-    let mut training = rich.clone();
-    if training.len() > MAX_TRAINING_SIGNALS {
-        training.sort_by(|&a, &b| energy[b].total_cmp(&energy[a]).then(a.cmp(&b)));
-        training.truncate(MAX_TRAINING_SIGNALS);
-        training.sort_unstable();
-    }
-    let (values, weights) = gather(&training);
-    let signals = Signals::new(n_features, &values, Some(&weights))?;
+    let (values, weights) = signals.gather(&signals.training());
+    let training = Signals::new(n_features, &values, Some(&weights))?;
     let ksvd_options = KsvdOptions {
         n_atoms: options.n_atoms,
         max_atoms: options.sparsity,
@@ -243,13 +275,13 @@ pub(in crate::hscsm) fn learn_channel(
         random_state: options.random_state,
         ..KsvdOptions::default()
     };
-    let learned = ksvd(&signals, &ksvd_options, progress, &mut |step| {
+    let learned = ksvd(&training, &ksvd_options, progress, &mut |step| {
         progress.update(options.name, step.iteration as f32 / options.iterations as f32);
     })?;
     report.iterations += learned.iterations;
     report.objectives.push((options.objective.clone(), learned.objective));
     let dictionary = QuantizedDictionary::quantize(&learned.dictionary);
-    let codes = code(&dictionary)?;
+    let codes = signals.code(&dictionary, options, progress)?;
     let (used, codes) = crop(&dictionary, &codes);
     let cropped = learned.cropped + learned.dictionary.n_atoms() - used.n_atoms();
     report.add_figure(options.cropped, cropped as f64);

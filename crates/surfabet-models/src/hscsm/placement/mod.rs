@@ -10,8 +10,20 @@
 //!
 //! Trials run in parallel, in batches whose size does not depend on the number of threads, and are
 //! committed in their order; what an earlier one has taken by then is lost to a later one.
+//!
+//! | file | what |
+//! |---|---|
+//! | `field` | the samples and points of a level, who owns them, approximate coverage |
+//! | `pixels` | the pixel grid, and the pixels that a level accepts |
+//! | `plane` | the plane of a patch |
+//! | `trial` | the patch that a seed would give |
+//! | `subsampled` | SCSM's placement |
 
-pub(in crate::hscsm) mod field;
+mod field;
+mod pixels;
+mod plane;
+mod subsampled;
+mod trial;
 
 use std::collections::{HashSet, VecDeque};
 
@@ -19,42 +31,21 @@ use rayon::prelude::*;
 use surfabet_geom::Progress;
 
 use crate::error::Result;
+use crate::hscsm::constants::{
+    ALIGNED_COVERAGE, BATCH, CHANGED_RADIUS, CHUNK, KEPT_PIXELS, PROMISING_COVERAGE, TILING_CHUNK,
+    TILING_COVERAGE,
+};
 use crate::hscsm::frame::{Frame, PatchPose};
 use crate::hscsm::options::Placement;
-use crate::hscsm::placement::field::{Field, Grid, Ownership, Rules, Scratch, Trial};
 use crate::hscsm::samples::Samples;
-use crate::vector::add_scaled;
-use crate::vector::{dot, minus};
-
-/// An aligned position is taken when at least this fraction of its pixels would be set.
-const ALIGNED_COVERAGE: f32 = 0.5;
-
-/// Candidates that would set at least this fraction of their pixels begin a tiling one at a time, so that no two
-/// of them meet on one surface.
-const TILING_COVERAGE: f32 = 0.75;
-
-/// A trial whose samples were partly taken in the meantime is committed when this fraction of its pixels is
-/// left; else its candidate is scored again.
-const KEPT: f32 = 0.75;
-
-/// A proposal is tried when its approximate coverage is this fraction of what it needs.
-const HINT: f32 = 0.8;
-
-/// Candidates that are scored together: few where the first tilings will cover most others.
-const TILING_CHUNK: usize = 512;
-
-/// As `TILING_CHUNK`, once the large surfaces are tiled.
-const CHUNK: usize = 1 << 14;
-
-/// Trials of a batch.
-const BATCH: usize = 64;
-
-/// A placed patch changes the score of candidates within this distance of it, in patch sizes.
-const REACH: f32 = 1.5;
+use crate::vector::{add_scaled, dot, minus};
+use field::{Field, Ownership, Scratch};
+pub(in crate::hscsm) use pixels::{PixelGrid, Rules};
+use trial::Trial;
 
 /// One placed patch and the samples it owns.
 #[derive(Debug, Clone)]
-pub(in crate::hscsm) struct Placed {
+pub(in crate::hscsm) struct OwnedPatch {
     pub pose: PatchPose,
     pub members: Vec<u32>,
 }
@@ -73,10 +64,11 @@ enum Outcome {
     Refused,
 }
 
+/// The state of placing the patches of a level.
 struct Placer<'a> {
     field: Field<'a>,
     ownership: Ownership,
-    placed: Vec<Placed>,
+    placed: Vec<OwnedPatch>,
     proposals: VecDeque<Proposal>,
     /// Proposed positions, to a quarter of a patch: one nearby would only repeat it.
     tried: HashSet<[i32; 3]>,
@@ -84,8 +76,11 @@ struct Placer<'a> {
     normals: Vec<Option<[f32; 3]>>,
     /// Points without a score, or whose score may have changed.
     stale: Vec<bool>,
+    /// Samples that patches of this level own.
     done: usize,
+    /// Samples that were free at the start.
     to_do: usize,
+    /// Whether placed patches propose aligned neighbours.
     aligned: bool,
 }
 
@@ -95,11 +90,11 @@ pub(in crate::hscsm) fn place(
     samples: &Samples,
     owned: &mut Vec<bool>,
     doublings: u32,
-    grid: Grid,
+    grid: PixelGrid,
     rules: Rules,
     placement: Placement,
     progress: &dyn Progress,
-) -> Result<Vec<Placed>> {
+) -> Result<Vec<OwnedPatch>> {
     let field = Field::new(samples, doublings, grid, rules);
     progress.check()?;
     let ownership = field.ownership(std::mem::take(owned));
@@ -127,10 +122,12 @@ pub(in crate::hscsm) fn place(
 }
 
 impl Placer<'_> {
+    /// Number of pixels that make up this fraction of a patch.
     fn needed(&self, fraction: f32) -> usize {
         (fraction * self.field.grid.area() as f32).ceil() as usize
     }
 
+    /// Reports the share of samples that are owned by now.
     fn notify(&self, progress: &dyn Progress) -> Result<()> {
         progress.check()?;
         let total = self.to_do.max(1);
@@ -158,7 +155,7 @@ impl Placer<'_> {
         scored.into_iter().map(|(score, _)| score).collect()
     }
 
-    /// Best first. No candidate scores more than a full patch, so all begin as if they did, and are scored when
+    /// Greedy placement, best first. No candidate scores more than a full patch, so all begin as if they did, and are scored when
     /// nothing better is left; most are covered by then.
     fn greedy(&mut self, progress: &dyn Progress) -> Result<()> {
         let area = self.field.grid.area();
@@ -262,7 +259,7 @@ impl Placer<'_> {
                     let off = dot(minus(self.field.points.all[seed].position, center), normal);
                     let near = add_scaled(center, off, normal);
                     let hint = self.field.score(&self.ownership, near, normal, scratch);
-                    if (hint as f32) < HINT * needed as f32 {
+                    if (hint as f32) < PROMISING_COVERAGE * needed as f32 {
                         return None;
                     }
                     let known = Some(proposal.normal);
@@ -276,6 +273,7 @@ impl Placer<'_> {
         Ok(())
     }
 
+    /// The patches that some seeds would give. `what` gives the point of a seed, the centre wanted and the normal known.
     fn trials<T: Copy + Sync>(
         &self,
         chosen: &[T],
@@ -320,7 +318,7 @@ impl Placer<'_> {
             let mut pixels: Vec<u16> = trial.members.iter().map(|m| m.1).collect();
             pixels.dedup();
             let left = pixels.len();
-            if left < needed.max(1) || (left as f32) < KEPT * trial.set_pixels as f32 {
+            if left < needed.max(1) || (left as f32) < KEPT_PIXELS * trial.set_pixels as f32 {
                 return Outcome::Overtaken;
             }
         }
@@ -341,62 +339,18 @@ impl Placer<'_> {
             }
         }
         let members = trial.members.iter().map(|m| m.0).collect();
-        self.placed.push(Placed { pose: trial.pose, members });
+        self.placed.push(OwnedPatch { pose: trial.pose, members });
         Outcome::Placed
     }
 
     /// Marks the candidates about `center` as changed.
     fn disturb(&mut self, center: [f32; 3]) {
         let stale = &mut self.stale;
-        self.field.near(center, REACH * self.field.grid.size(), |k, _| stale[k] = true);
-    }
-
-    /// SCSM's placement, to compare with: patches on a spatial subsampling of what is not covered yet, the point
-    /// nearest to the mean in each cube of one patch size, round after round.
-    fn subsampled(&mut self, progress: &dyn Progress) -> Result<()> {
-        let lowest = self.field.rules.min_pixels;
-        // Cubes of points whose side is nearest to a patch size.
-        let doublings =
-            (self.field.grid.n as f32).log2().round() as u32 + self.field.point_doublings;
-        loop {
-            self.notify(progress)?;
-            let mut seeds: Vec<u32> = Vec::new();
-            let free: Vec<u32> = (0..self.field.points.len() as u32)
-                .filter(|&k| self.ownership.free[k as usize] > 0)
-                .collect();
-            let point = |k: u32| &self.field.points.all[k as usize];
-            for cube in free.chunk_by(|&a, &b| {
-                point(a).key >> (3 * doublings) == point(b).key >> (3 * doublings)
-            }) {
-                let mut mean = [0.0_f64; 3];
-                for &k in cube {
-                    let p = point(k).position;
-                    (0..3).for_each(|a| mean[a] += f64::from(p[a]) / cube.len() as f64);
-                }
-                let mean = mean.map(|c| c as f32);
-                let distance = |k: u32| {
-                    let d = minus(point(k).position, mean);
-                    dot(d, d)
-                };
-                let nearest =
-                    |&a: &u32, &b: &u32| distance(a).total_cmp(&distance(b)).then(a.cmp(&b));
-                seeds.extend(cube.iter().copied().min_by(|a, b| nearest(a, b)));
-            }
-            let before = self.done;
-            for chosen in seeds.chunks(BATCH) {
-                let trials = self.trials(chosen, |k| (k as usize, point_of(&self.field, k), None));
-                for trial in trials.into_iter().flatten() {
-                    self.commit(trial, lowest);
-                }
-                self.notify(progress)?;
-            }
-            if self.done == before {
-                return Ok(());
-            }
-        }
+        self.field.near(center, CHANGED_RADIUS * self.field.grid.size(), |k, _| stale[k] = true);
     }
 }
 
+/// Position of point `k`.
 fn point_of(field: &Field<'_>, k: u32) -> [f32; 3] {
     field.points.all[k as usize].position
 }

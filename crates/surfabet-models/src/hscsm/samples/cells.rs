@@ -1,18 +1,18 @@
-//! Points by cell, for looking up what lies in a box.
+//! Samples by cell, to find those in a box.
 
 use std::ops::Range;
 
 use surfabet_geom::morton::{MortonMap, encode};
 
-use crate::hscsm::samples::{Lattice, Samples};
+use crate::hscsm::samples::{CellLattice, Samples};
 
-/// The samples of a cloud by cells of several of theirs.
-pub(in crate::hscsm) struct Cells {
-    lattice: Lattice,
+/// The samples of a cloud by larger cells.
+pub(in crate::hscsm) struct SampleCells {
+    lattice: CellLattice,
     ranges: MortonMap<(u32, u32)>,
 }
 
-impl Cells {
+impl SampleCells {
     /// Cells whose side is that of the samples' own times two to the power of `doublings`.
     pub fn new(samples: &Samples, doublings: u32) -> Self {
         let mut ranges = MortonMap::<(u32, u32)>::default();
@@ -23,7 +23,7 @@ impl Cells {
         Self { lattice: samples.lattice(doublings), ranges }
     }
 
-    /// Calls `each` with the places of the samples of every cell that the box touches.
+    /// Calls `each` with the numbers of the samples of every cell that the box touches.
     pub fn in_box(&self, low: [f32; 3], high: [f32; 3], mut each: impl FnMut(Range<usize>)) {
         let (low, high) = (self.lattice.coordinates(low), self.lattice.coordinates(high));
         for z in low[2]..=high[2] {

@@ -13,13 +13,10 @@ use surfabet_geom::{PointCloud, Progress};
 
 use crate::error::Result;
 use crate::groups::Groups;
+use crate::hscsm::constants::SAMPLE_SIZE;
 use crate::hscsm::options::HscsmOptions;
 use crate::sensor::to_sensor;
-use crate::vector::dot;
-use crate::vector::unit;
-
-/// Side of the cells that points are merged in, in pixels.
-const SAMPLE_SIZE: f64 = 0.5;
+use crate::vector::{dot, unit};
 
 /// Cells that one task merges.
 const BLOCK: usize = 1 << 12;
@@ -57,12 +54,12 @@ pub(in crate::hscsm) struct Samples {
 
 /// The lattice that cells of one side lie on, and its Morton codes.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::hscsm) struct Lattice {
+pub(in crate::hscsm) struct CellLattice {
     cell: f32,
     halvings: u32,
 }
 
-impl Lattice {
+impl CellLattice {
     /// Coordinates of the cell of `point`, never negative: half the range is added. Outside of the lattice they
     /// are those of its rim; [`learn`](super::learn) checks a cloud's extent before.
     pub fn coordinates(self, point: [f32; 3]) -> [u64; 3] {
@@ -72,14 +69,15 @@ impl Lattice {
         })
     }
 
+    /// Morton code of the cell of `point`.
     pub fn key(self, point: [f32; 3]) -> u64 {
         morton::encode(self.coordinates(point))
     }
 }
 
-/// Sums over the points of a cell, positions about the first of them.
+/// CellSums over the points of a cell, positions about the first of them.
 #[derive(Default)]
-struct Sums {
+struct CellSums {
     base: Option<[f32; 3]>,
     weight: f64,
     offset: [f64; 3],
@@ -90,15 +88,18 @@ struct Sums {
     view: [f64; 3],
 }
 
+/// Products of the coordinates: xx, xy, xz, yy, yz, zz.
 fn outer([x, y, z]: [f64; 3]) -> [f64; 6] {
     [x * x, x * y, x * z, y * y, y * z, z * z]
 }
 
+/// Mean of the squared coordinates.
 fn mean_square(v: [f64; 3]) -> f64 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / 3.0
 }
 
-impl Sums {
+impl CellSums {
+    /// Adds a point or a sample of smaller cells, whose own variances count.
     fn add(&mut self, s: &Sample) {
         let base = *self.base.get_or_insert(s.position);
         let w = f64::from(s.weight);
@@ -118,6 +119,7 @@ impl Sums {
         self.color_square += w * (mean_square(color) + f64::from(s.color_variance));
     }
 
+    /// The sample of the sums: means, and variances as mean squares less squared means.
     fn sample(&self, key: u64) -> Sample {
         let mean = |sum: [f64; 3]| sum.map(|s| s / self.weight);
         let (offset, color) = (mean(self.offset), mean(self.color));
@@ -136,13 +138,13 @@ impl Sums {
 }
 
 /// Merges the samples of a cell: those seen from one side, and those seen from the other side if there are any,
-/// so that the faces of a wall thinner than a cell stay apart. `mark` tells which samples joined the second.
+/// so that the faces of a wall thinner than a cell stay apart. `mark` is called with true for each sample that joined the second, with false for the others.
 fn merge_cell(
     key: u64,
     samples: impl Iterator<Item = Sample>,
     mut mark: impl FnMut(bool),
 ) -> [Option<Sample>; 2] {
-    let mut sides = [Sums::default(), Sums::default()];
+    let mut sides = [CellSums::default(), CellSums::default()];
     let mut reference = [0.0; 3];
     for s in samples {
         if reference == [0.0; 3] {
@@ -162,8 +164,8 @@ impl Samples {
     }
 
     /// The lattice of cells whose side is that of these samples' times two to the power of `doublings`.
-    pub fn lattice(&self, doublings: u32) -> Lattice {
-        Lattice {
+    pub fn lattice(&self, doublings: u32) -> CellLattice {
+        CellLattice {
             cell: self.cell * (1_u32 << doublings) as f32,
             halvings: self.halvings + doublings,
         }
@@ -256,7 +258,7 @@ impl Samples {
             all.extend(samples);
             groups.extend(&sizes, members);
         }
-        let Lattice { cell, halvings } = self.lattice(doublings);
+        let CellLattice { cell, halvings } = self.lattice(doublings);
         (Self { all, cell, halvings, ..*self }, groups)
     }
 }

@@ -1,0 +1,101 @@
+//! The tuned constants of the method, with the reason for each. Those of which "the effect was not measured" were set
+//! once and kept.
+//!
+//! Limits and sizes that the file fixes stand beside the code that they bound.
+
+// Samples and the lattice of poses.
+
+/// Side of the cells that points are merged in, pixels of the lowest level: a pixel then holds several samples, so that
+/// growth and masking can tell them apart.
+pub(super) const SAMPLE_SIZE: f64 = 0.5;
+
+/// Position lattice, pixels: a quarter of a pixel moves no sample visibly, since depth and colour are measured after
+/// the pose is rounded.
+pub(super) const POSITION_STEP: f64 = 0.25;
+
+// What a level accepts.
+
+/// Share of a patch's pixels that must be left above the lowest level when those that deviate too much are masked
+/// out: below it, the patches of the next level describe the same with fewer poses than would be needed twice. The
+/// effect was not measured.
+pub(super) const LEFT_PIXELS: f64 = 0.5;
+
+/// Above the lowest level growth accepts depths within this many times the largest deviation, sqrt(3): a layer of
+/// points spread evenly over that deviates just as much as a pixel may. What is thicker becomes several sheets, as at
+/// the lowest level, where the gate is a pixel.
+pub(super) const GATE_DEVIATIONS: f64 = 1.732_050_807_568_877_2;
+
+/// Above the lowest level the mean place of a pixel's samples is off its centre by at most this many pixels: beyond,
+/// the surface ends inside the pixel, and the smaller pixels of the level below follow its rim. Samples of a quarter of
+/// a pixel that cover all of one are off by an eighth at most.
+pub(super) const MAX_PIXEL_OFFSET: f64 = 0.2;
+
+// Plane of a patch.
+
+/// Radii of the neighbourhoods that compete for the normal of a patch, in patch sizes. The plane that explains most
+/// points wins, so that a patch beside a corner follows one wall and not the diagonal.
+pub(super) const FIT_RADII: [f32; 4] = [0.7, 0.5, 0.35, 0.25];
+
+/// Radius of the neighbourhood that gives the normal of a candidate, in patch sizes: within those of [`FIT_RADII`],
+/// since one is fitted to all candidates. The effect was not measured.
+pub(super) const CANDIDATE_RADIUS: f32 = 0.4;
+
+/// A point counts for a plane within this distance, pixels. The effect was not measured.
+pub(super) const PLANE_GATE: f32 = 1.5;
+
+/// Points about a seed that its plane is fitted to, at most: bounds the time.
+pub(super) const FIT_POINTS: usize = 512;
+
+/// An aligned patch keeps the normal of the patch it was found from when that explains at least this share of what the
+/// best plane explains: parallel neighbours join without gaps. The effect was not measured.
+pub(super) const SAME_NORMAL: f32 = 0.95;
+
+/// The plane of a seed is fitted to the points on it at most this often; it moves little after the second time.
+pub(super) const REFITS: usize = 4;
+
+/// Refitting ends when the normal turns by less than this, radians: a twentieth of what rounding turns stored normals by
+/// at most, 1.3 degrees.
+pub(super) const SAME_ANGLE: f32 = 1e-3;
+
+/// Points whose second variance is below this fraction of the first lie on a line.
+pub(super) const LINE: f64 = 1e-6;
+
+// Placement. Greedy placement as a whole saves 5 and 7 percent of the bytes over subsampling
+// (docs/benchmarks/patches.md); its constants were not measured one by one.
+
+/// An aligned position is taken when at least this fraction of its pixels would be set.
+pub(super) const ALIGNED_COVERAGE: f32 = 0.5;
+
+/// Candidates that would set at least this fraction of their pixels begin a tiling one at a time, so that no two of
+/// them meet on one surface.
+pub(super) const TILING_COVERAGE: f32 = 0.75;
+
+/// A trial whose samples were partly taken in the meantime is committed when this fraction of its pixels is left;
+/// else its candidate is scored again.
+pub(super) const KEPT_PIXELS: f32 = 0.75;
+
+/// A proposal is tried when its approximate coverage is this fraction of what it needs: saves trials, which are dearer
+/// than scores.
+pub(super) const PROMISING_COVERAGE: f32 = 0.8;
+
+/// Candidates that are scored together: few where the first tilings will cover most others.
+pub(super) const TILING_CHUNK: usize = 512;
+
+/// As [`TILING_CHUNK`], once the large surfaces are tiled.
+pub(super) const CHUNK: usize = 1 << 14;
+
+/// Trials of a batch.
+pub(super) const BATCH: usize = 64;
+
+/// A placed patch changes the score of candidates within this distance of it, in patch sizes: two patches overlap when
+/// their centres are closer than a diagonal, 1.41.
+pub(super) const CHANGED_RADIUS: f32 = 1.5;
+
+// Dictionaries.
+
+/// Step of a stored dictionary value. Entries have unit norm, so the values of an 8 x 8 patch are about an eighth: this
+/// keeps each to a few percent, well below what the codes' own quantisation does.
+pub(super) const ENTRY_STEP: f32 = 1.0 / 64.0;
+
+/// wK-SVD learns from at most this many patches, those with most energy: bounds the time. The effect was not measured.
+pub(super) const MAX_TRAINING_SIGNALS: usize = 6000;
