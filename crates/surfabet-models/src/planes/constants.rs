@@ -1,6 +1,9 @@
 //! The tuned constants of the method, in the order of the steps that use them.
 //!
 //! `sigma` is the standard deviation of the points across the surface: the noise.
+//!
+//! `SIGMAS_PER_GRID_SIZE` is the paper's (section II-E). How much the result depends on the others one by one is not
+//! measured; docs/benchmarks/planes.md has the results of all of them together.
 
 // Points.
 
