@@ -3,9 +3,7 @@
 use std::ops::Bound;
 
 use surfabet::options::{Kind, OptionSpec, Options, Value};
-use surfabet::{
-    PointCloud, Silent, alphabet, bic_alphabet, gas, hscsm, patches, planes,
-};
+use surfabet::{PointCloud, Silent, alphabet, bic_alphabet, gas, hscsm, patches, planes};
 use surfabet_models::{Error, Result};
 
 /// Values just outside the range.

@@ -72,11 +72,7 @@ impl Scene for AlphabetModel {
 }
 
 impl SharesVocabulary for AlphabetModel {
-    fn describe(
-        cloud: &PointCloud,
-        alphabet: &Alphabet,
-        progress: &dyn Progress,
-    ) -> Result<Self> {
+    fn describe(cloud: &PointCloud, alphabet: &Alphabet, progress: &dyn Progress) -> Result<Self> {
         alphabet::describe(cloud, alphabet, &options(), progress)
     }
 }

@@ -20,11 +20,7 @@ pub fn step() -> PointCloud {
 }
 
 fn options() -> BicAlphabetOptions {
-    BicAlphabetOptions {
-        upright: Upright::WorldX,
-        iterations: 20,
-        ..BicAlphabetOptions::default()
-    }
+    BicAlphabetOptions { upright: Upright::WorldX, iterations: 20, ..BicAlphabetOptions::default() }
 }
 
 impl Scene for BicAlphabetModel {

@@ -12,11 +12,11 @@ use super::split::{SplitRule, split};
 use super::surface::{Surfaces, surfaces};
 use super::trim::trim;
 use crate::error::Result;
+use crate::options::Options;
 use crate::planes::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
     LEAST_SCALE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
-use crate::options::Options;
 use crate::planes::options::PlanesOptions;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
