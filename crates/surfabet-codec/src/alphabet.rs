@@ -14,7 +14,7 @@ use crate::section::{Layout, Promise, StreamSection};
 const BYTES_PER_OCCURRENCE: u64 = 512;
 
 /// Largest coordinate of a sensor, units.
-const MAX_SENSOR: i64 = 1 << 41;
+const MAX_SENSOR: u64 = 1 << 41;
 
 /// Least bytes of a sensor's position.
 const BYTES_PER_SENSOR: usize = 3;
@@ -61,7 +61,7 @@ impl Layout for AlphabetModel {
             BYTES_PER_SENSOR,
             |fields, sensor| {
                 sensor.iter_mut().try_for_each(|c| fields.signed(c))?;
-                match sensor.iter().any(|c| c.abs() > MAX_SENSOR) {
+                match sensor.iter().any(|c| c.unsigned_abs() > MAX_SENSOR) {
                     true => Err(fields.corrupt(format!("a sensor at {sensor:?} is out of range"))),
                     false => Ok(()),
                 }

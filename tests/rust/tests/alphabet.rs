@@ -85,18 +85,11 @@ fn a_scanned_room_is_a_handful_of_planes() {
     let (inliers, outliers) = inliers_outliers(&scan, &decoded);
     assert!(inliers > 0.98, "{inliers}");
     assert!(outliers < 0.05, "{outliers}");
-    // 59 square metres in words of up to 2.56: 23 at least, each 8 bytes or so.
-    println!(
-        "XX alphabet {} {} {inliers} {outliers}",
-        model.len(),
-        model.to_bytes().unwrap().len()
-    );
+    // 59 square metres in words of up to 2.56: 23 at least, and as many again for the rims of each scale.
     assert!((23..100).contains(&model.len()), "{}", model.len());
-    assert!(
-        model.to_bytes().unwrap().len() < 8 * model.len(),
-        "{}",
-        model.to_bytes().unwrap().len()
-    );
+    // Position, two slopes, offset and word of each in 3 to 8 bytes, the header included.
+    let bytes = model.to_bytes().unwrap().len();
+    assert!((3 * model.len()..8 * model.len()).contains(&bytes), "{bytes}");
     for o in model.occurrences() {
         let towards: f64 = (0..3).map(|a| -o.center[a] * o.rows[2][a]).sum();
         assert!(towards > 0.0, "{o:?} looks away from the sensor");

@@ -24,7 +24,7 @@ fn decode(model: &BicAlphabetModel) -> PointCloud {
 }
 
 fn figure(model: &BicAlphabetModel, name: &str) -> f64 {
-    model.report().figures.iter().find(|f| f.0 == name).unwrap().1
+    model.report().by_name().figures.iter().find(|f| f.0 == name).unwrap().1
 }
 
 /// A room of 2 x 2 x 1.5 m seen from its middle, with boxes on the floor, in steps of 2 degrees.
@@ -84,13 +84,9 @@ fn a_room_is_covered_by_few_words() {
     let model = learn(&cloud, &BicAlphabetOptions { reduce: false, ..options() });
     assert!(figure(&model, "inliers") > 0.93, "{}", figure(&model, "inliers"));
     assert!(figure(&model, "outliers") < 0.1, "{}", figure(&model, "outliers"));
-    println!(
-        "XX bic words {} of {} figures {:?}",
-        model.alphabet().len(),
-        model.len(),
-        model.report().figures
-    );
-    assert!((2..60).contains(&model.alphabet().len()));
+    // Flat, edge and corner, hardly any of them twice, for some hundred places of each.
+    let words = model.alphabet().len();
+    assert!((2..=6).contains(&words) && model.len() > 80 * words, "{words} at {}", model.len());
     assert_eq!(model.counts().iter().sum::<u64>(), model.len() as u64);
     let bytes: usize = model.alphabet().words().iter().map(|w| 12 * w.points.len()).sum();
     assert_eq!(figure(&model, "paper bytes"), (bytes + 28 * model.len()) as f64);

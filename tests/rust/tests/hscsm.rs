@@ -153,7 +153,7 @@ fn to_surface(decoded: &PointCloud, rectangles: &[Rectangle]) -> Vec<f64> {
 }
 
 fn figure(model: &HscsmModel, name: &str) -> f64 {
-    model.report().figures.iter().find(|f| f.0 == name).unwrap().1
+    model.report().by_name().figures.iter().find(|f| f.0 == name).unwrap().1
 }
 
 fn assert_all_owned(model: &HscsmModel) {
@@ -332,10 +332,10 @@ fn noise_is_reduced() {
     let model = learn(&input);
     assert_covered(&input, &model);
     let after = off(decode(&model, None).positions());
-    println!("XX noise {after} {before}");
-    // A pixel is the mean of 16 points, so that a quarter of the noise stays; half a step of the stored mean (1 mm) is
-    // 0.3 mm more, as is the tilt of a stored normal. Points on a plane without noise are 0.4 mm off.
-    assert!((0.25 * before..0.4 * before).contains(&after), "{after} after, {before} before");
+    // A pixel is the mean of 16 points, so that a quarter of the noise stays; to it comes what coding leaves, which ends
+    // at a fifth of a pixel.
+    let most = (0.25 * before).hypot(0.2 * PIXEL);
+    assert!(after < most && most < before, "{after} after, {before} before");
 }
 
 /// A sphere with stripes of colour and a floor below it: enough variety for both dictionaries.
@@ -376,8 +376,9 @@ fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
     let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
     let smooth = hscsm::learn(&points_of(&[flat], 0.0025), &with_levels(3), &Silent).unwrap();
     let area: Vec<f64> = smooth.levels().iter().map(|l| l.covered_area()).collect();
-    println!("XX smooth {area:?}");
-    assert!(area[0] > 0.8 * 0.64 * 0.64, "{area:?}");
+    // All of it, to the last square of 16 cm; what its rim leaves is finer.
+    assert!((area[0] - 0.64 * 0.64).abs() < 1e-6, "{area:?}");
+    assert!(area[1] + area[2] < 0.1 * area[0], "{area:?}");
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let rubble: Vec<Rectangle> = (0..1600)
         .map(|i| {
@@ -390,8 +391,7 @@ fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
     let strict = HscsmOptions { max_depth_deviation: Some(0.003), ..with_levels(3) };
     let rough = hscsm::learn(&points_of(&rubble, 0.0025), &strict, &Silent).unwrap();
     let area: Vec<f64> = rough.levels().iter().map(|l| l.covered_area()).collect();
-    println!("XX rough {area:?}");
-    assert!(area[2] > 0.8 * area.iter().sum::<f64>(), "{area:?}");
+    assert!(area[2] > 0.95 * area.iter().sum::<f64>(), "{area:?}");
     assert_all_owned(&rough);
 }
 

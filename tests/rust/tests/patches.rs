@@ -92,12 +92,6 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
     let model = learn(&cloud, &PatchesOptions::default());
     let decoded = decode(&model, 0.005, false);
     let off = rms(decoded.positions().iter().map(|&p| least(distances(p))));
-    println!(
-        "XX off {off} rms {} len {} bytes {}",
-        rms_to(&cloud, &decoded),
-        model.len(),
-        bytes(&model).len()
-    );
     assert!(off < 0.25 * PIXEL, "{off}");
     // Points half a pixel apart are up to a quarter of one from the next along each of two axes, evenly: a sixth of
     // half a pixel's square, and the surface's own error.
@@ -106,7 +100,7 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
     assert!((sampling..sampling + 0.25 * PIXEL).contains(&found), "{found} {sampling}");
     // Three planes of 1.44 m2 in squares of 16 cm: 56 each, and some at the rims.
     assert!((168..240).contains(&model.len()), "{}", model.len());
-    // Away from the corner's edges every point has the colour of its wall.
+    // Away from the corner's edges every point has the colour of its wall, within a tenth of the colour step of 90.
     let (mut worst, mut n) = (0, 0);
     for (p, c) in decoded.positions().iter().zip(decoded.colors().unwrap()) {
         let distances = distances(*p);
@@ -119,8 +113,7 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
             }
         }
     }
-    println!("XX worst {worst} of {n}");
-    assert!(n > decoded.len() / 2 && worst <= 16, "{worst} at {n} of {}", decoded.len());
+    assert!(n > decoded.len() / 2 && worst <= 10, "{worst} at {n} of {}", decoded.len());
 }
 
 #[test]
@@ -144,7 +137,6 @@ fn the_surface_is_nearer_to_the_truth_than_the_scan_and_the_filled_one_nearer_to
         sum += weight * f64::from(leaf.patch.thickness) * 0.25 * PIXEL / 3.0_f64.sqrt();
         area += weight;
     }
-    println!("XX thickness {}", sum / area / noise);
     assert!((0.7..1.0).contains(&(sum / area / noise)), "{} {noise}", sum / area);
 }
 
@@ -176,7 +168,6 @@ fn every_surface_point_belongs_to_one_patch() {
     }
     // Three squares of 1.2 m; rims and edges, four of 1.2 m each, may add or lose a pixel.
     let exact = 3.0 * 1.2 * 1.2;
-    println!("XX area {area} {exact}");
     assert!((area - exact).abs() < 12.0 * 1.2 * PIXEL, "{area} {exact}");
 }
 
@@ -286,8 +277,7 @@ fn bytes_of_a_fixed_scene_stay() {
     // a sine may move a symbol or two.
     let (cloud, _) = corner(0.008, 0.5, 5);
     let size = bytes(&learn(&cloud, &PatchesOptions::default())).len();
-    println!("XX size {size}");
-    assert!(size.abs_diff(1400) <= 14, "{size} bytes");
+    assert!(size.abs_diff(946) <= 9, "{size} bytes");
 }
 
 #[test]
