@@ -82,8 +82,10 @@ def test_a_box_is_six_planes_as_arrays(model, cloud):
     # Tiles at the rims reach out, or are missing, by half their side at most.
     faces, rims = np.array([3.0, 4.5, 6.0])[axis], np.array([7.0, 9.0, 10.0])[axis]
     assert (np.abs(found.areas - faces) < rims * model.grid_size / 2).all()
-    # The noise, rounded to a quarter of a doubling.
-    np.testing.assert_allclose(np.log2(found.standard_deviations / 0.005), 0, atol=0.13)
+    # The noise, rounded to a quarter of a doubling; points of the next face along the edges add up
+    # to 2 percent.
+    off = np.log2(found.standard_deviations / 0.005)
+    np.testing.assert_allclose(off, 0, atol=0.125 + np.log2(1.02))
     np.testing.assert_allclose(
         np.abs(found.offsets), np.where(places == 0, 0, SIZE[axis]), atol=0.003
     )
