@@ -5,8 +5,9 @@
 use std::path::Path;
 
 use surfabet::{
-    BicOptions, CloudParts, GasOptions, LatticeOptions, MdlOptions, Model, PatchOptions,
-    PlanesOptions, PointCloud, Silent, Viewpoints, alphabet, bic, gas, geom, patches, planes,
+    AlphabetOptions, BicAlphabetOptions, CloudParts, GasOptions, HscsmOptions, Model,
+    PatchesOptions, PlanesOptions, PointCloud, Silent, Viewpoints, alphabet, bic_alphabet, gas,
+    geom, hscsm, patches, planes,
 };
 
 /// Edge of the corner, metres.
@@ -58,14 +59,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let save = |name: &str, model: Model| model.save(directory.join(name));
 
     let gas_options = GasOptions { n_neurons: 2000, ..GasOptions::default() };
-    let bic_options = BicOptions { radius: 0.3, ..BicOptions::default() };
-    save(
-        "patches.sfb",
-        patches::lattice::learn(&cloud, &LatticeOptions::default(), &Silent)?.into(),
-    )?;
-    save("hscsm.sfb", patches::learn(&cloud, &PatchOptions::default(), &Silent)?.into())?;
-    save("alphabet.sfb", alphabet::mdl::learn(&cloud, &MdlOptions::default(), &Silent)?.into())?;
-    save("bic_alphabet.sfb", bic::learn(&cloud, &bic_options, &Silent)?.into())?;
+    let bic_options = BicAlphabetOptions { radius: 0.3, ..BicAlphabetOptions::default() };
+    save("patches.sfb", patches::learn(&cloud, &PatchesOptions::default(), &Silent)?.into())?;
+    save("hscsm.sfb", hscsm::learn(&cloud, &HscsmOptions::default(), &Silent)?.into())?;
+    save("alphabet.sfb", alphabet::learn(&cloud, &AlphabetOptions::default(), &Silent)?.into())?;
+    save("bic_alphabet.sfb", bic_alphabet::learn(&cloud, &bic_options, &Silent)?.into())?;
     save("planes.sfb", planes::learn(&cloud, None, &PlanesOptions::default(), &Silent)?.into())?;
     save("gas.sfb", gas::learn(&cloud, &gas_options, &Silent)?.into())?;
     Ok(())

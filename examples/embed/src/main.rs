@@ -1,7 +1,7 @@
 //! Compresses a list of `x y z` lines into a model file and tells how far its surface is from the points.
 
 use surfabet::geom::{EvaluateOptions, evaluate};
-use surfabet::{Model, PatchesOptions, PointCloud, Silent, patches};
+use surfabet::{DecodeOptions, Model, PatchesOptions, PointCloud, Silent, patches};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (cloud, _) = PointCloud::from_positions(points);
     let model = Model::from(patches::learn(&cloud, &PatchesOptions::default(), &Silent)?);
     let bytes = model.save(&output)?;
-    let decoded = model.decode(None, &Silent)?;
+    let decoded = model.decode(DecodeOptions::default(), &Silent)?;
     let quality = evaluate(&cloud, &decoded, &EvaluateOptions::default(), &Silent)?;
     println!("{} points, {bytes} bytes, rmse {:.4} m", cloud.len(), quality.rmse);
     Ok(())
