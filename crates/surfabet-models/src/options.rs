@@ -530,7 +530,7 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Clone, Copy, PartialEq)]
-    enum Side {
+    pub enum Side {
         Left,
         Right,
     }
@@ -538,7 +538,7 @@ mod tests {
 
     options! {
         /// Options to test with.
-        pub struct Some {
+        pub struct Sample {
             /// A length. It is
             /// long.
             length: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "any length",
@@ -556,18 +556,18 @@ mod tests {
         }
     }
 
-    fn refusal(name: &str, value: Value) -> Error {
-        let mut options = Some::default();
-        let set = options.set(name, &value);
+    fn refusal(name: &str, value: &Value) -> Error {
+        let mut options = Sample::default();
+        let set = options.set(name, value);
         set.and_then(|()| options.check()).expect_err("out of range")
     }
 
     #[test]
     fn a_record_has_what_was_declared() {
-        assert_eq!(Some::default().check(), Ok(()));
-        let [length, count, side, ..] = Some::SPECS else { panic!("options are missing") };
+        assert_eq!(Sample::default().check(), Ok(()));
+        let [length, count, side, ..] = Sample::SPECS else { panic!("options are missing") };
         assert_eq!(length.paragraph(), "A length. It is long.");
-        assert_eq!((length.none, length.unit), ("any length", Option::Some("metres")));
+        assert_eq!((length.none, length.unit), ("any length", Some("metres")));
         assert!(length.another_scene && !count.another_scene);
         assert_eq!((length.default)(), Value::None);
         assert_eq!((count.default)(), Value::Int(3));
@@ -577,17 +577,13 @@ mod tests {
 
     #[test]
     fn values_are_set_by_name() {
-        let mut options = Some::default();
+        let mut options = Sample::default();
         options.set("length", &Value::Int(2)).unwrap();
         options.set("side", &Value::Text("right".to_owned())).unwrap();
         options.set("seed", &Value::Int(i128::from(u64::MAX))).unwrap();
         assert_eq!(options.check(), Ok(()));
-        let expected = Some {
-            length: Option::Some(2.0),
-            side: Side::Right,
-            seed: u64::MAX,
-            ..Some::default()
-        };
+        let expected =
+            Sample { length: Some(2.0), side: Side::Right, seed: u64::MAX, ..Sample::default() };
         assert_eq!(options, expected);
         options.set("length", &Value::None).unwrap();
         assert_eq!(options.length, None);
@@ -631,7 +627,7 @@ mod tests {
                 "option is height, but must be one of length count side seed depth factors",
             ),
         ] {
-            let error = refusal(name, value);
+            let error = refusal(name, &value);
             assert!(matches!(error, Error::InvalidParameter { .. }), "{error}");
             assert_eq!(error.to_string(), message);
         }
@@ -655,7 +651,7 @@ mod tests {
                 "factors is 2.0, but must be a sequence with each a number of at least 1",
             ),
         ] {
-            let error = refusal(name, value);
+            let error = refusal(name, &value);
             assert!(matches!(error, Error::InvalidType { .. }), "{error}");
             assert_eq!(error.to_string(), message);
         }

@@ -34,7 +34,7 @@ const DEVIATION_UNIT: f64 = 0.125;
 pub struct StoredPatch {
     /// Middle of the rectangle in position steps from the model's origin.
     pub position: [i32; 3],
-    /// Octahedral code of the normal, [`NORMAL_BITS`] each.
+    /// Octahedral code of the normal, `NORMAL_BITS` bits each.
     pub normal: [i16; 2],
     /// Direction of the first axis in the plane, in [`DIRECTIONS`] of a turn.
     pub direction: u16,
