@@ -4,7 +4,8 @@
 use std::num::NonZero;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use kiddo::{Executor, ImmutableKdTree, SquaredEuclidean};
+use kiddo::batch::Executor;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use surfabet_geom::{
