@@ -28,7 +28,7 @@ macro_rules! peaks {
 #[test]
 fn hostile_headers_take_no_memory_beyond_the_limits() {
     for (method, peak) in for_each_method!(peaks) {
-        // Decoding what is read makes up to 100 000 points of some 40 bytes beside.
-        assert!((peak as u64) < LIMITS.max_bytes, "{method}: {peak} bytes");
+        // What is read and decoded to 100 000 points of some 40 bytes takes 5 MB at most; counts in headers, nothing.
+        assert!((peak as u64) < LIMITS.max_bytes / 8, "{method}: {peak} bytes");
     }
 }
