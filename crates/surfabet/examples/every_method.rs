@@ -42,7 +42,8 @@ fn corner() -> Result<PointCloud, geom::Error> {
             _ => [u, height, v],
         });
         let shade = (20.0 * noise(4 * i + 3)) as i16;
-        let stripe = if (cell % steps) / 16 % 2 == 0 { [200, 90, 60] } else { [60, 110, 180] };
+        let stripe =
+            if ((cell % steps) / 16).is_multiple_of(2) { [200, 90, 60] } else { [60, 110, 180] };
         colors.push(stripe.map(|c: i16| (c + shade) as u8));
     }
     parts.colors = Some(colors);
