@@ -117,7 +117,7 @@ class Alphabet:
         self,
         cloud: PointCloud,
         *,
-        preset: Literal["small", "balanced", "fine"] = "balanced",
+        quality: Literal["small", "balanced", "fine"] = "balanced",
         inlier_bits: float | None = None,
         outlier_bits: float | None = None,
         spacing: float = 1.0,
@@ -126,6 +126,7 @@ class Alphabet:
         angular_resolution: float | None = None,
         noise: float | None = None,
         min_range: float = 0.0,
+        keep_outliers: bool = False,
         color_step: int = 8,
         progress: Progress = None,
     ) -> AlphabetModel:
@@ -137,12 +138,12 @@ class Alphabet:
         ----------
         cloud
             The scan.
-        preset
-            Smaller files, or more of the scan within sigma. Sets `inlier_bits` to 4, 7 or 24.
+        quality
+            Small files or fine detail. Sets `inlier_bits`, unless that is given, to 4, 7 or 24.
             'small', 'balanced' or 'fine'; by default balanced.
         inlier_bits
             What explaining a point is worth. Points denser than half a sigma count once. A positive
-            number of bits; by default by `preset`.
+            number of bits; by default by `quality`.
         outlier_bits
             What a decoded point that explains nothing costs. 0 or a positive number of bits; by
             default as `inlier_bits`.
@@ -165,6 +166,10 @@ class Alphabet:
         min_range
             Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
             number of metres; by default 0.
+        keep_outliers
+            Keeps points that are far from all others. Otherwise those of which a few would make the
+            scene many times as large as it is are left out, and counted in the report. True or
+            False; by default False.
         color_step
             Rounding of the mean colours of occurrences. An integer from 1 to 255 grey levels; by
             default 8.
@@ -177,7 +182,7 @@ class Alphabet:
             As `learn_alphabet`.
         """
         options = {
-            "preset": preset,
+            "quality": quality,
             "inlier_bits": inlier_bits,
             "outlier_bits": outlier_bits,
             "spacing": spacing,
@@ -186,6 +191,7 @@ class Alphabet:
             "angular_resolution": angular_resolution,
             "noise": noise,
             "min_range": min_range,
+            "keep_outliers": keep_outliers,
             "color_step": color_step,
         }
         with progress_callback(progress) as callback:
@@ -353,10 +359,10 @@ class AlphabetModel(Model[_core.AlphabetModel]):
 def learn_alphabet(
     cloud: PointCloud,
     *,
+    quality: Literal["small", "balanced", "fine"] = "balanced",
     radius: float | None = None,
     scales: int = 4,
     max_words: int = 24,
-    preset: Literal["small", "balanced", "fine"] = "balanced",
     inlier_bits: float | None = None,
     outlier_bits: float | None = None,
     spacing: float = 1.0,
@@ -365,6 +371,7 @@ def learn_alphabet(
     angular_resolution: float | None = None,
     noise: float | None = None,
     min_range: float = 0.0,
+    keep_outliers: bool = False,
     color_step: int = 8,
     progress: Progress = None,
 ) -> AlphabetModel:
@@ -382,20 +389,20 @@ def learn_alphabet(
     cloud
         The scan. Duplicates count once. Ranges and viewpoints make sigma, and orient words. Colours
         and intensities are kept as the mean of every occurrence.
+    quality
+        Small files or fine detail. Sets `inlier_bits`, unless that is given, to 4, 7 or 24.
+        'small', 'balanced' or 'fine'; by default balanced.
     radius
-        Smallest radius of a word (delta). A positive number of metres; by default 0.1, or one and a
-        half times the median sigma where that is more.
+        Smallest radius of a word (delta). A positive number of metres; by default from the data:
+        four spacings of the points, or one and a half times the median sigma where that is more.
     scales
         Number of radii, each twice the one before. An integer from 1 to 8; by default 4.
     max_words
         Most words beside the plane. Those that do not pay for themselves are dropped. An integer
         from 0 to 4095; by default 24.
-    preset
-        Smaller files, or more of the scan within sigma. Sets `inlier_bits` to 4, 7 or 24. 'small',
-        'balanced' or 'fine'; by default balanced.
     inlier_bits
         What explaining a point is worth. Points denser than half a sigma count once. A positive
-        number of bits; by default by `preset`.
+        number of bits; by default by `quality`.
     outlier_bits
         What a decoded point that explains nothing costs. 0 or a positive number of bits; by default
         as `inlier_bits`.
@@ -417,6 +424,10 @@ def learn_alphabet(
     min_range
         Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
         number of metres; by default 0.
+    keep_outliers
+        Keeps points that are far from all others. Otherwise those of which a few would make the
+        scene many times as large as it is are left out, and counted in the report. True or False;
+        by default False.
     color_step
         Rounding of the mean colours of occurrences. An integer from 1 to 255 grey levels; by
         default 8.
@@ -444,10 +455,10 @@ def learn_alphabet(
     True
     """
     options = {
+        "quality": quality,
         "radius": radius,
         "scales": scales,
         "max_words": max_words,
-        "preset": preset,
         "inlier_bits": inlier_bits,
         "outlier_bits": outlier_bits,
         "spacing": spacing,
@@ -456,6 +467,7 @@ def learn_alphabet(
         "angular_resolution": angular_resolution,
         "noise": noise,
         "min_range": min_range,
+        "keep_outliers": keep_outliers,
         "color_step": color_step,
     }
     with progress_callback(progress) as callback:

@@ -65,6 +65,7 @@ class BicAlphabet:
         empty_penalty: float = 0.5,
         floor: float = 3.0,
         reduce: bool = True,
+        keep_outliers: bool = False,
         random_state: int = 0,
         progress: Progress = None,
     ) -> BicAlphabetModel:
@@ -117,6 +118,10 @@ class BicAlphabet:
         reduce
             Removes occurrences without which the likelihood does not fall (section III-D). True or
             False; by default True.
+        keep_outliers
+            Keeps points that are far from all others. Otherwise those of which a few would make the
+            scene many times as large as it is are left out, and counted in the report. True or
+            False; by default False.
         random_state
             Seed of the order in which candidates are tried and features are spread. An integer from
             0 to below 2^64; by default 0.
@@ -141,6 +146,7 @@ class BicAlphabet:
             "empty_penalty": empty_penalty,
             "floor": floor,
             "reduce": reduce,
+            "keep_outliers": keep_outliers,
             "random_state": random_state,
         }
         with progress_callback(progress) as callback:
@@ -194,7 +200,8 @@ class BicAlphabetModel(Model[_core.BicAlphabetModel]):
 def learn_bic_alphabet(
     cloud: PointCloud,
     *,
-    radius: float = 0.1,
+    quality: Literal["small", "balanced", "fine"] = "balanced",
+    radius: float | None = None,
     sigma_scale: float = 3.0,
     angular_resolution: float | None = None,
     noise: float | None = 0.0,
@@ -212,6 +219,7 @@ def learn_bic_alphabet(
     iterations: int = 500,
     max_rejections: int = 500,
     reduce: bool = True,
+    keep_outliers: bool = False,
     random_state: int = 0,
     progress: Progress = None,
 ) -> BicAlphabetModel:
@@ -228,8 +236,12 @@ def learn_bic_alphabet(
     ----------
     cloud
         The scan. Duplicates count once. Ranges and viewpoints make sigma, and orient words.
+    quality
+        Small files or fine detail. Sets `radius`, unless that is given: 'small' doubles it, 'fine'
+        halves it. 'small', 'balanced' or 'fine'; by default balanced.
     radius
-        Radius of a word (delta, eq. 1). A positive number of metres; by default 0.1.
+        Radius of a word (delta, eq. 1). A positive number of metres; by default from the data: four
+        spacings of the points, or a 300th of the scene where that is more.
     sigma_scale
         Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is
         this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number; by
@@ -282,6 +294,10 @@ def learn_bic_alphabet(
     reduce
         Removes occurrences without which the likelihood does not fall (section III-D). True or
         False; by default True.
+    keep_outliers
+        Keeps points that are far from all others. Otherwise those of which a few would make the
+        scene many times as large as it is are left out, and counted in the report. True or False;
+        by default False.
     random_state
         Seed of the order in which candidates are tried and features are spread. An integer from 0
         to below 2^64; by default 0.
@@ -299,6 +315,7 @@ def learn_bic_alphabet(
         For an empty cloud, a cloud too large for its radius, or options outside their range.
     """
     options = {
+        "quality": quality,
         "radius": radius,
         "sigma_scale": sigma_scale,
         "angular_resolution": angular_resolution,
@@ -317,6 +334,7 @@ def learn_bic_alphabet(
         "iterations": iterations,
         "max_rejections": max_rejections,
         "reduce": reduce,
+        "keep_outliers": keep_outliers,
         "random_state": random_state,
     }
     with progress_callback(progress) as callback:

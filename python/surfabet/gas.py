@@ -206,7 +206,8 @@ class GasModel(Model[_core.GasModel]):
 def learn_gas(
     cloud: PointCloud,
     *,
-    n_neurons: int = 10_000,
+    quality: Literal["small", "balanced", "fine"] = "balanced",
+    n_neurons: int | None = None,
     patterns: int = 300,
     epsilon_w: float = 0.2,
     epsilon_n: float = 0.006,
@@ -218,6 +219,7 @@ def learn_gas(
     position_step: float | None = None,
     color_step: int = 8,
     search: Literal["indexed", "brute-force"] = "indexed",
+    keep_outliers: bool = False,
     random_state: int = 0,
     progress: Progress = None,
 ) -> GasModel:
@@ -229,9 +231,14 @@ def learn_gas(
     ----------
     cloud
         The scan.
+    quality
+        Small files or fine detail. Sets `n_neurons`, unless that is given, to about half as many
+        for 'small' and three times as many for 'fine'. 'small', 'balanced' or 'fine'; by default
+        balanced.
     n_neurons
-        Number of neurons at which the network stops growing, at most as many as the points have
-        places. An integer from 2 to 2^26; by default 10000.
+        Number of neurons at which the network stops growing. More than the points have places are
+        not made. An integer from 2 to 2^26; by default one for each cell that holds points, its
+        side twice the tolerance: two spacings, or three standard deviations of the noise.
     patterns
         Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
         default 300.
@@ -267,6 +274,10 @@ def learn_gas(
     search
         How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
         'brute-force'; by default indexed.
+    keep_outliers
+        Keeps points that are far from all others. Otherwise they are left out, and counted in the
+        report: the network would put many of its neurons between a few of them and the scene. True
+        or False; by default False.
     random_state
         Seed of the signals. An integer from 0 to below 2^64; by default 0.
     progress
@@ -286,6 +297,7 @@ def learn_gas(
     (50, np.uint32(0))
     """
     options = {
+        "quality": quality,
         "n_neurons": n_neurons,
         "patterns": patterns,
         "epsilon_w": epsilon_w,
@@ -298,6 +310,7 @@ def learn_gas(
         "position_step": position_step,
         "color_step": color_step,
         "search": search,
+        "keep_outliers": keep_outliers,
         "random_state": random_state,
     }
     with progress_callback(progress) as callback:

@@ -155,6 +155,7 @@ class HscsmDictionary:
         depth_tolerance: float | None = None,
         color_tolerance: float = 7.0,
         sensor: Literal["structured-light", "constant"] = "structured-light",
+        keep_outliers: bool = False,
         progress: Progress = None,
     ) -> HscsmModel:
         """Describes another cloud in these dictionaries: nothing is learned.
@@ -198,6 +199,10 @@ class HscsmDictionary:
             How the error of a range measurement grows with the range. 'structured-light' is with
             its square, as for Kinects. Without ranges all points weigh the same. 'structured-light'
             or 'constant'; by default structured-light.
+        keep_outliers
+            Keeps points that are far from all others. Otherwise those of which a few would make the
+            scene many times as large as it is are left out, and counted in the report. True or
+            False; by default False.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -216,6 +221,7 @@ class HscsmDictionary:
             "depth_tolerance": depth_tolerance,
             "color_tolerance": color_tolerance,
             "sensor": sensor,
+            "keep_outliers": keep_outliers,
         }
         with progress_callback(progress) as callback:
             return HscsmModel(self._core.describe(cloud, options, progress=callback))
@@ -340,7 +346,8 @@ class HscsmModel(Model[_core.HscsmModel]):
 def learn_hscsm(
     cloud: PointCloud,
     *,
-    resolution: float = 0.01,
+    quality: Literal["small", "balanced", "fine"] = "balanced",
+    resolution: float | None = None,
     patch_pixels: int = 8,
     levels: int = 1,
     max_depth_deviation: float | None = None,
@@ -355,6 +362,7 @@ def learn_hscsm(
     color_tolerance: float = 7.0,
     iterations: int = 8,
     sensor: Literal["structured-light", "constant"] = "structured-light",
+    keep_outliers: bool = False,
     random_state: int = 0,
     progress: Progress = None,
 ) -> HscsmModel:
@@ -368,9 +376,13 @@ def learn_hscsm(
     cloud
         The scan. Colours are kept when present; ranges weight the points by the depth error of
         their sensor; viewpoints tell the two sides of a thin wall apart.
+    quality
+        Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it,
+        'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
     resolution
         Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost. A
-        positive number of metres; by default 0.01.
+        positive number of metres; by default from the data: three spacings of the points, or 1.25
+        standard deviations of their noise where that is more.
     patch_pixels
         Pixels per side of a patch. The patch size (ps) is this times `resolution`. An integer from
         2 to 32; by default 8.
@@ -417,6 +429,10 @@ def learn_hscsm(
         How the error of a range measurement grows with the range. 'structured-light' is with its
         square, as for Kinects. Without ranges all points weigh the same. 'structured-light' or
         'constant'; by default structured-light.
+    keep_outliers
+        Keeps points that are far from all others. Otherwise those of which a few would make the
+        scene many times as large as it is are left out, and counted in the report. True or False;
+        by default False.
     random_state
         Seed of the first entries of the dictionaries. An integer from 0 to below 2^64; by default
         0.
@@ -443,6 +459,7 @@ def learn_hscsm(
     True
     """
     options = {
+        "quality": quality,
         "resolution": resolution,
         "patch_pixels": patch_pixels,
         "levels": levels,
@@ -458,6 +475,7 @@ def learn_hscsm(
         "color_tolerance": color_tolerance,
         "iterations": iterations,
         "sensor": sensor,
+        "keep_outliers": keep_outliers,
         "random_state": random_state,
     }
     with progress_callback(progress) as callback:

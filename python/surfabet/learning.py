@@ -28,6 +28,14 @@ class LearningReport:
     """Why learning ended."""
     not_kept: tuple[str, ...]
     """Attributes of the cloud that the model does not hold."""
+    chosen: dict[str, tuple[float, str]]
+    """Options that were not given: the value that follows from the data, and why."""
+    left_out: int
+    """Points that were left out as outliers."""
+    tolerance: float
+    """How far from a point its surface may be decoded and still show it, metres: two spacings, three
+    standard deviations of the noise, or two thirds of a pixel, whichever is most. 0 for models that
+    do not hold all of a surface."""
 
     def as_dict(self) -> dict[str, Any]:
         """The report as plain dicts, lists and numbers."""

@@ -136,9 +136,11 @@ class PatchModel(Model[_core.PatchModel]):
 def learn_patches(
     cloud: PointCloud,
     *,
-    resolution: float = 0.01,
+    quality: Literal["small", "balanced", "fine"] = "balanced",
+    resolution: float | None = None,
     levels: int = 2,
     max_error: float | None = None,
+    completeness: float = 0.995,
     rate: float = 1.4,
     depth_step: float = 0.75,
     rounds: int = 3,
@@ -146,6 +148,7 @@ def learn_patches(
     chroma_ratio: float = 1.5,
     color_rate: float = 0.15,
     sensor: Literal["structured-light", "constant"] = "structured-light",
+    keep_outliers: bool = False,
     progress: Progress = None,
 ) -> PatchModel:
     """Learns surface patches on the scene's own lattice, at the least cost in bits and error.
@@ -157,9 +160,13 @@ def learn_patches(
     cloud
         The scan. Colours are kept when present; ranges weight the points by the depth error of
         their sensor; viewpoints tell the two sides of a thin wall apart.
+    quality
+        Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it,
+        'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
     resolution
-        Side of a pixel of the finest level. Smaller detail is lost; this is the one knob between
-        size and error, and all else follows it. A positive number of metres; by default 0.01.
+        Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method
+        follow it. A positive number of metres; by default from the data: three spacings of the
+        points, or 1.25 standard deviations of their noise where that is more.
     levels
         Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above
         it, pixels and patches double in size. An integer from 1 to 4; by default 2.
@@ -167,6 +174,11 @@ def learn_patches(
         Largest distance of any input point to the cloud that is decoded as measured at the default
         spacing. Points that would be further away are kept beside the patches. A positive number of
         metres; by default no bound.
+    completeness
+        Least share of the points that are within the tolerance of the cloud decoded as measured:
+        two spacings, three standard deviations of the noise, or two thirds of a pixel, whichever is
+        most. Points beside the patches make up for what these leave out. With 0 there are none, and
+        with `max_error` this has no effect. A number from 0 to 1; by default 0.995.
     rate
         Squared error that a bit of geometry must save (lambda), summed over pixels and both
         directions. Larger makes smaller files. A positive number of squared pixels; by default 1.4.
@@ -188,6 +200,10 @@ def learn_patches(
         How the error of a range measurement grows with the range. 'structured-light' is with its
         square, as for Kinects. Without ranges all points weigh the same. 'structured-light' or
         'constant'; by default structured-light.
+    keep_outliers
+        Keeps points that are far from all others. Otherwise those of which a few would make the
+        scene many times as large as it is are left out, and counted in the report. True or False;
+        by default False.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -213,9 +229,11 @@ def learn_patches(
     True
     """
     options = {
+        "quality": quality,
         "resolution": resolution,
         "levels": levels,
         "max_error": max_error,
+        "completeness": completeness,
         "rate": rate,
         "depth_step": depth_step,
         "rounds": rounds,
@@ -223,6 +241,7 @@ def learn_patches(
         "chroma_ratio": chroma_ratio,
         "color_rate": color_rate,
         "sensor": sensor,
+        "keep_outliers": keep_outliers,
     }
     with progress_callback(progress) as callback:
         return PatchModel(_core.learn_patches(cloud, options, progress=callback))

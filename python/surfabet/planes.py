@@ -236,6 +236,7 @@ def _means(colors: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 def learn_planes(
     cloud: PointCloud,
     *,
+    quality: Literal["small", "balanced", "fine"] = "balanced",
     initial_patches: int = 0,
     min_grid_size: float | None = None,
     weight_at_grid_size: float = 0.01,
@@ -250,6 +251,7 @@ def learn_planes(
     min_fill: float = 0.6,
     max_bend: float = 1.55,
     color_step: int = 8,
+    keep_outliers: bool = False,
     random_state: int = 0,
     weights: ArrayLike | None = None,
     progress: Progress = None,
@@ -264,13 +266,16 @@ def learn_planes(
     ----------
     cloud
         The scan.
+    quality
+        Small files or fine detail. Sets `min_grid_size`, unless that is given: 'small' doubles it,
+        'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
     initial_patches
         Number of patches to start from, placed at random. With 0 they are taken from the data:
         cells that are flat. An integer from 0 to 2^20; by default 0.
     min_grid_size
         Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat
-        at this size. A positive number of metres; by default twice the median spacing of the
-        points.
+        at this size. A positive number of metres; by default the median spacing of the points, or
+        three times their noise where that is more.
     weight_at_grid_size
         Weight of a point at distance G before normalisation (W, eq. 2). Points further than G from
         all patches support none. A number above 0 and below 1; by default 0.01.
@@ -309,6 +314,10 @@ def learn_planes(
         are kept. A number of at least 1; by default 1.55.
     color_step
         Rounding of the colours of tiles. An integer from 1 to 64 grey levels; by default 8.
+    keep_outliers
+        Keeps points that are far from all others. Otherwise those of which a few would make the
+        scene many times as large as it is are left out, and counted in the report. True or False;
+        by default False.
     random_state
         Seed of the patches that are placed at random. An integer from 0 to below 2^64; by default
         0.
@@ -332,6 +341,7 @@ def learn_planes(
     (2, array([1., 1.]))
     """
     options = {
+        "quality": quality,
         "initial_patches": initial_patches,
         "min_grid_size": min_grid_size,
         "weight_at_grid_size": weight_at_grid_size,
@@ -346,6 +356,7 @@ def learn_planes(
         "min_fill": min_fill,
         "max_bend": max_bend,
         "color_step": color_step,
+        "keep_outliers": keep_outliers,
         "random_state": random_state,
     }
     with progress_callback(progress) as callback:

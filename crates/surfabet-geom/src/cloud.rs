@@ -9,6 +9,10 @@ use crate::vector::distance;
 /// still resolves 0.06 mm, and clouds below it (rooms, buildings, single scans) keep their `f32` bits exactly.
 pub const LARGEST_UNSHIFTED: f64 = 1000.0;
 
+/// Largest distance from the middle of the bounding box, metres, at which it is a good origin: an `f32` of this size
+/// resolves 0.5 mm.
+const LARGEST_ABOUT_MIDDLE: f64 = 8000.0;
+
 /// Where each point was measured from: a short table of sensor origins and one index into it per point.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Viewpoints {
@@ -67,6 +71,19 @@ fn check_len(attribute: &'static str, found: usize, expected: usize) -> Result<(
     } else {
         Err(Error::LengthMismatch { attribute, found, expected })
     }
+}
+
+/// The median of each coordinate, rounded to whole metres; zero where all three are within [`LARGEST_UNSHIFTED`].
+fn origin_of_most(world: &[[f64; 3]]) -> [f64; 3] {
+    let median = |axis: usize| {
+        let finite = world.iter().filter(|p| p.iter().all(|c| c.is_finite()));
+        let mut values: Vec<f64> = finite.map(|p| p[axis]).collect();
+        let middle = values.len() / 2;
+        let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+        median.round()
+    };
+    let middle = [median(0), median(1), median(2)];
+    if middle.iter().all(|c| c.abs() <= LARGEST_UNSHIFTED) { [0.0; 3] } else { middle }
 }
 
 fn retain_by<T: Copy>(values: &mut Vec<T>, keep: &[bool]) {
@@ -173,7 +190,8 @@ impl PointCloud {
     ///
     /// The origin is zero while no coordinate is beyond [`LARGEST_UNSHIFTED`], so that `f32` input keeps its bits; else it
     /// is the centre of the bounding box rounded to whole metres. Local coordinates up to 8 km from it are
-    /// then exact to 0.5 mm.
+    /// then exact to 0.5 mm. Of a larger box, as a single wrong point makes it, the origin is the median of each
+    /// coordinate, or zero where that is within the same limit.
     pub fn split_origin(world: &[[f64; 3]]) -> ([f64; 3], Vec<[f32; 3]>) {
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
@@ -185,7 +203,12 @@ impl PointCloud {
         }
         let largest = (0..3).map(|a| low[a].abs().max(high[a].abs())).fold(0.0, f64::max);
         let origin = if largest.is_finite() && largest > LARGEST_UNSHIFTED {
-            std::array::from_fn(|a| (0.5 * (low[a] + high[a])).round())
+            let half = (0..3).map(|a| 0.5 * (high[a] - low[a])).fold(0.0, f64::max);
+            if half <= LARGEST_ABOUT_MIDDLE {
+                std::array::from_fn(|a| (0.5 * (low[a] + high[a])).round())
+            } else {
+                origin_of_most(world)
+            }
         } else {
             [0.0; 3]
         };

@@ -2,6 +2,8 @@
 
 use surfabet_geom::PointCloud;
 
+use crate::start::Chosen;
+
 /// One stage of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage {
@@ -105,6 +107,13 @@ pub struct Report<F = Named> {
     pub stop_reason: &'static str,
     /// What the cloud had and the model does not keep.
     pub not_kept: Vec<&'static str>,
+    /// Options that were not given, and what the data made of them.
+    pub chosen: Vec<Chosen>,
+    /// Points that were left out as outliers.
+    pub left_out: usize,
+    /// How far from a point its surface may be decoded and still show it, metres: two spacings, three standard deviations
+    /// of the noise, or two thirds of a pixel, whichever is most. Zero where a method does not ask.
+    pub tolerance: f64,
 }
 
 impl<F: Figures> Report<F> {
@@ -118,6 +127,9 @@ impl<F: Figures> Report<F> {
             iterations: self.iterations,
             stop_reason: self.stop_reason,
             not_kept: self.not_kept.clone(),
+            chosen: self.chosen.clone(),
+            left_out: self.left_out,
+            tolerance: self.tolerance,
         }
     }
 }

@@ -27,6 +27,7 @@ mod report;
 mod run;
 mod sim;
 mod sparse;
+mod survey;
 mod view;
 mod voxel_grid;
 
@@ -58,5 +59,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     range_image::register(module)?;
     voxel_grid::register(module)?;
     sparse::register(module)?;
+    survey::register(module)?;
     Ok(())
 }

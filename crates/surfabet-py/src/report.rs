@@ -37,5 +37,12 @@ pub fn report_dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py,
     dict.set_item("iterations", report.iterations)?;
     dict.set_item("stop_reason", report.stop_reason)?;
     dict.set_item("not_kept", &report.not_kept)?;
+    let chosen = PyDict::new(py);
+    for choice in &report.chosen {
+        chosen.set_item(choice.option, (choice.value, &choice.reason))?;
+    }
+    dict.set_item("chosen", chosen)?;
+    dict.set_item("left_out", report.left_out)?;
+    dict.set_item("tolerance", report.tolerance)?;
     Ok(dict)
 }

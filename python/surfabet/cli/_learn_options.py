@@ -27,9 +27,14 @@ GAS = Group("Options of --model gas", sort_key=7)
 class LearnOptions:
     """Options of learning; None leaves them to the model."""
 
+    quality: Annotated[Literal["small", "balanced", "fine"] | None, Parameter(group=SHARED)] = None
+    """patches, hscsm, alphabet, bic-alphabet, planes, gas: Small files or fine detail. 'small',
+    'balanced' or 'fine'; by default balanced."""
+
     resolution: Annotated[float | None, Parameter(group=SHARED)] = None
     """patches: Side of a pixel of the finest level. hscsm: Side of a pixel of the lowest level (pr,
-    the patch resolution). A positive number of metres; by default 0.01."""
+    the patch resolution). A positive number of metres; by default from the data: three spacings of
+    the points, or 1.25 standard deviations of their noise where that is more."""
 
     levels: Annotated[int | None, Parameter(group=SHARED)] = None
     """patches: Levels of the hierarchy. hscsm: Levels of the hierarchy; one is SCSM. For patches an
@@ -51,6 +56,10 @@ class LearnOptions:
     """patches, hscsm: How the error of a range measurement grows with the range. 'structured-light'
     or 'constant'; by default structured-light."""
 
+    keep_outliers: Annotated[bool | None, Parameter(group=SHARED)] = None
+    """patches, hscsm, alphabet, bic-alphabet, planes, gas: Keeps points that are far from all
+    others. True or False; by default False."""
+
     iterations: Annotated[int | None, Parameter(group=SHARED)] = None
     """hscsm: Most iterations of weighted K-SVD per dictionary. bic-alphabet: Most candidate words
     that are tried. For hscsm an integer from 1 to 1000; by default 8. For bic-alphabet an integer
@@ -63,8 +72,10 @@ class LearnOptions:
 
     radius: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet: Smallest radius of a word (delta). bic-alphabet: Radius of a word (delta, eq. 1).
-    For alphabet a positive number of metres; by default 0.1, or one and a half times the median
-    sigma where that is more. For bic-alphabet a positive number of metres; by default 0.1."""
+    For alphabet a positive number of metres; by default from the data: four spacings of the points,
+    or one and a half times the median sigma where that is more. For bic-alphabet a positive number
+    of metres; by default from the data: four spacings of the points, or a 300th of the scene where
+    that is more."""
 
     sigma_scale: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet, bic-alphabet: Factor of the deviation sigma within which a point is explained
@@ -92,6 +103,11 @@ class LearnOptions:
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
     spacing. A positive number of metres; by default no bound."""
+
+    completeness: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Least share of the points that are within the tolerance of the cloud decoded as measured: two
+    spacings, three standard deviations of the noise, or two thirds of a pixel, whichever is most. A
+    number from 0 to 1; by default 0.995."""
 
     rate: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Squared error that a bit of geometry must save (lambda), summed over pixels and both
@@ -157,12 +173,8 @@ class LearnOptions:
     max_words: Annotated[int | None, Parameter(group=ALPHABET)] = None
     """Most words beside the plane. An integer from 0 to 4095; by default 24."""
 
-    preset: Annotated[Literal["small", "balanced", "fine"] | None, Parameter(group=ALPHABET)] = None
-    """Smaller files, or more of the scan within sigma. 'small', 'balanced' or 'fine'; by default
-    balanced."""
-
     inlier_bits: Annotated[float | None, Parameter(group=ALPHABET)] = None
-    """What explaining a point is worth. A positive number of bits; by default by `preset`."""
+    """What explaining a point is worth. A positive number of bits; by default by `quality`."""
 
     outlier_bits: Annotated[float | None, Parameter(group=ALPHABET)] = None
     """What a decoded point that explains nothing costs. 0 or a positive number of bits; by default
@@ -222,7 +234,8 @@ class LearnOptions:
 
     min_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
     """Grid size (G, section II-E) that the learned one does not fall below. A positive number of
-    metres; by default twice the median spacing of the points."""
+    metres; by default the median spacing of the points, or three times their noise where that is
+    more."""
 
     weight_at_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
     """Weight of a point at distance G before normalisation (W, eq. 2). A number above 0 and below
@@ -264,8 +277,9 @@ class LearnOptions:
     their tile. A number of at least 1; by default 1.55."""
 
     n_neurons: Annotated[int | None, Parameter(group=GAS)] = None
-    """Number of neurons at which the network stops growing, at most as many as the points have
-    places. An integer from 2 to 2^26; by default 10000."""
+    """Number of neurons at which the network stops growing. An integer from 2 to 2^26; by default
+    one for each cell that holds points, its side twice the tolerance: two spacings, or three
+    standard deviations of the noise."""
 
     patterns: Annotated[int | None, Parameter(group=GAS)] = None
     """Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by

@@ -13,12 +13,13 @@ pub(super) const THINNING_SIDE: f32 = 0.5;
 /// Points that a normal is fitted to.
 pub(super) const NORMAL_NEIGHBORS: usize = 12;
 
-/// Smallest radius if it is not given, metres: delta of the paper's indoor scans (table I).
-pub(super) const DEFAULT_RADIUS: f64 = 0.1;
+/// Smallest radius if it is not given, over the spacing of the points: delta of the paper's indoor scans (table I) is
+/// as many spacings of such scans.
+pub(super) const RADIUS_IN_SPACINGS: f64 = 4.0;
 
 /// Smallest radius if it is not given, over the median sigma: the heights of a smaller word are lost in the deviation
 /// that is allowed.
-pub(super) const DEFAULT_RADIUS_IN_SIGMAS: f64 = 1.5;
+pub(super) const RADIUS_IN_SIGMAS: f64 = 1.5;
 
 // Finding planes.
 

@@ -9,7 +9,7 @@ use super::channels::Channels;
 use super::choice::{Choice, Prices};
 use super::coding::CodingParams;
 use super::constants::{
-    DEFAULT_RADIUS, DEFAULT_RADIUS_IN_SIGMAS, FIRST_OCCURRENCE_BITS, NORMAL_NEIGHBORS,
+    FIRST_OCCURRENCE_BITS, NORMAL_NEIGHBORS, RADIUS_IN_SIGMAS, RADIUS_IN_SPACINGS,
 };
 use super::model::{Alphabet, AlphabetModel, Header};
 use super::options::AlphabetOptions;
@@ -20,9 +20,11 @@ use crate::options::Options;
 use crate::report::{Report, figures, lost};
 use crate::scans::Scene;
 use crate::stages::Stages;
+use crate::start::{Leave, Start, rounded, significant};
 
 /// The stages and their shares of the progress, in per cent.
 const STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 3.0),
     ("preparing the scene", 10.0),
     ("finding planes", 20.0),
     ("clustering words", 10.0),
@@ -91,10 +93,15 @@ fn run(
 ) -> Result<AlphabetModel> {
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
+    // What the data say of the options that are not given.
+    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
+    let mut start = stages.run("measuring the cloud", |progress| {
+        Start::of(cloud, options.quality, leave, progress)
+    })?;
 
     // 1. Points denser than half a sigma are thinned out (eq. 13).
-    let prepared =
-        stages.run("preparing the scene", |progress| Prepared::new(cloud, options, progress))?;
+    let prepared = stages
+        .run("preparing the scene", |progress| Prepared::new(&mut start, options, progress))?;
     let scene = &prepared.lattice;
 
     // 2. Planes at every cell of every scale, rounded, with descriptors of the surface about them (III-C).
@@ -153,7 +160,7 @@ fn run(
         None => Alphabet::new(scene.radius, options.scales, words)?,
     };
     let model = prepared.model(alphabet, frozen.is_some(), &chosen, options)?;
-    Ok(model.with_report(AlphabetReport {
+    let mut report = AlphabetReport {
         stages: stages.finish(),
         figures: Some(prepared.figures(candidates.len())),
         iterations: lengths.len(),
@@ -161,7 +168,9 @@ fn run(
         stop_reason: "every round was run",
         not_kept: prepared.not_kept(cloud),
         ..Report::default()
-    }))
+    };
+    start.report(0.0, &mut report);
+    Ok(model.with_report(report))
 }
 
 /// The scene in the forms that the steps need.
@@ -177,8 +186,13 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new(cloud: &PointCloud, options: &AlphabetOptions, progress: &dyn Progress) -> Result<Self> {
-        let scene = Scene::new(cloud, options.deviation(), options.min_range, progress)?;
+    fn new(
+        start: &mut Start<'_>,
+        options: &AlphabetOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let n_points = start.cloud.len();
+        let scene = Scene::new(&start.cloud, options.deviation(), options.min_range, progress)?;
         progress.check()?;
         let kept = thinned(&scene);
         progress.check()?;
@@ -186,12 +200,23 @@ impl Prepared {
         let (points, _) = PointCloud::from_positions(thinned.positions.clone());
         let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
         let normals = estimate_normals(&points, near, progress)?.normals;
-        let radius = options
-            .radius
-            .unwrap_or_else(|| DEFAULT_RADIUS.max(DEFAULT_RADIUS_IN_SIGMAS * scene.median_sigma()));
+        let radius = start.choose("radius", options.radius, |survey, _| {
+            let of_spacing = RADIUS_IN_SPACINGS * survey.spacing;
+            let of_sigma = RADIUS_IN_SIGMAS * scene.median_sigma();
+            if of_sigma > of_spacing {
+                let sigma = significant(scene.median_sigma());
+                (
+                    rounded(of_sigma),
+                    format!("{RADIUS_IN_SIGMAS} times the median sigma of {sigma} m"),
+                )
+            } else {
+                let spacing = significant(survey.spacing);
+                (rounded(of_spacing), format!("{RADIUS_IN_SPACINGS} spacings of {spacing} m"))
+            }
+        });
         progress.check()?;
         let lattice = LatticeScene::new(&thinned, normals, radius)?;
-        Ok(Self { n_points: cloud.len(), scene, thinned, lattice })
+        Ok(Self { n_points, scene, thinned, lattice })
     }
 
     fn figures(&self, candidates: usize) -> AlphabetFigures {

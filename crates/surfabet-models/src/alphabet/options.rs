@@ -1,33 +1,19 @@
 //! What to learn.
 
 use super::lattice::MAX_SCALE;
-use crate::options::{Range, choices, options};
+use crate::options::{Range, options};
+use crate::quality::Quality;
 use crate::scans::Deviation;
 
 /// Most words of an alphabet.
 pub const MAX_WORDS: u32 = 4096;
 
-/// How much of the scan the words are to explain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Preset {
-    /// The smallest files.
-    Small,
-    /// In between.
-    #[default]
-    Balanced,
-    /// As much as possible within sigma.
-    Fine,
-}
-choices!(Preset { Small = "small", Balanced = "balanced", Fine = "fine" });
-
-impl Preset {
-    /// What explaining a point is worth, bits.
-    fn inlier_bits(self) -> f64 {
-        match self {
-            Self::Small => 4.0,
-            Self::Balanced => 7.0,
-            Self::Fine => 24.0,
-        }
+/// What explaining a point is worth, bits.
+fn inlier_bits(quality: Quality) -> f64 {
+    match quality {
+        Quality::Small => 4.0,
+        Quality::Balanced => 7.0,
+        Quality::Fine => 24.0,
     }
 }
 
@@ -35,17 +21,17 @@ options! {
     /// Options of [`learn`](super::learn) and [`describe`](super::describe).
     #[derive(Copy)]
     pub struct AlphabetOptions {
+        /// Small files or fine detail. Sets `inlier_bits`, unless that is given, to 4, 7 or 24.
+        quality: Quality = Quality::Balanced, another_scene = true;
         /// Smallest radius of a word (delta).
         radius: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
-            none = "0.1, or one and a half times the median sigma where that is more";
+            none = "from the data: four spacings of the points, or one and a half times the median sigma where that is more";
         /// Number of radii, each twice the one before.
         scales: u32 = 4, range = Range::from_to(1.0, (MAX_SCALE + 1) as f64);
         /// Most words beside the plane. Those that do not pay for themselves are dropped.
         max_words: u32 = 24, range = Range::from_to(0.0, (MAX_WORDS - 1) as f64);
-        /// Smaller files, or more of the scan within sigma. Sets `inlier_bits` to 4, 7 or 24.
-        preset: Preset = Preset::Balanced, another_scene = true;
         /// What explaining a point is worth. Points denser than half a sigma count once.
-        inlier_bits: Option<f64> = None, range = Range::POSITIVE, unit = "bits", none = "by `preset`",
+        inlier_bits: Option<f64> = None, range = Range::POSITIVE, unit = "bits", none = "by `quality`",
             another_scene = true;
         /// What a decoded point that explains nothing costs.
         outlier_bits: Option<f64> = None, range = Range::NOT_NEGATIVE, unit = "bits", none = "as `inlier_bits`",
@@ -66,6 +52,9 @@ options! {
             another_scene = true;
         /// Points nearer to the sensor are left out, such as the robot's own body.
         min_range: f64 = 0.0, range = Range::NOT_NEGATIVE, unit = "metres", another_scene = true;
+        /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
+        /// large as it is are left out, and counted in the report.
+        keep_outliers: bool = false, another_scene = true;
         /// Rounding of the mean colours of occurrences.
         color_step: u32 = 8, range = Range::from_to(1.0, 255.0), unit = "grey levels", another_scene = true;
     }
@@ -74,7 +63,7 @@ options! {
 impl AlphabetOptions {
     /// Bits in force for a point that is explained.
     pub fn inlier_bits(&self) -> f64 {
-        self.inlier_bits.unwrap_or_else(|| self.preset.inlier_bits())
+        self.inlier_bits.unwrap_or_else(|| inlier_bits(self.quality))
     }
 
     /// Bits in force for a decoded point that explains nothing.

@@ -1,6 +1,19 @@
 //! Tuned constants of the method. What a user may set is in [`BicAlphabetOptions`](super::BicAlphabetOptions); what the
 //! file format fixes is beside the code that writes it.
 
+// The radius of words, where it is not given.
+
+/// In spacings: about fifty points of a surface, twice as many as a descriptor has pixels within its circle. The paper's
+/// 0.1 m is as many spacings of its scans.
+pub(super) const RADIUS_IN_SPACINGS: f64 = 4.0;
+
+/// In parts of the scene's diagonal: a word is tried at every radius' distance, so that finer words of dense scans take
+/// hours.
+pub(super) const RADII_PER_SCENE: f64 = 300.0;
+
+/// For a scene without any length, metres: the paper's.
+pub(super) const ANY_RADIUS: f64 = 0.1;
+
 /// Side of a pixel of the range image (III-C) in angles between beams, alpha: scanners differ in both directions, and a
 /// pixel should not be empty. The effect of other
 /// values was not measured.

@@ -6,20 +6,25 @@
 //! | 4 to 6 | words, accepted when the BIC falls: [`choose_words`] | eq. 1 to 12, III, III-A |
 //! | 7 | occurrences that are not needed: [`reduce`] | III-D |
 
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::vector::length;
+use surfabet_geom::{PointCloud, Progress, Survey};
 
 use super::choice::{
     Fidelity, Matching, PreparedScene, Reconstruction, choose_words, fidelity, reduce,
 };
+use super::constants::{ANY_RADIUS, RADII_PER_SCENE, RADIUS_IN_SPACINGS};
 use super::model::{BicAlphabet, BicAlphabetModel, BicHeader};
 use super::options::BicAlphabetOptions;
 use crate::error::Result;
 use crate::options::Options;
+use crate::quality::Quality;
 use crate::report::{Report, lost};
 use crate::stages::Stages;
+use crate::start::{Leave, Start, rounded, significant};
 
 /// The stages of learning and their shares of the progress: the time of each in per cent, on a scan of a room.
 pub(super) const STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 1.0),
     ("preparing the scene", 2.0),
     ("extracting features", 2.0),
     ("describing features", 1.0),
@@ -31,6 +36,7 @@ pub(super) const STAGES: &[(&str, f32)] = &[
 
 /// The stages of describing another scene.
 const DESCRIBE_STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 5.0),
     ("preparing the scene", 15.0),
     ("extracting features", 20.0),
     ("describing features", 10.0),
@@ -58,6 +64,12 @@ pub fn learn(
     options.check()?;
     let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
     let mut stages = Stages::new(STAGES, progress);
+    let mut start = measured(cloud, options, &mut stages)?;
+    let radius = start.choose("radius", options.radius, radius);
+    let options = &BicAlphabetOptions { radius: Some(radius), ..options.clone() };
+    let cloud = start.cloud.clone();
+    let cloud: &PointCloud = &cloud;
+    start.report(0.0, &mut report);
     // Scene, features and their descriptors: eq. 13, III-C.
     let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
     // Words sampled from the scene (eq. 1), accepted when the BIC falls: III, III-A, III-B.
@@ -84,6 +96,10 @@ impl BicAlphabet {
         options.check()?;
         let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
         let mut stages = Stages::new(DESCRIBE_STAGES, progress);
+        let start = measured(cloud, options, &mut stages)?;
+        let cloud = start.cloud.clone();
+        let cloud: &PointCloud = &cloud;
+        start.report(0.0, &mut report);
         let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
         let words = self.words().to_vec();
         let matching = stages.run("matching words", |_| {
@@ -93,6 +109,32 @@ impl BicAlphabet {
             stages.run("placing words", |_| Ok(Reconstruction::new(&scene, words, matching)))?;
         report.stop_reason = "the alphabet was given";
         Ok(finish(cloud, &scene, best, report, stages)?.sharing_alphabet(true))
+    }
+}
+
+/// The cloud without strays, and its figures.
+fn measured<'a>(
+    cloud: &'a PointCloud,
+    options: &BicAlphabetOptions,
+    stages: &mut Stages<'_>,
+) -> Result<Start<'a>> {
+    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
+    stages.run("measuring the cloud", |progress| Start::of(cloud, options.quality, leave, progress))
+}
+
+/// The radius of words by the data, and why: enough points for a descriptor, and no more words than can be tried.
+fn radius(survey: &Survey, quality: Quality) -> (f64, String) {
+    let diagonal = length(survey.extent());
+    let scale = quality.scale();
+    let of_spacing = scale * RADIUS_IN_SPACINGS * survey.spacing;
+    let of_scene = scale * diagonal / RADII_PER_SCENE;
+    if of_scene > of_spacing {
+        (rounded(of_scene), format!("a part of the scene of {} m", significant(diagonal)))
+    } else if of_spacing > 0.0 {
+        let spacings = scale * RADIUS_IN_SPACINGS;
+        (rounded(of_spacing), format!("{spacings} spacings of {} m", significant(survey.spacing)))
+    } else {
+        (ANY_RADIUS, "all points are at one place".to_owned())
     }
 }
 

@@ -104,14 +104,20 @@ impl BicAlphabet {
     }
 
     pub(super) fn learned(words: Vec<BicWord>, options: &BicAlphabetOptions) -> Result<Self> {
-        let BicAlphabetOptions { radius, descriptor_pixels, upright, .. } = *options;
+        let BicAlphabetOptions { descriptor_pixels, upright, .. } = *options;
+        let radius = options.radius();
         Self::new(BicShape { radius, descriptor_pixels, upright }, words)
     }
 
     /// Default options for words of this kind, to describe a cloud with.
     pub fn options(&self) -> BicAlphabetOptions {
         let BicShape { radius, descriptor_pixels, upright } = self.shape;
-        BicAlphabetOptions { radius, descriptor_pixels, upright, ..BicAlphabetOptions::default() }
+        BicAlphabetOptions {
+            radius: Some(radius),
+            descriptor_pixels,
+            upright,
+            ..BicAlphabetOptions::default()
+        }
     }
 
     /// Refuses options of another kind of words.
@@ -122,8 +128,8 @@ impl BicAlphabet {
             )))
         };
         let BicShape { radius, descriptor_pixels, upright } = self.shape;
-        if (radius - options.radius).abs() > 1e-9 * radius {
-            return mismatch("radius", radius.to_string(), options.radius.to_string());
+        if (radius - options.radius()).abs() > 1e-9 * radius {
+            return mismatch("radius", radius.to_string(), options.radius().to_string());
         }
         if descriptor_pixels != options.descriptor_pixels {
             let given = options.descriptor_pixels.to_string();

@@ -1,6 +1,7 @@
 //! What to learn.
 
 use crate::options::{Range, options};
+use crate::quality::Quality;
 use crate::scans::{Deviation, Upright};
 
 options! {
@@ -8,8 +9,11 @@ options! {
     ///
     /// The paper gives the radius and the number of iterations. Its lambda is not given; 3 reaches its figures.
     pub struct BicAlphabetOptions {
+        /// Small files or fine detail. Sets `radius`, unless that is given: 'small' doubles it, 'fine' halves it.
+        quality: Quality = Quality::Balanced;
         /// Radius of a word (delta, eq. 1).
-        radius: f64 = 0.1, range = Range::POSITIVE, unit = "metres";
+        radius: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+            none = "from the data: four spacings of the points, or a 300th of the scene where that is more";
         /// Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is this times
         /// hypot(tan(`angular_resolution` / 2) * range, `noise`).
         sigma_scale: f64 = 3.0, range = Range::POSITIVE, another_scene = true;
@@ -54,20 +58,28 @@ options! {
         max_rejections: u32 = 500, range = Range::at_least(1.0);
         /// Removes occurrences without which the likelihood does not fall (section III-D).
         reduce: bool = true, another_scene = true;
+        /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
+        /// large as it is are left out, and counted in the report.
+        keep_outliers: bool = false, another_scene = true;
         /// Seed of the order in which candidates are tried and features are spread.
         random_state: u64 = 0, range = Range::SEED, another_scene = true;
     }
 }
 
 impl BicAlphabetOptions {
+    /// The radius in force, metres. Learning chooses it before anything asks.
+    pub fn radius(&self) -> f64 {
+        self.radius.unwrap_or(f64::NAN)
+    }
+
     /// Epsilon in force, metres.
     pub fn epsilon(&self) -> f64 {
-        self.epsilon.unwrap_or(0.2 * self.radius)
+        self.epsilon.unwrap_or(0.2 * self.radius())
     }
 
     /// Feature spacing in force, metres.
     pub fn feature_spacing(&self) -> f64 {
-        self.feature_spacing.unwrap_or(self.radius)
+        self.feature_spacing.unwrap_or(self.radius())
     }
 
     /// The deviation that is allowed (eq. 13).

@@ -9,6 +9,12 @@ pub(super) const STEPS_PER_EDGE: f64 = 16.0;
 /// removed as fast as they are inserted. The effect of other values was not measured.
 pub(super) const PATIENCE: u64 = 2;
 
+/// Side of the cells that hold points, one neuron for each, in tolerances: for small, balanced and fine models.
+pub(super) const CELL_TOLERANCES: [f64; 3] = [3.0, 2.0, 1.2];
+
+/// Spacing of the points of discs by default, in mean edges.
+pub(super) const POINTS_PER_EDGE: f64 = 1.0 / 3.0;
+
 /// Signals between two checks whether the caller wants to stop, some milliseconds.
 pub(super) const SIGNALS_PER_BATCH: usize = 4096;
 

@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
-use super::constants::{BLEND_WIDTH, DISC_REACH, DISCS_PER_TASK, LEAST_BLEND_COSINE};
+use super::constants::{
+    BLEND_WIDTH, DISC_REACH, DISCS_PER_TASK, LEAST_BLEND_COSINE, POINTS_PER_EDGE,
+};
 use super::distance;
 use super::model::GasModel;
 use crate::color::rounded;
@@ -23,7 +25,8 @@ struct Point {
 impl GasModel {
     /// The model as a cloud about its origin.
     ///
-    /// Without a spacing the neurons are the points. With one, every neuron's disc is filled with a square lattice,
+    /// Without a spacing the neurons are the points, or, as measured, the spacing is a third of the mean edge. With one, every
+    /// neuron's disc is filled with a square lattice,
     /// as far as no other neuron is nearer, at the height to which its own plane and those of its neighbours
     /// agree; where neighbours' discs do not meet, or have no plane, the edge between them is filled. Colours
     /// blend from neuron to neuron.
@@ -34,11 +37,11 @@ impl GasModel {
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         progress.check()?;
         let points = match options.resolution {
-            None => {
+            None if !options.as_measured => {
                 check_points(self.mean_error(), self.len() as f64, options.max_points)?;
                 (0..self.len()).map(|i| self.neuron_point(i)).collect()
             }
-            Some(_) => self.fill(&options, progress)?,
+            _ => self.fill(&options, progress)?,
         };
         let parts = CloudParts {
             origin: self.origin(),
@@ -48,6 +51,14 @@ impl GasModel {
             ..CloudParts::default()
         };
         Ok(PointCloud::from_parts(parts)?.0)
+    }
+
+    /// Spacing of filled discs where none is given: a third of the mean edge, metres.
+    fn own_spacing(&self) -> f64 {
+        let sum: f64 = self.edges.iter().map(|&edge| self.edge_length(edge)).sum();
+        let mean = sum / self.edges.len() as f64;
+        // Without edges there is a disc or none, and any spacing will do.
+        if mean > 0.0 { POINTS_PER_EDGE * mean } else { self.position_step() }
     }
 
     /// The point at a neuron.
@@ -62,7 +73,7 @@ impl GasModel {
 
     /// Points of all discs and of the edges between them.
     fn fill(&self, options: &DecodeOptions, progress: &dyn Progress) -> Result<Vec<Point>> {
-        let spacing = options.spacing(self.position_step())?;
+        let spacing = options.spacing(self.own_spacing())?;
         let squares = |i: usize| (2.0 * self.reach(i) / spacing + 1.0).powi(2);
         let links = |e: &[u32; 2]| self.edge_length(*e) / spacing;
         let most =

@@ -1,22 +1,25 @@
 //! Learning a gas from a cloud.
 
-use std::collections::HashSet;
-
+use rayon::prelude::*;
+use surfabet_geom::cells::cell_of;
 use surfabet_geom::{PointCloud, Progress};
 
-use super::constants::PATIENCE;
+use super::constants::{CELL_TOLERANCES, PATIENCE};
 use super::describe::Observed;
 use super::finish::finish;
 use super::model::GasModel;
 use super::network::{Graph, Signals, Stop, grow};
-use super::options::GasOptions;
+use super::options::{GasOptions, MAX_NEURONS};
 use crate::error::{Error, Result};
 use crate::options::Options;
+use crate::quality::Quality;
 use crate::report::{Report, lost};
 use crate::stages::Stages;
+use crate::start::{Leave, Start, significant};
 
 /// The stages and their shares of the progress: the time of each in per cent, on a Kinect frame.
-pub(super) const STAGES: &[(&str, f32)] = &[("growing", 90.0), ("describing neurons", 10.0)];
+pub(super) const STAGES: &[(&str, f32)] =
+    &[("measuring the cloud", 5.0), ("growing", 85.0), ("describing neurons", 10.0)];
 
 /// What a gas keeps beyond positions.
 pub(super) const KEPT: [&str; 2] = ["colors", "normals"];
@@ -27,7 +30,7 @@ pub(super) const KEPT: [&str; 2] = ["colors", "normals"];
 ///
 /// # Errors
 /// [`Error::InvalidParameter`] for options outside their domain, [`Error::EmptyCloud`], [`Error::TooFewPlaces`]
-/// when the points are at fewer places than there are to be neurons, [`Error::TooLarge`] when the scene does not
+/// when all points are at one place, [`Error::TooLarge`] when the scene does not
 /// fit the position step, [`Error::Cancelled`] when the caller asks to stop.
 pub fn learn(
     cloud: &PointCloud,
@@ -35,18 +38,25 @@ pub fn learn(
     progress: &dyn Progress,
 ) -> Result<GasModel> {
     options.check()?;
+    let mut stages = Stages::new(STAGES, progress);
+    // What the data say of the options that are not given.
+    let leave = Leave::unless(options.keep_outliers, Leave::Outliers);
+    let mut start = stages.run("measuring the cloud", |progress| {
+        Start::of(cloud, options.quality, leave, progress)
+    })?;
+    let tolerance = start.survey.tolerance();
+    let options = &chosen_size(&mut start, options)?;
+    let cloud: &PointCloud = &start.cloud;
     // Positions about the middle of the cloud.
     let (low, high) = cloud.bounds().ok_or(Error::EmptyCloud)?;
     let origin = std::array::from_fn(|a| (0.5 * (low[a] + high[a])).round());
     let positions = cloud.positions_about(origin);
-    check_places(&positions, options.n_neurons)?;
     // Steps 1 to 10 for one signal after the other.
     let mut signals = Signals::new(&[(&positions, 1.0)], options.random_state);
     let first = signals.two_places().ok_or(Error::EmptyCloud)?;
-    let start = Graph { positions: first.to_vec(), edges: Vec::new() };
-    let mut stages = Stages::new(STAGES, progress);
+    let pair = Graph { positions: first.to_vec(), edges: Vec::new() };
     let grown = stages.run("growing", |progress| {
-        grow(&start, signals, options, stop(options, positions.len()), progress)
+        grow(&pair, signals, options, stop(options, positions.len()), progress)
     })?;
     // Colours, normals and sizes of the neurons, and everything rounded.
     let observed = Observed {
@@ -55,33 +65,60 @@ pub fn learn(
         facing: cloud.facing(),
         weight: 1.0,
     };
-    let report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
-    finish(grown, origin, &[observed], cloud.len() as u64, options, report, stages)
+    let mut report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
+    let n_points = cloud.len() as u64;
+    start.report(tolerance, &mut report);
+    finish(grown, origin, &[observed], n_points, options, report, stages)
 }
 
 /// When learning from `n_points` ends.
 fn stop(options: &GasOptions, n_points: usize) -> Stop {
     let planned = match options.passes {
         Some(passes) => (passes * n_points as f64).ceil() as u64,
-        None => options.n_neurons as u64 * u64::from(options.patterns),
+        None => options.n_neurons() as u64 * u64::from(options.patterns),
     };
     Stop {
-        n_neurons: options.n_neurons,
+        n_neurons: options.n_neurons(),
         target_error: options.target_error,
         signals: planned,
         at_most: if options.passes.is_some() { planned } else { PATIENCE * planned },
     }
 }
 
-/// Refuses more neurons than points have places.
-fn check_places(positions: &[[f32; 3]], neurons: usize) -> Result<()> {
-    let mut places = HashSet::new();
-    for p in positions {
-        // Zero is one place, whatever its sign.
-        places.insert(p.map(|c| (c + 0.0).to_bits()));
-        if places.len() >= neurons {
-            return Ok(());
-        }
+/// The options with the number of neurons in force: the one that was given, or one for each cell that holds points; in
+/// both cases at most one for each place.
+fn chosen_size(start: &mut Start<'_>, options: &GasOptions) -> Result<GasOptions> {
+    let positions = start.cloud.positions();
+    // Zero is one place, whatever its sign.
+    let places = count_distinct(positions.len(), |i| positions[i].map(|c| (c + 0.0).to_bits()));
+    if places < 2 {
+        return Err(Error::TooFewPlaces { neurons: options.n_neurons.unwrap_or(2), places });
     }
-    Err(Error::TooFewPlaces { neurons, places: places.len() })
+    let tolerances = match options.quality {
+        Quality::Small => CELL_TOLERANCES[0],
+        Quality::Balanced => CELL_TOLERANCES[1],
+        Quality::Fine => CELL_TOLERANCES[2],
+    };
+    let side = tolerances * start.survey.tolerance();
+    let wanted = options
+        .n_neurons
+        .unwrap_or_else(|| count_distinct(positions.len(), |i| cell_of(positions[i], side as f32)));
+    let n_neurons = wanted.clamp(2, places.min(MAX_NEURONS));
+    if options.n_neurons != Some(n_neurons) {
+        let reason = if n_neurons == places {
+            format!("the points are at {places} places")
+        } else {
+            format!("as many cells of {} m hold points", significant(side))
+        };
+        start.note("n_neurons", n_neurons as f64, reason);
+    }
+    Ok(GasOptions { n_neurons: Some(n_neurons), ..options.clone() })
+}
+
+/// Number of different keys of `count` items.
+fn count_distinct<K: Ord + Send>(count: usize, key: impl Fn(usize) -> K + Send + Sync) -> usize {
+    let mut keys: Vec<K> = (0..count).into_par_iter().map(key).collect();
+    keys.par_sort_unstable();
+    keys.dedup();
+    keys.len()
 }

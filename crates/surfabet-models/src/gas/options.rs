@@ -1,6 +1,7 @@
 //! What to learn.
 
 use crate::options::{Range, choices, options};
+use crate::quality::Quality;
 
 /// Most neurons: ids and counts stay well within 32 bits.
 pub const MAX_NEURONS: usize = 1 << 26;
@@ -22,8 +23,12 @@ const BETA_PER_NEURON: f64 = 0.5;
 options! {
     /// Options of [`learn`](super::learn), with the paper's symbols; defaults are those of Fritzke (1995).
     pub struct GasOptions {
-        /// Number of neurons at which the network stops growing, at most as many as the points have places.
-        n_neurons: usize = 10_000, range = Range::from_to(2.0, MAX_NEURONS as f64);
+        /// Small files or fine detail. Sets `n_neurons`, unless that is given, to about half as many for 'small' and three times as many for
+        /// 'fine'.
+        quality: Quality = Quality::Balanced;
+        /// Number of neurons at which the network stops growing. More than the points have places are not made.
+        n_neurons: Option<usize> = None, range = Range::from_to(2.0, MAX_NEURONS as f64),
+            none = "one for each cell that holds points, its side twice the tolerance: two spacings, or three standard deviations of the noise";
         /// Signals per inserted neuron (lambda, the paper's patterns).
         patterns: u32 = 300, range = Range::at_least(1.0), another_scene = true;
         /// Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b).
@@ -53,14 +58,22 @@ options! {
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels", another_scene = true;
         /// How winners are found. 'brute-force' gives the same network, slowly.
         search: Search = Search::Indexed, another_scene = true;
+        /// Keeps points that are far from all others. Otherwise they are left out, and counted in the report: the network
+        /// would put many of its neurons between a few of them and the scene.
+        keep_outliers: bool = false;
         /// Seed of the signals.
         random_state: u64 = 0, range = Range::SEED, another_scene = true;
     }
 }
 
 impl GasOptions {
+    /// The number of neurons in force. Learning chooses it before anything asks.
+    pub fn n_neurons(&self) -> usize {
+        self.n_neurons.unwrap_or(2)
+    }
+
     /// The decay in force.
     pub fn beta(&self) -> f64 {
-        self.beta.unwrap_or_else(|| (BETA_PER_NEURON / self.n_neurons as f64).min(0.5))
+        self.beta.unwrap_or_else(|| (BETA_PER_NEURON / self.n_neurons() as f64).min(0.5))
     }
 }

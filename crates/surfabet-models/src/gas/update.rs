@@ -53,7 +53,7 @@ impl GasModel {
         let positions = cloud.positions_about(origin);
         let recalled = self.recall(MOST_RECALLED);
         let n = self.updated_size(n_neurons, &positions, &recalled.positions)?;
-        let options = GasOptions { n_neurons: n, passes: None, ..options.clone() };
+        let options = GasOptions { n_neurons: Some(n), passes: None, ..options.clone() };
         options.check()?;
         if cloud.is_empty() {
             return Err(Error::EmptyCloud);

@@ -16,9 +16,11 @@ use crate::extent::{check_extent, reach};
 use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::stages::Stages;
+use crate::start::{Leave, Start};
 
 /// The stages of learning, with their shares of the progress; all but the first come back level after level.
 const STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 0.05),
     ("merging points", 0.1),
     ("placing patches", 0.4),
     ("projecting patches", 0.05),
@@ -55,6 +57,8 @@ pub fn encode(
     progress: &dyn Progress,
 ) -> Result<HscsmModel> {
     options.check()?;
+    let own = dictionary.options().resolution;
+    let options = &HscsmOptions { resolution: options.resolution.or(own), ..options.clone() };
     dictionary.check(options)?;
     if cloud.colors().is_some() && dictionary.levels.iter().any(|l| l.color.is_none()) {
         return Err(Error::Inconsistent(
@@ -72,10 +76,19 @@ fn describe(
     progress: &dyn Progress,
 ) -> Result<HscsmModel> {
     options.check()?;
-    let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);
-    check_extent(extent, options.resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
     let mut stages = Stages::new(STAGES, progress);
     let mut report: Report = Report::default();
+    // What the data say of the options that are not given.
+    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
+    let mut start = stages.run("measuring the cloud", |progress| {
+        Start::of(cloud, options.quality, leave, progress)
+    })?;
+    let resolution = start.pixel(options.resolution);
+    let tolerance = start.tolerance(resolution);
+    let options = &HscsmOptions { resolution: Some(resolution), ..options.clone() };
+    let cloud: &PointCloud = &start.cloud;
+    let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);
+    check_extent(extent, resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
 
     // The sub-sampled cloud P' (III-A).
     let samples =
@@ -102,6 +115,7 @@ fn describe(
         levels,
         shared_dictionary: frozen.is_some(),
     };
+    start.report(tolerance, &mut report);
     Ok(HscsmModel::from_parts(parts)?.with_report(report))
 }
 

@@ -2,6 +2,7 @@
 
 use super::model::MAX_SPARSITY;
 use crate::options::{Range, choices, options};
+use crate::quality::Quality;
 use crate::sensor::Sensor;
 
 /// Most levels of a hierarchy.
@@ -21,8 +22,11 @@ choices!(Placement { Greedy = "greedy", Subsampled = "subsampled" });
 options! {
     /// Options of [`learn`](super::learn).
     pub struct HscsmOptions {
+        /// Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it, 'fine' halves it.
+        quality: Quality = Quality::Balanced;
         /// Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost.
-        resolution: f64 = 0.01, range = Range::POSITIVE, unit = "metres";
+        resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+            none = "from the data: three spacings of the points, or 1.25 standard deviations of their noise where that is more";
         /// Pixels per side of a patch. The patch size (ps) is this times `resolution`.
         patch_pixels: u32 = 8, range = Range::from_to(2.0, 32.0);
         /// Levels of the hierarchy; one is SCSM. Pixels of each are twice as wide as those of the level below it.
@@ -59,12 +63,20 @@ options! {
         /// How the error of a range measurement grows with the range. 'structured-light' is with its square, as for
         /// Kinects. Without ranges all points weigh the same.
         sensor: Sensor = Sensor::StructuredLight, another_scene = true;
+        /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
+        /// large as it is are left out, and counted in the report.
+        keep_outliers: bool = false, another_scene = true;
         /// Seed of the first entries of the dictionaries.
         random_state: u64 = 0, range = Range::SEED;
     }
 }
 
 impl HscsmOptions {
+    /// Side of a pixel of the lowest level in force, metres. Learning chooses it before anything asks.
+    pub fn resolution(&self) -> f64 {
+        self.resolution.unwrap_or(f64::NAN)
+    }
+
     /// How many times the pixels of `level`, counted from the coarsest, were doubled; 0 at the lowest level.
     pub(super) fn doublings(&self, level: u32) -> u32 {
         self.levels - 1 - level
@@ -72,7 +84,7 @@ impl HscsmOptions {
 
     /// Side of a pixel (pr) of `level`, counted from the coarsest, metres.
     pub fn pixel_size(&self, level: u32) -> f64 {
-        self.resolution * f64::from(1_u32 << self.doublings(level))
+        self.resolution() * f64::from(1_u32 << self.doublings(level))
     }
 
     /// Side of a patch (ps) of `level`, metres.
@@ -82,12 +94,12 @@ impl HscsmOptions {
 
     /// Largest standard deviation of depth in force, metres.
     pub fn max_depth_deviation(&self) -> f64 {
-        self.max_depth_deviation.unwrap_or(self.resolution / 3.0_f64.sqrt())
+        self.max_depth_deviation.unwrap_or(self.resolution() / 3.0_f64.sqrt())
     }
 
     /// Depth tolerance in force at `level`, metres.
     pub fn depth_tolerance(&self, level: u32) -> f64 {
-        let lowest = self.depth_tolerance.unwrap_or(0.2 * self.resolution);
+        let lowest = self.depth_tolerance.unwrap_or(0.2 * self.resolution());
         lowest / f64::from(1_u32 << self.doublings(level))
     }
 
@@ -103,7 +115,7 @@ mod tests {
 
     #[test]
     fn sizes_double_and_tolerances_halve_from_level_to_level_above() {
-        let options = HscsmOptions { levels: 3, ..HscsmOptions::default() };
+        let options = HscsmOptions { levels: 3, resolution: Some(0.01), ..HscsmOptions::default() };
         let levels = [0, 1, 2];
         assert_eq!(levels.map(|j| options.pixel_size(j)), [0.04, 0.02, 0.01]);
         assert_eq!(levels.map(|j| options.patch_size(j)), [0.32, 0.16, 0.08]);

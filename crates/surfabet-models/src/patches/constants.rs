@@ -54,9 +54,13 @@ pub(super) const SIDE_AGREEMENT: f32 = 0.85;
 
 // Sheets.
 
-/// Samples of a column further apart than this are two runs, pixels: several empty samples of [`SAMPLE_SIZE`]. The
-/// effect was not measured.
-pub(super) const MAX_GAP: f32 = 2.5;
+/// Samples of a column further apart than this are two runs, standard deviations of the noise: points of one surface leave
+/// no such gap.
+pub(super) const NOISES_PER_GAP: f64 = 6.0;
+
+/// That distance in pixels, at least and at most: a surface may lie at 45 degrees to the column, and two of
+/// [`SAMPLE_SIZE`] are to be empty.
+pub(super) const GAPS: [f32; 2] = [1.0, 2.5];
 
 /// Longest run, pixels. A half thickness is at most 63 quarters of a pixel, so no patch is thicker than 31.5. The
 /// effect of the value below was not measured.
@@ -127,6 +131,10 @@ pub(super) const NEIGHBOUR_SHARE: f32 = 0.32;
 pub(super) const STEP_SHARES: [f32; 4] = [1.25, 1.0, 0.85, 0.7];
 
 // Points beside the patches.
+
+/// The share of the tolerance at which points are kept beside the patches: others may measure spacing and noise
+/// otherwise.
+pub(super) const TOLERANCE_SHARE: f64 = 0.8;
 
 /// Side of the cells of extra points, as a multiple of the bound on the error. A cube of this side has half a diagonal
 /// of 0.996, so that its points are within the bound of its middle.

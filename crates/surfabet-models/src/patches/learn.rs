@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use surfabet_entropy::Price;
-use surfabet_geom::{KdTree, PointCloud, Progress};
+use surfabet_geom::{PointCloud, Progress};
 
 use super::axes::Orientation;
 use super::choice::Choice;
@@ -10,23 +10,25 @@ use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::color::cells::color_cells;
 use super::color::targets::targets;
 use super::color::{CellColors, ColorModels, ColorSource, ColorSteps, code_colors};
-use super::constants::{AXES_CELL, EXTRA_CELL, SAMPLE_SIZE};
-use super::model::{ColorField, Lattice, LevelSize, PatchModel, SheetTree, Square, extra_key};
+use super::constants::{AXES_CELL, NOISES_PER_GAP, SAMPLE_SIZE};
+use super::far_points::{with_points_within, with_share_of_points};
+use super::model::{ColorField, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::PatchesOptions;
 use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
 use super::sheets::{Sheet, sheets};
 use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
-use crate::contract::DecodeOptions;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::stages::Stages;
+use crate::start::{Leave, Start};
 
 /// The stages of learning, with their shares of the progress.
 const STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 0.05),
     ("finding axes", 0.05),
     ("merging points", 0.25),
     ("growing sheets", 0.1),
@@ -48,10 +50,17 @@ pub fn learn(
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
     options.check()?;
-    check_size(cloud, options)?;
-    let resolution = options.resolution;
     let mut stages = Stages::new(STAGES, progress);
     let mut report = Report::default();
+    // What the data say of the options that are not given.
+    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
+    let mut start = stages.run("measuring the cloud", |progress| {
+        Start::of(cloud, options.quality, leave, progress)
+    })?;
+    let resolution = start.pixel(options.resolution);
+    let tolerance = start.tolerance(resolution);
+    let cloud: &PointCloud = &start.cloud;
+    check_size(cloud, resolution)?;
 
     // 1. Axes of the scene.
     let cell = (AXES_CELL * resolution) as f32;
@@ -68,8 +77,10 @@ pub fn learn(
         SidedSamples::merge(cloud, orientation, resolution, options.sensor, progress)
     })?;
     // 3. Sheets.
-    let sheets = stages
-        .run("growing sheets", |_| sheets(&samples, resolution as f32, lattice.tile_pixels()))?;
+    let sheets = stages.run("growing sheets", |_| {
+        let max_gap = (NOISES_PER_GAP * start.survey.noise / resolution) as f32;
+        sheets(&samples, resolution as f32, lattice.tile_pixels(), max_gap)
+    })?;
     // 4. to 6. Shapes, least cost, bits.
     let geometry = stages.run("choosing patches", |progress| {
         choose(lattice, &sheets, options, &mut report, progress)
@@ -86,23 +97,24 @@ pub fn learn(
     ]);
     let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, color)?;
     // 8. Points beside the patches.
-    if let Some(bound) = options.max_error {
-        model = stages
-            .run("checking the bound", |progress| keep_far_points(model, cloud, bound, progress))?;
-    }
+    model = stages.run("checking the bound", |progress| match options.max_error {
+        Some(bound) => with_points_within(model, cloud, bound, progress),
+        None => with_share_of_points(model, cloud, tolerance, options.completeness, progress),
+    })?;
 
     report.stages = stages.finish();
     report.not_kept = lost(cloud, &["colors"]);
     report.stop_reason = "every sheet has the hierarchy of least cost";
+    start.report(tolerance, &mut report);
     describe(&mut model, report);
     Ok(model)
 }
 
 /// Refuses clouds without points, and those that are too large for the cells of samples.
-fn check_size(cloud: &PointCloud, options: &PatchesOptions) -> Result<()> {
+fn check_size(cloud: &PointCloud, resolution: f64) -> Result<()> {
     // Turned to its axes, the scene may reach as far along one as its corner is from the origin.
     let extent = reach(cloud)?.map(|c| c * c).iter().sum::<f64>().sqrt();
-    check_extent(extent, options.resolution, SAMPLE_SIZE * f64::from(LIMIT - 2))
+    check_extent(extent, resolution, SAMPLE_SIZE * f64::from(LIMIT - 2))
 }
 
 /// Chooses the hierarchies of all sheets, a few rounds over, each with the adaptive models as coding the round before
@@ -173,7 +185,7 @@ fn color(
 ) -> ColorField {
     // A learned model has no more cells than its samples call for; the limit is for files.
     let cells = color_cells(lattice, leaves, u64::MAX).unwrap_or_default();
-    let targets = targets(samples, &cells, options.resolution as f32);
+    let targets = targets(samples, &cells, lattice.pixel_size as f32);
     let steps = ColorSteps {
         luma: options.color_step,
         chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
@@ -183,43 +195,6 @@ fn color(
     let Ok(CellColors { colors, coefficients }) =
         code_colors(&mut Price::default(), &mut ColorModels::default(), &cells, steps, source);
     ColorField { steps, cells, coefficients, colors }
-}
-
-/// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured.
-fn keep_far_points(
-    model: PatchModel,
-    cloud: &PointCloud,
-    bound: f64,
-    progress: &dyn Progress,
-) -> Result<PatchModel> {
-    let decoded =
-        model.decode(DecodeOptions { as_measured: true, ..DecodeOptions::default() }, progress)?;
-    let rows = model.lattice().orientation.rotation();
-    let extent =
-        cloud.positions().iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
-    // What rounding of coordinates to single precision may add.
-    let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);
-    let largest = f64::from(LIMIT) * 0.5 * bound;
-    if limit < 0.5 * bound || extent > largest {
-        return Err(Error::TooLarge { extent, limit: largest, resolution: bound });
-    }
-    let far: Vec<[f32; 3]> = if decoded.is_empty() {
-        cloud.positions().to_vec()
-    } else {
-        let tree = KdTree::new(decoded.positions())?;
-        let nearest = tree.nearest_batch(cloud.positions(), progress)?;
-        let is_far = |n: &surfabet_geom::Neighbor| f64::from(n.squared_distance()).sqrt() > limit;
-        let pairs = cloud.positions().iter().zip(&nearest);
-        pairs.filter(|(_, n)| is_far(n)).map(|(&p, _)| p).collect()
-    };
-    let size = EXTRA_CELL * limit;
-    let to_lattice = |p: [f32; 3]| -> [f32; 3] {
-        std::array::from_fn(|a| (0..3).map(|k| rows[k][a] * f64::from(p[k])).sum::<f64>() as f32)
-    };
-    let mut keys: Vec<u64> = far.par_iter().map(|&p| extra_key(to_lattice(p), size)).collect();
-    keys.par_sort_unstable();
-    keys.dedup();
-    Ok(model.with_extra(keys, size, bound))
 }
 
 /// What the report says of the model, all in all and level by level.

@@ -17,6 +17,7 @@
 //! | `choice` | hierarchy, masks, shapes and thickness of least cost | 5 |
 //! | `coding` | the geometry as binary decisions, given the neighbours; points beside the patches | 6, 8 |
 //! | `color` | colour on the cells around the surface | 7 |
+//! | `far_points` | points beside the patches, for what these leave out | 8 |
 //! | `model`, `contract` | the result | |
 //! | `decode` | back to a cloud, as a surface or as measured | 9 |
 //!
@@ -29,6 +30,7 @@ mod color;
 mod constants;
 mod contract;
 mod decode;
+mod far_points;
 mod learn;
 mod model;
 mod options;

@@ -252,9 +252,9 @@ impl PatchModel {
         })
     }
 
-    /// With points that no patch is near enough to, as cells of side `size`, and the bound that they keep.
-    pub(super) fn with_extra(mut self, extra: Vec<u64>, size: f64, max_error: f64) -> Self {
-        (self.extra, self.extra_size, self.max_error) = (extra, size, Some(max_error));
+    /// With points that no patch is near enough to, as cells of side `size`, and the bound that they keep, if any.
+    pub(super) fn with_extra(mut self, extra: Vec<u64>, size: f64, max_error: Option<f64>) -> Self {
+        (self.extra, self.extra_size, self.max_error) = (extra, size, max_error);
         self
     }
 

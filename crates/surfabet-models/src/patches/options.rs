@@ -2,6 +2,7 @@
 
 use super::model::MAX_LEVELS;
 use crate::options::{Range, options};
+use crate::quality::Quality;
 use crate::sensor::Sensor;
 
 /// Steps of depth per pixel of the finest level: [`PatchesOptions::depth_step`] is a number of them.
@@ -10,15 +11,21 @@ const DEPTH_STEPS: f64 = 16.0;
 options! {
     /// Options of [`learn`](super::learn).
     pub struct PatchesOptions {
-        /// Side of a pixel of the finest level. Smaller detail is lost; this is the one knob between size and error, and
-        /// all else follows it.
-        resolution: f64 = 0.01, range = Range::POSITIVE, unit = "metres";
+        /// Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it, 'fine' halves it.
+        quality: Quality = Quality::Balanced;
+        /// Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method follow it.
+        resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+            none = "from the data: three spacings of the points, or 1.25 standard deviations of their noise where that is more";
         /// Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above it, pixels and
         /// patches double in size.
         levels: u32 = 2, range = Range::from_to(1.0, MAX_LEVELS as f64);
         /// Largest distance of any input point to the cloud that is decoded as measured at the default spacing. Points
         /// that would be further away are kept beside the patches.
         max_error: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "no bound";
+        /// Least share of the points that are within the tolerance of the cloud decoded as measured: two spacings, three
+        /// standard deviations of the noise, or two thirds of a pixel, whichever is most. Points beside the patches make up
+        /// for what these leave out. With 0 there are none, and with `max_error` this has no effect.
+        completeness: f64 = 0.995, range = Range::from_to(0.0, 1.0);
         /// Squared error that a bit of geometry must save (lambda), summed over pixels and both directions. Larger makes
         /// smaller files.
         rate: f64 = 1.4, range = Range::POSITIVE, unit = "squared pixels";
@@ -38,6 +45,9 @@ options! {
         /// How the error of a range measurement grows with the range. 'structured-light' is with its square, as for
         /// Kinects. Without ranges all points weigh the same.
         sensor: Sensor = Sensor::StructuredLight;
+        /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
+        /// large as it is are left out, and counted in the report.
+        keep_outliers: bool = false;
     }
 }
 

@@ -6,14 +6,16 @@ use super::coding::rounded;
 use super::fit::{Fit, Iteration};
 use super::model::PlaneModel;
 use super::options::PlanesOptions;
-use super::points::Points;
+use super::points::{Points, check_weights};
 use crate::error::Result;
 use crate::options::Options;
 use crate::report::{Report, figures, lost};
 use crate::stages::Stages;
+use crate::start::{Leave, Start};
 
 /// The stages and their shares of the progress: the time of each in per cent, on scans of a room and of a street.
 const STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 2.0),
     ("sorting points", 2.0),
     ("first patches", 4.0),
     ("fitting", 92.0),
@@ -22,6 +24,9 @@ const STAGES: &[(&str, f32)] = &[
 
 /// What the file keeps of a cloud beyond positions.
 const KEPT: [&str; 2] = ["colors", "normals"];
+
+/// Where the least grid size comes from when it is not given.
+const GRID_SIZE_REASON: &str = "by the spacing of the points and their noise";
 
 /// The report of [`learn`].
 pub type PlanesReport = Report<Option<PlanesFigures>>;
@@ -60,7 +65,17 @@ pub fn learn(
     progress: &dyn Progress,
 ) -> Result<PlaneModel> {
     options.check()?;
+    check_weights(cloud.len(), weights)?;
     let mut stages = Stages::new(STAGES, progress);
+    let n_given = cloud.len();
+    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
+    let mut start = stages.run("measuring the cloud", |progress| {
+        Start::of(cloud, options.quality, leave, progress)
+    })?;
+    let cloud = start.cloud.clone();
+    let cloud: &PointCloud = &cloud;
+    let weights = weights.map(|weights| start.kept(weights));
+    let weights = weights.as_deref();
     // Distinct points along a space-filling curve, in a tree of boxes.
     let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
     // Patches where cells are flat, or at random (II-B, III).
@@ -72,6 +87,7 @@ pub fn learn(
     let model = stages.run("rounding patches", |progress| {
         rounded(cloud, &points, &fit, options.color_step, progress)
     })?;
+    let model = model.with_points_left_out(&start.left_out, n_given);
     let figures = PlanesFigures {
         points: cloud.len(),
         distinct_points: points.len(),
@@ -81,7 +97,7 @@ pub fn learn(
         outliers: model.header().n_outliers,
     };
     let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
-    Ok(model.with_report(PlanesReport {
+    let mut report = PlanesReport {
         stages: stages.finish(),
         figures: Some(figures),
         objectives: vec![
@@ -94,5 +110,10 @@ pub fn learn(
         stop_reason: trace.stop_reason,
         not_kept: lost(cloud, &KEPT),
         ..Report::default()
-    }))
+    };
+    if options.min_grid_size.is_none() {
+        start.note("min_grid_size", fit.smallest_grid_size(), GRID_SIZE_REASON.to_owned());
+    }
+    start.report(0.0, &mut report);
+    Ok(model.with_report(report))
 }

@@ -125,6 +125,21 @@ impl PlaneModel {
         Ok(Self { header, stored, patches, labels: None, report: Report::default() })
     }
 
+    /// The model of a cloud of `n_points` of which some, by number and ascending, were left out: they are outliers.
+    pub(super) fn with_points_left_out(mut self, left_out: &[u32], n_points: usize) -> Self {
+        self.header.n_points = n_points as u64;
+        self.header.n_outliers += left_out.len() as u64;
+        if let Some(labels) = self.labels.take().map(Vec::into_iter) {
+            let (mut labels, mut out) = (labels, left_out.iter().peekable());
+            let label = |i: u32| match out.next_if_eq(&&i) {
+                Some(_) => NONE,
+                None => labels.next().unwrap_or(NONE),
+            };
+            self.labels = Some((0..n_points as u32).map(label).collect());
+        }
+        self
+    }
+
     /// What the file holds before its streams.
     pub fn header(&self) -> &PlanesHeader {
         &self.header

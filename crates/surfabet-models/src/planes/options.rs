@@ -1,6 +1,7 @@
 //! What to learn.
 
 use crate::options::{Range, options};
+use crate::quality::Quality;
 
 /// Most patches to start from, and most that a model holds.
 pub const MAX_PATCHES: usize = 1 << 20;
@@ -11,11 +12,13 @@ const MOST_ITERATIONS: f64 = 10_000.0;
 options! {
     /// Options of [`learn`](super::learn), with the paper's symbols.
     pub struct PlanesOptions {
+        /// Small files or fine detail. Sets `min_grid_size`, unless that is given: 'small' doubles it, 'fine' halves it.
+        quality: Quality = Quality::Balanced;
         /// Number of patches to start from, placed at random. With 0 they are taken from the data: cells that are flat.
         initial_patches: usize = 0, range = Range::from_to(0.0, MAX_PATCHES as f64);
         /// Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat at this size.
         min_grid_size: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
-            none = "twice the median spacing of the points";
+            none = "the median spacing of the points, or three times their noise where that is more";
         /// Weight of a point at distance G before normalisation (W, eq. 2). Points further than G from all patches
         /// support none.
         weight_at_grid_size: f64 = 0.01, range = Range::between(0.0, 1.0);
@@ -47,6 +50,9 @@ options! {
         max_bend: f64 = 1.55, range = Range::at_least(1.0);
         /// Rounding of the colours of tiles.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels";
+        /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
+        /// large as it is are left out, and counted in the report.
+        keep_outliers: bool = false;
         /// Seed of the patches that are placed at random.
         random_state: u64 = 0, range = Range::SEED;
     }

@@ -223,7 +223,7 @@ impl Points {
     }
 }
 
-fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {
+pub(super) fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {
     let Some(weights) = weights else { return Ok(()) };
     if weights.len() != len {
         let given = format!("{} values for {len} points", weights.len());

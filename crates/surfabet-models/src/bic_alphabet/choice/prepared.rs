@@ -61,7 +61,7 @@ impl<'a> PreparedScene<'a> {
         })?;
         let (likelihood, reachable) = stages.run("preparing the likelihood", |_| {
             let likelihood = Likelihood::new(&scene, options.floor);
-            let radius = OCCURRENCE_RADIUS * options.radius as f32;
+            let radius = OCCURRENCE_RADIUS * options.radius() as f32;
             let reachable = likelihood.reachable(&features.frames, radius);
             Ok((likelihood, reachable))
         })?;
@@ -74,12 +74,12 @@ impl<'a> PreparedScene<'a> {
         let pixels = self.descriptors.pixels;
         let descriptor = &self.descriptors.values[f * pixels..(f + 1) * pixels];
         let frame = &self.features.frames[f];
-        BicWord::take(&self.scene, &self.tree, frame, descriptor, self.options.radius)
+        BicWord::take(&self.scene, &self.tree, frame, descriptor, self.options.radius())
     }
 
     /// A word ready to be placed.
     pub fn stamp(&self, word: &BicWord) -> Stamp {
-        Stamp::new(word, self.options.radius, self.options.epsilon())
+        Stamp::new(word, self.options.radius(), self.options.epsilon())
     }
 
     /// Least distance of decoded points, metres.

@@ -37,7 +37,7 @@ impl Descriptors {
         options: &BicAlphabetOptions,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let centers = pixel_centers(options.descriptor_pixels, options.radius as f32);
+        let centers = pixel_centers(options.descriptor_pixels, options.radius() as f32);
         let pixels = centers.len();
         let mut values = vec![EMPTY; features.len() * pixels];
         let mut counts = vec![0; features.len()];
@@ -111,7 +111,7 @@ struct Sampler<'a> {
 
 impl<'a> Sampler<'a> {
     fn new(centers: &'a [[f32; 2]], options: &BicAlphabetOptions) -> Self {
-        let radius = options.radius as f32;
+        let radius = options.radius() as f32;
         let cell = 2.0 * radius / options.descriptor_pixels as f32;
         Self { centers, radius, cell, reach: radius + cell, near: Vec::new(), points: Vec::new() }
     }

@@ -54,7 +54,7 @@ impl Features {
         let low = low_cell(&poses);
         poses.sort_by_cached_key(|p| p.order(low));
         poses.dedup();
-        let frame = |pose: &BicPose| pose.frame(options.upright, options.radius);
+        let frame = |pose: &BicPose| pose.frame(options.upright, options.radius());
         let frames = poses.par_iter().map(frame).collect();
         Ok(Self { poses, frames, low, interest })
     }
@@ -112,7 +112,7 @@ fn pose(scene: &Scene, tree: &KdTree, i: usize, options: &BicAlphabetOptions) ->
     let position = scene.positions[i];
     let viewpoint = scene.viewpoints.get(i).copied();
     let mut near = Vec::new();
-    tree.within(position, options.radius as f32, &mut near);
+    tree.within(position, options.radius() as f32, &mut near);
     if near.len() < options.normal_neighbors as usize {
         tree.k_nearest(position, options.normal_neighbors as usize, &mut near);
     }
@@ -126,7 +126,7 @@ fn pose(scene: &Scene, tree: &KdTree, i: usize, options: &BicAlphabetOptions) ->
         None => towards.map(|c| c as f32),
     };
     let view = towards.map(|c| -c);
-    BicPose::quantize(position, normal, view, options.upright, options.radius)
+    BicPose::quantize(position, normal, view, options.upright, options.radius())
 }
 
 #[cfg(test)]

@@ -130,7 +130,7 @@ impl HscsmDictionary {
         let default = HscsmOptions::default();
         match self.levels.last() {
             Some(finest) => HscsmOptions {
-                resolution: finest.pixel_size,
+                resolution: Some(finest.pixel_size),
                 patch_pixels: finest.pixels,
                 levels: self.levels.len() as u32,
                 ..default

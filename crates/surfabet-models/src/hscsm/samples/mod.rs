@@ -181,7 +181,7 @@ impl Samples {
     ) -> Result<Self> {
         let mut merged = Self {
             all: Vec::new(),
-            cell: (SAMPLE_SIZE * options.resolution) as f32,
+            cell: (SAMPLE_SIZE * options.resolution()) as f32,
             halvings: 0,
             has_color: cloud.colors().is_some(),
             has_views: cloud.viewpoints().is_some(),

@@ -19,7 +19,7 @@ use surfabet_geom::KdTree;
 
 use crate::error::Result;
 use crate::patches::coding::MAX_SHEETS;
-use crate::patches::constants::SMALL_SHEET;
+use crate::patches::constants::{GAPS, SMALL_SHEET};
 use crate::patches::samples::SidedSamples;
 use growth::grow;
 pub(in crate::patches) use runs::Run;
@@ -42,12 +42,15 @@ pub(in crate::patches) fn axes_of(side: u8) -> [usize; 3] {
     [depth, (depth + 1) % 3, (depth + 2) % 3]
 }
 
-/// Sheets of all sides, by side, tile and depth.
+/// Sheets of all sides, by side, tile and depth; samples of a column that are `max_gap` pixels apart, within [`GAPS`], lie
+/// on two surfaces.
 pub(in crate::patches) fn sheets(
     samples: &SidedSamples,
     pixel: f32,
     tile_pixels: i32,
+    max_gap: f32,
 ) -> Result<Vec<Sheet>> {
+    let max_gap = max_gap.clamp(GAPS[0], GAPS[1]);
     let of_sample = |(position, weight, side): ([f32; 3], f32, u8)| {
         let [depth, u, v] = axes_of(side).map(|a| position[a] / pixel);
         let at = [u.floor() as i32, v.floor() as i32];
@@ -65,15 +68,15 @@ pub(in crate::patches) fn sheets(
     let tiles: Vec<&[PixelSample]> =
         all.chunk_by(|a, b| tile_part(a.key) == tile_part(b.key)).collect();
     let of_tiles: Vec<Vec<Sheet>> =
-        tiles.par_iter().map(|tile| sheets_of_tile(tile, tile_pixels as usize)).collect();
+        tiles.par_iter().map(|tile| sheets_of_tile(tile, tile_pixels as usize, max_gap)).collect();
     let mut sheets: Vec<Sheet> = of_tiles.into_iter().flatten().collect();
     measure_strays(&mut sheets, tile_pixels)?;
     Ok(sheets)
 }
 
 /// Sheets of one tile, by mean depth; of more than a file may hold, those with most samples.
-fn sheets_of_tile(samples: &[PixelSample], tile_pixels: usize) -> Vec<Sheet> {
-    let runs = TileRuns::new(samples, tile_pixels);
+fn sheets_of_tile(samples: &[PixelSample], tile_pixels: usize, max_gap: f32) -> Vec<Sheet> {
+    let runs = TileRuns::new(samples, tile_pixels, max_gap);
     let (side, tile) = side_and_tile(samples[0].key);
     let mut sheets: Vec<Sheet> = grow(&runs)
         .into_iter()

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::patches::constants::{MAX_GAP, MAX_RUN, THINNEST};
+use crate::patches::constants::{MAX_RUN, THINNEST};
 
 /// A sample as growing sheets needs it.
 #[derive(Debug, Clone, Copy)]
@@ -61,11 +61,11 @@ pub(super) struct TileRuns {
 }
 
 impl TileRuns {
-    /// The runs of sorted samples of a tile that is `width` pixels wide.
-    pub fn new(samples: &[PixelSample], width: usize) -> Self {
+    /// The runs of sorted samples of a tile that is `width` pixels wide, cut at gaps of more than `max_gap` pixels.
+    pub fn new(samples: &[PixelSample], width: usize, max_gap: f32) -> Self {
         let mut runs = Vec::new();
         for column in samples.chunk_by(|a, b| a.key == b.key) {
-            add_runs(column, &mut runs);
+            add_runs(column, max_gap, &mut runs);
         }
         let mut by_pixel = vec![0_u32..0; width * width];
         for (i, run) in (0..).zip(&runs) {
@@ -106,15 +106,15 @@ impl TileRuns {
     }
 }
 
-/// Cuts the samples of a pixel, sorted by depth, into runs at gaps and at the greatest length.
-fn add_runs(column: &[PixelSample], runs: &mut Vec<Run>) {
+/// Cuts the samples of a pixel, sorted by depth, into runs at gaps of more than `max_gap` pixels and at the greatest length.
+fn add_runs(column: &[PixelSample], max_gap: f32, runs: &mut Vec<Run>) {
     let key = column[0].key;
     let (u, v) = ((key & 0xff) as u8, (key >> 8 & 0xff) as u8);
     let mut rest = column;
     while let Some(first) = rest.first() {
         let mut end = 1;
         while end < rest.len()
-            && rest[end].depth - rest[end - 1].depth <= MAX_GAP
+            && rest[end].depth - rest[end - 1].depth <= max_gap
             && rest[end].depth - first.depth <= MAX_RUN
         {
             end += 1;
@@ -165,8 +165,8 @@ mod tests {
     #[test]
     fn a_gap_starts_another_run() {
         let depths = |gap: f32| TileRuns::new(&column(&[0.0, 1.0, 1.0 + gap]), 8).runs;
-        assert_eq!(depths(MAX_GAP).len(), 1);
-        let runs = depths(1.01 * MAX_GAP);
+        assert_eq!(depths(2.5).len(), 1);
+        let runs = depths(2.525);
         assert_eq!(
             runs.iter().map(|r| (r.u, r.v, r.n)).collect::<Vec<_>>(),
             [(3, 5, 2.0), (3, 5, 1.0)]

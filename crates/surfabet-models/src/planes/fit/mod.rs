@@ -84,7 +84,8 @@ impl<'a> Fit<'a> {
         // Without this bound EM may lay several patches into the thickness of one noisy surface: each fits its slice
         // well, G shrinks to the slice, and no two merge.
         let known = noise.map_or(0.0, |n| LEAST_GRID_SIZE_SIGMAS * n);
-        let smallest = options.min_grid_size.unwrap_or(points.spacing().max(known));
+        let by_data = options.quality.scale() * points.spacing().max(known);
+        let smallest = options.min_grid_size.unwrap_or(by_data);
         let by_default = (points.len() / POINTS_PER_PATCH_POINT).max(LEAST_PATCH_POINTS);
         let mut fit = Self {
             points,
@@ -105,6 +106,11 @@ impl<'a> Fit<'a> {
             fit.add_patches(progress)?;
         }
         Ok(fit)
+    }
+
+    /// The grid size that the learned one does not fall below, metres.
+    pub fn smallest_grid_size(&self) -> f64 {
+        self.smallest_grid_size
     }
 
     /// The patches as they are now.

@@ -4,10 +4,10 @@ use rayon::prelude::*;
 use surfabet_geom::{KdTree, Neighbor, Progress};
 
 use super::Surface;
-use crate::disjoint::root;
 use crate::error::Result;
 use crate::recognition::constants::{PIECE_COSINE, PIECE_REACH, PIECE_STEP};
 use crate::vector::dot;
+use surfabet_geom::disjoint::root;
 
 impl Surface {
     /// The smooth piece that each sample belongs to, by the number of its first sample; and, at that sample, how many

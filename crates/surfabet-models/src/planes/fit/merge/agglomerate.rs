@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use surfabet_geom::Progress;
 
 use super::rule::{Part, Rule};
-use crate::disjoint::root;
 use crate::error::Result;
+use surfabet_geom::disjoint::root;
 
 /// Pairs tested between two checks for cancellation.
 const PAIRS_PER_CHECK: usize = 4096;

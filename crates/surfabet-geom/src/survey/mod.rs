@@ -1,0 +1,178 @@
+//! What a cloud says about itself before anything is learned from it: spacing, noise, layers, extent and outliers.
+//!
+//! Defaults follow from these figures. All are medians or quantiles over a sample of the points, so that they take
+//! less than a second for any cloud, and depend on the cloud alone.
+//!
+//! | file | what is measured |
+//! |---|---|
+//! | `sample` | the points that are looked at, and their neighbours |
+//! | `noise` | deviation of neighbouring points from their plane |
+//! | `layers` | distance to a second surface behind the first |
+//! | `outliers` | small groups of points far from all others |
+
+mod layers;
+mod noise;
+mod outliers;
+mod sample;
+
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use layers::layer_gap;
+use noise::Planes;
+use outliers::Outliers;
+use sample::Sample;
+use surfabet_base::Progress;
+
+/// Figures of a cloud.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Survey {
+    /// Median distance of a point to the nearest one at another place, metres; zero where all points are at one place.
+    pub spacing: f64,
+    /// Median standard deviation of neighbouring points about their plane, metres: the noise of a thin scan, the
+    /// thickness of a fused one.
+    pub noise: f64,
+    /// Where at least a seventh of the points have a second surface close behind theirs: the distance of the two, metres.
+    pub layer_gap: Option<f64>,
+    /// Lower and upper corner of the box around all points but the outliers, world coordinates, metres; `None` without
+    /// points.
+    pub bounds: Option<([f64; 3], [f64; 3])>,
+    /// Points of small groups that are far from all others, by number, ascending.
+    pub outliers: Vec<u32>,
+    /// Those of the outliers that are further from the box of the others than the box is large: they alone would make
+    /// the scene many times as large as it is.
+    pub strays: Vec<u32>,
+}
+
+/// The tolerance in spacings. Points of a surface that was sampled at random are up to about this far from the nearest
+/// sample.
+const SPACINGS: f64 = 2.0;
+
+/// The tolerance in standard deviations of the noise.
+const DEVIATIONS: f64 = 3.0;
+
+impl Survey {
+    /// Measures a cloud.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn of(cloud: &PointCloud, progress: &dyn Progress) -> Result<Self> {
+        if cloud.is_empty() {
+            return Ok(Self::default());
+        }
+        let sample = Sample::of(cloud.positions())?;
+        progress.check()?;
+        let spacing = sample.spacing();
+        let planes = Planes::about(&sample);
+        progress.check()?;
+        let noise = planes.noise;
+        let layer_gap = layer_gap(&sample, &planes, spacing);
+        progress.check()?;
+        let Outliers { all, strays, bounds } = Outliers::of(cloud, spacing)?;
+        progress.check()?;
+        Ok(Self { spacing, noise, layer_gap, bounds, outliers: all, strays })
+    }
+
+    /// How far a decoded cloud may be from a point and still show it, metres: two spacings, or three standard
+    /// deviations of the noise where that is more.
+    pub fn tolerance(&self) -> f64 {
+        (SPACINGS * self.spacing).max(DEVIATIONS * self.noise)
+    }
+
+    /// Extent of the box, metres.
+    pub fn extent(&self) -> [f64; 3] {
+        self.bounds.map_or([0.0; 3], |(low, high)| std::array::from_fn(|a| high[a] - low[a]))
+    }
+}
+
+/// The middle of the sorted values, of an even number the upper one; zero of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use surfabet_base::Silent;
+
+    use super::*;
+
+    /// Points of a square lattice of spacing `step`, `n` to a side, moved by `moved`.
+    fn lattice(n: i32, step: f32, moved: impl Fn(i32, i32) -> [f32; 3]) -> Vec<[f32; 3]> {
+        let at = |i: i32, j: i32| {
+            let m = moved(i, j);
+            [i as f32 * step + m[0], j as f32 * step + m[1], m[2]]
+        };
+        (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).map(|(i, j)| at(i, j)).collect()
+    }
+
+    /// Evenly spread in -1..1, the same for the same numbers.
+    fn spread(i: i32, j: i32) -> f32 {
+        let golden = 0.618_034 * (i as f32 * 131.0 + j as f32 * 17.0);
+        2.0 * golden.fract() - 1.0
+    }
+
+    fn survey(positions: Vec<[f32; 3]>) -> Survey {
+        Survey::of(&PointCloud::from_positions(positions).0, &Silent).unwrap()
+    }
+
+    #[test]
+    fn spacing_and_noise_of_a_lattice() {
+        // An even slab of half width 3 mm has a standard deviation of 3 / sqrt(3) mm.
+        let found = survey(lattice(120, 0.01, |i, j| [0.0, 0.0, 0.003 * spread(i, j)]));
+        assert!((0.0100..0.0108).contains(&found.spacing), "{}", found.spacing);
+        assert!((0.0014..0.0020).contains(&found.noise), "{}", found.noise);
+        assert_eq!(found.layer_gap, None);
+        assert_eq!(found.outliers, []);
+        assert!((found.tolerance() - 2.0 * found.spacing).abs() < 1e-12);
+    }
+
+    #[test]
+    fn duplicates_do_not_make_the_spacing_zero() {
+        let once = lattice(60, 0.02, |_, _| [0.0; 3]);
+        let thrice: Vec<[f32; 3]> = once.iter().flat_map(|&p| [p; 3]).collect();
+        assert!((survey(thrice).spacing - 0.02).abs() < 1e-6);
+    }
+
+    #[test]
+    fn lengths_follow_the_unit() {
+        let metres = lattice(80, 0.01, |i, j| [0.0, 0.0, 0.002 * spread(i, j)]);
+        let millimetres: Vec<[f32; 3]> = metres.iter().map(|p| p.map(|c| 1000.0 * c)).collect();
+        let (m, mm) = (survey(metres), survey(millimetres));
+        assert!((mm.spacing / m.spacing - 1000.0).abs() < 1.0, "{} {}", m.spacing, mm.spacing);
+        assert!((mm.noise / m.noise - 1000.0).abs() < 5.0, "{} {}", m.noise, mm.noise);
+    }
+
+    #[test]
+    fn a_second_sheet_behind_the_first_is_found() {
+        let front = lattice(80, 0.01, |i, j| [0.0, 0.0, 0.001 * spread(i, j)]);
+        let both: Vec<[f32; 3]> =
+            front.iter().flat_map(|&p| [p, [p[0], p[1], p[2] + 0.03]]).collect();
+        let gap = survey(both).layer_gap.unwrap();
+        assert!((0.026..0.031).contains(&gap), "{gap}");
+        assert_eq!(survey(front).layer_gap, None);
+    }
+
+    #[test]
+    fn points_far_from_all_others_are_outliers_and_from_further_on_strays() {
+        let mut positions = lattice(100, 0.01, |_, _| [0.0; 3]);
+        // A pair two metres off, and one beyond the scene's own size.
+        positions.extend([[0.5, 0.5, 2.0], [0.5, 0.51, 2.0], [0.0, 300.0, 0.0]]);
+        let found = survey(positions);
+        assert_eq!(found.outliers, [10_000, 10_001, 10_002]);
+        assert_eq!(found.strays, [10_000, 10_001, 10_002]);
+        let (low, high) = found.bounds.unwrap();
+        assert_eq!(low, [0.0; 3]);
+        assert!(high.iter().all(|&c| c < 1.0), "{high:?}");
+    }
+
+    #[test]
+    fn scenes_of_few_or_equal_points_have_no_outliers() {
+        assert_eq!(survey(Vec::new()), Survey::default());
+        let one = survey(vec![[1.0, 2.0, 3.0]]);
+        assert_eq!((one.spacing, one.noise, one.outliers.len()), (0.0, 0.0, 0));
+        assert_eq!(one.bounds, Some(([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])));
+        let two = survey(vec![[0.0; 3], [0.0, 0.0, 5.0]]);
+        assert_eq!((two.spacing, two.outliers.len()), (5.0, 0));
+        assert_eq!(survey(vec![[2.0; 3]; 50]).spacing, 0.0);
+    }
+}

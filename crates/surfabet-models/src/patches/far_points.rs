@@ -1,0 +1,138 @@
+//! Points beside the patches: for the input that is far from what the patches decode to.
+
+use rayon::prelude::*;
+use surfabet_geom::{KdTree, PointCloud, Progress};
+
+use super::constants::{EXTRA_CELL, TOLERANCE_SHARE};
+use super::model::{PatchModel, extra_key};
+use super::samples::cells::LIMIT;
+use crate::contract::DecodeOptions;
+use crate::error::{Error, Result};
+
+/// Points whose distances tell whether enough are near: with as many, a share is exact to a tenth of a percent.
+const PROBES: usize = 100_000;
+
+/// By how much the share of the probes must be larger than the share that is asked for.
+const PROBE_MARGIN: f64 = 0.001;
+
+/// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured.
+///
+/// # Errors
+/// [`Error::TooLarge`] for a bound that single precision does not resolve, [`Error::Cancelled`].
+pub(super) fn with_points_within(
+    model: PatchModel,
+    cloud: &PointCloud,
+    bound: f64,
+    progress: &dyn Progress,
+) -> Result<PatchModel> {
+    let limit = limit(cloud, bound)?;
+    let decoded = as_measured(&model, progress)?;
+    let far = far_points(&decoded, cloud.positions(), limit, progress)?;
+    let cells = Cells::of(&model, &far, limit);
+    let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
+    Ok(model.with_extra(keys, cells.size, Some(bound)))
+}
+
+/// Adds points until at least `share` of the input is within `tolerance` of the cloud decoded as measured, those first
+/// that stand for most input points.
+///
+/// # Errors
+/// As [`with_points_within`].
+pub(super) fn with_share_of_points(
+    model: PatchModel,
+    cloud: &PointCloud,
+    tolerance: f64,
+    share: f64,
+    progress: &dyn Progress,
+) -> Result<PatchModel> {
+    let bound = TOLERANCE_SHARE * tolerance;
+    if share <= 0.0 || bound <= 0.0 {
+        return Ok(model);
+    }
+    let limit = limit(cloud, bound)?;
+    let decoded = as_measured(&model, progress)?;
+    let positions = cloud.positions();
+    let step = positions.len().div_ceil(PROBES);
+    if step > 1 {
+        let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
+        let far = far_points(&decoded, &probes, limit, progress)?;
+        if 1.0 - far.len() as f64 / probes.len() as f64 >= share + PROBE_MARGIN {
+            return Ok(model);
+        }
+    }
+    let far = far_points(&decoded, positions, limit, progress)?;
+    // The part of a point that exact arithmetic would not have is no reason for one point more.
+    let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
+    let Cells { mut counted, size } = Cells::of(&model, &far, limit);
+    counted.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
+    let mut missing = far.len();
+    let needed = counted.iter().take_while(|(_, n)| {
+        let needed = missing > allowed;
+        missing -= n;
+        needed
+    });
+    let mut keys: Vec<u64> = needed.map(|cell| cell.0).collect();
+    if keys.is_empty() {
+        return Ok(model);
+    }
+    keys.sort_unstable();
+    Ok(model.with_extra(keys, size, None))
+}
+
+/// The bound less what rounding of coordinates to single precision may add.
+fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
+    let extent =
+        cloud.positions().iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
+    let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);
+    let largest = f64::from(LIMIT) * 0.5 * bound;
+    if limit < 0.5 * bound || extent > largest {
+        return Err(Error::TooLarge { extent, limit: largest, resolution: bound });
+    }
+    Ok(limit)
+}
+
+/// What the patches decode to as measured; `None` when that is nothing.
+fn as_measured(model: &PatchModel, progress: &dyn Progress) -> Result<Option<KdTree>> {
+    let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
+    let decoded = model.decode(options, progress)?;
+    if decoded.is_empty() { Ok(None) } else { Ok(Some(KdTree::new(decoded.positions())?)) }
+}
+
+/// The `positions` that are further than `limit` from all decoded ones.
+fn far_points(
+    decoded: &Option<KdTree>,
+    positions: &[[f32; 3]],
+    limit: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<[f32; 3]>> {
+    let Some(tree) = decoded else { return Ok(positions.to_vec()) };
+    let nearest = tree.nearest_batch(positions, progress)?;
+    let is_far = |n: &surfabet_geom::Neighbor| f64::from(n.squared_distance()).sqrt() > limit;
+    Ok(positions.iter().zip(&nearest).filter(|(_, n)| is_far(n)).map(|(&p, _)| p).collect())
+}
+
+/// Cells of the lattice's frame that hold points.
+struct Cells {
+    /// Key and number of points of each, by growing key.
+    counted: Vec<(u64, usize)>,
+    /// Side, metres.
+    size: f64,
+}
+
+impl Cells {
+    /// The cells of some points, so small that all of them are within `limit` of their middles.
+    fn of(model: &PatchModel, points: &[[f32; 3]], limit: f64) -> Self {
+        let size = EXTRA_CELL * limit;
+        let rows = model.lattice().orientation.rotation();
+        let to_lattice = |p: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|a| {
+                (0..3).map(|k| rows[k][a] * f64::from(p[k])).sum::<f64>() as f32
+            })
+        };
+        let mut keys: Vec<u64> =
+            points.par_iter().map(|&p| extra_key(to_lattice(p), size)).collect();
+        keys.par_sort_unstable();
+        let counted = keys.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();
+        Self { counted, size }
+    }
+}

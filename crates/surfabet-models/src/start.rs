@@ -1,0 +1,243 @@
+//! What a method starts from: the cloud without its outliers, its figures, and the options that follow from them.
+
+use std::borrow::Cow;
+
+use surfabet_geom::{PointCloud, Progress, Survey};
+
+use crate::error::{Error, Result};
+use crate::quality::Quality;
+use crate::report::Report;
+
+/// Side of a pixel in spacings: nine points per pixel give a mean and a thickness. The table of the choice is in
+/// `docs/benchmarks/defaults.md`.
+const SPACINGS_PER_PIXEL: f64 = 3.0;
+
+/// Side of a pixel in standard deviations of the noise, where that is more: finer pixels show noise, not the surface.
+const DEVIATIONS_PER_PIXEL: f64 = 1.25;
+
+/// Pixels between two surfaces that lie close behind one another: one between theirs stays empty, so that neither
+/// their depths nor their colours mix.
+const PIXELS_PER_GAP: f64 = 2.5;
+
+/// Pixels are not finer than this for the sake of such a gap, spacings.
+const LEAST_SPACINGS_PER_PIXEL: f64 = 1.0;
+
+/// Pixels along the diagonal of a scene, at most, far below the limits of files.
+const MOST_PIXELS: f64 = 200_000.0;
+
+/// A length for clouds that have none: of one point, or with all points at one place. Metres.
+const ANY_LENGTH: f64 = 0.01;
+
+/// The tolerance in pixels, where it is more than that of the survey: between points that are decoded half a pixel apart
+/// nothing is further away than this, whatever surface they lie on.
+const TOLERANCE_PER_PIXEL: f64 = 2.0 / 3.0;
+
+/// An option that was not given, and what the data made of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chosen {
+    /// Name of the option.
+    pub option: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Why this value.
+    pub reason: String,
+}
+
+/// Which points are no part of the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Leave {
+    /// None is left out: the user keeps outliers.
+    None,
+    /// Those that would make the scene many times as large as it is.
+    Strays,
+    /// All that are far from the others.
+    Outliers,
+}
+
+impl Leave {
+    /// `leave`, unless outliers are to be kept.
+    pub fn unless(keep_outliers: bool, leave: Self) -> Self {
+        if keep_outliers { Self::None } else { leave }
+    }
+}
+
+/// A cloud with what was measured of it.
+pub(crate) struct Start<'a> {
+    /// The cloud that is learned from.
+    pub cloud: Cow<'a, PointCloud>,
+    pub survey: Survey,
+    /// Points of the input that were left out, by number, ascending.
+    pub left_out: Vec<u32>,
+    quality: Quality,
+    chosen: Vec<Chosen>,
+}
+
+impl<'a> Start<'a> {
+    /// Measures the cloud and leaves points out.
+    ///
+    /// # Errors
+    /// [`Error::EmptyCloud`], [`Error::Cancelled`].
+    pub fn of(
+        cloud: &'a PointCloud,
+        quality: Quality,
+        leave: Leave,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        if cloud.is_empty() {
+            return Err(Error::EmptyCloud);
+        }
+        let survey = Survey::of(cloud, progress)?;
+        let left_out = match leave {
+            Leave::None => Vec::new(),
+            Leave::Strays => survey.strays.clone(),
+            Leave::Outliers => survey.outliers.clone(),
+        };
+        let cloud = if left_out.is_empty() {
+            Cow::Borrowed(cloud)
+        } else {
+            let mut out = left_out.iter().map(|&i| i as usize).peekable();
+            let is_kept = |i: &usize| out.next_if_eq(i).is_none();
+            let kept: Vec<usize> = (0..cloud.len()).filter(is_kept).collect();
+            Cow::Owned(cloud.select(&kept)?)
+        };
+        Ok(Self { cloud, survey, left_out, quality, chosen: Vec::new() })
+    }
+
+    /// Of values per point of the input those of the points that were not left out.
+    pub fn kept<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        let mut out = self.left_out.iter().map(|&i| i as usize).peekable();
+        let mut is_kept = |i: usize| out.next_if_eq(&i).is_none();
+        values.iter().enumerate().filter(|(i, _)| is_kept(*i)).map(|(_, &value)| value).collect()
+    }
+
+    /// The value of an option: the one that was given, or `value` for this reason, which the report tells.
+    pub fn choose(
+        &mut self,
+        option: &'static str,
+        given: Option<f64>,
+        value: impl FnOnce(&Survey, Quality) -> (f64, String),
+    ) -> f64 {
+        given.unwrap_or_else(|| {
+            let (value, reason) = value(&self.survey, self.quality);
+            self.note(option, value, reason);
+            value
+        })
+    }
+
+    /// Notes the value of an option that follows from the data.
+    pub fn note(&mut self, option: &'static str, value: f64, reason: String) {
+        self.chosen.push(Chosen { option, value, reason });
+    }
+
+    /// Side of a pixel, metres: the one that was given, or one that follows from spacing, noise and layers.
+    pub fn pixel(&mut self, given: Option<f64>) -> f64 {
+        self.choose("resolution", given, pixel)
+    }
+
+    /// How far a decoded cloud of pixels of this side may be from a point and still show it, metres.
+    pub fn tolerance(&self, pixel: f64) -> f64 {
+        self.survey.tolerance().max(TOLERANCE_PER_PIXEL * pixel)
+    }
+
+    /// Adds to a report what was measured, chosen and left out.
+    pub fn report<F>(&self, tolerance: f64, report: &mut Report<F>) {
+        report.tolerance = tolerance;
+        report.left_out = self.left_out.len();
+        report.chosen = self.chosen.clone();
+    }
+}
+
+/// Side of a pixel by the data, and why.
+fn pixel(survey: &Survey, quality: Quality) -> (f64, String) {
+    let of_spacing = SPACINGS_PER_PIXEL * survey.spacing;
+    let of_noise = DEVIATIONS_PER_PIXEL * survey.noise;
+    let scale = quality.scale();
+    let (mut side, mut reason) = if of_noise > of_spacing {
+        (
+            scale * of_noise,
+            format!(
+                "{} times the noise of {:.3} m",
+                scale * DEVIATIONS_PER_PIXEL,
+                significant(survey.noise)
+            ),
+        )
+    } else {
+        (
+            scale * of_spacing,
+            format!("{} spacings of {} m", scale * SPACINGS_PER_PIXEL, significant(survey.spacing)),
+        )
+    };
+    if let Some(gap) = survey.layer_gap {
+        let least = LEAST_SPACINGS_PER_PIXEL * survey.spacing;
+        let apart = (gap / PIXELS_PER_GAP).max(least);
+        if apart < side {
+            side = apart;
+            reason = format!("surfaces lie {} m behind one another", significant(gap));
+        }
+    }
+    let diagonal = survey.extent().iter().map(|c| c * c).sum::<f64>().sqrt();
+    if side < diagonal / MOST_PIXELS {
+        side = diagonal / MOST_PIXELS;
+        reason = format!("the scene is {} m large", significant(diagonal));
+    }
+    if side > 0.0 {
+        (rounded(side), reason)
+    } else {
+        (ANY_LENGTH, "all points are at one place".into())
+    }
+}
+
+/// A length with three digits, so that options can be given again as they are shown.
+pub(crate) fn rounded(length: f64) -> f64 {
+    // A number that was formatted is one.
+    significant(length).parse().unwrap_or(length)
+}
+
+/// A length in three digits.
+pub(crate) fn significant(length: f64) -> String {
+    if length <= 0.0 || !length.is_finite() {
+        return length.to_string();
+    }
+    let decimals = 2 - length.log10().floor() as i32;
+    let unit = 10_f64.powi(-decimals);
+    let digits = (length / unit).round();
+    if decimals > 0 {
+        format!("{:.*}", decimals as usize, digits * unit)
+    } else {
+        (digits * unit).to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn survey(spacing: f64, noise: f64) -> Survey {
+        let bounds = Some(([0.0; 3], [4.0, 3.0, 2.0]));
+        Survey { spacing, noise, bounds, ..Survey::default() }
+    }
+
+    #[test]
+    fn pixels_follow_the_spacing_the_noise_and_the_layers() {
+        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Balanced).0, 0.03);
+        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Small).0, 0.06);
+        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Fine).0, 0.015);
+        assert_eq!(pixel(&survey(0.002, 0.008), Quality::Balanced).0, 0.01);
+        let layered = |gap| Survey { layer_gap: Some(gap), ..survey(0.01, 0.001) };
+        assert_eq!(pixel(&layered(0.05), Quality::Balanced).0, 0.02);
+        assert_eq!(pixel(&layered(0.01), Quality::Balanced).0, 0.01);
+        assert_eq!(pixel(&layered(0.2), Quality::Balanced).0, 0.03);
+        assert_eq!(
+            pixel(&survey(0.0, 0.0), Quality::Balanced).0,
+            (29.0_f64.sqrt() / MOST_PIXELS * 1e7).round() / 1e7
+        );
+        assert_eq!(pixel(&Survey::default(), Quality::Balanced).0, ANY_LENGTH);
+    }
+
+    #[test]
+    fn lengths_are_shown_with_three_digits() {
+        let shown = [0.012345, 1.0, 12345.0, 99.96, 0.00099999].map(significant);
+        assert_eq!(shown, ["0.0123", "1.00", "12300", "100", "0.00100"]);
+        assert_eq!(rounded(0.012345), 0.0123);
+    }
+}

@@ -1,0 +1,71 @@
+//! `surfabet.survey`.
+
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use surfabet_geom::Survey;
+
+use crate::cloud::PyPointCloud;
+use crate::run::run;
+
+/// Corners of the box, (low, high).
+type Bounds = Option<([f64; 3], [f64; 3])>;
+
+/// What a cloud says about itself.
+#[pyclass(name = "Survey", module = "surfabet._core", frozen)]
+struct PySurvey(Survey);
+
+#[pymethods]
+impl PySurvey {
+    #[getter]
+    fn spacing(&self) -> f64 {
+        self.0.spacing
+    }
+
+    #[getter]
+    fn noise(&self) -> f64 {
+        self.0.noise
+    }
+
+    #[getter]
+    fn layer_gap(&self) -> Option<f64> {
+        self.0.layer_gap
+    }
+
+    #[getter]
+    fn tolerance(&self) -> f64 {
+        self.0.tolerance()
+    }
+
+    #[getter]
+    fn bounds(&self) -> Bounds {
+        self.0.bounds
+    }
+
+    #[getter]
+    fn outliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.0.outliers.clone().into_pyarray(py)
+    }
+
+    #[getter]
+    fn strays<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.0.strays.clone().into_pyarray(py)
+    }
+}
+
+/// Measures a cloud; documented in `surfabet.geometry`.
+#[pyfunction]
+#[pyo3(signature = (cloud, *, progress))]
+fn survey(
+    py: Python<'_>,
+    cloud: &Bound<'_, PyPointCloud>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<PySurvey> {
+    let cloud = &cloud.get().cloud;
+    Ok(PySurvey(run(py, progress, |monitor| Survey::of(cloud, monitor))?))
+}
+
+/// Adds this file's names to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PySurvey>()?;
+    module.add_function(wrap_pyfunction!(survey, module)?)
+}
