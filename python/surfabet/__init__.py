@@ -16,10 +16,12 @@ from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel, learn_bic_alpha
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
+    IncompleteModelWarning,
     InvalidInputError,
     InvalidTypeError,
     LostAttributeWarning,
     MissingDependencyError,
+    UnitWarning,
 )
 from surfabet.files import FileInfo, from_bytes, inspect, load
 from surfabet.gas import GasModel, Neurons, learn_gas
@@ -49,6 +51,7 @@ from surfabet.planes import (
     learn_planes,
     random_planes,
 )
+from surfabet.survey import Survey, survey
 
 __all__ = [
     "Alphabet",
@@ -60,6 +63,7 @@ __all__ = [
     "FormatError",
     "FoundOccurrence",
     "GasModel",
+    "IncompleteModelWarning",
     "HscsmDictionary",
     "HscsmModel",
     "InvalidInputError",
@@ -85,6 +89,8 @@ __all__ = [
     "Quality",
     "RangeImage",
     "RangeSigma",
+    "Survey",
+    "UnitWarning",
     "VoxelGrid",
     "WordShares",
     "__version__",
@@ -108,6 +114,7 @@ __all__ = [
     "random_planes",
     "read",
     "set_num_threads",
+    "survey",
     "voxel_downsample",
     "write",
 ]

@@ -5,10 +5,12 @@ from __future__ import annotations
 __all__ = [
     "DroppedPointsWarning",
     "FormatError",
+    "IncompleteModelWarning",
     "InvalidInputError",
     "InvalidTypeError",
     "LostAttributeWarning",
     "MissingDependencyError",
+    "UnitWarning",
 ]
 
 
@@ -49,8 +51,16 @@ class MissingDependencyError(ImportError):
 
 
 class DroppedPointsWarning(UserWarning):
-    """Points that are not finite were left out."""
+    """Points that are not finite, or no part of the scene, were left out."""
 
 
 class LostAttributeWarning(UserWarning):
     """The target cannot hold an attribute of the cloud."""
+
+
+class IncompleteModelWarning(UserWarning):
+    """A model lost a part of the scan that it was to hold."""
+
+
+class UnitWarning(UserWarning):
+    """Coordinates look as if their unit was another than the metre."""

@@ -34,8 +34,8 @@ class LearningReport:
     """Points that were left out as outliers."""
     tolerance: float
     """How far from a point its surface may be decoded and still show it, metres: two spacings, three
-    standard deviations of the noise, or two thirds of a pixel, whichever is most. 0 for models that
-    do not hold all of a surface."""
+    standard deviations of the noise, or two thirds of a pixel that was asked for, whichever is
+    most. 0 for models that do not hold all of a surface."""
 
     def as_dict(self) -> dict[str, Any]:
         """The report as plain dicts, lists and numbers."""

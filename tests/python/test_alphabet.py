@@ -1,4 +1,4 @@
-"""Alphabets from Python: arrays, presets, real and generated scans, command line."""
+"""Alphabets from Python: arrays, qualitys, real and generated scans, command line."""
 
 from __future__ import annotations
 
@@ -98,10 +98,10 @@ def test_colours_intensities_and_viewpoints_come_back(cloud, model):
     assert model.report.not_kept == ()
 
 
-def test_a_preset_sets_what_points_are_worth(cloud):
+def test_quality_sets_what_points_are_worth(cloud):
     small, fine = (
-        sb.learn_alphabet(cloud, preset=preset, **OPTIONS).to_bytes()
-        for preset in ("small", "fine")
+        sb.learn_alphabet(cloud, quality=quality, **OPTIONS).to_bytes()
+        for quality in ("small", "fine")
     )
     assert len(small) < len(fine)
     bits = {"inlier_bits": 4, "outlier_bits": 4}

@@ -23,7 +23,7 @@ fn frame() -> PointCloud {
 
 fn hscsm_road(criterion: &mut Criterion) {
     let cloud = frame();
-    let options = HscsmOptions { resolution: 0.02, iterations: 4, ..HscsmOptions::default() };
+    let options = HscsmOptions { resolution: Some(0.02), iterations: 4, ..HscsmOptions::default() };
     let model = hscsm::learn(&cloud, &options, &Silent).expect("a cloud with points");
     let bytes = write(&model).expect("a model of our own");
     let limits = Limits::default();
@@ -48,7 +48,7 @@ fn hscsm_road(criterion: &mut Criterion) {
 /// The road of the default method, and its stages as the model's own report times them.
 fn patches_road(criterion: &mut Criterion) {
     let cloud = frame();
-    let options = PatchesOptions { resolution: 0.02, ..PatchesOptions::default() };
+    let options = PatchesOptions { resolution: Some(0.02), ..PatchesOptions::default() };
     let model = patches::learn(&cloud, &options, &Silent).expect("a cloud with points");
     let bytes = write(&model).expect("a model of our own");
     let limits = Limits::default();

@@ -112,7 +112,7 @@ pub struct Report<F = Named> {
     /// Points that were left out as outliers.
     pub left_out: usize,
     /// How far from a point its surface may be decoded and still show it, metres: two spacings, three standard deviations
-    /// of the noise, or two thirds of a pixel, whichever is most. Zero where a method does not ask.
+    /// of the noise, or two thirds of a pixel that was asked for, whichever is most. Zero where a method does not ask.
     pub tolerance: f64,
 }
 

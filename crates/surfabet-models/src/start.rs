@@ -28,8 +28,8 @@ const MOST_PIXELS: f64 = 200_000.0;
 /// A length for clouds that have none: of one point, or with all points at one place. Metres.
 const ANY_LENGTH: f64 = 0.01;
 
-/// The tolerance in pixels, where it is more than that of the survey: between points that are decoded half a pixel apart
-/// nothing is further away than this, whatever surface they lie on.
+/// The tolerance in pixels that were asked for, where it is more than that of the survey: who asks for coarse pixels does
+/// not want each point of the scan. Of points that are decoded half a pixel apart one is always as near as this.
 const TOLERANCE_PER_PIXEL: f64 = 2.0 / 3.0;
 
 /// An option that was not given, and what the data made of it.
@@ -134,9 +134,14 @@ impl<'a> Start<'a> {
         self.choose("resolution", given, pixel)
     }
 
-    /// How far a decoded cloud of pixels of this side may be from a point and still show it, metres.
-    pub fn tolerance(&self, pixel: f64) -> f64 {
-        self.survey.tolerance().max(TOLERANCE_PER_PIXEL * pixel)
+    /// How far a decoded cloud may be from a point and still show it, metres; pixels may have been asked for.
+    pub fn tolerance(&self, asked_pixel: Option<f64>) -> f64 {
+        let of_data = self.survey.tolerance();
+        match (asked_pixel, self.quality) {
+            (Some(pixel), _) => of_data.max(TOLERANCE_PER_PIXEL * pixel),
+            (None, Quality::Small) => self.quality.scale() * of_data,
+            (None, Quality::Balanced | Quality::Fine) => of_data,
+        }
     }
 
     /// Adds to a report what was measured, chosen and left out.

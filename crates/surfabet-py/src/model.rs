@@ -42,8 +42,17 @@ macro_rules! model_class {
 }
 pub(crate) use model_class;
 
-/// The Python object of a model.
+/// The Python object of a model. Warns of points that learning left out.
 pub fn wrap<M: ModelClass>(py: Python<'_>, model: M) -> PyResult<Py<M::Class>> {
+    let left_out = model.report().left_out;
+    if left_out > 0 {
+        let points = if left_out == 1 { "point is" } else { "points are" };
+        let message = format!(
+            "{left_out} {points} far from all others and no part of the model; keep_outliers=True keeps them"
+        );
+        let category = py.import("surfabet.errors")?.getattr("DroppedPointsWarning")?;
+        py.import("warnings")?.call_method1("warn", (message, category, 3))?;
+    }
     let model = Arc::new(model);
     let base = PyClassInitializer::from(PyModel { model: model.clone() });
     Py::new(py, base.add_subclass(M::object(model)))

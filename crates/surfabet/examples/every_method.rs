@@ -59,8 +59,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cloud = corner()?;
     let save = |name: &str, model: Model| model.save(directory.join(name));
 
-    let gas_options = GasOptions { n_neurons: 2000, ..GasOptions::default() };
-    let bic_options = BicAlphabetOptions { radius: 0.3, ..BicAlphabetOptions::default() };
+    let gas_options = GasOptions { n_neurons: Some(2000), ..GasOptions::default() };
+    let bic_options = BicAlphabetOptions { radius: Some(0.3), ..BicAlphabetOptions::default() };
     save("patches.sfb", patches::learn(&cloud, &PatchesOptions::default(), &Silent)?.into())?;
     save("hscsm.sfb", hscsm::learn(&cloud, &HscsmOptions::default(), &Silent)?.into())?;
     save("alphabet.sfb", alphabet::learn(&cloud, &AlphabetOptions::default(), &Silent)?.into())?;

@@ -10,7 +10,7 @@
 //! let points = (0..3600).map(|i| [(i % 60) as f32 * 0.005, (i / 60) as f32 * 0.005, 1.0]).collect();
 //! let (cloud, _) = PointCloud::from_positions(points);
 //!
-//! let options = PatchesOptions { resolution: 0.01, ..PatchesOptions::default() };
+//! let options = PatchesOptions { resolution: Some(0.01), ..PatchesOptions::default() };
 //! let model = patches::learn(&cloud, &options, &Silent)?;
 //! let file = model.to_bytes()?;
 //! assert!(file.len() < 400);

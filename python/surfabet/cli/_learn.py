@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -63,7 +64,13 @@ class Learner:
     def __call__(self, cloud: surfabet.PointCloud, progress: ProgressCallback) -> AnyModel:
         """Learns, or describes the cloud with the vocabulary."""
         learn = LEARN[self.model] if self.vocabulary is None else self.vocabulary.describe
-        return learn(cloud, progress=progress, **self.options)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", surfabet.DroppedPointsWarning)
+            model = learn(cloud, progress=progress, **self.options)
+        for warning in said:
+            message = str(warning.message).replace("keep_outliers=True", spelled("keep_outliers"))
+            warnings.warn(message, warning.category, stacklevel=2)
+        return model
 
 
 def _check_names(model: ModelName, options: dict[str, Any], has_vocabulary: bool) -> None:

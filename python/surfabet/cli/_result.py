@@ -48,6 +48,16 @@ class Result:
             "report": self.report and self.report.as_dict(),
         }
 
+    def chosen(self) -> str | None:
+        """The options that follow from the data, and why, for people."""
+        if self.report is None or not self.report.chosen:
+            return None
+        parts = (
+            f"{option.replace('_', '-')} {value:.6g} ({why})"
+            for option, (value, why) in self.report.chosen.items()
+        )
+        return f"{self.input}: by the data: {', '.join(parts)}"
+
     def line(self) -> str:
         """For people."""
         parts = [

@@ -34,6 +34,7 @@ from surfabet.cli._options import (
     VocabularyOption,
 )
 from surfabet.cli._result import Result
+from surfabet.cli._scan import incomplete, unit_in_doubt, without
 from surfabet.files import AnyModel, Vocabulary
 
 
@@ -97,11 +98,16 @@ def compress(
             progress(f"write {output.name}", 0.0)
             result.n_bytes = learned.save(output)
         _warn_of_losses(output, learned)
+        scene = _scene(input_, cloud, learning, learned, progress)
         if evaluate:
-            _evaluate(result, _far_enough(cloud, learning.min_range), words, progress)
+            _evaluate(result, scene, words, progress)
+            if (said := incomplete(output, learned, result.quality)) is not None:
+                warnings.warn(said, surfabet.IncompleteModelWarning, stacklevel=1)
     if json:
         print_json(result.as_dict())
     elif not common.quiet:
+        if (chosen := result.chosen()) is not None:
+            print(chosen)
         print(result.line())
 
 
@@ -124,11 +130,22 @@ def _warn_of_losses(output: Path, learned: AnyModel) -> None:
         )
 
 
-def _far_enough(cloud: surfabet.PointCloud, min_range: float | None) -> surfabet.PointCloud:
-    """The points that the model was asked to describe."""
-    if min_range is None or cloud.ranges is None:
+def _scene(
+    path: Path,
+    cloud: surfabet.PointCloud,
+    learning: LearnOptions,
+    learned: AnyModel,
+    progress: ProgressCallback,
+) -> surfabet.PointCloud:
+    """The points that the model was asked to describe; says when their unit is in doubt."""
+    survey = surfabet.survey(cloud, progress=progress)
+    if (said := unit_in_doubt(path, survey)) is not None:
+        warnings.warn(said, surfabet.UnitWarning, stacklevel=1)
+    if learned.report.left_out:
+        cloud = without(cloud, survey.outliers if learned.method == "gas" else survey.strays)
+    if learning.min_range is None or cloud.ranges is None:
         return cloud
-    return cloud.select(np.flatnonzero(cloud.ranges >= min_range))
+    return cloud.select(np.flatnonzero(cloud.ranges >= learning.min_range))
 
 
 def _evaluate(
@@ -143,7 +160,8 @@ def _evaluate(
         # Compared with a scan that is thick with noise, a thin surface has the scan's own error.
         decoded = again.decode(as_measured=again.keeps_thickness, progress=progress)
     with _timed(result, "evaluate"):
-        tolerance = again.sigma if isinstance(again, surfabet.AlphabetModel) else None
+        allowed = result.report.tolerance if result.report else 0.0
+        tolerance = again.sigma if isinstance(again, surfabet.AlphabetModel) else allowed or None
         # Point-to-plane distances take long; the verb `evaluate` has them.
         result.quality = surfabet.evaluate(
             original,

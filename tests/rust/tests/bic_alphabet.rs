@@ -75,7 +75,7 @@ fn cloud(parts: CloudParts) -> PointCloud {
 }
 
 fn options() -> BicAlphabetOptions {
-    BicAlphabetOptions { iterations: 60, radius: 0.15, ..BicAlphabetOptions::default() }
+    BicAlphabetOptions { iterations: 60, radius: Some(0.15), ..BicAlphabetOptions::default() }
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn an_alphabet_describes_another_scene() {
     let model = alphabet.describe(&cloud(room(3)), &options(), &Silent).unwrap();
     assert_eq!(model.alphabet(), &alphabet);
     assert!(figure(&model, "inliers") > 0.9, "{}", figure(&model, "inliers"));
-    let other = BicAlphabetOptions { radius: 0.2, ..options() };
+    let other = BicAlphabetOptions { radius: Some(0.2), ..options() };
     let found = alphabet.describe(&cloud(room(3)), &other, &Silent);
     assert!(matches!(found, Err(Error::Inconsistent(_))), "{found:?}");
 }

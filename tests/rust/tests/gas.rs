@@ -15,7 +15,7 @@ fn plain(points: Vec<[f32; 3]>) -> PointCloud {
 }
 
 fn options(n_neurons: usize) -> GasOptions {
-    GasOptions { n_neurons, patterns: 100, ..GasOptions::default() }
+    GasOptions { n_neurons: Some(n_neurons), patterns: 100, ..GasOptions::default() }
 }
 
 fn learn(cloud: &PointCloud, options: &GasOptions) -> GasModel {

@@ -115,7 +115,7 @@ fn sphere(radius: f32, count: usize) -> Vec<Point> {
 }
 
 fn options() -> HscsmOptions {
-    HscsmOptions { resolution: PIXEL, iterations: 3, ..HscsmOptions::default() }
+    HscsmOptions { resolution: Some(PIXEL), iterations: 3, ..HscsmOptions::default() }
 }
 
 fn learn(cloud: &PointCloud) -> HscsmModel {
@@ -607,7 +607,10 @@ fn map_coordinates_keep_their_precision() {
 #[test]
 fn resolutions_from_huge_to_tiny_work_or_are_refused() {
     let input = points_of(&[tilted()], 0.01);
-    let at = |resolution| hscsm::learn(&input, &HscsmOptions { resolution, ..options() }, &Silent);
+    let at = |resolution| {
+        let options = HscsmOptions { resolution: Some(resolution), ..options() };
+        hscsm::learn(&input, &options, &Silent)
+    };
     let huge = at(10.0).unwrap();
     assert_eq!(huge.len(), 1);
     assert_all_owned(&huge);

@@ -16,6 +16,11 @@ const PIXEL: f64 = 0.01;
 
 type Point = [f32; 3];
 
+/// Pixels of one centimetre, and nothing beside the patches.
+fn options() -> PatchesOptions {
+    PatchesOptions { resolution: Some(PIXEL), completeness: 0.0, ..PatchesOptions::default() }
+}
+
 fn learn(cloud: &PointCloud, options: &PatchesOptions) -> PatchModel {
     patches::learn(cloud, options, &Silent).unwrap()
 }
@@ -89,7 +94,7 @@ fn rms_to(cloud: &PointCloud, other: &PointCloud) -> f64 {
 #[test]
 fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
     let (cloud, distances) = corner(0.0, 0.4, 0);
-    let model = learn(&cloud, &PatchesOptions::default());
+    let model = learn(&cloud, &options());
     let decoded = decode(&model, 0.005, false);
     let off = rms(decoded.positions().iter().map(|&p| least(distances(p))));
     assert!(off < 0.25 * PIXEL, "{off}");
@@ -120,7 +125,7 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
 fn the_surface_is_nearer_to_the_truth_than_the_scan_and_the_filled_one_nearer_to_the_scan() {
     let noise = 0.008;
     let (cloud, distances) = corner(noise, 0.3, 1);
-    let model = learn(&cloud, &PatchesOptions::default());
+    let model = learn(&cloud, &options());
     let of_input = rms(cloud.positions().iter().map(|&p| least(distances(p))));
     let surface = decode(&model, 0.005, false);
     let of_surface = rms(surface.positions().iter().map(|&p| least(distances(p))));
@@ -143,7 +148,7 @@ fn the_surface_is_nearer_to_the_truth_than_the_scan_and_the_filled_one_nearer_to
 #[test]
 fn seams_do_not_open() {
     let (cloud, _) = corner(0.003, 0.0, 2);
-    let model = learn(&cloud, &PatchesOptions::default());
+    let model = learn(&cloud, &options());
     let decoded = decode(&model, 0.0025, false);
     let tree = KdTree::new(decoded.positions()).unwrap();
     // Points of the exact floor, away from its rim, across all seams.
@@ -160,7 +165,7 @@ fn seams_do_not_open() {
 #[test]
 fn every_surface_point_belongs_to_one_patch() {
     let (cloud, _) = corner(0.004, 0.2, 3);
-    let model = learn(&cloud, &PatchesOptions::default());
+    let model = learn(&cloud, &options());
     let mut area = 0.0;
     for leaf in model.leaves() {
         let pixel = model.lattice().pixel_of(leaf.level);
@@ -187,7 +192,7 @@ fn both_faces_of_a_thin_wall_stay_apart_when_seen_from_both_sides() {
     let origins = vec![[0.4, 0.4, -2.0], [0.4, 0.4, 2.0]];
     parts.viewpoints = Some(Viewpoints { origins, index });
     let cloud = PointCloud::from_parts(parts).unwrap().0;
-    let model = learn(&cloud, &PatchesOptions::default());
+    let model = learn(&cloud, &options());
     let decoded = decode(&model, 0.005, false);
     let of = |z: f32| decoded.positions().iter().filter(|p| (p[2] - z).abs() < 0.003).count();
     let n = decoded.len();
@@ -207,7 +212,7 @@ fn normals_point_to_where_the_surface_was_seen_from() {
     parts.viewpoints = Some(Viewpoints { origins: vec![[0.25, 0.25, -3.0]], index });
     let cloud = PointCloud::from_parts(parts).unwrap().0;
     let options = DecodeOptions { normals: true, ..DecodeOptions::default() };
-    let decoded = learn(&cloud, &PatchesOptions::default()).decode(options, &Silent).unwrap();
+    let decoded = learn(&cloud, &options()).decode(options, &Silent).unwrap();
     let length = (1.0_f32 + 0.04).sqrt();
     for n in decoded.normals().unwrap() {
         let along = (0.2 * n[0] - n[2]) / length;
@@ -225,9 +230,9 @@ fn the_bound_holds_for_every_input_point() {
         parts.colors.as_mut().unwrap().push([255, 255, 0]);
     }
     let cloud = PointCloud::from_parts(parts).unwrap().0;
-    let free = learn(&cloud, &PatchesOptions::default());
+    let free = learn(&cloud, &options());
     for bound in [0.05, 0.02] {
-        let options = PatchesOptions { max_error: Some(bound), ..PatchesOptions::default() };
+        let options = PatchesOptions { max_error: Some(bound), ..options() };
         let model = learn(&cloud, &options);
         assert_eq!(model.max_error(), Some(bound));
         let again: PatchModel = read(&bytes(&model)).unwrap();
@@ -251,7 +256,7 @@ fn many_tasks_give_the_same_on_any_number_of_threads() {
     let (cloud, _) = corner(0.008, 0.5, 5);
     let with = |n: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
-        pool.install(|| bytes(&learn(&cloud, &PatchesOptions::default())))
+        pool.install(|| bytes(&learn(&cloud, &options())))
     };
     let one = with(1);
     assert_eq!(one, with(2));
@@ -264,7 +269,8 @@ fn coarser_pixels_make_smaller_files_of_larger_error() {
     let sizes: Vec<(usize, f64)> = [0.01, 0.02, 0.04]
         .into_iter()
         .map(|resolution| {
-            let model = learn(&cloud, &PatchesOptions { resolution, ..PatchesOptions::default() });
+            let model =
+                learn(&cloud, &PatchesOptions { resolution: Some(resolution), ..options() });
             (bytes(&model).len(), rms_to(&cloud, &decode(&model, resolution / 2.0, true)))
         })
         .collect();
@@ -276,22 +282,19 @@ fn bytes_of_a_fixed_scene_stay() {
     // A change of the coder shows here, for better or worse: 270 000 noisy points of three walls. Another last bit of
     // a sine may move a symbol or two.
     let (cloud, _) = corner(0.008, 0.5, 5);
-    let size = bytes(&learn(&cloud, &PatchesOptions::default())).len();
+    let size = bytes(&learn(&cloud, &options())).len();
     assert!(size.abs_diff(946) <= 9, "{size} bytes");
 }
 
 #[test]
 fn clouds_that_are_hardly_any_give_a_model_or_a_clear_error() {
-    assert_eq!(
-        patches::learn(&PointCloud::default(), &PatchesOptions::default(), &Silent),
-        Err(Error::EmptyCloud)
-    );
+    assert_eq!(patches::learn(&PointCloud::default(), &options(), &Silent), Err(Error::EmptyCloud));
     let line = (0..200).map(|i| [i as f32 * 0.01, 0.0, 0.0]).collect();
     let two = vec![[0.0, 0.0, 0.0], [3.0, 4.0, 5.0]];
     let same = vec![[1.0, 2.0, 3.0]; 100];
     for points in [vec![[0.5, 0.5, 0.5]], line, two, same] {
         let cloud = plain(points);
-        let model = learn(&cloud, &PatchesOptions::default());
+        let model = learn(&cloud, &options());
         let decoded = decode(&model, 0.005, false);
         // What is less than an area may get the pixels of the coarsest level.
         assert!(rms_to(&cloud, &decoded) < 2.0 * PIXEL, "{} points", cloud.len());
@@ -307,8 +310,7 @@ fn huge_coordinates_keep_their_millimetres() {
     let mut parts = near.clone().into_parts();
     parts.origin = [691_000.25, 5_334_000.5, 512.125];
     let far = PointCloud::from_parts(parts).unwrap().0;
-    let (a, b) =
-        (learn(&near, &PatchesOptions::default()), learn(&far, &PatchesOptions::default()));
+    let (a, b) = (learn(&near, &options()), learn(&far, &options()));
     let (a, b) = (decode(&a, 0.005, false), decode(&b, 0.005, false));
     assert_eq!(a.positions(), b.positions());
     assert_eq!(b.origin(), far.origin());
@@ -317,7 +319,7 @@ fn huge_coordinates_keep_their_millimetres() {
 #[test]
 fn a_scene_too_large_for_its_pixels_is_refused_with_the_limit() {
     let cloud = plain(vec![[0.0; 3], [900.0, 0.0, 0.0]]);
-    let options = PatchesOptions { resolution: 1e-4, ..PatchesOptions::default() };
+    let options = PatchesOptions { resolution: Some(1e-4), ..options() };
     let found = patches::learn(&cloud, &options, &Silent);
     assert!(matches!(found, Err(Error::TooLarge { .. })), "{found:?}");
 }

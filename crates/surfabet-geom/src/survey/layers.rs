@@ -18,6 +18,9 @@ const NOISES: f64 = 6.0;
 /// Least gap between two surfaces, spacings.
 const SPACINGS: f64 = 1.5;
 
+/// Least ratio of the deviations along the two axes of a plane: the points of a single scan line have no normal.
+const LEAST_WIDTH: f64 = 0.3;
+
 /// Points that make a surface of what lies behind the gap.
 const LEAST_POINTS: usize = 4;
 
@@ -41,6 +44,9 @@ fn gap_at(sample: &Sample, planes: &Planes, spacing: f64, point: [f32; 3]) -> Op
     let mut near = Vec::new();
     sample.tree.k_nearest(point, planes.neighbors, &mut near);
     let axes = Moments::about(point, sample.positions_of(&near)).principal_axes()?;
+    if axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2] {
+        return None;
+    }
     let normal = axes.normal();
     sample.tree.within(point, (REACH * spacing) as f32, &mut near);
     let mut heights: Vec<f64> = sample

@@ -12,6 +12,9 @@ pub(super) const PATIENCE: u64 = 2;
 /// Side of the cells that hold points, one neuron for each, in tolerances: for small, balanced and fine models.
 pub(super) const CELL_TOLERANCES: [f64; 3] = [3.0, 2.0, 1.2];
 
+/// Neurons that are chosen where none are given, at most: learning more takes minutes, which is for the user to say.
+pub(super) const MOST_CHOSEN: usize = 100_000;
+
 /// Spacing of the points of discs by default, in mean edges.
 pub(super) const POINTS_PER_EDGE: f64 = 1.0 / 3.0;
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use surfabet_geom::cells::cell_of;
 use surfabet_geom::{PointCloud, Progress};
 
-use super::constants::{CELL_TOLERANCES, PATIENCE};
+use super::constants::{CELL_TOLERANCES, MOST_CHOSEN, PATIENCE};
 use super::describe::Observed;
 use super::finish::finish;
 use super::model::GasModel;
@@ -100,13 +100,16 @@ fn chosen_size(start: &mut Start<'_>, options: &GasOptions) -> Result<GasOptions
         Quality::Fine => CELL_TOLERANCES[2],
     };
     let side = tolerances * start.survey.tolerance();
-    let wanted = options
-        .n_neurons
-        .unwrap_or_else(|| count_distinct(positions.len(), |i| cell_of(positions[i], side as f32)));
+    let wanted = options.n_neurons.unwrap_or_else(|| {
+        let cells = count_distinct(positions.len(), |i| cell_of(positions[i], side as f32));
+        cells.min(MOST_CHOSEN)
+    });
     let n_neurons = wanted.clamp(2, places.min(MAX_NEURONS));
     if options.n_neurons != Some(n_neurons) {
         let reason = if n_neurons == places {
             format!("the points are at {places} places")
+        } else if n_neurons == MOST_CHOSEN {
+            format!("more cells of {} m hold points", significant(side))
         } else {
             format!("as many cells of {} m hold points", significant(side))
         };

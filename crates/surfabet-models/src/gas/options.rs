@@ -60,7 +60,7 @@ options! {
         search: Search = Search::Indexed, another_scene = true;
         /// Keeps points that are far from all others. Otherwise they are left out, and counted in the report: the network
         /// would put many of its neurons between a few of them and the scene.
-        keep_outliers: bool = false;
+        keep_outliers: bool = false, another_scene = true;
         /// Seed of the signals.
         random_state: u64 = 0, range = Range::SEED, another_scene = true;
     }

@@ -18,6 +18,7 @@ use crate::options::Options;
 use crate::report::{Report, lost};
 use crate::spread::across;
 use crate::stages::Stages;
+use crate::start::{Leave, Start};
 
 /// Golden angle, radians: turns by it fill a disc evenly.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
@@ -49,20 +50,23 @@ impl GasModel {
         options: &GasOptions,
         progress: &dyn Progress,
     ) -> Result<GasModel> {
+        let mut stages = Stages::new(STAGES, progress);
+        let leave = Leave::unless(options.keep_outliers, Leave::Outliers);
+        let start = stages.run("measuring the cloud", |progress| {
+            Start::of(cloud, options.quality, leave, progress)
+        })?;
+        let cloud: &PointCloud = &start.cloud;
         let origin = self.origin();
         let positions = cloud.positions_about(origin);
         let recalled = self.recall(MOST_RECALLED);
         let n = self.updated_size(n_neurons, &positions, &recalled.positions)?;
         let options = GasOptions { n_neurons: Some(n), passes: None, ..options.clone() };
         options.check()?;
-        if cloud.is_empty() {
-            return Err(Error::EmptyCloud);
-        }
         // Steps 2 to 10 for one signal after the other, from the neurons that there are.
         let old = self.n_points() as f64;
         let sets = [(&recalled.positions[..], old), (&positions[..], positions.len() as f64)];
         let signals = Signals::new(&sets, options.random_state);
-        let start = Graph { positions: self.positions(), edges: self.edges.clone() };
+        let graph = Graph { positions: self.positions(), edges: self.edges.clone() };
         let planned = (n - self.len()) as u64 * u64::from(options.patterns) + SETTLING * n as u64;
         let stop = Stop {
             n_neurons: n,
@@ -70,9 +74,8 @@ impl GasModel {
             signals: planned,
             at_most: PATIENCE * planned,
         };
-        let mut stages = Stages::new(STAGES, progress);
         let grown =
-            stages.run("growing", |progress| grow(&start, signals, &options, stop, progress))?;
+            stages.run("growing", |progress| grow(&graph, signals, &options, stop, progress))?;
         // Colours, normals and sizes of the neurons, and everything rounded.
         let colors: Option<Vec<[u8; 3]>> = self
             .colors()

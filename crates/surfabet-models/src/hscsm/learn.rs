@@ -84,7 +84,7 @@ fn describe(
         Start::of(cloud, options.quality, leave, progress)
     })?;
     let resolution = start.pixel(options.resolution);
-    let tolerance = start.tolerance(resolution);
+    let tolerance = start.tolerance(options.resolution);
     let options = &HscsmOptions { resolution: Some(resolution), ..options.clone() };
     let cloud: &PointCloud = &start.cloud;
     let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);

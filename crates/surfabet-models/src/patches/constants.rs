@@ -36,6 +36,13 @@ pub(super) const SAMPLE_SIZE: f64 = 0.5;
 /// Side of the cells that normals are fitted in, pixels; each takes its 26 neighbours in. The effect was not measured.
 pub(super) const NORMAL_CELL: f32 = 2.0;
 
+/// Samples that a plane is fitted to where surfaces lie close behind one another, the own one included: as many as the
+/// survey of the cloud takes first (`surfabet_geom::Survey`).
+pub(super) const NEAREST_SAMPLES: usize = 7;
+
+/// Share of samples next to one another with normals to the same side from which on normals count as oriented.
+pub(super) const ORIENTED_SHARE: f64 = 0.85;
+
 /// How much the axis of a neighbouring cell counts, against 1 for the own normal of a flat cell that is along the axis.
 /// All 27 together, the cell itself among them, count 1.08: a cell gives way where nearly all around it agree. The effect
 /// was not measured.

@@ -58,7 +58,7 @@ pub fn learn(
         Start::of(cloud, options.quality, leave, progress)
     })?;
     let resolution = start.pixel(options.resolution);
-    let tolerance = start.tolerance(resolution);
+    let tolerance = start.tolerance(options.resolution);
     let cloud: &PointCloud = &start.cloud;
     check_size(cloud, resolution)?;
 
@@ -74,7 +74,8 @@ pub fn learn(
     };
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
-        SidedSamples::merge(cloud, orientation, resolution, options.sensor, progress)
+        let layered = start.survey.layer_gap.is_some();
+        SidedSamples::merge(cloud, orientation, resolution, options.sensor, layered, progress)
     })?;
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| {

@@ -23,7 +23,8 @@ options! {
         /// that would be further away are kept beside the patches.
         max_error: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "no bound";
         /// Least share of the points that are within the tolerance of the cloud decoded as measured: two spacings, three
-        /// standard deviations of the noise, or two thirds of a pixel, whichever is most. Points beside the patches make up
+        /// standard deviations of the noise, or two thirds of a given `resolution`, whichever is most; twice as much for
+        /// 'small'. Points beside the patches make up
         /// for what these leave out. With 0 there are none, and with `max_error` this has no effect.
         completeness: f64 = 0.995, range = Range::from_to(0.0, 1.0);
         /// Squared error that a bit of geometry must save (lambda), summed over pixels and both directions. Larger makes

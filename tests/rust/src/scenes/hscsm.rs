@@ -8,7 +8,7 @@ use super::{Scene, SharesVocabulary};
 
 fn options() -> HscsmOptions {
     HscsmOptions {
-        resolution: 0.02,
+        resolution: Some(0.02),
         patch_pixels: 6,
         depth_atoms: 4,
         color_atoms: 4,

@@ -8,8 +8,9 @@ use surfabet_geom::{PointCloud, Progress};
 
 use crate::error::Result;
 use crate::patches::axes::Orientation;
-use crate::patches::constants::{NORMAL_CELL, SAMPLE_SIZE};
+use crate::patches::constants::{NORMAL_CELL, ORIENTED_SHARE, SAMPLE_SIZE};
 use crate::sensor::{Sensor, to_sensor};
+use crate::vector::dot;
 use cells::{CellGroups, cell_of, key};
 use sides::sides_of;
 
@@ -22,7 +23,7 @@ pub(in crate::patches) struct Sample {
     pub color: [f32; 3],
     /// Sum of the weights of its points.
     pub weight: f32,
-    /// Mean direction to the sensors; zero where unknown.
+    /// Mean direction to the sensors, or normal; zero where unknown.
     view: [f32; 3],
 }
 
@@ -40,12 +41,13 @@ fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] {
 }
 
 impl SidedSamples {
-    /// Merges the points of `cloud`.
+    /// Merges the points of `cloud`; `layered` where surfaces lie close behind one another.
     pub fn merge(
         cloud: &PointCloud,
         orientation: Orientation,
         resolution: f64,
         sensor: Sensor,
+        layered: bool,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let to_world = orientation.rotation();
@@ -57,17 +59,27 @@ impl SidedSamples {
         progress.check()?;
         let cells = CellGroups::new(rotated.len(), |i| key(cell_of(rotated[i], cell)));
         progress.check()?;
+        let normals = cloud.normals().filter(|_| layered && cloud.viewpoints().is_none());
+        let view = |i: usize| normals.map_or_else(|| to_sensor(cloud, i), |n| n[i]);
         let samples: Vec<Sample> = (0..cells.len())
             .into_par_iter()
             .with_min_len(1 << 12)
-            .map(|g| merge_cell(cloud, &rows, &rotated, sensor, cells.of(g)))
+            .map(|g| merge_cell(cloud, &rows, &rotated, sensor, &view, cells.of(g)))
             .collect();
         progress.check()?;
         let cell = NORMAL_CELL * resolution as f32;
-        let sides = sides_of(&samples, cell, cloud.viewpoints().is_some());
+        let has_views = cloud.viewpoints().is_some() || normals.is_some() && oriented(&samples);
+        let sides = sides_of(&samples, cell, has_views, layered, progress)?;
         progress.check()?;
         Ok(Self { all: samples, sides, has_color: cloud.colors().is_some() })
     }
+}
+
+/// True when views that are normals point to the sides that surfaces were seen from: those of successive samples, which are
+/// mostly neighbours, mostly agree. Normals that nobody oriented have random signs.
+fn oriented(samples: &[Sample]) -> bool {
+    let same = samples.windows(2).filter(|pair| dot(pair[0].view, pair[1].view) > 0.0).count();
+    same as f64 >= ORIENTED_SHARE * (samples.len() as f64 - 1.0)
 }
 
 /// The sample of the `points` of one cell: weighted means of position, colour and direction to the sensors.
@@ -76,6 +88,7 @@ fn merge_cell(
     rows: &[[f32; 3]; 3],
     rotated: &[[f32; 3]],
     sensor: Sensor,
+    view_of: &(impl Fn(usize) -> [f32; 3] + Sync),
     points: &[u32],
 ) -> Sample {
     let mut weights = 0.0_f64;
@@ -88,7 +101,7 @@ fn merge_cell(
         if let Some(colors) = cloud.colors() {
             (0..3).for_each(|c| color[c] += weight * f64::from(colors[i][c]));
         }
-        let direction = to_sensor(cloud, i);
+        let direction = view_of(i);
         (0..3).for_each(|a| view[a] += weight * f64::from(direction[a]));
     }
     let mean = |sum: [f64; 3]| sum.map(|s| (s / weights) as f32);

@@ -4,11 +4,14 @@
 //! axes of its neighbours, and its samples the direction that they were seen from.
 
 use rayon::prelude::*;
-use surfabet_geom::Moments;
+use surfabet_geom::{KdTree, Moments, Progress};
 
 use super::Sample;
 use super::cells::{CellGroups, cell_of, key};
-use crate::patches::constants::{LINE_WEIGHT, NEIGHBOUR_PULL, SIDE_AGREEMENT, SIDE_ROUNDS};
+use crate::error::Result;
+use crate::patches::constants::{
+    LINE_WEIGHT, NEAREST_SAMPLES, NEIGHBOUR_PULL, SIDE_AGREEMENT, SIDE_ROUNDS,
+};
 use crate::vector::dot;
 
 /// The plane about a cell of samples.
@@ -27,10 +30,23 @@ impl CellPlane {
     }
 }
 
-/// Side of every sample, from planes in cells of side `cell` metres. Without views all face up their axes.
-pub(super) fn sides_of(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8> {
-    let cells = CellGroups::new(samples.len(), |i| key(cell_of(samples[i].position, cell)));
-    let planes = fit_planes(samples, &cells, cell);
+/// Side of every sample, from planes in cells of side `cell` metres, or, where surfaces lie close behind one another, about
+/// each sample. Without views all face up their axes.
+pub(super) fn sides_of(
+    samples: &[Sample],
+    cell: f32,
+    has_views: bool,
+    layered: bool,
+    progress: &dyn Progress,
+) -> Result<Vec<u8>> {
+    let (cells, planes) = if layered {
+        // Each sample is a cell of its own.
+        (CellGroups::new(samples.len(), |i| i as u64), fit_to_nearest(samples, progress)?)
+    } else {
+        let cells = CellGroups::new(samples.len(), |i| key(cell_of(samples[i].position, cell)));
+        let planes = fit_planes(samples, &cells, cell);
+        (cells, planes)
+    };
     let axes = choose_axes(&planes);
     let of_cells: Vec<Vec<u8>> = (0..cells.len())
         .into_par_iter()
@@ -45,7 +61,22 @@ pub(super) fn sides_of(samples: &[Sample], cell: f32, has_views: bool) -> Vec<u8
             sides[i as usize] = side;
         }
     }
-    sides
+    Ok(sides)
+}
+
+/// The least-squares plane of every sample with those nearest to it: with so few that they lie on one surface.
+fn fit_to_nearest(samples: &[Sample], progress: &dyn Progress) -> Result<Vec<CellPlane>> {
+    let positions: Vec<[f32; 3]> = samples.iter().map(|s| s.position).collect();
+    let tree = KdTree::new(&positions)?;
+    let near = tree.k_nearest_batch(&positions, NEAREST_SAMPLES, progress)?;
+    let rows = near.par_chunks(NEAREST_SAMPLES.min(samples.len()));
+    let planes = rows.zip(&positions).map(|(row, &at)| {
+        let moments = Moments::about(at, row.iter().map(|n| positions[n.index()]));
+        let (normal, flatness) = normal_of(&moments);
+        let around = row.iter().map(|n| n.index() as u32).collect();
+        CellPlane { normal, flatness, around }
+    });
+    Ok(planes.collect())
 }
 
 /// The least-squares plane of every cell with its 26 neighbours.

@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_gap_starts_another_run() {
-        let depths = |gap: f32| TileRuns::new(&column(&[0.0, 1.0, 1.0 + gap]), 8).runs;
+        let depths = |gap: f32| TileRuns::new(&column(&[0.0, 1.0, 1.0 + gap]), 8, 2.5).runs;
         assert_eq!(depths(2.5).len(), 1);
         let runs = depths(2.525);
         assert_eq!(
@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn no_run_is_longer_than_the_longest() {
         let depths: Vec<f32> = (0..100).map(|i| i as f32).collect();
-        let runs = TileRuns::new(&column(&depths), 8).runs;
+        let runs = TileRuns::new(&column(&depths), 8, 2.5).runs;
         assert_eq!(runs[0].n, MAX_RUN + 1.0);
     }
 }

@@ -1,0 +1,56 @@
+"""What the command line says of a scan before it learns from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import surfabet
+from surfabet.files import AnyModel
+
+_LARGE_ROOM = 500.0
+"""Sides of a scene from which on its unit is in doubt, metres."""
+_FLAT = 0.2
+"""Terrain is lower than this share of its width."""
+_TINY = 0.02
+"""Largest side of a scene that hardly any scanner resolves, metres."""
+
+
+def unit_in_doubt(path: Path, survey: surfabet.Survey) -> str | None:
+    """One line with the remedy where the size of a scan looks as if its unit was not the metre."""
+    if survey.bounds is None:
+        return None
+    low, high = survey.bounds
+    sides = sorted(b - a for a, b in zip(low, high, strict=True))
+    size = " x ".join(f"{b - a:.3g}" for a, b in zip(low, high, strict=True))
+    if sides[0] > _LARGE_ROOM and sides[0] > _FLAT * sides[2]:
+        return f"{path}: the scene is {size} m large; if these are millimetres, give --unit mm"
+    if 0 < sides[2] < _TINY:
+        return f"{path}: the scene is {size} m large; if its unit is not the metre, give --unit"
+    return None
+
+
+def without(cloud: surfabet.PointCloud, points: NDArray[np.uint32]) -> surfabet.PointCloud:
+    """The cloud without these points."""
+    kept = np.ones(len(cloud), bool)
+    kept[points] = False
+    return cloud.select(kept)
+
+
+def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality) -> str | None:
+    """One line with the remedy where a model that is to hold the whole scan lost some of it."""
+    share = quality.inliers
+    if share is None or share >= 0.99 or model.report.tolerance == 0:
+        return None
+    remedies = {
+        "patches": "--quality fine, a smaller --resolution or --completeness 0.995 keep more",
+        "hscsm": "--quality fine or a smaller --resolution keep more",
+        "gas": "--quality fine or more neurons (--n-neurons) keep more",
+    }
+    tolerance = model.report.tolerance
+    return (
+        f"{output}: {1 - share:.1%} of the points are further than {tolerance:.3g} m from what is "
+        f"decoded; {remedies[model.method]}"
+    )
