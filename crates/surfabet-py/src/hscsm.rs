@@ -41,8 +41,9 @@ impl PyHscsmDictionary {
         let dictionary = &slf.get().dictionary;
         let options = options_onto(dictionary.options(), options)?;
         let cloud = &cloud.get().cloud;
-        let describe =
-            |monitor: &dyn surfabet::Progress| hscsm::encode(cloud, &options, dictionary, monitor);
+        let describe = |monitor: &dyn surfabet::Progress| {
+            hscsm::describe(cloud, &options, dictionary, monitor)
+        };
         wrap(slf.py(), run(slf.py(), progress, describe)?)
     }
 

@@ -4,8 +4,8 @@ use surfabet_entropy::Coder;
 
 use super::model::{BicAlphabet, BicAlphabetHeader, BicAlphabetModel};
 use super::options::BicAlphabetOptions;
+use super::report::BicAlphabetFigures;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
-use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a point of a word takes.
@@ -17,7 +17,7 @@ impl SurfaceModel for BicAlphabetModel {
     const KEEPS_THICKNESS: bool = false;
     type Options = BicAlphabetOptions;
     type Header = BicAlphabetHeader;
-    type Figures = Named;
+    type Figures = Option<BicAlphabetFigures>;
     type Vocabulary = BicAlphabet;
 
     fn header(&self) -> BicAlphabetHeader {

@@ -6,9 +6,10 @@ use super::coding::{code_occurrences, code_words};
 use super::features::{EMPTY, pixel_centers};
 use super::options::BicAlphabetOptions;
 use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
+use super::report::BicAlphabetReport;
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 use crate::scans::Upright;
 
 /// Most words of an alphabet.
@@ -242,7 +243,7 @@ pub struct BicAlphabetModel {
     poses: Vec<BicPose>,
     words: Vec<u32>,
     shares_alphabet: bool,
-    report: Beside<Report>,
+    report: Beside<BicAlphabetReport>,
 }
 
 impl BicAlphabetModel {
@@ -301,7 +302,7 @@ impl BicAlphabetModel {
         alphabet: BicAlphabet,
         occurrences: Occurrences,
         header: BicHeader,
-        report: Report,
+        report: BicAlphabetReport,
     ) -> Result<Self> {
         let Occurrences { poses, words } = occurrences;
         let model = Self::new(header, alphabet, poses, words, false)?;
@@ -413,7 +414,7 @@ impl BicAlphabetModel {
     }
 
     /// How the model came about; empty for one read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &BicAlphabetReport {
         &self.report.0
     }
 }

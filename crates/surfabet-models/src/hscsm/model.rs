@@ -11,8 +11,9 @@ use super::channels::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDic
 use super::coding::{Streams, code_hscsm};
 use super::frame::{NORMAL_BITS, PatchPose};
 use super::order;
+use super::report::HscsmReport;
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 
 /// Largest absolute lattice coordinate of a patch centre.
 pub const MAX_POSITION: i32 = 1 << 28;
@@ -297,7 +298,7 @@ pub struct HscsmModelParts {
 #[derive(Debug, Clone, PartialEq)]
 pub struct HscsmModel {
     parts: HscsmModelParts,
-    report: Beside<Report>,
+    report: Beside<HscsmReport>,
 }
 
 impl HscsmModel {
@@ -313,7 +314,7 @@ impl HscsmModel {
         Ok(Self { parts, report: Beside::default() })
     }
 
-    pub(super) fn with_report(mut self, report: Report) -> Self {
+    pub(super) fn with_report(mut self, report: HscsmReport) -> Self {
         self.report = Beside(report);
         self
     }
@@ -404,7 +405,7 @@ impl HscsmModel {
     }
 
     /// How the model was learned; empty for a model read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &HscsmReport {
         &self.report.0
     }
 }
