@@ -6,7 +6,7 @@ use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surfabet::{HscsmDictionary, HscsmModel, Layout, hscsm};
+use surfabet::{HscsmDictionary, HscsmModel, Vocabulary, hscsm};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
@@ -55,7 +55,7 @@ impl PyHscsmDictionary {
 
     #[getter]
     fn hash(&self) -> String {
-        HscsmModel::vocabulary_hash(&self.dictionary).to_string()
+        self.dictionary.content_hash().to_string()
     }
 
     /// Entries of one channel of each level, unit norm, (k, n * n) or (k, 3 * n * n); `None` without colour.

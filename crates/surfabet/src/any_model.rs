@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::fmt::Debug;
 
-use surfabet_codec::{ContentHash, Layout};
+use surfabet_codec::{ContentHash, Layout, Vocabulary};
 use surfabet_geom::{PointCloud, Progress};
 use surfabet_models::{DecodeOptions, Figures, Report, Summary};
 
@@ -88,7 +88,7 @@ impl<M: Layout> AnyModel for M {
     }
 
     fn vocabulary_hash(&self) -> Option<ContentHash> {
-        self.vocabulary().map(|vocabulary| M::vocabulary_hash(&vocabulary))
+        self.vocabulary().map(|vocabulary| vocabulary.content_hash())
     }
 
     fn shares_vocabulary(&self) -> bool {

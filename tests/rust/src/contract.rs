@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use surfabet::{Container, DecodeOptions, KnownVocabulary, Model, PointCloud, Save, Silent};
 use surfabet_codec::bytes::ByteWriter;
 use surfabet_codec::header::Fields;
-use surfabet_codec::{Error as CodecError, Layout, Tag};
+use surfabet_codec::{Error as CodecError, Layout, Tag, Vocabulary};
 use surfabet_models::Error;
 
 use crate::files::{
@@ -556,7 +556,7 @@ pub fn a_vocabulary_describes_another_scene<M: SharesVocabulary>() {
     assert_eq!(model.n_points(), other.len() as u64);
     let file = model.to_bytes().unwrap();
 
-    let hash = M::vocabulary_hash(&words);
+    let hash = words.content_hash();
     let container = Container::parse(&file, &LIMITS).unwrap();
     let found = Model::inspect(&container).unwrap();
     assert_eq!((found.method, found.vocabulary), (M::METHOD, Some(hash)));

@@ -36,7 +36,7 @@ impl SurfaceModel for BicAlphabetModel {
         let [words, poses] = exactly(streams);
         match source {
             Source::Model(model) => {
-                if !model.shares_alphabet() {
+                if !model.shares_vocabulary() {
                     model.alphabet().write(words)?;
                 }
                 model.write(poses).map(|()| None)
@@ -65,7 +65,7 @@ impl SurfaceModel for BicAlphabetModel {
     }
 
     fn shares_vocabulary(&self) -> bool {
-        self.shares_alphabet()
+        self.shares_vocabulary()
     }
 
     fn summary(&self) -> Summary {

@@ -88,7 +88,7 @@ impl BicAlphabet {
         let best =
             stages.run("placing words", |_| Ok(Reconstruction::new(&scene, words, matching)))?;
         let chosen = Chosen { best, bics: None, stop_reason: "the alphabet was given" };
-        Ok(finish(cloud, &scene, chosen, stages)?.sharing_alphabet(true))
+        finish(cloud, &scene, chosen, stages)
     }
 }
 
@@ -99,6 +99,7 @@ fn finish(
     Chosen { mut best, bics, stop_reason }: Chosen,
     mut stages: Stages<'_>,
 ) -> Result<BicAlphabetModel> {
+    let is_given = bics.is_none();
     let mut figures = BicAlphabetFigures::new(cloud.len(), scene, &best, &mut stages)?;
     if scene.options.reduce {
         stages
@@ -122,5 +123,5 @@ fn finish(
     };
     let occurrences = best.occurrences(scene);
     let alphabet = BicAlphabet::learned(best.words, scene.options)?;
-    BicAlphabetModel::learned(alphabet, occurrences, header, report)
+    BicAlphabetModel::learned(alphabet, occurrences, header, is_given, report)
 }

@@ -242,7 +242,7 @@ pub struct BicAlphabetModel {
     alphabet: BicAlphabet,
     poses: Vec<BicPose>,
     words: Vec<u32>,
-    shares_alphabet: bool,
+    shares_vocabulary: bool,
     report: Beside<BicAlphabetReport>,
 }
 
@@ -256,7 +256,7 @@ impl BicAlphabetModel {
         alphabet: BicAlphabet,
         poses: Vec<BicPose>,
         words: Vec<u32>,
-        shares_alphabet: bool,
+        shares_vocabulary: bool,
     ) -> Result<Self> {
         let fail = |what: String| Err(Error::Inconsistent(what));
         if header.origin.iter().any(|c| !c.is_finite()) {
@@ -295,17 +295,18 @@ impl BicAlphabetModel {
             }
         }
         let report = Beside::default();
-        Ok(Self { header, alphabet, poses, words, shares_alphabet, report })
+        Ok(Self { header, alphabet, poses, words, shares_vocabulary, report })
     }
 
     pub(super) fn learned(
         alphabet: BicAlphabet,
         occurrences: Occurrences,
         header: BicHeader,
+        shares_vocabulary: bool,
         report: BicAlphabetReport,
     ) -> Result<Self> {
         let Occurrences { poses, words } = occurrences;
-        let model = Self::new(header, alphabet, poses, words, false)?;
+        let model = Self::new(header, alphabet, poses, words, shares_vocabulary)?;
         Ok(Self { report: Beside(report), ..model })
     }
 
@@ -326,11 +327,11 @@ impl BicAlphabetModel {
         header: BicHeader,
         alphabet: BicAlphabet,
         n: usize,
-        shares_alphabet: bool,
+        shares_vocabulary: bool,
         coder: &mut C,
     ) -> Result<Self, C::Error> {
         let (poses, words) = code_occurrences(coder, &alphabet, header.low, (&[], &[]), n)?;
-        Self::new(header, alphabet, poses, words, shares_alphabet)
+        Self::new(header, alphabet, poses, words, shares_vocabulary)
             .map_err(|e| coder.corrupt(e.to_string()))
     }
 
@@ -398,14 +399,8 @@ impl BicAlphabetModel {
     }
 
     /// True when files of this model name its alphabet by hash instead of holding it.
-    pub fn shares_alphabet(&self) -> bool {
-        self.shares_alphabet
-    }
-
-    /// This model with its alphabet left out of files (true) or in them (false).
-    #[must_use]
-    pub fn sharing_alphabet(self, shares_alphabet: bool) -> Self {
-        Self { shares_alphabet, ..self }
+    pub fn shares_vocabulary(&self) -> bool {
+        self.shares_vocabulary
     }
 
     /// False: the paper's words have no colour.

@@ -42,7 +42,7 @@ impl SurfaceModel for HscsmModel {
     }
 
     fn shares_vocabulary(&self) -> bool {
-        self.shares_dictionary()
+        self.shares_vocabulary()
     }
 
     fn summary(&self) -> Summary {

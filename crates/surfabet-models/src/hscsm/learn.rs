@@ -102,7 +102,7 @@ fn run(
         origin: cloud.origin(),
         n_points: cloud.len() as u64,
         levels: levels.into_iter().map(|l| l.level).collect(),
-        shared_dictionary: frozen.is_some(),
+        shares_vocabulary: frozen.is_some(),
     };
     Ok(HscsmModel::from_parts(parts)?.with_report(report))
 }

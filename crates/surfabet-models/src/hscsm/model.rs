@@ -291,7 +291,7 @@ pub struct HscsmModelParts {
     /// The hierarchy H, coarsest level first.
     pub levels: Vec<Level>,
     /// True when the dictionaries are those of another model, which a file then refers to.
-    pub shared_dictionary: bool,
+    pub shares_vocabulary: bool,
 }
 
 /// A cloud as sparse-coded surface patches; immutable.
@@ -333,7 +333,7 @@ impl HscsmModel {
     /// # Errors
     /// Those of the coders.
     pub(super) fn write<C: Coder>(&self, streams: &mut Streams<'_, C>) -> Result<(), C::Error> {
-        let shared = self.shares_dictionary().then(|| self.dictionary());
+        let shared = self.shares_vocabulary().then(|| self.dictionary());
         code_hscsm(streams, &self.header(), shared.as_ref(), Some(self.levels()))?;
         Ok(())
     }
@@ -353,7 +353,7 @@ impl HscsmModel {
             origin: header.origin,
             n_points: header.n_points,
             levels: code_hscsm(streams, header, shared, None)?,
-            shared_dictionary: shared.is_some(),
+            shares_vocabulary: shared.is_some(),
         };
         Self::from_parts(parts).map_err(|e| streams.poses.corrupt(e.to_string()))
     }
@@ -374,8 +374,8 @@ impl HscsmModel {
     }
 
     /// True when the dictionaries are those of another model, which a file then refers to.
-    pub fn shares_dictionary(&self) -> bool {
-        self.parts.shared_dictionary
+    pub fn shares_vocabulary(&self) -> bool {
+        self.parts.shares_vocabulary
     }
 
     /// The dictionaries of all levels.
