@@ -237,6 +237,7 @@ def learn_planes(
     cloud: PointCloud,
     *,
     quality: Literal["small", "balanced", "fine"] = "balanced",
+    weights: ArrayLike | None = None,
     initial_patches: int = 0,
     min_grid_size: float | None = None,
     weight_at_grid_size: float = 0.01,
@@ -253,7 +254,6 @@ def learn_planes(
     color_step: int = 8,
     keep_outliers: bool = False,
     random_state: int = 0,
-    weights: ArrayLike | None = None,
     progress: Progress = None,
 ) -> PlaneModel:
     """Learns planar patches: as many as the scan has, by EM with split and merge.
@@ -266,6 +266,8 @@ def learn_planes(
     ----------
     cloud
         The scan.
+    weights
+        By how much each point counts, (n,), not negative; one if None.
     quality
         Small files or fine detail. Sets `min_grid_size`, unless that is given: 'small' doubles it,
         'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
@@ -321,8 +323,6 @@ def learn_planes(
     random_state
         Seed of the patches that are placed at random. An integer from 0 to below 2^64; by default
         0.
-    weights
-        By how much each point counts, (n,), not negative; one if None.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 

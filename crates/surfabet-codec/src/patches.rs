@@ -1,11 +1,9 @@
 //! The file of patches on a lattice: header, geometry, colour and the points that no patch holds.
 
-use surfabet_models::NoVocabulary;
 use surfabet_models::patches::{ColorSteps, MAX_LEVELS, PatchModel, PatchesHeader};
 
 use crate::container::{Family, Features};
 use crate::error::Result;
-use crate::hash::ContentHash;
 use crate::header::Fields;
 use crate::section::{Layout, Promise, StreamSection};
 
@@ -71,10 +69,6 @@ impl Layout for PatchModel {
             Promise { stream: GEOMETRY, what: "number of patches", count: header.n_patches },
             Promise { stream: POINTS, what: "number of points", count: header.n_extra },
         ]
-    }
-
-    fn vocabulary_hash(vocabulary: &NoVocabulary) -> ContentHash {
-        match *vocabulary {}
     }
 }
 

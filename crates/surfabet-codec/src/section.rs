@@ -1,6 +1,6 @@
 //! The sections of a model, whatever its method: the header, then one section per stream.
 
-use surfabet_models::{Budget, Source, SurfaceModel};
+use surfabet_models::{Budget, NoVocabulary, Source, SurfaceModel};
 
 use crate::container::{Container, ContainerWriter, Family, Features, Limits, Tag};
 use crate::entropy::{Decoder, Encoder};
@@ -40,8 +40,20 @@ pub struct Promise {
     pub count: u64,
 }
 
+/// A dictionary or alphabet that files can name instead of holding it.
+pub trait Vocabulary {
+    /// The hash by which files name it.
+    fn content_hash(&self) -> ContentHash;
+}
+
+impl Vocabulary for NoVocabulary {
+    fn content_hash(&self) -> ContentHash {
+        match *self {}
+    }
+}
+
 /// How the file of a model is laid out; byte by byte in `docs/format.md`.
-pub trait Layout: SurfaceModel {
+pub trait Layout: SurfaceModel<Vocabulary: Vocabulary> {
     /// The family that the container names.
     const FAMILY: Family;
 
@@ -65,9 +77,6 @@ pub trait Layout: SurfaceModel {
 
     /// What the header promises of the streams, to be checked before anything is allocated.
     fn promises(header: &Self::Header) -> Vec<Promise>;
-
-    /// The hash by which files name a vocabulary.
-    fn vocabulary_hash(vocabulary: &Self::Vocabulary) -> ContentHash;
 }
 
 /// True when a container holds a model of this method.
@@ -76,15 +85,31 @@ pub fn holds<M: Layout>(container: &Container<'_>) -> bool {
     container.family() == M::FAMILY && own == M::FEATURES
 }
 
-/// The hash of the vocabulary that a file names; `None` when it holds its own.
-///
-/// # Errors
-/// When the file promises a hash and has none.
-pub fn named_vocabulary<M: Layout>(container: &Container<'_>) -> Result<Option<ContentHash>> {
-    match M::STREAM_SECTIONS.iter().find_map(|s| s.hash) {
-        Some(tag) => ContentHash::named_by(container, tag),
-        None => Ok(None),
-    }
+/// Where the content of a stream is.
+enum Place {
+    /// In this section.
+    Section(Tag),
+    /// In another file; this section holds its hash, which is this.
+    Elsewhere(Tag, ContentHash),
+    /// The stream is empty and has no section.
+    Nowhere,
+}
+
+/// Where the streams of a file are, one after the other; `named` is the hash of the vocabulary that it names.
+fn places<M: Layout>(
+    header: &M::Header,
+    named: Option<ContentHash>,
+) -> impl Iterator<Item = Place> {
+    M::STREAM_SECTIONS.iter().enumerate().map(move |(i, section)| match (section.hash, named) {
+        (Some(tag), Some(hash)) => Place::Elsewhere(tag, hash),
+        _ if M::has_section(header, i) => Place::Section(section.tag),
+        _ => Place::Nowhere,
+    })
+}
+
+/// The features that the file of a method needs. `shared`: it names its vocabulary.
+fn features<M: Layout>(shared: bool) -> Features {
+    if shared { M::FEATURES.with(Features::SHARED_DICTIONARY) } else { M::FEATURES }
 }
 
 /// The bytes of a file that holds `model`.
@@ -98,22 +123,15 @@ pub fn write<M: Layout>(model: &M) -> Result<Vec<u8>> {
     let mut streams = vec![Encoder::new(); M::STREAMS];
     let Ok(_) = M::code(Source::Model(model), &mut streams);
     let vocabulary = if model.shares_vocabulary() { model.vocabulary() } else { None };
-    let features = match vocabulary {
-        Some(_) => M::FEATURES.with(Features::SHARED_DICTIONARY),
-        None => M::FEATURES,
-    };
+    let named = vocabulary.map(|vocabulary| vocabulary.content_hash());
+    let features = features::<M>(named.is_some());
     let mut writer = ContainerWriter::new(M::FAMILY, features).section(META, meta.bytes.finish());
-    for (i, (section, stream)) in M::STREAM_SECTIONS.iter().zip(streams).enumerate() {
-        match (section.hash, &vocabulary) {
-            (Some(tag), Some(vocabulary)) => {
-                let hash = M::vocabulary_hash(vocabulary);
-                writer = writer.section(tag, hash.0.to_vec());
-            }
-            _ if M::has_section(&header, i) => {
-                writer = writer.section(section.tag, stream.finish());
-            }
-            _ => {}
-        }
+    for (place, stream) in places::<M>(&header, named).zip(streams) {
+        writer = match place {
+            Place::Section(tag) => writer.section(tag, stream.finish()),
+            Place::Elsewhere(tag, hash) => writer.section(tag, hash.0.to_vec()),
+            Place::Nowhere => writer,
+        };
     }
     writer.finish()
 }
@@ -130,9 +148,9 @@ pub fn read<M: Layout>(
 ) -> Result<M> {
     container.expect_family(M::FAMILY)?;
     let named = named_vocabulary::<M>(container)?;
-    let given = named.map(|hash| hash.of_given(vocabulary, M::vocabulary_hash)).transpose()?;
-    let shared = if given.is_some() { Features::SHARED_DICTIONARY } else { Features::NONE };
-    if container.features() != M::FEATURES.with(shared) {
+    let given =
+        named.map(|hash| hash.of_given(vocabulary, Vocabulary::content_hash)).transpose()?;
+    if container.features() != features::<M>(given.is_some()) {
         let names: Vec<&str> = container.features().names().collect();
         let what = format!("the features {names:?} do not go together with {}", M::METHOD);
         return Err(Error::corrupt(META, 0, what));
@@ -144,17 +162,17 @@ pub fn read<M: Layout>(
 
     let mut expected = vec![META];
     let mut streams = Vec::with_capacity(M::STREAMS);
-    for (i, section) in M::STREAM_SECTIONS.iter().enumerate() {
-        let bytes = match section.hash {
-            Some(hash) if given.is_some() => {
+    for (section, place) in M::STREAM_SECTIONS.iter().zip(places::<M>(&header, named)) {
+        let bytes = match place {
+            Place::Section(tag) => {
+                expected.push(tag);
+                container.require(tag)?
+            }
+            Place::Elsewhere(hash, _) => {
                 expected.push(hash);
                 &[]
             }
-            _ if M::has_section(&header, i) => {
-                expected.push(section.tag);
-                container.require(section.tag)?
-            }
-            _ => &[],
+            Place::Nowhere => &[],
         };
         streams.push(Decoder::new(section.tag, bytes));
     }
@@ -174,8 +192,43 @@ pub fn read<M: Layout>(
     model.ok_or_else(|| Error::corrupt(META, 0, "nothing was read"))
 }
 
+/// What a file holds, known without decoding it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileSummary {
+    /// Name of the method.
+    pub method: &'static str,
+    /// Hash of the vocabulary that the file names instead of holding it.
+    pub vocabulary: Option<ContentHash>,
+    /// What each section holds, for people, and its bytes, in the order of the file.
+    pub sections: Vec<(String, usize)>,
+}
+
+/// What a file of this method holds.
+///
+/// # Errors
+/// When the file promises the hash of a vocabulary and has none.
+pub fn inspect<M: Layout>(container: &Container<'_>) -> Result<FileSummary> {
+    let sections = container.sections().iter().map(|section| {
+        let content = content::<M>(section.tag);
+        (content.map_or_else(|| section.tag.to_string(), str::to_owned), section.bytes.len())
+    });
+    Ok(FileSummary {
+        method: M::METHOD,
+        vocabulary: named_vocabulary::<M>(container)?,
+        sections: sections.collect(),
+    })
+}
+
+/// The hash of the vocabulary that a file names; `None` when it holds its own.
+fn named_vocabulary<M: Layout>(container: &Container<'_>) -> Result<Option<ContentHash>> {
+    match M::STREAM_SECTIONS.iter().find_map(|s| s.hash) {
+        Some(tag) => ContentHash::named_by(container, tag),
+        None => Ok(None),
+    }
+}
+
 /// What the section `tag` of a file of this method holds, for people.
-pub fn content<M: Layout>(tag: Tag) -> Option<&'static str> {
+fn content<M: Layout>(tag: Tag) -> Option<&'static str> {
     if tag == META {
         return Some("header");
     }

@@ -17,15 +17,9 @@ pub struct Stage {
 pub type Named = Vec<(&'static str, f64)>;
 
 /// The figures that a method reports.
-pub trait Figures: std::fmt::Debug + Clone + PartialEq + Default + Send + Sync + 'static {
+pub trait Figures: std::fmt::Debug + Send + Sync + 'static {
     /// All figures of the whole run that there are.
     fn named(&self) -> Named;
-}
-
-impl Figures for Named {
-    fn named(&self) -> Named {
-        self.clone()
-    }
 }
 
 /// A model read from a file has no figures.
@@ -69,13 +63,13 @@ impl<T: Figure> Figure for Option<T> {
 macro_rules! figures {
     (
         $(#[$about:meta])*
-        pub struct $Record:ident {
+        $visible:vis struct $Record:ident {
             $($(#[$what:meta])* pub $field:ident: $Value:ty = $name:literal,)*
         }
     ) => {
         $(#[$about])*
         #[derive(Debug, Clone, Copy, PartialEq, Default)]
-        pub struct $Record {
+        $visible struct $Record {
             $($(#[$what])* pub $field: $Value,)*
         }
 
@@ -91,14 +85,14 @@ macro_rules! figures {
 pub(crate) use figures;
 
 /// How a model came about. It is not part of the file: a model read back has an empty report.
+///
+/// A program that does not care for the method sees it as `&Report<dyn Figures>`.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Report<F = Named> {
+pub struct Report<F: ?Sized> {
     /// Seconds per stage, in order, over all levels.
     pub stages: Vec<Stage>,
-    /// Counts and measures of the method: points in, patches, atoms, ...
-    pub figures: F,
     /// Counts and measures of each level of a hierarchy, coarsest first.
-    pub levels: Vec<Vec<(&'static str, f64)>>,
+    pub levels: Vec<Named>,
     /// Objective per iteration, by the name of what was minimised.
     pub objectives: Vec<(String, Vec<f64>)>,
     /// Iterations per objective, summed.
@@ -114,34 +108,8 @@ pub struct Report<F = Named> {
     /// How far from a point its surface may be decoded and still show it, metres: two spacings, three standard deviations
     /// of the noise, or two thirds of a pixel that was asked for, whichever is most. Zero where a method does not ask.
     pub tolerance: f64,
-}
-
-impl<F: Figures> Report<F> {
-    /// The same report with the figures by name, for programs that do not care for the method.
-    pub fn by_name(&self) -> Report<Named> {
-        Report {
-            stages: self.stages.clone(),
-            figures: self.figures.named(),
-            levels: self.levels.clone(),
-            objectives: self.objectives.clone(),
-            iterations: self.iterations,
-            stop_reason: self.stop_reason,
-            not_kept: self.not_kept.clone(),
-            chosen: self.chosen.clone(),
-            left_out: self.left_out,
-            tolerance: self.tolerance,
-        }
-    }
-}
-
-impl Report {
-    /// Adds to the figure `name`.
-    pub(crate) fn add_figure(&mut self, name: &'static str, value: f64) {
-        match self.figures.iter_mut().find(|figure| figure.0 == name) {
-            Some(figure) => figure.1 += value,
-            None => self.figures.push((name, value)),
-        }
-    }
+    /// Counts and measures of the method: points in, patches, atoms, ...
+    pub figures: F,
 }
 
 /// A value carried beside a model: models that differ in it alone are equal.

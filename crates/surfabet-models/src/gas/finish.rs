@@ -4,12 +4,33 @@ use super::adjacency::Adjacency;
 use super::constants::STEPS_PER_EDGE;
 use super::describe::{Observed, describe};
 use super::distance;
+use super::learn::KEPT;
 use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
 use super::network::{Graph, Grown};
 use super::options::GasOptions;
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{Report, figures, lost};
 use crate::stages::Stages;
+use crate::start::Start;
+
+/// The report of learning and of updating.
+pub type GasReport = Report<Option<GasFigures>>;
+
+figures! {
+    /// What learning and updating count and measure.
+    pub struct GasFigures {
+        /// Points of all clouds.
+        pub points: u64 = "points",
+        /// Signals that were drawn.
+        pub signals: u64 = "signals",
+        /// Neurons of the model.
+        pub neurons: usize = "neurons",
+        /// Edges of the model.
+        pub edges: usize = "edges",
+        /// Mean distance of the points to the nearest neuron, metres.
+        pub mean_error: f64 = "mean error",
+    }
+}
 
 /// Rounds the positions of a grown network, and describes its neurons by the points of `observed`, as the last of
 /// `stages`.
@@ -19,7 +40,7 @@ pub(super) fn finish(
     observed: &[Observed<'_>],
     n_points: u64,
     options: &GasOptions,
-    mut report: Report,
+    start: &Start<'_>,
     mut stages: Stages<'_>,
 ) -> Result<GasModel> {
     let Graph { positions, edges } = grown.graph;
@@ -34,17 +55,24 @@ pub(super) fn finish(
     let statistics = stages.run("describing neurons", |progress| {
         describe(&positions, &adjacency, observed, progress)
     })?;
-    report.stages = stages.finish();
-    report.figures.extend([
-        ("points", n_points as f64),
-        ("signals", grown.signals as f64),
-        ("neurons", positions.len() as f64),
-        ("edges", edges.len() as f64),
-        ("mean error", statistics.mean_distance),
-    ]);
-    report.iterations = grown.signals as usize;
-    report.objectives.push(("mean distance of signals".into(), grown.trace));
-    report.stop_reason = grown.stop_reason;
+    let figures = GasFigures {
+        points: n_points,
+        signals: grown.signals,
+        neurons: positions.len(),
+        edges: edges.len(),
+        mean_error: statistics.mean_distance,
+    };
+    let mut report = GasReport {
+        stages: stages.finish(),
+        figures: Some(figures),
+        levels: Vec::new(),
+        objectives: vec![("mean distance of signals".into(), grown.trace)],
+        iterations: grown.signals as usize,
+        stop_reason: grown.stop_reason,
+        not_kept: lost(&start.cloud, &KEPT),
+        ..GasReport::default()
+    };
+    start.report(start.survey.tolerance(), &mut report);
     let header = GasHeader {
         n_points,
         origin,

@@ -13,7 +13,6 @@ use super::options::{GasOptions, MAX_NEURONS};
 use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::quality::Quality;
-use crate::report::{Report, lost};
 use crate::stages::Stages;
 use crate::start::{Leave, Start, significant};
 
@@ -44,7 +43,6 @@ pub fn learn(
     let mut start = stages.run("measuring the cloud", |progress| {
         Start::of(cloud, options.quality, leave, progress)
     })?;
-    let tolerance = start.survey.tolerance();
     let options = &chosen_size(&mut start, options)?;
     let cloud: &PointCloud = &start.cloud;
     // Positions about the middle of the cloud.
@@ -65,10 +63,7 @@ pub fn learn(
         facing: cloud.facing(),
         weight: 1.0,
     };
-    let mut report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
-    let n_points = cloud.len() as u64;
-    start.report(tolerance, &mut report);
-    finish(grown, origin, &[observed], n_points, options, report, stages)
+    finish(grown, origin, &[observed], cloud.len() as u64, options, &start, stages)
 }
 
 /// When learning from `n_points` ends.

@@ -6,9 +6,10 @@ use surfabet_geom::octahedral;
 use super::adjacency::Adjacency;
 use super::coding::{Parts, Streams, code_gas, traversal};
 use super::describe::Statistics;
+use super::finish::GasReport;
 use crate::color::{self, rounded};
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 use crate::size_code::{size_code, size_of_code};
 
 /// Largest coordinate in position steps, so that positions are exact in single precision.
@@ -92,7 +93,7 @@ pub struct GasModel {
     pub(super) neurons: Vec<Neuron>,
     pub(super) edges: Vec<[u32; 2]>,
     pub(super) adjacency: Adjacency,
-    report: Beside<Report>,
+    report: Beside<GasReport>,
 }
 
 impl GasModel {
@@ -102,7 +103,7 @@ impl GasModel {
         positions: &[[i32; 3]],
         edges: &[[u32; 2]],
         statistics: &Statistics,
-        report: Report,
+        report: GasReport,
     ) -> Result<Self> {
         header.check()?;
         let unit = 0.125 * f64::from(header.exponent).exp2();
@@ -259,7 +260,7 @@ impl GasModel {
     }
 
     /// How the model was learned; empty for a model read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &GasReport {
         &self.report.0
     }
 }

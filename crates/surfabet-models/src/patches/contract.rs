@@ -2,10 +2,10 @@
 
 use surfabet_entropy::Coder;
 
+use super::learn::PatchesFigures;
 use super::model::{PatchModel, PatchesHeader};
 use super::options::PatchesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
-use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a cell of colour takes while it is read.
@@ -17,7 +17,7 @@ impl SurfaceModel for PatchModel {
     const KEEPS_THICKNESS: bool = true;
     type Options = PatchesOptions;
     type Header = PatchesHeader;
-    type Figures = Named;
+    type Figures = Option<PatchesFigures>;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PatchesHeader {

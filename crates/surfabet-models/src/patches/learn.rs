@@ -22,7 +22,7 @@ use super::surface::leaf::Leaf;
 use crate::error::Result;
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::{Named, Report, figures, lost};
 use crate::stages::Stages;
 use crate::start::{Leave, Start};
 
@@ -36,6 +36,29 @@ const STAGES: &[(&str, f32)] = &[
     ("colouring", 0.1),
     ("checking the bound", 0.1),
 ];
+
+/// The report of [`learn`].
+pub type PatchesReport = Report<Option<PatchesFigures>>;
+
+figures! {
+    /// What [`learn`] counts and measures.
+    pub struct PatchesFigures {
+        /// Points of the cloud.
+        pub points: usize = "points",
+        /// Places that the points were merged to.
+        pub samples: usize = "samples",
+        /// Connected surfaces of samples.
+        pub sheets: usize = "sheets",
+        /// Mean number of samples of the pixels of large sheets.
+        pub samples_per_pixel: f64 = "samples per pixel",
+        /// Cells that have a colour.
+        pub color_cells: usize = "cells of colour",
+        /// Patches of the model.
+        pub patches: usize = "patches",
+        /// Cells with points beside the patches.
+        pub extra_points: u64 = "extra points",
+    }
+}
 
 /// Learns patches on a lattice from a cloud.
 ///
@@ -51,7 +74,6 @@ pub fn learn(
 ) -> Result<PatchModel> {
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
-    let mut report = Report::default();
     // What the data say of the options that are not given.
     let leave = Leave::unless(options.keep_outliers, Leave::Strays);
     let mut start = stages.run("measuring the cloud", |progress| {
@@ -83,19 +105,14 @@ pub fn learn(
         sheets(&samples, resolution as f32, lattice.tile_pixels(), max_gap)
     })?;
     // 4. to 6. Shapes, least cost, bits.
-    let geometry = stages.run("choosing patches", |progress| {
-        choose(lattice, &sheets, options, &mut report, progress)
-    })?;
+    let density = samples_per_pixel(&sheets);
+    let (geometry, bytes) = stages
+        .run("choosing patches", |progress| choose(lattice, &sheets, density, options, progress))?;
     // 7. Colour.
     let color = stages.run("colouring", |_| {
         Ok(samples.has_color.then(|| color(&samples, &lattice, &geometry.leaves, options)))
     })?;
-    report.figures.extend([
-        ("points", cloud.len() as f64),
-        ("samples", samples.all.len() as f64),
-        ("sheets", sheets.len() as f64),
-        ("cells of colour", color.as_ref().map_or(0.0, |field| field.cells.len() as f64)),
-    ]);
+    let color_cells = color.as_ref().map_or(0, |field| field.cells.len());
     let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, color)?;
     // 8. Points beside the patches.
     model = stages.run("checking the bound", |progress| match options.max_error {
@@ -103,12 +120,27 @@ pub fn learn(
         None => with_share_of_points(model, cloud, tolerance, options.completeness, progress),
     })?;
 
-    report.stages = stages.finish();
-    report.not_kept = lost(cloud, &["colors"]);
-    report.stop_reason = "every sheet has the hierarchy of least cost";
+    let figures = PatchesFigures {
+        points: cloud.len(),
+        samples: samples.all.len(),
+        sheets: sheets.len(),
+        samples_per_pixel: density,
+        color_cells,
+        patches: model.len(),
+        extra_points: model.header().n_extra,
+    };
+    let mut report = PatchesReport {
+        stages: stages.finish(),
+        figures: Some(figures),
+        levels: levels(&model),
+        iterations: bytes.len(),
+        objectives: vec![("bytes of geometry".into(), bytes)],
+        stop_reason: "every sheet has the hierarchy of least cost",
+        not_kept: lost(cloud, &["colors"]),
+        ..PatchesReport::default()
+    };
     start.report(tolerance, &mut report);
-    describe(&mut model, report);
-    Ok(model)
+    Ok(model.with_report(report))
 }
 
 /// Refuses clouds without points, and those that are too large for the cells of samples.
@@ -119,17 +151,15 @@ fn check_size(cloud: &PointCloud, resolution: f64) -> Result<()> {
 }
 
 /// Chooses the hierarchies of all sheets, a few rounds over, each with the adaptive models as coding the round before
-/// left them.
+/// left them. Gives the bytes after each round too.
 fn choose(
     lattice: Lattice,
     sheets: &[Sheet],
+    density: f64,
     options: &PatchesOptions,
-    report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Geometry> {
+) -> Result<(Geometry, Vec<f64>)> {
     let bases = Basis::of_levels(options.levels);
-    let density = samples_per_pixel(sheets);
-    report.figures.push(("samples per pixel", density));
     let mut models = GeometryModels::default();
     let mut bytes = Vec::new();
     let mut chosen = Geometry::default();
@@ -151,9 +181,7 @@ fn choose(
         chosen = geometry;
         bytes.push(price.bits / 8.0);
     }
-    report.iterations = bytes.len();
-    report.objectives.push(("bytes of geometry".into(), bytes));
-    Ok(chosen)
+    Ok((chosen, bytes))
 }
 
 /// The best hierarchy of every sheet that is not left out.
@@ -198,16 +226,13 @@ fn color(
     ColorField { steps, cells, coefficients, colors }
 }
 
-/// What the report says of the model, all in all and level by level.
-fn describe(model: &mut PatchModel, mut report: Report) {
+/// What the report says of each level.
+fn levels(model: &PatchModel) -> Vec<Named> {
     let lattice = model.lattice();
     let level = |(l, of): (u32, LevelSize)| {
         let pixel = lattice.pixel_of(l);
         let area = of.set_pixels as f64 * pixel * pixel;
         vec![("pixel size", pixel), ("patches", of.patches as f64), ("area", area)]
     };
-    report.levels = (0..lattice.levels).zip(model.level_sizes()).map(level).collect();
-    let (n, extra) = (model.len() as f64, model.header().n_extra as f64);
-    report.figures.extend([("patches", n), ("extra points", extra)]);
-    *model.report_mut() = report;
+    (0..lattice.levels).zip(model.level_sizes()).map(level).collect()
 }

@@ -40,7 +40,7 @@ mod surface;
 
 pub use axes::Orientation;
 pub use color::ColorSteps;
-pub use learn::learn;
+pub use learn::{PatchesFigures, PatchesReport, learn};
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, PATCH_PIXELS, PatchModel, PatchesHeader,
     SheetTree, Square,
