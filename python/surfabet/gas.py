@@ -76,6 +76,7 @@ class GasModel(Model[_core.GasModel]):
         target_error: float | None = None,
         color_step: int = 8,
         search: Literal["indexed", "brute-force"] = "indexed",
+        keep_outliers: bool = False,
         random_state: int = 0,
         progress: Progress = None,
     ) -> GasModel:
@@ -121,6 +122,10 @@ class GasModel(Model[_core.GasModel]):
         search
             How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
             'brute-force'; by default indexed.
+        keep_outliers
+            Keeps points that are far from all others. Otherwise they are left out, and counted in
+            the report: the network would put many of its neurons between a few of them and the
+            scene. True or False; by default False.
         random_state
             Seed of the signals. An integer from 0 to below 2^64; by default 0.
         progress
@@ -141,6 +146,7 @@ class GasModel(Model[_core.GasModel]):
             "target_error": target_error,
             "color_step": color_step,
             "search": search,
+            "keep_outliers": keep_outliers,
             "random_state": random_state,
         }
         with progress_callback(progress) as callback:

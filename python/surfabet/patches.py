@@ -176,9 +176,10 @@ def learn_patches(
         metres; by default no bound.
     completeness
         Least share of the points that are within the tolerance of the cloud decoded as measured:
-        two spacings, three standard deviations of the noise, or two thirds of a pixel, whichever is
-        most. Points beside the patches make up for what these leave out. With 0 there are none, and
-        with `max_error` this has no effect. A number from 0 to 1; by default 0.995.
+        two spacings, three standard deviations of the noise, or two thirds of a given `resolution`,
+        whichever is most; twice as much for 'small'. Points beside the patches make up for what
+        these leave out. With 0 there are none, and with `max_error` this has no effect. A number
+        from 0 to 1; by default 0.995.
     rate
         Squared error that a bit of geometry must save (lambda), summed over pixels and both
         directions. Larger makes smaller files. A positive number of squared pixels; by default 1.4.

@@ -236,8 +236,8 @@ def _means(colors: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 def learn_planes(
     cloud: PointCloud,
     *,
-    quality: Literal["small", "balanced", "fine"] = "balanced",
     weights: ArrayLike | None = None,
+    quality: Literal["small", "balanced", "fine"] = "balanced",
     initial_patches: int = 0,
     min_grid_size: float | None = None,
     weight_at_grid_size: float = 0.01,

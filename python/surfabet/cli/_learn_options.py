@@ -106,8 +106,8 @@ class LearnOptions:
 
     completeness: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Least share of the points that are within the tolerance of the cloud decoded as measured: two
-    spacings, three standard deviations of the noise, or two thirds of a pixel, whichever is most. A
-    number from 0 to 1; by default 0.995."""
+    spacings, three standard deviations of the noise, or two thirds of a given `resolution`,
+    whichever is most; twice as much for 'small'. A number from 0 to 1; by default 0.995."""
 
     rate: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Squared error that a bit of geometry must save (lambda), summed over pixels and both

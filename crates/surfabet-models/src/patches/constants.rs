@@ -10,6 +10,10 @@
 /// effect was not measured.
 pub(super) const AXES_CELL: f64 = 6.0;
 
+/// The least side of these cells in gaps between surfaces that lie close behind one another: two faces of a wall in one cell
+/// look like a plane along the wall when the cell is this much wider than the gap.
+pub(super) const AXES_CELL_IN_GAPS: f64 = 8.0;
+
 /// Points that vote for the axes, at most: bounds the time. The effect was not measured.
 pub(super) const MAX_AXES_POINTS: usize = 400_000;
 

@@ -10,7 +10,7 @@ use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::color::cells::color_cells;
 use super::color::targets::targets;
 use super::color::{CellColors, ColorModels, ColorSource, ColorSteps, code_colors};
-use super::constants::{AXES_CELL, NOISES_PER_GAP, SAMPLE_SIZE};
+use super::constants::{AXES_CELL, AXES_CELL_IN_GAPS, NOISES_PER_GAP, SAMPLE_SIZE};
 use super::far_points::{with_points_within, with_share_of_points};
 use super::model::{ColorField, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::PatchesOptions;
@@ -85,7 +85,8 @@ pub fn learn(
     check_size(cloud, resolution)?;
 
     // 1. Axes of the scene.
-    let cell = (AXES_CELL * resolution) as f32;
+    let of_gap = AXES_CELL_IN_GAPS * start.survey.layer_gap.unwrap_or(0.0);
+    let cell = (AXES_CELL * resolution).max(of_gap) as f32;
     let orientation = stages.run("finding axes", |_| Ok(Orientation::of(cloud, cell)))?;
     let lattice = Lattice {
         origin: cloud.origin(),

@@ -1,0 +1,187 @@
+"""Defaults that follow from the data: on generated scenes of known spacing, noise and layers."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+import surfabet as sb
+
+RNG = np.random.default_rng
+COMPLETE: dict[str, Callable[..., sb.PatchModel | sb.HscsmModel | sb.GasModel]] = {
+    "patches": sb.learn_patches,
+    "hscsm": sb.learn_hscsm,
+    "gas": sb.learn_gas,
+}
+
+
+def corner(n: int, noise: float = 0.002, seed: int = 1) -> NDArray[np.float64]:
+    """Floor and two walls of 2 m, (n, 3), metres, with noise across each."""
+    rng = RNG(seed)
+    points = rng.uniform(0, 2, (n, 3))
+    axis = np.arange(n) % 3
+    points[np.arange(n), axis] = rng.normal(0, noise, n)
+    return points
+
+
+def thin_wall(n: int = 30_000, gap: float = 0.03) -> sb.PointCloud:
+    """Both faces of a wall, 1 mm of noise, opposite normals, one red and one blue."""
+    rng = RNG(2)
+    back = np.arange(n) % 2 == 1
+    points = np.stack([rng.uniform(0, 2, n), np.zeros(n), rng.uniform(0, 2, n)], axis=1)
+    points[:, 1] = np.where(back, gap, 0) + rng.normal(0, 0.001, n)
+    normals = np.zeros((n, 3))
+    normals[:, 1] = np.where(back, 1, -1)
+    colors = np.where(back[:, None], [20, 40, 220], [220, 40, 20]).astype(np.uint8)
+    return sb.PointCloud(points, normals=normals, colors=colors)
+
+
+def spacing_of(points: NDArray[np.float64]) -> float:
+    """Median distance to the nearest other point, by another implementation."""
+    distances, _ = cKDTree(points).query(points, k=2)
+    return float(np.median(distances[:, 1]))
+
+
+def share_within(points: NDArray[np.float64], model: sb.model.Model, tolerance: float) -> float:
+    """Share of the points that have a decoded one within the tolerance."""
+    decoded = model.decode(as_measured=model.keeps_thickness).points
+    distances, _ = cKDTree(decoded).query(points)
+    return float((distances <= tolerance).mean())
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0, 0.02])
+def test_the_survey_follows_spacing_noise_and_unit(unit: float) -> None:
+    points = unit * corner(30_000)
+    found = sb.survey(sb.PointCloud(points))
+    assert found.spacing == pytest.approx(spacing_of(points), rel=0.05)
+    assert found.noise == pytest.approx(0.002 * unit, rel=0.3)
+    assert found.tolerance == max(2 * found.spacing, 3 * found.noise)
+    assert found.layer_gap is None
+    assert len(found.outliers) == 0
+
+
+@pytest.mark.parametrize("method", COMPLETE)
+@pytest.mark.parametrize("n", [6_000, 30_000])
+def test_models_that_promise_it_are_complete_at_defaults(method: str, n: int) -> None:
+    points = corner(n)
+    cloud = sb.PointCloud(points)
+    model = COMPLETE[method](cloud)
+    tolerance = max(2 * spacing_of(points), 3 * 0.002)
+    assert share_within(points, model, tolerance) >= 0.99
+    (option,) = model.report.chosen
+    assert option == ("n_neurons" if method == "gas" else "resolution")
+    assert model.report.tolerance == pytest.approx(sb.survey(cloud).tolerance)
+
+
+def test_pixels_follow_the_unit() -> None:
+    points = corner(20_000)
+    metres, millimetres = (
+        sb.learn_patches(sb.PointCloud(unit * points)).levels[-1].pixel_size for unit in (1, 1000)
+    )
+    assert millimetres == pytest.approx(1000 * metres, rel=0.01)
+
+
+def test_quality_scales_what_follows_from_the_data_and_numbers_win() -> None:
+    cloud = sb.PointCloud(corner(20_000))
+    sides = [
+        sb.learn_patches(cloud, quality=quality).levels[-1].pixel_size
+        for quality in ("small", "balanced", "fine")
+    ]
+    assert sides[0] == pytest.approx(2 * sides[1], rel=0.01)
+    assert sides[2] == pytest.approx(sides[1] / 2, rel=0.01)
+    given = sb.learn_patches(cloud, quality="fine", resolution=0.05)
+    assert given.levels[-1].pixel_size == 0.05
+    assert given.report.chosen == {}
+    neurons = [len(sb.learn_gas(cloud, quality=quality)) for quality in ("small", "fine")]
+    assert neurons[0] < neurons[1]
+
+
+def test_completeness_is_reached_and_not_overshot_by_much() -> None:
+    # Clutter in the room: too sparse for patches, too dense for outliers.
+    points = np.vstack([corner(20_000), RNG(5).uniform(0, 2, (1000, 3))])
+    cloud = sb.PointCloud(points)
+    tolerance = sb.survey(cloud).tolerance
+    none = sb.learn_patches(cloud, completeness=0.0)
+    assert none.n_extra_points == 0
+    without = share_within(points, none, 0.8 * tolerance)
+    asked = without + 0.5 * (1 - without)
+    some = sb.learn_patches(cloud, completeness=asked)
+    found = share_within(points, some, 0.8 * tolerance)
+    assert asked <= found + 1e-9
+    all_of_them = sb.learn_patches(cloud, completeness=1.0)
+    assert share_within(points, all_of_them, 0.8 * tolerance) == 1.0
+    assert 0 < some.n_extra_points < all_of_them.n_extra_points
+    assert some.max_error is None
+
+
+def test_nothing_is_decoded_between_the_faces_of_a_thin_wall() -> None:
+    cloud = thin_wall()
+    found = sb.survey(cloud)
+    assert found.layer_gap == pytest.approx(0.027, abs=0.004)
+    decoded = sb.learn_patches(cloud).decode(as_measured=True)
+    depth = decoded.points[:, 1]
+    assert np.mean((depth > 0.008) & (depth < 0.022)) < 0.002
+    assert decoded.colors is not None
+    red = decoded.colors[:, 0].astype(int) - decoded.colors[:, 2]
+    assert np.mean(red[depth < 0.008] > 100) > 0.99
+    assert np.mean(red[depth > 0.022] < -100) > 0.99
+
+
+def test_a_mad_point_costs_neither_precision_nor_the_model() -> None:
+    points = corner(20_000)
+    mad = np.vstack([points, [[1e6, -2e6, 5e4]]])
+    cloud = sb.PointCloud(mad)
+    assert list(cloud.origin) == [0, 0, 0]
+    assert list(sb.survey(cloud).strays) == [20_000]
+    for learn in (sb.learn_patches, sb.learn_hscsm, sb.learn_gas, sb.learn_planes):
+        with pytest.warns(sb.DroppedPointsWarning, match="1 point is far.*keep_outliers=True"):
+            model = learn(cloud)
+        assert model.report.left_out == 1
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert len(learn(sb.PointCloud(points))) == pytest.approx(len(model), rel=0.05)
+
+
+def test_the_gas_does_not_chase_outliers_unless_told_to() -> None:
+    points = corner(20_000)
+    far = np.vstack([points, RNG(3).uniform(-50, 50, (20, 3))])
+    off = lambda model: cKDTree(points).query(model.neurons.positions)[0]  # noqa: E731
+    with pytest.warns(sb.DroppedPointsWarning):
+        model = sb.learn_gas(sb.PointCloud(far), n_neurons=2000)
+    assert np.mean(off(model) > 0.1) < 0.01
+    kept = sb.learn_gas(sb.PointCloud(far), n_neurons=2000, keep_outliers=True)
+    assert np.mean(off(kept) > 0.1) > 0.1
+    assert kept.report.left_out == 0
+
+
+def test_labels_of_planes_keep_the_places_of_points_that_are_left_out() -> None:
+    points = np.insert(corner(20_000), 7, [1e5, 0, 0], axis=0)
+    with pytest.warns(sb.DroppedPointsWarning):
+        model = sb.learn_planes(sb.PointCloud(points))
+    assert model.labels is not None
+    assert len(model.labels) == len(points)
+    assert model.labels[7] == -1
+    assert model.n_points == len(points)
+
+
+def test_more_neurons_than_places_are_fewer_neurons() -> None:
+    points = RNG(4).uniform(0, 1, (50, 3))
+    model = sb.learn_gas(sb.PointCloud(points), n_neurons=10_000)
+    assert len(model) <= 50
+    value, reason = model.report.chosen["n_neurons"]
+    assert value == 50
+    assert "50 places" in reason
+
+
+@pytest.mark.parametrize("learn", [sb.learn_patches, sb.learn_hscsm])
+@pytest.mark.parametrize("points", [[[1, 2, 3]], [[1, 2, 3]] * 20, [[i, 0, 0] for i in range(9)]])
+def test_clouds_that_are_hardly_any_have_defaults_too(
+    learn: Callable[..., sb.PatchModel], points: list[list[float]]
+) -> None:
+    decoded = learn(sb.PointCloud(np.array(points, float))).decode()
+    assert len(decoded) > 0
