@@ -7,11 +7,11 @@ use surfabet_geom::{KdTree, PointCloud, Progress};
 use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
-use super::color::cells::color_cells;
-use super::color::targets::targets;
-use super::color::{CellColors, ColorModels, ColorSource, ColorSteps, code_colors};
+use super::attributes::cells::attribute_cells;
+use super::attributes::chosen::{Chosen, Fields};
+use super::attributes::targets::Targets;
 use super::constants::{AXES_CELL, EXTRA_CELL, SAMPLE_SIZE};
-use super::model::{ColorField, Lattice, LevelSize, PatchModel, SheetTree, Square, extra_key};
+use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square, extra_key};
 use super::options::PatchesOptions;
 use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
@@ -22,7 +22,7 @@ use crate::contract::DecodeOptions;
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::{AttributeFigures, Report, lost};
 use crate::stages::Stages;
 
 /// The stages of learning, with their shares of the progress.
@@ -31,7 +31,7 @@ const STAGES: &[(&str, f32)] = &[
     ("merging points", 0.25),
     ("growing sheets", 0.1),
     ("choosing patches", 0.4),
-    ("colouring", 0.1),
+    ("adding attributes", 0.1),
     ("checking the bound", 0.1),
 ];
 
@@ -49,6 +49,7 @@ pub fn learn(
 ) -> Result<PatchModel> {
     options.check()?;
     check_size(cloud, options)?;
+    let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
     let resolution = options.resolution;
     let mut stages = Stages::new(STAGES, progress);
     let mut report = Report::default();
@@ -74,17 +75,18 @@ pub fn learn(
     let geometry = stages.run("choosing patches", |progress| {
         choose(lattice, &sheets, options, &mut report, progress)
     })?;
-    // 7. Colour.
-    let color = stages.run("colouring", |_| {
-        Ok(samples.has_color.then(|| color(&samples, &lattice, &geometry.leaves, options)))
+    // 7. Colour and other attributes.
+    let (attributes, figures) = stages.run("adding attributes", |_| {
+        attributes(&chosen, &samples, &lattice, &geometry.leaves, options)
     })?;
+    report.attributes = figures;
     report.figures.extend([
         ("points", cloud.len() as f64),
         ("samples", samples.all.len() as f64),
         ("sheets", sheets.len() as f64),
-        ("cells of colour", color.as_ref().map_or(0.0, |field| field.cells.len() as f64)),
+        ("cells of attributes", attributes.cells.len() as f64),
     ]);
-    let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, color)?;
+    let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
     // 8. Points beside the patches.
     if let Some(bound) = options.max_error {
         model = stages
@@ -92,7 +94,7 @@ pub fn learn(
     }
 
     report.stages = stages.finish();
-    report.not_kept = lost(cloud, &["colors"]);
+    report.not_kept = lost(cloud, &chosen.names());
     report.stop_reason = "every sheet has the hierarchy of least cost";
     describe(&mut model, report);
     Ok(model)
@@ -164,25 +166,22 @@ fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
     large().map(|r| f64::from(r.n)).sum::<f64>() / large().count() as f64
 }
 
-/// The colours of least cost of the cells around the patches.
-fn color(
-    samples: &SidedSamples,
+/// The attributes of least cost on the cells around the patches, with what each takes and misses.
+fn attributes(
+    chosen: &Chosen<'_>,
+    samples: &SidedSamples<'_>,
     lattice: &Lattice,
     leaves: &[Leaf],
     options: &PatchesOptions,
-) -> ColorField {
+) -> Result<(Attributes, Vec<AttributeFigures>)> {
+    if chosen.is_empty() {
+        return Ok(Default::default());
+    }
     // A learned model has no more cells than its samples call for; the limit is for files.
-    let cells = color_cells(lattice, leaves, u64::MAX).unwrap_or_default();
-    let targets = targets(samples, &cells, options.resolution as f32);
-    let steps = ColorSteps {
-        luma: options.color_step,
-        chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
-    };
-    let lambda = options.color_rate * f64::from(options.color_step).powi(2);
-    let source = ColorSource::Targets { colors: &targets, lambda: lambda as f32 };
-    let Ok(CellColors { colors, coefficients }) =
-        code_colors(&mut Price::default(), &mut ColorModels::default(), &cells, steps, source);
-    ColorField { steps, cells, coefficients, colors }
+    let cells = attribute_cells(lattice, leaves, u64::MAX).unwrap_or_default();
+    let targets = Targets::new(samples, &cells, options.resolution as f32);
+    let Fields { color, others, figures } = chosen.fields(&cells, &targets, options)?;
+    Ok((Attributes { cells, color, others }, figures))
 }
 
 /// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured.

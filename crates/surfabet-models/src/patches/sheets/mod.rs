@@ -44,7 +44,7 @@ pub(in crate::patches) fn axes_of(side: u8) -> [usize; 3] {
 
 /// Sheets of all sides, by side, tile and depth.
 pub(in crate::patches) fn sheets(
-    samples: &SidedSamples,
+    samples: &SidedSamples<'_>,
     pixel: f32,
     tile_pixels: i32,
 ) -> Result<Vec<Sheet>> {
