@@ -38,7 +38,7 @@ from surfabet.geometry import (
 from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, learn_hscsm
 from surfabet.io import read, write
 from surfabet.learning import LearningReport
-from surfabet.metrics import Quality, RangeSigma, evaluate
+from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
 from surfabet.planes import (
     PlaneFit,

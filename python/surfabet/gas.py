@@ -34,6 +34,8 @@ class Neurons:
     unknown."""
     colors: NDArray[np.uint8] | None
     """Colours, (n, 3), 0 to 255; None without."""
+    intensities: NDArray[np.float32] | None
+    """Mean intensities, (n,), in the sensor's own unit; None without."""
     counts: NDArray[np.float64]
     """Points that each neuron stands for, (n,), to a quarter of a doubling."""
     radii: NDArray[np.float64]
@@ -176,6 +178,7 @@ class GasModel(Model[_core.GasModel]):
             positions=self._core.positions(),
             normals=self._core.normals(),
             colors=self._core.colors(),
+            intensities=self._core.intensities(),
             counts=self._core.counts(),
             radii=self._core.radii(),
             thicknesses=self._core.thicknesses(),

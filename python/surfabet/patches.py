@@ -66,15 +66,20 @@ class LatticePatches:
 
 @final
 class PatchModel(Model[_core.PatchModel]):
-    """A cloud as surface patches on a lattice, with thickness and colour; immutable.
+    """A cloud as surface patches on a lattice, with thickness and attributes; immutable.
 
     Made by `learn_patches` and `surfabet.load`. It decodes to a spacing of half a pixel of the
     finest level by default, patch by patch. The thin surface leaves fragments out: at most 16
     finest pixels that touch nothing and stand 1.5 to 10 of them off a larger piece. Points that no
-    patch holds have no normal (zero).
+    patch holds have the normal of the nearest patch.
     """
 
     __slots__ = ()
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        """Names of the attributes that the model keeps: `"colors"`, `"intensities"` and others."""
+        return (*(("colors",) if self.has_color else ()), *self._core.attribute_names)
 
     @property
     def n_extra_points(self) -> int:
@@ -155,7 +160,8 @@ def learn_patches(
     Parameters
     ----------
     cloud
-        The scan. Colours are kept when present; ranges weight the points by the depth error of
+        The scan. Colours and intensities are kept when present, or the `attributes` that are named;
+        ranges weight the points by the depth error of
         their sensor; viewpoints tell the two sides of a thin wall apart.
     resolution
         Side of a pixel of the finest level. Smaller detail is lost; this is the one knob between

@@ -58,6 +58,8 @@ class Planes:
     second rows. The last column and row may be narrower than the others."""
     colors: list[NDArray[np.uint8]] | None
     """For each patch the mean colours of its supported tiles, (k, 3), row by row; None without."""
+    intensities: list[NDArray[np.float32]] | None
+    """For each patch the mean intensities of its supported tiles, (k,), row by row; None without."""
     planar: NDArray[np.bool_]
     """Whether the points are as near to the plane as the grid size lets expect, (n,): a standard
     deviation of half the grid size at most."""
@@ -200,6 +202,7 @@ class PlaneModel(Model[_core.PlaneModel]):
             tile_edges=self._core.tile_edges(),
             supported=self._core.supported(),
             colors=self._core.colors(),
+            intensities=self._core.intensities(),
             planar=deviations <= 0.5 * self.grid_size,
         )
 

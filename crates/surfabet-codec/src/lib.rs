@@ -30,6 +30,7 @@
 //! ```
 
 mod alphabet;
+mod attributes;
 mod bic_alphabet;
 pub mod bytes;
 mod container;
@@ -48,4 +49,4 @@ pub use container::{Container, ContainerWriter, Family, Features, Limits, Sectio
 pub use entropy::{Decoder, Encoder};
 pub use error::{Error, Result};
 pub use hash::ContentHash;
-pub use section::{Layout, Promise, StreamSection, content, holds, named_vocabulary, read, write};
+pub use section::{Layout, Promise, StreamSection, contents, holds, named_vocabulary, read, write};

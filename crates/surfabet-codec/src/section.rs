@@ -48,6 +48,9 @@ pub trait Layout: SurfaceModel {
     /// Features that every file of this method needs.
     const FEATURES: Features;
 
+    /// Features that a file of this method may need beside those.
+    const OPTIONAL_FEATURES: Features = Features::NONE;
+
     /// Sections of the streams, in the order of the file.
     const STREAM_SECTIONS: &'static [StreamSection];
 
@@ -56,6 +59,27 @@ pub trait Layout: SurfaceModel {
     /// # Errors
     /// When reading: for a header that no model has.
     fn code_header<F: Fields>(fields: &mut F, header: &mut Self::Header) -> Result<()>;
+
+    /// The optional features that a file with this header needs.
+    fn optional_features(header: &Self::Header) -> Features {
+        let _ = header;
+        Features::NONE
+    }
+
+    /// Writes or reads what the header has more in a file with optional features.
+    ///
+    /// # Errors
+    /// As [`Layout::code_header`].
+    fn code_optional<F: Fields>(fields: &mut F, header: &mut Self::Header) -> Result<()> {
+        let _ = (fields, header);
+        Ok(())
+    }
+
+    /// What the section of a stream holds, for people.
+    fn section_content(header: &Self::Header, stream: usize) -> String {
+        let _ = header;
+        Self::STREAM_SECTIONS[stream].content.to_owned()
+    }
 
     /// True when the stream of a number has a section in the file.
     fn has_section(header: &Self::Header, stream: usize) -> bool {
@@ -72,8 +96,8 @@ pub trait Layout: SurfaceModel {
 
 /// True when a container holds a model of this method.
 pub fn holds<M: Layout>(container: &Container<'_>) -> bool {
-    let own = container.features().without(Features::SHARED_DICTIONARY);
-    container.family() == M::FAMILY && own == M::FEATURES
+    let free = Features::SHARED_DICTIONARY.with(M::OPTIONAL_FEATURES);
+    container.family() == M::FAMILY && container.features().without(free) == M::FEATURES
 }
 
 /// The hash of the vocabulary that a file names; `None` when it holds its own.
@@ -94,14 +118,13 @@ pub fn named_vocabulary<M: Layout>(container: &Container<'_>) -> Result<Option<C
 pub fn write<M: Layout>(model: &M) -> Result<Vec<u8>> {
     let mut header = model.header();
     let mut meta = FieldWriter::default();
-    M::code_header(&mut meta, &mut header)?;
+    let optional = M::optional_features(&header);
+    code_all::<M, _>(&mut meta, &mut header, optional)?;
     let mut streams = vec![Encoder::new(); M::STREAMS];
     let Ok(_) = M::code(Source::Model(model), &mut streams);
     let vocabulary = if model.shares_vocabulary() { model.vocabulary() } else { None };
-    let features = match vocabulary {
-        Some(_) => M::FEATURES.with(Features::SHARED_DICTIONARY),
-        None => M::FEATURES,
-    };
+    let shared = if vocabulary.is_some() { Features::SHARED_DICTIONARY } else { Features::NONE };
+    let features = M::FEATURES.with(optional).with(shared);
     let mut writer = ContainerWriter::new(M::FAMILY, features).section(META, meta.bytes.finish());
     for (i, (section, stream)) in M::STREAM_SECTIONS.iter().zip(streams).enumerate() {
         match (section.hash, &vocabulary) {
@@ -132,15 +155,12 @@ pub fn read<M: Layout>(
     let named = named_vocabulary::<M>(container)?;
     let given = named.map(|hash| hash.of_given(vocabulary, M::vocabulary_hash)).transpose()?;
     let shared = if given.is_some() { Features::SHARED_DICTIONARY } else { Features::NONE };
-    if container.features() != M::FEATURES.with(shared) {
+    let header = read_header::<M>(container, limits)?;
+    if container.features() != M::FEATURES.with(M::optional_features(&header)).with(shared) {
         let names: Vec<&str> = container.features().names().collect();
-        let what = format!("the features {names:?} do not go together with {}", M::METHOD);
+        let what = format!("the features {names:?} do not go together with this {}", M::METHOD);
         return Err(Error::corrupt(META, 0, what));
     }
-    let mut fields = FieldReader::new(container.require(META)?, *limits);
-    let mut header = M::Header::default();
-    M::code_header(&mut fields, &mut header)?;
-    fields.finish()?;
 
     let mut expected = vec![META];
     let mut streams = Vec::with_capacity(M::STREAMS);
@@ -174,16 +194,47 @@ pub fn read<M: Layout>(
     model.ok_or_else(|| Error::corrupt(META, 0, "nothing was read"))
 }
 
-/// What the section `tag` of a file of this method holds, for people.
-pub fn content<M: Layout>(tag: Tag) -> Option<&'static str> {
-    if tag == META {
-        return Some("header");
+/// Writes or reads a header in a file with these optional features.
+fn code_all<M: Layout, F: Fields>(
+    fields: &mut F,
+    header: &mut M::Header,
+    optional: Features,
+) -> Result<()> {
+    M::code_header(fields, header)?;
+    match optional == Features::NONE {
+        true => Ok(()),
+        false => M::code_optional(fields, header),
     }
-    M::STREAM_SECTIONS.iter().find_map(|section| {
-        if section.tag == tag {
-            Some(section.content)
-        } else {
-            (section.hash == Some(tag)).then_some("hash of the vocabulary")
+}
+
+/// The header of a parsed file.
+fn read_header<M: Layout>(container: &Container<'_>, limits: &Limits) -> Result<M::Header> {
+    let mut fields = FieldReader::new(container.require(META)?, *limits);
+    let mut header = M::Header::default();
+    let optional = container.features().without(M::FEATURES.with(Features::SHARED_DICTIONARY));
+    code_all::<M, _>(&mut fields, &mut header, optional)?;
+    fields.finish()?;
+    Ok(header)
+}
+
+/// What each section of a parsed file of this method holds, for people, and its bytes.
+///
+/// # Errors
+/// For a header that no model has.
+pub fn contents<M: Layout>(container: &Container<'_>) -> Result<Vec<(String, usize)>> {
+    // Lists of a header are no longer than its bytes; its counts are not used here.
+    let limits = Limits { max_items: u64::MAX, max_bytes: u64::MAX };
+    let header = read_header::<M>(container, &limits)?;
+    let content = |tag: Tag| {
+        if tag == META {
+            return "header".to_owned();
         }
-    })
+        let stream = M::STREAM_SECTIONS.iter().position(|s| s.tag == tag || s.hash == Some(tag));
+        match stream {
+            Some(i) if M::STREAM_SECTIONS[i].tag == tag => M::section_content(&header, i),
+            Some(_) => "hash of the vocabulary".to_owned(),
+            None => tag.to_string(),
+        }
+    };
+    Ok(container.sections().iter().map(|s| (content(s.tag), s.bytes.len())).collect())
 }

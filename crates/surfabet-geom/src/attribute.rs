@@ -92,7 +92,7 @@ macro_rules! columns {
             }
 
             /// Adds the values of `other` at the end; false, and nothing added, where their type is another.
-            fn append(&mut self, other: &Self) -> bool {
+            pub fn append(&mut self, other: &Self) -> bool {
                 match (self, other) {
                     $((Self::$Variant(all), Self::$Variant(more)) => {
                         all.extend_from_slice(more);

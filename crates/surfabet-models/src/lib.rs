@@ -23,6 +23,7 @@ pub mod planes;
 mod points;
 pub mod recognition;
 mod report;
+mod scalar;
 pub mod scans;
 mod sensor;
 mod size_code;
@@ -32,7 +33,8 @@ mod summary;
 
 pub use contract::{Budget, DecodeOptions, NoVocabulary, Source, SurfaceModel};
 pub use error::{Error, Result};
-pub use report::{Figures, Named, Report, Stage};
+pub use report::{AttributeFigures, Figures, Named, Report, Stage};
+pub use scalar::ScalarScale;
 pub use sensor::Sensor;
 pub use summary::{Fact, Summary};
 use surfabet_geom::vector;

@@ -14,6 +14,27 @@ pub struct Stage {
 /// Counts and measures of a run by name, in the order in which they are shown.
 pub type Named = Vec<(&'static str, f64)>;
 
+/// What an attribute takes, and how far it is off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttributeFigures {
+    /// Its name in the cloud.
+    pub name: String,
+    /// Bytes of its stream.
+    pub bytes: f64,
+    /// Of numbers: root mean square difference of the input points to what the model has where they are, in the unit of
+    /// the attribute; of colours over the three channels.
+    pub rmse: Option<f64>,
+    /// Of labels: share of the input points with the label that the model has where they are.
+    pub equal: Option<f64>,
+}
+
+impl AttributeFigures {
+    /// Of an attribute whose error is not measured.
+    pub(crate) fn of_bytes(name: &str, bytes: f64) -> Self {
+        Self { name: name.to_owned(), bytes, rmse: None, equal: None }
+    }
+}
+
 /// The figures that a method reports.
 pub trait Figures: std::fmt::Debug + Clone + PartialEq + Default + Send + Sync + 'static {
     /// All figures of the whole run that there are.
@@ -103,6 +124,8 @@ pub struct Report<F = Named> {
     pub iterations: usize,
     /// Why learning ended.
     pub stop_reason: &'static str,
+    /// What each attribute that the model keeps takes, and how far it is off.
+    pub attributes: Vec<AttributeFigures>,
     /// What the cloud had and the model does not keep.
     pub not_kept: Vec<String>,
 }
@@ -117,6 +140,7 @@ impl<F: Figures> Report<F> {
             objectives: self.objectives.clone(),
             iterations: self.iterations,
             stop_reason: self.stop_reason,
+            attributes: self.attributes.clone(),
             not_kept: self.not_kept.clone(),
         }
     }

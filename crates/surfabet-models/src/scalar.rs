@@ -5,6 +5,9 @@ use crate::error::{Error, Result};
 /// Most steps between the ends of a scale: sums of 32 of them stay exact in 32 bits, single ones in single precision.
 pub const MAX_STEPS: f64 = (1 << 20) as f64;
 
+/// Largest number of whole steps: one more for rounding.
+pub(crate) const MAX_CODE: i32 = MAX_STEPS as i32 + 1;
+
 /// A scale: `q` steps stand for `low + q step`, limited to `low..=high`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScalarScale {
@@ -59,8 +62,7 @@ impl ScalarScale {
     pub fn check(&self) -> Result<(), String> {
         let Self { low, high, step } = *self;
         let is_finite = [low, high, step].iter().all(|c| c.is_finite());
-        // One more step for rounding of the quotient.
-        if !(is_finite && low <= high && step > 0.0 && (high - low) / step <= MAX_STEPS + 1.0) {
+        if !(is_finite && low <= high && step > 0.0 && (high - low) / step <= f64::from(MAX_CODE)) {
             return Err(format!("a scalar from {low} to {high} in steps of {step}"));
         }
         Ok(())
@@ -73,7 +75,7 @@ impl ScalarScale {
 
     /// A value in whole steps; that of the low end where it is not finite.
     pub(crate) fn code(&self, value: f64) -> i32 {
-        self.in_steps(value).round().clamp(0.0, MAX_STEPS + 1.0) as i32
+        self.in_steps(value).round().clamp(0.0, f64::from(MAX_CODE)) as i32
     }
 
     /// The value of a number of steps.

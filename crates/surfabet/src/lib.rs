@@ -49,6 +49,7 @@ pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
 pub use surfabet_models::{
-    DecodeOptions, Fact, Figures, Named, Report, Sensor, Stage, Summary, SurfaceModel,
+    AttributeFigures, DecodeOptions, Fact, Figures, Named, Report, ScalarScale, Sensor, Stage,
+    Summary, SurfaceModel,
 };
 pub use surfabet_sparse as sparse;

@@ -86,7 +86,7 @@ macro_rules! define_model {
             /// holding it, and what each of its sections holds.
             ///
             /// # Errors
-            /// [`Error::Codec`] for a combination of features that no method has.
+            /// [`Error::Codec`] for a combination of features that no method has, or a header that no model has.
             pub fn inspect(container: &Container<'_>) -> Result<FileSummary> {
                 $(if holds::<$type>(container) {
                     return FileSummary::of::<$type>(container);
@@ -112,14 +112,10 @@ pub struct FileSummary {
 
 impl FileSummary {
     fn of<M: Layout>(container: &Container<'_>) -> Result<Self> {
-        let sections = container.sections().iter().map(|section| {
-            let content = surfabet_codec::content::<M>(section.tag);
-            (content.map_or_else(|| section.tag.to_string(), str::to_owned), section.bytes.len())
-        });
         Ok(Self {
             method: M::METHOD,
             vocabulary: surfabet_codec::named_vocabulary::<M>(container)?,
-            sections: sections.collect(),
+            sections: surfabet_codec::contents::<M>(container)?,
         })
     }
 }

@@ -7,8 +7,10 @@ use super::distance;
 use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
 use super::network::{Graph, Grown};
 use super::options::GasOptions;
+use crate::contract::SurfaceModel;
 use crate::error::{Error, Result};
-use crate::report::Report;
+use crate::report::{AttributeFigures, Report};
+use crate::scalar::ScalarScale;
 use crate::stages::Stages;
 
 /// Rounds the positions of a grown network, and describes its neurons by the points of `observed`, as the last of
@@ -45,16 +47,30 @@ pub(super) fn finish(
     report.iterations = grown.signals as usize;
     report.objectives.push(("mean distance of signals".into(), grown.trace));
     report.stop_reason = grown.stop_reason;
+    let intensities = statistics.intensities.as_ref().map(|values| {
+        let values = values.iter().map(|&v| f64::from(v));
+        ScalarScale::of("intensities", values, options.attribute_step)
+    });
     let header = GasHeader {
         n_points,
         origin,
         exponent,
         color_step: statistics.colors.is_some().then_some(options.color_step),
+        intensity: intensities.transpose()?,
         mean_error: statistics.mean_distance,
         n_neurons: positions.len() as u64,
         n_edges: edges.len() as u64,
     };
-    GasModel::new(header, &rounded, &edges, &statistics, report)
+    let mut model = GasModel::new(header, &rounded, &edges, &statistics, report)?;
+    let names =
+        [model.has_color().then_some("colors"), model.has_intensity().then_some("intensities")];
+    // Colours and intensities are the last two streams.
+    let bytes = model.price();
+    let attributes = names.into_iter().zip(&bytes[bytes.len() - 2..]);
+    model.report_mut().attributes = attributes
+        .filter_map(|(name, &bytes)| Some(AttributeFigures::of_bytes(name?, bytes)))
+        .collect();
+    Ok(model)
 }
 
 /// The position step as a power of two: the largest that is no larger than `position_step`, or, without one, no larger

@@ -19,7 +19,7 @@ use crate::stages::Stages;
 pub(super) const STAGES: &[(&str, f32)] = &[("growing", 90.0), ("describing neurons", 10.0)];
 
 /// What a gas keeps beyond positions.
-pub(super) const KEPT: [&str; 2] = ["colors", "normals"];
+pub(super) const KEPT: [&str; 3] = ["colors", "intensities", "normals"];
 
 /// Learns a gas from a cloud.
 ///
@@ -48,10 +48,11 @@ pub fn learn(
     let grown = stages.run("growing", |progress| {
         grow(&start, signals, options, stop(options, positions.len()), progress)
     })?;
-    // Colours, normals and sizes of the neurons, and everything rounded.
+    // Colours, intensities, normals and sizes of the neurons, and everything rounded.
     let observed = Observed {
         points: &positions,
         colors: cloud.colors(),
+        intensities: cloud.intensities(),
         facing: cloud.facing(),
         weight: 1.0,
     };

@@ -4,12 +4,12 @@ use rayon::prelude::*;
 use surfabet_entropy::Price;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
-use super::axes::Orientation;
-use super::choice::Choice;
-use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::attributes::cells::attribute_cells;
 use super::attributes::chosen::{Chosen, Fields};
 use super::attributes::targets::Targets;
+use super::axes::Orientation;
+use super::choice::Choice;
+use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::constants::{AXES_CELL, EXTRA_CELL, SAMPLE_SIZE};
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square, extra_key};
 use super::options::PatchesOptions;

@@ -36,11 +36,11 @@ mod samples;
 mod sheets;
 mod surface;
 
-pub use axes::Orientation;
 pub use attributes::color::ColorSteps;
 pub use attributes::{
     AttributeContent, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS, MAX_NAME,
 };
+pub use axes::Orientation;
 pub use learn::learn;
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, PATCH_PIXELS, PatchModel, PatchesHeader,

@@ -2,12 +2,12 @@
 
 use surfabet_entropy::Coder;
 
-use super::axes::Orientation;
-use super::coding::points::{PointModels, code_points};
-use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::attributes::cells::{attribute_cells, cell_key, cell_of_key};
 use super::attributes::color::{ColorField, ColorSteps};
 use super::attributes::{AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, check};
+use super::axes::Orientation;
+use super::coding::points::{PointModels, code_points};
+use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::surface::basis::N_SHAPES;
 use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};

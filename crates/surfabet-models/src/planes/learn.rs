@@ -7,9 +7,10 @@ use super::fit::{Fit, Iteration};
 use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::points::Points;
+use crate::contract::SurfaceModel;
 use crate::error::Result;
 use crate::options::Options;
-use crate::report::{Report, figures, lost};
+use crate::report::{AttributeFigures, Report, figures, lost};
 use crate::stages::Stages;
 
 /// The stages and their shares of the progress: the time of each in per cent, on scans of a room and of a street.
@@ -21,7 +22,7 @@ const STAGES: &[(&str, f32)] = &[
 ];
 
 /// What the file keeps of a cloud beyond positions.
-const KEPT: [&str; 2] = ["colors", "normals"];
+const KEPT: [&str; 3] = ["colors", "intensities", "normals"];
 
 /// The report of [`learn`].
 pub type PlanesReport = Report<Option<PlanesFigures>>;
@@ -68,10 +69,9 @@ pub fn learn(
     let first_patches = fit.patches().len();
     // EMPF, split, EMPF and merge in turn, until distances are stable (II-B).
     let trace = stages.run("fitting", |progress| fit.run(progress))?;
-    // The integers of the file; labels of the points and colours of the tiles (III).
-    let model = stages.run("rounding patches", |progress| {
-        rounded(cloud, &points, &fit, options.color_step, progress)
-    })?;
+    // The integers of the file; labels of the points, colours and intensities of the tiles (III).
+    let model = stages
+        .run("rounding patches", |progress| rounded(cloud, &points, &fit, options, progress))?;
     let figures = PlanesFigures {
         points: cloud.len(),
         distinct_points: points.len(),
@@ -80,6 +80,11 @@ pub fn learn(
         grid_size: fit.grid_size(),
         outliers: model.header().n_outliers,
     };
+    let names =
+        [model.has_color().then_some("colors"), model.has_intensity().then_some("intensities")];
+    // Colours and intensities are the last two streams.
+    let bytes = model.price();
+    let attributes = names.into_iter().zip(&bytes[bytes.len() - 2..]);
     let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
     Ok(model.with_report(PlanesReport {
         stages: stages.finish(),
@@ -92,6 +97,9 @@ pub fn learn(
         ],
         iterations: trace.iterations.len(),
         stop_reason: trace.stop_reason,
+        attributes: attributes
+            .filter_map(|(name, &bytes)| Some(AttributeFigures::of_bytes(name?, bytes)))
+            .collect(),
         not_kept: lost(cloud, &KEPT),
         ..Report::default()
     }))

@@ -47,6 +47,8 @@ options! {
         max_bend: f64 = 1.55, range = Range::at_least(1.0);
         /// Rounding of the colours of tiles.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels";
+        /// Rounding of the mean intensities of tiles, as a share of their standard deviation.
+        attribute_step: f64 = 0.125, range = Range::from_to(0.001, 100.0), unit = "standard deviations";
         /// Seed of the patches that are placed at random.
         random_state: u64 = 0, range = Range::SEED;
     }

@@ -1,7 +1,5 @@
 //! Which attributes of a cloud are kept, and what each is stored as.
 
-use std::collections::BTreeSet;
-
 use surfabet_entropy::Price;
 use surfabet_geom::{Column, Dtype, PointCloud};
 
@@ -14,10 +12,6 @@ use crate::error::{Error, Result};
 use crate::patches::options::PatchesOptions;
 use crate::report::AttributeFigures;
 use crate::scalar::ScalarScale;
-
-/// Most different values of an integer attribute that is taken for labels; one with more is a scalar. The classes of LAS
-/// up to its version 1.3 are 32.
-const MOST_LABELS: usize = 32;
 
 /// Name of the colours of a cloud among its attributes.
 const COLORS: &str = "colors";
@@ -178,7 +172,7 @@ impl Source<'_> {
     fn dtype(&self) -> Dtype {
         match self.values {
             SourceValues::Intensities(_) => Dtype::F32,
-            SourceValues::Column(column) => column.dtype(),
+            SourceValues::Column(column) => column.typed(),
         }
     }
 
@@ -192,15 +186,10 @@ impl Source<'_> {
 
     /// The different labels, growing, of an attribute of integers that are few.
     fn labels(&self) -> Option<Vec<i64>> {
-        let SourceValues::Column(column) = self.values else { return None };
-        let mut found = BTreeSet::new();
-        for i in 0..column.len() {
-            found.insert(column.integer(i)?);
-            if found.len() > MOST_LABELS {
-                return None;
-            }
+        match self.values {
+            SourceValues::Intensities(_) => None,
+            SourceValues::Column(column) => column.labels(),
         }
-        Some(found.into_iter().collect())
     }
 
     /// The field of the attribute: of labels where there are few, else of a scalar.

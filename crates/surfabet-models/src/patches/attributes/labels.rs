@@ -218,8 +218,7 @@ mod tests {
     #[test]
     fn areas_take_hardly_more_than_their_borders() {
         // A square of 64 x 64 cells in two halves.
-        let mut cells: Vec<u64> =
-            (0..4096).map(|i| cell_key([i % 64, i / 64, 0])).collect();
+        let mut cells: Vec<u64> = (0..4096).map(|i| cell_key([i % 64, i / 64, 0])).collect();
         cells.sort_unstable();
         let label = |key: &u64| u8::from(surfabet_geom::cells::of_key(*key)[0] >= 32);
         let halves: Vec<u8> = cells.iter().map(label).collect();

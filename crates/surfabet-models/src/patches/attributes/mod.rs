@@ -33,8 +33,8 @@ use surfabet_entropy::Coder;
 use surfabet_geom::Dtype;
 
 use crate::scalar::ScalarScale;
-pub use labels::MAX_LABELS;
 use labels::LabelField;
+pub use labels::MAX_LABELS;
 use scalar::ScalarField;
 
 /// Most attributes beside colour.
@@ -77,10 +77,9 @@ impl AttributeHeader {
     pub(in crate::patches) fn in_words(&self) -> String {
         let dtype = self.dtype.name();
         match &self.content {
-            AttributeContent::Scalar(scale) => format!(
-                "{dtype}, {} to {} in steps of {:.4e}",
-                scale.low, scale.high, scale.step
-            ),
+            AttributeContent::Scalar(scale) => {
+                format!("{dtype}, {} to {} in steps of {:.4e}", scale.low, scale.high, scale.step)
+            }
             AttributeContent::Labels(values) => format!("{dtype}, {} labels", values.len()),
         }
     }

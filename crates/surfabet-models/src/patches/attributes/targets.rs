@@ -27,10 +27,7 @@ impl<'a> Targets<'a> {
     /// Mean over the samples of each cell, of the weighted means of `value` over their points. Points whose value is not
     /// finite are left out; cells without samples take the mean of those around, so that what was filled between samples
     /// has their values.
-    pub fn means<const N: usize>(
-        &self,
-        value: impl Fn(usize) -> [f64; N] + Sync,
-    ) -> Vec<[f32; N]> {
+    pub fn means<const N: usize>(&self, value: impl Fn(usize) -> [f64; N] + Sync) -> Vec<[f32; N]> {
         let means = self.samples.means(value);
         let mut sums = vec![([0.0_f32; N], 0.0_f32); self.cells.len()];
         for (owner, mean) in self.owners.iter().zip(&means) {

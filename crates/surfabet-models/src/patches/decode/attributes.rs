@@ -64,8 +64,8 @@ impl Weighted {
 /// All attributes of some points.
 struct Block {
     colors: Vec<[u8; 3]>,
-    /// Of each attribute beside colour, as numbers: labels are exact in double precision up to 2^53.
-    others: Vec<Vec<f64>>,
+    /// Those beside colour.
+    others: Vec<Column>,
 }
 
 impl<'a> Sampler<'a> {
@@ -95,11 +95,15 @@ impl<'a> Sampler<'a> {
             ..CloudParts::default()
         };
         for (i, field) in others.iter().enumerate() {
-            let sampled = blocks.iter().map(|block| &block.others[i]);
-            if field.name == INTENSITIES {
-                parts.intensities = Some(numbers(field, sampled).map(|v| v as f32).collect());
-            } else {
-                parts.extra.push((field.name.clone(), column(field, sampled)));
+            let mut whole = field.column(&[]);
+            for block in &blocks {
+                whole.append(&block.others[i]);
+            }
+            match whole {
+                Column::F32(values) if field.name == INTENSITIES => {
+                    parts.intensities = Some(values)
+                }
+                column => parts.extra.push((field.name.clone(), column)),
             }
         }
         Ok(parts)
@@ -113,17 +117,7 @@ impl<'a> Sampler<'a> {
             let color = |cell: usize| field.colors[cell].map(f32::from);
             around.iter().map(|w| w.mean(color).map(|c| c.round() as u8)).collect()
         });
-        let sampled = |field: &AttributeField| match &field.values {
-            Values::Scalar(scalar) => {
-                let value = |w: &Weighted| w.mean(|cell| [scalar.values[cell]])[0];
-                Sampled::Scalar(around.iter().map(value).collect())
-            }
-            Values::Labels(labels) => {
-                let label = |w: &Weighted| w.heaviest().map_or(0, |cell| labels.labels[cell]);
-                Sampled::Labels(around.iter().map(label).collect())
-            }
-        };
-        Block { colors, others: others.iter().map(sampled).collect() }
+        Block { colors, others: others.iter().map(|field| field.column(&around)).collect() }
     }
 
     /// The cells around a position (pixels): of the eight between whose middles it is those that there are; without any the
@@ -160,21 +154,52 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// The values of a scalar as numbers; labels as such.
-fn numbers<'a>(
-    field: &'a AttributeField,
-    blocks: impl Iterator<Item = &'a Sampled>,
-) -> impl Iterator<Item = f64> {
-    blocks.flat_map(move |block| -> Box<dyn Iterator<Item = f64> + 'a> {
-        match (block, &field.values) {
-            (Sampled::Scalar(steps), Values::Scalar(scalar)) => {
-                Box::new(steps.iter().map(|&q| scalar.scale.value(f64::from(q))))
+impl AttributeField {
+    /// The values around some positions.
+    fn column(&self, around: &[Weighted]) -> Column {
+        match &self.values {
+            Values::Scalar(field) => {
+                let steps = |w: &Weighted| w.mean(|cell| [field.values[cell]])[0];
+                let values = around.iter().map(|w| field.scale.value(f64::from(steps(w))));
+                self.dtype.column_of_numbers(values)
             }
-            (Sampled::Labels(numbers), Values::Labels(labels)) => {
-                Box::new(numbers.iter().map(|&k| labels.values[usize::from(k)] as f64))
+            Values::Labels(field) => {
+                let number = |w: &Weighted| w.heaviest().map_or(0, |cell| field.labels[cell]);
+                let values = around.iter().map(|w| field.values[usize::from(number(w))]);
+                self.dtype.column_of_integers(values)
             }
-            // Blocks are of the field.
-            _ => Box::new(std::iter::empty()),
         }
-    })
+    }
+}
+
+/// No cell at a corner.
+const NO_CELL: u32 = u32::MAX;
+
+/// A cache of the cells at the corners of the cubes between cell middles.
+struct CornerCache {
+    slots: Vec<(u64, [u32; 8])>,
+}
+
+impl CornerCache {
+    /// Slots; a patch passes through a few hundred cubes.
+    const SIZE: usize = 1 << 10;
+
+    fn new() -> Self {
+        // No key has its highest bit set.
+        Self { slots: vec![(u64::MAX, [NO_CELL; 8]); Self::SIZE] }
+    }
+
+    /// Numbers of the cell `low` and its seven successors; [`NO_CELL`] for those that there are not.
+    fn around(&mut self, low: u64, places: &MortonMap<u32>) -> &[u32; 8] {
+        let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
+        if slot.0 != low {
+            let corner = |corner: usize| {
+                let along = (0..3).filter(|a| corner >> a & 1 != 0);
+                let key = along.fold(low, |key, axis| step(key, axis, true));
+                places.get(&key).copied().unwrap_or(NO_CELL)
+            };
+            *slot = (low, std::array::from_fn(corner));
+        }
+        &slot.1
+    }
 }

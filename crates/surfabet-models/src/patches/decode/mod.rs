@@ -175,13 +175,7 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    fn sample(
-        &self,
-        leaf: &Leaf,
-        grid: &Grid,
-        [column, row]: [usize; 2],
-        points: &mut Points,
-    ) {
+    fn sample(&self, leaf: &Leaf, grid: &Grid, [column, row]: [usize; 2], points: &mut Points) {
         let [d, u, v] = axes_of(leaf.side);
         let step = self.model.lattice().depth_step as f32 / 16.0;
         let (x, y) = (&grid.values[column], &grid.values[row]);

@@ -116,9 +116,5 @@ fn merge_cell(
         (0..3).for_each(|a| view[a] += weight * f64::from(direction[a]));
     }
     let mean = |sum: [f64; 3]| sum.map(|s| (s / weights) as f32);
-    Sample {
-        position: mean(position),
-        weight: weights as f32,
-        view: rotate(rows, mean(view)),
-    }
+    Sample { position: mean(position), weight: weights as f32, view: rotate(rows, mean(view)) }
 }
