@@ -37,7 +37,7 @@ from surfabet.geometry import (
 )
 from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, learn_hscsm
 from surfabet.io import read, write
-from surfabet.learning import LearningReport
+from surfabet.learning import AttributeFigures, LearningReport
 from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
 from surfabet.planes import (
@@ -53,6 +53,8 @@ from surfabet.planes import (
 __all__ = [
     "Alphabet",
     "AlphabetModel",
+    "AttributeErrors",
+    "AttributeFigures",
     "BicAlphabet",
     "BicAlphabetModel",
     "DroppedPointsWarning",
