@@ -77,6 +77,7 @@ class GasModel(Model[_core.GasModel]):
         max_age: int = 50,
         target_error: float | None = None,
         color_step: int = 8,
+        attribute_step: float = 0.125,
         search: Literal["indexed", "brute-force"] = "indexed",
         random_state: int = 0,
         progress: Progress = None,
@@ -120,6 +121,9 @@ class GasModel(Model[_core.GasModel]):
             its neurons.
         color_step
             Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
+        attribute_step
+            Rounding of the mean intensities of neurons, as a share of their standard deviation. A
+            number from 0.001 to 100 standard deviations; by default 0.125.
         search
             How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
             'brute-force'; by default indexed.
@@ -142,6 +146,7 @@ class GasModel(Model[_core.GasModel]):
             "max_age": max_age,
             "target_error": target_error,
             "color_step": color_step,
+            "attribute_step": attribute_step,
             "search": search,
             "random_state": random_state,
         }
@@ -220,6 +225,7 @@ def learn_gas(
     passes: float | None = None,
     position_step: float | None = None,
     color_step: int = 8,
+    attribute_step: float = 0.125,
     search: Literal["indexed", "brute-force"] = "indexed",
     random_state: int = 0,
     progress: Progress = None,
@@ -267,6 +273,9 @@ def learn_gas(
         default a sixteenth of the mean edge.
     color_step
         Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
+    attribute_step
+        Rounding of the mean intensities of neurons, as a share of their standard deviation. A
+        number from 0.001 to 100 standard deviations; by default 0.125.
     search
         How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
         'brute-force'; by default indexed.
@@ -300,6 +309,7 @@ def learn_gas(
         "passes": passes,
         "position_step": position_step,
         "color_step": color_step,
+        "attribute_step": attribute_step,
         "search": search,
         "random_state": random_state,
     }

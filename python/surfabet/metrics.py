@@ -108,8 +108,8 @@ class Quality:
     outliers: float | None
     """Share of the decoded points without a reference point within sigma."""
     attributes: dict[str, AttributeErrors] = field(default_factory=dict)
-    """Errors by name of intensities and further attributes that both clouds have. Pairs with a value
-    that is not finite are left out."""
+    """Errors by name of intensities and further attributes that both clouds have. Pairs with a
+    value that is not finite are left out."""
     bytes: int | None = None
     """Size of the file that was decoded."""
 

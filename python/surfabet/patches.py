@@ -150,6 +150,9 @@ def learn_patches(
     color_step: int = 90,
     chroma_ratio: float = 1.5,
     color_rate: float = 0.15,
+    attributes: Sequence[str] | None = None,
+    attribute_step: float = 0.5,
+    attribute_rate: float = 0.15,
     sensor: Literal["structured-light", "constant"] = "structured-light",
     progress: Progress = None,
 ) -> PatchModel:
@@ -190,6 +193,18 @@ def learn_patches(
     color_rate
         Squared error that a bit of colour must save. A positive number of squared colour steps; by
         default 0.15.
+    attributes
+        Attributes to keep, by name: 'colors', 'intensities', or any that the cloud has beside them.
+        Integers of at most 32 different values are labels: each cell has the most frequent. All
+        others are scalars, which are averaged. A sequence of names; by default colours and
+        intensities, where the cloud has them.
+    attribute_step
+        Rounding of intensities and other scalars of a single cell, as a share of their standard
+        deviation. Means over n cells are rounded about sqrt(n) times finer; larger makes smaller
+        files. A number from 0.001 to 100 standard deviations; by default 0.5.
+    attribute_rate
+        Squared error that a bit of a scalar must save. A positive number of squared steps; by
+        default 0.15.
     sensor
         How the error of a range measurement grows with the range. 'structured-light' is with its
         square, as for Kinects. Without ranges all points weigh the same. 'structured-light' or
@@ -228,6 +243,9 @@ def learn_patches(
         "color_step": color_step,
         "chroma_ratio": chroma_ratio,
         "color_rate": color_rate,
+        "attributes": attributes,
+        "attribute_step": attribute_step,
+        "attribute_rate": attribute_rate,
         "sensor": sensor,
     }
     with progress_callback(progress) as callback:

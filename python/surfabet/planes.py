@@ -59,7 +59,8 @@ class Planes:
     colors: list[NDArray[np.uint8]] | None
     """For each patch the mean colours of its supported tiles, (k, 3), row by row; None without."""
     intensities: list[NDArray[np.float32]] | None
-    """For each patch the mean intensities of its supported tiles, (k,), row by row; None without."""
+    """For each patch the mean intensities of its supported tiles, (k,), row by row; None
+    without."""
     planar: NDArray[np.bool_]
     """Whether the points are as near to the plane as the grid size lets expect, (n,): a standard
     deviation of half the grid size at most."""
@@ -253,6 +254,7 @@ def learn_planes(
     min_fill: float = 0.6,
     max_bend: float = 1.55,
     color_step: int = 8,
+    attribute_step: float = 0.125,
     random_state: int = 0,
     weights: ArrayLike | None = None,
     progress: Progress = None,
@@ -312,6 +314,9 @@ def learn_planes(
         are kept. A number of at least 1; by default 1.55.
     color_step
         Rounding of the colours of tiles. An integer from 1 to 64 grey levels; by default 8.
+    attribute_step
+        Rounding of the mean intensities of tiles, as a share of their standard deviation. A number
+        from 0.001 to 100 standard deviations; by default 0.125.
     random_state
         Seed of the patches that are placed at random. An integer from 0 to below 2^64; by default
         0.
@@ -349,6 +354,7 @@ def learn_planes(
         "min_fill": min_fill,
         "max_bend": max_bend,
         "color_step": color_step,
+        "attribute_step": attribute_step,
         "random_state": random_state,
     }
     with progress_callback(progress) as callback:

@@ -59,7 +59,7 @@ fn patches_road(criterion: &mut Criterion) {
         b.iter(|| patches::learn(black_box(&cloud), &options, &Silent));
     });
     let stages =
-        ["finding axes", "merging points", "growing sheets", "choosing patches", "colouring"];
+        ["finding axes", "merging points", "growing sheets", "choosing patches", "adding attributes"];
     bench_stages(&mut group, &stages, || {
         let model = patches::learn(black_box(&cloud), &options, &Silent);
         model.expect("a cloud with points").report().stages.clone()
