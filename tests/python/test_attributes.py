@@ -94,7 +94,7 @@ def test_the_default_keeps_colours_and_intensities(cloud) -> None:
     assert model.report.not_kept == NAMES[1:]
     bare = sb.learn_patches(cloud, resolution=0.05, attributes=())
     assert bare.attributes == ()
-    assert bare.decode().attributes == ()
+    assert bare.decode().attributes == []
     plain = sb.learn_patches(sb.PointCloud(cloud.points), resolution=0.05)
     assert bare.to_bytes() == plain.to_bytes()
 
@@ -127,17 +127,18 @@ def test_wrong_names_are_refused(cloud) -> None:
 
 
 def test_points_beside_the_patches_have_attributes_and_a_normal(cloud) -> None:
-    stray = np.array([[1.0, 1.5, 0.3]])
+    # Too near to the surface to be worth a patch of its own, too far for the bound.
+    stray = np.array([[1.0, 1.5, 0.08]])
     parts = sb.PointCloud(
         np.concatenate([cloud.points, stray]),
         extra={"classification": np.append(cloud["classification"], np.uint8(18))},
         viewpoints=[[1.0, 1.0, 5.0]],
         viewpoint_index=np.zeros(len(cloud) + 1, np.uint32),
     )
-    model = sb.learn_patches(parts, resolution=0.02, max_error=0.05, attributes=["classification"])
+    model = sb.learn_patches(parts, resolution=0.02, max_error=0.04, attributes=["classification"])
     assert model.n_extra_points == 1
     decoded = model.decode(normals=True)
-    assert np.linalg.norm(decoded.points[-1] - stray) < 0.05
+    assert np.linalg.norm(decoded.points[-1] - stray) < 0.04
     np.testing.assert_allclose(decoded.normals[-1], [0, 0, 1], atol=0.1)
     assert decoded["classification"][-1] == 6
 
