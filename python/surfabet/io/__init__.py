@@ -53,6 +53,15 @@ _FORMATS = (
 )
 
 
+# Files as they are packed for transport, which tools unpack silently or under the old name.
+_PACKED = {
+    b"\x1f\x8b": ("gzip", "as with gunzip"),
+    b"BZh": ("bzip2", "as with bunzip2"),
+    b"\xfd7zXZ\x00": ("xz", "as with unxz"),
+    b"\x28\xb5\x2f\xfd": ("zstd", "as with unzstd"),
+}
+
+
 def formats() -> tuple[Format, ...]:
     """The known formats."""
     return _FORMATS
@@ -85,6 +94,9 @@ def _detect(path: Path) -> Format:
         start = file.read(16)
     if not start:
         raise format_error(path, "the file is empty", byte=0)
+    for magic, (kind, remedy) in _PACKED.items():
+        if start.startswith(magic):
+            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
     named = next((f for f in _FORMATS if path.suffix.lower() in f.suffixes), None)
     marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
     if named is None and marked is None:
