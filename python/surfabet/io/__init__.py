@@ -16,6 +16,7 @@ from surfabet.io.e57 import read_e57, write_e57
 from surfabet.io.kitti import read_kitti
 from surfabet.io.las import read_las, write_las
 from surfabet.io.npz import read_npy, read_npz, write_npz
+from surfabet.io.obj import read_obj
 from surfabet.io.pcd import read_pcd, write_pcd
 from surfabet.io.ply import read_ply, write_ply
 from surfabet.io.rgbd import is_rgbd, read_rgbd
@@ -48,6 +49,7 @@ _FORMATS = (
     Format("npz", (".npz",), (b"PK\x03\x04",), read_npz, write_npz),
     Format("npy", (".npy",), (b"\x93NUMPY",), read_npy, None),
     Format("xyz", (".xyz", ".txt", ".asc", ".csv"), (), read_text, write_text),
+    Format("obj", (".obj",), (), read_obj, None),
     Format("kitti", (".bin",), (), read_kitti, None),
     Format("rgbd", (), (), read_rgbd, None),
 )
@@ -94,9 +96,6 @@ def _detect(path: Path) -> Format:
         start = file.read(16)
     if not start:
         raise format_error(path, "the file is empty", byte=0)
-    for magic, (kind, remedy) in _PACKED.items():
-        if start.startswith(magic):
-            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
     named = next((f for f in _FORMATS if path.suffix.lower() in f.suffixes), None)
     marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
     if named is None and marked is None:
@@ -116,6 +115,15 @@ def _detect(path: Path) -> Format:
             byte=0,
         )
     return named
+
+
+def _check_unpacked(path: Path) -> None:
+    """Refuses a file that is packed for transport, whatever its name says."""
+    with path.open("rb") as file:
+        start = file.read(16)
+    for magic, (kind, remedy) in _PACKED.items():
+        if start.startswith(magic):
+            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
 
 
 def _check_options(function: Callable[..., Any], name: str, options: dict[str, Any]) -> None:
@@ -178,6 +186,8 @@ def read(
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"there is no file {path}")
+    if path.is_file():
+        _check_unpacked(path)
     chosen = _detect(path) if format is None else _named(format)
     if chosen.reader is None:
         raise InvalidInputError(f"surfabet writes {chosen.name} files, but does not read them")

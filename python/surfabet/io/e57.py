@@ -168,7 +168,7 @@ def _read_fields(
         return {name: np.empty(0, dtype) for name, dtype in types.items()}
     capacity = min(promised, _POINTS_AT_A_TIME)
     arrays = {
-        name: np.empty(capacity, np.int64 if dtype == np.int64 else np.float64)
+        name: np.empty(capacity, np.longlong if dtype == np.int64 else np.float64)
         for name, dtype in types.items()
     }
     buffers = libe57.VectorSourceDestBuffer()
@@ -550,7 +550,12 @@ class _Writer:
         scans.append(scan)
         n = len(columns[_CARTESIAN[0]])
         capacity = max(1, min(n, _POINTS_AT_A_TIME))
-        arrays = {name: np.empty(capacity, c.dtype) for name, c in columns.items()}
+        # Of integers of more than 16 bits the library takes C's `long long` as they are.
+        wide = (np.int32, np.uint32, np.int64, np.uint64)
+        arrays = {
+            name: np.empty(capacity, np.longlong if c.dtype in wide else c.dtype)
+            for name, c in columns.items()
+        }
         buffers = libe57.VectorSourceDestBuffer()
         for name, array in arrays.items():
             buffers.append(libe57.SourceDestBuffer(self.image, name, array, capacity, True, True))
@@ -604,8 +609,7 @@ def _columns(
         columns |= {name: normals[which, a] for a, name in enumerate(_NORMALS)}
     extra = cloud.extra
     for name, field in names.items():
-        column = extra[name][which]
-        columns[field] = column.astype(np.int64) if column.dtype == np.uint64 else column
+        columns[field] = extra[name][which]
     return columns
 
 

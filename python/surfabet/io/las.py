@@ -35,6 +35,8 @@ _LARGEST_INTENSITY = 65_535
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 _RANGE = "Range"
 _COLORS = ("red", "green", "blue")
+# How the standard has colours of 8 bits in fields of 16.
+_COLOR_STEP = 256
 _WAVEFORM = (
     "wavepacket_index",
     "wavepacket_offset",
@@ -461,7 +463,9 @@ def _points(path: Path, laspy: Any, header: Any, cloud: PointCloud, fields: _Fie
     if (intensities := cloud.intensities) is not None:
         standard["intensity"] = _stored_intensities(path, intensities)
     if (colors := cloud.colors) is not None:
-        standard |= {name: colors[:, a].astype(np.uint16) * 257 for a, name in enumerate(_COLORS)}
+        standard |= {
+            name: colors[:, a].astype(np.uint16) * _COLOR_STEP for a, name in enumerate(_COLORS)
+        }
     for name, column in standard.items():
         dtype = np.dtype(header.point_format.dimension_by_name(name).dtype or np.uint8)
         points[name] = column.astype(dtype)
@@ -478,7 +482,7 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
     path
         The file, replaced in one piece.
     cloud
-        What to write. Offsets are the cloud's origin. Colours are stretched to 16 bits (times 257),
+        What to write. Offsets are the cloud's origin. Colours are stretched to 16 bits (times 256),
         normals and ranges are float32 extra dimensions (NormalX, NormalY, NormalZ, Range).
         Intensities that are not integers from 0 to 65535 are stretched to these, with a warning.
         Extra columns with the name of a standard dimension that holds their values become it, all
