@@ -11,6 +11,7 @@ from surfabet._progress import ProgressCallback
 
 __version__: str
 LARGEST_UNSHIFTED: float
+RESERVED_NAMES: list[str]
 
 def set_num_threads(n_threads: int | None) -> None: ...
 def get_num_threads() -> int: ...

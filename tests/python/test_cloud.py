@@ -195,9 +195,7 @@ def test_extra_columns_follow_their_points() -> None:
         ([1, 2, 3], TypeError, "extra"),
     ],
 )
-def test_wrong_extra_columns_are_named(
-    extra: object, error: type[Exception], message: str
-) -> None:
+def test_wrong_extra_columns_are_named(extra: object, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         sb.PointCloud(POINTS, extra=extra)
 

@@ -1,5 +1,7 @@
 //! Columns of one number per point, of any type: the attributes of a cloud that have only a name.
 
+use std::collections::HashSet;
+
 use crate::error::{Error, Result};
 
 /// Names of what every cloud has or may have beside its named columns; no named column can be called so.
@@ -162,9 +164,9 @@ pub type Extra = Vec<(String, Column)>;
 
 /// Refuses named columns that are not as long as the cloud, or whose names are empty, given twice or taken.
 pub(crate) fn check(extra: &[(String, Column)], n_points: usize) -> Result<()> {
-    for (i, (name, column)) in extra.iter().enumerate() {
-        let taken = RESERVED_NAMES.contains(&name.as_str());
-        if name.is_empty() || taken || extra[..i].iter().any(|(other, _)| other == name) {
+    let mut taken: HashSet<&str> = RESERVED_NAMES.into_iter().collect();
+    for (name, column) in extra {
+        if name.is_empty() || !taken.insert(name) {
             let requirement = format!(
                 "a name that is not empty, given once, and none of {}",
                 RESERVED_NAMES.join(", ")
