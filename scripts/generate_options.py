@@ -24,6 +24,7 @@ from surfabet import _core
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "python" / "surfabet"
 CLI = PACKAGE / "cli" / "_learn_options.py"
+CLI_FIND = PACKAGE / "cli" / "_find_options.py"
 WIDTH = 100
 
 
@@ -97,7 +98,7 @@ class Method:
     another_scene: str | None = None
     """The method in Python that describes, or takes in, another scene."""
     extra: tuple[str, ...] = ()
-    """Keywords in Python that are no options."""
+    """Keywords in Python that are no options; they come before these."""
 
     @property
     def module(self) -> str:
@@ -118,6 +119,10 @@ METHODS = (
     Method("planes", extra=("weights",)),
     Method("gas", another_scene="GasModel.update"),
 )
+
+
+FIND = "AlphabetModel.find"
+"""The search in Python, which has a record of its own."""
 
 
 def quoted(text: str) -> str:
@@ -214,27 +219,35 @@ def with_options(source: str, path: str, options: list[Option], extra: tuple[str
     docstring = lines[text.lineno - 1 : text.end_lineno]
     start, end, entries = parameters(docstring, indent)
     positional = [a.arg for a in function.args.args if a.arg != "self"]
-    new = [line for name in positional for line in entries[name]]
+    new = [line for name in (*positional, *extra) for line in entries[name]]
     new += [line for option in options for line in described(option, indent)]
-    new += [line for name in (*extra, "progress") for line in entries[name]]
+    new += entries["progress"]
     docstring[start:end] = new
     lines[text.lineno - 1 : text.end_lineno] = docstring
 
     keywords = {a.arg: a for a in function.args.kwonlyargs}
     defaults = dict(zip(keywords, function.args.kw_defaults, strict=True))
-    new = [f"{o.name}: {o.annotation} = {o.default_in_code}," for o in options]
-    for name in (*extra, "progress"):
+
+    def as_it_was(name: str) -> str:
         annotation, default = keywords[name].annotation, defaults[name]
         assert annotation is not None
         assert default is not None
-        new.append(f"{name}: {ast.unparse(annotation)} = {ast.unparse(default)},")
+        return f"{name}: {ast.unparse(annotation)} = {ast.unparse(default)},"
+
+    new = [
+        *map(as_it_was, extra),
+        *(f"{o.name}: {o.annotation} = {o.default_in_code}," for o in options),
+        as_it_was("progress"),
+    ]
     first = min(a.lineno for a in keywords.values())
     last = max(a.lineno for a in keywords.values())
     lines[first - 1 : last] = [" " * indent + line for line in new]
     return "\n".join(lines) + "\n"
 
 
-def python_files(records: dict[str, list[Option]]) -> Iterator[tuple[Path, str]]:
+def python_files(
+    records: dict[str, list[Option]], search: list[Option]
+) -> Iterator[tuple[Path, str]]:
     """The file of each method, with its options."""
     for method in METHODS:
         path = PACKAGE / f"{method.module}.py"
@@ -243,6 +256,8 @@ def python_files(records: dict[str, list[Option]]) -> Iterator[tuple[Path, str]]
         if method.another_scene:
             again = [option for option in options if option.another_scene]
             source = with_options(source, method.another_scene, again, ())
+        if method.name == "alphabet":
+            source = with_options(source, FIND, search, ("point", "radius", "box"))
         yield path, source
 
 
@@ -326,7 +341,39 @@ def cli_file(records: dict[str, list[Option]]) -> str:
         lines.append("\n" + cli_field(name, annotation, of_group))
         text = f'"""{cli_help(models)}"""'
         lines.append("\n".join(filled(text, 4)) + "\n")
-    lines.append(CLI_TAIL)
+    lines.append(cli_tail("LEARN_OPTIONS", "LearnOptions", splits=True))
+    return "".join(lines)
+
+
+FIND_HEAD = '''"""Options of the verb `find`; written by scripts/generate_options.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
+
+__all__ = ["FIND_OPTIONS", "FindOptions"]
+
+SEARCH = Group("Options of the search", sort_key=1)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FindOptions:
+    """Options of the search; None leaves them to it."""
+'''
+
+
+def find_file(search: list[Option]) -> str:
+    """The options of the search as a dataclass."""
+    lines = [FIND_HEAD]
+    for option in search:
+        lines.append("\n" + cli_field(option.name, cli_annotation(option), "SEARCH"))
+        text = f'"""{cli_help({FIND: option})}"""'
+        lines.append("\n".join(filled(text, 4)) + "\n")
+    lines.append(cli_tail("FIND_OPTIONS", "FindOptions"))
     return "".join(lines)
 
 
@@ -347,17 +394,27 @@ def cli_field(name: str, annotation: str, of_group: str) -> str:
     return f"    {name}: Annotated[\n        {annotation}, {parameter}\n    ] = None\n"
 
 
-CLI_TAIL = '''
+def cli_tail(constant: str, of_class: str, splits: bool = False) -> str:
+    """What follows the fields of a dataclass, and the one without any option."""
+    of_all = "{name: value for name, value in vars(self).items() if value is not None}"
+    if splits:
+        summary = "The options that were given; names with commas between them as lists."
+        body = [
+            f"given = {of_all}",
+            "for name in NAMES.intersection(given):",
+            '    given[name] = [part.strip() for part in given[name].split(",") if part.strip()]',
+            "return given",
+        ]
+    else:
+        summary = "The options that were given."
+        body = [f"return {of_all}"]
+    text = "".join(f"        {line}\n" for line in [f'"""{summary}"""', *body])
+    return f"""
     def given(self) -> dict[str, Any]:
-        """The options that were given; names with commas between them as lists."""
-        given = {name: value for name, value in vars(self).items() if value is not None}
-        for name in NAMES.intersection(given):
-            given[name] = [part.strip() for part in given[name].split(",") if part.strip()]
-        return given
+{text}
 
-
-LEARN_OPTIONS = LearnOptions()
-'''
+{constant} = {of_class}()
+"""
 
 
 # ------------------------------------------------------------------------------------- guide
@@ -377,23 +434,29 @@ def table(options: Iterable[Option]) -> str:
     return "\n".join(rows)
 
 
-def guide_pages(records: dict[str, list[Option]]) -> Iterator[tuple[Path, str]]:
+def with_table(text: str, function: str, options: list[Option]) -> str:
+    """A guide page with the table of a function between its marks."""
+    new, n = re.subn(
+        rf"(<!-- options: {re.escape(function)} -->\n).*?(<!-- /options -->)",
+        lambda found: f"{found[1]}{table(options)}\n{found[2]}",
+        text,
+        flags=re.DOTALL,
+    )
+    if n != 1:
+        raise SystemExit(f"the guide needs one table between marks for {function}")
+    return new
+
+
+def guide_pages(
+    records: dict[str, list[Option]], search: list[Option]
+) -> Iterator[tuple[Path, str]]:
     """The guide page of each method, with its table."""
     for method in METHODS:
         path = ROOT / "docs" / f"{method.module}.md"
-        text = path.read_text()
-        marks = rf"(<!-- options: {method.function} -->\n).*?(<!-- /options -->)"
-        new, n = re.subn(
-            marks,
-            lambda found, method=method: (  # type: ignore[misc]
-                f"{found[1]}{table(records[method.name])}\n{found[2]}"
-            ),
-            text,
-            flags=re.DOTALL,
-        )
-        if n != 1:
-            raise SystemExit(f"{path}: needs one table between marks for {method.function}")
-        yield path, new
+        text = with_table(path.read_text(), method.function, records[method.name])
+        if method.name == "alphabet":
+            text = with_table(text, FIND, search)
+        yield path, text
 
 
 def main() -> int:
@@ -407,7 +470,13 @@ def main() -> int:
     }
     if list(records) != [method.name for method in METHODS]:
         raise SystemExit(f"METHODS here are not those of the binary: {', '.join(records)}")
-    files = [*python_files(records), (CLI, cli_file(records)), *guide_pages(records)]
+    search = [Option(**record) for record in _core.find_option_specs()]
+    files = [
+        *python_files(records, search),
+        (CLI, cli_file(records)),
+        (CLI_FIND, find_file(search)),
+        *guide_pages(records, search),
+    ]
     stale = [(path, text) for path, text in files if not path.exists() or path.read_text() != text]
     for path, text in stale:
         name = path.relative_to(ROOT)

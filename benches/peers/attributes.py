@@ -46,6 +46,8 @@ class Row:
     scan: str
     points: int
     attribute: str
+    deviation: float | None
+    """Standard deviation of a scalar."""
     tool: str
     bytes: float
     all_bytes: int
@@ -88,6 +90,12 @@ def values_of(cloud: sb.PointCloud, name: str) -> NDArray[Any]:
     return np.rint(scaled).astype(np.uint16)
 
 
+def deviation(scan: Scan, name: str) -> float | None:
+    """Standard deviation of an attribute; None for labels."""
+    values = scan.cloud[name]
+    return float(values.std()) if values.dtype.kind == "f" else None
+
+
 def told(error: sb.AttributeErrors) -> str:
     """An error in words."""
     if error.labels:
@@ -110,8 +118,8 @@ def surfabet_rows(scan: Scan, step: float) -> list[Row]:
     tool = f"surfabet, step {step:g}, rmse of positions {quality.rmse:.3g}"
     return [
         Row(
-            scan.name, len(scan.cloud), of.name, tool, of.bytes, len(data),
-            told(quality.attributes[of.name]),
+            scan.name, len(scan.cloud), of.name, deviation(scan, of.name), tool, of.bytes,
+            len(data), told(quality.attributes[of.name]),
         )
         for of in model.report.attributes
     ]  # fmt: skip
@@ -158,7 +166,8 @@ def peer_rows(scan: Scan) -> list[Row]:
         for name in scan.attributes:
             without = size(scan, {**values, name: np.zeros_like(values[name])})
             n = len(scan.cloud)
-            rows.append(Row(scan.name, n, name, tool, whole - without, whole, "none"))
+            spread = deviation(scan, name)
+            rows.append(Row(scan.name, n, name, spread, tool, whole - without, whole, "none"))
     return rows
 
 
@@ -177,9 +186,10 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|---|")
     for row in sorted(rows, key=lambda row: (row.scan, row.attribute)):
         bits = 8 * row.bytes / row.points
+        spread = "" if row.deviation is None else f" (deviation {row.deviation:.3g})"
         print(
-            f"| {row.scan} | {row.points:,} | {row.attribute} | {row.tool} | {row.bytes:,.0f} "
-            f"| {bits:.3f} | {row.error} | {row.all_bytes:,} |"
+            f"| {row.scan} | {row.points:,} | {row.attribute}{spread} | {row.tool} "
+            f"| {row.bytes:,.0f} | {bits:.3f} | {row.error} | {row.all_bytes:,} |"
         )
     if arguments.json:
         arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))

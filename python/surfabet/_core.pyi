@@ -387,6 +387,7 @@ def sparse_squared_errors(
 # Methods: a file each in crates/surfabet-py/src
 
 def option_specs() -> dict[str, list[dict[str, Any]]]: ...
+def find_option_specs() -> list[dict[str, Any]]: ...
 def check_options(method: str, options: Mapping[str, object]) -> None: ...
 def learn_hscsm(
     cloud: PointCloud,
@@ -610,11 +611,7 @@ def find_occurrences(
     *,
     ball: tuple[Sequence[float], float] | None,
     corners: tuple[Sequence[float], Sequence[float]],
-    min_score: float,
-    max_found: int,
-    resolution: float | None,
-    tolerance: float | None,
-    color_tolerance: float | None,
+    options: Mapping[str, object],
     progress: ProgressCallback | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float: ...

@@ -275,26 +275,29 @@ class AlphabetModel(Model[_core.AlphabetModel]):
 
         Parameters
         ----------
-        point, radius
-            Middle and radius of a ball around the example, metres.
+        point
+            Middle of a ball around the example, metres.
+        radius
+            Radius of the ball, metres.
         box
             Lowest and highest corner of an upright box around it, in place of a ball.
         min_score
-            Least score of what is returned. Things of one kind seen from different sides score
-            0.5 to 0.85 against each other; unlike things score up to 0.55 by shape alone, less with
-            colours.
+            Least score of what is found. Things of one kind seen from different sides score 0.5 to
+            0.85 against each other; unlike things score up to 0.55 by shape alone, less with
+            colours. A number from 0 to 1; by default 0.5.
         max_found
-            Most places.
+            Most places that are found. 0 or a positive integer; by default 1000.
         resolution
-            Spacing of the samples compared, metres; by default a 64th of the region's diagonal.
+            Spacing of the samples that are compared. A positive number of metres; by default a 64th
+            of the diagonal of the example's region.
         tolerance
-            Deviation of equal surfaces, metres; by default the median sigma of the example's
-            occurrences.
+            Standard deviation of equal surfaces. A positive number of metres; by default the median
+            sigma of the example's occurrences.
         color_tolerance
-            Deviation of equal colours in chroma, grey levels; luma, which changes with the light,
-            may differ three times as much. None goes by shape alone, as in a model without colours:
-            things of one shape are found in any colour, but not what lies flush with a wall, such
-            as a door.
+            Standard deviation of equal chromas; luma, which changes with the light, may differ
+            three times as much. A positive number of grey levels; by default 10. None: shape alone
+            counts, as in a model without colours: things of one shape are found in any colour, but
+            not what lies flush with a wall, such as a door.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -319,16 +322,19 @@ class AlphabetModel(Model[_core.AlphabetModel]):
             ball = (_triple("point", point), float(radius))
         else:
             raise InvalidInputError("give either point and radius, or box")
+        options = {
+            "min_score": min_score,
+            "max_found": max_found,
+            "resolution": resolution,
+            "tolerance": tolerance,
+            "color_tolerance": color_tolerance,
+        }
         with progress_callback(progress) as callback:
             poses, scores, centers = _core.find_occurrences(
                 self._core,
                 ball=ball,
                 corners=corners,
-                min_score=min_score,
-                max_found=max_found,
-                resolution=resolution,
-                tolerance=tolerance,
-                color_tolerance=color_tolerance,
+                options=options,
                 progress=callback,
             )
         return [

@@ -6,6 +6,7 @@ costs least, bits weighed against squared error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, final
 

@@ -240,6 +240,7 @@ def _means(colors: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 def learn_planes(
     cloud: PointCloud,
     *,
+    weights: ArrayLike | None = None,
     initial_patches: int = 0,
     min_grid_size: float | None = None,
     weight_at_grid_size: float = 0.01,
@@ -256,7 +257,6 @@ def learn_planes(
     color_step: int = 8,
     attribute_step: float = 0.125,
     random_state: int = 0,
-    weights: ArrayLike | None = None,
     progress: Progress = None,
 ) -> PlaneModel:
     """Learns planar patches: as many as the scan has, by EM with split and merge.
@@ -269,6 +269,8 @@ def learn_planes(
     ----------
     cloud
         The scan.
+    weights
+        By how much each point counts, (n,), not negative; one if None.
     initial_patches
         Number of patches to start from, placed at random. With 0 they are taken from the data:
         cells that are flat. An integer from 0 to 2^20; by default 0.
@@ -320,8 +322,6 @@ def learn_planes(
     random_state
         Seed of the patches that are placed at random. An integer from 0 to below 2^64; by default
         0.
-    weights
-        By how much each point counts, (n,), not negative; one if None.
     progress
         None, True for a bar on stderr, or a callable of stage and fraction.
 

@@ -270,8 +270,8 @@ def test_evaluate_takes_the_dictionary_that_a_model_needs(
     model = ["--model", "hscsm", "--resolution", "0.05"]
     assert main(["compress", str(ply), str(first), *model, *quiet]) == 0
     assert main(["compress", str(ply), str(second), *words, *quiet]) == 0
-    assert main(["evaluate", str(ply), str(second), "--json"]) == 1
-    assert "does not hold it" in capsys.readouterr().err
+    assert main(["evaluate", str(ply), str(second), "--json"]) == 2
+    assert "--vocabulary" in capsys.readouterr().err
     command = ["evaluate", str(ply), str(second), *words, "--json"]
     assert main(command) == 0
     assert parsed(capsys)["bytes"] == second.stat().st_size

@@ -8,7 +8,7 @@ use crate::entropy::Encoder;
 use crate::error::Result;
 use crate::hash::ContentHash;
 use crate::header::Fields;
-use crate::section::{Layout, Promise, StreamSection};
+use crate::section::{Layout, Promise, StreamSection, Vocabulary};
 
 /// Memory that an occurrence takes at most while it is read.
 const BYTES_PER_OCCURRENCE: u64 = 512;
@@ -98,15 +98,17 @@ impl Layout for AlphabetModel {
             Promise { stream: OCCURRENCES, what: "number of occurrences", count: occurrences },
         ]
     }
+}
 
+impl Vocabulary for Alphabet {
     /// Of radius, scales and number of words as in the header, and of the section of the words.
-    fn vocabulary_hash(alphabet: &Alphabet) -> ContentHash {
+    fn content_hash(&self) -> ContentHash {
         let mut out = ByteWriter::new();
-        out.f64(alphabet.radius());
-        out.varint(u64::from(alphabet.scales()));
-        out.varint(alphabet.words().len() as u64);
+        out.f64(self.radius());
+        out.varint(u64::from(self.scales()));
+        out.varint(self.words().len() as u64);
         let mut encoder = Encoder::new();
-        let Ok(_) = alphabet.code(&mut encoder, alphabet.words().len());
+        let Ok(_) = self.code(&mut encoder, self.words().len());
         out.bytes(&encoder.finish());
         ContentHash::of(&out.finish())
     }

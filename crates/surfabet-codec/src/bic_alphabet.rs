@@ -10,7 +10,7 @@ use crate::container::{Family, Features};
 use crate::error::Result;
 use crate::hash::ContentHash;
 use crate::header::Fields;
-use crate::section::{Layout, Promise, StreamSection};
+use crate::section::{Layout, Promise, StreamSection, Vocabulary};
 
 /// Memory that an occurrence takes while it is read.
 const BYTES_PER_OCCURRENCE: u64 = 64;
@@ -64,17 +64,19 @@ impl Layout for BicAlphabetModel {
             Promise { stream: POSES, what: "number of occurrences", count: occurrences },
         ]
     }
+}
 
+impl Vocabulary for BicAlphabet {
     /// Its content is written out in `docs/format.md`.
-    fn vocabulary_hash(alphabet: &BicAlphabet) -> ContentHash {
-        let BicShape { radius, descriptor_pixels, upright } = alphabet.shape();
+    fn content_hash(&self) -> ContentHash {
+        let BicShape { radius, descriptor_pixels, upright } = self.shape();
         let mut out = ByteWriter::new();
         out.f64(radius);
         out.varint(u64::from(descriptor_pixels));
         out.varint(u64::from(upright_number(upright)));
-        out.varint(alphabet.len() as u64);
+        out.varint(self.len() as u64);
         let byte = |v: &i8| v.to_le_bytes()[0];
-        for word in alphabet.words() {
+        for word in self.words() {
             out.varint(word.points.len() as u64);
             out.bytes(&word.points.as_flattened().iter().map(byte).collect::<Vec<u8>>());
             out.bytes(&word.descriptor.iter().map(byte).collect::<Vec<u8>>());

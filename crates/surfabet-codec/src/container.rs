@@ -336,6 +336,93 @@ pub struct Section<'a> {
     pub bytes: &'a [u8],
 }
 
+/// Refuses what does not begin as an `.sfb` file, and what is larger than the caller allows.
+fn check_start(file: &[u8], limits: &Limits) -> Result<()> {
+    let head = &file[..file.len().min(MAGIC.len())];
+    if head != MAGIC {
+        // A prefix of the magic is a file cut short rather than something else.
+        if !head.is_empty() && MAGIC.starts_with(head) {
+            let section = Tag::HEADER;
+            let (needed, available) = (MAGIC.len() as u64, head.len() as u64);
+            return Err(Error::Truncated { section, needed, available });
+        }
+        return Err(Error::NotSfb { found: head.to_vec() });
+    }
+    if file.len() as u64 > limits.max_bytes {
+        return Err(Error::TooLarge {
+            what: "length of the file in bytes",
+            value: file.len() as u64,
+            limit: limits.max_bytes,
+            remedy: "raise max_bytes if you trust the file",
+        });
+    }
+    Ok(())
+}
+
+/// A section as the table has it.
+struct Entry {
+    tag: Tag,
+    len: u64,
+    checksum: u32,
+}
+
+/// What stands before the sections.
+struct Header {
+    family: Family,
+    features: Features,
+    needed: Version,
+    table: Vec<Entry>,
+}
+
+impl Header {
+    /// Reads from the start of `file` and checks everything but the sections.
+    fn read(reader: &mut ByteReader<'_>, file: &[u8]) -> Result<Self> {
+        reader.bytes(MAGIC.len())?;
+        let version = reader.u8()?;
+        let needed = Version { major: reader.u8()?, minor: reader.u8()? };
+        if version != CONTAINER_VERSION {
+            return Err(Error::UnsupportedVersion {
+                found: version,
+                supported: CONTAINER_VERSION,
+                needed,
+            });
+        }
+        let family = reader.u8()?;
+        let features = Features(reader.varint()?);
+        let table = read_table(reader)?;
+        let table_end = reader.offset();
+        if crc32c::crc32c(&file[..table_end]) != reader.u32()? {
+            return Err(Error::ChecksumMismatch { section: Tag::HEADER });
+        }
+        if features.unknown_bits() != 0 {
+            return Err(Error::UnknownFeature { bits: features.unknown_bits(), needed });
+        }
+        let family =
+            Family::from_number(family).ok_or(Error::UnknownFamily { found: family, needed })?;
+        let tags: Vec<Tag> = table.iter().map(|entry| entry.tag).collect();
+        check_unique(&tags)?;
+        Ok(Self { family, features, needed, table })
+    }
+}
+
+/// The number of sections, and an entry for each.
+fn read_table(reader: &mut ByteReader<'_>) -> Result<Vec<Entry>> {
+    let count = reader.count("number of sections", MIN_ENTRY)?;
+    check_section_count(count as u64)?;
+    let mut table = Vec::with_capacity(count);
+    for _ in 0..count {
+        let offset = reader.offset();
+        let mut tag = [0; 4];
+        tag.copy_from_slice(reader.bytes(4)?);
+        if !tag.iter().all(u8::is_ascii_graphic) {
+            let what = format!("section name {:02x?} is not printable", tag);
+            return Err(Error::corrupt(Tag::HEADER, offset, what));
+        }
+        table.push(Entry { tag: Tag(tag), len: reader.varint()?, checksum: reader.u32()? });
+    }
+    Ok(table)
+}
+
 /// A file taken apart, with every length and checksum verified.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Container<'a> {
@@ -356,65 +443,12 @@ impl<'a> Container<'a> {
     /// for damaged ones. A version or feature is only believed after the header's checksum was, except that
     /// another container version cannot be checked.
     pub fn parse(file: &'a [u8], limits: &Limits) -> Result<Self> {
-        let head = &file[..file.len().min(MAGIC.len())];
-        if head != MAGIC {
-            // A prefix of the magic is a file cut short rather than something else.
-            if !head.is_empty() && MAGIC.starts_with(head) {
-                let section = Tag::HEADER;
-                let (needed, available) = (MAGIC.len() as u64, head.len() as u64);
-                return Err(Error::Truncated { section, needed, available });
-            }
-            return Err(Error::NotSfb { found: head.to_vec() });
-        }
-        if file.len() as u64 > limits.max_bytes {
-            return Err(Error::TooLarge {
-                what: "length of the file in bytes",
-                value: file.len() as u64,
-                limit: limits.max_bytes,
-                remedy: "raise max_bytes if you trust the file",
-            });
-        }
+        check_start(file, limits)?;
         let mut reader = ByteReader::new(Tag::HEADER, file);
-        reader.bytes(MAGIC.len())?;
-        let version = reader.u8()?;
-        let needed = Version { major: reader.u8()?, minor: reader.u8()? };
-        if version != CONTAINER_VERSION {
-            return Err(Error::UnsupportedVersion {
-                found: version,
-                supported: CONTAINER_VERSION,
-                needed,
-            });
-        }
-        let family = reader.u8()?;
-        let features = Features(reader.varint()?);
-        let count = reader.count("number of sections", MIN_ENTRY)?;
-        check_section_count(count as u64)?;
-        let mut table = Vec::with_capacity(count);
-        for _ in 0..count {
-            let offset = reader.offset();
-            let mut tag = [0; 4];
-            tag.copy_from_slice(reader.bytes(4)?);
-            if !tag.iter().all(u8::is_ascii_graphic) {
-                let what = format!("section name {:02x?} is not printable", tag);
-                return Err(Error::corrupt(Tag::HEADER, offset, what));
-            }
-            table.push((Tag(tag), reader.varint()?, reader.u32()?));
-        }
-        let table_end = reader.offset();
-        if crc32c::crc32c(&file[..table_end]) != reader.u32()? {
-            return Err(Error::ChecksumMismatch { section: Tag::HEADER });
-        }
-        if features.unknown_bits() != 0 {
-            return Err(Error::UnknownFeature { bits: features.unknown_bits(), needed });
-        }
-        let family =
-            Family::from_number(family).ok_or(Error::UnknownFamily { found: family, needed })?;
-        let tags: Vec<Tag> = table.iter().map(|(tag, _, _)| *tag).collect();
-        check_unique(&tags)?;
-
+        let Header { family, features, needed, table } = Header::read(&mut reader, file)?;
         let overhead = reader.offset();
-        let mut sections = Vec::with_capacity(count);
-        for (tag, len, checksum) in table {
+        let mut sections = Vec::with_capacity(table.len());
+        for Entry { tag, len, checksum } in table {
             let available = reader.remaining() as u64;
             let truncated = Error::Truncated { section: tag, needed: len, available };
             let len = usize::try_from(len).map_err(|_| truncated.clone())?;

@@ -1,12 +1,10 @@
 //! The file of a gas: header, topology, positions, normals, sizes, colours and intensities.
 
-use surfabet_models::NoVocabulary;
 use surfabet_models::gas::{GasHeader, GasModel};
 
 use crate::attributes::code_scale;
 use crate::container::{Family, Features};
 use crate::error::Result;
-use crate::hash::ContentHash;
 use crate::header::Fields;
 use crate::section::{Layout, Promise, StreamSection};
 
@@ -65,9 +63,5 @@ impl Layout for GasModel {
     fn promises(header: &GasHeader) -> Vec<Promise> {
         let of = |stream| Promise { stream, what: "number of neurons", count: header.n_neurons };
         vec![of(SIZES), of(TOPOLOGY)]
-    }
-
-    fn vocabulary_hash(vocabulary: &NoVocabulary) -> ContentHash {
-        match *vocabulary {}
     }
 }

@@ -10,7 +10,7 @@ use crate::container::{Family, Features};
 use crate::error::Result;
 use crate::hash::ContentHash;
 use crate::header::Fields;
-use crate::section::{Layout, Promise, StreamSection};
+use crate::section::{Layout, Promise, StreamSection, Vocabulary};
 
 /// Most levels of a hierarchy.
 const MAX_LEVELS: usize = 16;
@@ -65,15 +65,17 @@ impl Layout for HscsmModel {
         };
         header.levels.iter().flat_map(of_level).collect()
     }
+}
 
+impl Vocabulary for HscsmDictionary {
     /// Its content is written out in `docs/format.md`.
-    fn vocabulary_hash(dictionary: &HscsmDictionary) -> ContentHash {
+    fn content_hash(&self) -> ContentHash {
         let mut out = ByteWriter::new();
         let mut entries = |dictionary: &QuantizedDictionary| -> Vec<u8> {
             dictionary.values().iter().map(|v| v.to_le_bytes()[0]).collect()
         };
-        out.varint(dictionary.levels.len() as u64);
-        for level in &dictionary.levels {
+        out.varint(self.levels.len() as u64);
+        for level in &self.levels {
             out.f64(level.pixel_size);
             out.varint(u64::from(level.pixels));
             out.varint(level.depth.n_atoms() as u64);

@@ -49,4 +49,6 @@ pub use container::{Container, ContainerWriter, Family, Features, Limits, Sectio
 pub use entropy::{Decoder, Encoder};
 pub use error::{Error, Result};
 pub use hash::ContentHash;
-pub use section::{Layout, Promise, StreamSection, contents, holds, named_vocabulary, read, write};
+pub use section::{
+    FileSummary, Layout, Promise, StreamSection, Vocabulary, holds, inspect, read, write,
+};

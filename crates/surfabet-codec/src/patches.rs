@@ -1,16 +1,15 @@
 //! The file of patches on a lattice: header, geometry, colour, the points that no patch holds, other attributes.
 
 use surfabet_geom::Dtype;
+use surfabet_models::ScalarScale;
 use surfabet_models::patches::{
     AttributeContent, AttributeHeader, ColorSteps, MAX_ATTRIBUTES, MAX_LABELS, MAX_LEVELS,
     MAX_NAME, PatchModel, PatchesHeader,
 };
-use surfabet_models::{NoVocabulary, ScalarScale};
 
 use crate::attributes::code_scale;
 use crate::container::{Family, Features};
 use crate::error::Result;
-use crate::hash::ContentHash;
 use crate::header::Fields;
 use crate::section::{Layout, Promise, StreamSection};
 
@@ -118,10 +117,6 @@ impl Layout for PatchModel {
             Promise { stream: GEOMETRY, what: "number of patches", count: header.n_patches },
             Promise { stream: POINTS, what: "number of points", count: header.n_extra },
         ]
-    }
-
-    fn vocabulary_hash(vocabulary: &NoVocabulary) -> ContentHash {
-        match *vocabulary {}
     }
 }
 

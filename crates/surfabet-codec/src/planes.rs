@@ -1,12 +1,10 @@
 //! The file of planes: header, poses, masks of supported tiles, sizes, colours and intensities.
 
-use surfabet_models::NoVocabulary;
 use surfabet_models::planes::{PlaneModel, PlanesHeader};
 
 use crate::attributes::code_scale;
 use crate::container::{Family, Features};
 use crate::error::Result;
-use crate::hash::ContentHash;
 use crate::header::Fields;
 use crate::section::{Layout, Promise, StreamSection};
 
@@ -61,9 +59,5 @@ impl Layout for PlaneModel {
     fn promises(header: &PlanesHeader) -> Vec<Promise> {
         let of = |stream| Promise { stream, what: "number of patches", count: header.n_patches };
         [POSES, MASKS, SIZES].map(of).into()
-    }
-
-    fn vocabulary_hash(vocabulary: &NoVocabulary) -> ContentHash {
-        match *vocabulary {}
     }
 }

@@ -1,6 +1,6 @@
 //! The sections of a model, whatever its method: the header, then one section per stream.
 
-use surfabet_models::{Budget, Source, SurfaceModel};
+use surfabet_models::{Budget, NoVocabulary, Source, SurfaceModel};
 
 use crate::container::{Container, ContainerWriter, Family, Features, Limits, Tag};
 use crate::entropy::{Decoder, Encoder};
@@ -40,8 +40,20 @@ pub struct Promise {
     pub count: u64,
 }
 
+/// A dictionary or alphabet that files can name instead of holding it.
+pub trait Vocabulary {
+    /// The hash by which files name it.
+    fn content_hash(&self) -> ContentHash;
+}
+
+impl Vocabulary for NoVocabulary {
+    fn content_hash(&self) -> ContentHash {
+        match *self {}
+    }
+}
+
 /// How the file of a model is laid out; byte by byte in `docs/format.md`.
-pub trait Layout: SurfaceModel {
+pub trait Layout: SurfaceModel<Vocabulary: Vocabulary> {
     /// The family that the container names.
     const FAMILY: Family;
 
@@ -89,9 +101,6 @@ pub trait Layout: SurfaceModel {
 
     /// What the header promises of the streams, to be checked before anything is allocated.
     fn promises(header: &Self::Header) -> Vec<Promise>;
-
-    /// The hash by which files name a vocabulary.
-    fn vocabulary_hash(vocabulary: &Self::Vocabulary) -> ContentHash;
 }
 
 /// True when a container holds a model of this method.
@@ -100,15 +109,32 @@ pub fn holds<M: Layout>(container: &Container<'_>) -> bool {
     container.family() == M::FAMILY && container.features().without(free) == M::FEATURES
 }
 
-/// The hash of the vocabulary that a file names; `None` when it holds its own.
-///
-/// # Errors
-/// When the file promises a hash and has none.
-pub fn named_vocabulary<M: Layout>(container: &Container<'_>) -> Result<Option<ContentHash>> {
-    match M::STREAM_SECTIONS.iter().find_map(|s| s.hash) {
-        Some(tag) => ContentHash::named_by(container, tag),
-        None => Ok(None),
-    }
+/// Where the content of a stream is.
+enum Place {
+    /// In this section.
+    Section(Tag),
+    /// In another file; this section holds its hash, which is this.
+    Elsewhere(Tag, ContentHash),
+    /// The stream is empty and has no section.
+    Nowhere,
+}
+
+/// Where the streams of a file are, one after the other; `named` is the hash of the vocabulary that it names.
+fn places<M: Layout>(
+    header: &M::Header,
+    named: Option<ContentHash>,
+) -> impl Iterator<Item = Place> {
+    M::STREAM_SECTIONS.iter().enumerate().map(move |(i, section)| match (section.hash, named) {
+        (Some(tag), Some(hash)) => Place::Elsewhere(tag, hash),
+        _ if M::has_section(header, i) => Place::Section(section.tag),
+        _ => Place::Nowhere,
+    })
+}
+
+/// The features that a file with this header needs. `shared`: it names its vocabulary.
+fn features<M: Layout>(header: &M::Header, shared: bool) -> Features {
+    let own = M::FEATURES.with(M::optional_features(header));
+    if shared { own.with(Features::SHARED_DICTIONARY) } else { own }
 }
 
 /// The bytes of a file that holds `model`.
@@ -123,20 +149,15 @@ pub fn write<M: Layout>(model: &M) -> Result<Vec<u8>> {
     let mut streams = vec![Encoder::new(); M::STREAMS];
     let Ok(_) = M::code(Source::Model(model), &mut streams);
     let vocabulary = if model.shares_vocabulary() { model.vocabulary() } else { None };
-    let shared = if vocabulary.is_some() { Features::SHARED_DICTIONARY } else { Features::NONE };
-    let features = M::FEATURES.with(optional).with(shared);
+    let named = vocabulary.map(|vocabulary| vocabulary.content_hash());
+    let features = features::<M>(&header, named.is_some());
     let mut writer = ContainerWriter::new(M::FAMILY, features).section(META, meta.bytes.finish());
-    for (i, (section, stream)) in M::STREAM_SECTIONS.iter().zip(streams).enumerate() {
-        match (section.hash, &vocabulary) {
-            (Some(tag), Some(vocabulary)) => {
-                let hash = M::vocabulary_hash(vocabulary);
-                writer = writer.section(tag, hash.0.to_vec());
-            }
-            _ if M::has_section(&header, i) => {
-                writer = writer.section(section.tag, stream.finish());
-            }
-            _ => {}
-        }
+    for (place, stream) in places::<M>(&header, named).zip(streams) {
+        writer = match place {
+            Place::Section(tag) => writer.section(tag, stream.finish()),
+            Place::Elsewhere(tag, hash) => writer.section(tag, hash.0.to_vec()),
+            Place::Nowhere => writer,
+        };
     }
     writer.finish()
 }
@@ -153,10 +174,10 @@ pub fn read<M: Layout>(
 ) -> Result<M> {
     container.expect_family(M::FAMILY)?;
     let named = named_vocabulary::<M>(container)?;
-    let given = named.map(|hash| hash.of_given(vocabulary, M::vocabulary_hash)).transpose()?;
-    let shared = if given.is_some() { Features::SHARED_DICTIONARY } else { Features::NONE };
+    let given =
+        named.map(|hash| hash.of_given(vocabulary, Vocabulary::content_hash)).transpose()?;
     let header = read_header::<M>(container, limits)?;
-    if container.features() != M::FEATURES.with(M::optional_features(&header)).with(shared) {
+    if container.features() != features::<M>(&header, given.is_some()) {
         let names: Vec<&str> = container.features().names().collect();
         let what = format!("the features {names:?} do not go together with this {}", M::METHOD);
         return Err(Error::corrupt(META, 0, what));
@@ -164,17 +185,17 @@ pub fn read<M: Layout>(
 
     let mut expected = vec![META];
     let mut streams = Vec::with_capacity(M::STREAMS);
-    for (i, section) in M::STREAM_SECTIONS.iter().enumerate() {
-        let bytes = match section.hash {
-            Some(hash) if given.is_some() => {
+    for (section, place) in M::STREAM_SECTIONS.iter().zip(places::<M>(&header, named)) {
+        let bytes = match place {
+            Place::Section(tag) => {
+                expected.push(tag);
+                container.require(tag)?
+            }
+            Place::Elsewhere(hash, _) => {
                 expected.push(hash);
                 &[]
             }
-            _ if M::has_section(&header, i) => {
-                expected.push(section.tag);
-                container.require(section.tag)?
-            }
-            _ => &[],
+            Place::Nowhere => &[],
         };
         streams.push(Decoder::new(section.tag, bytes));
     }
@@ -217,11 +238,22 @@ fn read_header<M: Layout>(container: &Container<'_>, limits: &Limits) -> Result<
     Ok(header)
 }
 
-/// What each section of a parsed file of this method holds, for people, and its bytes.
+/// What a file holds, known without decoding it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileSummary {
+    /// Name of the method.
+    pub method: &'static str,
+    /// Hash of the vocabulary that the file names instead of holding it.
+    pub vocabulary: Option<ContentHash>,
+    /// What each section holds, for people, and its bytes, in the order of the file.
+    pub sections: Vec<(String, usize)>,
+}
+
+/// What a file of this method holds.
 ///
 /// # Errors
-/// For a header that no model has.
-pub fn contents<M: Layout>(container: &Container<'_>) -> Result<Vec<(String, usize)>> {
+/// For a header that no model has, and when the file promises the hash of a vocabulary and has none.
+pub fn inspect<M: Layout>(container: &Container<'_>) -> Result<FileSummary> {
     // Lists of a header are no longer than its bytes; its counts are not used here.
     let limits = Limits { max_items: u64::MAX, max_bytes: u64::MAX };
     let header = read_header::<M>(container, &limits)?;
@@ -236,5 +268,14 @@ pub fn contents<M: Layout>(container: &Container<'_>) -> Result<Vec<(String, usi
             None => tag.to_string(),
         }
     };
-    Ok(container.sections().iter().map(|s| (content(s.tag), s.bytes.len())).collect())
+    let sections = container.sections().iter().map(|s| (content(s.tag), s.bytes.len())).collect();
+    Ok(FileSummary { method: M::METHOD, vocabulary: named_vocabulary::<M>(container)?, sections })
+}
+
+/// The hash of the vocabulary that a file names; `None` when it holds its own.
+fn named_vocabulary<M: Layout>(container: &Container<'_>) -> Result<Option<ContentHash>> {
+    match M::STREAM_SECTIONS.iter().find_map(|s| s.hash) {
+        Some(tag) => ContentHash::named_by(container, tag),
+        None => Ok(None),
+    }
 }

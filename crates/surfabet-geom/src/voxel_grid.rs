@@ -41,83 +41,16 @@ impl VoxelGrid {
         if !(size > 0.0 && size.is_finite()) {
             return Err(Error::invalid("voxel size", size, "a positive length in metres"));
         }
-        let too_small = |requirement| Err(Error::invalid("voxel size", size, requirement));
-        let Some((low, high)) = cloud.bounds() else {
+        if cloud.is_empty() {
             return Ok(Self { size, cells: Vec::new(), order: Vec::new(), starts: vec![0] });
-        };
+        }
         if cloud.len() >= u32::MAX as usize {
             return Err(Error::invalid("number of points", cloud.len(), "below 4294967295"));
         }
-        if low.iter().chain(&high).any(|c| (c / size).abs() >= LARGEST_CELL) {
-            return too_small("at least the largest coordinate divided by 2^53");
-        }
-        let cell = |p: [f64; 3]| wide_cell_of(p, size);
-        let (first, last) = (cell(low), cell(high));
-        let bits: [u32; 3] = std::array::from_fn(|a| 64 - (last[a] - first[a]).leading_zeros());
-        if bits.iter().any(|&b| b > 32) {
-            return too_small("at least the extent of the cloud divided by 2^32");
-        }
-        let index_bits = 64 - (cloud.len() as u64 - 1).leading_zeros();
         progress.update("voxel grid", 0.0);
-        let offset = |i: usize| -> [u64; 3] {
-            let cell = cell(cloud.world(i));
-            std::array::from_fn(|a| (cell[a] - first[a]) as u64)
-        };
-        let order = if bits.iter().sum::<u32>() + index_bits <= 64 {
-            let mut keys: Vec<u64> = (0..cloud.len())
-                .into_par_iter()
-                .map(|i| {
-                    let [x, y, z] = offset(i);
-                    // At most 64 bits in all; a shift by 64 happens only above an empty field.
-                    let xy = x.checked_shl(bits[1]).unwrap_or(0) | y;
-                    let xyz = xy.checked_shl(bits[2]).unwrap_or(0) | z;
-                    xyz.checked_shl(index_bits).unwrap_or(0) | i as u64
-                })
-                .collect();
-            progress.check()?;
-            keys.par_sort_unstable();
-            let mask = 1_u64.checked_shl(index_bits).map_or(u64::MAX, |b| b - 1);
-            keys.par_iter().map(|key| (key & mask) as u32).collect::<Vec<_>>()
-        } else {
-            let mut keys: Vec<u128> = (0..cloud.len())
-                .into_par_iter()
-                .map(|i| {
-                    let [x, y, z] = offset(i).map(u128::from);
-                    x << 96 | y << 64 | z << 32 | i as u128
-                })
-                .collect();
-            progress.check()?;
-            keys.par_sort_unstable();
-            keys.par_iter().map(|&key| key as u32).collect()
-        };
+        let order = sorted_by_cell(cloud, size, progress)?;
         progress.check()?;
-
-        let cell_of = |i: u32| cell(cloud.world(i as usize));
-        let parts: Vec<Vec<(u32, [i64; 3])>> = order
-            .par_chunks(BATCH)
-            .enumerate()
-            .map(|(chunk, points)| {
-                let begin = chunk * BATCH;
-                let mut previous = begin.checked_sub(1).map(|j| cell_of(order[j]));
-                let mut found = Vec::new();
-                for (j, &point) in points.iter().enumerate() {
-                    let cell = cell_of(point);
-                    if previous != Some(cell) {
-                        found.push(((begin + j) as u32, cell));
-                        previous = Some(cell);
-                    }
-                }
-                found
-            })
-            .collect();
-        let voxels = parts.iter().map(Vec::len).sum();
-        let mut cells = Vec::with_capacity(voxels);
-        let mut starts = Vec::with_capacity(voxels + 1);
-        for (start, cell) in parts.into_iter().flatten() {
-            starts.push(start);
-            cells.push(cell);
-        }
-        starts.push(order.len() as u32);
+        let (cells, starts) = runs(&order, |i| wide_cell_of(cloud.world(i as usize), size));
         progress.update("voxel grid", 1.0);
         Ok(Self { size, cells, order, starts })
     }
@@ -201,66 +134,40 @@ impl VoxelGrid {
             }
         }
         let weight = |i: usize| weights.map_or(1.0, |w| f64::from(w[i]));
-        let n = self.len();
-        let mut means = Columns {
-            positions: vec![[0.0; 3]; n],
-            colors: vec![[0; 3]; cloud.colors().map_or(0, |_| n)],
-            intensities: vec![0.0; cloud.intensities().map_or(0, |_| n)],
-            normals: vec![[0.0; 3]; cloud.normals().map_or(0, |_| n)],
-            ranges: vec![0.0; cloud.ranges().map_or(0, |_| n)],
-            viewpoints: vec![0; cloud.viewpoints().map_or(0, |_| n)],
-        };
-        self.fill(&mut means.positions, progress, |members| {
+        let positions = self.column(progress, |members| {
             mean(cloud.positions(), members, weight).map(|c| c as f32)
         })?;
-        if let Some(colors) = cloud.colors() {
-            self.fill(&mut means.colors, progress, |members| {
-                // Between 0 and 255 like every value it is a mean of.
-                mean(colors, members, weight).map(|c| c.round() as u8)
-            })?;
-        }
-        if let Some(intensities) = cloud.intensities() {
+        let colors = cloud.colors().map(|colors| {
+            // Between 0 and 255 like every value it is a mean of.
+            self.column(progress, |members| mean(colors, members, weight).map(|c| c.round() as u8))
+        });
+        let intensities = cloud.intensities().map(|intensities| {
             let intensities = intensities.as_chunks::<1>().0;
-            self.fill(&mut means.intensities, progress, |members| {
-                mean(intensities, members, weight)[0] as f32
-            })?;
-        }
-        if let Some(normals) = cloud.normals() {
-            self.fill(&mut means.normals, progress, |members| {
-                let sum = mean(normals, members, weight);
-                let length = sum.iter().map(|c| c * c).sum::<f64>().sqrt();
-                // Unit vectors that cancel leave rounding errors behind.
-                if length > 1e-6 { sum.map(|c| (c / length) as f32) } else { [0.0; 3] }
-            })?;
-        }
-        if let Some(ranges) = cloud.ranges() {
-            self.fill(&mut means.ranges, progress, |members| {
-                let known = members.iter().map(|&i| i as usize).filter(|&i| ranges[i] > 0.0);
-                let (sum, total) = known.fold((0.0, 0.0), |(sum, total), i| {
-                    (sum + weight(i) * f64::from(ranges[i]), total + weight(i))
-                });
-                if total > 0.0 { (sum / total) as f32 } else { 0.0 }
-            })?;
-        }
-        if let Some(viewpoints) = cloud.viewpoints() {
-            self.fill(&mut means.viewpoints, progress, |members| {
-                heaviest(&viewpoints.index, members, weight)
-            })?;
-        }
+            self.column(progress, |members| mean(intensities, members, weight)[0] as f32)
+        });
+        let normals = cloud.normals().map(|normals| {
+            self.column(progress, |members| mean_direction(normals, members, weight))
+        });
+        let ranges = cloud
+            .ranges()
+            .map(|ranges| self.column(progress, |members| mean_of_known(ranges, members, weight)));
+        let viewpoints = cloud.viewpoints().map(|viewpoints| {
+            let index =
+                self.column(progress, |members| heaviest(&viewpoints.index, members, weight))?;
+            Ok::<_, Error>(Viewpoints { origins: viewpoints.origins.clone(), index })
+        });
         let merged = |(name, column): &(String, Column)| {
             Ok((name.clone(), self.merged(column, weight, progress)?))
         };
         let extra = cloud.extra().iter().map(merged).collect::<Result<_>>()?;
         let parts = CloudParts {
             origin: cloud.origin(),
-            positions: means.positions,
-            colors: cloud.colors().map(|_| means.colors),
-            intensities: cloud.intensities().map(|_| means.intensities),
-            normals: cloud.normals().map(|_| means.normals),
-            ranges: cloud.ranges().map(|_| means.ranges),
-            viewpoints: cloud
-                .viewpoints()
-                .map(|v| Viewpoints { origins: v.origins.clone(), index: means.viewpoints }),
+            positions,
+            colors: colors.transpose()?,
+            intensities: intensities.transpose()?,
+            normals: normals.transpose()?,
+            ranges: ranges.transpose()?,
+            viewpoints: viewpoints.transpose()?,
             extra,
             crs: cloud.crs().map(str::to_owned),
         };
@@ -275,19 +182,19 @@ impl VoxelGrid {
         progress: &dyn Progress,
     ) -> Result<Column> {
         with_column!(column, values => {
-            let mut merged = vec![Default::default(); self.len()];
-            self.fill(&mut merged, progress, |members| Scalar::merged(values, members, weight))?;
+            let merged =
+                self.column(progress, |members| Scalar::merged(values, members, weight))?;
             Ok(merged.into())
         })
     }
 
-    /// Computes one value per voxel from the voxel's points, in parallel.
-    fn fill<T: Send>(
+    /// One value per voxel, computed from the voxel's points, in parallel.
+    fn column<T: Clone + Default + Send>(
         &self,
-        values: &mut [T],
         progress: &dyn Progress,
         value: impl Fn(&[u32]) -> T + Sync,
-    ) -> Result<()> {
+    ) -> Result<Vec<T>> {
+        let mut values = vec![T::default(); self.len()];
         let meter = Meter::new(progress, "voxel means", values.len().div_ceil(BATCH));
         values.par_chunks_mut(BATCH).enumerate().try_for_each(|(chunk, values)| {
             for (j, place) in values.iter_mut().enumerate() {
@@ -295,17 +202,102 @@ impl VoxelGrid {
             }
             meter.step()
         })?;
-        Ok(())
+        Ok(values)
     }
 }
 
-struct Columns {
-    positions: Vec<[f32; 3]>,
-    colors: Vec<[u8; 3]>,
-    intensities: Vec<f32>,
-    normals: Vec<[f32; 3]>,
-    ranges: Vec<f32>,
-    viewpoints: Vec<u32>,
+/// The points of a cloud in the order of their cells, those of a cell in their own order.
+fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Result<Vec<u32>> {
+    let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
+    let too_small = |requirement| Err(Error::invalid("voxel size", size, requirement));
+    if low.iter().chain(&high).any(|c| (c / size).abs() >= LARGEST_CELL) {
+        return too_small("at least the largest coordinate divided by 2^53");
+    }
+    let (first, last) = (wide_cell_of(low, size), wide_cell_of(high, size));
+    let bits: [u32; 3] = std::array::from_fn(|a| 64 - (last[a] - first[a]).leading_zeros());
+    if bits.iter().any(|&b| b > 32) {
+        return too_small("at least the extent of the cloud divided by 2^32");
+    }
+    let index_bits = 64 - (cloud.len() as u64 - 1).leading_zeros();
+    let offset = |i: usize| -> [u64; 3] {
+        let cell = wide_cell_of(cloud.world(i), size);
+        std::array::from_fn(|a| (cell[a] - first[a]) as u64)
+    };
+    let all = (0..cloud.len()).into_par_iter();
+    if bits.iter().sum::<u32>() + index_bits <= 64 {
+        let key = |i: usize| {
+            let [x, y, z] = offset(i);
+            // At most 64 bits in all; a shift by 64 happens only above an empty field.
+            let xy = x.checked_shl(bits[1]).unwrap_or(0) | y;
+            let xyz = xy.checked_shl(bits[2]).unwrap_or(0) | z;
+            xyz.checked_shl(index_bits).unwrap_or(0) | i as u64
+        };
+        let mut keys: Vec<u64> = all.map(key).collect();
+        progress.check()?;
+        keys.par_sort_unstable();
+        let mask = 1_u64.checked_shl(index_bits).map_or(u64::MAX, |b| b - 1);
+        Ok(keys.par_iter().map(|key| (key & mask) as u32).collect())
+    } else {
+        let key = |i: usize| {
+            let [x, y, z] = offset(i).map(u128::from);
+            x << 96 | y << 64 | z << 32 | i as u128
+        };
+        let mut keys: Vec<u128> = all.map(key).collect();
+        progress.check()?;
+        keys.par_sort_unstable();
+        Ok(keys.par_iter().map(|&key| key as u32).collect())
+    }
+}
+
+/// The cells of points in the order of their cells, each once, and where each starts; at the end the number of points.
+fn runs(order: &[u32], cell_of: impl Fn(u32) -> [i64; 3] + Sync) -> (Vec<[i64; 3]>, Vec<u32>) {
+    let parts: Vec<Vec<(u32, [i64; 3])>> = order
+        .par_chunks(BATCH)
+        .enumerate()
+        .map(|(chunk, points)| {
+            let begin = chunk * BATCH;
+            let mut previous = begin.checked_sub(1).map(|j| cell_of(order[j]));
+            let mut found = Vec::new();
+            for (j, &point) in points.iter().enumerate() {
+                let cell = cell_of(point);
+                if previous != Some(cell) {
+                    found.push(((begin + j) as u32, cell));
+                    previous = Some(cell);
+                }
+            }
+            found
+        })
+        .collect();
+    let voxels = parts.iter().map(Vec::len).sum();
+    let mut cells = Vec::with_capacity(voxels);
+    let mut starts = Vec::with_capacity(voxels + 1);
+    for (start, cell) in parts.into_iter().flatten() {
+        starts.push(start);
+        cells.push(cell);
+    }
+    starts.push(order.len() as u32);
+    (cells, starts)
+}
+
+/// Direction of the mean of vectors, zero where they cancel.
+fn mean_direction(
+    vectors: &[[f32; 3]],
+    members: &[u32],
+    weight: impl Fn(usize) -> f64,
+) -> [f32; 3] {
+    let mean = mean(vectors, members, weight);
+    let length = mean.iter().map(|c| c * c).sum::<f64>().sqrt();
+    // Unit vectors that cancel leave rounding errors behind.
+    if length > 1e-6 { mean.map(|c| (c / length) as f32) } else { [0.0; 3] }
+}
+
+/// Mean of the values above zero, zero without any.
+fn mean_of_known(values: &[f32], members: &[u32], weight: impl Fn(usize) -> f64) -> f32 {
+    let known = members.iter().map(|&i| i as usize).filter(|&i| values[i] > 0.0);
+    let (sum, total) = known.fold((0.0, 0.0), |(sum, total), i| {
+        (sum + weight(i) * f64::from(values[i]), total + weight(i))
+    });
+    if total > 0.0 { (sum / total) as f32 } else { 0.0 }
 }
 
 fn mean<T: Copy + Into<f64>, const N: usize>(

@@ -30,7 +30,7 @@ pub trait SurfaceModel: Debug + Clone + PartialEq + Send + Sync + 'static {
     type Header: Debug + Clone + PartialEq + Default;
 
     /// The counts and measures that learning reports.
-    type Figures: Figures;
+    type Figures: Figures + Clone + PartialEq + Default;
 
     /// What files of several models can share and name by its hash: a dictionary or an alphabet. [`NoVocabulary`]
     /// for methods without one.

@@ -29,22 +29,21 @@ pub struct AttributeFigures {
 }
 
 impl AttributeFigures {
-    /// Of an attribute whose error is not measured.
-    pub(crate) fn of_bytes(name: &str, bytes: f64) -> Self {
-        Self { name: name.to_owned(), bytes, rmse: None, equal: None }
+    /// Of a model whose last two streams are colours and intensities, of which `present` are, by the bytes of all its
+    /// streams; their errors are not measured.
+    pub(crate) fn of_last_streams(bytes: &[f64], present: [bool; 2]) -> Vec<Self> {
+        let last = &bytes[bytes.len().saturating_sub(2)..];
+        let all = ["colors", "intensities"].into_iter().zip(last).zip(present);
+        all.filter(|(_, is_present)| *is_present)
+            .map(|((name, &bytes), _)| Self { name: name.to_owned(), bytes, rmse: None, equal: None })
+            .collect()
     }
 }
 
 /// The figures that a method reports.
-pub trait Figures: std::fmt::Debug + Clone + PartialEq + Default + Send + Sync + 'static {
+pub trait Figures: std::fmt::Debug + Send + Sync + 'static {
     /// All figures of the whole run that there are.
     fn named(&self) -> Named;
-}
-
-impl Figures for Named {
-    fn named(&self) -> Named {
-        self.clone()
-    }
 }
 
 /// A model read from a file has no figures.
@@ -88,13 +87,13 @@ impl<T: Figure> Figure for Option<T> {
 macro_rules! figures {
     (
         $(#[$about:meta])*
-        pub struct $Record:ident {
+        $visible:vis struct $Record:ident {
             $($(#[$what:meta])* pub $field:ident: $Value:ty = $name:literal,)*
         }
     ) => {
         $(#[$about])*
         #[derive(Debug, Clone, Copy, PartialEq, Default)]
-        pub struct $Record {
+        $visible struct $Record {
             $($(#[$what])* pub $field: $Value,)*
         }
 
@@ -110,14 +109,14 @@ macro_rules! figures {
 pub(crate) use figures;
 
 /// How a model came about. It is not part of the file: a model read back has an empty report.
+///
+/// A program that does not care for the method sees it as `&Report<dyn Figures>`.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Report<F = Named> {
+pub struct Report<F: ?Sized> {
     /// Seconds per stage, in order, over all levels.
     pub stages: Vec<Stage>,
-    /// Counts and measures of the method: points in, patches, atoms, ...
-    pub figures: F,
     /// Counts and measures of each level of a hierarchy, coarsest first.
-    pub levels: Vec<Vec<(&'static str, f64)>>,
+    pub levels: Vec<Named>,
     /// Objective per iteration, by the name of what was minimised.
     pub objectives: Vec<(String, Vec<f64>)>,
     /// Iterations per objective, summed.
@@ -128,32 +127,8 @@ pub struct Report<F = Named> {
     pub attributes: Vec<AttributeFigures>,
     /// What the cloud had and the model does not keep.
     pub not_kept: Vec<String>,
-}
-
-impl<F: Figures> Report<F> {
-    /// The same report with the figures by name, for programs that do not care for the method.
-    pub fn by_name(&self) -> Report<Named> {
-        Report {
-            stages: self.stages.clone(),
-            figures: self.figures.named(),
-            levels: self.levels.clone(),
-            objectives: self.objectives.clone(),
-            iterations: self.iterations,
-            stop_reason: self.stop_reason,
-            attributes: self.attributes.clone(),
-            not_kept: self.not_kept.clone(),
-        }
-    }
-}
-
-impl Report {
-    /// Adds to the figure `name`.
-    pub(crate) fn add_figure(&mut self, name: &'static str, value: f64) {
-        match self.figures.iter_mut().find(|figure| figure.0 == name) {
-            Some(figure) => figure.1 += value,
-            None => self.figures.push((name, value)),
-        }
-    }
+    /// Counts and measures of the method: points in, patches, atoms, ...
+    pub figures: F,
 }
 
 /// A value carried beside a model: models that differ in it alone are equal.

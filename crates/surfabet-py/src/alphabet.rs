@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet::alphabet;
-use surfabet::{Alphabet, AlphabetModel, Layout, Occurrence};
+use surfabet::{Alphabet, AlphabetModel, Occurrence, Vocabulary};
 
 use crate::cloud::PyPointCloud;
 use crate::model::{PyModel, model_class, wrap};
@@ -71,7 +71,7 @@ impl PyAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        AlphabetModel::vocabulary_hash(&self.alphabet).to_string()
+        self.alphabet.content_hash().to_string()
     }
 
     /// Heights of the pixels of every word over its radius, NaN where it has a hole, (n, 8, 8).

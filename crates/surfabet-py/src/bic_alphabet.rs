@@ -6,7 +6,7 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surfabet::{BicAlphabet, BicAlphabetModel, Layout, bic_alphabet};
+use surfabet::{BicAlphabet, BicAlphabetModel, Vocabulary, bic_alphabet};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
@@ -44,7 +44,7 @@ impl PyBicAlphabet {
 
     #[getter]
     fn hash(&self) -> String {
-        BicAlphabetModel::vocabulary_hash(&self.alphabet).to_string()
+        self.alphabet.content_hash().to_string()
     }
 
     /// Points of each word (right, up, along the normal), (n, 3), metres.

@@ -6,7 +6,7 @@ use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surfabet::{HscsmDictionary, HscsmModel, Layout, hscsm};
+use surfabet::{HscsmDictionary, HscsmModel, Vocabulary, hscsm};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::invalid_input;
@@ -41,8 +41,9 @@ impl PyHscsmDictionary {
         let dictionary = &slf.get().dictionary;
         let options = options_onto(dictionary.options(), options)?;
         let cloud = &cloud.get().cloud;
-        let describe =
-            |monitor: &dyn surfabet::Progress| hscsm::encode(cloud, &options, dictionary, monitor);
+        let describe = |monitor: &dyn surfabet::Progress| {
+            hscsm::describe(cloud, &options, dictionary, monitor)
+        };
         wrap(slf.py(), run(slf.py(), progress, describe)?)
     }
 
@@ -54,7 +55,7 @@ impl PyHscsmDictionary {
 
     #[getter]
     fn hash(&self) -> String {
-        HscsmModel::vocabulary_hash(&self.dictionary).to_string()
+        self.dictionary.content_hash().to_string()
     }
 
     /// Entries of one channel of each level, unit norm, (k, n * n) or (k, 3 * n * n); `None` without colour.

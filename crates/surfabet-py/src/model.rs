@@ -110,7 +110,7 @@ impl PyModel {
     /// How the model was learned, as nested dicts and lists; empty for a model read from a file.
     #[getter]
     fn report_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, &self.model.report())
+        report_dict(py, self.model.report())
     }
 
     /// What the model holds, by name.

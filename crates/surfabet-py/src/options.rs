@@ -6,6 +6,7 @@ use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
 use surfabet::options::{Kind, OptionSpec, Options, Value};
+use surfabet::recognition::FindOptions;
 use surfabet::{
     AlphabetModel, BicAlphabetModel, GasModel, HscsmModel, Model, PatchModel, PlaneModel,
     SurfaceModel, for_each_method,
@@ -95,11 +96,22 @@ const METHODS: &[Method] = for_each_method!(methods);
 fn option_specs(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let all = PyDict::new(py);
     for (method, specs, _) in METHODS {
-        let specs: Vec<Bound<'_, PyDict>> =
-            specs.iter().map(|spec| record(py, spec)).collect::<PyResult<_>>()?;
-        all.set_item(method, PyList::new(py, specs)?)?;
+        all.set_item(method, records(py, specs)?)?;
     }
     Ok(all)
+}
+
+/// The records of the options of `AlphabetModel.find`.
+#[pyfunction]
+fn find_option_specs(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    records(py, FindOptions::SPECS)
+}
+
+/// One dict per option.
+fn records<'py>(py: Python<'py>, specs: &[OptionSpec]) -> PyResult<Bound<'py, PyList>> {
+    let records: Vec<Bound<'_, PyDict>> =
+        specs.iter().map(|spec| record(py, spec)).collect::<PyResult<_>>()?;
+    PyList::new(py, records)
 }
 
 /// One record.
@@ -151,5 +163,6 @@ fn check_options(method: &str, options: &Bound<'_, PyDict>) -> PyResult<()> {
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(option_specs, module)?)?;
+    module.add_function(wrap_pyfunction!(find_option_specs, module)?)?;
     module.add_function(wrap_pyfunction!(check_options, module)?)
 }

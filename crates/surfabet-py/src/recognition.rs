@@ -3,9 +3,11 @@
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use surfabet::recognition::{self, FindOptions, Found, Region};
 
 use crate::alphabet::PyAlphabetModel;
+use crate::options::options_of;
 use crate::run::run;
 
 type FoundArrays<'py> =
@@ -13,26 +15,20 @@ type FoundArrays<'py> =
 
 /// Poses (k, 4, 4), scores (k,) and centres (k, 3); documented in `surfabet.alphabet`.
 #[pyfunction]
-#[pyo3(signature = (model, *, ball, corners, min_score, max_found, resolution, tolerance, color_tolerance,
-                    progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (model, *, ball, corners, options, progress))]
 fn find_occurrences<'py>(
     py: Python<'py>,
     model: &Bound<'_, PyAlphabetModel>,
     ball: Option<([f64; 3], f64)>,
     corners: ([f64; 3], [f64; 3]),
-    min_score: f64,
-    max_found: usize,
-    resolution: Option<f64>,
-    tolerance: Option<f64>,
-    color_tolerance: Option<f64>,
+    options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<FoundArrays<'py>> {
     let region = match ball {
         Some((center, radius)) => Region::Ball { center, radius },
         None => Region::Box { low: corners.0, high: corners.1 },
     };
-    let options = FindOptions { min_score, max_found, resolution, tolerance, color_tolerance };
+    let options: FindOptions = options_of(options)?;
     let model = &model.get().model;
     let found: Vec<Found> = run(py, progress, |monitor| model.find(&region, &options, monitor))?;
     let poses =

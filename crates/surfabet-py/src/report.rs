@@ -2,10 +2,13 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use surfabet::Report;
+use surfabet::{Figures, Report};
 
 /// A report as nested dicts and lists.
-pub fn report_dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py, PyDict>> {
+pub fn report_dict<'py>(
+    py: Python<'py>,
+    report: &Report<dyn Figures>,
+) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     let stages = PyDict::new(py);
     for stage in &report.stages {
@@ -13,7 +16,7 @@ pub fn report_dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py,
     }
     dict.set_item("stages", stages)?;
     let figures = PyDict::new(py);
-    for (name, value) in &report.figures {
+    for (name, value) in report.figures.named() {
         figures.set_item(name, value)?;
     }
     dict.set_item("figures", figures)?;

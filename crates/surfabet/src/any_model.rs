@@ -3,9 +3,9 @@
 use std::any::Any;
 use std::fmt::Debug;
 
-use surfabet_codec::{ContentHash, Layout};
+use surfabet_codec::{ContentHash, Layout, Vocabulary};
 use surfabet_geom::{PointCloud, Progress};
-use surfabet_models::{DecodeOptions, Report, Summary};
+use surfabet_models::{DecodeOptions, Figures, Report, Summary};
 
 use crate::error::Result;
 
@@ -27,7 +27,7 @@ pub trait AnyModel: Debug + Send + Sync {
     fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud>;
 
     /// How the model was learned; empty for a model read from a file.
-    fn report(&self) -> Report;
+    fn report(&self) -> &Report<dyn Figures>;
 
     /// What the model holds, for people; with the hash of its vocabulary, if it has one.
     fn summary(&self) -> Summary;
@@ -73,8 +73,8 @@ impl<M: Layout> AnyModel for M {
         Ok(M::decode(self, options, progress)?)
     }
 
-    fn report(&self) -> Report {
-        M::report(self).by_name()
+    fn report(&self) -> &Report<dyn Figures> {
+        M::report(self)
     }
 
     fn summary(&self) -> Summary {
@@ -88,7 +88,7 @@ impl<M: Layout> AnyModel for M {
     }
 
     fn vocabulary_hash(&self) -> Option<ContentHash> {
-        self.vocabulary().map(|vocabulary| M::vocabulary_hash(&vocabulary))
+        self.vocabulary().map(|vocabulary| vocabulary.content_hash())
     }
 
     fn shares_vocabulary(&self) -> bool {

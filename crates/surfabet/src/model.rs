@@ -4,7 +4,7 @@ use std::any::Any;
 use std::fs;
 use std::path::Path;
 
-use surfabet_codec::{Container, ContentHash, Layout, Limits, Tag, holds};
+use surfabet_codec::{Container, FileSummary, Limits, Tag, holds};
 use surfabet_geom::{PointCloud, Progress};
 use surfabet_models::alphabet::AlphabetModel;
 use surfabet_models::bic_alphabet::BicAlphabetModel;
@@ -89,7 +89,7 @@ macro_rules! define_model {
             /// [`Error::Codec`] for a combination of features that no method has, or a header that no model has.
             pub fn inspect(container: &Container<'_>) -> Result<FileSummary> {
                 $(if holds::<$type>(container) {
-                    return FileSummary::of::<$type>(container);
+                    return Ok(surfabet_codec::inspect::<$type>(container)?);
                 })+
                 Err(surfabet_codec::Error::corrupt(Tag::HEADER, 0, "features of no method").into())
             }
@@ -98,27 +98,6 @@ macro_rules! define_model {
 }
 
 for_each_method!(define_model);
-
-/// What a file holds, known without decoding it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FileSummary {
-    /// Name of the method.
-    pub method: &'static str,
-    /// Hash of the vocabulary that the file names instead of holding it.
-    pub vocabulary: Option<ContentHash>,
-    /// What each section holds, for people, and its bytes, in the order of the file.
-    pub sections: Vec<(String, usize)>,
-}
-
-impl FileSummary {
-    fn of<M: Layout>(container: &Container<'_>) -> Result<Self> {
-        Ok(Self {
-            method: M::METHOD,
-            vocabulary: surfabet_codec::named_vocabulary::<M>(container)?,
-            sections: surfabet_codec::contents::<M>(container)?,
-        })
-    }
-}
 
 impl Model {
     /// Name of the method.

@@ -11,6 +11,7 @@ from pathlib import Path
 import surfabet
 from surfabet._progress import ProgressCallback
 from surfabet.cli._options import ReadOptions, UsageError, VocabularyOption
+from surfabet.errors import FormatError
 from surfabet.files import AnyModel, Vocabulary
 from surfabet.io import formats
 
@@ -66,7 +67,17 @@ def load_model(
 ) -> AnyModel:
     """The model in a `.sfb` file, which may name a vocabulary instead of holding it."""
     progress(f"load {path.name}", 0.0)
-    return surfabet.load(path, vocabulary=vocabulary)
+    try:
+        return surfabet.load(path, vocabulary=vocabulary)
+    except FormatError:
+        # Damage, which inspecting tells too, or a vocabulary that was not named.
+        needed = surfabet.inspect(path).vocabulary
+        if vocabulary is not None or needed is None:
+            raise
+    raise UsageError(
+        f"{path}: made with the dictionary {needed} and does not hold it; name the model that does "
+        "with --vocabulary"
+    )
 
 
 def load_vocabulary(option: VocabularyOption, progress: ProgressCallback) -> Vocabulary | None:

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
 import surfabet
 from surfabet.cli._files import load_model, load_vocabulary
+from surfabet.cli._find_options import FIND_OPTIONS, FindOptions
 from surfabet.cli._format import print_json
 from surfabet.cli._options import (
     COMMON,
@@ -32,10 +32,9 @@ def find(
     point: Annotated[Point | None, Parameter(negative=())] = None,
     radius: PositiveFloat = None,
     box: Annotated[Box | None, Parameter(negative=())] = None,
-    min_score: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.5,
-    color_tolerance: PositiveFloat = None,
     shape_only: Flag = False,
     json: Flag = False,
+    options: FindOptions = FIND_OPTIONS,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
 ) -> None:
@@ -57,11 +56,6 @@ def find(
         Radius of the ball, metres.
     box
         Lowest and highest corner of a box around the example instead, `X0 Y0 Z0 X1 Y1 Z1`.
-    min_score
-        Least score of what is told, 0 to 1.
-    color_tolerance
-        Deviation of equal colours in chroma, grey levels; luma may differ three times as much.
-        Default: 10.
     shape_only
         Leave colours out of account: find things of one shape in any colour.
     json
@@ -69,8 +63,11 @@ def find(
     """
     if (box is None) == (point is None) or (point is None) != (radius is None):
         raise UsageError("give either --point and --radius, or --box")
-    if shape_only and color_tolerance is not None:
+    if shape_only and options.color_tolerance is not None:
         raise UsageError("--shape-only leaves no use for --color-tolerance")
+    given = options.given()
+    if shape_only:
+        given["color_tolerance"] = None
     with common.progress() as progress:
         known = load_vocabulary(vocabulary, progress)
         model = load_model(file, progress, known)
@@ -82,9 +79,8 @@ def find(
             point=point,
             radius=radius,
             box=None if box is None else (box[:3], box[3:]),
-            min_score=min_score,
-            color_tolerance=None if shape_only else color_tolerance or 10.0,
             progress=progress,
+            **given,
         )
     if json:
         places = [

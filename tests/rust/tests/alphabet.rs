@@ -159,7 +159,7 @@ fn an_alphabet_describes_another_scene() {
     let other = windows(8, 24);
     let words = learned.alphabet();
     let described = alphabet::describe(&other, words, &fine(), &Silent).unwrap();
-    assert!(described.shares_alphabet());
+    assert!(described.shares_vocabulary());
     assert_eq!(described.alphabet(), words);
     let cost = |m: &AlphabetModel| *m.report().objectives[0].1.last().unwrap();
     let plane = Alphabet::plane(words.radius(), words.scales()).unwrap();

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use surfabet::bic_alphabet::{self, BicHeader, BicPose, BicShape, BicWord};
+use surfabet::bic_alphabet::{self, BicAlphabetFigures, BicHeader, BicPose, BicShape, BicWord};
 use surfabet::geom::KdTree;
 use surfabet::{
     BicAlphabet, BicAlphabetModel, BicAlphabetOptions, CloudParts, DecodeOptions, PointCloud, Save,
@@ -23,8 +23,8 @@ fn decode(model: &BicAlphabetModel) -> PointCloud {
     model.decode(DecodeOptions::default(), &Silent).unwrap()
 }
 
-fn figure(model: &BicAlphabetModel, name: &str) -> f64 {
-    model.report().by_name().figures.iter().find(|f| f.0 == name).unwrap().1
+fn figures(model: &BicAlphabetModel) -> BicAlphabetFigures {
+    model.report().figures.unwrap()
 }
 
 /// A room of 2 x 2 x 1.5 m seen from its middle, with boxes on the floor, in steps of 2 degrees.
@@ -82,19 +82,19 @@ fn options() -> BicAlphabetOptions {
 fn a_room_is_covered_by_few_words() {
     let cloud = cloud(room(0));
     let model = learn(&cloud, &BicAlphabetOptions { reduce: false, ..options() });
-    assert!(figure(&model, "inliers") > 0.93, "{}", figure(&model, "inliers"));
-    assert!(figure(&model, "outliers") < 0.1, "{}", figure(&model, "outliers"));
+    assert!(figures(&model).inliers > 0.93, "{}", figures(&model).inliers);
+    assert!(figures(&model).outliers < 0.1, "{}", figures(&model).outliers);
     // Flat, edge and corner, hardly any of them twice, for some hundred places of each.
     let words = model.alphabet().len();
     assert!((2..=6).contains(&words) && model.len() > 80 * words, "{words} at {}", model.len());
     assert_eq!(model.counts().iter().sum::<u64>(), model.len() as u64);
     let bytes: usize = model.alphabet().words().iter().map(|w| 12 * w.points.len()).sum();
-    assert_eq!(figure(&model, "paper bytes"), (bytes + 28 * model.len()) as f64);
+    assert_eq!(figures(&model).paper_bytes, bytes + 28 * model.len());
     // The trace never rises.
     let (name, trace) = &model.report().objectives[0];
     assert_eq!((name.as_str(), trace.len()), ("bic", 60));
     assert!(trace.windows(2).all(|w| w[1] <= w[0]));
-    assert_eq!(*trace.last().unwrap(), figure(&model, "bic"));
+    assert_eq!(*trace.last().unwrap(), figures(&model).bic);
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn decoded_points_keep_their_distance_and_are_those_measured() {
         f64::from(tree.nearest(**p).unwrap().squared_distance()).sqrt() <= sigma
     });
     let share = inliers.count() as f64 / cloud.len() as f64;
-    assert!((share - figure(&model, "inliers reduced")).abs() < 2e-3, "{share}");
+    assert!((share - figures(&model).inliers_reduced.unwrap()).abs() < 2e-3, "{share}");
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn an_alphabet_describes_another_scene() {
     let alphabet = learn(&cloud(room(2)), &options()).alphabet().clone();
     let model = alphabet.describe(&cloud(room(3)), &options(), &Silent).unwrap();
     assert_eq!(model.alphabet(), &alphabet);
-    assert!(figure(&model, "inliers") > 0.9, "{}", figure(&model, "inliers"));
+    assert!(figures(&model).inliers > 0.9, "{}", figures(&model).inliers);
     let other = BicAlphabetOptions { radius: 0.2, ..options() };
     let found = alphabet.describe(&cloud(room(3)), &other, &Silent);
     assert!(matches!(found, Err(Error::Inconsistent(_))), "{found:?}");

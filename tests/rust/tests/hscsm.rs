@@ -152,13 +152,10 @@ fn to_surface(decoded: &PointCloud, rectangles: &[Rectangle]) -> Vec<f64> {
     decoded.positions().iter().map(|p| f64::from(distance(p))).collect()
 }
 
-fn figure(model: &HscsmModel, name: &str) -> f64 {
-    model.report().by_name().figures.iter().find(|f| f.0 == name).unwrap().1
-}
-
 fn assert_all_owned(model: &HscsmModel) {
-    assert!(figure(model, "samples") > 0.0);
-    assert_eq!(figure(model, "samples"), figure(model, "samples covered"));
+    let figures = model.report().figures.unwrap();
+    assert!(figures.samples > 0);
+    assert_eq!(figures.samples, figures.samples_covered);
 }
 
 /// Checks full coverage: every sample owned, every input point close to a decoded one.
@@ -518,11 +515,11 @@ fn a_frozen_dictionary_codes_another_scene() {
     };
     let second = PointCloud::from_parts(parts).unwrap().0;
     let dictionary = first.dictionary();
-    let model = hscsm::encode(&second, &options(), &dictionary, &Silent).unwrap();
+    let model = hscsm::describe(&second, &options(), &dictionary, &Silent).unwrap();
     assert_all_owned(&model);
     assert_eq!(model.dictionary(), dictionary);
     assert!(model.to_bytes().unwrap().len() < learn(&second).to_bytes().unwrap().len());
-    let mismatch = hscsm::encode(&second, &with_levels(2), &dictionary, &Silent).unwrap_err();
+    let mismatch = hscsm::describe(&second, &with_levels(2), &dictionary, &Silent).unwrap_err();
     assert!(matches!(mismatch, Error::Inconsistent(_)), "{mismatch:?}");
 }
 

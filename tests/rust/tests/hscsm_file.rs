@@ -220,7 +220,7 @@ proptest! {
         origin in prop::array::uniform3(-1e7..1e7),
         n_points: u64,
     ) {
-        let parts = HscsmModelParts { origin, n_points, levels, shared_dictionary: false };
+        let parts = HscsmModelParts { origin, n_points, levels, shares_vocabulary: false };
         let model = HscsmModel::from_parts(parts).unwrap();
         let bytes = model.to_bytes().unwrap();
         prop_assert_eq!(read::<HscsmModel>(&bytes).unwrap(), model);

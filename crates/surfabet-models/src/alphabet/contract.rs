@@ -35,7 +35,7 @@ impl SurfaceModel for AlphabetModel {
         let [words, occurrences, channels] = exactly(streams);
         match source {
             Source::Model(model) => {
-                if !model.shares_alphabet() {
+                if !model.shares_vocabulary() {
                     model.alphabet().code(words, model.alphabet().words().len())?;
                 }
                 model.write(occurrences, channels).map(|()| None)
@@ -62,7 +62,7 @@ impl SurfaceModel for AlphabetModel {
     }
 
     fn shares_vocabulary(&self) -> bool {
-        self.shares_alphabet()
+        self.shares_vocabulary()
     }
 
     fn summary(&self) -> Summary {

@@ -112,33 +112,12 @@ fn run(
             None => learned_words(&scales, options.max_words, progress),
         }
     })?;
+    let mut choice = choice(scene, &scales, words, frozen.is_some(), options);
 
     // 4. The candidates: every plane, and the words that fit best in its place (III-C).
-    let prices = Prices::first(
-        options.inlier_bits() as f32,
-        options.outlier_bits() as f32,
-        scales.len(),
-        words.len(),
-    );
-    let mut candidates = stages.run("placing words", |progress| {
-        candidates(scene, &scales, &words, &prices, options.spacing, progress)
-    })?;
+    let mut candidates =
+        stages.run("placing words", |progress| candidates(&choice, &scales, progress))?;
 
-    let mut choice = Choice {
-        scene,
-        cells: scales.iter().map(|s| &s.cells).collect(),
-        spacing: options.spacing,
-        params: CodingParams {
-            scales: options.scales,
-            rule: scene.rule,
-            sensors: scene.sensors.clone(),
-            n_words: words.len() as u32,
-        },
-        words,
-        frozen: frozen.is_some(),
-        prices,
-        lengths: Vec::new(),
-    };
     let chosen = stages.run("choosing occurrences", |progress| {
         // 5. and 6. Covers of least description length without redundant occurrences (III-D), at the coder's prices;
         // words that do not pay are dropped.
@@ -219,7 +198,7 @@ impl Prepared {
     fn model(
         &self,
         alphabet: Alphabet,
-        shares_alphabet: bool,
+        shares_vocabulary: bool,
         chosen: &[Candidate],
         options: &AlphabetOptions,
     ) -> Result<AlphabetModel> {
@@ -235,7 +214,7 @@ impl Prepared {
         let with_means =
             |c: &Candidate| (c.placement, channels.means(&self.thinned, &c.coverage.points));
         let occurrences = chosen.iter().map(with_means).collect();
-        AlphabetModel::new(header, alphabet, occurrences, channels, shares_alphabet)
+        AlphabetModel::new(header, alphabet, occurrences, channels, shares_vocabulary)
     }
 }
 
@@ -271,18 +250,46 @@ fn learned_words(scales: &[Scale], max_words: u32, progress: &dyn Progress) -> R
     cluster_words(&descriptors, max_words as usize, progress)
 }
 
+/// The choice among occurrences of `words`, before anything is chosen.
+fn choice<'a>(
+    scene: &'a LatticeScene,
+    scales: &'a [Scale],
+    words: Vec<Word>,
+    frozen: bool,
+    options: &AlphabetOptions,
+) -> Choice<'a> {
+    Choice {
+        scene,
+        cells: scales.iter().map(|s| &s.cells).collect(),
+        spacing: options.spacing,
+        params: CodingParams {
+            scales: options.scales,
+            rule: scene.rule,
+            sensors: scene.sensors.clone(),
+            n_words: words.len() as u32,
+        },
+        prices: Prices::first(
+            options.inlier_bits() as f32,
+            options.outlier_bits() as f32,
+            scales.len(),
+            words.len(),
+        ),
+        words,
+        frozen,
+        lengths: Vec::new(),
+    }
+}
+
 /// The planes and the words in their places, as far as they can pay for themselves, sorted.
 fn candidates(
-    scene: &LatticeScene,
+    choice: &Choice<'_>,
     scales: &[Scale],
-    words: &[Word],
-    prices: &Prices,
-    spacing: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<Candidate>> {
+    let Choice { scene, words, prices, spacing, .. } = choice;
     let mut all: Vec<Candidate> = Vec::new();
     for Scale { cells, planes } in scales {
-        all.extend(place_words(scene, cells, planes, words, spacing, progress)?);
+        all.extend(place_words(scene, cells, planes, words, *spacing, progress)?);
         all.extend(planes.iter().map(|p| p.candidate.clone()));
     }
     all.retain(|c| prices.pays_alone(c));

@@ -175,7 +175,7 @@ pub struct AlphabetModel {
     alphabet: Alphabet,
     placements: Vec<Placement>,
     attributes: Option<Attributes>,
-    shares_alphabet: bool,
+    shares_vocabulary: bool,
     report: Beside<AlphabetReport>,
 }
 
@@ -199,7 +199,7 @@ impl AlphabetModel {
         alphabet: Alphabet,
         mut occurrences: Vec<(Placement, Vec<i32>)>,
         channels: Channels,
-        shares_alphabet: bool,
+        shares_vocabulary: bool,
     ) -> Result<Self> {
         header.round();
         let fits = |p: &Placement| {
@@ -230,7 +230,7 @@ impl AlphabetModel {
                 .collect(),
         });
         let report = Beside::default();
-        Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
+        Ok(Self { header, alphabet, placements, attributes, shares_vocabulary, report })
     }
 
     /// Writes or prices the occurrences to one coder and their channels to another.
@@ -261,7 +261,7 @@ impl AlphabetModel {
         alphabet: Alphabet,
         n: usize,
         kept: Channels,
-        shares_alphabet: bool,
+        shares_vocabulary: bool,
         occurrences: &mut C,
         channels: &mut C,
     ) -> Result<Self, C::Error> {
@@ -282,7 +282,7 @@ impl AlphabetModel {
             None
         };
         let report = Beside::default();
-        Ok(Self { header, alphabet, placements, attributes, shares_alphabet, report })
+        Ok(Self { header, alphabet, placements, attributes, shares_vocabulary, report })
     }
 
     /// Number of occurrences.
@@ -301,8 +301,8 @@ impl AlphabetModel {
     }
 
     /// Whether the model's file names its alphabet instead of holding it.
-    pub fn shares_alphabet(&self) -> bool {
-        self.shares_alphabet
+    pub fn shares_vocabulary(&self) -> bool {
+        self.shares_vocabulary
     }
 
     /// The scene that the model describes.

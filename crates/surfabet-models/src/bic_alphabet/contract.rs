@@ -4,8 +4,8 @@ use surfabet_entropy::Coder;
 
 use super::model::{BicAlphabet, BicAlphabetHeader, BicAlphabetModel};
 use super::options::BicAlphabetOptions;
+use super::report::BicAlphabetFigures;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
-use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a point of a word takes.
@@ -17,7 +17,7 @@ impl SurfaceModel for BicAlphabetModel {
     const KEEPS_THICKNESS: bool = false;
     type Options = BicAlphabetOptions;
     type Header = BicAlphabetHeader;
-    type Figures = Named;
+    type Figures = Option<BicAlphabetFigures>;
     type Vocabulary = BicAlphabet;
 
     fn header(&self) -> BicAlphabetHeader {
@@ -36,7 +36,7 @@ impl SurfaceModel for BicAlphabetModel {
         let [words, poses] = exactly(streams);
         match source {
             Source::Model(model) => {
-                if !model.shares_alphabet() {
+                if !model.shares_vocabulary() {
                     model.alphabet().write(words)?;
                 }
                 model.write(poses).map(|()| None)
@@ -65,7 +65,7 @@ impl SurfaceModel for BicAlphabetModel {
     }
 
     fn shares_vocabulary(&self) -> bool {
-        self.shares_alphabet()
+        self.shares_vocabulary()
     }
 
     fn summary(&self) -> Summary {

@@ -8,14 +8,13 @@
 
 use surfabet_geom::{PointCloud, Progress};
 
-use super::choice::{
-    Fidelity, Matching, PreparedScene, Reconstruction, choose_words, fidelity, reduce,
-};
+use super::choice::{Chosen, Matching, PreparedScene, Reconstruction, choose_words, reduce};
 use super::model::{BicAlphabet, BicAlphabetModel, BicHeader};
 use super::options::BicAlphabetOptions;
+use super::report::{BicAlphabetFigures, BicAlphabetReport};
 use crate::error::Result;
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::lost;
 use crate::stages::Stages;
 
 /// The stages of learning and their shares of the progress: the time of each in per cent, on a scan of a room.
@@ -56,15 +55,13 @@ pub fn learn(
     progress: &dyn Progress,
 ) -> Result<BicAlphabetModel> {
     options.check()?;
-    let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
     let mut stages = Stages::new(STAGES, progress);
     // Scene, features and their descriptors: eq. 13, III-C.
-    let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
+    let scene = PreparedScene::new(cloud, options, &mut stages)?;
     // Words sampled from the scene (eq. 1), accepted when the BIC falls: III, III-A, III-B.
-    let best =
-        stages.run("choosing words", |progress| choose_words(&scene, &mut report, progress))?;
+    let chosen = stages.run("choosing words", |progress| choose_words(&scene, progress))?;
     // Occurrences without which the likelihood does not fall are removed: III-D.
-    finish(cloud, &scene, best, report, stages)
+    finish(cloud, &scene, chosen, stages)
 }
 
 impl BicAlphabet {
@@ -82,17 +79,16 @@ impl BicAlphabet {
     ) -> Result<BicAlphabetModel> {
         self.check(options)?;
         options.check()?;
-        let mut report = Report { not_kept: lost(cloud, &[]), ..Report::default() };
         let mut stages = Stages::new(DESCRIBE_STAGES, progress);
-        let scene = PreparedScene::new(cloud, options, &mut report, &mut stages)?;
+        let scene = PreparedScene::new(cloud, options, &mut stages)?;
         let words = self.words().to_vec();
         let matching = stages.run("matching words", |_| {
             Ok(Matching::new(&scene.descriptors, &words, scene.penalty()))
         })?;
         let best =
             stages.run("placing words", |_| Ok(Reconstruction::new(&scene, words, matching)))?;
-        report.stop_reason = "the alphabet was given";
-        Ok(finish(cloud, &scene, best, report, stages)?.sharing_alphabet(true))
+        let chosen = Chosen { best, bics: None, stop_reason: "the alphabet was given" };
+        finish(cloud, &scene, chosen, stages)
     }
 }
 
@@ -100,25 +96,26 @@ impl BicAlphabet {
 fn finish(
     cloud: &PointCloud,
     scene: &PreparedScene<'_>,
-    mut best: Reconstruction,
-    mut report: Report,
+    Chosen { mut best, bics, stop_reason }: Chosen,
     mut stages: Stages<'_>,
 ) -> Result<BicAlphabetModel> {
-    report.add_figure("words", best.words.len() as f64);
-    report.add_figure("word points", best.n_word_points() as f64);
-    report.add_figure("bic", best.bic(scene));
-    report.add_figure("log-likelihood", best.log_likelihood(scene));
-    let names = ["occurrences", "paper bytes", "inliers", "outliers"];
-    measure(scene, &best, names, &mut report, &mut stages)?;
+    let is_given = bics.is_none();
+    let mut figures = BicAlphabetFigures::new(cloud.len(), scene, &best, &mut stages)?;
     if scene.options.reduce {
         stages
             .run_round("removing occurrences", 1, |progress| reduce(scene, &mut best, progress))?;
-        report.add_figure("log-likelihood reduced", best.log_likelihood(scene));
-        let names =
-            ["occurrences reduced", "paper bytes reduced", "inliers reduced", "outliers reduced"];
-        measure(scene, &best, names, &mut report, &mut stages)?;
+        figures.add_reduced(scene, &best, &mut stages)?;
     }
-    report.stages = stages.finish();
+    let report = BicAlphabetReport {
+        stages: stages.finish(),
+        figures: Some(figures),
+        levels: Vec::new(),
+        iterations: bics.as_ref().map_or(0, Vec::len),
+        objectives: bics.into_iter().map(|bics| ("bic".into(), bics)).collect(),
+        stop_reason,
+        attributes: Vec::new(),
+        not_kept: lost(cloud, &[]),
+    };
     let header = BicHeader {
         n_points: cloud.len() as u64,
         origin: scene.scene.origin,
@@ -127,27 +124,5 @@ fn finish(
     };
     let occurrences = best.occurrences(scene);
     let alphabet = BicAlphabet::learned(best.words, scene.options)?;
-    BicAlphabetModel::learned(alphabet, occurrences, header, report)
-}
-
-/// Adds the figures of the paper's table (IV) under these names: the number of occurrences, the bytes at 12 per point of
-/// a word and 24 + 4 per occurrence, inliers and outliers.
-fn measure(
-    scene: &PreparedScene<'_>,
-    best: &Reconstruction,
-    names: [&'static str; 4],
-    report: &mut Report,
-    stages: &mut Stages<'_>,
-) -> Result<()> {
-    let n_occurrences = best.occurrences(scene).words.len();
-    let bytes = 12 * best.n_word_points() + 28 * n_occurrences;
-    let rounds = if scene.options.reduce { 2 } else { 1 };
-    let Fidelity { inliers, outliers } = stages
-        .run_round("measuring", rounds, |progress| fidelity(scene, &best.sparsified, progress))?;
-    for (name, value) in
-        names.into_iter().zip([n_occurrences as f64, bytes as f64, inliers, outliers])
-    {
-        report.add_figure(name, value);
-    }
-    Ok(())
+    BicAlphabetModel::learned(alphabet, occurrences, header, is_given, report)
 }

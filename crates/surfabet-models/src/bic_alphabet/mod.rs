@@ -33,6 +33,7 @@ mod model;
 mod options;
 mod pose;
 mod rebuild;
+mod report;
 mod words;
 
 pub use learn::learn;
@@ -41,4 +42,5 @@ pub use model::{
 };
 pub use options::BicAlphabetOptions;
 pub use pose::{BicPose, MAX_POSITION};
+pub use report::{BicAlphabetFigures, BicAlphabetReport};
 pub use words::{BicWord, MAX_WORD_POINTS};

@@ -6,9 +6,10 @@ use super::coding::{code_occurrences, code_words};
 use super::features::{EMPTY, pixel_centers};
 use super::options::BicAlphabetOptions;
 use super::pose::{BicPose, CELL, Frame, MAX_POSITION, NORMAL_BITS};
+use super::report::BicAlphabetReport;
 use super::words::{BicWord, MAX_WORD_POINTS, point_step};
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 use crate::scans::Upright;
 
 /// Most words of an alphabet.
@@ -241,8 +242,8 @@ pub struct BicAlphabetModel {
     alphabet: BicAlphabet,
     poses: Vec<BicPose>,
     words: Vec<u32>,
-    shares_alphabet: bool,
-    report: Beside<Report>,
+    shares_vocabulary: bool,
+    report: Beside<BicAlphabetReport>,
 }
 
 impl BicAlphabetModel {
@@ -255,7 +256,7 @@ impl BicAlphabetModel {
         alphabet: BicAlphabet,
         poses: Vec<BicPose>,
         words: Vec<u32>,
-        shares_alphabet: bool,
+        shares_vocabulary: bool,
     ) -> Result<Self> {
         let fail = |what: String| Err(Error::Inconsistent(what));
         if header.origin.iter().any(|c| !c.is_finite()) {
@@ -294,17 +295,18 @@ impl BicAlphabetModel {
             }
         }
         let report = Beside::default();
-        Ok(Self { header, alphabet, poses, words, shares_alphabet, report })
+        Ok(Self { header, alphabet, poses, words, shares_vocabulary, report })
     }
 
     pub(super) fn learned(
         alphabet: BicAlphabet,
         occurrences: Occurrences,
         header: BicHeader,
-        report: Report,
+        shares_vocabulary: bool,
+        report: BicAlphabetReport,
     ) -> Result<Self> {
         let Occurrences { poses, words } = occurrences;
-        let model = Self::new(header, alphabet, poses, words, false)?;
+        let model = Self::new(header, alphabet, poses, words, shares_vocabulary)?;
         Ok(Self { report: Beside(report), ..model })
     }
 
@@ -325,11 +327,11 @@ impl BicAlphabetModel {
         header: BicHeader,
         alphabet: BicAlphabet,
         n: usize,
-        shares_alphabet: bool,
+        shares_vocabulary: bool,
         coder: &mut C,
     ) -> Result<Self, C::Error> {
         let (poses, words) = code_occurrences(coder, &alphabet, header.low, (&[], &[]), n)?;
-        Self::new(header, alphabet, poses, words, shares_alphabet)
+        Self::new(header, alphabet, poses, words, shares_vocabulary)
             .map_err(|e| coder.corrupt(e.to_string()))
     }
 
@@ -397,14 +399,8 @@ impl BicAlphabetModel {
     }
 
     /// True when files of this model name its alphabet by hash instead of holding it.
-    pub fn shares_alphabet(&self) -> bool {
-        self.shares_alphabet
-    }
-
-    /// This model with its alphabet left out of files (true) or in them (false).
-    #[must_use]
-    pub fn sharing_alphabet(self, shares_alphabet: bool) -> Self {
-        Self { shares_alphabet, ..self }
+    pub fn shares_vocabulary(&self) -> bool {
+        self.shares_vocabulary
     }
 
     /// False: the paper's words have no colour.
@@ -413,7 +409,7 @@ impl BicAlphabetModel {
     }
 
     /// How the model came about; empty for one read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &BicAlphabetReport {
         &self.report.0
     }
 }

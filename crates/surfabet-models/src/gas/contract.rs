@@ -3,10 +3,10 @@
 use surfabet_entropy::Coder;
 
 use super::coding::Streams;
+use super::finish::GasFigures;
 use super::model::{GasHeader, GasModel};
 use super::options::GasOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
-use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for GasModel {
@@ -15,7 +15,7 @@ impl SurfaceModel for GasModel {
     const KEEPS_THICKNESS: bool = true;
     type Options = GasOptions;
     type Header = GasHeader;
-    type Figures = Named;
+    type Figures = Option<GasFigures>;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> GasHeader {

@@ -9,9 +9,28 @@ use super::network::{Graph, Grown};
 use super::options::GasOptions;
 use crate::contract::SurfaceModel;
 use crate::error::{Error, Result};
-use crate::report::{AttributeFigures, Report};
+use crate::report::{AttributeFigures, Report, figures};
 use crate::scalar::ScalarScale;
 use crate::stages::Stages;
+
+/// The report of learning and of updating.
+pub type GasReport = Report<Option<GasFigures>>;
+
+figures! {
+    /// What learning and updating count and measure.
+    pub struct GasFigures {
+        /// Points of all clouds.
+        pub points: u64 = "points",
+        /// Signals that were drawn.
+        pub signals: u64 = "signals",
+        /// Neurons of the model.
+        pub neurons: usize = "neurons",
+        /// Edges of the model.
+        pub edges: usize = "edges",
+        /// Mean distance of the points to the nearest neuron, metres.
+        pub mean_error: f64 = "mean error",
+    }
+}
 
 /// Rounds the positions of a grown network, and describes its neurons by the points of `observed`, as the last of
 /// `stages`.
@@ -21,7 +40,7 @@ pub(super) fn finish(
     observed: &[Observed<'_>],
     n_points: u64,
     options: &GasOptions,
-    mut report: Report,
+    not_kept: Vec<String>,
     mut stages: Stages<'_>,
 ) -> Result<GasModel> {
     let Graph { positions, edges } = grown.graph;
@@ -36,21 +55,27 @@ pub(super) fn finish(
     let statistics = stages.run("describing neurons", |progress| {
         describe(&positions, &adjacency, observed, progress)
     })?;
-    report.stages = stages.finish();
-    report.figures.extend([
-        ("points", n_points as f64),
-        ("signals", grown.signals as f64),
-        ("neurons", positions.len() as f64),
-        ("edges", edges.len() as f64),
-        ("mean error", statistics.mean_distance),
-    ]);
-    report.iterations = grown.signals as usize;
-    report.objectives.push(("mean distance of signals".into(), grown.trace));
-    report.stop_reason = grown.stop_reason;
     let intensities = statistics.intensities.as_ref().map(|values| {
         let values = values.iter().map(|&v| f64::from(v));
         ScalarScale::of("intensities", values, options.attribute_step)
     });
+    let figures = GasFigures {
+        points: n_points,
+        signals: grown.signals,
+        neurons: positions.len(),
+        edges: edges.len(),
+        mean_error: statistics.mean_distance,
+    };
+    let report = GasReport {
+        stages: stages.finish(),
+        figures: Some(figures),
+        levels: Vec::new(),
+        objectives: vec![("mean distance of signals".into(), grown.trace)],
+        iterations: grown.signals as usize,
+        stop_reason: grown.stop_reason,
+        attributes: Vec::new(),
+        not_kept,
+    };
     let header = GasHeader {
         n_points,
         origin,
@@ -62,14 +87,8 @@ pub(super) fn finish(
         n_edges: edges.len() as u64,
     };
     let mut model = GasModel::new(header, &rounded, &edges, &statistics, report)?;
-    let names =
-        [model.has_color().then_some("colors"), model.has_intensity().then_some("intensities")];
-    // Colours and intensities are the last two streams.
-    let bytes = model.price();
-    let attributes = names.into_iter().zip(&bytes[bytes.len() - 2..]);
-    model.report_mut().attributes = attributes
-        .filter_map(|(name, &bytes)| Some(AttributeFigures::of_bytes(name?, bytes)))
-        .collect();
+    let present = [model.has_color(), model.has_intensity()];
+    model.report_mut().attributes = AttributeFigures::of_last_streams(&model.price(), present);
     Ok(model)
 }
 

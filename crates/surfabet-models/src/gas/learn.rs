@@ -12,7 +12,7 @@ use super::network::{Graph, Signals, Stop, grow};
 use super::options::GasOptions;
 use crate::error::{Error, Result};
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::lost;
 use crate::stages::Stages;
 
 /// The stages and their shares of the progress: the time of each in per cent, on a Kinect frame.
@@ -56,8 +56,7 @@ pub fn learn(
         facing: cloud.facing(),
         weight: 1.0,
     };
-    let report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
-    finish(grown, origin, &[observed], cloud.len() as u64, options, report, stages)
+    finish(grown, origin, &[observed], cloud.len() as u64, options, lost(cloud, &KEPT), stages)
 }
 
 /// When learning from `n_points` ends.

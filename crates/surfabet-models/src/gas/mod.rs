@@ -38,6 +38,7 @@ mod surface;
 mod update;
 mod winners;
 
+pub use finish::{GasFigures, GasReport};
 pub use learn::learn;
 pub use model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron};
 pub use network::{Graph, Network, Rates};

@@ -6,9 +6,10 @@ use surfabet_geom::octahedral;
 use super::adjacency::Adjacency;
 use super::coding::{Parts, Streams, code_gas, traversal};
 use super::describe::Statistics;
+use super::finish::GasReport;
 use crate::color::{self, rounded};
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 use crate::scalar::ScalarScale;
 use crate::size_code::{size_code, size_of_code};
 
@@ -100,7 +101,7 @@ pub struct GasModel {
     pub(super) neurons: Vec<Neuron>,
     pub(super) edges: Vec<[u32; 2]>,
     pub(super) adjacency: Adjacency,
-    report: Beside<Report>,
+    report: Beside<GasReport>,
 }
 
 impl GasModel {
@@ -110,7 +111,7 @@ impl GasModel {
         positions: &[[i32; 3]],
         edges: &[[u32; 2]],
         statistics: &Statistics,
-        report: Report,
+        report: GasReport,
     ) -> Result<Self> {
         header.check()?;
         let unit = 0.125 * f64::from(header.exponent).exp2();
@@ -286,12 +287,12 @@ impl GasModel {
         0.125 * self.position_step() * size_of_code(self.neurons[i].thickness)
     }
 
-    pub(super) fn report_mut(&mut self) -> &mut Report {
+    pub(super) fn report_mut(&mut self) -> &mut GasReport {
         &mut self.report.0
     }
 
     /// How the model was learned; empty for a model read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &GasReport {
         &self.report.0
     }
 }

@@ -15,7 +15,7 @@ use super::network::{Graph, Signals, Stop, grow};
 use super::options::{GasOptions, MAX_NEURONS};
 use crate::error::{Error, Result};
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::lost;
 use crate::spread::across;
 use crate::stages::Stages;
 
@@ -99,8 +99,7 @@ impl GasModel {
         let n_points = self.n_points().saturating_add(cloud.len() as u64);
         // The origin and the position step stay: neurons that did not move keep their positions.
         let options = GasOptions { position_step: Some(self.position_step()), ..options };
-        let report = Report { not_kept: lost(cloud, &KEPT), ..Report::default() };
-        finish(grown, origin, &observed, n_points, &options, report, stages)
+        finish(grown, origin, &observed, n_points, &options, lost(cloud, &KEPT), stages)
     }
 
     /// Number of neurons after an update: the one asked for, or this model's times the number of cubes of two mean

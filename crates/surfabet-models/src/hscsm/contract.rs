@@ -6,8 +6,8 @@ use super::channels::dictionary::HscsmDictionary;
 use super::coding::Streams;
 use super::model::{Channel, HscsmHeader, HscsmModel};
 use super::options::HscsmOptions;
+use super::report::HscsmFigures;
 use crate::contract::{Source, SurfaceModel, exactly, own_methods};
-use crate::report::Named;
 use crate::summary::Summary;
 
 impl SurfaceModel for HscsmModel {
@@ -16,7 +16,7 @@ impl SurfaceModel for HscsmModel {
     const KEEPS_THICKNESS: bool = false;
     type Options = HscsmOptions;
     type Header = HscsmHeader;
-    type Figures = Named;
+    type Figures = Option<HscsmFigures>;
     type Vocabulary = HscsmDictionary;
 
     fn header(&self) -> HscsmHeader {
@@ -42,7 +42,7 @@ impl SurfaceModel for HscsmModel {
     }
 
     fn shares_vocabulary(&self) -> bool {
-        self.shares_dictionary()
+        self.shares_vocabulary()
     }
 
     fn summary(&self) -> Summary {

@@ -6,15 +6,16 @@ use super::channels::dictionary::{HscsmDictionary, LevelDictionary};
 use super::channels::images::project;
 use super::channels::means::{LevelTask, learn_color, learn_depth};
 use super::constants::{GATE_DEVIATIONS, LEFT_PIXELS, POSITION_STEP};
-use super::model::{Channel, HscsmModel, HscsmModelParts, Level, MAX_POSITION, Steps};
+use super::model::{HscsmModel, HscsmModelParts, Level, MAX_POSITION, Steps};
 use super::options::HscsmOptions;
 use super::order::{steps_per_cell, storing_order};
 use super::placement::{OwnedPatch, PixelGrid, Rules, place};
+use super::report::{HscsmReport, LearnedLevel, LevelFigures, report};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
-use crate::report::{Report, lost};
+use crate::report::lost;
 use crate::stages::Stages;
 
 /// The stages of learning, with their shares of the progress; all but the first come back level after level.
@@ -39,7 +40,7 @@ pub fn learn(
     options: &HscsmOptions,
     progress: &dyn Progress,
 ) -> Result<HscsmModel> {
-    describe(cloud, options, None, progress)
+    run(cloud, options, None, progress)
 }
 
 /// Describes a cloud as [`learn`] does, in the dictionaries of another model: nothing is learned, and the file
@@ -48,7 +49,7 @@ pub fn learn(
 /// # Errors
 /// As [`learn`]; [`Error::Inconsistent`] when `options` are of another hierarchy than the dictionary, or the cloud
 /// has colours and the dictionary none.
-pub fn encode(
+pub fn describe(
     cloud: &PointCloud,
     options: &HscsmOptions,
     dictionary: &HscsmDictionary,
@@ -62,10 +63,10 @@ pub fn encode(
                 .to_owned(),
         ));
     }
-    describe(cloud, options, Some(dictionary), progress)
+    run(cloud, options, Some(dictionary), progress)
 }
 
-fn describe(
+fn run(
     cloud: &PointCloud,
     options: &HscsmOptions,
     frozen: Option<&HscsmDictionary>,
@@ -75,32 +76,33 @@ fn describe(
     let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);
     check_extent(extent, options.resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
     let mut stages = Stages::new(STAGES, progress);
-    let mut report: Report = Report::default();
 
     // The sub-sampled cloud P' (III-A).
     let samples =
         stages.run("merging points", |progress| Samples::merge(cloud, options, progress))?;
-    report.figures.extend([("points", cloud.len() as f64), ("samples", samples.len() as f64)]);
-    report.not_kept = lost(cloud, &["colors"]);
     // The hierarchy H, coarsest level first: each describes what it can of the samples that are left.
     let mut owned = vec![false; samples.len()];
     let mut levels = Vec::with_capacity(options.levels as usize);
     for j in 0..options.levels {
         let frozen = frozen.and_then(|d| d.levels.get(j as usize));
         let task = level_task(options, j, frozen);
-        levels.push(learn_level(&samples, &mut owned, &task, &mut stages, &mut report)?);
+        levels.push(learn_level(&samples, &mut owned, &task, &mut stages)?);
     }
 
-    report.stages = stages.finish();
-    report.stop_reason = match frozen {
-        None => "every point is covered and the dictionaries are learned",
-        Some(_) => "every point is covered",
+    let report = HscsmReport {
+        stages: stages.finish(),
+        stop_reason: match frozen {
+            None => "every point is covered and the dictionaries are learned",
+            Some(_) => "every point is covered",
+        },
+        not_kept: lost(cloud, &["colors"]),
+        ..report(cloud.len(), samples.len(), &levels)
     };
     let parts = HscsmModelParts {
         origin: cloud.origin(),
         n_points: cloud.len() as u64,
-        levels,
-        shared_dictionary: frozen.is_some(),
+        levels: levels.into_iter().map(|l| l.level).collect(),
+        shares_vocabulary: frozen.is_some(),
     };
     Ok(HscsmModel::from_parts(parts)?.with_report(report))
 }
@@ -120,8 +122,7 @@ fn learn_level(
     owned: &mut Vec<bool>,
     task: &LevelTask<'_>,
     stages: &mut Stages<'_>,
-    report: &mut Report,
-) -> Result<Level> {
+) -> Result<LearnedLevel> {
     let LevelTask { options, level: j, .. } = *task;
     let n_levels = options.levels as usize;
     let pixel_size = options.pixel_size(j);
@@ -142,14 +143,16 @@ fn learn_level(
     let images = stages
         .run_round("projecting patches", n_levels, |_| Ok(project(samples, &patches, grid)))?;
     // Dictionaries and sparse codes c of both channels (III-B).
-    let depth = stages.run_round("learning depth", n_levels, |progress| {
-        learn_depth(&images, task, report, progress)
-    })?;
-    let color = match &images.color {
-        None => None,
-        Some(colors) => Some(stages.run_round("learning colour", n_levels, |progress| {
-            learn_color(colors, &images, task, report, progress)
-        })?),
+    let (depth, depth_learning) = stages
+        .run_round("learning depth", n_levels, |progress| learn_depth(&images, task, progress))?;
+    let (color, color_learning) = match &images.color {
+        None => (None, None),
+        Some(colors) => {
+            let (color, learning) = stages.run_round("learning colour", n_levels, |progress| {
+                learn_color(colors, &images, task, progress)
+            })?;
+            (Some(color), learning)
+        }
     };
     let level = Level {
         pixel_size,
@@ -160,31 +163,8 @@ fn learn_level(
         depth,
         color,
     };
-    report_level(&level, &patches, distance, report);
-    Ok(level)
-}
-
-/// Adds the figures of a level to the report: to those of the whole model, and as a level of their own.
-fn report_level(level: &Level, patches: &[OwnedPatch], distance: Option<f64>, report: &mut Report) {
-    let taken = patches.iter().map(|p| p.members.len()).sum::<usize>();
-    let set = level.set_pixels() as f64;
-    let entries = |channel: &Channel| channel.dictionary.n_atoms() as f64;
-    let figures = [
-        ("samples covered", taken as f64),
-        ("patches", level.len() as f64),
-        ("set pixels", set),
-        ("area", level.covered_area()),
-        ("depth dictionary entries", entries(&level.depth)),
-        ("colour dictionary entries", level.color.as_ref().map_or(0.0, entries)),
-    ];
-    for (name, value) in figures {
-        report.add_figure(name, value);
-    }
-    let mut of_level = vec![("pixel size", level.pixel_size)];
-    of_level.extend(figures);
-    of_level.push(("set pixels per patch", set / level.len().max(1) as f64));
-    of_level.extend(distance.map(|d| ("distance of neighbouring patches", d)));
-    report.levels.push(of_level);
+    let figures = LevelFigures::new(&level, &patches, distance);
+    Ok(LearnedLevel { level, figures, depth: depth_learning, color: color_learning })
 }
 
 /// What level `j` accepts; the lowest takes all.

@@ -30,13 +30,15 @@ mod model;
 mod options;
 pub mod order;
 mod placement;
+mod report;
 mod samples;
 
 pub use channels::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
-pub use learn::{encode, learn};
+pub use learn::{describe, learn};
 pub use model::{
     Channel, Codes, HscsmHeader, HscsmModel, HscsmModelParts, Level, LevelHeader, MAX_ENTRIES,
     MAX_POSITION, MAX_SPARSITY, Steps,
 };
 pub use options::{HscsmOptions, MAX_LEVELS, Placement};
+pub use report::{HscsmFigures, HscsmReport};

@@ -11,8 +11,9 @@ use super::channels::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDic
 use super::coding::{Streams, code_hscsm};
 use super::frame::{NORMAL_BITS, PatchPose};
 use super::order;
+use super::report::HscsmReport;
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 
 /// Largest absolute lattice coordinate of a patch centre.
 pub const MAX_POSITION: i32 = 1 << 28;
@@ -290,14 +291,14 @@ pub struct HscsmModelParts {
     /// The hierarchy H, coarsest level first.
     pub levels: Vec<Level>,
     /// True when the dictionaries are those of another model, which a file then refers to.
-    pub shared_dictionary: bool,
+    pub shares_vocabulary: bool,
 }
 
 /// A cloud as sparse-coded surface patches; immutable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HscsmModel {
     parts: HscsmModelParts,
-    report: Beside<Report>,
+    report: Beside<HscsmReport>,
 }
 
 impl HscsmModel {
@@ -313,7 +314,7 @@ impl HscsmModel {
         Ok(Self { parts, report: Beside::default() })
     }
 
-    pub(super) fn with_report(mut self, report: Report) -> Self {
+    pub(super) fn with_report(mut self, report: HscsmReport) -> Self {
         self.report = Beside(report);
         self
     }
@@ -332,7 +333,7 @@ impl HscsmModel {
     /// # Errors
     /// Those of the coders.
     pub(super) fn write<C: Coder>(&self, streams: &mut Streams<'_, C>) -> Result<(), C::Error> {
-        let shared = self.shares_dictionary().then(|| self.dictionary());
+        let shared = self.shares_vocabulary().then(|| self.dictionary());
         code_hscsm(streams, &self.header(), shared.as_ref(), Some(self.levels()))?;
         Ok(())
     }
@@ -352,7 +353,7 @@ impl HscsmModel {
             origin: header.origin,
             n_points: header.n_points,
             levels: code_hscsm(streams, header, shared, None)?,
-            shared_dictionary: shared.is_some(),
+            shares_vocabulary: shared.is_some(),
         };
         Self::from_parts(parts).map_err(|e| streams.poses.corrupt(e.to_string()))
     }
@@ -373,8 +374,8 @@ impl HscsmModel {
     }
 
     /// True when the dictionaries are those of another model, which a file then refers to.
-    pub fn shares_dictionary(&self) -> bool {
-        self.parts.shared_dictionary
+    pub fn shares_vocabulary(&self) -> bool {
+        self.parts.shares_vocabulary
     }
 
     /// The dictionaries of all levels.
@@ -404,7 +405,7 @@ impl HscsmModel {
     }
 
     /// How the model was learned; empty for a model read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &HscsmReport {
         &self.report.0
     }
 }

@@ -3,10 +3,10 @@
 use surfabet_entropy::Coder;
 
 use super::attributes::MAX_ATTRIBUTES;
+use super::learn::PatchesFigures;
 use super::model::{PatchModel, PatchesHeader, Streams};
 use super::options::PatchesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
-use crate::report::Named;
 use crate::summary::Summary;
 
 /// Memory that a cell takes while it is read, for the geometry and for each attribute.
@@ -18,7 +18,7 @@ impl SurfaceModel for PatchModel {
     const KEEPS_THICKNESS: bool = true;
     type Options = PatchesOptions;
     type Header = PatchesHeader;
-    type Figures = Named;
+    type Figures = Option<PatchesFigures>;
     type Vocabulary = NoVocabulary;
 
     fn header(&self) -> PatchesHeader {

@@ -22,7 +22,7 @@ use crate::contract::DecodeOptions;
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
-use crate::report::{AttributeFigures, Report, lost};
+use crate::report::{AttributeFigures, Named, Report, figures, lost};
 use crate::stages::Stages;
 
 /// The stages of learning, with their shares of the progress.
@@ -34,6 +34,29 @@ const STAGES: &[(&str, f32)] = &[
     ("adding attributes", 0.1),
     ("checking the bound", 0.1),
 ];
+
+/// The report of [`learn`].
+pub type PatchesReport = Report<Option<PatchesFigures>>;
+
+figures! {
+    /// What [`learn`] counts and measures.
+    pub struct PatchesFigures {
+        /// Points of the cloud.
+        pub points: usize = "points",
+        /// Places that the points were merged to.
+        pub samples: usize = "samples",
+        /// Connected surfaces of samples.
+        pub sheets: usize = "sheets",
+        /// Mean number of samples of the pixels of large sheets.
+        pub samples_per_pixel: f64 = "samples per pixel",
+        /// Cells that carry attributes.
+        pub attribute_cells: usize = "cells of attributes",
+        /// Patches of the model.
+        pub patches: usize = "patches",
+        /// Cells with points beside the patches.
+        pub extra_points: u64 = "extra points",
+    }
+}
 
 /// Learns patches on a lattice from a cloud.
 ///
@@ -52,7 +75,6 @@ pub fn learn(
     let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
     let resolution = options.resolution;
     let mut stages = Stages::new(STAGES, progress);
-    let mut report = Report::default();
 
     // 1. Axes of the scene.
     let cell = (AXES_CELL * resolution) as f32;
@@ -72,20 +94,14 @@ pub fn learn(
     let sheets = stages
         .run("growing sheets", |_| sheets(&samples, resolution as f32, lattice.tile_pixels()))?;
     // 4. to 6. Shapes, least cost, bits.
-    let geometry = stages.run("choosing patches", |progress| {
-        choose(lattice, &sheets, options, &mut report, progress)
-    })?;
+    let density = samples_per_pixel(&sheets);
+    let (geometry, bytes) = stages
+        .run("choosing patches", |progress| choose(lattice, &sheets, density, options, progress))?;
     // 7. Colour and other attributes.
-    let (attributes, figures) = stages.run("adding attributes", |_| {
+    let (attributes, attribute_figures) = stages.run("adding attributes", |_| {
         attributes(&chosen, &samples, &lattice, &geometry.leaves, options)
     })?;
-    report.attributes = figures;
-    report.figures.extend([
-        ("points", cloud.len() as f64),
-        ("samples", samples.all.len() as f64),
-        ("sheets", sheets.len() as f64),
-        ("cells of attributes", attributes.cells.len() as f64),
-    ]);
+    let attribute_cells = attributes.cells.len();
     let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
     // 8. Points beside the patches.
     if let Some(bound) = options.max_error {
@@ -93,11 +109,26 @@ pub fn learn(
             .run("checking the bound", |progress| keep_far_points(model, cloud, bound, progress))?;
     }
 
-    report.stages = stages.finish();
-    report.not_kept = lost(cloud, &chosen.names());
-    report.stop_reason = "every sheet has the hierarchy of least cost";
-    describe(&mut model, report);
-    Ok(model)
+    let figures = PatchesFigures {
+        points: cloud.len(),
+        samples: samples.all.len(),
+        sheets: sheets.len(),
+        samples_per_pixel: density,
+        attribute_cells,
+        patches: model.len(),
+        extra_points: model.header().n_extra,
+    };
+    let report = PatchesReport {
+        stages: stages.finish(),
+        figures: Some(figures),
+        levels: levels(&model),
+        iterations: bytes.len(),
+        objectives: vec![("bytes of geometry".into(), bytes)],
+        stop_reason: "every sheet has the hierarchy of least cost",
+        attributes: attribute_figures,
+        not_kept: lost(cloud, &chosen.names()),
+    };
+    Ok(model.with_report(report))
 }
 
 /// Refuses clouds without points, and those that are too large for the cells of samples.
@@ -108,17 +139,15 @@ fn check_size(cloud: &PointCloud, options: &PatchesOptions) -> Result<()> {
 }
 
 /// Chooses the hierarchies of all sheets, a few rounds over, each with the adaptive models as coding the round before
-/// left them.
+/// left them. Gives the bytes after each round too.
 fn choose(
     lattice: Lattice,
     sheets: &[Sheet],
+    density: f64,
     options: &PatchesOptions,
-    report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Geometry> {
+) -> Result<(Geometry, Vec<f64>)> {
     let bases = Basis::of_levels(options.levels);
-    let density = samples_per_pixel(sheets);
-    report.figures.push(("samples per pixel", density));
     let mut models = GeometryModels::default();
     let mut bytes = Vec::new();
     let mut chosen = Geometry::default();
@@ -140,9 +169,7 @@ fn choose(
         chosen = geometry;
         bytes.push(price.bits / 8.0);
     }
-    report.iterations = bytes.len();
-    report.objectives.push(("bytes of geometry".into(), bytes));
-    Ok(chosen)
+    Ok((chosen, bytes))
 }
 
 /// The best hierarchy of every sheet that is not left out.
@@ -221,16 +248,13 @@ fn keep_far_points(
     Ok(model.with_extra(keys, size, bound))
 }
 
-/// What the report says of the model, all in all and level by level.
-fn describe(model: &mut PatchModel, mut report: Report) {
+/// What the report says of each level.
+fn levels(model: &PatchModel) -> Vec<Named> {
     let lattice = model.lattice();
     let level = |(l, of): (u32, LevelSize)| {
         let pixel = lattice.pixel_of(l);
         let area = of.set_pixels as f64 * pixel * pixel;
         vec![("pixel size", pixel), ("patches", of.patches as f64), ("area", area)]
     };
-    report.levels = (0..lattice.levels).zip(model.level_sizes()).map(level).collect();
-    let (n, extra) = (model.len() as f64, model.header().n_extra as f64);
-    report.figures.extend([("patches", n), ("extra points", extra)]);
-    *model.report_mut() = report;
+    (0..lattice.levels).zip(model.level_sizes()).map(level).collect()
 }

@@ -41,7 +41,7 @@ pub use attributes::{
     AttributeContent, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS, MAX_NAME,
 };
 pub use axes::Orientation;
-pub use learn::learn;
+pub use learn::{PatchesFigures, PatchesReport, learn};
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, PATCH_PIXELS, PatchModel, PatchesHeader,
     SheetTree, Square,

@@ -8,10 +8,11 @@ use super::attributes::{AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIB
 use super::axes::Orientation;
 use super::coding::points::{PointModels, code_points};
 use super::coding::{Geometry, GeometryModels, code_geometry};
+use super::learn::PatchesReport;
 use super::surface::basis::N_SHAPES;
 use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
-use crate::report::{Beside, Report};
+use crate::report::Beside;
 
 /// Pixels per side of a patch at every level.
 pub const PATCH_PIXELS: i32 = 8;
@@ -229,7 +230,7 @@ pub struct PatchModel {
     extra: Vec<u64>,
     extra_size: f64,
     max_error: Option<f64>,
-    report: Beside<Report>,
+    report: Beside<PatchesReport>,
 }
 
 /// What there is of a level.
@@ -270,8 +271,8 @@ impl PatchModel {
         self
     }
 
-    pub(super) fn report_mut(&mut self) -> &mut Report {
-        &mut self.report.0
+    pub(super) fn with_report(self, report: PatchesReport) -> Self {
+        Self { report: Beside(report), ..self }
     }
 
     /// What the file says before its streams.
@@ -428,7 +429,7 @@ impl PatchModel {
     }
 
     /// How the model was learned; empty for a model read from a file.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &PatchesReport {
         &self.report.0
     }
 }

@@ -80,11 +80,8 @@ pub fn learn(
         grid_size: fit.grid_size(),
         outliers: model.header().n_outliers,
     };
-    let names =
-        [model.has_color().then_some("colors"), model.has_intensity().then_some("intensities")];
-    // Colours and intensities are the last two streams.
-    let bytes = model.price();
-    let attributes = names.into_iter().zip(&bytes[bytes.len() - 2..]);
+    let present = [model.has_color(), model.has_intensity()];
+    let attributes = AttributeFigures::of_last_streams(&model.price(), present);
     let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
     Ok(model.with_report(PlanesReport {
         stages: stages.finish(),
@@ -97,9 +94,7 @@ pub fn learn(
         ],
         iterations: trace.iterations.len(),
         stop_reason: trace.stop_reason,
-        attributes: attributes
-            .filter_map(|(name, &bytes)| Some(AttributeFigures::of_bytes(name?, bytes)))
-            .collect(),
+        attributes,
         not_kept: lost(cloud, &KEPT),
         ..Report::default()
     }))

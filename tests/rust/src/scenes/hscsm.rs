@@ -63,6 +63,6 @@ impl SharesVocabulary for HscsmModel {
         dictionary: &HscsmDictionary,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        hscsm::encode(cloud, &options(), dictionary, progress)
+        hscsm::describe(cloud, &options(), dictionary, progress)
     }
 }

@@ -10,7 +10,15 @@ use crate::bic_alphabet::constants::CANDIDATES_PER_THREAD;
 use crate::bic_alphabet::pose::mix;
 use crate::bic_alphabet::words::MAX_WORD_POINTS;
 use crate::error::Result;
-use crate::report::Report;
+
+/// The alphabet that was chosen, and how.
+pub(in crate::bic_alphabet) struct Chosen {
+    pub best: Reconstruction,
+    /// The BIC after each candidate; `None` when the alphabet was given.
+    pub bics: Option<Vec<f64>>,
+    /// Why no more candidates were tried.
+    pub stop_reason: &'static str,
+}
 
 /// Tries candidates in random order until there are no more, or `max_rejections` in a row did not lower the BIC.
 ///
@@ -18,38 +26,36 @@ use crate::report::Report;
 /// those after it are tried again, so that the result is that of trying one after the other.
 pub(in crate::bic_alphabet) fn choose_words(
     scene: &PreparedScene<'_>,
-    report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Reconstruction> {
+) -> Result<Chosen> {
     let options = scene.options;
     let candidates = candidates(scene);
     let threads = rayon::current_num_threads();
     let mut trials = vec![Trial::default(); threads * CANDIDATES_PER_THREAD];
     let mut best = Reconstruction::empty(scene);
-    // The BIC after each candidate.
-    let mut trace: Vec<f64> = Vec::with_capacity(candidates.len());
+    let mut bics: Vec<f64> = Vec::with_capacity(candidates.len());
     let (mut next, mut at_once, mut rejections) = (0, 1, 0);
-    report.stop_reason = "every candidate was tried";
+    let mut stop_reason = "every candidate was tried";
     while next < candidates.len() {
         progress.check()?;
         progress.update("choosing words", next as f32 / candidates.len() as f32);
         let batch = &candidates[next..(next + at_once).min(candidates.len())];
         let now = best.bic(scene);
-        let bics = try_all(&best, scene, batch, now, &mut trials);
-        let accepted = (0..).zip(&bics).find_map(|(k, bic)| Some((k, (*bic)?)));
-        let rejected = accepted.map_or(bics.len(), |(k, _)| k);
+        let tried = try_all(&best, scene, batch, now, &mut trials);
+        let accepted = (0..).zip(&tried).find_map(|(k, bic)| Some((k, (*bic)?)));
+        let rejected = accepted.map_or(tried.len(), |(k, _)| k);
         let left = options.max_rejections as usize - rejections;
         if rejected >= left {
-            trace.extend(std::iter::repeat_n(now, left));
-            report.stop_reason = "max_rejections reached";
+            bics.extend(std::iter::repeat_n(now, left));
+            stop_reason = "max_rejections reached";
             break;
         }
-        trace.extend(std::iter::repeat_n(now, rejected));
+        bics.extend(std::iter::repeat_n(now, rejected));
         next += rejected;
         match accepted {
             Some((k, bic)) => {
                 best.accept(scene, scene.word(batch[k]), &trials[k]);
-                trace.push(bic);
+                bics.push(bic);
                 next += 1;
                 rejections = 0;
                 at_once = threads;
@@ -60,12 +66,10 @@ pub(in crate::bic_alphabet) fn choose_words(
             }
         }
         if next == options.iterations as usize {
-            report.stop_reason = "iterations reached";
+            stop_reason = "iterations reached";
         }
     }
-    report.iterations = trace.len();
-    report.objectives.push(("bic".to_owned(), trace));
-    Ok(best)
+    Ok(Chosen { best, bics: Some(bics), stop_reason })
 }
 
 /// The features to take words at: at most `iterations` of those with enough points, in an order drawn by the seed.

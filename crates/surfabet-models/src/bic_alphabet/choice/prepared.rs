@@ -9,7 +9,6 @@ use crate::bic_alphabet::options::BicAlphabetOptions;
 use crate::bic_alphabet::rebuild::Stamp;
 use crate::bic_alphabet::words::BicWord;
 use crate::error::Result;
-use crate::report::Report;
 use crate::scans::Scene;
 use crate::stages::Stages;
 
@@ -30,20 +29,12 @@ impl<'a> PreparedScene<'a> {
     pub fn new(
         cloud: &PointCloud,
         options: &'a BicAlphabetOptions,
-        report: &mut Report,
         stages: &mut Stages<'_>,
     ) -> Result<Self> {
         let scene = stages.run("preparing the scene", |progress| {
             Scene::new(cloud, options.deviation(), options.min_range, progress)
         })?;
-        let prepared = Self::of_scene(scene, options, stages)?;
-        report.add_figure("points", cloud.len() as f64);
-        report.add_figure("points too near", prepared.scene.too_near as f64);
-        report.add_figure("duplicate points", prepared.scene.duplicates as f64);
-        report.add_figure("distinct points", prepared.scene.len() as f64);
-        report.add_figure("features", prepared.features.len() as f64);
-        report.add_figure("interest points", prepared.features.interest as f64);
-        Ok(prepared)
+        Self::of_scene(scene, options, stages)
     }
 
     /// The same from points that are merged already.

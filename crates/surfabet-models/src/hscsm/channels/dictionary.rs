@@ -7,7 +7,6 @@ use crate::error::{Error, Result};
 use crate::hscsm::constants::{ENTRY_STEP, MAX_TRAINING_SIGNALS};
 use crate::hscsm::model::{Codes, MAX_ENTRIES};
 use crate::hscsm::options::HscsmOptions;
-use crate::report::Report;
 
 /// Dictionary entries in 8-bit integers. An entry stands for its integers scaled to unit norm.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -89,18 +88,32 @@ impl QuantizedDictionary {
 #[derive(Debug, Clone)]
 pub(in crate::hscsm) struct ChannelOptions<'a> {
     pub name: &'static str,
-    /// How the report calls what learning minimised.
-    pub objective: String,
     /// The dictionary to code in; `None`: learn one.
     pub frozen: Option<&'a QuantizedDictionary>,
-    /// How the report calls the entries that were asked for and not needed.
-    pub cropped: &'static str,
     pub n_atoms: usize,
     pub sparsity: usize,
     pub tolerance: f32,
     pub code_step: f32,
     pub iterations: usize,
     pub random_state: u64,
+}
+
+/// How a dictionary was learned.
+#[derive(Debug, Clone)]
+pub(in crate::hscsm) struct Learning {
+    pub iterations: usize,
+    /// What was minimised, after each iteration.
+    pub objective: Vec<f64>,
+    /// Entries that were asked for and not needed.
+    pub cropped: usize,
+}
+
+/// A dictionary with the codes of all signals in it.
+pub(in crate::hscsm) struct Coded {
+    pub dictionary: QuantizedDictionary,
+    pub codes: Codes,
+    /// `None`: the dictionary was given, or there is nothing to code.
+    pub learning: Option<Learning>,
 }
 
 /// The dictionaries of one level of a hierarchy.
@@ -249,9 +262,8 @@ impl<'a> ChannelSignals<'a> {
 pub(in crate::hscsm) fn learn_channel(
     signals: &ChannelSignals<'_>,
     options: &ChannelOptions<'_>,
-    report: &mut Report,
     progress: &dyn Progress,
-) -> Result<(QuantizedDictionary, Codes)> {
+) -> Result<Coded> {
     let nothing_to_code = signals.coded.is_empty();
     if let Some(frozen) = options.frozen {
         let codes = if nothing_to_code || frozen.n_atoms() == 0 {
@@ -259,11 +271,12 @@ pub(in crate::hscsm) fn learn_channel(
         } else {
             signals.code(frozen, options, progress)?
         };
-        return Ok((frozen.clone(), codes));
+        return Ok(Coded { dictionary: frozen.clone(), codes, learning: None });
     }
     let n_features = signals.n_features;
     if nothing_to_code {
-        return Ok((QuantizedDictionary { n_features, values: Vec::new() }, signals.empty_codes()));
+        let dictionary = QuantizedDictionary { n_features, values: Vec::new() };
+        return Ok(Coded { dictionary, codes: signals.empty_codes(), learning: None });
     }
     let (values, weights) = signals.gather(&signals.training());
     let training = Signals::new(n_features, &values, Some(&weights))?;
@@ -278,14 +291,13 @@ pub(in crate::hscsm) fn learn_channel(
     let learned = ksvd(&training, &ksvd_options, progress, &mut |step| {
         progress.update(options.name, step.iteration as f32 / options.iterations as f32);
     })?;
-    report.iterations += learned.iterations;
-    report.objectives.push((options.objective.clone(), learned.objective));
     let dictionary = QuantizedDictionary::quantize(&learned.dictionary);
     let codes = signals.code(&dictionary, options, progress)?;
     let (used, codes) = crop(&dictionary, &codes);
     let cropped = learned.cropped + learned.dictionary.n_atoms() - used.n_atoms();
-    report.add_figure(options.cropped, cropped as f64);
-    Ok((used, codes))
+    let learning =
+        Learning { iterations: learned.iterations, objective: learned.objective, cropped };
+    Ok(Coded { dictionary: used, codes, learning: Some(learning) })
 }
 
 /// Coefficients in steps, entries in growing order, empty codes for the signals that were not coded.

@@ -6,13 +6,14 @@
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::dictionary::{ChannelOptions, ChannelSignals, LevelDictionary, learn_channel};
+use super::dictionary::{
+    ChannelOptions, ChannelSignals, Coded, Learning, LevelDictionary, learn_channel,
+};
 use super::images::Images;
 use crate::color::{to_rgb, to_ycocg};
 use crate::error::Result;
 use crate::hscsm::model::{Channel, Steps};
 use crate::hscsm::options::HscsmOptions;
-use crate::report::Report;
 
 /// What is learned of the channels of a level.
 #[derive(Clone, Copy)]
@@ -26,24 +27,12 @@ pub(in crate::hscsm) struct LevelTask<'a> {
     pub frozen: Option<&'a LevelDictionary>,
 }
 
-impl LevelTask<'_> {
-    /// How the report calls the objective of `channel`.
-    fn objective(&self, channel: &str) -> String {
-        if self.options.levels == 1 {
-            channel.to_owned()
-        } else {
-            format!("{channel}, level {}", self.level)
-        }
-    }
-}
-
 /// Means, dictionary and codes of depth.
 pub(in crate::hscsm) fn learn_depth(
     images: &Images,
     level: &LevelTask<'_>,
-    report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Channel> {
+) -> Result<(Channel, Option<Learning>)> {
     let LevelTask { options, area, steps, frozen, .. } = *level;
     let weights: Vec<f32> = images.mask.iter().map(|&m| f32::from(m)).collect();
     let mut rest = images.depth.clone();
@@ -57,9 +46,7 @@ pub(in crate::hscsm) fn learn_depth(
         .collect();
     let channel = ChannelOptions {
         name: "learning depth",
-        objective: level.objective("learning depth"),
         frozen: frozen.map(|f| &f.depth),
-        cropped: "depth dictionary entries cropped",
         n_atoms: options.depth_atoms as usize,
         sparsity: options.depth_sparsity as usize,
         tolerance: options.depth_tolerance(level.level) as f32,
@@ -67,7 +54,7 @@ pub(in crate::hscsm) fn learn_depth(
         iterations: options.iterations as usize,
         random_state: options.random_state,
     };
-    learn_residuals(area, &rest, &weights, &channel, means, report, progress)
+    learn_residuals(area, &rest, &weights, &channel, means, progress)
 }
 
 /// Means, dictionary and codes of colours, of the planes red, green and blue.
@@ -75,9 +62,8 @@ pub(in crate::hscsm) fn learn_color(
     colors: &[f32],
     images: &Images,
     level: &LevelTask<'_>,
-    report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Channel> {
+) -> Result<(Channel, Option<Learning>)> {
     let LevelTask { options, area, steps, frozen, .. } = *level;
     let weights: Vec<f32> = images
         .mask
@@ -101,9 +87,7 @@ pub(in crate::hscsm) fn learn_color(
         .collect();
     let channel = ChannelOptions {
         name: "learning colour",
-        objective: level.objective("learning colour"),
         frozen: frozen.and_then(|f| f.color.as_ref()),
-        cropped: "colour dictionary entries cropped",
         n_atoms: options.color_atoms as usize,
         sparsity: options.color_sparsity as usize,
         tolerance: options.color_tolerance(level.level) as f32,
@@ -111,7 +95,7 @@ pub(in crate::hscsm) fn learn_color(
         iterations: options.iterations as usize,
         random_state: options.random_state,
     };
-    learn_residuals(3 * area, &rest, &weights, &channel, means.into_flattened(), report, progress)
+    learn_residuals(3 * area, &rest, &weights, &channel, means.into_flattened(), progress)
 }
 
 /// The channel with these means: dictionary and codes of `values`, patch after patch, from which they are removed.
@@ -121,12 +105,11 @@ fn learn_residuals(
     weights: &[f32],
     options: &ChannelOptions<'_>,
     means: Vec<i32>,
-    report: &mut Report,
     progress: &dyn Progress,
-) -> Result<Channel> {
+) -> Result<(Channel, Option<Learning>)> {
     let signals = ChannelSignals::new(n_features, values, weights, options.tolerance);
-    let (dictionary, codes) = learn_channel(&signals, options, report, progress)?;
-    Ok(Channel { dictionary, means, codes })
+    let Coded { dictionary, codes, learning } = learn_channel(&signals, options, progress)?;
+    Ok((Channel { dictionary, means, codes }, learning))
 }
 
 /// Mean of the set pixels.

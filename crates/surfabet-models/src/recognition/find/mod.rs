@@ -34,6 +34,7 @@ use self::template::Template;
 use super::constants::FINALISTS;
 use crate::alphabet::model::AlphabetModel;
 use crate::error::Result;
+use crate::options::Options;
 use crate::stages::Stages;
 
 /// The stages and their shares of the progress, in per cent.

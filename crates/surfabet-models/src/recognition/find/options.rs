@@ -1,6 +1,7 @@
 //! The example of a search, and its options.
 
 use crate::error::{Error, Result, positive};
+use crate::options::{Range, options};
 use crate::vector::{self, minus};
 
 /// The region of the example, in world coordinates, metres.
@@ -92,51 +93,23 @@ impl Region {
     }
 }
 
-/// Options of [`AlphabetModel::find`](crate::alphabet::AlphabetModel::find).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FindOptions {
-    /// Least score of what is found, 0 to 1. Things of one kind seen from different sides score 0.5 to 0.85 against
-    /// each other; unlike things score up to 0.55 by shape alone, less with colours.
-    pub min_score: f64,
-    /// Most places that are found.
-    pub max_found: usize,
-    /// Spacing of the samples that are compared, metres; by default a 64th of the diagonal of the example's region.
-    pub resolution: Option<f64>,
-    /// Standard deviation of equal surfaces, metres; by default the median sigma of the example's occurrences.
-    pub tolerance: Option<f64>,
-    /// Standard deviation of equal chromas, grey levels; luma, which changes with the light, may differ three times as
-    /// much. `None` compares shape alone, as in a model without colours.
-    pub color_tolerance: Option<f64>,
-}
-
-impl Default for FindOptions {
-    fn default() -> Self {
-        Self {
-            min_score: 0.5,
-            max_found: 1000,
-            resolution: None,
-            tolerance: None,
-            color_tolerance: Some(10.0),
-        }
-    }
-}
-
-impl FindOptions {
-    /// # Errors
-    /// [`Error::InvalidParameter`] for values outside their range.
-    pub(super) fn check(&self) -> Result<()> {
-        if !(0.0..=1.0).contains(&self.min_score) {
-            return Err(Error::invalid("min_score", self.min_score, "0 to 1"));
-        }
-        for (name, value) in [
-            ("resolution", self.resolution),
-            ("tolerance", self.tolerance),
-            ("color_tolerance", self.color_tolerance),
-        ] {
-            if let Some(value) = value {
-                positive(name, value, "positive and finite")?;
-            }
-        }
-        Ok(())
+options! {
+    /// Options of [`AlphabetModel::find`](crate::alphabet::AlphabetModel::find).
+    pub struct FindOptions {
+        /// Least score of what is found. Things of one kind seen from different sides score 0.5 to 0.85 against each
+        /// other; unlike things score up to 0.55 by shape alone, less with colours.
+        min_score: f64 = 0.5, range = Range::from_to(0.0, 1.0);
+        /// Most places that are found.
+        max_found: usize = 1000, range = Range::NOT_NEGATIVE;
+        /// Spacing of the samples that are compared.
+        resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+            none = "a 64th of the diagonal of the example's region";
+        /// Standard deviation of equal surfaces.
+        tolerance: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+            none = "the median sigma of the example's occurrences";
+        /// Standard deviation of equal chromas; luma, which changes with the light, may differ three times as much.
+        color_tolerance: Option<f64> = Some(10.0), range = Range::POSITIVE, unit = "grey levels",
+            none = "shape alone counts, as in a model without colours: things of one shape are found in any colour, \
+                but not what lies flush with a wall, such as a door";
     }
 }
