@@ -35,7 +35,12 @@ impl AttributeFigures {
         let last = &bytes[bytes.len().saturating_sub(2)..];
         let all = ["colors", "intensities"].into_iter().zip(last).zip(present);
         all.filter(|(_, is_present)| *is_present)
-            .map(|((name, &bytes), _)| Self { name: name.to_owned(), bytes, rmse: None, equal: None })
+            .map(|((name, &bytes), _)| Self {
+                name: name.to_owned(),
+                bytes,
+                rmse: None,
+                equal: None,
+            })
             .collect()
     }
 }

@@ -99,11 +99,12 @@ impl<'a> Sampler<'a> {
             for block in &blocks {
                 whole.append(&block.others[i]);
             }
-            match whole {
-                Column::F32(values) if field.name == INTENSITIES => {
-                    parts.intensities = Some(values)
-                }
-                column => parts.extra.push((field.name.clone(), column)),
+            if field.name == INTENSITIES
+                && let Column::F32(values) = whole
+            {
+                parts.intensities = Some(values);
+            } else {
+                parts.extra.push((field.name.clone(), whole));
             }
         }
         Ok(parts)
