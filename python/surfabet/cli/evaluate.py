@@ -162,9 +162,9 @@ def _print_table(quality: surfabet.Quality) -> None:
                 label, text(forward), text(backward), "" if pooled is None else text(pooled)
             )
     for name, errors in quality.attributes.items():
-        text = _percent if errors.labels else _plain
+        told = _percent if errors.labels else _plain
         label = f"{name} equal" if errors.labels else f"{name} rmse"
-        directed.add_row(label, text(errors.forward), text(errors.backward), text(errors.pooled))
+        directed.add_row(label, told(errors.forward), told(errors.backward), told(errors.pooled))
     single = Table("measure", "value", box=None)
     for name, label, text_of in SINGLE:
         if values[name] is not None:
