@@ -50,7 +50,8 @@ class Option:
     @property
     def annotation(self) -> str:
         """Its type in a signature."""
-        of_kind = {"bool": "bool", "int": "int", "float": "float", "floats": "Sequence[float]"}
+        of_kind = {"bool": "bool", "int": "int", "float": "float"}
+        of_kind |= {"floats": "Sequence[float]", "texts": "Sequence[str]"}
         if self.kind == "choice":
             annotation = f"Literal[{', '.join(map(quoted, self.choices))}]"
         else:
@@ -76,6 +77,11 @@ class Option:
         if isinstance(self.default, float):
             return f"{self.default:.4g}"
         return str(self.default)
+
+    @property
+    def requirement_in_cli(self) -> str:
+        """What a value must be on the command line."""
+        return "names with commas between them" if self.kind == "texts" else self.requirement
 
     @property
     def summary(self) -> str:
@@ -279,7 +285,7 @@ def cli_help(models: dict[str, Option]) -> str:
     rules: dict[str, list[str]] = {}
     for model, option in models.items():
         summaries.setdefault(option.summary, []).append(model)
-        rule = f"{option.requirement}; by default {option.default_in_words}"
+        rule = f"{option.requirement_in_cli}; by default {option.default_in_words}"
         rules.setdefault(rule, []).append(model)
     if len(models) == 1:
         (summary,), (rule,) = summaries, rules
@@ -299,6 +305,8 @@ def cli_annotation(option: Option) -> str:
         return f"Literal[{', '.join(map(quoted, option.choices))}] | None"
     if option.kind == "floats":
         return "Sequence[float] | None"
+    if option.kind == "texts":
+        return "str | None"
     return of_kind[option.kind]
 
 
@@ -318,6 +326,9 @@ def cli_file(records: dict[str, list[Option]]) -> str:
     lines.append('SHARED = Group("Options of several models", sort_key=1)\n')
     for k, model in enumerate(records):
         lines.append(f'{group(model)} = Group("Options of --model {model}", sort_key={k + 2})\n')
+    names = [name for name, models in union.items() if next(iter(models.values())).kind == "texts"]
+    lines.append(f"\nNAMES = frozenset({{{', '.join(map(quoted, names))}}})\n")
+    lines.append('"""Options that take names with commas between them."""\n')
     lines.append(
         '\n\n@Parameter(name="*")\n@dataclass(frozen=True)\nclass LearnOptions:\n'
         '    """Options of learning; None leaves them to the model."""\n'
@@ -330,7 +341,7 @@ def cli_file(records: dict[str, list[Option]]) -> str:
         lines.append("\n" + cli_field(name, annotation, of_group))
         text = f'"""{cli_help(models)}"""'
         lines.append("\n".join(filled(text, 4)) + "\n")
-    lines.append(cli_tail("LEARN_OPTIONS", "LearnOptions"))
+    lines.append(cli_tail("LEARN_OPTIONS", "LearnOptions", splits=True))
     return "".join(lines)
 
 
@@ -383,16 +394,27 @@ def cli_field(name: str, annotation: str, of_group: str) -> str:
     return f"    {name}: Annotated[\n        {annotation}, {parameter}\n    ] = None\n"
 
 
-def cli_tail(constant: str, of_class: str) -> str:
+def cli_tail(constant: str, of_class: str, splits: bool = False) -> str:
     """What follows the fields of a dataclass, and the one without any option."""
-    return f'''
+    of_all = "{name: value for name, value in vars(self).items() if value is not None}"
+    if splits:
+        summary = "The options that were given; names with commas between them as lists."
+        body = [
+            f"given = {of_all}",
+            "for name in NAMES.intersection(given):",
+            '    given[name] = [part.strip() for part in given[name].split(",") if part.strip()]',
+            "return given",
+        ]
+    else:
+        summary = "The options that were given."
+        body = [f"return {of_all}"]
+    text = "".join(f"        {line}\n" for line in [f'"""{summary}"""', *body])
+    return f"""
     def given(self) -> dict[str, Any]:
-        """The options that were given."""
-        return {{name: value for name, value in vars(self).items() if value is not None}}
-
+{text}
 
 {constant} = {of_class}()
-'''
+"""
 
 
 # ------------------------------------------------------------------------------------- guide

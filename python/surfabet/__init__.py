@@ -39,8 +39,8 @@ from surfabet.geometry import (
 )
 from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, learn_hscsm
 from surfabet.io import read, write
-from surfabet.learning import LearningReport
-from surfabet.metrics import Quality, RangeSigma, evaluate
+from surfabet.learning import AttributeFigures, LearningReport
+from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
 from surfabet.planes import (
     PlaneFit,
@@ -56,6 +56,8 @@ from surfabet.survey import Survey, survey
 __all__ = [
     "Alphabet",
     "AlphabetModel",
+    "AttributeErrors",
+    "AttributeFigures",
     "BicAlphabet",
     "BicAlphabetModel",
     "DroppedPointsWarning",

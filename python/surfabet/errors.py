@@ -6,6 +6,7 @@ __all__ = [
     "DroppedPointsWarning",
     "FormatError",
     "IncompleteModelWarning",
+    "IncompleteReadWarning",
     "InvalidInputError",
     "InvalidTypeError",
     "LostAttributeWarning",
@@ -51,11 +52,15 @@ class MissingDependencyError(ImportError):
 
 
 class DroppedPointsWarning(UserWarning):
-    """Points that are not finite, or no part of the scene, were left out."""
+    """Points were left out: not finite, no returns, marked as withheld or as noise, or far from all others."""
 
 
 class LostAttributeWarning(UserWarning):
-    """The target cannot hold an attribute of the cloud."""
+    """The target cannot hold an attribute of the cloud, or a reader left something aside."""
+
+
+class IncompleteReadWarning(DroppedPointsWarning, LostAttributeWarning):
+    """A file was read without some of its points and with something left aside."""
 
 
 class IncompleteModelWarning(UserWarning):

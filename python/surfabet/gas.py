@@ -34,6 +34,8 @@ class Neurons:
     unknown."""
     colors: NDArray[np.uint8] | None
     """Colours, (n, 3), 0 to 255; None without."""
+    intensities: NDArray[np.float32] | None
+    """Mean intensities, (n,), in the sensor's own unit; None without."""
     counts: NDArray[np.float64]
     """Points that each neuron stands for, (n,), to a quarter of a doubling."""
     radii: NDArray[np.float64]
@@ -75,6 +77,7 @@ class GasModel(Model[_core.GasModel]):
         max_age: int = 50,
         target_error: float | None = None,
         color_step: int = 8,
+        attribute_step: float = 0.125,
         search: Literal["indexed", "brute-force"] = "indexed",
         keep_outliers: bool = False,
         random_state: int = 0,
@@ -119,6 +122,9 @@ class GasModel(Model[_core.GasModel]):
             its neurons.
         color_step
             Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
+        attribute_step
+            Rounding of the mean intensities of neurons, as a share of their standard deviation. A
+            number from 0.001 to 100 standard deviations; by default 0.125.
         search
             How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
             'brute-force'; by default indexed.
@@ -145,6 +151,7 @@ class GasModel(Model[_core.GasModel]):
             "max_age": max_age,
             "target_error": target_error,
             "color_step": color_step,
+            "attribute_step": attribute_step,
             "search": search,
             "keep_outliers": keep_outliers,
             "random_state": random_state,
@@ -182,6 +189,7 @@ class GasModel(Model[_core.GasModel]):
             positions=self._core.positions(),
             normals=self._core.normals(),
             colors=self._core.colors(),
+            intensities=self._core.intensities(),
             counts=self._core.counts(),
             radii=self._core.radii(),
             thicknesses=self._core.thicknesses(),
@@ -224,6 +232,7 @@ def learn_gas(
     passes: float | None = None,
     position_step: float | None = None,
     color_step: int = 8,
+    attribute_step: float = 0.125,
     search: Literal["indexed", "brute-force"] = "indexed",
     keep_outliers: bool = False,
     random_state: int = 0,
@@ -277,6 +286,9 @@ def learn_gas(
         default a sixteenth of the mean edge.
     color_step
         Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
+    attribute_step
+        Rounding of the mean intensities of neurons, as a share of their standard deviation. A
+        number from 0.001 to 100 standard deviations; by default 0.125.
     search
         How winners are found. 'brute-force' gives the same network, slowly. 'indexed' or
         'brute-force'; by default indexed.
@@ -315,6 +327,7 @@ def learn_gas(
         "passes": passes,
         "position_step": position_step,
         "color_step": color_step,
+        "attribute_step": attribute_step,
         "search": search,
         "keep_outliers": keep_outliers,
         "random_state": random_state,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from surfabet import _core
@@ -11,7 +11,7 @@ from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
 
-__all__ = ["Quality", "RangeSigma", "evaluate"]
+__all__ = ["AttributeErrors", "Quality", "RangeSigma", "evaluate"]
 
 BYTES_PER_POINT = 12
 BYTES_PER_COLORED_POINT = 15
@@ -28,6 +28,24 @@ class RangeSigma:
     """The factor lambda."""
     angular_resolution: float
     """The angle alpha between neighbouring beams, degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class AttributeErrors:
+    """How far an attribute is off, over the same pairs as the distances.
+
+    Labels, which are integers of at most 32 different values in the reference, have the share of
+    pairs that agree; all others the root mean square difference in their own unit.
+    """
+
+    labels: bool
+    """Whether the numbers are shares of equal labels."""
+    forward: float
+    """Over the decoded points."""
+    backward: float
+    """Over the reference points."""
+    pooled: float
+    """Over the pairs of both directions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +107,9 @@ class Quality:
     """Share of the reference points with a decoded point within sigma."""
     outliers: float | None
     """Share of the decoded points without a reference point within sigma."""
+    attributes: dict[str, AttributeErrors] = field(default_factory=dict)
+    """Errors by name of intensities and further attributes that both clouds have. Pairs with a
+    value that is not finite are left out."""
     bytes: int | None = None
     """Size of the file that was decoded."""
 
@@ -123,6 +144,9 @@ class Quality:
         ]
         if self.color_rmse_pooled is not None:
             parts.append(f"colour rmse {self.color_rmse_pooled:.1f}")
+        for name, errors in self.attributes.items():
+            told = f"{errors.pooled:.2%} equal" if errors.labels else f"rmse {errors.pooled:.4g}"
+            parts.append(f"{name} {told}")
         if self.inliers is not None:
             parts.append(f"inliers {self.inliers:.2%}")
         if self.outliers is not None:
@@ -189,4 +213,5 @@ def evaluate(
         measures = _core.evaluate(
             reference, decoded, distance, by_range, peak, normal_neighbors, callback
         )
-    return Quality(**measures, bytes=bytes)
+    attributes = {name: AttributeErrors(*of) for name, *of in measures.pop("attributes")}
+    return Quality(**measures, attributes=attributes, bytes=bytes)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.learning import LearningReport
+from surfabet.learning import AttributeFigures, LearningReport
 
 __all__ = ["MAX_POINTS", "Model"]
 
@@ -102,7 +102,10 @@ class Model(Generic[C]):
     def report(self) -> LearningReport:
         """How the model was learned; empty for a model read from a file."""
         found = self._core.report_dict
-        return LearningReport(**{**found, "not_kept": tuple(found["not_kept"])})
+        attributes = tuple(AttributeFigures(*of) for of in found["attributes"])
+        return LearningReport(
+            **{**found, "attributes": attributes, "not_kept": tuple(found["not_kept"])}
+        )
 
     @property
     def info(self) -> dict[str, Any]:

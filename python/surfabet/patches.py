@@ -6,6 +6,7 @@ costs least, bits weighed against squared error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, final
 
@@ -66,15 +67,20 @@ class LatticePatches:
 
 @final
 class PatchModel(Model[_core.PatchModel]):
-    """A cloud as surface patches on a lattice, with thickness and colour; immutable.
+    """A cloud as surface patches on a lattice, with thickness and attributes; immutable.
 
     Made by `learn_patches` and `surfabet.load`. It decodes to a spacing of half a pixel of the
     finest level by default, patch by patch. The thin surface leaves fragments out: at most 16
     finest pixels that touch nothing and stand 1.5 to 10 of them off a larger piece. Points that no
-    patch holds have no normal (zero).
+    patch holds have the normal of the nearest patch.
     """
 
     __slots__ = ()
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        """Names of the attributes that the model keeps: `"colors"`, `"intensities"` and others."""
+        return (*(("colors",) if self.has_color else ()), *self._core.attribute_names)
 
     @property
     def n_extra_points(self) -> int:
@@ -147,6 +153,9 @@ def learn_patches(
     color_step: int = 90,
     chroma_ratio: float = 1.5,
     color_rate: float = 0.15,
+    attributes: Sequence[str] | None = None,
+    attribute_step: float = 0.5,
+    attribute_rate: float = 0.15,
     sensor: Literal["structured-light", "constant"] = "structured-light",
     keep_outliers: bool = False,
     progress: Progress = None,
@@ -158,7 +167,8 @@ def learn_patches(
     Parameters
     ----------
     cloud
-        The scan. Colours are kept when present; ranges weight the points by the depth error of
+        The scan. Colours and intensities are kept when present, or the `attributes` that are named;
+        ranges weight the points by the depth error of
         their sensor; viewpoints tell the two sides of a thin wall apart.
     quality
         Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it,
@@ -196,6 +206,18 @@ def learn_patches(
         Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5.
     color_rate
         Squared error that a bit of colour must save. A positive number of squared colour steps; by
+        default 0.15.
+    attributes
+        Attributes to keep, by name: 'colors', 'intensities', or any that the cloud has beside them.
+        Integers of at most 32 different values are labels: each cell has the most frequent. All
+        others are scalars, which are averaged. A sequence of names; by default colours and
+        intensities, where the cloud has them.
+    attribute_step
+        Rounding of intensities and other scalars of a single cell, as a share of their standard
+        deviation. Means over n cells are rounded about sqrt(n) times finer; larger makes smaller
+        files. A number from 0.001 to 100 standard deviations; by default 0.5.
+    attribute_rate
+        Squared error that a bit of a scalar must save. A positive number of squared steps; by
         default 0.15.
     sensor
         How the error of a range measurement grows with the range. 'structured-light' is with its
@@ -241,6 +263,9 @@ def learn_patches(
         "color_step": color_step,
         "chroma_ratio": chroma_ratio,
         "color_rate": color_rate,
+        "attributes": attributes,
+        "attribute_step": attribute_step,
+        "attribute_rate": attribute_rate,
         "sensor": sensor,
         "keep_outliers": keep_outliers,
     }

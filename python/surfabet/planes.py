@@ -58,6 +58,9 @@ class Planes:
     second rows. The last column and row may be narrower than the others."""
     colors: list[NDArray[np.uint8]] | None
     """For each patch the mean colours of its supported tiles, (k, 3), row by row; None without."""
+    intensities: list[NDArray[np.float32]] | None
+    """For each patch the mean intensities of its supported tiles, (k,), row by row; None
+    without."""
     planar: NDArray[np.bool_]
     """Whether the points are as near to the plane as the grid size lets expect, (n,): a standard
     deviation of half the grid size at most."""
@@ -200,6 +203,7 @@ class PlaneModel(Model[_core.PlaneModel]):
             tile_edges=self._core.tile_edges(),
             supported=self._core.supported(),
             colors=self._core.colors(),
+            intensities=self._core.intensities(),
             planar=deviations <= 0.5 * self.grid_size,
         )
 
@@ -252,6 +256,7 @@ def learn_planes(
     min_fill: float = 0.6,
     max_bend: float = 1.55,
     color_step: int = 8,
+    attribute_step: float = 0.125,
     keep_outliers: bool = False,
     random_state: int = 0,
     progress: Progress = None,
@@ -316,6 +321,9 @@ def learn_planes(
         are kept. A number of at least 1; by default 1.55.
     color_step
         Rounding of the colours of tiles. An integer from 1 to 64 grey levels; by default 8.
+    attribute_step
+        Rounding of the mean intensities of tiles, as a share of their standard deviation. A number
+        from 0.001 to 100 standard deviations; by default 0.125.
     keep_outliers
         Keeps points that are far from all others. Otherwise those of which a few would make the
         scene many times as large as it is are left out, and counted in the report. True or False;
@@ -356,6 +364,7 @@ def learn_planes(
         "min_fill": min_fill,
         "max_bend": max_bend,
         "color_step": color_step,
+        "attribute_step": attribute_step,
         "keep_outliers": keep_outliers,
         "random_state": random_state,
     }

@@ -22,18 +22,24 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 
 
 def corner(seed: int = 0, n: int = 3000) -> sb.PointCloud:
-    """Floor and two walls of one metre with a bump each, a colour each, seen from one place."""
+    """Floor and two walls of one metre with a bump each, a colour and a class each.
+
+    Their intensities grow along them, and all is seen from one place.
+    """
     rng = np.random.default_rng(seed)
-    points, colors = [], []
+    points, colors, intensities = [], [], []
     for axis, color in enumerate([(200, 60, 40), (40, 180, 60), (60, 60, 200)]):
         p = rng.uniform(0, 1, (n, 3))
         away = ((p - 0.4) ** 2).sum(axis=1, where=np.arange(3) != axis)
         p[:, axis] = 0.05 * np.exp(-away / 0.005) + 0.001 * rng.standard_normal(n)
         points.append(p)
         colors.append(np.tile(np.array(color, np.uint8), (n, 1)))
+        intensities.append(100 * p[:, (axis + 1) % 3])
     return sb.PointCloud(
         np.concatenate(points) + np.array([1000.0, -500.0, 20.0]),
         colors=np.concatenate(colors),
+        intensities=np.concatenate(intensities).astype(np.float32),
+        extra={"classification": np.repeat(np.array([2, 6, 9], np.uint8), n)},
         viewpoints=[[1001.5, -498.5, 21.5]],
         viewpoint_index=np.zeros(3 * n, np.uint32),
     )
@@ -67,7 +73,8 @@ class Method:
 METHODS = {
     "patches": Method(
         sb.learn_patches, sb.PatchModel, "patches", "patches",
-        small={"resolution": 0.02}, long={"resolution": 0.003},
+        small={"resolution": 0.02, "attributes": ("colors", "intensities", "classification")},
+        long={"resolution": 0.003},
     ),
     "hscsm": Method(
         sb.learn_hscsm, sb.HscsmModel, "patches", "patches",
@@ -139,7 +146,7 @@ def same_cloud(a: sb.PointCloud, b: sb.PointCloud) -> None:
     np.testing.assert_array_equal(a.points, b.points)
     assert a.attributes == b.attributes
     for attribute in a.attributes:
-        np.testing.assert_array_equal(getattr(a, attribute), getattr(b, attribute))
+        np.testing.assert_array_equal(a[attribute], b[attribute])
 
 
 def test_every_method_is_tested() -> None:
@@ -223,13 +230,20 @@ def test_what_the_model_does_not_keep_is_told(method: Method) -> None:
     cloud = sb.PointCloud(
         plain.points,
         intensities=np.ones(len(plain), np.float32),
+        extra={"classification": plain["classification"]},
         viewpoints=plain.viewpoints,
         viewpoint_index=plain.viewpoint_index,
     )
-    model = method.model(cloud)
+    more = {"attributes": ("intensities", "classification")} if method.of is sb.PatchModel else {}
+    model = method.learn(cloud, **{**method.small, **more})
     assert not model.has_color
     kept = model.decode().attributes
-    assert ("intensities" in model.report.not_kept) == ("intensities" not in kept)
+    for name in ("intensities", "classification"):
+        assert (name in model.report.not_kept) == (name not in kept)
+        figures = [figures.name for figures in model.report.attributes]
+        # Alphabets code colour and intensity in one stream.
+        if method.of is not sb.AlphabetModel:
+            assert (name in figures) == (name in kept)
     assert "colors" not in model.report.not_kept
 
 

@@ -80,6 +80,8 @@ def inside(spec: dict[str, Any]) -> Iterator[Any]:
         yield from spec["choices"]
     elif spec["kind"] == "bool":
         yield from (True, False)
+    elif spec["kind"] == "texts":
+        yield from ((), ["colors"], ("colors", "intensities"))
     else:
         low, high = spec["low"], spec["high"]
         yield as_given(spec, low[0] if low[1] else moved(spec, low[0], 1))

@@ -58,8 +58,13 @@ fn patches_road(criterion: &mut Criterion) {
     group.bench_function("learn", |b| {
         b.iter(|| patches::learn(black_box(&cloud), &options, &Silent));
     });
-    let stages =
-        ["finding axes", "merging points", "growing sheets", "choosing patches", "colouring"];
+    let stages = [
+        "finding axes",
+        "merging points",
+        "growing sheets",
+        "choosing patches",
+        "adding attributes",
+    ];
     bench_stages(&mut group, &stages, || {
         let model = patches::learn(black_box(&cloud), &options, &Silent);
         model.expect("a cloud with points").report().stages.clone()

@@ -96,12 +96,15 @@ impl Features {
     pub const LATTICE: Self = Self(2);
     /// The words of the alphabet are points of the scene, chosen by the Bayesian information criterion.
     pub const BIC_ALPHABET: Self = Self(4);
+    /// The model carries attributes beside colour.
+    pub const ATTRIBUTES: Self = Self(8);
 
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 3] = [
+    const KNOWN: [(Self, &'static str, Version); 4] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
+        (Self::ATTRIBUTES, "attributes", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

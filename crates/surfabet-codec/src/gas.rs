@@ -1,7 +1,8 @@
-//! The file of a gas: header, topology, positions, normals, sizes and colours.
+//! The file of a gas: header, topology, positions, normals, sizes, colours and intensities.
 
 use surfabet_models::gas::{GasHeader, GasModel};
 
+use crate::attributes::code_scale;
 use crate::container::{Family, Features};
 use crate::error::Result;
 use crate::header::Fields;
@@ -16,16 +17,19 @@ const BYTES_PER_EDGE: u64 = 64;
 const TOPOLOGY: usize = 0;
 const SIZES: usize = 3;
 const COLORS: usize = 4;
+const INTENSITIES: usize = 5;
 
 impl Layout for GasModel {
     const FAMILY: Family = Family::Gas;
     const FEATURES: Features = Features::NONE;
+    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES;
     const STREAM_SECTIONS: &'static [StreamSection] = &[
         StreamSection::new(b"TOPO", "topology"),
         StreamSection::new(b"POSN", "positions"),
         StreamSection::new(b"NORM", "normals"),
         StreamSection::new(b"SIZE", "sizes"),
         StreamSection::new(b"COLR", "colour"),
+        StreamSection::new(b"INTS", "intensity"),
     ];
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut GasHeader) -> Result<()> {
@@ -38,8 +42,20 @@ impl Layout for GasModel {
         fields.count("number of edges", &mut header.n_edges, BYTES_PER_EDGE)
     }
 
+    fn optional_features(header: &GasHeader) -> Features {
+        if header.intensity.is_some() { Features::ATTRIBUTES } else { Features::NONE }
+    }
+
+    fn code_optional<F: Fields>(fields: &mut F, header: &mut GasHeader) -> Result<()> {
+        code_scale(fields, header.intensity.get_or_insert_default())
+    }
+
     fn has_section(header: &GasHeader, stream: usize) -> bool {
-        stream != COLORS || header.color_step.is_some()
+        match stream {
+            COLORS => header.color_step.is_some(),
+            INTENSITIES => header.intensity.is_some(),
+            _ => true,
+        }
     }
 
     /// Every neuron takes a decision of its own in the sizes. In the topology every neuron but those found by edges

@@ -61,6 +61,22 @@ pub trait Fields {
         Ok(())
     }
 
+    /// A text of at most `limit` bytes of UTF-8: its length, then its bytes.
+    fn text(&mut self, what: &'static str, value: &mut String, limit: u32) -> Result<()> {
+        let mut bytes = std::mem::take(value).into_bytes();
+        let mut n = bytes.len() as u32;
+        self.bounded(what, &mut n, limit)?;
+        bytes.resize(n as usize, 0);
+        for byte in &mut bytes {
+            let mut wide = u32::from(*byte);
+            self.bounded(what, &mut wide, u32::from(u8::MAX))?;
+            *byte = wide as u8;
+        }
+        *value = String::from_utf8(bytes)
+            .map_err(|e| self.corrupt(format!("{what} is no UTF-8: {}", e.utf8_error())))?;
+        Ok(())
+    }
+
     /// A positive integer of at most `limit`, or zero for none.
     fn optional(&mut self, what: &'static str, value: &mut Option<u32>, limit: u32) -> Result<()> {
         let mut number = value.unwrap_or(0);

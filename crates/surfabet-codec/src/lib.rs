@@ -30,6 +30,7 @@
 //! ```
 
 mod alphabet;
+mod attributes;
 mod bic_alphabet;
 pub mod bytes;
 mod container;

@@ -1,7 +1,13 @@
-//! The file of patches on a lattice: header, geometry, colour and the points that no patch holds.
+//! The file of patches on a lattice: header, geometry, colour, the points that no patch holds, other attributes.
 
-use surfabet_models::patches::{ColorSteps, MAX_LEVELS, PatchModel, PatchesHeader};
+use surfabet_geom::Dtype;
+use surfabet_models::ScalarScale;
+use surfabet_models::patches::{
+    AttributeContent, AttributeHeader, ColorSteps, MAX_ATTRIBUTES, MAX_LABELS, MAX_LEVELS,
+    MAX_NAME, PatchModel, PatchesHeader,
+};
 
+use crate::attributes::code_scale;
 use crate::container::{Family, Features};
 use crate::error::Result;
 use crate::header::Fields;
@@ -20,14 +26,32 @@ const GEOMETRY: usize = 0;
 const COLOR: usize = 1;
 const POINTS: usize = 2;
 
+/// Streams before those of the attributes beside colour.
+const FIRST: usize = 3;
+
+/// Least bytes of an attribute in the header: lengths of name and list, type, kind.
+const BYTES_PER_ATTRIBUTE: usize = 4;
+
+/// Sections of all streams that there may be: attributes beside colour are `AT00`, `AT01`, ...
+const SECTIONS: [StreamSection; FIRST + MAX_ATTRIBUTES] = {
+    let mut all = [StreamSection::new(b"GEOM", "geometry"); FIRST + MAX_ATTRIBUTES];
+    all[COLOR] = StreamSection::new(b"COLR", "colour");
+    all[POINTS] = StreamSection::new(b"PNTS", "extra points");
+    let mut i = 0;
+    while i < MAX_ATTRIBUTES {
+        // Two digits: there are at most 16.
+        let tag = [b'A', b'T', b'0' + (i / 10) as u8, b'0' + (i % 10) as u8];
+        all[FIRST + i] = StreamSection::new(&tag, "attribute");
+        i += 1;
+    }
+    all
+};
+
 impl Layout for PatchModel {
     const FAMILY: Family = Family::Patches;
     const FEATURES: Features = Features::LATTICE;
-    const STREAM_SECTIONS: &'static [StreamSection] = &[
-        StreamSection::new(b"GEOM", "geometry"),
-        StreamSection::new(b"COLR", "colour"),
-        StreamSection::new(b"PNTS", "extra points"),
-    ];
+    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES;
+    const STREAM_SECTIONS: &'static [StreamSection] = &SECTIONS;
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
         let lattice = &mut header.lattice;
@@ -56,11 +80,35 @@ impl Layout for PatchModel {
         Ok(())
     }
 
+    fn optional_features(header: &PatchesHeader) -> Features {
+        if header.attributes.is_empty() { Features::NONE } else { Features::ATTRIBUTES }
+    }
+
+    fn code_optional<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
+        let what = "number of attributes";
+        fields.list(what, &mut header.attributes, BYTES_PER_ATTRIBUTE, code_attribute)?;
+        match header.attributes.len() <= MAX_ATTRIBUTES {
+            true => Ok(()),
+            false => Err(fields.corrupt(format!(
+                "{} attributes, not up to {MAX_ATTRIBUTES}",
+                header.attributes.len()
+            ))),
+        }
+    }
+
+    fn section_content(header: &PatchesHeader, stream: usize) -> String {
+        match stream.checked_sub(FIRST).and_then(|i| header.attributes.get(i)) {
+            Some(attribute) => format!("attribute {}", attribute.name),
+            None => SECTIONS[stream].content.to_owned(),
+        }
+    }
+
     fn has_section(header: &PatchesHeader, stream: usize) -> bool {
         match stream {
+            GEOMETRY => true,
             COLOR => header.color.is_some(),
             POINTS => header.n_extra > 0,
-            _ => true,
+            attribute => attribute - FIRST < header.attributes.len(),
         }
     }
 
@@ -70,6 +118,30 @@ impl Layout for PatchModel {
             Promise { stream: POINTS, what: "number of points", count: header.n_extra },
         ]
     }
+}
+
+/// Writes or reads what the header has of an attribute: name, number of the type, number of labels (0: a scalar), and the
+/// labels or the scale.
+fn code_attribute<F: Fields>(fields: &mut F, header: &mut AttributeHeader) -> Result<()> {
+    fields.text("name of an attribute", &mut header.name, MAX_NAME as u32)?;
+    let number = Dtype::ALL.iter().position(|&dtype| dtype == header.dtype);
+    let mut number = number.unwrap_or_default() as u32;
+    fields.bounded("type of an attribute", &mut number, Dtype::ALL.len() as u32 - 1)?;
+    header.dtype = Dtype::ALL[number as usize];
+    let (mut scale, mut labels) = match &header.content {
+        AttributeContent::Scalar(scale) => (*scale, Vec::new()),
+        AttributeContent::Labels(labels) => (ScalarScale::default(), labels.clone()),
+    };
+    fields.list("number of labels", &mut labels, 1, |fields, label| fields.signed(label))?;
+    header.content = match labels.len() {
+        0 => {
+            code_scale(fields, &mut scale)?;
+            AttributeContent::Scalar(scale)
+        }
+        1..=MAX_LABELS => AttributeContent::Labels(labels),
+        n => return Err(fields.corrupt(format!("{n} labels, not up to {MAX_LABELS}"))),
+    };
+    Ok(())
 }
 
 /// 0, -1, 1, -2, 2, ... as 0, 1, 2, 3, 4, ...

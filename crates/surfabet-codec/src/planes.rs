@@ -1,7 +1,8 @@
-//! The file of planes: header, poses, masks of supported tiles, sizes and colours.
+//! The file of planes: header, poses, masks of supported tiles, sizes, colours and intensities.
 
 use surfabet_models::planes::{PlaneModel, PlanesHeader};
 
+use crate::attributes::code_scale;
 use crate::container::{Family, Features};
 use crate::error::Result;
 use crate::header::Fields;
@@ -14,15 +15,18 @@ const POSES: usize = 0;
 const MASKS: usize = 1;
 const SIZES: usize = 2;
 const COLORS: usize = 3;
+const INTENSITIES: usize = 4;
 
 impl Layout for PlaneModel {
     const FAMILY: Family = Family::Planes;
     const FEATURES: Features = Features::NONE;
+    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES;
     const STREAM_SECTIONS: &'static [StreamSection] = &[
         StreamSection::new(b"POSE", "poses"),
         StreamSection::new(b"MASK", "masks"),
         StreamSection::new(b"SIZE", "sizes"),
         StreamSection::new(b"COLR", "colour"),
+        StreamSection::new(b"INTS", "intensity"),
     ];
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PlanesHeader) -> Result<()> {
@@ -35,8 +39,20 @@ impl Layout for PlaneModel {
         fields.count("number of patches", &mut header.n_patches, BYTES_PER_PATCH)
     }
 
+    fn optional_features(header: &PlanesHeader) -> Features {
+        if header.intensity.is_some() { Features::ATTRIBUTES } else { Features::NONE }
+    }
+
+    fn code_optional<F: Fields>(fields: &mut F, header: &mut PlanesHeader) -> Result<()> {
+        code_scale(fields, header.intensity.get_or_insert_default())
+    }
+
     fn has_section(header: &PlanesHeader, stream: usize) -> bool {
-        stream != COLORS || header.color_step.is_some()
+        match stream {
+            COLORS => header.color_step.is_some(),
+            INTENSITIES => header.intensity.is_some(),
+            _ => true,
+        }
     }
 
     /// Every patch takes a decision of its own in each of these.

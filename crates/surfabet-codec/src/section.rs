@@ -60,6 +60,9 @@ pub trait Layout: SurfaceModel<Vocabulary: Vocabulary> {
     /// Features that every file of this method needs.
     const FEATURES: Features;
 
+    /// Features that a file of this method may need beside those.
+    const OPTIONAL_FEATURES: Features = Features::NONE;
+
     /// Sections of the streams, in the order of the file.
     const STREAM_SECTIONS: &'static [StreamSection];
 
@@ -68,6 +71,27 @@ pub trait Layout: SurfaceModel<Vocabulary: Vocabulary> {
     /// # Errors
     /// When reading: for a header that no model has.
     fn code_header<F: Fields>(fields: &mut F, header: &mut Self::Header) -> Result<()>;
+
+    /// The optional features that a file with this header needs.
+    fn optional_features(header: &Self::Header) -> Features {
+        let _ = header;
+        Features::NONE
+    }
+
+    /// Writes or reads what the header has more in a file with optional features.
+    ///
+    /// # Errors
+    /// As [`Layout::code_header`].
+    fn code_optional<F: Fields>(fields: &mut F, header: &mut Self::Header) -> Result<()> {
+        let _ = (fields, header);
+        Ok(())
+    }
+
+    /// What the section of a stream holds, for people.
+    fn section_content(header: &Self::Header, stream: usize) -> String {
+        let _ = header;
+        Self::STREAM_SECTIONS[stream].content.to_owned()
+    }
 
     /// True when the stream of a number has a section in the file.
     fn has_section(header: &Self::Header, stream: usize) -> bool {
@@ -81,8 +105,8 @@ pub trait Layout: SurfaceModel<Vocabulary: Vocabulary> {
 
 /// True when a container holds a model of this method.
 pub fn holds<M: Layout>(container: &Container<'_>) -> bool {
-    let own = container.features().without(Features::SHARED_DICTIONARY);
-    container.family() == M::FAMILY && own == M::FEATURES
+    let free = Features::SHARED_DICTIONARY.with(M::OPTIONAL_FEATURES);
+    container.family() == M::FAMILY && container.features().without(free) == M::FEATURES
 }
 
 /// Where the content of a stream is.
@@ -107,9 +131,10 @@ fn places<M: Layout>(
     })
 }
 
-/// The features that the file of a method needs. `shared`: it names its vocabulary.
-fn features<M: Layout>(shared: bool) -> Features {
-    if shared { M::FEATURES.with(Features::SHARED_DICTIONARY) } else { M::FEATURES }
+/// The features that a file with this header needs. `shared`: it names its vocabulary.
+fn features<M: Layout>(header: &M::Header, shared: bool) -> Features {
+    let own = M::FEATURES.with(M::optional_features(header));
+    if shared { own.with(Features::SHARED_DICTIONARY) } else { own }
 }
 
 /// The bytes of a file that holds `model`.
@@ -119,12 +144,13 @@ fn features<M: Layout>(shared: bool) -> Features {
 pub fn write<M: Layout>(model: &M) -> Result<Vec<u8>> {
     let mut header = model.header();
     let mut meta = FieldWriter::default();
-    M::code_header(&mut meta, &mut header)?;
+    let optional = M::optional_features(&header);
+    code_all::<M, _>(&mut meta, &mut header, optional)?;
     let mut streams = vec![Encoder::new(); M::STREAMS];
     let Ok(_) = M::code(Source::Model(model), &mut streams);
     let vocabulary = if model.shares_vocabulary() { model.vocabulary() } else { None };
     let named = vocabulary.map(|vocabulary| vocabulary.content_hash());
-    let features = features::<M>(named.is_some());
+    let features = features::<M>(&header, named.is_some());
     let mut writer = ContainerWriter::new(M::FAMILY, features).section(META, meta.bytes.finish());
     for (place, stream) in places::<M>(&header, named).zip(streams) {
         writer = match place {
@@ -150,15 +176,12 @@ pub fn read<M: Layout>(
     let named = named_vocabulary::<M>(container)?;
     let given =
         named.map(|hash| hash.of_given(vocabulary, Vocabulary::content_hash)).transpose()?;
-    if container.features() != features::<M>(given.is_some()) {
+    let header = read_header::<M>(container, limits)?;
+    if container.features() != features::<M>(&header, given.is_some()) {
         let names: Vec<&str> = container.features().names().collect();
-        let what = format!("the features {names:?} do not go together with {}", M::METHOD);
+        let what = format!("the features {names:?} do not go together with this {}", M::METHOD);
         return Err(Error::corrupt(META, 0, what));
     }
-    let mut fields = FieldReader::new(container.require(META)?, *limits);
-    let mut header = M::Header::default();
-    M::code_header(&mut fields, &mut header)?;
-    fields.finish()?;
 
     let mut expected = vec![META];
     let mut streams = Vec::with_capacity(M::STREAMS);
@@ -192,6 +215,29 @@ pub fn read<M: Layout>(
     model.ok_or_else(|| Error::corrupt(META, 0, "nothing was read"))
 }
 
+/// Writes or reads a header in a file with these optional features.
+fn code_all<M: Layout, F: Fields>(
+    fields: &mut F,
+    header: &mut M::Header,
+    optional: Features,
+) -> Result<()> {
+    M::code_header(fields, header)?;
+    match optional == Features::NONE {
+        true => Ok(()),
+        false => M::code_optional(fields, header),
+    }
+}
+
+/// The header of a parsed file.
+fn read_header<M: Layout>(container: &Container<'_>, limits: &Limits) -> Result<M::Header> {
+    let mut fields = FieldReader::new(container.require(META)?, *limits);
+    let mut header = M::Header::default();
+    let optional = container.features().without(M::FEATURES.with(Features::SHARED_DICTIONARY));
+    code_all::<M, _>(&mut fields, &mut header, optional)?;
+    fields.finish()?;
+    Ok(header)
+}
+
 /// What a file holds, known without decoding it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileSummary {
@@ -206,17 +252,24 @@ pub struct FileSummary {
 /// What a file of this method holds.
 ///
 /// # Errors
-/// When the file promises the hash of a vocabulary and has none.
+/// For a header that no model has, and when the file promises the hash of a vocabulary and has none.
 pub fn inspect<M: Layout>(container: &Container<'_>) -> Result<FileSummary> {
-    let sections = container.sections().iter().map(|section| {
-        let content = content::<M>(section.tag);
-        (content.map_or_else(|| section.tag.to_string(), str::to_owned), section.bytes.len())
-    });
-    Ok(FileSummary {
-        method: M::METHOD,
-        vocabulary: named_vocabulary::<M>(container)?,
-        sections: sections.collect(),
-    })
+    // Lists of a header are no longer than its bytes; its counts are not used here.
+    let limits = Limits { max_items: u64::MAX, max_bytes: u64::MAX };
+    let header = read_header::<M>(container, &limits)?;
+    let content = |tag: Tag| {
+        if tag == META {
+            return "header".to_owned();
+        }
+        let stream = M::STREAM_SECTIONS.iter().position(|s| s.tag == tag || s.hash == Some(tag));
+        match stream {
+            Some(i) if M::STREAM_SECTIONS[i].tag == tag => M::section_content(&header, i),
+            Some(_) => "hash of the vocabulary".to_owned(),
+            None => tag.to_string(),
+        }
+    };
+    let sections = container.sections().iter().map(|s| (content(s.tag), s.bytes.len())).collect();
+    Ok(FileSummary { method: M::METHOD, vocabulary: named_vocabulary::<M>(container)?, sections })
 }
 
 /// The hash of the vocabulary that a file names; `None` when it holds its own.
@@ -225,18 +278,4 @@ fn named_vocabulary<M: Layout>(container: &Container<'_>) -> Result<Option<Conte
         Some(tag) => ContentHash::named_by(container, tag),
         None => Ok(None),
     }
-}
-
-/// What the section `tag` of a file of this method holds, for people.
-fn content<M: Layout>(tag: Tag) -> Option<&'static str> {
-    if tag == META {
-        return Some("header");
-    }
-    M::STREAM_SECTIONS.iter().find_map(|section| {
-        if section.tag == tag {
-            Some(section.content)
-        } else {
-            (section.hash == Some(tag)).then_some("hash of the vocabulary")
-        }
-    })
 }

@@ -4,11 +4,13 @@
 //! georeferenced coordinates keep their millimetres while the work stays in single precision; sums are
 //! accumulated in `f64`.
 
+mod attribute;
 mod box_tree;
 mod boxes;
 pub mod cells;
 mod cloud;
 pub mod disjoint;
+mod dtype;
 mod error;
 mod kdtree;
 mod metrics;
@@ -24,12 +26,14 @@ mod survey;
 pub mod vector;
 mod voxel_grid;
 
+pub use attribute::{Column, Extra, RESERVED_NAMES};
 pub use box_tree::{BoxTree, Union, arrange, boxes_of};
 pub use boxes::Aabb;
 pub use cloud::{CloudParts, DroppedValues, LARGEST_UNSHIFTED, PointCloud, Viewpoints};
+pub use dtype::Dtype;
 pub use error::{Error, Result};
 pub use kdtree::{KdTree, Neighbor, Neighborhoods};
-pub use metrics::{DirectedErrors, EvaluateOptions, Quality, Tolerance, evaluate};
+pub use metrics::{AttributeErrors, DirectedErrors, EvaluateOptions, Quality, Tolerance, evaluate};
 pub use moments::{FittedPlane, Moments, PrincipalAxes};
 pub use normals::{Neighborhood, Normals, estimate_normals, fit_normal, orient_normal};
 pub use octree::Octree;

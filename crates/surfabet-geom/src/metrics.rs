@@ -69,8 +69,24 @@ pub struct DirectedErrors {
     pub color_rmse: Option<f64>,
 }
 
+/// How far values of an attribute that both clouds have are off, over the same pairs as the distances.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttributeErrors {
+    /// Name of the attribute; "intensities" for these.
+    pub name: String,
+    /// True for labels, integers of at most 32 different values in the reference: the numbers are shares of pairs with equal
+    /// labels. Else they are root mean square differences in the unit of the attribute.
+    pub labels: bool,
+    /// Over the decoded points.
+    pub forward: f64,
+    /// Over the reference points.
+    pub backward: f64,
+    /// Over the pairs of both directions.
+    pub pooled: f64,
+}
+
 /// All measures of one comparison.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Quality {
     /// Number of reference points.
     pub reference_points: usize,
@@ -103,6 +119,9 @@ pub struct Quality {
     /// Share of the decoded points without a reference point within the tolerance. With a tolerance by range,
     /// the one of the nearest reference point counts.
     pub outliers: Option<f64>,
+    /// Intensities and further attributes that both clouds have, in the order of the reference. Those without a pair of
+    /// finite values are left out.
+    pub attributes: Vec<AttributeErrors>,
 }
 
 /// Squared errors of one direction, with the number of pairs they are over.
@@ -179,6 +198,7 @@ pub fn evaluate(
         d2_psnr: plane_rmse.map(|[forward, backward]| psnr(forward.max(backward))),
         inliers: tolerances.as_ref().map(|t| pairs.inliers(t)),
         outliers: tolerances.as_ref().and_then(|t| pairs.outliers(t)),
+        attributes: pairs.attributes(decoded, progress)?,
     })
 }
 
@@ -260,6 +280,61 @@ impl<'a> Pairs<'a> {
             over(forward.len(), &|j| error(&forward[j], forward[j].index(), j)),
             over(backward.len(), &|i| error(&backward[i], i, backward[i].index())),
         ]
+    }
+
+    /// Errors of all attributes that the reference has beside colour, and `decoded` too.
+    fn attributes(
+        &self,
+        decoded: &PointCloud,
+        progress: &dyn Progress,
+    ) -> Result<Vec<AttributeErrors>> {
+        let mut found = Vec::new();
+        if let Some((a, b)) = self.reference.intensities().zip(decoded.intensities()) {
+            let of = |i: usize, j: usize| (f64::from(a[i]), f64::from(b[j]));
+            found.extend(self.attribute("intensities", false, of));
+        }
+        for (name, a) in self.reference.extra() {
+            progress.check()?;
+            if let Some((_, b)) = decoded.extra().iter().find(|(other, _)| other == name) {
+                let of = |i: usize, j: usize| (a.number(i), b.number(j));
+                found.extend(self.attribute(name, a.labels().is_some(), of));
+            }
+        }
+        Ok(found)
+    }
+
+    /// Errors of an attribute that has the values `of` at a reference point and a decoded one. Pairs with a value that is
+    /// not finite are left out; `None` when there is no other.
+    fn attribute(
+        &self,
+        name: &str,
+        labels: bool,
+        of: impl Fn(usize, usize) -> (f64, f64) + Sync,
+    ) -> Option<AttributeErrors> {
+        let error = |i: usize, j: usize| {
+            let (a, b) = of(i, j);
+            let error = if labels { f64::from(u8::from(a == b)) } else { (a - b).powi(2) };
+            (a.is_finite() && b.is_finite()).then_some(error)
+        };
+        let pairs = [(self.forward.len(), true), (self.backward.len(), false)];
+        let [forward, backward] = pairs.map(|(n, is_forward)| {
+            let at = |k: usize| match is_forward {
+                true => error(self.forward[k].index(), k),
+                false => error(k, self.backward[k].index()),
+            };
+            let sum = sum_by(n, |k| at(k).unwrap_or(0.0));
+            Squares { sum, count: count_by(n, |k| at(k).is_some()) }
+        });
+        if forward.count == 0 || backward.count == 0 {
+            return None;
+        }
+        let both =
+            Squares { sum: forward.sum + backward.sum, count: forward.count + backward.count };
+        let [forward, backward, pooled] = [forward, backward, both].map(|s| match labels {
+            true => s.sum / s.count as f64,
+            false => s.root_mean(),
+        });
+        Some(AttributeErrors { name: name.to_owned(), labels, forward, backward, pooled })
     }
 
     /// Share of the reference points, where their tolerance is known, with a decoded point within it.
@@ -442,6 +517,34 @@ mod tests {
 
     fn quality(a: &PointCloud, b: &PointCloud, options: &EvaluateOptions) -> Quality {
         evaluate(a, b, options, &Silent).unwrap()
+    }
+
+    #[test]
+    fn attributes_by_hand() {
+        let with = |x: Vec<f32>, intensities: Vec<f32>, label: Vec<u8>, time: Vec<f64>| {
+            cloud(CloudParts {
+                positions: x.into_iter().map(|x| [x, 0.0, 0.0]).collect(),
+                intensities: Some(intensities),
+                extra: vec![("label".to_owned(), label.into()), ("time".to_owned(), time.into())],
+                ..CloudParts::default()
+            })
+        };
+        let nan = f64::NAN;
+        let reference =
+            with(vec![0.0, 1.0, 2.0], vec![10.0, 20.0, 30.0], vec![1, 2, 2], vec![1.0, nan, 5.0]);
+        let decoded = with(vec![0.2, 1.9], vec![13.0, 30.0], vec![1, 7], vec![1.0, 3.0]);
+        // Forward pairs are (0, 0) and (2, 1), backward ones these and (1, 0).
+        let found = quality(&reference, &decoded, &EvaluateOptions::default());
+        let [intensity, label, time] = &found.attributes[..] else { panic!("{found:?}") };
+        assert_eq!((intensity.name.as_str(), intensity.labels), ("intensities", false));
+        assert!(close(intensity.forward, 4.5_f64.sqrt()));
+        assert_eq!((label.name.as_str(), label.labels, label.forward), ("label", true, 0.5));
+        assert!(close(label.backward, 1.0 / 3.0) && close(label.pooled, 0.4));
+        // Without the pair of the point that has no time.
+        assert_eq!((time.name.as_str(), time.labels), ("time", false));
+        assert!(close(time.forward, 2.0_f64.sqrt()) && close(time.backward, 2.0_f64.sqrt()));
+        let bare = bare(vec![[0.0; 3]]);
+        assert!(quality(&reference, &bare, &EvaluateOptions::default()).attributes.is_empty());
     }
 
     #[test]

@@ -45,6 +45,8 @@ pub enum Value {
     Text(String),
     /// A sequence of numbers.
     Floats(Vec<f64>),
+    /// A sequence of names.
+    Texts(Vec<String>),
     /// Something that no option takes, as it is shown.
     Other(String),
 }
@@ -60,6 +62,11 @@ impl std::fmt::Display for Value {
             Self::Text(value) => write!(f, "'{}'", value.escape_debug()),
             Self::Floats(values) => {
                 let shown: Vec<String> = values.iter().map(f64::to_string).collect();
+                write!(f, "[{}]", shown.join(", "))
+            }
+            Self::Texts(names) => {
+                let shown: Vec<String> =
+                    names.iter().map(|name| format!("'{}'", name.escape_debug())).collect();
                 write!(f, "[{}]", shown.join(", "))
             }
             Self::Other(shown) => write!(f, "{shown}"),
@@ -78,6 +85,8 @@ pub enum Kind {
     Float,
     /// A sequence of numbers.
     Floats,
+    /// A sequence of names.
+    Texts,
     /// One of these names.
     Choice(&'static [&'static str]),
 }
@@ -147,7 +156,9 @@ impl Range {
             }
             Value::Float(value) => self.contains_float(*value),
             Value::Floats(values) => values.iter().all(|&value| self.contains_float(value)),
-            Value::None | Value::Bool(_) | Value::Text(_) | Value::Other(_) => true,
+            Value::None | Value::Bool(_) | Value::Text(_) | Value::Texts(_) | Value::Other(_) => {
+                true
+            }
         }
     }
 
@@ -254,6 +265,7 @@ impl OptionSpec {
             Kind::Floats => {
                 format!("a sequence with each {}", self.range.in_words("number", unit))
             }
+            Kind::Texts => "a sequence of names".to_owned(),
             Kind::Choice(names) => {
                 let quoted: Vec<String> = names.iter().map(|name| format!("'{name}'")).collect();
                 match quoted.split_last() {
@@ -368,6 +380,23 @@ impl OptionValue for Vec<f64> {
 
     fn to_value(&self) -> Value {
         Value::Floats(self.clone())
+    }
+}
+
+impl OptionValue for Vec<String> {
+    const KIND: Kind = Kind::Texts;
+
+    fn of(value: &Value) -> Result<Self, Mismatch> {
+        match value {
+            Value::Texts(names) => Ok(names.clone()),
+            // No name or number is in an empty sequence.
+            Value::Floats(numbers) if numbers.is_empty() => Ok(Self::new()),
+            _ => Err(Mismatch::Type),
+        }
+    }
+
+    fn to_value(&self) -> Value {
+        Value::Texts(self.clone())
     }
 }
 

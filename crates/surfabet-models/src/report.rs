@@ -16,6 +16,37 @@ pub struct Stage {
 /// Counts and measures of a run by name, in the order in which they are shown.
 pub type Named = Vec<(&'static str, f64)>;
 
+/// What an attribute takes, and how far it is off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttributeFigures {
+    /// Its name in the cloud.
+    pub name: String,
+    /// Bytes of its stream.
+    pub bytes: f64,
+    /// Of numbers: root mean square difference of the input points to what the model has where they are, in the unit of
+    /// the attribute; of colours over the three channels.
+    pub rmse: Option<f64>,
+    /// Of labels: share of the input points with the label that the model has where they are.
+    pub equal: Option<f64>,
+}
+
+impl AttributeFigures {
+    /// Of a model whose last two streams are colours and intensities, of which `present` are, by the bytes of all its
+    /// streams; their errors are not measured.
+    pub(crate) fn of_last_streams(bytes: &[f64], present: [bool; 2]) -> Vec<Self> {
+        let last = &bytes[bytes.len().saturating_sub(2)..];
+        let all = ["colors", "intensities"].into_iter().zip(last).zip(present);
+        all.filter(|(_, is_present)| *is_present)
+            .map(|((name, &bytes), _)| Self {
+                name: name.to_owned(),
+                bytes,
+                rmse: None,
+                equal: None,
+            })
+            .collect()
+    }
+}
+
 /// The figures that a method reports.
 pub trait Figures: std::fmt::Debug + Send + Sync + 'static {
     /// All figures of the whole run that there are.
@@ -99,8 +130,10 @@ pub struct Report<F: ?Sized> {
     pub iterations: usize,
     /// Why learning ended.
     pub stop_reason: &'static str,
+    /// What each attribute that the model keeps takes, and how far it is off.
+    pub attributes: Vec<AttributeFigures>,
     /// What the cloud had and the model does not keep.
-    pub not_kept: Vec<&'static str>,
+    pub not_kept: Vec<String>,
     /// Options that were not given, and what the data made of them.
     pub chosen: Vec<Chosen>,
     /// Points that were left out as outliers.
@@ -123,21 +156,16 @@ impl<T> PartialEq for Beside<T> {
 }
 
 /// What `cloud` has beyond positions and is not among `kept`, by name.
-pub(crate) fn lost(cloud: &PointCloud, kept: &[&str]) -> Vec<&'static str> {
-    [
-        ("colors", cloud.colors().is_some()),
-        ("intensities", cloud.intensities().is_some()),
-        ("normals", cloud.normals().is_some()),
-        ("ranges", cloud.ranges().is_some()),
-        ("viewpoints", cloud.viewpoints().is_some()),
-    ]
-    .into_iter()
-    .filter_map(|(name, present)| (present && !kept.contains(&name)).then_some(name))
-    .collect()
+pub(crate) fn lost(cloud: &PointCloud, kept: &[&str]) -> Vec<String> {
+    let crs = cloud.crs().map(|_| "crs");
+    let present = cloud.attributes().into_iter().chain(crs);
+    present.filter(|name| !kept.contains(name)).map(str::to_owned).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use surfabet_geom::CloudParts;
+
     use super::*;
 
     figures! {
@@ -150,6 +178,21 @@ mod tests {
             /// A measure.
             pub grid_size: f64 = "grid size",
         }
+    }
+
+    #[test]
+    fn lost_is_what_the_cloud_has_and_the_model_does_not_keep() {
+        let parts = CloudParts {
+            positions: vec![[0.0; 3]],
+            colors: Some(vec![[1; 3]]),
+            ranges: Some(vec![1.0]),
+            extra: vec![("classification".to_owned(), vec![2_u8].into())],
+            crs: Some("EPSG:25832".to_owned()),
+            ..CloudParts::default()
+        };
+        let cloud = PointCloud::from_parts(parts).unwrap().0;
+        assert_eq!(lost(&cloud, &["colors"]), ["ranges", "classification", "crs"]);
+        assert_eq!(lost(&PointCloud::default(), &[]), [""; 0]);
     }
 
     #[test]

@@ -87,6 +87,11 @@ impl PyGasModel {
         Array2::from_shape_fn((normals.len(), 3), |(i, a)| normals[i][a]).into_pyarray(py)
     }
 
+    /// Mean intensities, (n,), where there are any.
+    fn intensities<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f32>>> {
+        Some(self.model.intensities()?.into_pyarray(py))
+    }
+
     /// Colours, (n, 3), where there are any.
     fn colors<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<u8>>> {
         let colors = self.model.colors()?;

@@ -7,7 +7,7 @@ use surfabet_geom::{EvaluateOptions, Tolerance, evaluate as measure};
 use crate::cloud::PyPointCloud;
 use crate::run::run;
 
-/// Measures by name; `None` where they do not apply. `sigma_by_range` is (factor, angular resolution in degrees).
+/// Measures by name; `None` where they do not apply. `attributes` are (name, labels, forward, backward, pooled). `sigma_by_range` is (factor, angular resolution in degrees).
 #[pyfunction]
 #[pyo3(signature = (reference, decoded, sigma, sigma_by_range, peak, normal_neighbors, progress))]
 #[allow(clippy::too_many_arguments)]
@@ -52,6 +52,12 @@ fn evaluate<'py>(
     found.set_item("d2_psnr", q.d2_psnr)?;
     found.set_item("inliers", q.inliers)?;
     found.set_item("outliers", q.outliers)?;
+    let attributes: Vec<_> = q
+        .attributes
+        .into_iter()
+        .map(|a| (a.name, a.labels, a.forward, a.backward, a.pooled))
+        .collect();
+    found.set_item("attributes", attributes)?;
     Ok(found)
 }
 

@@ -53,6 +53,9 @@ fn value_of(object: &Bound<'_, PyAny>) -> PyResult<Value> {
     if let Ok(numbers) = object.extract() {
         return Ok(Value::Floats(numbers));
     }
+    if let Ok(names) = object.extract() {
+        return Ok(Value::Texts(names));
+    }
     match object.extract() {
         Ok(number) => Ok(Value::Float(number)),
         Err(_) => Ok(Value::Other(object.repr()?.to_string())),
@@ -67,6 +70,7 @@ fn object_of<'py>(py: Python<'py>, value: Value) -> PyResult<Bound<'py, PyAny>> 
         Value::Int(number) => Ok(number.into_pyobject(py)?.into_any()),
         Value::Float(number) => Ok(number.into_pyobject(py)?.into_any()),
         Value::Floats(numbers) => numbers.into_pyobject(py),
+        Value::Texts(names) => names.into_pyobject(py),
         Value::Text(text) | Value::Other(text) => Ok(text.into_pyobject(py)?.into_any()),
     }
 }
@@ -117,6 +121,7 @@ fn record<'py>(py: Python<'py>, spec: &OptionSpec) -> PyResult<Bound<'py, PyDict
         Kind::Int => ("int", &[]),
         Kind::Float => ("float", &[]),
         Kind::Floats => ("floats", &[]),
+        Kind::Texts => ("texts", &[]),
         Kind::Choice(names) => ("choice", names),
     };
     // A bound and whether it belongs to the range; no bound: every finite number.

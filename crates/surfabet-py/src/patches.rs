@@ -48,6 +48,12 @@ impl PyPatchModel {
         self.model.max_error()
     }
 
+    /// Names of the attributes beside colour.
+    #[getter]
+    fn attribute_names(&self) -> Vec<&str> {
+        self.model.attribute_names()
+    }
+
     #[getter]
     fn n_extra_points(&self) -> u64 {
         self.model.header().n_extra

@@ -235,6 +235,12 @@ impl PyPlaneModel {
         self.model.patches().iter().map(of).collect()
     }
 
+    /// Mean intensities of the supported tiles of each patch, (k,), row by row; None without intensities.
+    fn intensities<'py>(&self, py: Python<'py>) -> Option<Vec<Bound<'py, PyArray1<f32>>>> {
+        let of = |i: usize| self.model.intensities(i).into_pyarray(py);
+        self.model.has_intensity().then(|| (0..self.model.len()).map(of).collect())
+    }
+
     /// Colours of the supported tiles of each patch, (k, 3), row by row; None without colours.
     fn colors<'py>(&self, py: Python<'py>) -> Option<Vec<Bound<'py, PyArray2<u8>>>> {
         let of = |i: usize| {

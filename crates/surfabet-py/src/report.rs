@@ -39,6 +39,9 @@ pub fn report_dict<'py>(
     dict.set_item("objectives", objectives)?;
     dict.set_item("iterations", report.iterations)?;
     dict.set_item("stop_reason", report.stop_reason)?;
+    let attributes: Vec<_> =
+        report.attributes.iter().map(|a| (a.name.as_str(), a.bytes, a.rmse, a.equal)).collect();
+    dict.set_item("attributes", attributes)?;
     dict.set_item("not_kept", &report.not_kept)?;
     let chosen = PyDict::new(py);
     for choice in &report.chosen {

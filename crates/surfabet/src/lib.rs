@@ -36,7 +36,9 @@ pub use model::{KnownVocabulary, Model};
 pub use save::{Save, write};
 pub use surfabet_codec::{Container, ContentHash, Family, FileSummary, Layout, Limits, Vocabulary};
 pub use surfabet_geom as geom;
-pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
+pub use surfabet_geom::{
+    CloudParts, Column, DroppedValues, PointCloud, Progress, Silent, Viewpoints,
+};
 pub use surfabet_models::alphabet::{self, Alphabet, AlphabetModel, AlphabetOptions, Occurrence};
 pub use surfabet_models::bic_alphabet::{self, BicAlphabet, BicAlphabetModel, BicAlphabetOptions};
 pub use surfabet_models::gas::{self, GasModel, GasOptions};
@@ -47,6 +49,7 @@ pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
 pub use surfabet_models::{
-    DecodeOptions, Fact, Figures, Named, Report, Sensor, Stage, Summary, SurfaceModel,
+    AttributeFigures, DecodeOptions, Fact, Figures, Named, Report, ScalarScale, Sensor, Stage,
+    Summary, SurfaceModel,
 };
 pub use surfabet_sparse as sparse;

@@ -86,7 +86,7 @@ macro_rules! define_model {
             /// holding it, and what each of its sections holds.
             ///
             /// # Errors
-            /// [`Error::Codec`] for a combination of features that no method has.
+            /// [`Error::Codec`] for a combination of features that no method has, or a header that no model has.
             pub fn inspect(container: &Container<'_>) -> Result<FileSummary> {
                 $(if holds::<$type>(container) {
                     return Ok(surfabet_codec::inspect::<$type>(container)?);

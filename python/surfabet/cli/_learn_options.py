@@ -21,6 +21,9 @@ BIC_ALPHABET = Group("Options of --model bic-alphabet", sort_key=5)
 PLANES = Group("Options of --model planes", sort_key=6)
 GAS = Group("Options of --model gas", sort_key=7)
 
+NAMES = frozenset({"attributes"})
+"""Options that take names with commas between them."""
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -49,6 +52,13 @@ class LearnOptions:
     occurrences. planes: Rounding of the colours of tiles. gas: Rounding of colours. For patches an
     integer from 1 to 1024 grey levels; by default 90. For alphabet an integer from 1 to 255 grey
     levels; by default 8. For planes, gas an integer from 1 to 64 grey levels; by default 8."""
+
+    attribute_step: Annotated[float | None, Parameter(group=SHARED)] = None
+    """patches: Rounding of intensities and other scalars of a single cell, as a share of their
+    standard deviation. planes: Rounding of the mean intensities of tiles, as a share of their
+    standard deviation. gas: Rounding of the mean intensities of neurons, as a share of their
+    standard deviation. For patches a number from 0.001 to 100 standard deviations; by default 0.5.
+    For planes, gas a number from 0.001 to 100 standard deviations; by default 0.125."""
 
     sensor: Annotated[Literal["structured-light", "constant"] | None, Parameter(group=SHARED)] = (
         None
@@ -122,6 +132,14 @@ class LearnOptions:
 
     color_rate: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Squared error that a bit of colour must save. A positive number of squared colour steps; by
+    default 0.15."""
+
+    attributes: Annotated[str | None, Parameter(group=PATCHES)] = None
+    """Attributes to keep, by name: 'colors', 'intensities', or any that the cloud has beside them.
+    Names with commas between them; by default colours and intensities, where the cloud has them."""
+
+    attribute_rate: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Squared error that a bit of a scalar must save. A positive number of squared steps; by
     default 0.15."""
 
     patch_pixels: Annotated[int | None, Parameter(group=HSCSM)] = None
@@ -322,8 +340,11 @@ class LearnOptions:
     """How winners are found. 'indexed' or 'brute-force'; by default indexed."""
 
     def given(self) -> dict[str, Any]:
-        """The options that were given."""
-        return {name: value for name, value in vars(self).items() if value is not None}
+        """The options that were given; names with commas between them as lists."""
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        for name in NAMES.intersection(given):
+            given[name] = [part.strip() for part in given[name].split(",") if part.strip()]
+        return given
 
 
 LEARN_OPTIONS = LearnOptions()

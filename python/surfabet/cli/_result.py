@@ -72,5 +72,9 @@ class Result:
                 parts.append(f"inliers {quality.inliers:.2%}, outliers {quality.outliers:.2%}")
             if quality.color_rmse_pooled is not None:
                 parts.append(f"colour rmse {quality.color_rmse_pooled:.3g}")
+            for name, errors in quality.attributes.items():
+                value = errors.pooled
+                told = f"{value:.2%} equal" if errors.labels else f"rmse {value:.3g}"
+                parts.append(f"{name} {told}")
         encoding = sum(self.seconds[stage] for stage in ("read", "learn", "write"))
         return f"{self.output}: {', '.join(parts)}, {encoding:.1f} s"

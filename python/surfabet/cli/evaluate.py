@@ -161,6 +161,10 @@ def _print_table(quality: surfabet.Quality) -> None:
             directed.add_row(
                 label, text(forward), text(backward), "" if pooled is None else text(pooled)
             )
+    for name, errors in quality.attributes.items():
+        told = _percent if errors.labels else _plain
+        label = f"{name} equal" if errors.labels else f"{name} rmse"
+        directed.add_row(label, told(errors.forward), told(errors.backward), told(errors.pooled))
     single = Table("measure", "value", box=None)
     for name, label, text_of in SINGLE:
         if values[name] is not None:

@@ -16,6 +16,7 @@ from surfabet.io.e57 import read_e57, write_e57
 from surfabet.io.kitti import read_kitti
 from surfabet.io.las import read_las, write_las
 from surfabet.io.npz import read_npy, read_npz, write_npz
+from surfabet.io.obj import read_obj
 from surfabet.io.pcd import read_pcd, write_pcd
 from surfabet.io.ply import read_ply, write_ply
 from surfabet.io.rgbd import is_rgbd, read_rgbd
@@ -48,9 +49,19 @@ _FORMATS = (
     Format("npz", (".npz",), (b"PK\x03\x04",), read_npz, write_npz),
     Format("npy", (".npy",), (b"\x93NUMPY",), read_npy, None),
     Format("xyz", (".xyz", ".txt", ".asc", ".csv"), (), read_text, write_text),
+    Format("obj", (".obj",), (), read_obj, None),
     Format("kitti", (".bin",), (), read_kitti, None),
     Format("rgbd", (), (), read_rgbd, None),
 )
+
+
+# Files as they are packed for transport, which tools unpack silently or under the old name.
+_PACKED = {
+    b"\x1f\x8b": ("gzip", "as with gunzip"),
+    b"BZh": ("bzip2", "as with bunzip2"),
+    b"\xfd7zXZ\x00": ("xz", "as with unxz"),
+    b"\x28\xb5\x2f\xfd": ("zstd", "as with unzstd"),
+}
 
 
 def formats() -> tuple[Format, ...]:
@@ -104,6 +115,15 @@ def _detect(path: Path) -> Format:
             byte=0,
         )
     return named
+
+
+def _check_unpacked(path: Path) -> None:
+    """Refuses a file that is packed for transport, whatever its name says."""
+    with path.open("rb") as file:
+        start = file.read(16)
+    for magic, (kind, remedy) in _PACKED.items():
+        if start.startswith(magic):
+            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
 
 
 def _check_options(function: Callable[..., Any], name: str, options: dict[str, Any]) -> None:
@@ -166,6 +186,8 @@ def read(
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"there is no file {path}")
+    if path.is_file():
+        _check_unpacked(path)
     chosen = _detect(path) if format is None else _named(format)
     if chosen.reader is None:
         raise InvalidInputError(f"surfabet writes {chosen.name} files, but does not read them")

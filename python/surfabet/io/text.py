@@ -19,8 +19,11 @@ from surfabet.io._columns import (
     Column,
     cloud_from_columns,
     columns_from_cloud,
+    lost_crs,
     records,
     viewpoint_columns,
+    warn_lost,
+    written_names,
 )
 from surfabet.io._files import Lines, format_error, written_whole
 from surfabet.io._tables import name_columns, parse_rows, save_table
@@ -189,10 +192,10 @@ _COLOR_NAMES = {
 
 
 def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -> None:
-    """Writes points as text; it holds every attribute.
+    """Writes points as text; it holds every attribute, but no reference system.
 
     The columns are x y z, and where the cloud has them nx ny nz, red green blue, intensity, range,
-    vp_x vp_y vp_z, named by a comment in the first line, or in CSV files by a header line. Numbers
+    vp_x vp_y vp_z, then the extra columns, named by a comment in the first line, or in CSV files by a header line. Numbers
     have as many digits as it takes to read back the same ones.
 
     Parameters
@@ -208,6 +211,11 @@ def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -
     ------
     InvalidInputError
         `delimiter` is none of space, tab, comma and semicolon.
+
+    Warns
+    -----
+    LostAttributeWarning
+        The cloud has a coordinate reference system, or a column whose name had to change.
     """
     if delimiter not in (None, " ", "\t", ",", ";"):
         raise InvalidInputError(f"delimiter is {delimiter!r}, but must be ' ', '\\t', ',' or ';'")
@@ -216,5 +224,6 @@ def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -
     rows = records(columns_from_cloud(cloud) | viewpoint_columns(cloud))
     header = ("" if is_csv else "# ") + delimiter.join(rows.dtype.names or ())
     with written_whole(path) as temporary, temporary.open("xb") as file:
-        file.write(header.encode("ascii") + b"\n")
+        file.write(header.encode("utf-8") + b"\n")
         save_table(file, rows, delimiter)
+    warn_lost(path, "text", lost_crs(cloud), renamed=written_names(cloud))

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use surfabet::{Container, DecodeOptions, KnownVocabulary, Model, PointCloud, Save, Silent};
 use surfabet_codec::bytes::ByteWriter;
 use surfabet_codec::header::Fields;
-use surfabet_codec::{Error as CodecError, Layout, Tag, Vocabulary};
+use surfabet_codec::{Error as CodecError, Features, Layout, Tag, Vocabulary};
 use surfabet_models::Error;
 
 use crate::files::{
@@ -80,6 +80,13 @@ pub fn a_file_gives_the_model_back<M: Scene>() {
         assert!(!cloud.is_empty());
         assert_eq!(cloud.normals().is_some(), options.normals);
         assert_eq!(cloud.colors().is_some(), model.has_color());
+        let lost = model.report().not_kept.iter().map(String::as_str);
+        let has = |attribute: &str| cloud.attributes().contains(&attribute);
+        let scene = M::cloud();
+        let kept = scene.attributes().into_iter().filter(|a| !lost.clone().any(|lost| lost == *a));
+        for attribute in kept.filter(|a| !["normals", "ranges", "viewpoints"].contains(a)) {
+            assert!(has(attribute), "{attribute} is neither kept nor told");
+        }
     }
 }
 
@@ -275,7 +282,11 @@ impl Forger {
     /// The header of `model`, and its fields in order.
     fn header<M: Layout>(model: &M, forged: Option<(usize, Value)>) -> (Vec<u8>, Vec<Field>) {
         let mut forger = Self { bytes: ByteWriter::new(), fields: Vec::new(), forged };
-        M::code_header(&mut forger, &mut model.header()).unwrap();
+        let mut header = model.header();
+        M::code_header(&mut forger, &mut header).unwrap();
+        if M::optional_features(&header) != Features::NONE {
+            M::code_optional(&mut forger, &mut header).unwrap();
+        }
         (forger.bytes.finish(), forger.fields)
     }
 

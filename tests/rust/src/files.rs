@@ -45,9 +45,10 @@ pub fn sections(file: &[u8]) -> Vec<(Tag, Vec<u8>)> {
     container.sections().iter().map(|s| (s.tag, s.bytes.to_vec())).collect()
 }
 
-/// A file of the method `M` with these sections and valid checksums, so that only the content can be refused.
+/// A file of the method `M` with these sections and valid checksums, so that only the content can be refused. It says that
+/// it needs all features that a file of the method may need, as those of the small scenes do.
 pub fn put_together<M: Layout>(sections: &[(Tag, Vec<u8>)]) -> Vec<u8> {
-    let writer = ContainerWriter::new(M::FAMILY, M::FEATURES);
+    let writer = ContainerWriter::new(M::FAMILY, M::FEATURES.with(M::OPTIONAL_FEATURES));
     sections.iter().fold(writer, |w, (tag, bytes)| w.section(*tag, bytes.clone())).finish().unwrap()
 }
 

@@ -23,7 +23,7 @@ fn outside(spec: &OptionSpec) -> Vec<Value> {
         Bound::Unbounded => vec![],
     };
     match (spec.kind, spec.range.high) {
-        (Kind::Bool | Kind::Choice(_), _) => return vec![],
+        (Kind::Bool | Kind::Texts | Kind::Choice(_), _) => return vec![],
         (_, Bound::Included(high)) if high.is_finite() => values.push(number(beyond(high, 1.0))),
         (_, Bound::Excluded(high)) => values.push(number(high)),
         (Kind::Float, Bound::Unbounded) => values.push(number(f64::INFINITY)),

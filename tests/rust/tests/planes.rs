@@ -8,7 +8,7 @@ use surfabet::planes::{
     self, DIRECTIONS, MAX_COORDINATE, MAX_MODEL_TILES, PARTS, PlaneModel, PlanesHeader,
     PlanesOptions, StoredPatch,
 };
-use surfabet::{DecodeOptions, Limits, Model, PointCloud, Save, Silent};
+use surfabet::{DecodeOptions, Limits, Model, PointCloud, Save, ScalarScale, Silent};
 use surfabet_models::Error;
 use surfabet_tests::assert_stops_when_asked;
 use surfabet_tests::files::{LIMITS, read};
@@ -271,6 +271,9 @@ fn stored(
         colors: (0..if colored { n_supported } else { 0 })
             .map(|i| [i % 512, -(i % 513), i % 100 - 50])
             .collect(),
+        intensities: (0..if colored { i32::from(n_supported) } else { 0 })
+            .map(|i| i * 7919 % (1 << 20))
+            .collect(),
     }
 }
 
@@ -282,6 +285,7 @@ fn header(patches: &[StoredPatch], colored: bool) -> PlanesHeader {
         exponent: -10,
         grid_size: 0.1,
         color_step: colored.then_some(8),
+        intensity: colored.then_some(ScalarScale { low: -1.5, high: 1e6, step: 1.0 }),
         n_patches: patches.len() as u64,
     }
 }

@@ -150,6 +150,7 @@ fn finish(
         iterations: bics.as_ref().map_or(0, Vec::len),
         objectives: bics.into_iter().map(|bics| ("bic".into(), bics)).collect(),
         stop_reason,
+        attributes: Vec::new(),
         not_kept: lost(cloud, &[]),
         ..BicAlphabetReport::default()
     };

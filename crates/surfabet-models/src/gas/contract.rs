@@ -11,7 +11,7 @@ use crate::summary::Summary;
 
 impl SurfaceModel for GasModel {
     const METHOD: &'static str = "gas";
-    const STREAMS: usize = 5;
+    const STREAMS: usize = 6;
     const KEEPS_THICKNESS: bool = true;
     type Options = GasOptions;
     type Header = GasHeader;
@@ -26,8 +26,8 @@ impl SurfaceModel for GasModel {
         source: Source<'_, Self>,
         streams: &mut [C],
     ) -> Result<Option<Self>, C::Error> {
-        let [topology, positions, normals, sizes, colors] = exactly(streams);
-        let mut streams = Streams { topology, positions, normals, sizes, colors };
+        let [topology, positions, normals, sizes, colors, intensities] = exactly(streams);
+        let mut streams = Streams { topology, positions, normals, sizes, colors, intensities };
         match source {
             Source::Model(model) => model.write(&mut streams).map(|()| None),
             Source::Streams { header, .. } => Self::read(header, &mut streams).map(Some),
@@ -41,6 +41,7 @@ impl SurfaceModel for GasModel {
             .with("edges", self.edges().len())
             .with("components", components)
             .with("colour", self.has_color())
+            .with("intensity", self.has_intensity())
             .with("mean error (m)", self.mean_error())
             .with("position step (m)", self.position_step())
     }

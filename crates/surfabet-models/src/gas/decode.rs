@@ -20,6 +20,15 @@ struct Point {
     position: [f32; 3],
     normal: [f32; 3],
     color: [u8; 3],
+    intensity: f32,
+}
+
+/// The surface about a neuron.
+struct Blended {
+    /// Above the neuron's plane, metres.
+    height: f64,
+    color: [f32; 3],
+    intensity: f32,
 }
 
 impl GasModel {
@@ -29,7 +38,7 @@ impl GasModel {
     /// neuron's disc is filled with a square lattice,
     /// as far as no other neuron is nearer, at the height to which its own plane and those of its neighbours
     /// agree; where neighbours' discs do not meet, or have no plane, the edge between them is filled. Colours
-    /// blend from neuron to neuron.
+    /// and intensities blend from neuron to neuron.
     ///
     /// # Errors
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`],
@@ -47,6 +56,7 @@ impl GasModel {
             origin: self.origin(),
             positions: points.iter().map(|p| p.position).collect(),
             colors: self.has_color().then(|| points.iter().map(|p| p.color).collect()),
+            intensities: self.has_intensity().then(|| points.iter().map(|p| p.intensity).collect()),
             normals: options.normals.then(|| points.iter().map(|p| p.normal).collect()),
             ..CloudParts::default()
         };
@@ -63,7 +73,12 @@ impl GasModel {
 
     /// The point at a neuron.
     fn neuron_point(&self, i: usize) -> Point {
-        Point { position: self.position(i), normal: self.normal(i), color: rounded(self.color(i)) }
+        Point {
+            position: self.position(i),
+            normal: self.normal(i),
+            color: rounded(self.color(i)),
+            intensity: self.intensity(i),
+        }
     }
 
     /// Radius of a decoded disc, metres; zero where the plane is unknown.
@@ -128,33 +143,35 @@ impl GasModel {
                 if tree.nearest(on.map(|c| c as f32)).is_none_or(|n| n.index() != i) {
                     continue;
                 }
-                let (height, color) = self.blend(i, on, normal);
+                let Blended { height, color, intensity } = self.blend(i, on, normal);
                 let depth = height + across(thickness, points.len());
                 points.push(Point {
                     position: std::array::from_fn(|c| (on[c] + depth * normal[c]) as f32),
                     normal: normal.map(|c| c as f32),
                     color: rounded(color),
+                    intensity,
                 });
             }
         }
         if points.is_empty() { vec![self.neuron_point(i)] } else { points }
     }
 
-    /// Height of the surface above the place x on the plane of neuron `i` with normal n, and its colour: weighted means
-    /// over the neuron and its neighbours.
+    /// Height of the surface above the place x on the plane of neuron `i` with normal n, its colour and its intensity: weighted
+    /// means over the neuron and its neighbours.
     ///
     /// Neuron j at p_j with normal n_j has the weight `exp(-2 |p_j - x|^2 / r_i^2)`, and its plane is at the height
     /// `(p_j - x) n_j / (n_j n)` above x along n.
-    fn blend(&self, i: usize, on: [f64; 3], normal: [f64; 3]) -> (f64, [f32; 3]) {
+    fn blend(&self, i: usize, on: [f64; 3], normal: [f64; 3]) -> Blended {
         let width = BLEND_WIDTH / self.radius(i).powi(2);
         let (mut height, mut planes, mut total) = (0.0, 0.0, 0.0);
-        let mut color = [0.0; 3];
+        let (mut color, mut intensity) = ([0.0; 3], 0.0);
         for j in std::iter::once(i).chain(self.adjacency.of(i).iter().map(|&j| j as usize)) {
             let p = self.position(j);
             let off: [f64; 3] = std::array::from_fn(|c| f64::from(p[c]) - on[c]);
             let weight = (-width * dot(off, off)).exp();
             let own = self.color(j);
             (0..3).for_each(|c| color[c] += weight * f64::from(own[c]));
+            intensity += weight * f64::from(self.intensity(j));
             total += weight;
             let plane = self.normal(j).map(f64::from);
             let cosine = dot(plane, normal);
@@ -164,8 +181,11 @@ impl GasModel {
             }
         }
         let height = if planes > 0.0 { height / planes } else { 0.0 };
-        let color = if total > 0.0 { color.map(|c| (c / total) as f32) } else { self.color(i) };
-        (height, color)
+        if total > 0.0 {
+            let color = color.map(|c| (c / total) as f32);
+            return Blended { height, color, intensity: (intensity / total) as f32 };
+        }
+        Blended { height, color: self.color(i), intensity: self.intensity(i) }
     }
 
     /// The points on the edge between neighbours whose discs do not meet.
@@ -179,6 +199,7 @@ impl GasModel {
         }
         let (p, q) = (self.position(i).map(f64::from), self.position(j).map(f64::from));
         let (c, d) = (self.color(i), self.color(j));
+        let [e, f] = [i, j].map(|k| self.intensity(k));
         (1..=n as u64)
             .map(|k| {
                 let share = (from + (to - from) * k as f64 / (n + 1.0)) / length;
@@ -187,6 +208,7 @@ impl GasModel {
                     position: std::array::from_fn(|x| (p[x] + share * (q[x] - p[x])) as f32),
                     normal: self.normal(near),
                     color: rounded(std::array::from_fn(|x| c[x] + share as f32 * (d[x] - c[x]))),
+                    intensity: e + share as f32 * (f - e),
                 }
             })
             .collect()

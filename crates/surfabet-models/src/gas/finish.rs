@@ -8,8 +8,10 @@ use super::learn::KEPT;
 use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
 use super::network::{Graph, Grown};
 use super::options::GasOptions;
+use crate::contract::SurfaceModel;
 use crate::error::{Error, Result};
-use crate::report::{Report, figures, lost};
+use crate::report::{AttributeFigures, Report, figures, lost};
+use crate::scalar::ScalarScale;
 use crate::stages::Stages;
 use crate::start::Start;
 
@@ -55,6 +57,10 @@ pub(super) fn finish(
     let statistics = stages.run("describing neurons", |progress| {
         describe(&positions, &adjacency, observed, progress)
     })?;
+    let intensities = statistics.intensities.as_ref().map(|values| {
+        let values = values.iter().map(|&v| f64::from(v));
+        ScalarScale::of("intensities", values, options.attribute_step)
+    });
     let figures = GasFigures {
         points: n_points,
         signals: grown.signals,
@@ -78,11 +84,15 @@ pub(super) fn finish(
         origin,
         exponent,
         color_step: statistics.colors.is_some().then_some(options.color_step),
+        intensity: intensities.transpose()?,
         mean_error: statistics.mean_distance,
         n_neurons: positions.len() as u64,
         n_edges: edges.len() as u64,
     };
-    GasModel::new(header, &rounded, &edges, &statistics, report)
+    let mut model = GasModel::new(header, &rounded, &edges, &statistics, report)?;
+    let present = [model.has_color(), model.has_intensity()];
+    model.report_mut().attributes = AttributeFigures::of_last_streams(&model.price(), present);
+    Ok(model)
 }
 
 /// The position step as a power of two: the largest that is no larger than `position_step`, or, without one, no larger

@@ -21,7 +21,7 @@ pub(super) const STAGES: &[(&str, f32)] =
     &[("measuring the cloud", 5.0), ("growing", 85.0), ("describing neurons", 10.0)];
 
 /// What a gas keeps beyond positions.
-pub(super) const KEPT: [&str; 2] = ["colors", "normals"];
+pub(super) const KEPT: [&str; 3] = ["colors", "intensities", "normals"];
 
 /// Learns a gas from a cloud.
 ///
@@ -56,10 +56,11 @@ pub fn learn(
     let grown = stages.run("growing", |progress| {
         grow(&pair, signals, options, stop(options, positions.len()), progress)
     })?;
-    // Colours, normals and sizes of the neurons, and everything rounded.
+    // Colours, intensities, normals and sizes of the neurons, and everything rounded.
     let observed = Observed {
         points: &positions,
         colors: cloud.colors(),
+        intensities: cloud.intensities(),
         facing: cloud.facing(),
         weight: 1.0,
     };

@@ -10,6 +10,7 @@ use super::finish::GasReport;
 use crate::color::{self, rounded};
 use crate::error::{Error, Result};
 use crate::report::Beside;
+use crate::scalar::ScalarScale;
 use crate::size_code::{size_code, size_of_code};
 
 /// Largest coordinate in position steps, so that positions are exact in single precision.
@@ -36,6 +37,8 @@ pub struct Neuron {
     pub thickness: u8,
     /// Luma and two chromas in steps; zero without colour.
     pub color: [i16; 3],
+    /// Intensity in steps; zero without.
+    pub intensity: i32,
 }
 
 /// What the file holds before its streams.
@@ -49,6 +52,8 @@ pub struct GasHeader {
     pub exponent: i32,
     /// Rounding of colours, grey levels, where there are colours.
     pub color_step: Option<u32>,
+    /// How intensities are stored, where there are any.
+    pub intensity: Option<ScalarScale>,
     /// Mean distance of the input points to their nearest neurons, metres.
     pub mean_error: f64,
     /// Number of neurons.
@@ -69,6 +74,9 @@ impl GasHeader {
         }
         if self.color_step.is_some_and(|step| !(1..=64).contains(&step)) {
             return fail(format!("a colour step of {:?}, not 1 to 64", self.color_step));
+        }
+        if let Some(Err(what)) = self.intensity.map(|scale| scale.check()) {
+            return fail(what);
         }
         if !(self.mean_error.is_finite() && self.mean_error >= 0.0) {
             return fail(format!("a mean error of {} m", self.mean_error));
@@ -122,6 +130,10 @@ impl GasModel {
                     color: match (&statistics.colors, header.color_step) {
                         (Some(colors), Some(step)) => color::code(colors[i].map(f64::from), step),
                         _ => [0; 3],
+                    },
+                    intensity: match (&statistics.intensities, header.intensity) {
+                        (Some(values), Some(scale)) => scale.code(f64::from(values[i])),
+                        _ => 0,
                     },
                 }
             })
@@ -244,6 +256,22 @@ impl GasModel {
         self.has_color().then(|| (0..self.len()).map(|i| rounded(self.color(i))).collect())
     }
 
+    /// True when the neurons carry intensities.
+    pub fn has_intensity(&self) -> bool {
+        self.header.intensity.is_some()
+    }
+
+    /// Mean intensity of the points of a neuron; 0 without intensities.
+    pub(super) fn intensity(&self, i: usize) -> f32 {
+        let code = f64::from(self.neurons[i].intensity);
+        self.header.intensity.map_or(0.0, |scale| scale.value(code) as f32)
+    }
+
+    /// Mean intensities of all neurons, where they carry any.
+    pub fn intensities(&self) -> Option<Vec<f32>> {
+        self.has_intensity().then(|| (0..self.len()).map(|i| self.intensity(i)).collect())
+    }
+
     /// Number of points nearest to a neuron, rounded to a quarter of a doubling.
     pub fn count(&self, i: usize) -> f64 {
         size_of_code(self.neurons[i].count)
@@ -257,6 +285,10 @@ impl GasModel {
     /// Standard deviation of a neuron's points across its disc, metres.
     pub fn thickness(&self, i: usize) -> f64 {
         0.125 * self.position_step() * size_of_code(self.neurons[i].thickness)
+    }
+
+    pub(super) fn report_mut(&mut self) -> &mut GasReport {
+        &mut self.report.0
     }
 
     /// How the model was learned; empty for a model read from a file.

@@ -56,6 +56,9 @@ options! {
             none = "a sixteenth of the mean edge";
         /// Rounding of colours.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels", another_scene = true;
+        /// Rounding of the mean intensities of neurons, as a share of their standard deviation.
+        attribute_step: f64 = 0.125, range = Range::from_to(0.001, 100.0), unit = "standard deviations",
+            another_scene = true;
         /// How winners are found. 'brute-force' gives the same network, slowly.
         search: Search = Search::Indexed, another_scene = true;
         /// Keeps points that are far from all others. Otherwise they are left out, and counted in the report: the network

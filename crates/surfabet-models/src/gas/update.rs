@@ -75,20 +75,25 @@ impl GasModel {
         };
         let grown =
             stages.run("growing", |progress| grow(&graph, signals, &options, stop, progress))?;
-        // Colours, normals and sizes of the neurons, and everything rounded.
+        // Colours, intensities, normals and sizes of the neurons, and everything rounded.
         let colors: Option<Vec<[u8; 3]>> = self
             .colors()
             .map(|colors| recalled.neurons.iter().map(|&i| colors[i as usize]).collect());
+        let intensities: Option<Vec<f32>> = self
+            .intensities()
+            .map(|values| recalled.neurons.iter().map(|&i| values[i as usize]).collect());
         let observed = [
             Observed {
                 points: &recalled.positions,
                 colors: colors.as_deref(),
+                intensities: intensities.as_deref(),
                 facing: Some(recalled.normals),
                 weight: old / recalled.positions.len() as f64,
             },
             Observed {
                 points: &positions,
                 colors: cloud.colors(),
+                intensities: cloud.intensities(),
                 facing: cloud.facing(),
                 weight: 1.0,
             },

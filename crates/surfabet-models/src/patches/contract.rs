@@ -2,18 +2,19 @@
 
 use surfabet_entropy::Coder;
 
+use super::attributes::MAX_ATTRIBUTES;
 use super::learn::PatchesFigures;
-use super::model::{PatchModel, PatchesHeader};
+use super::model::{PatchModel, PatchesHeader, Streams};
 use super::options::PatchesOptions;
 use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
-/// Memory that a cell of colour takes while it is read.
+/// Memory that a cell takes while it is read, for the geometry and for each attribute.
 const BYTES_PER_CELL: u64 = 64;
 
 impl SurfaceModel for PatchModel {
     const METHOD: &'static str = "patches";
-    const STREAMS: usize = 3;
+    const STREAMS: usize = 3 + MAX_ATTRIBUTES;
     const KEEPS_THICKNESS: bool = true;
     type Options = PatchesOptions;
     type Header = PatchesHeader;
@@ -28,12 +29,14 @@ impl SurfaceModel for PatchModel {
         source: Source<'_, Self>,
         streams: &mut [C],
     ) -> Result<Option<Self>, C::Error> {
-        let [geometry, color, extra] = exactly(streams);
+        let (first, attributes) = streams.split_at_mut(Self::STREAMS - MAX_ATTRIBUTES);
+        let [geometry, color, extra] = exactly(first);
+        let streams = Streams { geometry, color, extra, attributes: exactly(attributes) };
         match source {
-            Source::Model(model) => model.write(geometry, color, extra).map(|()| None),
+            Source::Model(model) => model.write(streams).map(|()| None),
             Source::Streams { header, budget, .. } => {
-                let max_cells = budget.most(BYTES_PER_CELL);
-                Self::read(header, max_cells, geometry, color, extra).map(Some)
+                let each = BYTES_PER_CELL * (1 + header.attributes.len() as u64);
+                Self::read(header, budget.most(each), streams).map(Some)
             }
         }
     }
@@ -42,6 +45,7 @@ impl SurfaceModel for PatchModel {
         let mut summary = Summary::default()
             .with("levels", u64::from(self.lattice().levels))
             .with("colour", self.has_color())
+            .with("intensity", self.has_intensity())
             .with("patches", self.len());
         let lattice = self.lattice();
         for (j, of) in (0..lattice.levels).zip(self.level_sizes()) {
@@ -52,6 +56,9 @@ impl SurfaceModel for PatchModel {
                 .with(format!("level {j}: area (m2)"), of.set_pixels as f64 * pixel * pixel);
         }
         summary = summary.with("extra points", self.header().n_extra);
+        for header in self.header().attributes {
+            summary = summary.with(format!("attribute {}", header.name), header.in_words());
+        }
         match self.max_error() {
             Some(bound) => summary.with("max error (m)", bound),
             None => summary,

@@ -4,15 +4,15 @@ use rayon::prelude::*;
 use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress};
 
+use super::attributes::cells::attribute_cells;
+use super::attributes::chosen::{Chosen, Fields};
+use super::attributes::targets::Targets;
 use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
-use super::color::cells::color_cells;
-use super::color::targets::targets;
-use super::color::{CellColors, ColorModels, ColorSource, ColorSteps, code_colors};
 use super::constants::{AXES_CELL, AXES_CELL_IN_GAPS, NOISES_PER_GAP, SAMPLE_SIZE};
 use super::far_points::{with_points_within, with_share_of_points};
-use super::model::{ColorField, Lattice, LevelSize, PatchModel, SheetTree, Square};
+use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::PatchesOptions;
 use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
@@ -22,7 +22,7 @@ use super::surface::leaf::Leaf;
 use crate::error::Result;
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
-use crate::report::{Named, Report, figures, lost};
+use crate::report::{AttributeFigures, Named, Report, figures, lost};
 use crate::stages::Stages;
 use crate::start::{Leave, Start};
 
@@ -33,7 +33,7 @@ const STAGES: &[(&str, f32)] = &[
     ("merging points", 0.25),
     ("growing sheets", 0.1),
     ("choosing patches", 0.4),
-    ("colouring", 0.1),
+    ("adding attributes", 0.1),
     ("checking the bound", 0.1),
 ];
 
@@ -51,8 +51,8 @@ figures! {
         pub sheets: usize = "sheets",
         /// Mean number of samples of the pixels of large sheets.
         pub samples_per_pixel: f64 = "samples per pixel",
-        /// Cells that have a colour.
-        pub color_cells: usize = "cells of colour",
+        /// Cells that carry attributes.
+        pub attribute_cells: usize = "cells of attributes",
         /// Patches of the model.
         pub patches: usize = "patches",
         /// Cells with points beside the patches.
@@ -83,6 +83,7 @@ pub fn learn(
     let tolerance = start.tolerance(options.resolution);
     let cloud: &PointCloud = &start.cloud;
     check_size(cloud, resolution)?;
+    let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
 
     // 1. Axes of the scene.
     let of_gap = AXES_CELL_IN_GAPS * start.survey.layer_gap.unwrap_or(0.0);
@@ -109,12 +110,12 @@ pub fn learn(
     let density = samples_per_pixel(&sheets);
     let (geometry, bytes) = stages
         .run("choosing patches", |progress| choose(lattice, &sheets, density, options, progress))?;
-    // 7. Colour.
-    let color = stages.run("colouring", |_| {
-        Ok(samples.has_color.then(|| color(&samples, &lattice, &geometry.leaves, options)))
+    // 7. Colour and other attributes.
+    let (attributes, attribute_figures) = stages.run("adding attributes", |_| {
+        attributes(&chosen, &samples, &lattice, &geometry.leaves, options)
     })?;
-    let color_cells = color.as_ref().map_or(0, |field| field.cells.len());
-    let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, color)?;
+    let attribute_cells = attributes.cells.len();
+    let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
     // 8. Points beside the patches.
     model = stages.run("checking the bound", |progress| match options.max_error {
         Some(bound) => with_points_within(model, cloud, bound, progress),
@@ -126,7 +127,7 @@ pub fn learn(
         samples: samples.all.len(),
         sheets: sheets.len(),
         samples_per_pixel: density,
-        color_cells,
+        attribute_cells,
         patches: model.len(),
         extra_points: model.header().n_extra,
     };
@@ -137,7 +138,8 @@ pub fn learn(
         iterations: bytes.len(),
         objectives: vec![("bytes of geometry".into(), bytes)],
         stop_reason: "every sheet has the hierarchy of least cost",
-        not_kept: lost(cloud, &["colors"]),
+        attributes: attribute_figures,
+        not_kept: lost(cloud, &chosen.names()),
         ..PatchesReport::default()
     };
     start.report(tolerance, &mut report);
@@ -206,25 +208,22 @@ fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
     large().map(|r| f64::from(r.n)).sum::<f64>() / large().count() as f64
 }
 
-/// The colours of least cost of the cells around the patches.
-fn color(
-    samples: &SidedSamples,
+/// The attributes of least cost on the cells around the patches, with what each takes and misses.
+fn attributes(
+    chosen: &Chosen<'_>,
+    samples: &SidedSamples<'_>,
     lattice: &Lattice,
     leaves: &[Leaf],
     options: &PatchesOptions,
-) -> ColorField {
+) -> Result<(Attributes, Vec<AttributeFigures>)> {
+    if chosen.is_empty() {
+        return Ok(Default::default());
+    }
     // A learned model has no more cells than its samples call for; the limit is for files.
-    let cells = color_cells(lattice, leaves, u64::MAX).unwrap_or_default();
-    let targets = targets(samples, &cells, lattice.pixel_size as f32);
-    let steps = ColorSteps {
-        luma: options.color_step,
-        chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
-    };
-    let lambda = options.color_rate * f64::from(options.color_step).powi(2);
-    let source = ColorSource::Targets { colors: &targets, lambda: lambda as f32 };
-    let Ok(CellColors { colors, coefficients }) =
-        code_colors(&mut Price::default(), &mut ColorModels::default(), &cells, steps, source);
-    ColorField { steps, cells, coefficients, colors }
+    let cells = attribute_cells(lattice, leaves, u64::MAX).unwrap_or_default();
+    let targets = Targets::new(samples, &cells, lattice.pixel_size as f32);
+    let Fields { color, others, figures } = chosen.fields(&cells, &targets, options)?;
+    Ok((Attributes { cells, color, others }, figures))
 }
 
 /// What the report says of each level.

@@ -1,4 +1,4 @@
-//! Patches on a lattice: surfaces of least Lagrangian cost, with thickness and colour.
+//! Patches on a lattice: surfaces of least Lagrangian cost, with thickness, colour and other attributes.
 //!
 //! The frames of all patches follow the scene's own three axes and share one pixel lattice, so that a pose is a
 //! tile and a depth, every point of the surface belongs to one patch, and neighbours meet without gaps. How finely a
@@ -16,17 +16,17 @@
 //! | `surface` | the shapes, in integers; patches with their places | 4 |
 //! | `choice` | hierarchy, masks, shapes and thickness of least cost | 5 |
 //! | `coding` | the geometry as binary decisions, given the neighbours; points beside the patches | 6, 8 |
-//! | `color` | colour on the cells around the surface | 7 |
+//! | `attributes` | colour, scalars and labels on the cells around the surface | 7 |
 //! | `far_points` | points beside the patches, for what these leave out | 8 |
 //! | `model`, `contract` | the result | |
 //! | `decode` | back to a cloud, as a surface or as measured | 9 |
 //!
 //! Level 0 is the coarsest. Squares, masks and depths are counted in pixels of the finest level.
 
+mod attributes;
 mod axes;
 mod choice;
 mod coding;
-mod color;
 mod constants;
 mod contract;
 mod decode;
@@ -38,8 +38,11 @@ mod samples;
 mod sheets;
 mod surface;
 
+pub use attributes::color::ColorSteps;
+pub use attributes::{
+    AttributeContent, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS, MAX_NAME,
+};
 pub use axes::Orientation;
-pub use color::ColorSteps;
 pub use learn::{PatchesFigures, PatchesReport, learn};
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, PATCH_PIXELS, PatchModel, PatchesHeader,

@@ -2,11 +2,12 @@
 
 use surfabet_entropy::Coder;
 
+use super::attributes::cells::{attribute_cells, cell_key, cell_of_key};
+use super::attributes::color::{ColorField, ColorSteps};
+use super::attributes::{AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, check};
 use super::axes::Orientation;
 use super::coding::points::{PointModels, code_points};
 use super::coding::{Geometry, GeometryModels, code_geometry};
-use super::color::cells::{cell_key, cell_of_key, color_cells};
-use super::color::{CellColors, ColorModels, ColorSource, ColorSteps, code_colors};
 use super::learn::PatchesReport;
 use super::surface::basis::N_SHAPES;
 use super::surface::leaf::Leaf;
@@ -193,28 +194,39 @@ pub struct PatchesHeader {
     /// Largest distance of any input point to the decoded cloud, metres, where it was asked for: decoded as
     /// measured, at half a pixel.
     pub max_error: Option<f64>,
+    /// Intensities and other attributes beside colour.
+    pub attributes: Vec<AttributeHeader>,
 }
 
-/// Colours of the cells around the surface.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct ColorField {
-    pub steps: ColorSteps,
-    /// Sorted keys of the cells.
+/// Attributes on the cells around the surface.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Attributes {
+    /// Sorted keys of the cells; none without attributes.
     pub cells: Vec<u64>,
-    /// Coefficients of the transform, as a file stores them.
-    pub coefficients: Vec<i32>,
-    /// Colour of each cell.
-    pub colors: Vec<[u8; 3]>,
+    pub color: Option<ColorField>,
+    /// Those beside colour.
+    pub others: Vec<AttributeField>,
 }
 
-/// A cloud as patches on a lattice, with colour on the cells around them; immutable.
+/// The streams of a model.
+#[derive(Debug)]
+pub(super) struct Streams<'a, C> {
+    pub geometry: &'a mut C,
+    pub color: &'a mut C,
+    /// Points that no patch holds.
+    pub extra: &'a mut C,
+    /// One for each attribute beside colour that there may be.
+    pub attributes: [&'a mut C; MAX_ATTRIBUTES],
+}
+
+/// A cloud as patches on a lattice, with attributes on the cells around them; immutable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchModel {
     n_points: u64,
     lattice: Lattice,
     sheets: Vec<SheetTree>,
     leaves: Vec<Leaf>,
-    color: Option<ColorField>,
+    attributes: Attributes,
     extra: Vec<u64>,
     extra_size: f64,
     max_error: Option<f64>,
@@ -236,7 +248,7 @@ impl PatchModel {
         n_points: u64,
         lattice: Lattice,
         Geometry { sheets, leaves }: Geometry,
-        color: Option<ColorField>,
+        attributes: Attributes,
     ) -> Result<Self> {
         lattice.check()?;
         check_sheets(&sheets, lattice.levels)?;
@@ -245,7 +257,7 @@ impl PatchModel {
             lattice,
             sheets,
             leaves,
-            color,
+            attributes,
             extra: Vec::new(),
             extra_size: lattice.pixel_size,
             max_error: None,
@@ -269,30 +281,29 @@ impl PatchModel {
             n_points: self.n_points,
             lattice: self.lattice,
             n_patches: self.leaves.len() as u64,
-            color: self.color.as_ref().map(|c| c.steps),
+            color: self.attributes.color.as_ref().map(|c| c.steps),
             n_extra: self.extra.len() as u64,
             extra_size: self.extra_size,
             max_error: self.max_error,
+            attributes: self.attributes.others.iter().map(AttributeField::header).collect(),
         }
     }
 
-    /// Writes the streams of geometry, colour and extra points.
+    /// Writes the streams.
     ///
     /// # Errors
     /// Those of the coders.
-    pub(super) fn write<C: Coder>(
-        &self,
-        geometry: &mut C,
-        color: &mut C,
-        extra: &mut C,
-    ) -> Result<(), C::Error> {
+    pub(super) fn write<C: Coder>(&self, streams: Streams<'_, C>) -> Result<(), C::Error> {
         let mut models = GeometryModels::default();
-        code_geometry(geometry, &mut models, self.lattice, &self.sheets, usize::MAX)?;
-        if let Some(field) = &self.color {
-            let source = ColorSource::Model(&field.coefficients);
-            code_colors(color, &mut ColorModels::default(), &field.cells, field.steps, source)?;
+        code_geometry(streams.geometry, &mut models, self.lattice, &self.sheets, usize::MAX)?;
+        let Attributes { cells, color, others } = &self.attributes;
+        if let Some(field) = color {
+            field.write(streams.color, cells)?;
         }
-        code_points(extra, &mut PointModels::default(), &self.extra, usize::MAX)?;
+        for (field, coder) in others.iter().zip(streams.attributes) {
+            field.write(coder, cells)?;
+        }
+        code_points(streams.extra, &mut PointModels::default(), &self.extra, usize::MAX)?;
         Ok(())
     }
 
@@ -303,12 +314,12 @@ impl PatchModel {
     pub(super) fn read<C: Coder>(
         header: &PatchesHeader,
         max_cells: u64,
-        geometry: &mut C,
-        color: &mut C,
-        extra: &mut C,
+        streams: Streams<'_, C>,
     ) -> Result<Self, C::Error> {
+        let Streams { geometry, color, extra, attributes } = streams;
         let lattice = header.lattice;
         lattice.check().map_err(|e| geometry.corrupt(e.to_string()))?;
+        check(&header.attributes).map_err(|what| geometry.corrupt(what))?;
         let n_patches = usize::try_from(header.n_patches).unwrap_or(usize::MAX);
         let models = &mut GeometryModels::default();
         let Geometry { sheets, leaves } = code_geometry(geometry, models, lattice, &[], n_patches)?;
@@ -317,39 +328,21 @@ impl PatchModel {
             let found = leaves.len();
             return Err(geometry.corrupt(format!("{found} patches instead of {n_patches}")));
         }
-        let color = match header.color {
-            None => None,
-            Some(steps) if steps.is_valid() => {
-                let cells = color_cells(&lattice, &leaves, max_cells).ok_or_else(|| {
-                    geometry.corrupt(format!("more than {max_cells} cells of colour"))
-                })?;
-                let models = &mut ColorModels::default();
-                let CellColors { colors, coefficients } =
-                    code_colors(color, models, &cells, steps, ColorSource::Stream)?;
-                Some(ColorField { steps, cells, coefficients, colors })
-            }
-            Some(steps) => return Err(color.corrupt(format!("{steps:?} are not 1 to 4096"))),
+        let cells = match header.color.is_some() || !header.attributes.is_empty() {
+            true => attribute_cells(&lattice, &leaves, max_cells).ok_or_else(|| {
+                geometry.corrupt(format!("more than {max_cells} cells of attributes"))
+            })?,
+            false => Vec::new(),
         };
-        let n_extra = usize::try_from(header.n_extra).unwrap_or(usize::MAX);
-        let points = code_points(extra, &mut PointModels::default(), &[], n_extra)?;
-        if points.len() != n_extra || !(1e-9..1e6).contains(&header.extra_size) {
-            let what = format!(
-                "{} points of size {} instead of {n_extra}",
-                points.len(),
-                header.extra_size
-            );
-            return Err(extra.corrupt(what));
-        }
-        if header.max_error.is_some_and(|e| !(e.is_finite() && e > 0.0)) {
-            return Err(extra.corrupt(format!("a largest error of {:?} m", header.max_error)));
-        }
+        let attributes = Attributes::read(header, cells, color, attributes)?;
+        let extra = read_extra(header, extra)?;
         Ok(Self {
             n_points: header.n_points,
             lattice,
             sheets,
             leaves,
-            color,
-            extra: points,
+            attributes,
+            extra,
             extra_size: header.extra_size,
             max_error: header.max_error,
             report: Beside::default(),
@@ -382,9 +375,9 @@ impl PatchModel {
         &self.leaves
     }
 
-    /// Keys and colours of the cells that carry colour.
-    pub(super) fn cell_colors(&self) -> Option<(&[u64], &[[u8; 3]])> {
-        self.color.as_ref().map(|field| (&field.cells[..], &field.colors[..]))
+    /// Attributes on the cells around the surface.
+    pub(super) fn attributes(&self) -> &Attributes {
+        &self.attributes
     }
 
     /// Points that no patch holds, in the frame of the lattice, metres.
@@ -416,7 +409,17 @@ impl PatchModel {
 
     /// True when the model carries colour.
     pub fn has_color(&self) -> bool {
-        self.color.is_some()
+        self.attributes.color.is_some()
+    }
+
+    /// True when the model carries intensities.
+    pub fn has_intensity(&self) -> bool {
+        self.attributes.others.iter().any(|field| field.name == INTENSITIES)
+    }
+
+    /// Names of the attributes that the model carries beside colour.
+    pub fn attribute_names(&self) -> Vec<&str> {
+        self.attributes.others.iter().map(|field| field.name.as_str()).collect()
     }
 
     /// Largest distance of any input point to the cloud decoded as measured at half a pixel, metres, where
@@ -429,6 +432,39 @@ impl PatchModel {
     pub fn report(&self) -> &PatchesReport {
         &self.report.0
     }
+}
+
+impl Attributes {
+    /// Reads the attributes of these cells; what `header` has of those beside colour was checked.
+    fn read<C: Coder>(
+        header: &PatchesHeader,
+        cells: Vec<u64>,
+        color: &mut C,
+        others: [&mut C; MAX_ATTRIBUTES],
+    ) -> Result<Self, C::Error> {
+        let color = match header.color {
+            Some(steps) => Some(ColorField::read(color, &cells, steps)?),
+            None => None,
+        };
+        let fields = header.attributes.iter().zip(others);
+        let others = fields.map(|(header, coder)| AttributeField::read(coder, &cells, header));
+        let others = others.collect::<Result<_, _>>()?;
+        Ok(Self { cells, color, others })
+    }
+}
+
+/// Reads the points beside the patches.
+fn read_extra<C: Coder>(header: &PatchesHeader, coder: &mut C) -> Result<Vec<u64>, C::Error> {
+    let n = usize::try_from(header.n_extra).unwrap_or(usize::MAX);
+    let points = code_points(coder, &mut PointModels::default(), &[], n)?;
+    if points.len() != n || !(1e-9..1e6).contains(&header.extra_size) {
+        let (found, size) = (points.len(), header.extra_size);
+        return Err(coder.corrupt(format!("{found} points of size {size} instead of {n}")));
+    }
+    if header.max_error.is_some_and(|e| !(e.is_finite() && e > 0.0)) {
+        return Err(coder.corrupt(format!("a largest error of {:?} m", header.max_error)));
+    }
+    Ok(points)
 }
 
 /// Key of the cell of side `size` that a position lies in.

@@ -43,6 +43,14 @@ options! {
         chroma_ratio: f64 = 1.5, range = Range::from_to(0.25, 4.0);
         /// Squared error that a bit of colour must save.
         color_rate: f64 = 0.15, range = Range::POSITIVE, unit = "squared colour steps";
+        /// Attributes to keep, by name: 'colors', 'intensities', or any that the cloud has beside them. Integers of at most
+        /// 32 different values are labels: each cell has the most frequent. All others are scalars, which are averaged.
+        attributes: Option<Vec<String>> = None, none = "colours and intensities, where the cloud has them";
+        /// Rounding of intensities and other scalars of a single cell, as a share of their standard deviation. Means over n
+        /// cells are rounded about sqrt(n) times finer; larger makes smaller files.
+        attribute_step: f64 = 0.5, range = Range::from_to(0.001, 100.0), unit = "standard deviations";
+        /// Squared error that a bit of a scalar must save.
+        attribute_rate: f64 = 0.15, range = Range::POSITIVE, unit = "squared steps";
         /// How the error of a range measurement grows with the range. 'structured-light' is with its square, as for
         /// Kinects. Without ranges all points weigh the same.
         sensor: Sensor = Sensor::StructuredLight;

@@ -10,11 +10,11 @@ use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
 use crate::summary::Summary;
 
 /// Memory that a tile takes, as stored and as restored.
-const BYTES_PER_TILE: u64 = 24;
+const BYTES_PER_TILE: u64 = 32;
 
 impl SurfaceModel for PlaneModel {
     const METHOD: &'static str = "planes";
-    const STREAMS: usize = 4;
+    const STREAMS: usize = 5;
     const KEEPS_THICKNESS: bool = true;
     type Options = PlanesOptions;
     type Header = PlanesHeader;
@@ -29,8 +29,8 @@ impl SurfaceModel for PlaneModel {
         source: Source<'_, Self>,
         streams: &mut [C],
     ) -> Result<Option<Self>, C::Error> {
-        let [poses, masks, sizes, colors] = exactly(streams);
-        let mut streams = Streams { poses, masks, sizes, colors };
+        let [poses, masks, sizes, colors, intensities] = exactly(streams);
+        let mut streams = Streams { poses, masks, sizes, colors, intensities };
         match source {
             Source::Model(model) => model.write(&mut streams).map(|()| None),
             Source::Streams { header, budget, .. } => {
@@ -52,6 +52,7 @@ impl SurfaceModel for PlaneModel {
             .with("planes", self.len())
             .with("of these planar", planar)
             .with("colour", self.has_color())
+            .with("intensity", self.has_intensity())
             .with("grid size (m)", self.grid_size())
             .with("area (m2)", area)
             .with("tiles", tiles)

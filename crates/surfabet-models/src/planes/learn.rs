@@ -7,9 +7,10 @@ use super::fit::{Fit, Iteration};
 use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::points::{Points, check_weights};
+use crate::contract::SurfaceModel;
 use crate::error::Result;
 use crate::options::Options;
-use crate::report::{Report, figures, lost};
+use crate::report::{AttributeFigures, Report, figures, lost};
 use crate::stages::Stages;
 use crate::start::{Leave, Start};
 
@@ -23,7 +24,7 @@ const STAGES: &[(&str, f32)] = &[
 ];
 
 /// What the file keeps of a cloud beyond positions.
-const KEPT: [&str; 2] = ["colors", "normals"];
+const KEPT: [&str; 3] = ["colors", "intensities", "normals"];
 
 /// Where the least grid size comes from when it is not given.
 const GRID_SIZE_REASON: &str = "by the spacing of the points and their noise";
@@ -83,10 +84,9 @@ pub fn learn(
     let first_patches = fit.patches().len();
     // EMPF, split, EMPF and merge in turn, until distances are stable (II-B).
     let trace = stages.run("fitting", |progress| fit.run(progress))?;
-    // The integers of the file; labels of the points and colours of the tiles (III).
-    let model = stages.run("rounding patches", |progress| {
-        rounded(cloud, &points, &fit, options.color_step, progress)
-    })?;
+    // The integers of the file; labels of the points, colours and intensities of the tiles (III).
+    let model = stages
+        .run("rounding patches", |progress| rounded(cloud, &points, &fit, options, progress))?;
     let model = model.with_points_left_out(&start.left_out, n_given);
     let figures = PlanesFigures {
         points: cloud.len(),
@@ -96,6 +96,8 @@ pub fn learn(
         grid_size: fit.grid_size(),
         outliers: model.header().n_outliers,
     };
+    let present = [model.has_color(), model.has_intensity()];
+    let attributes = AttributeFigures::of_last_streams(&model.price(), present);
     let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
     let mut report = PlanesReport {
         stages: stages.finish(),
@@ -108,6 +110,7 @@ pub fn learn(
         ],
         iterations: trace.iterations.len(),
         stop_reason: trace.stop_reason,
+        attributes,
         not_kept: lost(cloud, &KEPT),
         ..Report::default()
     };

@@ -12,6 +12,7 @@ use super::points::Points;
 use crate::color::{self, rounded};
 use crate::error::{Error, Result};
 use crate::report::Report;
+use crate::scalar::ScalarScale;
 use crate::size_code::size_of_code;
 
 /// Largest power of two of a position step, and the smallest's negative.
@@ -35,6 +36,8 @@ pub struct PlanesHeader {
     pub grid_size: f64,
     /// Rounding of colours, grey levels, where there are colours.
     pub color_step: Option<u32>,
+    /// How intensities are stored, where there are any.
+    pub intensity: Option<ScalarScale>,
     /// Number of patches.
     pub n_patches: u64,
 }
@@ -64,6 +67,9 @@ impl PlanesHeader {
         }
         if self.color_step.is_some_and(|step| !(1..=64).contains(&step)) {
             return fail(format!("a colour step of {:?}, not 1 to 64", self.color_step));
+        }
+        if let Some(Err(what)) = self.intensity.map(|scale| scale.check()) {
+            return fail(what);
         }
         if self.n_outliers > self.n_points {
             return fail(format!("{} outliers of {} points", self.n_outliers, self.n_points));
@@ -238,6 +244,18 @@ impl PlaneModel {
     pub fn colors(&self, patch: usize) -> Vec<[u8; 3]> {
         let step = self.header.color_step.unwrap_or(1);
         self.stored[patch].colors.iter().map(|&c| rounded(color::of_code(c, step))).collect()
+    }
+
+    /// True when the tiles carry intensities.
+    pub fn has_intensity(&self) -> bool {
+        self.header.intensity.is_some()
+    }
+
+    /// Mean intensities of the supported tiles of a patch; empty without intensities.
+    pub fn intensities(&self, patch: usize) -> Vec<f32> {
+        let scale = self.header.intensity.unwrap_or_default();
+        let stored = self.stored[patch].intensities.iter();
+        stored.map(|&q| scale.value(f64::from(q)) as f32).collect()
     }
 
     /// How the model was learned; empty for a model read from a file.

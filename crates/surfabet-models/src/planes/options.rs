@@ -50,6 +50,8 @@ options! {
         max_bend: f64 = 1.55, range = Range::at_least(1.0);
         /// Rounding of the colours of tiles.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels";
+        /// Rounding of the mean intensities of tiles, as a share of their standard deviation.
+        attribute_step: f64 = 0.125, range = Range::from_to(0.001, 100.0), unit = "standard deviations";
         /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
         /// large as it is are left out, and counted in the report.
         keep_outliers: bool = false;

@@ -33,10 +33,11 @@ pub fn sphere(n: usize, seen: bool, seed: u64) -> PointCloud {
 impl Scene for GasModel {
     const ANY_ORDER: bool = false;
 
-    /// A coloured sphere at an odd place, and a few points apart from it.
+    /// A sphere with colours and intensities at an odd place, and a few points apart from it.
     fn cloud() -> PointCloud {
         let mut parts = sphere(2000, true, 14).into_parts();
         parts.origin = [10.0, -20.0, 5.0];
+        parts.intensities = Some(parts.positions.iter().map(|p| 50.0 + 30.0 * p[1]).collect());
         parts.positions.iter_mut().step_by(5).for_each(|p| p[0] += 10.0);
         PointCloud::from_parts(parts).unwrap().0
     }

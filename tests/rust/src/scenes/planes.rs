@@ -38,11 +38,12 @@ pub fn room(n: usize, seed: u64) -> PointCloud {
 impl Scene for PlaneModel {
     const ANY_ORDER: bool = true;
 
-    /// Faces of a coloured box at an odd place.
+    /// Faces of a box with colours and intensities at an odd place.
     fn cloud() -> PointCloud {
         let mut parts = room(3000, 7).into_parts();
         parts.origin = [10.0, -20.0, 5.0];
         parts.viewpoints.as_mut().unwrap().origins[0] = [11.5, -19.0, 5.7];
+        parts.intensities = Some(parts.positions.iter().map(|p| 0.1 * p[0] + p[2]).collect());
         PointCloud::from_parts(parts).unwrap().0
     }
 

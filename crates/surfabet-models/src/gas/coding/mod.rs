@@ -1,14 +1,14 @@
 //! Neurons and edges as binary decisions: one function writes, reads and prices.
 //!
 //! Neurons come breadth first along the topology. For every neuron v these are coded, in this order: its position, if no
-//! edge led to it; its normal, sizes and colour, predicted from its neighbours before it; which of the neurons that are
+//! edge led to it; its normal, sizes, colour and intensity, predicted from its neighbours before it; which of the neurons that are
 //! known but come after it are its neighbours; how many of its neighbours are new, and their positions. Those are
 //! predicted along the edge that led to v, and across the surface from the normal of v.
 //!
 //! | file | codes |
 //! |---|---|
 //! | `order` | nothing: the order of neurons |
-//! | `neuron` | normal, sizes and colour of a neuron |
+//! | `neuron` | normal, sizes, colour and intensity of a neuron |
 //! | `edges` | edges between known neurons |
 //! | `children` | new neighbours and their positions |
 
@@ -47,6 +47,8 @@ pub(super) struct Streams<'a, C> {
     pub sizes: &'a mut C,
     /// Colours.
     pub colors: &'a mut C,
+    /// Intensities.
+    pub intensities: &'a mut C,
 }
 
 /// Neurons and edges of a model.

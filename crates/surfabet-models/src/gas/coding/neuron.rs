@@ -1,4 +1,4 @@
-//! Normal, sizes and colour of a neuron, each by its difference to the mean over the neighbours before it.
+//! Normal, sizes, colour and intensity of a neuron, each by its difference to the mean over the neighbours before it.
 
 use surfabet_entropy::{Bit, Coder, SInt};
 use surfabet_geom::octahedral;
@@ -6,6 +6,7 @@ use surfabet_geom::octahedral;
 use super::{Coded, MAX_CANDIDATES, Streams};
 use crate::color::MAX_COLOR_CODE;
 use crate::gas::model::{GasHeader, NORMAL_BITS, Neuron};
+use crate::scalar::MAX_CODE;
 
 /// The adaptive models of a neuron's attributes.
 pub(super) struct NeuronModels {
@@ -15,10 +16,24 @@ pub(super) struct NeuronModels {
     normal: [SInt; 2],
     /// Differences of count, radius and thickness, each by whether there are neighbours.
     sizes: [SInt; 6],
-    /// Differences of luma, by whether there are neighbours.
-    luma: [SInt; 2],
-    /// Differences of each chroma: without neighbours, then by whether the channel before differs by more than one.
-    chroma: [SInt; 6],
+    color: ChannelModels<3>,
+    intensity: ChannelModels<1>,
+}
+
+/// The adaptive models of N channels.
+struct ChannelModels<const N: usize> {
+    /// Differences of the first, by whether there are neighbours.
+    first: [SInt; 2],
+    /// Differences of each further one: without neighbours, then by whether the channel before differs by more than one.
+    /// Those of the first are not used.
+    further: [[SInt; 3]; N],
+}
+
+impl<const N: usize> ChannelModels<N> {
+    fn new() -> Self {
+        let further = [const { [const { SInt::new() }; 3] }; N];
+        Self { first: [const { SInt::new() }; 2], further }
+    }
 }
 
 impl NeuronModels {
@@ -27,8 +42,8 @@ impl NeuronModels {
             has_normal: [Bit::new(); 3],
             normal: [const { SInt::new() }; 2],
             sizes: [const { SInt::new() }; 6],
-            luma: [const { SInt::new() }; 2],
-            chroma: [const { SInt::new() }; 6],
+            color: ChannelModels::new(),
+            intensity: ChannelModels::new(),
         }
     }
 }
@@ -49,7 +64,20 @@ pub(super) fn code_neuron<C: Coder>(
     [neuron.count, neuron.radius, neuron.thickness] =
         code_sizes(streams.sizes, models, &before, &wanted)?;
     if header.color_step.is_some() {
-        neuron.color = code_color(streams.colors, models, &before, wanted.color)?;
+        let of = |n: &Neuron| n.color.map(i32::from);
+        let (predicted, limit) = (Predicted::of(&before, of), i32::from(MAX_COLOR_CODE));
+        let coder = &mut *streams.colors;
+        let color =
+            code_channels(coder, &mut models.color, &predicted, of(&wanted), limit, "colour")?;
+        // Within the limit, which has 16 bits.
+        neuron.color = color.map(|c| c as i16);
+    }
+    if header.intensity.is_some() {
+        let of = |n: &Neuron| [n.intensity];
+        let (predicted, coder) = (Predicted::of(&before, of), &mut *streams.intensities);
+        let models = &mut models.intensity;
+        [neuron.intensity] =
+            code_channels(coder, models, &predicted, of(&wanted), MAX_CODE, "intensity")?;
     }
     coded.neurons[v] = neuron;
     Ok(())
@@ -109,31 +137,46 @@ fn code_sizes<C: Coder>(
     Ok(sizes)
 }
 
-/// Codes of luma and both chromas.
-fn code_color<C: Coder>(
+/// What neighbours tell of some channels.
+struct Predicted<const N: usize> {
+    means: [i32; N],
+    /// True with neighbours.
+    is_known: bool,
+}
+
+impl<const N: usize> Predicted<N> {
+    fn of(before: &[Neuron], channels: impl Fn(&Neuron) -> [i32; N]) -> Self {
+        let sum = |c: usize| before.iter().map(|b| channels(b)[c]).sum();
+        let means = std::array::from_fn(|c| mean(sum(c), before.len()));
+        Self { means, is_known: !before.is_empty() }
+    }
+}
+
+/// Codes of N channels, within `-limit..=limit`; `what` is their name in errors.
+fn code_channels<C: Coder, const N: usize>(
     coder: &mut C,
-    models: &mut NeuronModels,
-    before: &[Neuron],
-    wanted: [i16; 3],
-) -> Result<[i16; 3], C::Error> {
-    let predictable = !before.is_empty();
-    let mut color = [0; 3];
+    models: &mut ChannelModels<N>,
+    predicted: &Predicted<N>,
+    wanted: [i32; N],
+    limit: i32,
+    what: &str,
+) -> Result<[i32; N], C::Error> {
+    let mut codes = [0; N];
     // The channel before differs from its prediction by more than one step.
     let mut differs = 0;
-    for channel in 0..3 {
-        let sum = before.iter().map(|b| i32::from(b.color[channel])).sum();
-        let predicted = mean(sum, before.len());
+    for (channel, code) in codes.iter_mut().enumerate() {
         let model = match channel {
-            0 => &mut models.luma[usize::from(predictable)],
-            _ => &mut models.chroma[3 * (channel - 1) + if predictable { 1 + differs } else { 0 }],
+            0 => &mut models.first[usize::from(predicted.is_known)],
+            _ => &mut models.further[channel][if predicted.is_known { 1 + differs } else { 0 }],
         };
-        let difference = coder.sint(model, i32::from(wanted[channel]) - predicted)?;
-        let value = i64::from(predicted) + i64::from(difference);
-        if value.abs() > i64::from(MAX_COLOR_CODE) {
-            return Err(coder.corrupt(format!("a colour of code {value}")));
+        let mean = predicted.means[channel];
+        let difference = coder.sint(model, wanted[channel] - mean)?;
+        let value = i64::from(mean) + i64::from(difference);
+        if value.abs() > i64::from(limit) {
+            return Err(coder.corrupt(format!("{what} of code {value}")));
         }
-        color[channel] = value as i16;
+        *code = value as i32;
         differs = usize::from(difference.unsigned_abs() > 1);
     }
-    Ok(color)
+    Ok(codes)
 }

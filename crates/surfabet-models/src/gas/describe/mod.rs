@@ -2,7 +2,7 @@
 //!
 //! | file | computes |
 //! |---|---|
-//! | `statistics` | number of points, colour, normal, radius and thickness |
+//! | `statistics` | number of points, colour, intensity, normal, radius and thickness |
 //! | `orient` | the side that normals point to |
 
 mod orient;

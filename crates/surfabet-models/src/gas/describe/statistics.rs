@@ -1,4 +1,4 @@
-//! Statistics of the points nearest to a neuron: number, colour, normal, radius and thickness.
+//! Statistics of the points nearest to a neuron: number, colour, intensity, normal, radius and thickness.
 
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Moments, Progress};
@@ -15,6 +15,7 @@ const GREY: [f32; 3] = [127.0; 3];
 pub(in crate::gas) struct Observed<'a> {
     pub points: &'a [[f32; 3]],
     pub colors: Option<&'a [[u8; 3]]>,
+    pub intensities: Option<&'a [f32]>,
     /// Direction to the viewpoint of each point, or its known normal; zero where unknown.
     pub facing: Option<Vec<[f32; 3]>>,
     pub weight: f64,
@@ -29,6 +30,8 @@ pub(in crate::gas) struct Statistics {
     pub normals: Vec<[f32; 3]>,
     /// Mean colours.
     pub colors: Option<Vec<[f32; 3]>>,
+    /// Mean intensities.
+    pub intensities: Option<Vec<f32>>,
     /// Radius of the disc over which the points would spread as they do in their plane, metres.
     pub radii: Vec<f64>,
     /// Standard deviation of the points across their plane, metres.
@@ -44,6 +47,9 @@ struct PointSums {
     color: [f64; 3],
     /// Weight of the points with a colour.
     colored: f64,
+    intensity: f64,
+    /// Weight of the points with an intensity.
+    measured: f64,
     facing: [f64; 3],
     distance: f64,
 }
@@ -52,6 +58,11 @@ impl PointSums {
     /// Mean colour, where there is one.
     fn mean_color(&self) -> Option<[f32; 3]> {
         (self.colored > 0.0).then(|| self.color.map(|c| (c / self.colored) as f32))
+    }
+
+    /// Mean intensity, where there is one.
+    fn mean_intensity(&self) -> Option<f32> {
+        (self.measured > 0.0).then(|| (self.intensity / self.measured) as f32)
     }
 }
 
@@ -83,7 +94,8 @@ pub(in crate::gas) fn describe(
     Ok(Statistics {
         counts,
         normals: normals.into_iter().map(|n| n.map(|c| c as f32)).collect(),
-        colors: colors(adjacency, &sums),
+        colors: filled(adjacency, &sums, PointSums::mean_color, GREY),
+        intensities: filled(adjacency, &sums, PointSums::mean_intensity, mean_intensity(&sums)),
         radii,
         thicknesses,
         mean_distance,
@@ -125,14 +137,26 @@ fn spread(moments: &Moments, n: [f64; 3]) -> (f64, f64) {
     ((2.0 * (trace - across)).sqrt(), across.sqrt())
 }
 
-/// Mean colour of each neuron's points; without any that of a neighbour, or grey. `None` where no point has a colour.
-fn colors(adjacency: &Adjacency, sums: &[PointSums]) -> Option<Vec<[f32; 3]>> {
-    let color = |(i, own): (usize, &PointSums)| {
-        let around = || adjacency.of(i).iter().find_map(|&j| sums[j as usize].mean_color());
-        own.mean_color().or_else(around).unwrap_or(GREY)
+/// What `mean` gives of each neuron's points; without any that of a neighbour, or `else_`. `None` where no point has it.
+fn filled<T: Copy>(
+    adjacency: &Adjacency,
+    sums: &[PointSums],
+    mean: impl Fn(&PointSums) -> Option<T>,
+    else_: T,
+) -> Option<Vec<T>> {
+    let value = |(i, own): (usize, &PointSums)| {
+        let around = || adjacency.of(i).iter().find_map(|&j| mean(&sums[j as usize]));
+        mean(own).or_else(around).unwrap_or(else_)
     };
-    let any = sums.iter().any(|of| of.colored > 0.0);
-    any.then(|| sums.iter().enumerate().map(color).collect())
+    let any = sums.iter().any(|of| mean(of).is_some());
+    any.then(|| sums.iter().enumerate().map(value).collect())
+}
+
+/// Mean intensity of all points; 0 without any.
+fn mean_intensity(sums: &[PointSums]) -> f32 {
+    let total = |part: fn(&PointSums) -> f64| sums.iter().map(part).sum::<f64>();
+    let measured = total(|of| of.measured);
+    if measured > 0.0 { (total(|of| of.intensity) / measured) as f32 } else { 0.0 }
 }
 
 /// Adds the points of a set to the sums of their nearest neurons, in the order of the points.
@@ -168,6 +192,10 @@ fn gather(
             if let Some(colors) = set.colors {
                 (0..3).for_each(|c| of.color[c] += set.weight * f64::from(colors[m][c]));
                 of.colored += set.weight;
+            }
+            if let Some(intensities) = set.intensities {
+                of.intensity += set.weight * f64::from(intensities[m]);
+                of.measured += set.weight;
             }
             if let Some(facing) = &set.facing {
                 (0..3).for_each(|a| of.facing[a] += set.weight * f64::from(facing[m][a]));

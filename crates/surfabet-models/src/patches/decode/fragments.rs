@@ -9,7 +9,7 @@ use surfabet_geom::KdTree;
 use surfabet_geom::morton::{MortonMap, step};
 
 use crate::error::Result;
-use crate::patches::color::cells::cell_key;
+use crate::patches::attributes::cells::cell_key;
 use crate::patches::constants::{FRAGMENT_GAP, FRAGMENT_REACH, LARGEST_FRAGMENT};
 use crate::patches::model::Lattice;
 use crate::patches::surface::basis::Basis;

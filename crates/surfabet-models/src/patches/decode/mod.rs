@@ -1,17 +1,17 @@
 //! A lattice model back into a cloud, at any spacing, as a surface or as measured.
 
+mod attributes;
 mod fragments;
-
-use std::sync::OnceLock;
+mod nearest;
 
 use rayon::prelude::*;
-use surfabet_geom::morton::{MortonMap, step};
-use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
+use surfabet_geom::{CloudParts, PointCloud, Progress};
 
+use self::attributes::Sampler;
+use self::fragments::fragments;
+use self::nearest::NearestPatch;
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
-use crate::patches::color::cells::{cell_key, cell_of_key, index};
-use crate::patches::decode::fragments::fragments;
 use crate::patches::model::{PATCH_PIXELS, PatchModel};
 use crate::patches::sheets::axes_of;
 use crate::patches::surface::basis::{DEGREES, N_SHAPES, derivative, value};
@@ -49,20 +49,18 @@ impl PatchModel {
         let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
         let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
         all.extend(&kept, BLOCK, progress, |leaves, points| {
-            let mut cache = CornerCache::new();
-            leaves.iter().for_each(|leaf| decoder.leaf(leaf, &mut cache, points));
+            leaves.iter().for_each(|leaf| decoder.leaf(leaf, points));
         })?;
-        let mut cache = CornerCache::new();
-        for p in self.points() {
-            let position = p.map(|c| c / pixel as f32);
-            all.positions.push(position);
-            if decoder.colors.is_some() {
-                all.colors.push(decoder.color(position, &mut cache));
-            }
-            if options.normals {
-                all.normals.push([0.0; 3]);
-            }
+        let beside = self.points().into_iter().map(|p| p.map(|c| c / pixel as f32));
+        let first_beside = all.positions.len();
+        all.positions.extend(beside);
+        if options.normals && all.positions.len() > first_beside {
+            let nearest = NearestPatch::new(self.lattice(), &kept)?;
+            let beside = &all.positions[first_beside..];
+            all.normals.extend(beside.iter().map(|&p| nearest.normal(p)));
         }
+        let sampler = Sampler::new(self.attributes());
+        let attributes = sampler.at(&all.positions, progress)?;
         progress.update("decoding", 1.0);
         let rows = self.lattice().orientation.rotation().map(|row| row.map(|c| c as f32));
         let rotate = |p: [f32; 3]| -> [f32; 3] {
@@ -76,9 +74,8 @@ impl PatchModel {
                 .into_par_iter()
                 .map(|p| rotate(p.map(|c| c * scale)))
                 .collect(),
-            colors: self.has_color().then_some(all.colors),
             normals: options.normals.then(|| all.normals.into_par_iter().map(rotate).collect()),
-            ..CloudParts::default()
+            ..attributes
         };
         Ok(PointCloud::from_parts(parts)?.0)
     }
@@ -91,9 +88,6 @@ struct Decoder<'a> {
     /// Spacing, pixels.
     spacing: f64,
     options: DecodeOptions,
-    colors: Option<(MortonMap<u32>, &'a [[u8; 3]])>,
-    /// Middles of the cells of colour, built when first needed.
-    tree: OnceLock<Option<KdTree>>,
 }
 
 /// Layers that fill the thickness of a patch; spacing in pixels.
@@ -152,15 +146,14 @@ impl<'a> Decoder<'a> {
         let lattice = model.lattice();
         let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
         let grids = widths.map(|width| Grid::new(width, spacing)).collect();
-        let colors = model.cell_colors().map(|(cells, colors)| (index(cells), colors));
-        Self { model, grids, spacing, options, colors, tree: OnceLock::new() }
+        Self { model, grids, spacing, options }
     }
 
     fn layers(&self, leaf: &Leaf) -> usize {
         layers(leaf, self.spacing, self.options.as_measured) as usize
     }
 
-    fn leaf(&self, leaf: &Leaf, cache: &mut CornerCache, points: &mut Points) {
+    fn leaf(&self, leaf: &Leaf, points: &mut Points) {
         let grid = &self.grids[leaf.level as usize];
         let n = grid.at.len();
         let before = points.positions.len();
@@ -168,7 +161,7 @@ impl<'a> Decoder<'a> {
             for column in 0..n {
                 let pixel = PATCH_PIXELS as usize * grid.cell[row] + grid.cell[column];
                 if leaf.patch.mask >> pixel & 1 != 0 {
-                    self.sample(leaf, grid, [column, row], cache, points);
+                    self.sample(leaf, grid, [column, row], points);
                 }
             }
         }
@@ -178,18 +171,11 @@ impl<'a> Decoder<'a> {
             let side = PATCH_PIXELS as usize;
             let nearest = |p: usize| ((p * n + n / 2) / side).min(n - 1);
             let at = [nearest(pixel % side), nearest(pixel / side)];
-            self.sample(leaf, grid, at, cache, points);
+            self.sample(leaf, grid, at, points);
         }
     }
 
-    fn sample(
-        &self,
-        leaf: &Leaf,
-        grid: &Grid,
-        [column, row]: [usize; 2],
-        cache: &mut CornerCache,
-        points: &mut Points,
-    ) {
+    fn sample(&self, leaf: &Leaf, grid: &Grid, [column, row]: [usize; 2], points: &mut Points) {
         let [d, u, v] = axes_of(leaf.side);
         let step = self.model.lattice().depth_step as f32 / 16.0;
         let (x, y) = (&grid.values[column], &grid.values[row]);
@@ -211,81 +197,21 @@ impl<'a> Decoder<'a> {
             let offset = (2.0 * layer as f32 + 1.0) / layers as f32 - 1.0;
             position[d] = depth + if layers > 1 { half * offset } else { 0.0 };
             points.positions.push(position);
-            if self.colors.is_some() {
-                points.colors.push(self.color(position, cache));
-            }
             if self.options.normals {
-                let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-                let facing = if leaf.side.is_multiple_of(2) { 1.0 } else { -1.0 };
-                let mut normal = [0.0; 3];
-                normal[d] = facing / length;
-                normal[u] = -facing * slope[0] / length;
-                normal[v] = -facing * slope[1] / length;
-                points.normals.push(normal);
+                points.normals.push(normal(leaf.side, slope));
             }
         }
     }
-
-    /// Colour at a position (pixels): that of the eight cells around it, trilinear between their middles, of those that
-    /// carry colour.
-    fn color(&self, position: [f32; 3], cache: &mut CornerCache) -> [u8; 3] {
-        let Some((places, colors)) = &self.colors else { return [0; 3] };
-        let shifted = position.map(|c| c - 0.5);
-        let low = shifted.map(f32::floor);
-        let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a]);
-        let corners = cache.around(cell_key(low.map(|c| c as i32)), places);
-        let (mut sum, mut total) = ([0.0_f32; 3], 0.0_f32);
-        for (corner, &place) in corners.iter().enumerate() {
-            let side = |a: usize| if corner >> a & 1 != 0 { part[a] } else { 1.0 - part[a] };
-            let weight = side(0) * side(1) * side(2);
-            if let Some(color) = colors.get(place as usize) {
-                (0..3).for_each(|c| sum[c] += weight * f32::from(color[c]));
-                total += weight;
-            }
-        }
-        if total > 1e-6 {
-            return sum.map(|s| (s / total).round() as u8);
-        }
-        self.nearest(position).map_or([0; 3], |i| colors[i])
-    }
-
-    /// The nearest cell of colour of all, for points off every patch.
-    fn nearest(&self, position: [f32; 3]) -> Option<usize> {
-        let (cells, _) = self.model.cell_colors()?;
-        let tree = self.tree.get_or_init(|| {
-            let middle = |&key: &u64| cell_of_key(key).map(|c| c as f32 + 0.5);
-            let middles: Vec<[f32; 3]> = cells.iter().map(middle).collect();
-            KdTree::new(&middles).ok()
-        });
-        tree.as_ref()?.nearest(position).map(|n| n.index())
-    }
 }
 
-/// A cache of the cells of colour at the corners of the cubes between cell middles.
-struct CornerCache {
-    slots: Vec<(u64, [u32; 8])>,
-}
-
-impl CornerCache {
-    /// Slots; a patch passes through a few hundred cubes.
-    const SIZE: usize = 1 << 10;
-
-    fn new() -> Self {
-        // No key has its highest bit set.
-        Self { slots: vec![(u64::MAX, [u32::MAX; 8]); Self::SIZE] }
-    }
-
-    /// Numbers of the cell `low` and its seven successors among those of colour; `u32::MAX` for those without.
-    fn around(&mut self, low: u64, places: &MortonMap<u32>) -> &[u32; 8] {
-        let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
-        if slot.0 != low {
-            let corner = |corner: usize| {
-                let along = (0..3).filter(|a| corner >> a & 1 != 0);
-                let key = along.fold(low, |key, axis| step(key, axis, true));
-                places.get(&key).copied().unwrap_or(u32::MAX)
-            };
-            *slot = (low, std::array::from_fn(corner));
-        }
-        &slot.1
-    }
+/// Unit normal of a surface of a side whose depth has this slope along columns and rows.
+fn normal(side: u8, slope: [f32; 2]) -> [f32; 3] {
+    let [d, u, v] = axes_of(side);
+    let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+    let facing = if side.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let mut normal = [0.0; 3];
+    normal[d] = facing / length;
+    normal[u] = -facing * slope[0] / length;
+    normal[v] = -facing * slope[1] / length;
+    normal
 }

@@ -19,8 +19,6 @@ use sides::sides_of;
 pub(in crate::patches) struct Sample {
     /// Position in the frame of the lattice, metres.
     pub position: [f32; 3],
-    /// Mean colour, 0 to 255.
-    pub color: [f32; 3],
     /// Sum of the weights of its points.
     pub weight: f32,
     /// Mean direction to the sensors, or normal; zero where unknown.
@@ -28,11 +26,14 @@ pub(in crate::patches) struct Sample {
 }
 
 /// Samples in the order of their cells, with the sides that they face.
-pub(in crate::patches) struct SidedSamples {
+pub(in crate::patches) struct SidedSamples<'a> {
     pub all: Vec<Sample>,
     /// Twice the axis that the surface is closest to being orthogonal to, plus one where it faces down that axis.
     pub sides: Vec<u8>,
-    pub has_color: bool,
+    cloud: &'a PointCloud,
+    sensor: Sensor,
+    /// Points of each sample.
+    cells: CellGroups,
 }
 
 /// A direction or position in the frame of the lattice: `rows` are the rows of the rotation from the world.
@@ -40,10 +41,10 @@ fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
 }
 
-impl SidedSamples {
+impl<'a> SidedSamples<'a> {
     /// Merges the points of `cloud`; `layered` where surfaces lie close behind one another.
     pub fn merge(
-        cloud: &PointCloud,
+        cloud: &'a PointCloud,
         orientation: Orientation,
         resolution: f64,
         sensor: Sensor,
@@ -71,7 +72,33 @@ impl SidedSamples {
         let has_views = cloud.viewpoints().is_some() || normals.is_some() && oriented(&samples);
         let sides = sides_of(&samples, cell, has_views, layered, progress)?;
         progress.check()?;
-        Ok(Self { all: samples, sides, has_color: cloud.colors().is_some() })
+        Ok(Self { all: samples, sides, cloud, sensor, cells })
+    }
+
+    /// The points of each sample.
+    pub fn points(&self) -> impl Iterator<Item = &[u32]> {
+        (0..self.cells.len()).map(|sample| self.cells.of(sample))
+    }
+
+    /// Weighted mean of `value` over the points of each sample; points without finite values are left out, samples without
+    /// any other have none.
+    pub fn means<const N: usize>(
+        &self,
+        value: impl Fn(usize) -> [f64; N] + Sync,
+    ) -> Vec<Option<[f32; N]>> {
+        let mean = |sample: usize| {
+            let (mut sum, mut weights) = ([0.0_f64; N], 0.0_f64);
+            for i in self.cells.of(sample).iter().map(|&i| i as usize) {
+                let value = value(i);
+                if value.iter().all(|c| c.is_finite()) {
+                    let weight = f64::from(self.sensor.weight_of(self.cloud, i));
+                    weights += weight;
+                    (0..N).for_each(|c| sum[c] += weight * value[c]);
+                }
+            }
+            (weights > 0.0).then(|| sum.map(|s| (s / weights) as f32))
+        };
+        (0..self.cells.len()).into_par_iter().with_min_len(1 << 12).map(mean).collect()
     }
 }
 
@@ -82,7 +109,7 @@ fn oriented(samples: &[Sample]) -> bool {
     same as f64 >= ORIENTED_SHARE * (samples.len() as f64 - 1.0)
 }
 
-/// The sample of the `points` of one cell: weighted means of position, colour and direction to the sensors.
+/// The sample of the `points` of one cell: weighted means of position and direction to the sensors.
 fn merge_cell(
     cloud: &PointCloud,
     rows: &[[f32; 3]; 3],
@@ -92,23 +119,15 @@ fn merge_cell(
     points: &[u32],
 ) -> Sample {
     let mut weights = 0.0_f64;
-    let (mut position, mut color, mut view) = ([0.0_f64; 3], [0.0_f64; 3], [0.0_f64; 3]);
+    let (mut position, mut view) = ([0.0_f64; 3], [0.0_f64; 3]);
     for &i in points {
         let i = i as usize;
         let weight = f64::from(sensor.weight_of(cloud, i));
         weights += weight;
         (0..3).for_each(|a| position[a] += weight * f64::from(rotated[i][a]));
-        if let Some(colors) = cloud.colors() {
-            (0..3).for_each(|c| color[c] += weight * f64::from(colors[i][c]));
-        }
         let direction = view_of(i);
         (0..3).for_each(|a| view[a] += weight * f64::from(direction[a]));
     }
     let mean = |sum: [f64; 3]| sum.map(|s| (s / weights) as f32);
-    Sample {
-        position: mean(position),
-        color: mean(color),
-        weight: weights as f32,
-        view: rotate(rows, mean(view)),
-    }
+    Sample { position: mean(position), weight: weights as f32, view: rotate(rows, mean(view)) }
 }

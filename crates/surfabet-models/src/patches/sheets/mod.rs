@@ -45,7 +45,7 @@ pub(in crate::patches) fn axes_of(side: u8) -> [usize; 3] {
 /// Sheets of all sides, by side, tile and depth; samples of a column that are `max_gap` pixels apart, within [`GAPS`], lie
 /// on two surfaces.
 pub(in crate::patches) fn sheets(
-    samples: &SidedSamples,
+    samples: &SidedSamples<'_>,
     pixel: f32,
     tile_pixels: i32,
     max_gap: f32,

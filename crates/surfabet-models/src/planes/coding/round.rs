@@ -1,4 +1,4 @@
-//! The end of learning: patches in the integers of a file, points on patches, colours of tiles.
+//! The end of learning: patches in the integers of a file, points on patches, colours and intensities of tiles.
 
 use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Progress};
@@ -11,16 +11,18 @@ use crate::planes::fit::{Fit, NONE};
 use crate::planes::model::{
     MAX_EXPONENT, MAX_MODEL_TILES, PlaneModel, PlanesHeader, labels, n_tiles,
 };
+use crate::planes::options::PlanesOptions;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
+use crate::scalar::ScalarScale;
 
-/// The model of a fit, the patches that most points support first. Colours are those of `cloud`, by the patches that its
-/// points support after rounding.
+/// The model of a fit, the patches that most points support first. Colours and intensities are those of `cloud`, by the
+/// patches that its points support after rounding.
 pub(in crate::planes) fn rounded(
     cloud: &PointCloud,
     points: &Points,
     fit: &Fit<'_>,
-    color_step: u32,
+    options: &PlanesOptions,
     progress: &dyn Progress,
 ) -> Result<PlaneModel> {
     let exponent = exponent(points, fit.grid_size())?;
@@ -32,7 +34,8 @@ pub(in crate::planes) fn rounded(
         origin: points.origin,
         exponent,
         grid_size,
-        color_step: cloud.colors().is_some().then_some(color_step),
+        color_step: cloud.colors().is_some().then_some(options.color_step),
+        intensity: None,
         n_patches: fit.patches().len() as u64,
     };
     let mut order: Vec<&Patch> = fit.patches().iter().collect();
@@ -43,10 +46,25 @@ pub(in crate::planes) fn rounded(
     let labels = labels(points, &patches, grid_size, progress)?;
     header.n_outliers = labels.iter().filter(|&&l| l == NONE).count() as u64;
     if let (Some(step), Some(colors)) = (header.color_step, cloud.colors()) {
-        let means = tile_colors(points, &patches, &labels, colors);
+        let color = |i: usize| colors[i].map(f64::from);
+        let means = tile_means(points, &patches, &labels, 0..labels.len(), color, [127.0; 3]);
         for (patch, means) in stored.iter_mut().zip(means) {
             patch.colors = means.into_iter().map(|c| color::code(c, step)).collect();
         }
+    }
+    if let Some(values) = cloud.intensities() {
+        // The same sums whatever the order of the points.
+        let mut order: Vec<usize> = (0..values.len()).collect();
+        order.par_sort_unstable_by_key(|&i| (points.place[i], values[i].to_bits()));
+        let mean = order.iter().map(|&i| f64::from(values[i])).sum::<f64>() / values.len() as f64;
+        let value = |i: usize| [f64::from(values[i])];
+        let means = tile_means(points, &patches, &labels, order.into_iter(), value, [mean]);
+        let all = means.iter().flatten().map(|&[mean]| mean);
+        let scale = ScalarScale::of("intensities", all, options.attribute_step)?;
+        for (patch, means) in stored.iter_mut().zip(means) {
+            patch.intensities = means.into_iter().map(|[mean]| scale.code(mean)).collect();
+        }
+        header.intensity = Some(scale);
     }
     header.check()?;
     if n_tiles(&stored) > MAX_MODEL_TILES {
@@ -74,33 +92,40 @@ fn exponent(points: &Points, grid_size: f64) -> Result<i32> {
     Ok(exponent)
 }
 
-/// Mean colour of the points on each supported tile; a tile without points gets the patch's mean.
-fn tile_colors(
+/// Mean of `value` over the points on each supported tile, added in this order; a tile without points gets the patch's mean, and where the patch
+/// has none `else_`.
+fn tile_means<const N: usize>(
     points: &Points,
     patches: &[Patch],
     labels: &[u32],
-    colors: &[[u8; 3]],
-) -> Vec<Vec<[f64; 3]>> {
-    let mut sums: Vec<Vec<[f64; 4]>> =
-        patches.iter().map(|p| vec![[0.0; 4]; p.tiles.supported().len()]).collect();
-    for (i, &label) in labels.iter().enumerate() {
+    order: impl Iterator<Item = usize>,
+    value: impl Fn(usize) -> [f64; N],
+    else_: [f64; N],
+) -> Vec<Vec<[f64; N]>> {
+    let mut sums: Vec<Vec<([f64; N], f64)>> =
+        patches.iter().map(|p| vec![([0.0; N], 0.0); p.tiles.supported().len()]).collect();
+    for i in order {
+        let label = labels[i];
         let Some(patch) = patches.get(label as usize) else { continue };
         let [x, y, _] = patch.frame.local(points.positions[points.place[i] as usize]);
         if let Some(tile) = patch.tiles.tile_at([x, y]) {
-            let sum = &mut sums[label as usize][tile];
-            (0..3).for_each(|c| sum[c] += f64::from(colors[i][c]));
-            sum[3] += 1.0;
+            let (sum, n) = &mut sums[label as usize][tile];
+            let value = value(i);
+            (0..N).for_each(|c| sum[c] += value[c]);
+            *n += 1.0;
         }
     }
-    let mean = |s: &[f64; 4]| [s[0], s[1], s[2]].map(|c| c / s[3]);
+    let mean = |(sum, n): &([f64; N], f64)| (*n > 0.0).then(|| sum.map(|c| c / n));
     patches
         .iter()
         .zip(&sums)
         .map(|(patch, sums)| {
-            let all = sums.iter().fold([0.0; 4], |t, s| std::array::from_fn(|k| t[k] + s[k]));
-            let whole = if all[3] > 0.0 { mean(&all) } else { [127.0; 3] };
+            let all = sums.iter().fold(([0.0; N], 0.0), |(total, n), (sum, of)| {
+                (std::array::from_fn(|c| total[c] + sum[c]), n + of)
+            });
+            let whole = mean(&all).unwrap_or(else_);
             let supported = sums.iter().zip(patch.tiles.supported()).filter(|(_, s)| **s);
-            supported.map(|(sum, _)| if sum[3] > 0.0 { mean(sum) } else { whole }).collect()
+            supported.map(|(sum, _)| mean(sum).unwrap_or(whole)).collect()
         })
         .collect()
 }

@@ -52,10 +52,12 @@ pub struct StoredPatch {
     pub supported: Vec<bool>,
     /// Luma and two chromas of each supported tile, in steps; empty without colours.
     pub colors: Vec<[i16; 3]>,
+    /// Intensity of each supported tile, in steps; empty without intensities.
+    pub intensities: Vec<i32>,
 }
 
 impl StoredPatch {
-    /// A fitted patch in integers, without colours.
+    /// A fitted patch in integers, without colours and intensities.
     pub fn rounded(patch: &Patch, header: &PlanesHeader) -> Self {
         let step = header.position_step();
         let tiles = &patch.tiles;
@@ -88,6 +90,7 @@ impl StoredPatch {
             count: size_code(patch.n_supporting() as f64),
             supported: tiles.supported().to_vec(),
             colors: Vec::new(),
+            intensities: Vec::new(),
         }
     }
 
@@ -137,6 +140,11 @@ impl StoredPatch {
         let colors = if header.color_step.is_some() { supported } else { 0 };
         if self.colors.len() != colors {
             return Err(format!("{} colours for {colors} tiles", self.colors.len()));
+        }
+        let intensities = if header.intensity.is_some() { supported } else { 0 };
+        if self.intensities.len() != intensities {
+            let found = self.intensities.len();
+            return Err(format!("{found} intensities for {intensities} tiles"));
         }
         Ok(())
     }

@@ -4,12 +4,14 @@
 
 use surfabet_entropy::{Coder, SInt};
 
-use super::colors::{ColorModels, code_colors};
 use super::masks::{MaskModels, code_mask};
 use super::poses::{PoseModels, code_pose};
 use super::sizes::{SizeModels, code_sizes};
 use super::stored::StoredPatch;
+use super::tiles::{TileModels, code_tiles};
+use crate::color::MAX_COLOR_CODE;
 use crate::planes::model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
+use crate::scalar::MAX_CODE;
 
 /// The streams of a model of planes.
 #[derive(Debug)]
@@ -22,6 +24,8 @@ pub(in crate::planes) struct Streams<'a, C> {
     pub sizes: &'a mut C,
     /// Colours of supported tiles.
     pub colors: &'a mut C,
+    /// Intensities of supported tiles.
+    pub intensities: &'a mut C,
 }
 
 impl PlaneModel {
@@ -64,7 +68,8 @@ fn code_patches<C: Coder>(
     let mut poses = PoseModels::new();
     let mut sizes = SizeModels::new(max_tiles);
     let mut masks = MaskModels::new();
-    let mut colors = ColorModels::new();
+    let mut colors = TileModels::<3>::new(i32::from(MAX_COLOR_CODE), "a colour");
+    let mut intensities = TileModels::<1>::new(MAX_CODE, "an intensity");
     let nothing = StoredPatch::default();
     for i in 0..header.n_patches as usize {
         let wanted = given.map_or(&nothing, |patches| &patches[i]);
@@ -73,7 +78,15 @@ fn code_patches<C: Coder>(
         code_sizes(streams.sizes, &mut sizes, wanted, &mut patch)?;
         patch.supported = code_mask(streams.masks, &mut masks, wanted, patch.shape)?;
         if header.color_step.is_some() {
-            patch.colors = code_colors(streams.colors, &mut colors, wanted, &patch)?;
+            let given = |tile: usize| wanted.colors.get(tile).map(|c| c.map(i32::from));
+            let coded = code_tiles(streams.colors, &mut colors, given, &patch)?;
+            // Within the largest code, which has 16 bits.
+            patch.colors = coded.into_iter().map(|c| c.map(|c| c as i16)).collect();
+        }
+        if header.intensity.is_some() {
+            let given = |tile: usize| wanted.intensities.get(tile).map(|&q| [q]);
+            let coded = code_tiles(streams.intensities, &mut intensities, given, &patch)?;
+            patch.intensities = coded.into_iter().map(|[q]| q).collect();
         }
         take(patch);
     }

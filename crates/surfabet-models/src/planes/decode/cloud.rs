@@ -14,6 +14,7 @@ struct Point {
     position: [f32; 3],
     normal: [f32; 3],
     color: [u8; 3],
+    intensity: f32,
 }
 
 impl PlaneModel {
@@ -48,6 +49,7 @@ impl PlaneModel {
             origin: self.origin(),
             positions: points.iter().map(|p| p.position).collect(),
             colors: self.has_color().then(|| points.iter().map(|p| p.color).collect()),
+            intensities: self.has_intensity().then(|| points.iter().map(|p| p.intensity).collect()),
             normals: options.normals.then(|| points.iter().map(|p| p.normal).collect()),
             ..CloudParts::default()
         };
@@ -58,7 +60,7 @@ impl PlaneModel {
         let patch = &self.patches()[i];
         let tiles = &patch.tiles;
         let thickness = if as_measured { patch.standard_deviation } else { 0.0 };
-        let colors = self.colors(i);
+        let (colors, intensities) = (self.colors(i), self.intensities(i));
         let nx = tiles.shape()[0];
         let normal = patch.frame.normal.map(|c| c as f32);
         let supported = tiles.supported().iter().enumerate().filter(|(_, s)| **s);
@@ -67,6 +69,7 @@ impl PlaneModel {
             let (low, high) = tiles.bounds(t % nx, t / nx);
             let n: [f64; 2] = std::array::from_fn(|a| along(high[a] - low[a]));
             let color = colors.get(k).copied().unwrap_or_default();
+            let intensity = intensities.get(k).copied().unwrap_or_default();
             for row in 0..n[1] as usize {
                 for column in 0..n[0] as usize {
                     let share = [column as f64 + 0.5, row as f64 + 0.5];
@@ -80,6 +83,7 @@ impl PlaneModel {
                         }),
                         normal,
                         color,
+                        intensity,
                     });
                 }
             }

@@ -1,34 +1,34 @@
 //! Choice of the coefficients of a cell: of least Lagrangian cost `J = D + lambda R`.
 
-use super::Coefficients;
 use super::butterflies::Butterflies;
-use super::models::{CellContext, ColorModels};
-use super::steps::ColorSteps;
+use super::field::{Coefficients, MAX_COEFFICIENT, Steps};
+use super::models::{CellContext, FieldModels};
 
 /// Coefficients q of a cell that cost least.
 ///
 /// The transform is orthonormal, so the squared error is that of the transformed residuals r:
-/// `D = sum of (r - q step)^2`, in squared grey levels. One after another each q is zero, the nearest to `r / step`, or
+/// `D = sum of (r - q step)^2`, in squares of the unit of the values. One after another each q is zero, the nearest to `r / step`, or
 /// the next nearer to zero, whichever has the least `(r - q step)^2 + lambda bits(q)`; in the end all of them are
 /// compared with none.
-pub(super) fn choose(
-    models: &ColorModels,
+pub(super) fn choose<const N: usize>(
+    models: &FieldModels<N>,
     context: &CellContext,
     butterflies: &Butterflies,
-    residuals: &[[f32; 8]; 3],
-    steps: ColorSteps,
+    residuals: &[[f32; 8]; N],
+    steps: Steps<N>,
     lambda: f32,
-) -> Coefficients {
-    let mut coefficients = [[0; 7]; 3];
+) -> Coefficients<N> {
+    let mut coefficients = [[0; 7]; N];
     let any = &models.any[context.any()];
     let (mut distortion_of_none, mut cost) = (0.0, lambda * any.cost(true));
     let mut before = 0;
     for (i, butterfly) in butterflies.all().iter().enumerate() {
-        for channel in 0..3 {
+        for channel in 0..N {
             let step = steps.of(channel, context.level);
             let residual = residuals[channel][butterfly.difference];
             let model = &models.coefficients[context.coefficient(channel, before)];
-            let nearest = (residual / step).round() as i32;
+            let limit = MAX_COEFFICIENT as f32;
+            let nearest = (residual / step).round().clamp(-limit, limit) as i32;
             let cost_of = |q: i32| (residual - q as f32 * step).powi(2) + lambda * model.cost(q);
             let mut best = (0, cost_of(0));
             for q in [nearest, nearest - nearest.signum()] {
@@ -44,7 +44,7 @@ pub(super) fn choose(
         }
     }
     if distortion_of_none + lambda * any.cost(false) <= cost {
-        return [[0; 7]; 3];
+        return [[0; 7]; N];
     }
     coefficients
 }

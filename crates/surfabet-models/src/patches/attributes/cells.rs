@@ -1,6 +1,6 @@
-//! The cells that carry colour: those of a cubic grid that the surface with its thickness passes through.
+//! The cells that carry attributes: those of a cubic grid that the surface with its thickness passes through.
 //!
-//! They follow from the geometry alone, in integers, so that a decoder knows them before it reads a colour.
+//! They follow from the geometry alone, in integers, so that a decoder knows them before it reads one.
 
 use rayon::prelude::*;
 pub(in crate::patches) use surfabet_geom::cells::{key as cell_key, of_key as cell_of_key};
@@ -18,7 +18,7 @@ pub(in crate::patches) fn index(keys: &[u64]) -> MortonMap<u32> {
 
 /// Sorted keys of the cells of one finest pixel's side that the surface passes through, or `None` when there may
 /// be more than `limit`.
-pub(in crate::patches) fn color_cells(
+pub(in crate::patches) fn attribute_cells(
     lattice: &Lattice,
     leaves: &[Leaf],
     limit: u64,

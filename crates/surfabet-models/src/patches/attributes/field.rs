@@ -1,92 +1,82 @@
-//! Colour: a region-adaptive hierarchical transform with prediction from coarser cells.
+//! A field of values on cells: a region-adaptive hierarchical transform with prediction from coarser cells.
 //!
-//! Cells of a cubic grid around the surface carry colour. They are joined by eights up to one. Going down again, the
-//! mean colours of the parents around a cell are interpolated, which predicts its children; the residual is transformed
-//! by the butterflies of the region-adaptive hierarchical transform (R. L. de Queiroz, P. A. Chou: *Compression of 3D
-//! Point Clouds Using a Region-Adaptive Hierarchical Transform*, 2016), orthonormal for any set of cells, and rounded.
-//! Where no coefficient is coded the colour is smooth, not blocky.
-//!
-//! | file | step |
-//! |---|---|
-//! | `cells` | the cells that carry colour, from the geometry |
-//! | `targets` | when learning: the colour that each should have |
-//! | `steps` | luma and two chromas, and their steps |
-//! | `pyramid` | cells joined by eights, and prediction from the level above |
-//! | `butterflies` | the transform of a cell's children |
-//! | `choice` | when learning: coefficients of least cost |
-//! | `models` | adaptive models of the coefficients |
-
-mod butterflies;
-pub(in crate::patches) mod cells;
-mod choice;
-mod models;
-mod pyramid;
-mod steps;
-pub(in crate::patches) mod targets;
+//! The cells are joined by eights up to one. Going down again, the means of the parents around a cell are interpolated,
+//! which predicts its children; the residual is transformed by the butterflies of the region-adaptive hierarchical
+//! transform (R. L. de Queiroz, P. A. Chou: *Compression of 3D Point Clouds Using a Region-Adaptive Hierarchical
+//! Transform*, 2016), orthonormal for any set of cells, and rounded. Where no coefficient is coded the field is smooth,
+//! not blocky.
 
 use std::ops::Range;
 
 use surfabet_entropy::Coder;
 use surfabet_geom::morton::{MortonMap, step};
 
-use crate::color::rounded;
-use butterflies::Butterflies;
-use cells::index;
-use models::CellContext;
-pub(in crate::patches) use models::ColorModels;
-use pyramid::{PyramidLevel, predict, pyramid};
-pub use steps::ColorSteps;
-use steps::to_rgb;
+use super::butterflies::Butterflies;
+use super::cells::index;
+use super::choice::choose;
+use super::models::{CellContext, FieldModels};
+use super::pyramid::{PyramidLevel, predict, pyramid};
+use crate::patches::constants::STEP_SHARES;
 
 /// Coefficients of the butterflies of a cell, by channel.
-type Coefficients = [[i32; 7]; 3];
+pub(super) type Coefficients<const N: usize> = [[i32; 7]; N];
 
-/// Largest coefficient: no colour has one as large.
-const MAX_COEFFICIENT: i32 = 1 << 24;
+/// Largest coefficient.
+pub(super) const MAX_COEFFICIENT: i32 = 1 << 24;
+
+/// Rounding of the coefficients of each channel, for values times the root of the number of cells.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Steps<const N: usize>(pub [f32; N]);
+
+impl<const N: usize> Steps<N> {
+    /// Step of a channel at a level of the pyramid.
+    pub fn of(self, channel: usize, level: usize) -> f32 {
+        self.0[channel] * STEP_SHARES[level.min(STEP_SHARES.len() - 1)]
+    }
+}
 
 /// Where the coefficients come from.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::patches) enum ColorSource<'a> {
+pub(super) enum FieldSource<'a, const N: usize> {
     /// The coder.
     Stream,
-    /// A model: three times the number of cells, of which the first three are the mean.
+    /// A model: N times the number of cells, of which the first N are the mean.
     Model(&'a [i32]),
-    /// The colour that each cell should have; coefficients of least cost are chosen.
+    /// The values that each cell should have; coefficients of least cost are chosen.
     Targets {
-        colors: &'a [[f32; 3]],
-        /// Squared grey levels that a bit must save.
+        values: &'a [[f32; N]],
+        /// Squared error that a bit must save.
         lambda: f32,
     },
 }
 
-/// Colours of the cells, and the coefficients that give them.
-pub(in crate::patches) struct CellColors {
-    pub colors: Vec<[u8; 3]>,
+/// Values of the cells, and the coefficients that give them.
+pub(super) struct CellValues<const N: usize> {
+    pub values: Vec<[f32; N]>,
     pub coefficients: Vec<i32>,
 }
 
-/// Writes, reads or prices the colours of sorted `cells`.
+/// Writes, reads or prices a field of N channels on sorted `cells`.
 ///
 /// # Errors
 /// Whatever the coder finds wrong with what it reads.
-pub(in crate::patches) fn code_colors<C: Coder>(
+pub(super) fn code_field<C: Coder, const N: usize>(
     coder: &mut C,
-    models: &mut ColorModels,
     cells: &[u64],
-    steps: ColorSteps,
-    source: ColorSource<'_>,
-) -> Result<CellColors, C::Error> {
+    steps: Steps<N>,
+    source: FieldSource<'_, N>,
+) -> Result<CellValues<N>, C::Error> {
     if cells.is_empty() {
-        return Ok(CellColors { colors: Vec::new(), coefficients: Vec::new() });
+        return Ok(CellValues { values: Vec::new(), coefficients: Vec::new() });
     }
     let targets = match source {
-        ColorSource::Targets { colors, .. } => Some(colors),
+        FieldSource::Targets { values, .. } => Some(values),
         _ => None,
     };
     let levels = pyramid(cells, targets);
     let top = levels.len() - 1;
-    let coefficients = Vec::with_capacity(3 * cells.len());
-    let mut walk = Walk { coder, models, steps, source, coefficients };
+    let coefficients = Vec::with_capacity(N * cells.len());
+    let mut walk = Walk { coder, models: FieldModels::default(), steps, source, coefficients };
     let mut means = vec![walk.mean(&levels[top])?];
     let mut activity = vec![0_u8];
     for l in (0..top).rev() {
@@ -96,39 +86,38 @@ pub(in crate::patches) fn code_colors<C: Coder>(
         activity = parents.for_children(&active);
         means = decoded;
     }
-    let colors = means.into_iter().map(|m| rounded(to_rgb(m)));
-    Ok(CellColors { colors: colors.collect(), coefficients: walk.coefficients })
+    Ok(CellValues { values: means, coefficients: walk.coefficients })
 }
 
 /// The walk down the pyramid.
-struct Walk<'a, C> {
+struct Walk<'a, C, const N: usize> {
     coder: &'a mut C,
-    models: &'a mut ColorModels,
-    steps: ColorSteps,
-    source: ColorSource<'a>,
+    models: FieldModels<N>,
+    steps: Steps<N>,
+    source: FieldSource<'a, N>,
     /// All coefficients so far.
     coefficients: Vec<i32>,
 }
 
 /// A cell with at least two children.
-struct Children<'a> {
+struct Children<'a, const N: usize> {
     /// Octants of the children in the cell.
     octants: Vec<usize>,
     weights: &'a [f32],
-    targets: Option<&'a [[f32; 3]]>,
+    targets: Option<&'a [[f32; N]]>,
     /// Decoded mean of the cell.
-    mean: [f32; 3],
+    mean: [f32; N],
 }
 
-impl<C: Coder> Walk<'_, C> {
-    /// Mean colour of all cells, rounded to whole numbers.
-    fn mean(&mut self, top: &PyramidLevel) -> Result<[f32; 3], C::Error> {
-        let mut mean = [0.0; 3];
+impl<C: Coder, const N: usize> Walk<'_, C, N> {
+    /// Mean of all cells, rounded to whole numbers.
+    fn mean(&mut self, top: &PyramidLevel<N>) -> Result<[f32; N], C::Error> {
+        let mut mean = [0.0; N];
         for (c, value) in mean.iter_mut().enumerate() {
             let wanted = match self.source {
-                ColorSource::Stream => 0,
-                ColorSource::Model(coefficients) => coefficients[c],
-                ColorSource::Targets { .. } => top.targets[0][c].round() as i32,
+                FieldSource::Stream => 0,
+                FieldSource::Model(coefficients) => coefficients[c],
+                FieldSource::Targets { .. } => top.targets[0][c].round() as i32,
             };
             let coded = self.coder.sint(&mut self.models.mean[c], wanted)?;
             self.coefficients.push(coded);
@@ -142,11 +131,11 @@ impl<C: Coder> Walk<'_, C> {
     fn level(
         &mut self,
         l: usize,
-        parents: &PyramidLevel,
-        children: &PyramidLevel,
-        means: &[[f32; 3]],
+        parents: &PyramidLevel<N>,
+        children: &PyramidLevel<N>,
+        means: &[[f32; N]],
         activity: &[u8],
-        decoded: &mut [[f32; 3]],
+        decoded: &mut [[f32; N]],
     ) -> Result<Vec<u8>, C::Error> {
         let places = index(&parents.keys);
         let mut active = vec![0_u8; parents.keys.len()];
@@ -172,30 +161,29 @@ impl<C: Coder> Walk<'_, C> {
     fn cell(
         &mut self,
         context: &CellContext,
-        cell: &Children<'_>,
-        decoded: &mut [[f32; 3]],
+        cell: &Children<'_, N>,
+        decoded: &mut [[f32; N]],
     ) -> Result<u8, C::Error> {
         let butterflies = Butterflies::new(&cell.octants, cell.weights);
         let n = butterflies.all().len();
         let mut coefficients = match self.source {
-            ColorSource::Stream => [[0; 7]; 3],
-            ColorSource::Model(given) => {
-                let mut coefficients = [[0; 7]; 3];
+            FieldSource::Stream => [[0; 7]; N],
+            FieldSource::Model(given) => {
+                let mut coefficients = [[0; 7]; N];
                 let from = self.coefficients.len();
-                for (i, of) in given[from..from + 3 * n].chunks(3).enumerate() {
-                    (0..3).for_each(|c| coefficients[c][i] = of[c]);
+                for (i, of) in given[from..from + N * n].chunks(N).enumerate() {
+                    (0..N).for_each(|c| coefficients[c][i] = of[c]);
                 }
                 coefficients
             }
-            ColorSource::Targets { lambda, .. } => {
+            FieldSource::Targets { lambda, .. } => {
                 let residuals = cell.residuals(&butterflies, decoded);
-                choice::choose(self.models, context, &butterflies, &residuals, self.steps, lambda)
+                choose(&self.models, context, &butterflies, &residuals, self.steps, lambda)
             }
         };
-        code_coefficients(self.coder, self.models, context, n, &mut coefficients)?;
-        let [luma, orange, green] = &coefficients;
-        for ((y, o), g) in luma.iter().zip(orange).zip(green).take(n) {
-            self.coefficients.extend([y, o, g]);
+        code_coefficients(self.coder, &mut self.models, context, n, &mut coefficients)?;
+        for i in 0..n {
+            self.coefficients.extend(coefficients.iter().map(|of| of[i]));
         }
         let steps = std::array::from_fn(|c| self.steps.of(c, context.level));
         cell.add(&butterflies, &coefficients, steps, decoded);
@@ -212,9 +200,9 @@ fn sum_beside(places: &MortonMap<u32>, key: u64, up: bool, activity: &[u8]) -> u
         .sum()
 }
 
-impl<'a> Children<'a> {
+impl<'a, const N: usize> Children<'a, N> {
     /// The children `range` of a cell with this mean.
-    fn new(level: &'a PyramidLevel, range: Range<usize>, mean: [f32; 3]) -> Self {
+    fn new(level: &'a PyramidLevel<N>, range: Range<usize>, mean: [f32; N]) -> Self {
         Self {
             octants: level.keys[range.clone()].iter().map(|k| (k & 7) as usize).collect(),
             weights: &level.weights[range.clone()],
@@ -224,25 +212,25 @@ impl<'a> Children<'a> {
     }
 
     /// The transform of what the prediction misses, by channel; in the slots of the butterflies.
-    fn residuals(&self, butterflies: &Butterflies, predicted: &[[f32; 3]]) -> [[f32; 8]; 3] {
-        let mut residuals = [[0.0_f32; 8]; 3];
+    fn residuals(&self, butterflies: &Butterflies, predicted: &[[f32; N]]) -> [[f32; 8]; N] {
+        let mut residuals = [[0.0_f32; 8]; N];
         let targets = self.targets.unwrap_or(&[]);
         for (i, (&octant, target)) in self.octants.iter().zip(targets).enumerate() {
             let root = self.weights[i].sqrt();
-            (0..3).for_each(|c| residuals[c][octant] = root * (target[c] - predicted[i][c]));
+            (0..N).for_each(|c| residuals[c][octant] = root * (target[c] - predicted[i][c]));
         }
         residuals.iter_mut().for_each(|r| butterflies.forward(r));
         residuals
     }
 
-    /// Adds the inverse transform of the coefficients to the predicted colours. The mean of the cell is known: the
+    /// Adds the inverse transform of the coefficients to the predicted values. The mean of the cell is known: the
     /// coefficient of the mean is what the mean of the prediction misses.
     fn add(
         &self,
         butterflies: &Butterflies,
-        coefficients: &Coefficients,
-        steps: [f32; 3],
-        decoded: &mut [[f32; 3]],
+        coefficients: &Coefficients<N>,
+        steps: [f32; N],
+        decoded: &mut [[f32; N]],
     ) {
         let total: f32 = self.weights.iter().sum();
         // The last butterfly leaves the mean of all in its first slot.
@@ -264,12 +252,12 @@ impl<'a> Children<'a> {
 
 /// Writes, reads or prices the coefficients of the first `n` butterflies of a cell: whether any is not zero, then all,
 /// channel by channel.
-fn code_coefficients<C: Coder>(
+fn code_coefficients<C: Coder, const N: usize>(
     coder: &mut C,
-    models: &mut ColorModels,
+    models: &mut FieldModels<N>,
     context: &CellContext,
     n: usize,
-    coefficients: &mut Coefficients,
+    coefficients: &mut Coefficients<N>,
 ) -> Result<(), C::Error> {
     let any = coefficients.iter().flatten().any(|&c| c != 0);
     if !coder.bit(&mut models.any[context.any()], any)? {
@@ -294,37 +282,39 @@ mod tests {
 
     proptest! {
         #[test]
-        fn fine_steps_give_the_colours_back(
-            cells in prop::collection::btree_map(0_u64..512, prop::array::uniform3(0_u8..=255), 1..60),
+        fn a_field_comes_back_to_within_its_step(
+            cells in prop::collection::btree_map(0_u64..512, prop::array::uniform2(-300.0_f32..300.0), 1..60),
         ) {
             let keys: Vec<u64> = cells.keys().copied().collect();
-            let targets: Vec<[f32; 3]> = cells.values().map(|c| c.map(f32::from)).collect();
-            let steps = ColorSteps { luma: 1, chroma: 1 };
-            let source = ColorSource::Targets { colors: &targets, lambda: 1e-6 };
+            let targets: Vec<[f32; 2]> = cells.values().copied().collect();
+            let steps = Steps([1.0, 2.0]);
+            let source = FieldSource::Targets { values: &targets, lambda: 1e-6 };
             let mut price = Price::default();
-            let Ok(coded) = code_colors(&mut price, &mut ColorModels::default(), &keys, steps, source);
-            for (color, wanted) in coded.colors.iter().zip(cells.values()) {
-                for c in 0..3 {
-                    prop_assert!(color[c].abs_diff(wanted[c]) <= 4, "{color:?} {wanted:?}");
+            let Ok(coded) = code_field(&mut price, &keys, steps, source);
+            prop_assert_eq!(coded.coefficients.len(), 2 * keys.len());
+            // Rounding to a step of s leaves an error of s / 2 in each of the orthonormal coefficients, of which a
+            // value has 7 per level and its share of the top's.
+            for (value, wanted) in coded.values.iter().zip(cells.values()) {
+                for c in 0..2 {
+                    prop_assert!((value[c] - wanted[c]).abs() <= 4.0 * (c + 1) as f32, "{value:?} {wanted:?}");
                 }
             }
-            // The chosen coefficients give the same colours again.
-            let source = ColorSource::Model(&coded.coefficients);
-            let Ok(again) = code_colors(&mut price, &mut ColorModels::default(), &keys, steps, source);
-            prop_assert_eq!(again.colors, coded.colors);
+            // The chosen coefficients give the same values again.
+            let source = FieldSource::Model(&coded.coefficients);
+            let Ok(again) = code_field(&mut price, &keys, steps, source);
+            prop_assert_eq!(again.values, coded.values);
             prop_assert_eq!(again.coefficients, coded.coefficients);
         }
     }
 
     #[test]
-    fn one_colour_everywhere_takes_hardly_a_bit_per_thousand_cells() {
+    fn one_value_everywhere_takes_hardly_a_bit_per_thousand_cells() {
         let cells: Vec<u64> = (0..4096).collect();
         let targets = vec![[200.0, 100.0, 50.0]; cells.len()];
-        let steps = ColorSteps { luma: 64, chroma: 64 };
         let mut price = Price::default();
-        let source = ColorSource::Targets { colors: &targets, lambda: 100.0 };
-        let Ok(coded) = code_colors(&mut price, &mut ColorModels::default(), &cells, steps, source);
+        let source = FieldSource::Targets { values: &targets, lambda: 100.0 };
+        let Ok(coded) = code_field(&mut price, &cells, Steps([64.0; 3]), source);
         assert!(price.bits < 120.0, "{}", price.bits);
-        assert!(coded.colors.iter().all(|c| c[0].abs_diff(200) <= 1 && c[1].abs_diff(100) <= 1));
+        assert!(coded.values.iter().all(|v| v == &[200.0, 100.0, 50.0]));
     }
 }

@@ -1,4 +1,4 @@
-//! The adaptive models of colour, and the contexts that choose between them.
+//! The adaptive models of a field, and the contexts that choose between them.
 
 use surfabet_entropy::{Bit, SInt};
 
@@ -8,23 +8,23 @@ const LEVELS: usize = 12;
 /// Classes of how many coefficients are coded around a cell.
 const ACTIVITIES: usize = 7;
 
-/// Adaptive models of the colours.
+/// Adaptive models of a field of N channels.
 #[derive(Debug, Clone)]
-pub(in crate::patches) struct ColorModels {
+pub(super) struct FieldModels<const N: usize> {
     /// Mean of all cells, by channel.
-    pub(super) mean: [SInt; 3],
+    pub mean: [SInt; N],
     /// Is any coefficient of the cell not zero? By [`CellContext::any`].
-    pub(super) any: Vec<Bit>,
+    pub any: Vec<Bit>,
     /// Coefficients, by [`CellContext::coefficient`].
-    pub(super) coefficients: Vec<SInt>,
+    pub coefficients: Vec<SInt>,
 }
 
-impl Default for ColorModels {
+impl<const N: usize> Default for FieldModels<N> {
     fn default() -> Self {
         Self {
-            mean: [const { SInt::new() }; 3],
+            mean: [const { SInt::new() }; N],
             any: vec![Bit::with_memory(Bit::MAX_MEMORY); LEVELS * ACTIVITIES * ACTIVITIES],
-            coefficients: vec![SInt::new(); 3 * LEVELS * 3],
+            coefficients: vec![SInt::new(); N * LEVELS * 3],
         }
     }
 }

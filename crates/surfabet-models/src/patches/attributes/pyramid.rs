@@ -1,4 +1,4 @@
-//! The pyramid of cells over the cells of colour, and the prediction of a level from the one above.
+//! The pyramid of cells over those of a field, and the prediction of a level from the one above.
 
 use std::ops::Range;
 
@@ -6,22 +6,21 @@ use rayon::prelude::*;
 use surfabet_geom::morton::step;
 
 use super::cells::index;
-use super::steps::to_channels;
 use crate::patches::constants::NEIGHBOUR_SHARE;
 
-/// Cells of one size: those of a pyramid's first level carry colour, each further level joins them by eights.
-pub(super) struct PyramidLevel {
+/// Cells of one size: those of a pyramid's first level carry the field, each further level joins them by eights.
+pub(super) struct PyramidLevel<const N: usize> {
     /// Sorted.
     pub keys: Vec<u64>,
     /// Number of cells of the first level in each cell.
     pub weights: Vec<f32>,
     /// Children of cell i are cells `children[i]..children[i + 1]` of the level before; empty at the first.
     children: Vec<u32>,
-    /// Means of the colours that are to be coded, in channels; empty when reading.
-    pub targets: Vec<[f32; 3]>,
+    /// Means of the values that are to be coded; empty when reading.
+    pub targets: Vec<[f32; N]>,
 }
 
-impl PyramidLevel {
+impl<const N: usize> PyramidLevel<N> {
     /// The children of each cell.
     pub fn children(&self) -> impl Iterator<Item = Range<usize>> {
         self.children.windows(2).map(|range| range[0] as usize..range[1] as usize)
@@ -34,14 +33,16 @@ impl PyramidLevel {
     }
 }
 
-/// The levels over sorted `cells`, up to one cell. `targets` are the colours of the cells, red, green and blue.
-pub(super) fn pyramid(cells: &[u64], targets: Option<&[[f32; 3]]>) -> Vec<PyramidLevel> {
-    let targets = targets.map_or(Vec::new(), |t| t.iter().map(|&c| to_channels(c)).collect());
+/// The levels over sorted `cells`, up to one cell. `targets` are the values that the cells should have.
+pub(super) fn pyramid<const N: usize>(
+    cells: &[u64],
+    targets: Option<&[[f32; N]]>,
+) -> Vec<PyramidLevel<N>> {
     let mut levels = vec![PyramidLevel {
         keys: cells.to_vec(),
         weights: vec![1.0; cells.len()],
         children: Vec::new(),
-        targets,
+        targets: targets.unwrap_or_default().to_vec(),
     }];
     while levels[levels.len() - 1].keys.len() > 1 {
         levels.push(parents(&levels[levels.len() - 1]));
@@ -49,8 +50,8 @@ pub(super) fn pyramid(cells: &[u64], targets: Option<&[[f32; 3]]>) -> Vec<Pyrami
     levels
 }
 
-/// The level whose cells join those of `below` by eights, with their weighted mean colours.
-fn parents(below: &PyramidLevel) -> PyramidLevel {
+/// The level whose cells join those of `below` by eights, with their weighted means.
+fn parents<const N: usize>(below: &PyramidLevel<N>) -> PyramidLevel<N> {
     let mut level = PyramidLevel {
         keys: Vec::new(),
         weights: Vec::new(),
@@ -69,9 +70,9 @@ fn parents(below: &PyramidLevel) -> PyramidLevel {
         let weight: f32 = below.weights[range.clone()].iter().sum();
         weights.push(weight);
         if !below.targets.is_empty() {
-            let mut mean = [0.0; 3];
+            let mut mean = [0.0; N];
             for i in range {
-                (0..3).for_each(|c| mean[c] += below.weights[i] * below.targets[i][c] / weight);
+                (0..N).for_each(|c| mean[c] += below.weights[i] * below.targets[i][c] / weight);
             }
             targets.push(mean);
         }
@@ -79,14 +80,14 @@ fn parents(below: &PyramidLevel) -> PyramidLevel {
     PyramidLevel { weights, targets, ..level }
 }
 
-/// Predicts the mean colour of every child: the means of its parent and of the seven parents next to it on the child's
+/// Predicts the mean of every child: the means of its parent and of the seven parents next to it on the child's
 /// side, interpolated. Along each axis the parent counts `1 - s` and its neighbour s, see [`NEIGHBOUR_SHARE`]; parents that
 /// do not exist are left out.
-pub(super) fn predict(
-    parents: &PyramidLevel,
-    means: &[[f32; 3]],
-    children: &PyramidLevel,
-) -> Vec<[f32; 3]> {
+pub(super) fn predict<const N: usize>(
+    parents: &PyramidLevel<N>,
+    means: &[[f32; N]],
+    children: &PyramidLevel<N>,
+) -> Vec<[f32; N]> {
     let places = index(&parents.keys);
     let numbers: Vec<u32> = (0..parents.keys.len() as u32).collect();
     let of_parent = parents.for_children(&numbers);
@@ -97,7 +98,7 @@ pub(super) fn predict(
         .with_min_len(1 << 10)
         .map(|(&child, &parent)| {
             let own = parents.keys[parent as usize];
-            let (mut sum, mut total) = ([0.0; 3], 0.0);
+            let (mut sum, mut total) = ([0.0; N], 0.0);
             for corner in 0..8_usize {
                 let mut key = own;
                 let mut weight = 1.0;
@@ -111,7 +112,7 @@ pub(super) fn predict(
                 }
                 let found = if corner == 0 { Some(&parent) } else { places.get(&key) };
                 if let Some(&i) = found {
-                    (0..3).for_each(|c| sum[c] += weight * means[i as usize][c]);
+                    (0..N).for_each(|c| sum[c] += weight * means[i as usize][c]);
                     total += weight;
                 }
             }

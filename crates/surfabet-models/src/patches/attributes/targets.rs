@@ -1,0 +1,162 @@
+//! The values that each cell should have: those of the samples it will be compared with.
+
+use rayon::prelude::*;
+use surfabet_geom::morton::{MortonMap, step};
+
+use super::cells::{cell_key, index};
+use crate::patches::samples::{Sample, SidedSamples};
+
+/// Which cell each sample counts for: its own, or the nearest cell around it.
+pub(in crate::patches) struct Targets<'a> {
+    samples: &'a SidedSamples<'a>,
+    /// Sorted keys.
+    cells: &'a [u64],
+    places: MortonMap<u32>,
+    owners: Vec<Option<u32>>,
+}
+
+impl<'a> Targets<'a> {
+    /// For sorted `cells`, which are `size` metres wide.
+    pub fn new(samples: &'a SidedSamples<'a>, cells: &'a [u64], size: f32) -> Self {
+        let places = index(cells);
+        let owner = |s: &Sample| owner(&places, s.position, size);
+        let owners = samples.all.par_iter().map(owner).collect();
+        Self { samples, cells, places, owners }
+    }
+
+    /// Mean over the samples of each cell, of the weighted means of `value` over their points. Points whose value is not
+    /// finite are left out; cells without samples take the mean of those around, so that what was filled between samples
+    /// has their values.
+    pub fn means<const N: usize>(&self, value: impl Fn(usize) -> [f64; N] + Sync) -> Vec<[f32; N]> {
+        let means = self.samples.means(value);
+        let mut sums = vec![([0.0_f32; N], 0.0_f32); self.cells.len()];
+        for (owner, mean) in self.owners.iter().zip(&means) {
+            if let (Some(i), Some(mean)) = (owner, mean) {
+                let (sum, n) = &mut sums[*i as usize];
+                (0..N).for_each(|c| sum[c] += mean[c]);
+                *n += 1.0;
+            }
+        }
+        let mean = |(sum, n): &([f32; N], f32)| (*n > 0.0).then(|| sum.map(|s| s / n));
+        let mut known: Vec<Option<[f32; N]>> = sums.iter().map(mean).collect();
+        self.spread(&mut known, |beside: &[[f32; N]]| {
+            let mut sum = [0.0; N];
+            beside.iter().for_each(|value| (0..N).for_each(|c| sum[c] += value[c]));
+            sum.map(|s| s / beside.len() as f32)
+        });
+        let total = sums.iter().map(|s| s.1).sum::<f32>().max(1.0);
+        let whole = std::array::from_fn(|c| sums.iter().map(|s| s.0[c]).sum::<f32>() / total);
+        known.into_iter().map(|k| k.unwrap_or(whole)).collect()
+    }
+
+    /// The most frequent label of the points of each cell's samples, of equals the first; `label` is below `n`, at most
+    /// 256. Cells without samples take the most frequent of those around.
+    pub fn modes(&self, n: usize, label: impl Fn(usize) -> u8) -> Vec<u8> {
+        let mut labelled: Vec<(u32, u8)> = Vec::new();
+        for (owner, points) in self.owners.iter().zip(self.samples.points()) {
+            if let &Some(cell) = owner {
+                labelled.extend(points.iter().map(|&i| (cell, label(i as usize))));
+            }
+        }
+        labelled.par_sort_unstable();
+        let mut known: Vec<Option<u8>> = vec![None; self.cells.len()];
+        for cell in labelled.chunk_by(|a, b| a.0 == b.0) {
+            known[cell[0].0 as usize] = Some(mode(n, cell.iter().map(|&(_, label)| label)));
+        }
+        let whole = mode(n, labelled.iter().map(|&(_, label)| label));
+        self.spread(&mut known, |beside: &[u8]| mode(n, beside.iter().copied()));
+        known.into_iter().map(|k| k.unwrap_or(whole)).collect()
+    }
+
+    /// Mean of `measure` over the points and the cells that they count for; 0 where none counts for any.
+    pub fn mean_over_points(&self, measure: impl Fn(usize, usize) -> f64) -> f64 {
+        let (mut sum, mut n) = (0.0, 0.0_f64);
+        for (owner, points) in self.owners.iter().zip(self.samples.points()) {
+            if let &Some(cell) = owner {
+                sum += points.iter().map(|&i| measure(i as usize, cell as usize)).sum::<f64>();
+                n += points.len() as f64;
+            }
+        }
+        sum / n.max(1.0)
+    }
+
+    /// Gives cells without a value what `join` makes of those of the six beside them that have one, round after round.
+    fn spread<T: Copy + Send + Sync>(
+        &self,
+        known: &mut [Option<T>],
+        join: impl Fn(&[T]) -> T + Sync,
+    ) {
+        let beside = |key: u64, known: &[Option<T>]| {
+            let mut values = Vec::with_capacity(6);
+            for axis in 0..3 {
+                for up in [false, true] {
+                    let near = self.places.get(&step(key, axis, up));
+                    values.extend(near.and_then(|&j| known[j as usize]));
+                }
+            }
+            (!values.is_empty()).then(|| join(&values))
+        };
+        loop {
+            let found: Vec<(usize, T)> = (0..self.cells.len())
+                .into_par_iter()
+                .filter(|&i| known[i].is_none())
+                .filter_map(|i| Some((i, beside(self.cells[i], known)?)))
+                .collect();
+            if found.is_empty() {
+                return;
+            }
+            for (i, value) in found {
+                known[i] = Some(value);
+            }
+        }
+    }
+}
+
+/// The most frequent label below `n`, of equals the first; 0 without any.
+fn mode(n: usize, labels: impl Iterator<Item = u8>) -> u8 {
+    let mut counts = vec![0_u32; n];
+    labels.for_each(|label| counts[usize::from(label)] += 1);
+    let most = (0..n).max_by_key(|&label| (counts[label], std::cmp::Reverse(label)));
+    most.unwrap_or(0) as u8
+}
+
+/// The cell that a position lies in, or of the 26 around it the one whose middle is nearest.
+fn owner(places: &MortonMap<u32>, position: [f32; 3], size: f32) -> Option<u32> {
+    let scaled = position.map(|c| c / size);
+    let own = cell_key(scaled.map(|c| c.floor() as i32));
+    if let Some(&i) = places.get(&own) {
+        return Some(i);
+    }
+    let part = scaled.map(|c| c - c.floor() - 0.5);
+    let mut best: Option<(f32, u32)> = None;
+    for neighbour in 0..27_usize {
+        let mut key = own;
+        let mut squared = 0.0;
+        let along = [neighbour % 3, neighbour / 3 % 3, neighbour / 9];
+        for (axis, place) in along.into_iter().enumerate() {
+            let offset = place as f32 - 1.0;
+            if place != 1 {
+                key = step(key, axis, place == 2);
+            }
+            squared += (offset - part[axis]).powi(2);
+        }
+        if let Some(&i) = places.get(&key)
+            && best.is_none_or(|b| squared < b.0)
+        {
+            best = Some((squared, i));
+        }
+    }
+    best.map(|b| b.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modes_are_the_most_frequent_and_of_equals_the_first() {
+        assert_eq!(mode(3, [2, 1, 2].into_iter()), 2);
+        assert_eq!(mode(3, [2, 1, 1, 2, 0].into_iter()), 1);
+        assert_eq!(mode(3, std::iter::empty()), 0);
+    }
+}
