@@ -42,7 +42,6 @@ def read(path: Path, data: bytes, **options: Any) -> sb.PointCloud:
         "//X Y Z\n0.5 -1.25 2\n# a comment\n3 4.5 -6.75\n10 0 0.125\n",
         "% free text\n\n  0.5 -1.25 2 \n3 4.5 -6.75\n// end\n10 0 0.125\n",
         "\ufeffx y z\n0.5 -1.25 2\n3 4.5 -6.75\n10 0 0.125\n",
-        "name,x,y,z\na b,0.5,-1.25,2\n,3,4.5,-6.75\nc,10,0,0.125\n",
     ],
 )
 @pytest.mark.parametrize("suffix", [".xyz", ".csv"])

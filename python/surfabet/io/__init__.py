@@ -12,16 +12,20 @@ from typing import Any
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
 from surfabet.io._files import format_error
+from surfabet.io._units import UNITS, metres_per, scaled
 from surfabet.io.e57 import read_e57, write_e57
+from surfabet.io.esri_grid import read_esri_grid
 from surfabet.io.kitti import read_kitti
 from surfabet.io.las import read_las, write_las
 from surfabet.io.npz import read_npy, read_npz, write_npz
 from surfabet.io.pcd import read_pcd, write_pcd
 from surfabet.io.ply import read_ply, write_ply
+from surfabet.io.pts import read_pts
+from surfabet.io.ptx import read_ptx
 from surfabet.io.rgbd import is_rgbd, read_rgbd
 from surfabet.io.text import read_text, write_text
 
-__all__ = ["Format", "formats", "read", "read_rgbd", "write"]
+__all__ = ["UNITS", "Format", "formats", "read", "read_rgbd", "write"]
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,9 @@ _FORMATS = (
     Format("npz", (".npz",), (b"PK\x03\x04",), read_npz, write_npz),
     Format("npy", (".npy",), (b"\x93NUMPY",), read_npy, None),
     Format("xyz", (".xyz", ".txt", ".asc", ".csv"), (), read_text, write_text),
+    Format("pts", (".pts",), (), read_pts, None),
+    Format("ptx", (".ptx",), (), read_ptx, None),
+    Format("esri_grid", (".asc", ".grd"), (b"ncols", b"NCOLS"), read_esri_grid, None),
     Format("kitti", (".bin",), (), read_kitti, None),
     Format("rgbd", (), (), read_rgbd, None),
 )
@@ -85,8 +92,9 @@ def _detect(path: Path) -> Format:
         start = file.read(16)
     if not start:
         raise format_error(path, "the file is empty", byte=0)
-    named = next((f for f in _FORMATS if path.suffix.lower() in f.suffixes), None)
+    alike = [f for f in _FORMATS if path.suffix.lower() in f.suffixes]
     marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
+    named = marked if marked in alike else next(iter(alike), None)
     if named is None and marked is None:
         raise format_error(
             path,
@@ -124,6 +132,7 @@ def read(
     format: str | None = None,
     *,
     viewpoint: Sequence[float] | None = None,
+    unit: str | None = None,
     **options: Any,
 ) -> PointCloud:
     """Reads a point cloud from a file, or from a folder of RGB-D frames.
@@ -137,6 +146,9 @@ def read(
     viewpoint
         Where the sensor stood (x, y, z in world coordinates), for single scans whose file does not
         say; it gives them a viewpoint and ranges.
+    unit
+        The unit of the file's lengths, for files that do not say: mm, cm, m, km, ft, us-ft or in.
+        Points, ranges and viewpoints are scaled to metres.
     **options
         Options of the format's reader, such as `frame_stride` for RGB-D folders: see `formats()`
         and the readers' own documentation.
@@ -173,9 +185,13 @@ def read(
         what = "a folder" if path.is_dir() else "a file"
         raise InvalidInputError(f"{path} is {what}, which the format {chosen.name} does not read")
     _check_options(chosen.reader, chosen.name, options)
+    factor = 1.0 if unit is None else metres_per(unit)
+    if unit is not None and "unit" in inspect.signature(chosen.reader).parameters:
+        # Its files may have units of their own, which then must agree.
+        options["unit"], factor = unit, 1.0
     if options.get("fused") is False:
         raise InvalidInputError("read() gives one cloud; surfabet.io.read_rgbd gives one per frame")
-    cloud = chosen.reader(path, **options)
+    cloud = scaled(chosen.reader(path, **options), factor)
     return cloud if viewpoint is None else cloud.seen_from(viewpoint)
 
 

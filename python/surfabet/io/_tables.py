@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -109,45 +108,6 @@ def typed_columns(
         with np.errstate(over="ignore"):
             columns[name] = column.astype(dtype)
     return columns
-
-
-def _is_color(columns: Sequence[Column]) -> bool:
-    """Whether columns are colours and not normals: integers to 255, or 0 to 1 of any length."""
-    rows = np.stack(columns, axis=1).astype(np.float64)
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    if rows.size == 0 or rows.min() < 0:
-        return False
-    if (rows == np.rint(rows)).all() and rows.max() > 1:
-        return bool(rows.max() <= 255)
-    return bool(rows.max() <= 1 and (np.abs((rows**2).sum(axis=1) - 1) > 0.01).any())
-
-
-def name_columns(path: Path, columns: Sequence[Column]) -> dict[str, Column]:
-    """Names for columns that come without: by their number, then by their values."""
-    n = len(columns)
-    position, color, normal = ("x", "y", "z"), ("red", "green", "blue"), ("nx", "ny", "nz")
-    if n == 3:
-        names: tuple[str, ...] = position
-    elif n == 4:
-        names = (*position, "intensity")
-    elif n == 6:
-        names = (*position, *(color if _is_color(columns[3:6]) else normal))
-    elif n == 7 and _is_color(columns[4:7]):
-        names = (*position, "intensity", *color)
-    elif n == 7 and _is_color(columns[3:6]):
-        names = (*position, *color, "intensity")
-    elif n == 9 and _is_color(columns[3:6]):
-        names = (*position, *color, *normal)
-    elif n == 9 and _is_color(columns[6:9]):
-        names = (*position, *normal, *color)
-    else:
-        raise format_error(
-            path,
-            f"cannot tell what {n} columns mean: known are 3 (x y z), 4 (and intensity), 6 (and "
-            "colours or normals), 7 (and intensity and colours) and 9 (and colours and normals); "
-            "name them in a first line",
-        )
-    return dict(zip(names, columns, strict=True))
 
 
 def save_table(file: BinaryIO, rows: Column, delimiter: str = " ") -> None:

@@ -22,7 +22,7 @@ from surfabet._core import PointCloud
 from surfabet.errors import FormatError
 from surfabet.io._columns import Column, build_cloud, cloud_from_columns
 from surfabet.io._files import format_error, written_whole
-from surfabet.io._tables import name_columns
+from surfabet.io._guess import guess_names
 
 _ATTRIBUTES = ("colors", "intensities", "normals", "ranges", "viewpoints", "viewpoint_index")
 # Deflate cannot do better, so a larger claim is false.
@@ -77,7 +77,7 @@ def _cloud_from_array(path: Path, array: Column) -> PointCloud:
             "columns of numbers, or structured with fields x, y and z",
         )
     array = array.astype(array.dtype.newbyteorder("="), copy=False)
-    return cloud_from_columns(path, name_columns(path, list(array.T)))
+    return cloud_from_columns(path, guess_names(path, list(array.T)))
 
 
 def read_npy(path: Path) -> PointCloud:
@@ -86,9 +86,9 @@ def read_npy(path: Path) -> PointCloud:
     Parameters
     ----------
     path
-        The file. Columns of plain arrays are x y z, then: intensity (4 columns); colours or normals
-        (6); intensity and colours, either first (7); colours and normals, either first (9). Colours
-        are told from normals by their values.
+        The file. Columns of plain arrays are x y z, then as in text files: intensity or label (4
+        columns); colours or normals (6); colours and an intensity or a label, either first (7);
+        colours and normals, either first (9). Their values tell which.
 
     Returns
     -------

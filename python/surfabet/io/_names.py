@@ -1,0 +1,93 @@
+"""What the names mean that text files give their columns."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from surfabet.io._units import metres_in
+
+_POSITION = ("x", "y", "z")
+_COLOR = ("red", "green", "blue")
+UNIT_COLOR = {"rf": "red", "gf": "green", "bf": "blue"}
+"""Colours from 0 to 1, as CloudCompare names them."""
+_NORMAL = ("nx", "ny", "nz")
+LENGTHS = frozenset({*_POSITION, "range", "vp_x", "vp_y", "vp_z"})
+"""The columns that a unit of length is for."""
+
+_OTHER_NAMES = {
+    "easting": "x",
+    "east": "x",
+    "rechtswert": "x",
+    "point_x": "x",
+    "northing": "y",
+    "north": "y",
+    "hochwert": "y",
+    "point_y": "y",
+    "elevation": "z",
+    "elev": "z",
+    "height": "z",
+    "altitude": "z",
+    "hoehe": "z",
+    "höhe": "z",
+    "point_z": "z",
+    # LidarView and VeloView, in metres.
+    "distance_m": "range",
+    "labels": "label",
+    "scalar_label": "label",
+}
+# Surveyors' files have these letters, which alone say too little: point, northing, easting, ...
+_LETTERS = {"e": "x", "n": "y", "z": "z", "h": "z"}
+# Components of a vector by number, as ParaView and LidarView write them: `Points:0`, `RGB_2`.
+_COMPONENT = re.compile(r"(points|points_m_xyz|coordinates|rgb|colors|normals)[:_ ]([012])")
+_VECTORS = {"rgb": _COLOR, "colors": _COLOR, "normals": _NORMAL}
+# `X [m]`, `range (mm)`.
+_BRACKETED = re.compile(r"(.*\S)\s*[\[({]\s*([^\])}]*?)\s*[\])}]")
+# A name of a header that white space separates, with what stands in brackets behind it.
+SPACED_NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """What a name in a header says."""
+
+    written: str
+    """As the file has it."""
+    name: str
+    """As the columns of clouds are named here, in lower case."""
+    unit: str | None
+    """What stands in brackets behind it."""
+    metres: float | None
+    """Metres in that unit, for columns of lengths."""
+
+
+def _meaning(written: str) -> ColumnName:
+    # Lines are read as latin-1, in which no bytes are wrong.
+    with contextlib.suppress(UnicodeError):
+        written = written.encode("latin-1").decode("utf-8")
+    written = written.strip().strip("\"'").strip()
+    name, unit = written.lower(), None
+    if match := _BRACKETED.fullmatch(name):
+        name, unit = match.groups()
+    name = _OTHER_NAMES.get(name, name)
+    if match := _COMPONENT.fullmatch(name):
+        name = _VECTORS.get(match[1], _POSITION)[int(match[2])]
+    metres = metres_in(unit) if unit is not None and name in LENGTHS else None
+    return ColumnName(written, name, unit, metres)
+
+
+def column_names(words: Sequence[str]) -> list[ColumnName] | None:
+    """The meaning of each word if together they name a position, else `None`."""
+    names = [_meaning(word) for word in words]
+    known = {name.name for name in names}
+    if not known >= set(_POSITION) and known >= {"e", "n"} and known & {"z", "h"}:
+        names = [
+            ColumnName(n.written, _LETTERS.get(n.name, n.name), n.unit, metres_in(n.unit or "m"))
+            if n.name in _LETTERS
+            else n
+            for n in names
+        ]
+        known = {name.name for name in names}
+    return names if known >= set(_POSITION) else None
