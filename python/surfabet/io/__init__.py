@@ -22,7 +22,7 @@ from surfabet.io.pcd import read_pcd, write_pcd
 from surfabet.io.ply import read_ply, write_ply
 from surfabet.io.pts import read_pts
 from surfabet.io.ptx import read_ptx
-from surfabet.io.rgbd import is_rgbd, read_rgbd
+from surfabet.io.rgbd import LAYOUTS, is_rgbd, read_rgbd
 from surfabet.io.text import read_text, write_text
 
 __all__ = ["UNITS", "Format", "formats", "read", "read_rgbd", "write"]
@@ -84,8 +84,7 @@ def _detect(path: Path) -> Format:
         if not is_rgbd(path):
             raise format_error(
                 path,
-                "no RGB-D frames in this folder: expected frame-*.depth.png with .pose.txt, or "
-                "rgb.txt, depth.txt and groundtruth.txt",
+                f"no RGB-D frames in this folder: expected {LAYOUTS}",
             )
         return _named("rgbd")
     with path.open("rb") as file:
