@@ -394,7 +394,7 @@ def test_formats_are_told_by_suffix_and_first_bytes(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path / "a.ply", data, format="pcd").points, POINTS)
     with pytest.raises(sb.FormatError, match=r"unknown suffix '.obj'; known are .ply, .pcd"):
         read(tmp_path / "a.obj", b"v 1 2 3\n")
-    with pytest.raises(sb.InvalidInputError, match="unknown format 'obj'; known are ply, pcd"):
+    with pytest.raises(sb.InvalidInputError, match="format is 'obj', but must be one of ply, pcd"):
         read(tmp_path / "a.obj", b"v 1 2 3\n", format="obj")
     with pytest.raises(
         sb.InvalidInputError, match="is a file, which the format rgbd does not read"

@@ -12,7 +12,7 @@ import surfabet
 from surfabet._progress import ProgressCallback
 from surfabet.cli._options import ReadOptions, UsageError, VocabularyOption
 from surfabet.files import AnyModel, Vocabulary
-from surfabet.io import formats
+from surfabet.io import detect, formats, named_format
 
 MODEL_SUFFIX = ".sfb"
 
@@ -48,17 +48,22 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> surfabet.PointCloud:
-    """The cloud of any readable file or RGB-D folder."""
+    """The cloud of any readable file or folder."""
     if path.suffix.lower() == MODEL_SUFFIX:
         raise UsageError(
             f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
         )
-    if options.changed() and path.is_file():
-        names = ", ".join(options.changed())
-        raise UsageError(f"{names}: only for folders of RGB-D frames, and {path} is a file")
+    known = detect(path) if options.format is None else named_format(options.format)
+    given = options.given()
+    if wrong := [name for name in given if name not in known.read_options]:
+        names = ", ".join(options.spelled(name) for name in wrong)
+        owners = [f.name for f in formats() if any(name in f.read_options for name in wrong)]
+        raise UsageError(
+            f"{names}: not for the format {known.name} of {path}, but for "
+            f"{', '.join(owners) or 'none'}"
+        )
     progress(f"read {path.name}", 0.0)
-    folder = options.for_folder() if path.is_dir() else {}
-    return surfabet.read(path, viewpoint=options.viewpoint, **folder)
+    return surfabet.read(path, known.name, viewpoint=options.viewpoint, unit=options.unit, **given)
 
 
 def load_model(

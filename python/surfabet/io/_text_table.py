@@ -14,8 +14,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet.io._files import Lines, format_error, warn
+from surfabet.io._files import Lines, format_error
 from surfabet.io._names import SPACED_NAME, ColumnName, column_names
+from surfabet.io._notes import Notes
 from surfabet.io._tables import check_count, parse_rows
 
 _COMMENTS = ("#", "//", "%", ";;")
@@ -151,7 +152,7 @@ class TextTable:
                 continue
             yield clean(text)
 
-    def numbers(self, places: Sequence[int], n_words: int) -> NDArray[np.float64]:
+    def numbers(self, places: Sequence[int], n_words: int, notes: Notes) -> NDArray[np.float64]:
         """The columns at these places of rows of `n_words` values."""
         everything = len(places) == n_words
         table = parse_rows(
@@ -164,9 +165,5 @@ class TextTable:
         if self.count is not None:
             check_count(self.lines, len(table), self.count)
             if len(table) > self.count:
-                warn(
-                    f"{self.lines.path}: the file has {len(table)} rows, but says {self.count}; "
-                    "all are read",
-                    UserWarning,
-                )
+                notes.remark(f"the file has {len(table)} rows, but says {self.count}; all are read")
         return table

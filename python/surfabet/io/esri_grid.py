@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import DroppedPointsWarning
 from surfabet.io._columns import build_cloud
 from surfabet.io._encodings import open_text
-from surfabet.io._files import Lines, format_error, remaining, warn
+from surfabet.io._files import Lines, format_error, remaining
+from surfabet.io._notes import Notes
 
 _KEYS = {
     "ncols",
@@ -125,9 +125,9 @@ def read_esri_grid(path: Path) -> PointCloud:
     y = _corner(path, header, "y") + header["cellsize"] * np.arange(n_rows)[::-1]
     has_height = heights != header.get("nodata_value", _DEFAULT_NO_DATA)
     rows, columns = np.nonzero(has_height)
+    notes = Notes(path)
     if n_empty := heights.size - len(rows):
-        warn(
-            f"{path}: left out {n_empty} of {heights.size} cells, which have no height",
-            DroppedPointsWarning,
-        )
-    return build_cloud(path, np.column_stack([x[columns], y[rows], heights[has_height]]))
+        notes.points(f"left out {n_empty} of {heights.size} cells, which have no height")
+    return build_cloud(
+        path, np.column_stack([x[columns], y[rows], heights[has_height]]), notes=notes
+    )

@@ -11,6 +11,7 @@ from pathlib import Path
 from surfabet._core import PointCloud
 from surfabet.io._columns import Column, cloud_from_columns
 from surfabet.io._files import format_error
+from surfabet.io._notes import Notes
 from surfabet.io.text import read_table
 
 _POSITION = ("x", "y", "z")
@@ -51,5 +52,12 @@ def read_pts(path: Path) -> PointCloud:
     FormatError
         A line is not a row of numbers, rows have none of the known numbers of values, or fewer rows
         follow than the file says.
+
+    Warns
+    -----
+    LostAttributeWarning
+        More rows follow than the file says; all are read.
     """
-    return cloud_from_columns(path, read_table(path, guess=_name_columns))
+    notes = Notes(path)
+    columns = read_table(path, notes, guess=_name_columns)
+    return cloud_from_columns(path, columns, notes=notes)

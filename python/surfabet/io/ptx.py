@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import DroppedPointsWarning, LostAttributeWarning
 from surfabet.io._columns import build_cloud, colors_from
 from surfabet.io._encodings import open_text
-from surfabet.io._files import Lines, format_error, remaining, warn
+from surfabet.io._files import Lines, format_error, remaining
+from surfabet.io._notes import Notes
 from surfabet.io._tables import check_count, load_table, parse_rows
 
 # `0 0 0 0` with the end of its line.
@@ -137,22 +137,17 @@ def read_ptx(path: Path) -> PointCloud:
     scans = list(_scans(path))
     if not scans:
         raise format_error(path, "the file holds no scan", byte=0)
+    notes = Notes(path)
     counts = [len(scan.points) for scan in scans]
     n_empty = sum(scan.n_cells for scan in scans) - sum(counts)
     if n_empty:
-        warn(
-            f"{path}: left out {n_empty} of {n_empty + sum(counts)} cells, which had no return",
-            DroppedPointsWarning,
-        )
+        notes.points(f"left out {n_empty} of {n_empty + sum(counts)} cells, which had no return")
     rgb = [scan.colors for scan in scans if scan.colors is not None]
     colors = None
     if len(rgb) == len(scans):
-        colors = _colors(path, np.concatenate(rgb))
+        colors = _colors(path, np.concatenate(rgb), notes)
     elif rgb:
-        warn(
-            f"{path}: left aside the colours, which only {len(rgb)} of {len(scans)} scans have",
-            LostAttributeWarning,
-        )
+        notes.aside(f"colours, which only {len(rgb)} of {len(scans)} scans have")
     return build_cloud(
         path,
         np.concatenate([scan.points for scan in scans]),
@@ -161,12 +156,13 @@ def read_ptx(path: Path) -> PointCloud:
         ranges=np.concatenate([scan.ranges for scan in scans]),
         viewpoints=np.stack([scan.center for scan in scans]),
         viewpoint_index=np.repeat(np.arange(len(scans), dtype=np.uint32), counts),
+        notes=notes,
     )
 
 
-def _colors(path: Path, rows: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _colors(path: Path, rows: NDArray[np.float64], notes: Notes) -> NDArray[np.uint8]:
     """Colours of 0 to 255, which PTX files write as integers."""
     red, green, blue = rows.T
     if (rows == np.rint(rows)).all() and np.abs(rows).max(initial=0) < 2**31:
         red, green, blue = rows.T.astype(np.int64)
-    return colors_from(path, (red, green, blue))
+    return colors_from(path, (red, green, blue), notes)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from surfabet._core import PointCloud
-from surfabet.errors import FormatError, InvalidInputError, LostAttributeWarning
+from surfabet.errors import FormatError, InvalidInputError
 from surfabet.io._columns import (
     KNOWN_NAMES,
     Column,
@@ -24,9 +24,10 @@ from surfabet.io._columns import (
     viewpoint_columns,
 )
 from surfabet.io._encodings import open_text
-from surfabet.io._files import format_error, warn, written_whole
+from surfabet.io._files import format_error, written_whole
 from surfabet.io._guess import guess_names
 from surfabet.io._names import LENGTHS, UNIT_COLOR, ColumnName, column_names
+from surfabet.io._notes import Notes
 from surfabet.io._tables import save_table
 from surfabet.io._text_table import TextTable, is_number
 from surfabet.io._units import UNITS, metres_per
@@ -103,7 +104,7 @@ def _check_width(table: TextTable, words: Sequence[str], names: Sequence[ColumnN
 
 
 def _named_columns(
-    table: TextTable, names: Sequence[ColumnName], unit: str | None, *, others: bool
+    table: TextTable, names: Sequence[ColumnName], unit: str | None, notes: Notes, others: bool
 ) -> dict[str, Column]:
     """The columns by name; without `others` only those that every cloud has."""
     path = table.lines.path
@@ -117,11 +118,10 @@ def _named_columns(
         for name, i in first.items()
         if name in known or (others and name != _LEFT_ASIDE and is_number(words[i]))
     ]
-    numbers = table.numbers(places, len(words))
-    lost = [name for name, i in first.items() if i not in places and name != _LEFT_ASIDE]
-    if lost:
-        shown = ", ".join(repr(names[first[name]].written) for name in lost)
-        warn(f"{path}: left aside columns that are not numbers: {shown}", LostAttributeWarning)
+    numbers = table.numbers(places, len(words), notes)
+    for name, i in first.items():
+        if i not in places and name != _LEFT_ASIDE:
+            notes.aside(f"column {names[i].written!r:.40}, which does not hold numbers")
     columns = {}
     for k, i in enumerate(places):
         key, column = names[i].name, numbers[:, k]
@@ -132,13 +132,16 @@ def _named_columns(
 
 
 def _unnamed_columns(
-    table: TextTable, unit: str | None, guess: Callable[[Path, list[Column]], dict[str, Column]]
+    table: TextTable,
+    unit: str | None,
+    notes: Notes,
+    guess: Callable[[Path, list[Column]], dict[str, Column]],
 ) -> dict[str, Column]:
     path = table.lines.path
     words = table.layout.words(table.first or "")
     # Lines may end in a delimiter.
     n_columns = len(words) - (words[-1] == "")
-    numbers = table.numbers(range(n_columns), len(words))
+    numbers = table.numbers(range(n_columns), len(words), notes)
     columns = guess(path, [_as_integers(numbers[:, i], words[i]) for i in range(n_columns)])
     factor = 1.0 if unit is None else metres_per(unit)
     for name, column in columns.items():
@@ -151,6 +154,7 @@ def _unnamed_columns(
 
 def read_table(
     path: Path,
+    notes: Notes,
     *,
     names: Sequence[ColumnName] | None = None,
     delimiter: str | None = None,
@@ -169,17 +173,17 @@ def read_table(
                 raise format_error(path, "no points and no column names", line=table.lines.number)
             return {name.name: np.empty(0) for name in header}
         if header is None:
-            return _unnamed_columns(table, unit, guess)
+            return _unnamed_columns(table, unit, notes, guess)
         words = table.layout.words(table.first)
         if names is None or len(words) < len(names):
             _check_width(table, words, header)
         try:
-            return _named_columns(table, header, unit, others=others)
+            return _named_columns(table, header, unit, notes, others)
         except FormatError:
             if not others or {name.name for name in header} <= KNOWN_NAMES:
                 raise
     # One of the other columns may have what is no number in a later row.
-    return read_table(path, names=names, delimiter=delimiter, unit=unit, others=False)
+    return read_table(path, notes, names=names, delimiter=delimiter, unit=unit, others=False)
 
 
 def read_text(
@@ -226,7 +230,9 @@ def read_text(
     Warns
     -----
     LostAttributeWarning
-        A named column does not hold numbers.
+        A named column does not hold numbers, or more rows follow than the file says.
+    DroppedPointsWarning
+        Points are not finite, or at exactly 0 0 0 (no returns); the message counts them.
     """
     names = None if columns is None else column_names(list(columns))
     if columns is not None and names is None:
@@ -247,8 +253,9 @@ def read_text(
     if unit is not None:
         metres_per(unit)
     spaces = delimiter is not None and delimiter.isspace() and delimiter != "\t"
-    found = read_table(path, names=names, delimiter=None if spaces else delimiter, unit=unit)
-    return cloud_from_columns(path, found)
+    notes = Notes(path)
+    found = read_table(path, notes, names=names, delimiter=None if spaces else delimiter, unit=unit)
+    return cloud_from_columns(path, found, notes=notes)
 
 
 def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -> None:
