@@ -5,6 +5,7 @@ from __future__ import annotations
 __all__ = [
     "DroppedPointsWarning",
     "FormatError",
+    "IncompleteReadWarning",
     "InvalidInputError",
     "InvalidTypeError",
     "LostAttributeWarning",
@@ -49,8 +50,12 @@ class MissingDependencyError(ImportError):
 
 
 class DroppedPointsWarning(UserWarning):
-    """Points that are not finite were left out."""
+    """Points were left out: not finite, no returns, or marked as withheld or as noise."""
 
 
 class LostAttributeWarning(UserWarning):
-    """The target cannot hold an attribute of the cloud."""
+    """The target cannot hold an attribute of the cloud, or a reader left something aside."""
+
+
+class IncompleteReadWarning(DroppedPointsWarning, LostAttributeWarning):
+    """A file was read without some of its points and with something left aside."""

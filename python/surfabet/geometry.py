@@ -86,7 +86,7 @@ def voxel_downsample(
 
     Cubes are aligned to the world's axes and origin; points come out in their order (x, then y,
     then z). Normals are averaged as directions, unknown ranges are left out, and the viewpoint is
-    the one with the most weight.
+    the one with the most weight; so is an integer of an extra column, which labels or counts.
 
     Parameters
     ----------

@@ -64,15 +64,22 @@ def check(
 
 
 def test_labels_behind_colours(tmp_path: Path) -> None:
-    check(read(tmp_path / "a.txt", rows(POINTS, COLORS, LABELS)), colors=True)
+    cloud = read(tmp_path / "a.txt", rows(POINTS, COLORS, LABELS))
+    check(cloud, colors=True)
+    np.testing.assert_array_equal(cloud["label"], LABELS)
+    assert cloud["label"].dtype == np.int32
 
 
 def test_labels_before_colours(tmp_path: Path) -> None:
-    check(read(tmp_path / "a.txt", rows(POINTS, LABELS, COLORS)), colors=True)
+    cloud = read(tmp_path / "a.txt", rows(POINTS, LABELS, COLORS))
+    check(cloud, colors=True)
+    np.testing.assert_array_equal(cloud["label"], LABELS)
 
 
 def test_labels_behind_positions_are_no_intensities(tmp_path: Path) -> None:
-    check(read(tmp_path / "a.txt", rows(POINTS, LABELS)))
+    cloud = read(tmp_path / "a.txt", rows(POINTS, LABELS))
+    check(cloud)
+    np.testing.assert_array_equal(cloud["label"], LABELS)
 
 
 @pytest.mark.parametrize("factor", [256, 257])
@@ -87,8 +94,8 @@ def test_normals_must_have_length_one(tmp_path: Path) -> None:
     np.testing.assert_allclose(cloud.normals, normals, atol=1e-3)
     normals[0] = 0
     assert read(tmp_path / "a.txt", rows(POINTS, normals)).normals is not None
-    # Five percent off is no rounding.
-    normals[1] *= 1.05
+    # A tenth off is no rounding, and all of them are no strays.
+    normals *= 1.1
     with pytest.raises(sb.FormatError, match=r"cannot tell what 6 columns mean.*columns="):
         read(tmp_path / "a.txt", rows(POINTS, normals))
 
@@ -172,6 +179,7 @@ def test_named_colours_of_16_bits_as_floats(tmp_path: Path) -> None:
         '"Points_m_XYZ:0","Points_m_XYZ:1","Points_m_XYZ:2"',
         "E,N,Z",
         "e,n,h",
+        "E [m],N [m],H [m]",
         "X [m],Y [m],Z [m]",
         "Rechtswert,Hochwert,Höhe",
     ],
@@ -187,20 +195,33 @@ def test_surveyed_points_with_codes(tmp_path: Path) -> None:
     # Point, northing, easting, elevation and a description, which may hold the delimiter.
     lines = [f"{i},{y},{x},{z},TREE, OAK" for i, (x, y, z) in enumerate(POINTS)]
     (tmp_path / "a.csv").write_text("P,N,E,Z,D\n" + "\n".join(lines))
-    with pytest.warns(sb.LostAttributeWarning, match="not numbers: 'D'"):
+    with pytest.warns(sb.LostAttributeWarning, match="left aside: column 'D', which does not h"):
         check(sb.read(tmp_path / "a.csv"))
 
 
 def test_named_columns_that_are_no_numbers_are_named(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("name,x,y,z\na b,0.5,-1.25,2\n,3,4.5,-6.75\n")
-    with pytest.warns(sb.LostAttributeWarning, match="left aside columns that are not num.*'name'"):
+    with pytest.warns(sb.LostAttributeWarning, match="left aside: column 'name', which does"):
         cloud = sb.read(path)
     np.testing.assert_array_equal(cloud.points, [[0.5, -1.25, 2], [3, 4.5, -6.75]])
     # A number in the first row and none in a later one.
     path.write_text("x,y,z,time\n0.5,-1.25,2,7\n3,4.5,-6.75,n/a\n")
     with pytest.warns(sb.LostAttributeWarning, match="'time'"):
         np.testing.assert_array_equal(sb.read(path).points, cloud.points)
+
+
+def test_all_other_columns_of_numbers_are_kept(tmp_path: Path) -> None:
+    times = 1.7e9 + np.arange(N) / 8
+    header = "x,y,z,Label,Original cloud index,time [s],rgb\n"
+    bits = COLORS @ [1 << 16, 1 << 8, 1]
+    body = rows(POINTS, LABELS, np.arange(N) + 2**33, times, bits, separator=",")
+    cloud = read(tmp_path / "a.csv", header + body)
+    check(cloud, colors=True)
+    assert sorted(cloud.extra) == ["Original cloud index", "label", "time [s]"]
+    np.testing.assert_array_equal(cloud["label"], LABELS)
+    np.testing.assert_array_equal(cloud["Original cloud index"], np.arange(N) + 2**33)
+    np.testing.assert_array_equal(cloud["time [s]"], times)
 
 
 @pytest.mark.parametrize("decimals", [",", "."])
@@ -486,6 +507,7 @@ def test_cases(name: str, colors: bool, intensity: float | None) -> None:
     np.testing.assert_allclose(low, np.add([-0.006, -0.006, -0.006], shift), rtol=0, atol=1.1e-3)
     np.testing.assert_allclose(high, np.add([3.998, 2.999, 2.499], shift), rtol=0, atol=1.1e-3)
     assert cloud.normals is None
+    assert list(cloud.extra) == (["label"] if name in ("txt_xyzrgbl", "txt_xyzl") else [])
     assert (cloud.colors is not None) == colors
     if colors:
         np.testing.assert_allclose(mean_color(cloud), [140.5, 136.9, 132.6], rtol=0, atol=0.1)

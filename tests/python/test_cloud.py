@@ -132,3 +132,88 @@ def test_empty() -> None:
     assert cloud.bounds is None
     assert cloud.points.shape == (0, 3)
     assert "0 points" in repr(cloud)
+
+
+@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_extra_columns_keep_their_type(dtype: str, order: str) -> None:
+    kind = np.dtype(dtype)
+    ends = np.finfo(kind) if kind.kind == "f" else np.iinfo(kind)
+    values = np.array([ends.min, 1, ends.max], order + dtype)
+    cloud = sb.PointCloud(POINTS, extra={"any name": np.repeat(values, 2)[::2]})
+    assert cloud["any name"].dtype == kind
+    np.testing.assert_array_equal(cloud["any name"], values)
+    np.testing.assert_array_equal(cloud.select([2, 0])["any name"], values[[2, 0]])
+
+
+def test_extra_columns_by_name_in_order() -> None:
+    time = np.array([3e8, 3e8 + 1e-7, 3e8 + 2e-7])
+    extra = {"label": [7, 8, 9], "gps_time": time, "valid": [True, False, True], "half": [0.5] * 3}
+    cloud = sb.PointCloud(POINTS, colors=np.zeros((3, 3), np.uint8), ranges=[1, 2, 3], extra=extra)
+    assert cloud.attributes == ["colors", "ranges", "label", "gps_time", "valid", "half"]
+    assert list(cloud.extra) == ["label", "gps_time", "valid", "half"]
+    assert [c.dtype for c in cloud.extra.values()] == [np.int64, np.float64, np.uint8, np.float64]
+    np.testing.assert_array_equal(cloud.extra["gps_time"], time)
+    np.testing.assert_array_equal(cloud["ranges"], [1, 2, 3])
+    np.testing.assert_array_equal(cloud["points"], POINTS)
+    assert "label, gps_time" in repr(cloud)
+    with pytest.raises(ValueError, match="read-only"):
+        cloud["label"][0] = 1
+    for name in ["normals", "viewpoint_index", "no such", "bounds"]:
+        with pytest.raises(KeyError, match="it has points, colors, ranges, label"):
+            cloud[name]
+    half = sb.PointCloud(POINTS, extra={"half": np.ones(3, np.float16)})
+    assert half["half"].dtype == np.float32
+
+
+def test_extra_columns_follow_their_points() -> None:
+    points = np.vstack([POINTS[:1], [[np.nan, 0, 0]], POINTS[1:]])
+    with pytest.warns(sb.DroppedPointsWarning, match="dropped 1 of 4"):
+        cloud = sb.PointCloud(points, extra={"a": np.arange(4), "b": [1.0, 2.0, np.nan, 4.0]})
+    np.testing.assert_array_equal(cloud["a"], [0, 2, 3])
+    np.testing.assert_array_equal(cloud["b"], [1.0, np.nan, 4.0])
+    seen = cloud.seen_from([0, 0, 0])
+    assert seen.attributes == ["ranges", "viewpoints", "a", "b"]
+    joined, lost = sb.PointCloud.concat([cloud, sb.PointCloud(POINTS, extra={"a": np.arange(3)})])
+    np.testing.assert_array_equal(joined["a"], [0, 2, 3, 0, 1, 2])
+    assert lost == ["b"]
+    _, lost = sb.PointCloud.concat([cloud, sb.PointCloud(POINTS, extra={"a": np.ones(3)})])
+    assert lost == ["a", "b"]
+    small = sb.voxel_downsample(cloud, 100.0)
+    assert small["a"].dtype == np.int64
+    assert small.attributes == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("extra", "error", "message"),
+    [
+        ({"a": [1, 2]}, sb.InvalidInputError, 'extra "a" has 2 values for 3 points'),
+        ({"a": [[1], [2], [3]]}, sb.InvalidInputError, r'extra "a" has shape \[3, 1\]'),
+        ({"a": ["x", "y", "z"]}, TypeError, 'extra "a" has dtype'),
+        ({"": [1, 2, 3]}, sb.InvalidInputError, 'extra is ""'),
+        ({"ranges": [1, 2, 3]}, sb.InvalidInputError, 'extra is "ranges".*none of points'),
+        ([1, 2, 3], TypeError, "extra"),
+    ],
+)
+def test_wrong_extra_columns_are_named(extra: object, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        sb.PointCloud(POINTS, extra=extra)
+
+
+def test_the_reference_system_is_kept_where_it_is_known_for_all() -> None:
+    cloud = sb.PointCloud(POINTS, crs="EPSG:25832")
+    assert cloud.crs == "EPSG:25832"
+    assert sb.PointCloud(POINTS).crs is None
+    assert cloud.attributes == []
+    assert cloud.select([0]).crs == "EPSG:25832"
+    assert cloud.seen_from([0, 0, 0]).crs == "EPSG:25832"
+    assert sb.PointCloud.concat([cloud, cloud])[0].crs == "EPSG:25832"
+    joined, lost = sb.PointCloud.concat([cloud, sb.PointCloud(POINTS)])
+    assert (joined.crs, lost) == (None, ["crs"])
+
+
+def test_a_model_names_the_columns_that_it_does_not_keep() -> None:
+    rng = np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(0, 1, (500, 2)), np.zeros(500)])
+    cloud = sb.PointCloud(points, extra={"classification": np.ones(500, np.uint8)}, crs="EPSG:1")
+    assert sb.learn_gas(cloud, n_neurons=20).report.not_kept == ("classification", "crs")

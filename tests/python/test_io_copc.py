@@ -41,13 +41,28 @@ def variable(user: bytes, number: int, data: bytes) -> bytes:
     return struct.pack("<H16sHH32s", 0, user, number, len(data), b"") + data
 
 
-def write_copc(path: Path, edit: Any = None) -> Path:
-    """The file; `edit` changes the data of the octree."""
-    vlr = lazrs.LazVlr.new_for_compression(6, 0, True)
-    laszip = variable(b"laszip encoded", 22204, bytes(vlr.record_data()))
-    points_at = 375 + 54 + 160 + len(laszip)
-    file = io.BytesIO(bytes(points_at))
-    file.seek(points_at)
+def octree(entries: list[bytes], root_at: int, edit: Any = None) -> tuple[bytes, int]:
+    """The pages of the octree, and the bytes of the first; `edit` changes all."""
+    # The second cell, of level 1, and what is below it are on a page of their own.
+    key = struct.unpack("<4i", entries[1][:16])
+    assert key[0] == 1
+    below = [
+        entry
+        for entry in entries
+        if (cell := struct.unpack("<4i", entry[:16]))[0] == 2
+        and all(c >> 1 == k for c, k in zip(cell[1:], key[1:], strict=True))
+    ]
+    page = [entries[1], *below]
+    rest = [entry for entry in entries if entry not in page]
+    root_size = 32 * (len(rest) + 1)
+    link = struct.pack("<4iQ2i", *key, root_at + root_size, 32 * len(page), -1)
+    data = b"".join([rest[0], link, *rest[1:], *page])
+    return (data if edit is None else edit(data, root_at)), root_size
+
+
+def write_chunks(file: io.BytesIO, vlr: Any) -> list[bytes]:
+    """Compresses each cell on its own; gives back the entries of the octree."""
+    start_of_points = file.tell()
     compressor = lazrs.LasZipCompressor(file, vlr)
     compressor.reserve_offset_to_chunk_table()
     cells = np.floor((POINTS - SHIFT) / 8 * 2.0 ** LEVEL[:, None]).astype(int)
@@ -63,58 +78,30 @@ def write_copc(path: Path, edit: Any = None) -> Path:
     compressor.done()
     # The last chunk ends where the table of chunks begins.
     ends = [start for _, start, _ in chunks[1:]]
-    ends += struct.unpack_from("<q", file.getvalue(), points_at)
-    entries = [
+    ends += struct.unpack_from("<q", file.getvalue(), start_of_points)
+    return [
         struct.pack("<4iQ2i", *key, start, end - start, count)
         for (key, start, count), end in zip(chunks, ends, strict=True)
     ]
+
+
+def write_copc(path: Path, edit: Any = None) -> Path:
+    """The file; `edit` changes the data of the octree."""
+    vlr = lazrs.LazVlr.new_for_compression(6, 0, True)
+    laszip = variable(b"laszip encoded", 22204, bytes(vlr.record_data()))
+    points_at = 375 + 54 + 160 + len(laszip)
+    file = io.BytesIO(bytes(points_at))
+    file.seek(points_at)
+    entries = write_chunks(file, vlr)
     file.seek(0, io.SEEK_END)
     extended_at = file.tell()
     root_at = extended_at + 60
-    # The second cell, of level 1, and what is below it are on a page of their own.
-    key = struct.unpack("<4i", entries[1][:16])
-    assert key[0] == 1
-    below = [
-        entry
-        for entry in entries
-        if (cell := struct.unpack("<4i", entry[:16]))[0] == 2
-        and all(c >> 1 == k for c, k in zip(cell[1:], key[1:], strict=True))
-    ]
-    page = [entries[1], *below]
-    rest = [entry for entry in entries if entry not in page]
-    root_size = 32 * (len(rest) + 1)
-    link = struct.pack("<4iQ2i", *key, root_at + root_size, 32 * len(page), -1)
-    data = b"".join([rest[0], link, *rest[1:], *page])
-    if edit is not None:
-        data = edit(data, root_at)
+    data, root_size = octree(entries, root_at, edit)
     file.write(struct.pack("<H16sHQ32s", 0, b"copc", 1000, len(data), b"") + data)
-    low, high = POINTS.min(axis=0), POINTS.max(axis=0)
-    header = struct.pack(
-        "<4sHH16sBB32s32sHHHIIBHI5I",
-        b"LASF",
-        0,
-        16,
-        b"",
-        1,
-        4,
-        b"",
-        b"",
-        1,
-        2026,
-        375,
-        points_at,
-        2,
-        6 | 0x80,
-        30,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-    )
+    header = struct.pack("<4sHH16sBB32s32s", b"LASF", 0, 16, b"", 1, 4, b"", b"")
+    header += struct.pack("<HHHIIBHI5I", 1, 2026, 375, points_at, 2, 6 | 0x80, 30, *[0] * 6)
     header += struct.pack("<6d", *[SCALE] * 3, *SHIFT)
-    header += struct.pack("<6d", *np.column_stack([high, low]).ravel())
+    header += struct.pack("<6d", *np.ravel([POINTS.max(axis=0), POINTS.min(axis=0)], "F"))
     header += struct.pack("<QQIQ15Q", 0, extended_at, 1, len(POINTS), len(POINTS), *[0] * 14)
     middle = SHIFT + 4
     info = struct.pack("<5dQQ2d11Q", *middle, 4.0, 1.0, root_at, root_size, 0.0, 0.0, *[0] * 11)

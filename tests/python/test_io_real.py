@@ -28,20 +28,32 @@ def read(name: str, **options: Any) -> sb.PointCloud:
         return sb.read(DATA / name, **options)
 
 
+LAS_COLUMNS = [
+    "return_number",
+    "number_of_returns",
+    "scan_direction_flag",
+    "classification",
+    "scan_angle_rank",
+    "user_data",
+    "point_source_id",
+    "gps_time",
+]
+
+
 @pytest.mark.parametrize(
     ("name", "n_points", "attributes"),
     [
         ("indoor_scan/room_scan1.pcd", 112_586, []),
         ("indoor_scan/room_scan2.pcd", 112_624, []),
-        ("multi_scan/full0.pcd", 73_452, ["intensities", "normals"]),
+        ("multi_scan/full0.pcd", 73_452, ["intensities", "curvature"]),
         ("rgbd_frame/table.pcd", 241_407, ["colors"]),
-        ("rgbd_frame/objects.pcd", 207_451, ["colors"]),
+        ("rgbd_frame/objects.pcd", 207_451, ["colors", "label"]),
         ("georeferenced/terrain_utm.pcd", 392_872, []),
-        ("georeferenced/autzen_trim.laz", 110_000, ["colors", "intensities"]),
+        ("georeferenced/autzen_trim.laz", 110_000, ["colors", "intensities", *LAS_COLUMNS]),
         (
             "e57/pumpAVisualReferenceImage.e57",
             155_201,
-            ["colors", "intensities", "ranges", "viewpoints"],
+            ["colors", "intensities", "ranges", "viewpoints", "rowIndex", "columnIndex"],
         ),
         ("outdoor_360/000000.bin", 124_668, ["intensities", "ranges", "viewpoints"]),
     ],
@@ -106,7 +118,7 @@ def test_laz_against_laspy() -> None:
     laspy = pytest.importorskip("laspy")
     pytest.importorskip("lazrs")
     path = DATA / "georeferenced/autzen_trim.laz"
-    with pytest.warns(sb.LostAttributeWarning, match=r"Lambert_Conformal_Conic, unit foot"):
+    with pytest.warns(sb.LostAttributeWarning, match=r"Conic\): foot \(0.3048 m\) horiz"):
         cloud = sb.read(path)
     other = laspy.read(path)
     np.testing.assert_allclose(cloud.points, other.xyz, rtol=0, atol=1e-3)
@@ -115,6 +127,8 @@ def test_laz_against_laspy() -> None:
     assert other.red.max() < 256
     colors = np.stack([other.red, other.green, other.blue], axis=1)
     np.testing.assert_array_equal(cloud.colors, colors)
+    for name in LAS_COLUMNS:
+        np.testing.assert_array_equal(cloud[name], other[name], err_msg=name)
 
 
 def test_e57_against_pye57() -> None:

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::attribute::{self, Column, Extra, pick, retain_by};
 use crate::error::{Error, Result};
 use crate::vector::distance;
 
@@ -35,6 +36,10 @@ pub struct CloudParts {
     pub ranges: Option<Vec<f32>>,
     /// Where the sensor stood.
     pub viewpoints: Option<Viewpoints>,
+    /// Any other attribute by name, in the order of the file.
+    pub extra: Extra,
+    /// The coordinate reference system, as WKT or as a code like `EPSG:25832`; nothing here interprets it.
+    pub crs: Option<String>,
 }
 
 /// What construction left out of the input.
@@ -59,20 +64,16 @@ pub struct PointCloud {
     normals: Option<Vec<[f32; 3]>>,
     ranges: Option<Vec<f32>>,
     viewpoints: Option<Viewpoints>,
+    extra: Extra,
+    crs: Option<String>,
 }
 
 fn check_len(attribute: &'static str, found: usize, expected: usize) -> Result<()> {
     if found == expected {
         Ok(())
     } else {
-        Err(Error::LengthMismatch { attribute, found, expected })
+        Err(Error::LengthMismatch { attribute: attribute.into(), found, expected })
     }
-}
-
-fn retain_by<T: Copy>(values: &mut Vec<T>, keep: &[bool]) {
-    let mut flags = keep.iter();
-    // One flag per value: both lengths were checked against the number of points.
-    values.retain(|_| flags.next().copied().unwrap_or(false));
 }
 
 fn zero_unless_finite<const N: usize>(values: &mut [[f32; N]]) -> usize {
@@ -90,7 +91,8 @@ impl PointCloud {
     /// # Errors
     /// [`Error::LengthMismatch`] when a column does not have one value per point,
     /// [`Error::IndexOutOfRange`] for a viewpoint index without origin, and [`Error::InvalidParameter`] when
-    /// the origin or a viewpoint is not finite.
+    /// the origin or a viewpoint is not finite, or the name of an extra column is empty, given twice or one of
+    /// [`RESERVED_NAMES`](crate::RESERVED_NAMES).
     pub fn from_parts(mut parts: CloudParts) -> Result<(Self, DroppedValues)> {
         let n = parts.positions.len();
         if parts.origin.iter().any(|c| !c.is_finite()) {
@@ -122,6 +124,7 @@ impl PointCloud {
                 return Err(Error::invalid("viewpoint", format!("{o:?}"), "finite"));
             }
         }
+        attribute::check(&parts.extra, n)?;
 
         let mut dropped = DroppedValues::default();
         let keep: Vec<bool> =
@@ -144,6 +147,9 @@ impl PointCloud {
             if let Some(v) = &mut parts.viewpoints {
                 retain_by(&mut v.index, &keep);
             }
+            for (_, column) in &mut parts.extra {
+                column.retain(&keep);
+            }
         }
         if let Some(v) = &mut parts.normals {
             dropped.attributes += zero_unless_finite(v);
@@ -151,15 +157,44 @@ impl PointCloud {
         for column in [&mut parts.ranges, &mut parts.intensities].into_iter().flatten() {
             dropped.attributes += zero_unless_finite(column.as_chunks_mut::<1>().0);
         }
-        let CloudParts { origin, positions, colors, intensities, normals, ranges, viewpoints } =
-            parts;
-        Ok((Self { origin, positions, colors, intensities, normals, ranges, viewpoints }, dropped))
+        let CloudParts {
+            origin,
+            positions,
+            colors,
+            intensities,
+            normals,
+            ranges,
+            viewpoints,
+            extra,
+            crs,
+        } = parts;
+        let cloud = Self {
+            origin,
+            positions,
+            colors,
+            intensities,
+            normals,
+            ranges,
+            viewpoints,
+            extra,
+            crs,
+        };
+        Ok((cloud, dropped))
     }
 
     /// The columns, to build another cloud from.
     pub fn into_parts(self) -> CloudParts {
-        let Self { origin, positions, colors, intensities, normals, ranges, viewpoints } = self;
-        CloudParts { origin, positions, colors, intensities, normals, ranges, viewpoints }
+        CloudParts {
+            origin: self.origin,
+            positions: self.positions,
+            colors: self.colors,
+            intensities: self.intensities,
+            normals: self.normals,
+            ranges: self.ranges,
+            viewpoints: self.viewpoints,
+            extra: self.extra,
+            crs: self.crs,
+        }
     }
 
     /// A cloud of bare `f32` positions in metres; the origin is zero.
@@ -277,6 +312,29 @@ impl PointCloud {
         self.viewpoints.as_ref()
     }
 
+    /// The other attributes by name, in the order of the file.
+    pub fn extra(&self) -> &[(String, Column)] {
+        &self.extra
+    }
+
+    /// The coordinate reference system, as WKT or as a code like `EPSG:25832`.
+    pub fn crs(&self) -> Option<&str> {
+        self.crs.as_deref()
+    }
+
+    /// Names of the attributes that there are beside the positions.
+    pub fn attributes(&self) -> Vec<&str> {
+        let present = [
+            ("colors", self.colors.is_some()),
+            ("intensities", self.intensities.is_some()),
+            ("normals", self.normals.is_some()),
+            ("ranges", self.ranges.is_some()),
+            ("viewpoints", self.viewpoints.is_some()),
+        ];
+        let builtin = present.into_iter().filter_map(|(name, is)| is.then_some(name));
+        builtin.chain(self.extra.iter().map(|(name, _)| name.as_str())).collect()
+    }
+
     /// Where point `i` was measured from, relative to [`PointCloud::origin`].
     pub fn local_viewpoint(&self, i: usize) -> Option<[f32; 3]> {
         let viewpoints = self.viewpoints.as_ref()?;
@@ -319,9 +377,6 @@ impl PointCloud {
         if let Some(&index) = indices.iter().find(|&&i| i >= self.len()) {
             return Err(Error::IndexOutOfRange { name: "point", index, len: self.len() });
         }
-        fn pick<T: Copy>(values: &[T], indices: &[usize]) -> Vec<T> {
-            indices.iter().map(|&i| values[i]).collect()
-        }
         Ok(Self {
             origin: self.origin,
             positions: pick(&self.positions, indices),
@@ -333,6 +388,8 @@ impl PointCloud {
                 .viewpoints
                 .as_ref()
                 .map(|v| Viewpoints { origins: v.origins.clone(), index: pick(&v.index, indices) }),
+            extra: self.extra.iter().map(|(name, c)| (name.clone(), c.select(indices))).collect(),
+            crs: self.crs.clone(),
         })
     }
 
@@ -351,8 +408,9 @@ impl PointCloud {
     }
 
     /// All points of `clouds` about the first one's origin. An attribute is kept when every cloud that has
-    /// points has it; the names of those that had to go are returned beside the cloud.
-    pub fn concat(clouds: &[Self]) -> (Self, Vec<&'static str>) {
+    /// points has it, extra columns with the same type, the coordinate reference system where it is the same; the
+    /// names of those that had to go are returned beside the cloud.
+    pub fn concat(clouds: &[Self]) -> (Self, Vec<String>) {
         let filled: Vec<&Self> = clouds.iter().filter(|c| !c.is_empty()).collect();
         let Some(first) = filled.first() else {
             return (clouds.first().cloned().unwrap_or_default(), Vec::new());
@@ -361,14 +419,14 @@ impl PointCloud {
         fn join<T: Copy>(
             name: &'static str,
             columns: &[Option<&[T]>],
-            lost: &mut Vec<&'static str>,
+            lost: &mut Vec<String>,
         ) -> Option<Vec<T>> {
             let present: Vec<&[T]> = columns.iter().flatten().copied().collect();
             if present.len() == columns.len() {
                 return Some(present.concat());
             }
             if !present.is_empty() {
-                lost.push(name);
+                lost.push(name.to_owned());
             }
             None
         }
@@ -394,10 +452,16 @@ impl PointCloud {
             Some(all)
         } else {
             if !known.is_empty() {
-                lost.push("viewpoints");
+                lost.push("viewpoints".to_owned());
             }
             None
         };
+        let extras: Vec<_> = filled.iter().map(|c| c.extra()).collect();
+        let extra = attribute::joined(&extras, &mut lost);
+        let crs = first.crs.clone().filter(|_| filled.iter().all(|c| c.crs == first.crs));
+        if crs.is_none() && filled.iter().any(|c| c.crs.is_some()) {
+            lost.push("crs".to_owned());
+        }
         let positions = filled.iter().flat_map(|c| c.positions_about(first.origin)).collect();
         let cloud = Self {
             origin: first.origin,
@@ -407,6 +471,8 @@ impl PointCloud {
             normals,
             ranges,
             viewpoints,
+            extra,
+            crs,
         };
         (cloud, lost)
     }
@@ -525,6 +591,37 @@ mod tests {
             PointCloud::concat(&[cloud(10.0, Some(vec![[9; 3]])), cloud(30.0, None)]);
         assert_eq!(joined.positions(), [[1.0, 2.0, 3.0], [21.0, 2.0, 3.0]]);
         assert_eq!(lost, ["colors"]);
+    }
+
+    #[test]
+    fn extra_columns_and_the_reference_system_go_with_their_points() {
+        let parts = |crs: &str| CloudParts {
+            positions: vec![[0.0; 3], [f32::NAN; 3], [1.0; 3], [2.0; 3]],
+            extra: vec![
+                ("label".to_owned(), vec![1_u8, 2, 3, 4].into()),
+                ("gps_time".to_owned(), vec![0.5, f64::NAN, 1.5, f64::INFINITY].into()),
+            ],
+            crs: Some(crs.to_owned()),
+            ..CloudParts::default()
+        };
+        let (cloud, dropped) = PointCloud::from_parts(parts("EPSG:25832")).unwrap();
+        // Only the cloud's own columns have a value for "unknown".
+        assert_eq!(dropped, DroppedValues { points: 1, attributes: 0 });
+        assert_eq!(cloud.attributes(), ["label", "gps_time"]);
+        let chosen = cloud.select(&[2, 0]).unwrap().seen_from([0.0; 3]).unwrap();
+        assert_eq!(chosen.extra()[0], ("label".to_owned(), vec![4_u8, 1].into()));
+        assert_eq!(chosen.extra()[1], ("gps_time".to_owned(), vec![f64::INFINITY, 0.5].into()));
+        assert_eq!(chosen.crs(), Some("EPSG:25832"));
+        assert_eq!(chosen.attributes(), ["ranges", "viewpoints", "label", "gps_time"]);
+        let parts_again = cloud.clone().into_parts();
+        assert_eq!(PointCloud::from_parts(parts_again).unwrap().0, cloud);
+
+        let (twice, lost) = PointCloud::concat(&[cloud.clone(), cloud.clone()]);
+        assert_eq!((twice.crs(), lost), (Some("EPSG:25832"), Vec::new()));
+        assert_eq!(twice.extra()[0].1, vec![1_u8, 3, 4, 1, 3, 4].into());
+        let (other, _) = PointCloud::from_parts(parts("EPSG:4978")).unwrap();
+        let (joined, lost) = PointCloud::concat(&[cloud, other]);
+        assert_eq!((joined.crs(), lost), (None, vec!["crs".to_owned()]));
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub enum Error {
     #[error("{attribute} has {found} values for {expected} points; give one per point")]
     LengthMismatch {
         /// Name of the attribute.
-        attribute: &'static str,
+        attribute: Cow<'static, str>,
         /// How many values it has.
         found: usize,
         /// How many points there are.

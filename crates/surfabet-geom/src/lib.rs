@@ -4,6 +4,7 @@
 //! georeferenced coordinates keep their millimetres while the work stays in single precision; sums are
 //! accumulated in `f64`.
 
+mod attribute;
 mod box_tree;
 mod boxes;
 pub mod cells;
@@ -22,6 +23,7 @@ mod reduce;
 pub mod vector;
 mod voxel_grid;
 
+pub use attribute::{Column, Extra, RESERVED_NAMES};
 pub use box_tree::{BoxTree, Union, arrange, boxes_of};
 pub use boxes::Aabb;
 pub use cloud::{CloudParts, DroppedValues, LARGEST_UNSHIFTED, PointCloud, Viewpoints};

@@ -127,7 +127,7 @@ impl Octree {
         self.check(level)?;
         if cloud.len() != self.order.len() {
             return Err(Error::LengthMismatch {
-                attribute: "cloud",
+                attribute: "cloud".into(),
                 found: cloud.len(),
                 expected: self.order.len(),
             });

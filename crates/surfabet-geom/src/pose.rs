@@ -90,7 +90,8 @@ impl Pose {
     }
 
     /// Moves a cloud with its normals and viewpoints. The origin moves in `f64` and the local positions only turn
-    /// about it, so that large translations cost no precision.
+    /// about it, so that large translations cost no precision. Where the cloud comes to lie has no known coordinate
+    /// reference system.
     pub fn apply_to(&self, cloud: &PointCloud) -> PointCloud {
         let rotation = self.rotation();
         let turn = |v: &[f32; 3]| -> [f32; 3] {
@@ -109,6 +110,8 @@ impl Pose {
                 origins: v.origins.iter().map(|&o| self.apply(o)).collect(),
                 index: v.index.clone(),
             }),
+            extra: cloud.extra().to_vec(),
+            crs: None,
         };
         // Columns of a checked cloud keep their lengths, and finite values only turn.
         PointCloud::from_parts(parts).map(|(cloud, _)| cloud).unwrap_or_default()

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::attribute::{Column, Scalar, heaviest, with_column};
 use crate::cells::wide_cell_of;
 use crate::cloud::{CloudParts, PointCloud, Viewpoints};
 use crate::error::{Error, Result};
@@ -166,7 +167,9 @@ impl VoxelGrid {
     ///
     /// Positions, colours (rounded) and intensities are (weighted) arithmetic means. Normals are the direction of
     /// the mean of the known ones, zero where none is known or they cancel. Ranges are means of the known ones,
-    /// zero where none is. The viewpoint is the one with the most weight, the earlier one of equals.
+    /// zero where none is. The viewpoint is the one with the most weight, the earlier one of equals. Of extra columns
+    /// floating-point numbers are (weighted) means, and integers, which count or label, the value with the most
+    /// weight, the smaller one of equals.
     ///
     /// `weights` holds a positive number per point; without it all count the same.
     ///
@@ -182,12 +185,16 @@ impl VoxelGrid {
     ) -> Result<PointCloud> {
         let expected = self.order.len();
         if cloud.len() != expected {
-            return Err(Error::LengthMismatch { attribute: "cloud", found: cloud.len(), expected });
+            return Err(Error::LengthMismatch {
+                attribute: "cloud".into(),
+                found: cloud.len(),
+                expected,
+            });
         }
         if let Some(weights) = weights {
             if weights.len() != expected {
                 let found = weights.len();
-                return Err(Error::LengthMismatch { attribute: "weights", found, expected });
+                return Err(Error::LengthMismatch { attribute: "weights".into(), found, expected });
             }
             if let Some(w) = weights.iter().find(|w| !(**w > 0.0 && w.is_finite())) {
                 return Err(Error::invalid("weight", w, "positive and finite"));
@@ -240,6 +247,10 @@ impl VoxelGrid {
                 heaviest(&viewpoints.index, members, weight)
             })?;
         }
+        let merged = |(name, column): &(String, Column)| {
+            Ok((name.clone(), self.merged(column, weight, progress)?))
+        };
+        let extra = cloud.extra().iter().map(merged).collect::<Result<_>>()?;
         let parts = CloudParts {
             origin: cloud.origin(),
             positions: means.positions,
@@ -250,8 +261,24 @@ impl VoxelGrid {
             viewpoints: cloud
                 .viewpoints()
                 .map(|v| Viewpoints { origins: v.origins.clone(), index: means.viewpoints }),
+            extra,
+            crs: cloud.crs().map(str::to_owned),
         };
         PointCloud::from_parts(parts).map(|(cloud, _)| cloud)
+    }
+
+    /// One value per voxel for a column of any type.
+    fn merged(
+        &self,
+        column: &Column,
+        weight: impl Fn(usize) -> f64 + Copy + Sync,
+        progress: &dyn Progress,
+    ) -> Result<Column> {
+        with_column!(column, values => {
+            let mut merged = vec![Default::default(); self.len()];
+            self.fill(&mut merged, progress, |members| Scalar::merged(values, members, weight))?;
+            Ok(merged.into())
+        })
     }
 
     /// Computes one value per voxel from the voxel's points, in parallel.
@@ -298,21 +325,6 @@ fn mean<T: Copy + Into<f64>, const N: usize>(
     sum.map(|s| s / total)
 }
 
-/// The label with the largest sum of weights, the smaller one of equals.
-fn heaviest(labels: &[u32], members: &[u32], weight: impl Fn(usize) -> f64) -> u32 {
-    let mut sums: Vec<(u32, f64)> = Vec::new();
-    for i in members.iter().map(|&i| i as usize) {
-        // Points of one viewpoint mostly follow each other.
-        match sums.iter_mut().rev().find(|(label, _)| *label == labels[i]) {
-            Some((_, sum)) => *sum += weight(i),
-            None => sums.push((labels[i], weight(i))),
-        }
-    }
-    sums.into_iter()
-        .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
-        .map_or(0, |(label, _)| label)
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
@@ -343,6 +355,11 @@ mod tests {
                 origins: vec![[0.0; 3], [1.0; 3]],
                 index: vec![1, 0, 0, 1],
             }),
+            extra: vec![
+                ("label".to_owned(), vec![6_u8, 2, 5, 2].into()),
+                ("time".to_owned(), vec![1e9 + 1.0, 0.0, 1e9 + 3.0, 0.5].into()),
+            ],
+            crs: Some("EPSG:25832".to_owned()),
         });
         let grid = VoxelGrid::new(&c, 1.0, &Silent).unwrap();
         assert_eq!(grid.cells(), [[-1, 0, 0], [0, 0, 0], [1, 0, 0]]);
@@ -358,10 +375,14 @@ mod tests {
         assert_eq!(m.normals().unwrap()[2], [0.0; 3]);
         assert_eq!(m.ranges().unwrap(), [0.0, 2.0, 4.0]);
         assert_eq!(m.viewpoints().unwrap().index, [1, 0, 0]);
+        assert_eq!(m.extra()[0], ("label".to_owned(), vec![2_u8, 5, 2].into()));
+        assert_eq!(m.extra()[1], ("time".to_owned(), vec![0.5, 1e9 + 2.0, 0.0].into()));
+        assert_eq!(m.crs(), Some("EPSG:25832"));
 
         let m = grid.means(&c, Some(&[3.0, 1.0, 1.0, 1.0]), &Silent).unwrap();
         assert!((m.positions()[1][0] - 0.15).abs() < 1e-7);
         assert_eq!(m.viewpoints().unwrap().index, [1, 1, 0]);
+        assert_eq!(m.extra()[0].1, vec![2_u8, 6, 2].into());
     }
 
     #[test]

@@ -104,7 +104,7 @@ pub struct Report<F = Named> {
     /// Why learning ended.
     pub stop_reason: &'static str,
     /// What the cloud had and the model does not keep.
-    pub not_kept: Vec<&'static str>,
+    pub not_kept: Vec<String>,
 }
 
 impl<F: Figures> Report<F> {
@@ -143,21 +143,16 @@ impl<T> PartialEq for Beside<T> {
 }
 
 /// What `cloud` has beyond positions and is not among `kept`, by name.
-pub(crate) fn lost(cloud: &PointCloud, kept: &[&str]) -> Vec<&'static str> {
-    [
-        ("colors", cloud.colors().is_some()),
-        ("intensities", cloud.intensities().is_some()),
-        ("normals", cloud.normals().is_some()),
-        ("ranges", cloud.ranges().is_some()),
-        ("viewpoints", cloud.viewpoints().is_some()),
-    ]
-    .into_iter()
-    .filter_map(|(name, present)| (present && !kept.contains(&name)).then_some(name))
-    .collect()
+pub(crate) fn lost(cloud: &PointCloud, kept: &[&str]) -> Vec<String> {
+    let crs = cloud.crs().map(|_| "crs");
+    let present = cloud.attributes().into_iter().chain(crs);
+    present.filter(|name| !kept.contains(name)).map(str::to_owned).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use surfabet_geom::CloudParts;
+
     use super::*;
 
     figures! {
@@ -170,6 +165,21 @@ mod tests {
             /// A measure.
             pub grid_size: f64 = "grid size",
         }
+    }
+
+    #[test]
+    fn lost_is_what_the_cloud_has_and_the_model_does_not_keep() {
+        let parts = CloudParts {
+            positions: vec![[0.0; 3]],
+            colors: Some(vec![[1; 3]]),
+            ranges: Some(vec![1.0]),
+            extra: vec![("classification".to_owned(), vec![2_u8].into())],
+            crs: Some("EPSG:25832".to_owned()),
+            ..CloudParts::default()
+        };
+        let cloud = PointCloud::from_parts(parts).unwrap().0;
+        assert_eq!(lost(&cloud, &["colors"]), ["ranges", "classification", "crs"]);
+        assert_eq!(lost(&PointCloud::default(), &[]), [""; 0]);
     }
 
     #[test]

@@ -6,6 +6,8 @@ use numpy::{
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
+use surfabet_geom::Column;
+
 use crate::errors::invalid_input;
 
 /// Rows of three in the precision they came in.
@@ -89,6 +91,37 @@ pub fn column_f32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
     }
     let array: PyReadonlyArray1<'_, f32> = contiguous(&array, "float32")?.extract()?;
     array.as_slice().map(<[f32]>::to_vec).map_err(invalid_input)
+}
+
+/// An (n,) array of numbers in its own type; truth values become 0 and 1, half precision becomes single.
+pub fn column(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Column> {
+    let array = obj.py().import("numpy")?.call_method1("asarray", (obj,))?;
+    let is_truth = array.getattr("dtype")?.getattr("kind")?.eq("b")?;
+    let array = if is_truth { array.call_method1("astype", ("uint8",))? } else { array };
+    let (array, kind, size) = as_real_array(name, &array)?;
+    if array.ndim() != 1 {
+        return Err(invalid_input(format!("{name} has shape {:?}, expected (n,)", array.shape())));
+    }
+    fn values<T>(array: &Bound<'_, PyUntypedArray>, dtype: &str) -> PyResult<Column>
+    where
+        T: numpy::Element + Copy,
+        Column: From<Vec<T>>,
+    {
+        let array: PyReadonlyArray1<'_, T> = contiguous(array, dtype)?.extract()?;
+        array.as_slice().map(|values| values.to_vec().into()).map_err(invalid_input)
+    }
+    match (kind.as_str(), size) {
+        ("u", 1) => values::<u8>(&array, "uint8"),
+        ("i", 1) => values::<i8>(&array, "int8"),
+        ("u", 2) => values::<u16>(&array, "uint16"),
+        ("i", 2) => values::<i16>(&array, "int16"),
+        ("u", 4) => values::<u32>(&array, "uint32"),
+        ("i", 4) => values::<i32>(&array, "int32"),
+        ("u", _) => values::<u64>(&array, "uint64"),
+        ("i", _) => values::<i64>(&array, "int64"),
+        (_, ..=4) => values::<f32>(&array, "float32"),
+        _ => values::<f64>(&array, "float64"),
+    }
 }
 
 /// An (n,) array of non-negative integers below 2^32.

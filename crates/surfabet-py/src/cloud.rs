@@ -2,16 +2,22 @@
 
 use numpy::ndarray::{ArrayView1, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Viewpoints};
+use pyo3::types::{PyDict, PyMapping};
+use surfabet_geom::{CloudParts, Column, DroppedValues, Extra, PointCloud, Viewpoints};
 
 use crate::arrays::{self, Rows3};
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::view::{FrozenOwner, read_only_view};
 
 /// Points in metres with what the scanner knew of them; immutable.
-#[pyclass(name = "PointCloud", module = "surfabet", frozen)]
+///
+/// `extra` holds any other attribute: a number per point by name (`uint8` to `int64`, `float32`, `float64`), in the
+/// order of the file. `cloud[name]` is any column by its name, built-in or extra, and `attributes` lists the names.
+/// `crs` is the coordinate reference system, as WKT or as a code like `EPSG:25832`; nothing here interprets it.
+#[pyclass(name = "PointCloud", module = "surfabet", frozen, mapping)]
 pub struct PyPointCloud {
     pub(crate) cloud: PointCloud,
     /// World coordinates, once they were asked for.
@@ -28,6 +34,34 @@ impl From<PointCloud> for PyPointCloud {
 
 fn rows<T, const N: usize>(values: &[[T; N]]) -> ArrayView2<'_, T> {
     ArrayView2::from(values)
+}
+
+/// The named columns of a mapping, in its order.
+fn extra_columns(extra: &Bound<'_, PyMapping>) -> PyResult<Extra> {
+    let items = extra.items()?;
+    let column = |item: Bound<'_, PyAny>| {
+        let (name, values): (String, Bound<'_, PyAny>) = item.extract()?;
+        let column = arrays::column(&format!("extra {name:?}"), &values)?;
+        Ok((name, column))
+    };
+    items.iter().map(column).collect()
+}
+
+/// A view of the extra column `i`, which there must be.
+fn extra_view<'py>(owner: &Bound<'py, PyPointCloud>, i: usize) -> Bound<'py, PyAny> {
+    macro_rules! view {
+        ($($Variant:ident)*) => {
+            match owner.get().cloud.extra()[i].1 {
+                $(Column::$Variant(_) => read_only_view(owner, |c| match &c.cloud.extra()[i].1 {
+                    Column::$Variant(values) => ArrayView1::from(values),
+                    // The same column as above.
+                    _ => ArrayView1::from(&[]),
+                })
+                .into_any(),)*
+            }
+        };
+    }
+    view!(U8 I8 U16 I16 U32 I32 U64 I64 F32 F64)
 }
 
 /// What construction left out of `total` points, if anything.
@@ -52,7 +86,8 @@ fn said(dropped: DroppedValues, total: usize) -> Option<String> {
 impl PyPointCloud {
     #[new]
     #[pyo3(signature = (points, *, colors=None, intensities=None, normals=None, ranges=None,
-                        viewpoints=None, viewpoint_index=None, origin=None))]
+                        viewpoints=None, viewpoint_index=None, extra=None, crs=None,
+                        origin=None))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
@@ -63,6 +98,8 @@ impl PyPointCloud {
         ranges: Option<&Bound<'_, PyAny>>,
         viewpoints: Option<&Bound<'_, PyAny>>,
         viewpoint_index: Option<&Bound<'_, PyAny>>,
+        extra: Option<&Bound<'_, PyMapping>>,
+        crs: Option<String>,
         origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
         let (cloud, dropped) = Self::checked(
@@ -73,6 +110,8 @@ impl PyPointCloud {
             ranges,
             viewpoints,
             viewpoint_index,
+            extra,
+            crs,
             origin,
         )?;
         if let Some(dropped) = dropped {
@@ -85,7 +124,8 @@ impl PyPointCloud {
     /// The cloud, and what of the columns was not finite and had to go, for callers that warn in their own words.
     #[staticmethod]
     #[pyo3(signature = (points, *, colors=None, intensities=None, normals=None, ranges=None,
-                        viewpoints=None, viewpoint_index=None, origin=None))]
+                        viewpoints=None, viewpoint_index=None, extra=None, crs=None,
+                        origin=None))]
     #[allow(clippy::too_many_arguments)]
     fn checked(
         points: &Bound<'_, PyAny>,
@@ -95,6 +135,8 @@ impl PyPointCloud {
         ranges: Option<&Bound<'_, PyAny>>,
         viewpoints: Option<&Bound<'_, PyAny>>,
         viewpoint_index: Option<&Bound<'_, PyAny>>,
+        extra: Option<&Bound<'_, PyMapping>>,
+        crs: Option<String>,
         origin: Option<[f64; 3]>,
     ) -> PyResult<(Self, Option<String>)> {
         let (origin, positions) = match (arrays::rows3("points", points)?, origin) {
@@ -133,6 +175,8 @@ impl PyPointCloud {
             normals: normals.map(|c| arrays::rows3("normals", c)).transpose()?.map(Rows3::into_f32),
             ranges: ranges.map(|c| arrays::column_f32("ranges", c)).transpose()?,
             viewpoints,
+            extra: extra.map(extra_columns).transpose()?.unwrap_or_default(),
+            crs,
         };
         let (cloud, dropped) = PointCloud::from_parts(parts).map_err(IntoPyErr::into_py_err)?;
         Ok((cloud.into(), said(dropped, total)))
@@ -206,16 +250,39 @@ impl PyPointCloud {
         self.cloud.bounds()
     }
 
+    /// The other attributes by name, in the order of the file.
     #[getter]
-    fn attributes(&self) -> Vec<&'static str> {
-        let present = [
-            ("colors", self.cloud.colors().is_some()),
-            ("intensities", self.cloud.intensities().is_some()),
-            ("normals", self.cloud.normals().is_some()),
-            ("ranges", self.cloud.ranges().is_some()),
-            ("viewpoints", self.cloud.viewpoints().is_some()),
-        ];
-        present.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect()
+    fn extra<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let columns = PyDict::new(slf.py());
+        for (i, (name, _)) in slf.get().cloud.extra().iter().enumerate() {
+            columns.set_item(name, extra_view(slf, i))?;
+        }
+        Ok(columns)
+    }
+
+    #[getter]
+    fn crs(&self) -> Option<&str> {
+        self.cloud.crs()
+    }
+
+    #[getter]
+    fn attributes(&self) -> Vec<&str> {
+        self.cloud.attributes()
+    }
+
+    /// Any column by its name, built-in or extra.
+    fn __getitem__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let cloud = &slf.get().cloud;
+        if let Some(i) = cloud.extra().iter().position(|(extra, _)| extra == name) {
+            return Ok(extra_view(slf, i));
+        }
+        let builtin = matches!(name, "points" | "local_points" | "viewpoint_index")
+            || cloud.attributes().contains(&name);
+        let column = builtin.then(|| slf.getattr(name)).transpose()?;
+        column.filter(|column| !column.is_none()).ok_or_else(|| {
+            let present = [&["points"][..], &cloud.attributes()].concat().join(", ");
+            PyKeyError::new_err(format!("the cloud has no {name:?}; it has {present}"))
+        })
     }
 
     /// The cloud with a viewpoint (x, y, z in world coordinates) where it has none, and the ranges to it where it has
@@ -250,7 +317,7 @@ impl PyPointCloud {
     }
 
     #[staticmethod]
-    fn concat(clouds: Vec<PyRef<'_, Self>>) -> (Self, Vec<&'static str>) {
+    fn concat(clouds: Vec<PyRef<'_, Self>>) -> (Self, Vec<String>) {
         let clouds: Vec<PointCloud> = clouds.iter().map(|c| c.cloud.clone()).collect();
         let (cloud, lost) = PointCloud::concat(&clouds);
         (cloud.into(), lost)

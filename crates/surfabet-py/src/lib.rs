@@ -36,6 +36,7 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("LARGEST_UNSHIFTED", surfabet_geom::LARGEST_UNSHIFTED)?;
+    module.add("RESERVED_NAMES", surfabet_geom::RESERVED_NAMES)?;
     run::register(module)?;
     cloud::register(module)?;
     model::register(module)?;

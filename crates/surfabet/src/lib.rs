@@ -36,7 +36,9 @@ pub use model::{FileSummary, KnownVocabulary, Model};
 pub use save::{Save, write};
 pub use surfabet_codec::{Container, ContentHash, Family, Layout, Limits};
 pub use surfabet_geom as geom;
-pub use surfabet_geom::{CloudParts, DroppedValues, PointCloud, Progress, Silent, Viewpoints};
+pub use surfabet_geom::{
+    CloudParts, Column, DroppedValues, PointCloud, Progress, Silent, Viewpoints,
+};
 pub use surfabet_models::alphabet::{self, Alphabet, AlphabetModel, AlphabetOptions, Occurrence};
 pub use surfabet_models::bic_alphabet::{self, BicAlphabet, BicAlphabetModel, BicAlphabetOptions};
 pub use surfabet_models::gas::{self, GasModel, GasOptions};

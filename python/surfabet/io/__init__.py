@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
-from surfabet.io._files import format_error
+from surfabet.errors import InvalidInputError, LostAttributeWarning
+from surfabet.io._files import format_error, warn
 from surfabet.io._units import UNITS, metres_per, scaled
 from surfabet.io.copc import is_copc, read_copc
 from surfabet.io.e57 import read_e57, write_e57
@@ -94,6 +94,15 @@ _FORMATS = (
 )
 
 
+# Files as they are packed for transport, which tools unpack silently or under the old name.
+_PACKED = {
+    b"\x1f\x8b": ("gzip", "as with gunzip"),
+    b"BZh": ("bzip2", "as with bunzip2"),
+    b"\xfd7zXZ\x00": ("xz", "as with unxz"),
+    b"\x28\xb5\x2f\xfd": ("zstd", "as with unzstd"),
+}
+
+
 def formats() -> tuple[Format, ...]:
     """The known formats."""
     return _FORMATS
@@ -147,6 +156,9 @@ def detect(path: str | os.PathLike[str]) -> Format:
         start = file.read(16)
     if not start:
         raise format_error(path, "the file is empty", byte=0)
+    for magic, (kind, remedy) in _PACKED.items():
+        if start.startswith(magic):
+            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
     alike = [f for f in _FORMATS if path.suffix.lower() in f.suffixes]
     marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
     if marked is not None and marked.name == "las" and is_copc(path):
@@ -202,7 +214,8 @@ def read(
         say; it gives them a viewpoint and ranges.
     unit
         The unit of the file's lengths, for files that do not say: mm, cm, m, km, ft, us-ft or in.
-        Points, ranges and viewpoints are scaled to metres.
+        Points, ranges and viewpoints are scaled to metres; a coordinate reference system is left
+        aside then, with a warning.
     **options
         Options of the format's reader, such as `frame_stride` for RGB-D folders: see `formats()`
         and the readers' own documentation.
@@ -249,7 +262,15 @@ def read(
             "read() gives one cloud; surfabet.io.read_rgbd gives one per frame, and "
             "surfabet.io.read_bag one per message"
         )
-    cloud = scaled(chosen.reader(path, **options), factor)
+    cloud = chosen.reader(path, **options)
+    if factor != 1:
+        if cloud.crs is not None:
+            warn(
+                f"{path}: coordinates are in metres now, and no longer in the file's coordinate "
+                "reference system, which is left aside",
+                LostAttributeWarning,
+            )
+        cloud = scaled(cloud, factor)
     return cloud if viewpoint is None else cloud.seen_from(viewpoint)
 
 

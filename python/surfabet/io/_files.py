@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import os
+import re
 import secrets
 import warnings
 from collections.abc import Iterator
@@ -16,6 +17,8 @@ from surfabet.errors import FormatError, MissingDependencyError
 
 # No line of a header or of a table of numbers comes near this.
 LONGEST_LINE = 1 << 16
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_CONTROL_BYTES = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
 def format_error(
@@ -82,16 +85,20 @@ class Lines:
         return line.rstrip(b"\r\n")
 
     def text(self) -> str | None:
-        """The next line as ASCII text, for headers."""
+        """The next line as text, for headers: UTF-8, else Latin-1 as old exporters write it."""
         line = self.next()
         if line is None:
             return None
+        if self.number == 1:
+            line = line.removeprefix(_BYTE_ORDER_MARK)
+        if _CONTROL_BYTES.search(line):
+            raise format_error(
+                self.path, "the header holds bytes that are not text", line=self.number
+            )
         try:
             return line.decode("utf-8")
         except UnicodeDecodeError:
-            raise format_error(
-                self.path, "the header holds bytes that are not text", line=self.number
-            ) from None
+            return line.decode("latin-1")
 
     def filled(self, count: int) -> Iterator[str]:
         """The next `count` lines that are not blank."""

@@ -1,7 +1,7 @@
 """Names for columns that come without: by their number, and by what their values can be.
 
-A reading counts only where every value fits it: normals have length 0 or 1; colours lie within
-0..1, 0..255 or 0..65535; labels are few integers. Where two readings fit, the user must say which.
+A reading counts only where the values fit it: normals have length 0 or 1; colours lie within 0..1,
+0..255 or 0..65535; labels are few integers. Where two readings fit, the user must say which.
 """
 
 from __future__ import annotations
@@ -11,14 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from surfabet.io._columns import Column
+from surfabet.io._columns import Column, is_normals
 from surfabet.io._files import format_error
 
 _POSITION = ("x", "y", "z")
 _COLOR = ("red", "green", "blue")
 _NORMAL = ("nx", "ny", "nz")
-# Normals with two decimals are off by up to 0.009.
-_UNIT_TOLERANCE = 0.02
 # Classes of semantic labels are fewer, intensities of 8 bits are more.
 _MOST_LABELS, _FEWEST_INTENSITIES = 32, 64
 # With fewer points per value, values of any kind look like labels.
@@ -32,11 +30,7 @@ def _finite_rows(columns: Sequence[Column]) -> Column:
 
 def _is_normal(columns: Sequence[Column]) -> bool:
     rows = _finite_rows(columns)
-    if np.abs(rows).max(initial=0) > 1 + _UNIT_TOLERANCE:
-        return False
-    length = np.sqrt((rows**2).sum(axis=1))
-    unit = np.abs(length - 1) <= _UNIT_TOLERANCE
-    return bool(unit.any() and (unit | (length == 0)).all())
+    return bool(rows.any()) and is_normals(rows)
 
 
 def _is_color(columns: Sequence[Column]) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -13,6 +14,13 @@ from surfabet.io._columns import Column
 from surfabet.io._files import Lines, format_error
 
 _ROWS_AT_A_TIME = 65_536
+# What other languages print for numbers, and numpy's parser does not know.
+_FOREIGN = re.compile(
+    r"(?P<nan>[-+]?(?:nan\([^)\s]*\)|1\.#(?:q?nan|snan|ind)[0-9]*))"
+    r"|(?P<inf>[-+]?1\.#inf[0-9]*)"
+    r"|(?P<hex>[-+]?0x[0-9a-f]*\.?[0-9a-f]*p[-+]?[0-9]+)",
+    re.IGNORECASE,
+)
 
 
 def check_count(lines: Lines, found: int, expected: int) -> None:
@@ -23,6 +31,24 @@ def check_count(lines: Lines, found: int, expected: int) -> None:
         )
 
 
+def _plain_number(found: re.Match[str]) -> str:
+    if found["nan"]:
+        return "nan"
+    if found["inf"]:
+        return "-inf" if found["inf"].startswith("-") else "inf"
+    try:
+        return repr(float.fromhex(found["hex"]))
+    except (ValueError, OverflowError):
+        return found["hex"]
+
+
+def plain_numbers(row: str) -> str:
+    """A row with C's hexadecimal numbers and names of NaN and infinity as Python has them."""
+    if "#" in row or "(" in row or "x" in row or "X" in row:
+        return _FOREIGN.sub(_plain_number, row)
+    return row
+
+
 def parse_rows(
     lines: Lines,
     rows: Iterable[str],
@@ -30,7 +56,7 @@ def parse_rows(
     delimiter: str | None = None,
     columns: Sequence[int] | None = None,
 ) -> NDArray[np.float64]:
-    """Rows of numbers; an error names the line. `nan` and `inf` are numbers.
+    """Rows of numbers; an error names the line. `nan` and `inf` are numbers, in any spelling.
 
     Without `columns`, every row must have `n_columns` values; else those at these places are taken.
     """
@@ -38,7 +64,7 @@ def parse_rows(
 
     def watched() -> Iterator[str]:
         try:
-            yield from rows
+            yield from map(plain_numbers, rows)
         except Exception as error:
             stopped.append(error)
             raise
@@ -84,6 +110,38 @@ def load_table(lines: Lines, count: int, n_columns: int) -> NDArray[np.float64]:
     table = parse_rows(lines, lines.filled(count), n_columns)
     check_count(lines, len(table), count)
     return table
+
+
+def load_fields(
+    lines: Lines, count: int, fields: Sequence[tuple[str, str]], *, empty: int | None = None
+) -> dict[str, Column]:
+    """The next `count` rows as columns of the given names and types.
+
+    `empty` stands in columns of integers where the file has NaN, which else is refused.
+    """
+    wide = [i for i, (_, type_) in enumerate(fields) if np.dtype(type_) in (np.int64, np.uint64)]
+    texts: list[list[str]] = [[] for _ in wide]
+
+    def watched() -> Iterator[str]:
+        for row in lines.filled(count):
+            words = row.split() if wide else []
+            for kept, i in zip(texts, wide, strict=True):
+                kept.extend(words[i : i + 1])
+            yield row
+
+    table = parse_rows(lines, watched(), len(fields))
+    check_count(lines, len(table), count)
+    if empty is not None:
+        integers = [i for i, (_, type_) in enumerate(fields) if np.dtype(type_).kind in "iu"]
+        table[:, integers] = np.where(np.isnan(table[:, integers]), empty, table[:, integers])
+    columns = typed_columns(lines, table, fields)
+    # No double holds all integers of 64 bits.
+    for kept, i in zip(texts, wide, strict=True):
+        name, type_ = fields[i]
+        # Words like 1e3 and nan are no integers, and doubles are as good for them.
+        with suppress(ValueError, OverflowError):
+            columns[name] = np.array([int(word) for word in kept], type_)
+    return columns
 
 
 def typed_columns(

@@ -69,9 +69,10 @@ def metres_per(unit: str) -> float:
 
 
 def scaled(cloud: PointCloud, factor: float) -> PointCloud:
-    """The cloud with points, ranges and viewpoints multiplied by `factor`."""
-    if factor == 1:
-        return cloud
+    """The cloud with points, ranges and viewpoints multiplied by `factor`.
+
+    Its coordinate reference system, whose unit is another then, is left out.
+    """
     far = any(cloud.origin)
     points = cloud.points * factor if far else cloud.local_points * np.float32(factor)
     return PointCloud(
@@ -82,4 +83,5 @@ def scaled(cloud: PointCloud, factor: float) -> PointCloud:
         ranges=None if cloud.ranges is None else cloud.ranges * np.float32(factor),
         viewpoints=None if cloud.viewpoints is None else cloud.viewpoints * factor,
         viewpoint_index=cloud.viewpoint_index,
+        extra=cloud.extra,
     )

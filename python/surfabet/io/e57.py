@@ -1,15 +1,17 @@
 """E57 (ASTM E2807), the exchange format of terrestrial scanners, through pye57's libE57.
 
 A file holds scans, each with a pose and coordinates in its own frame. We write one scan per
-viewpoint, with the viewpoint as its pose, and normals by the registered extension `nor`.
+viewpoint, with the viewpoint as its pose, normals by the registered extension `nor`, and extra
+columns by the fields of the standard where they have its names, else by an extension of our own.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +20,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet._core import PointCloud
-from surfabet.errors import FormatError, LostAttributeWarning
-from surfabet.io._columns import Column, build_cloud, warn_lost
-from surfabet.io._files import format_error, optional_module, warn, written_whole
+from surfabet._core import RESERVED_NAMES, KdTree, PointCloud
+from surfabet.errors import FormatError
+from surfabet.io._columns import (
+    Column,
+    build_cloud,
+    colors_from,
+    is_normals,
+    no_returns,
+    recorded,
+    warn_lost,
+)
+from surfabet.io._crs import unit_remark
+from surfabet.io._files import format_error, optional_module, written_whole
+from surfabet.io._notes import Notes
 
 _POINTS_AT_A_TIME = 250_000
 # E57 may store a constant column in no bytes at all; a scan with fewer than a bit per point is no
@@ -33,6 +45,12 @@ _COLORS = ("colorRed", "colorGreen", "colorBlue")
 _NORMALS = ("nor:normalX", "nor:normalY", "nor:normalZ")
 _NORMAL_URI = "http://www.libe57.org/E57_NOR_surface_normals.txt"
 _INVALID = ("cartesianInvalidState", "sphericalInvalidState")
+_COLOR_INVALID, _INTENSITY_INVALID = "isColorInvalid", "isIntensityInvalid"
+# Fields of the standard that extra columns are written to, and what these must be.
+_STANDARD_INTEGERS = ("rowIndex", "columnIndex", "returnIndex", "returnCount", "isTimeStampInvalid")
+_STANDARD_FLOATS = ("timeStamp",)
+_PREFIX = "surfabet"
+_PREFIX_URI = "urn:surfabet:columns"
 
 
 def _pye57() -> Any:
@@ -50,6 +68,7 @@ class _Scan:
     # Where the scanner stood, if the file says so.
     viewpoint: NDArray[np.float64] | None
     ranges: Column | None
+    extra: dict[str, Column]
 
 
 @contextmanager
@@ -97,18 +116,21 @@ def _vector(structure: Any, names: str) -> NDArray[np.float64]:
     return np.array([_value(structure[name]) for name in names])
 
 
-def _pose(path: Path, scan: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _pose(path: Path, scan: Any, notes: Notes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rotation (3 x 3) and translation, scan to world."""
     rotation, translation = np.eye(3), np.zeros(3)
     pose = scan["pose"]
     if pose.isDefined("translation"):
         translation = _vector(pose["translation"], "xyz")
     if pose.isDefined("rotation"):
-        w, x, y, z = _vector(pose["rotation"], "wxyz")
-        length = float(np.sqrt(w * w + x * x + y * y + z * z))
-        if not abs(length - 1) < 0.01:
+        quaternion = _vector(pose["rotation"], "wxyz")
+        length = float(np.sqrt((quaternion**2).sum()))
+        if length == 0:
+            notes.remark("a pose has the quaternion 0 0 0 0 and was taken as not turned")
+            quaternion, length = np.array([1.0, 0.0, 0.0, 0.0]), 1.0
+        elif not abs(length - 1) < 0.01:
             raise format_error(path, f"a pose has a quaternion of length {length:.4g}, not 1")
-        w, x, y, z = w / length, x / length, y / length, z / length
+        w, x, y, z = quaternion / length
         rotation = np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -121,29 +143,45 @@ def _pose(path: Path, scan: Any) -> tuple[NDArray[np.float64], NDArray[np.float6
     return rotation, translation
 
 
+def _column_type(libe57: Any, node: Any) -> np.dtype[Any] | None:
+    """The type of a field's values in a cloud; `None` for what is no number."""
+    if isinstance(node, libe57.IntegerNode):
+        low, high = node.minimum(), node.maximum()
+        for name in ("u1", "i1", "u2", "i2", "u4", "i4", "i8"):
+            limits = np.iinfo(name)
+            if limits.min <= low and high <= limits.max:
+                return np.dtype(name)
+    if isinstance(node, libe57.FloatNode) and node.precision() == libe57.E57_SINGLE:
+        return np.dtype(np.float32)
+    is_number = isinstance(node, (libe57.FloatNode, libe57.ScaledIntegerNode))
+    return np.dtype(np.float64) if is_number else None
+
+
 def _read_fields(
-    path: Path, libe57: Any, image: Any, points: Any, names: list[str]
+    path: Path, libe57: Any, image: Any, points: Any, types: Mapping[str, np.dtype[Any]]
 ) -> dict[str, Column]:
-    """The named fields of a scan, a bounded number of points at a time."""
+    """The named fields of a scan in these types, a bounded number of points at a time."""
     promised = points.childCount()
     if promised > _MOST_POINTS_PER_BYTE * path.stat().st_size:
         raise format_error(path, f"a scan promises {promised} points, more than the file can hold")
     if promised == 0:
-        return {name: np.empty(0) for name in names}
+        return {name: np.empty(0, dtype) for name, dtype in types.items()}
     capacity = min(promised, _POINTS_AT_A_TIME)
-    arrays = {name: np.empty(capacity, np.float64) for name in names}
+    arrays = {
+        name: np.empty(capacity, np.int64 if dtype == np.int64 else np.float64)
+        for name, dtype in types.items()
+    }
     buffers = libe57.VectorSourceDestBuffer()
     for name, array in arrays.items():
         buffers.append(libe57.SourceDestBuffer(image, name, array, capacity, True, True))
-    parts: dict[str, list[Column]] = {name: [] for name in names}
+    parts: dict[str, list[Column]] = {name: [] for name in types}
     reader = points.reader(buffers)
     try:
         found = 0
         while n := reader.read():
             found += n
             for name, array in arrays.items():
-                single = name not in _CARTESIAN + _SPHERICAL
-                parts[name].append(array[:n].astype(np.float32 if single else np.float64))
+                parts[name].append(array[:n].astype(types[name]))
     finally:
         reader.close()
     if found != promised:
@@ -151,75 +189,193 @@ def _read_fields(
     return {name: np.concatenate(part) for name, part in parts.items()}
 
 
-def _colors(scan: Any, fields: Mapping[str, Column]) -> NDArray[np.uint8]:
-    """Colours stretched from their stated limits to 0..255."""
-    rows = np.stack([fields[name] for name in _COLORS], axis=1)
-    high = 255.0
+def _limits(scan: Any, nodes: Mapping[str, Any]) -> tuple[float, float] | None:
+    """What the file says that colours lie between: its limits, else the bounds of the fields."""
     if scan.isDefined("colorLimits"):
         limits = scan["colorLimits"]
-        names = [f"{name}Maximum" for name in _COLORS]
+        names = [f"{name}{end}" for name in _COLORS for end in ("Minimum", "Maximum")]
         if all(limits.isDefined(name) for name in names):
-            high = max(_value(limits[name]) for name in names)
-    if not high > 0:
-        high = 255.0
-    rows = np.nan_to_num(rows * (255.0 / high), nan=0.0)
-    colors: NDArray[np.uint8] = np.clip(np.rint(rows), 0, 255).astype(np.uint8)
-    return colors
+            values = [_value(limits[name]) for name in names]
+            return min(values[0::2]), max(values[1::2])
+    channels = [nodes[name] for name in _COLORS]
+    if all(hasattr(node, "scaledMinimum") for node in channels):
+        ends = [(node.scaledMinimum(), node.scaledMaximum()) for node in channels]
+    else:
+        ends = [(node.minimum(), node.maximum()) for node in channels]
+    return float(min(low for low, _ in ends)), float(max(high for _, high in ends))
 
 
-def _read_scan(path: Path, libe57: Any, image: Any, scan: Any) -> _Scan:
-    points = scan["points"]
-    prototype = libe57.StructureNode(points.prototype())
-    known = [*_CARTESIAN, *_SPHERICAL, *_COLORS, "intensity", *_NORMALS, *_INVALID]
-    children = {prototype.get(i).elementName() for i in range(prototype.childCount())}
-    present = [name for name in known if name in children]
-    is_cartesian = set(_CARTESIAN) <= set(present)
-    if not is_cartesian and not set(_SPHERICAL) <= set(present):
-        raise format_error(path, "a scan has neither Cartesian nor spherical coordinates")
+def _colors(
+    path: Path, limits: tuple[float, float] | None, fields: Mapping[str, Column], notes: Notes
+) -> NDArray[np.uint8] | None:
+    """Colours stretched from their stated limits to 0..255; by their values where none fit."""
+    rows = np.stack([fields[name] for name in _COLORS], axis=1)
+    rows = np.nan_to_num(rows, nan=0.0, posinf=0.0, neginf=0.0)
+    low, high = limits or (0.0, 0.0)
+    largest = rows.max(initial=0)
+    # Bounds of the type say nothing, and limits that the values pass or never come near are wrong.
+    stated = 0 <= low < high <= 65535 and largest <= high and (high <= 255 or largest > 255)
+    if stated:
+        colors = np.rint((np.maximum(rows, low) - low) * (255 / (high - low))).astype(np.uint8)
+    else:
+        colors = colors_from(path, list(rows.T), notes)
+    return recorded(colors, "colours", notes)
+
+
+def _fill_invalid(
+    points: NDArray[np.float64], values: Column, invalid: NDArray[np.bool_], what: str, notes: Notes
+) -> Column | None:
+    """The values, those marked as invalid taken from the nearest point whose own is valid."""
+    if not invalid.any():
+        return values
+    if invalid.all():
+        notes.aside(f"{what}, which are invalid everywhere")
+        return None
+    local = (points - points[np.argmin(invalid)]).astype(np.float32)
+    _, nearest = KdTree(local[~invalid]).query(local[invalid])
+    filled = values.copy()
+    filled[invalid] = values[~invalid][nearest.reshape(-1)]
+    notes.remark(
+        f"{int(invalid.sum()):,} points have no valid {what} of their own and got those of the "
+        "nearest point that has"
+    )
+    return filled
+
+
+def _own_name(name: str, extended: bool) -> str:
+    """The name of a column for a field, without the prefix of our own extension."""
+    return name.removeprefix(f"{_PREFIX}:") if extended else name
+
+
+def _wanted(
+    path: Path, libe57: Any, nodes: Mapping[str, Any], is_cartesian: bool, notes: Notes
+) -> dict[str, np.dtype[Any]]:
+    """The fields to read of a scan with their types."""
     unused = _SPHERICAL if is_cartesian else _CARTESIAN
     invalid = _INVALID[0 if is_cartesian else 1]
-    names = [n for n in present if n not in unused and (n not in _INVALID or n == invalid)]
-    fields = _read_fields(path, libe57, image, points, names)
-    if invalid in fields:
-        valid = fields.pop(invalid) == 0
-        fields = {name: column[valid] for name, column in fields.items()}
+    types: dict[str, np.dtype[Any]] = {}
+    for name, node in nodes.items():
+        if name in unused or (name in _INVALID and name != invalid):
+            continue
+        dtype = _column_type(libe57, node)
+        if dtype is None:
+            notes.aside(f"field {name}, which holds no numbers")
+        elif name in (*_CARTESIAN, *_SPHERICAL, *_COLORS):
+            types[name] = np.dtype(np.float64)
+        elif name in ("intensity", *_NORMALS):
+            types[name] = np.dtype(np.float32)
+        else:
+            types[name] = dtype
+    return types
+
+
+def _local(fields: dict[str, Column], is_cartesian: bool) -> NDArray[np.float64]:
+    """Takes the coordinates in the scanner's frame out of the fields."""
     if is_cartesian:
-        local = np.stack([fields[name] for name in _CARTESIAN], axis=1)
-    else:
-        radius, azimuth, elevation = (fields[name] for name in _SPHERICAL)
-        level = radius * np.cos(elevation)
-        local = np.stack(
-            [level * np.cos(azimuth), level * np.sin(azimuth), radius * np.sin(elevation)], axis=1
-        )
-    has_pose = scan.isDefined("pose")
-    rotation, translation = _pose(path, scan) if has_pose else (np.eye(3), np.zeros(3))
-    has_sensor = has_pose or not is_cartesian or scan.isDefined("sphericalBounds")
-    turned = not np.array_equal(rotation, np.eye(3))
-    world = (local @ rotation.T if turned else local) + translation
-    normals = None
-    if set(_NORMALS) <= fields.keys():
-        normals = np.stack([fields[name] for name in _NORMALS], axis=1)
-        if turned:
-            normals = (normals @ rotation.T).astype(np.float32)
-    return _Scan(
-        world,
-        _colors(scan, fields) if set(_COLORS) <= fields.keys() else None,
-        fields.get("intensity"),
-        normals,
-        translation if has_sensor else None,
-        np.sqrt((local * local).sum(axis=1)) if has_sensor else None,
+        return np.stack([fields.pop(name) for name in _CARTESIAN], axis=1)
+    radius, azimuth, elevation = (fields.pop(name) for name in _SPHERICAL)
+    level = radius * np.cos(elevation)
+    return np.stack(
+        [level * np.cos(azimuth), level * np.sin(azimuth), radius * np.sin(elevation)], axis=1
     )
 
 
-def _joined(path: Path, scans: list[_Scan], name: str) -> Column | None:
+def _measured(
+    fields: dict[str, Column], is_cartesian: bool, notes: Notes
+) -> tuple[NDArray[np.float64], dict[str, Column]]:
+    """Coordinates and fields of the points at which anything was measured."""
+    invalid = _INVALID[0 if is_cartesian else 1]
+    if invalid in fields:
+        valid = fields.pop(invalid) == 0
+        fields = {name: column[valid] for name, column in fields.items()}
+    local = _local(fields, is_cartesian)
+    if (empty := no_returns(local)).any():
+        notes.points(
+            f"left out {int(empty.sum()):,} of {len(local):,} points of a scan at exactly 0 0 0 "
+            "(no returns)"
+        )
+        local = local[~empty]
+        fields = {name: column[~empty] for name, column in fields.items()}
+    return local, fields
+
+
+def _read_scan(path: Path, libe57: Any, image: Any, scan: Any, notes: Notes) -> _Scan:
+    points = scan["points"]
+    prototype = libe57.StructureNode(points.prototype())
+    names = [prototype.get(i).elementName() for i in range(prototype.childCount())]
+    nodes = {name: prototype[name] for name in names}
+    is_cartesian = set(_CARTESIAN) <= set(names)
+    if not is_cartesian and not set(_SPHERICAL) <= set(names):
+        raise format_error(path, "a scan has neither Cartesian nor spherical coordinates")
+    types = _wanted(path, libe57, nodes, is_cartesian, notes)
+    fields = _read_fields(path, libe57, image, points, types)
+    local, fields = _measured(fields, is_cartesian, notes)
+    has_pose = scan.isDefined("pose")
+    rotation, translation = _pose(path, scan, notes) if has_pose else (np.eye(3), np.zeros(3))
+    has_sensor = has_pose or not is_cartesian or scan.isDefined("sphericalBounds")
+    turned = not np.array_equal(rotation, np.eye(3))
+    world = (local @ rotation.T if turned else local) + translation
+
+    colors: Column | None = None
+    invalid = fields.pop(_COLOR_INVALID, np.zeros(len(local))) != 0
+    if set(_COLORS) <= fields.keys():
+        colors = _colors(path, _limits(scan, nodes), fields, notes)
+        if colors is not None:
+            colors = _fill_invalid(world, colors, invalid, "colours", notes)
+    intensities = fields.pop("intensity", None)
+    invalid = fields.pop(_INTENSITY_INVALID, np.zeros(len(local))) != 0
+    if intensities is not None:
+        intensities = _fill_invalid(world, intensities, invalid, "intensities", notes)
+    normals: Column | None = None
+    if set(_NORMALS) <= fields.keys():
+        normals = np.stack([fields[name] for name in _NORMALS], axis=1)
+        if is_normals(normals):
+            normals = (normals @ rotation.T).astype(np.float32) if turned else normals
+            normals = recorded(normals, "normals", notes)
+            fields = {name: c for name, c in fields.items() if name not in _NORMALS}
+        else:
+            normals = None
+            notes.remark("the normals of a scan are no unit vectors and are kept as columns")
+    extensions = {image.extensionsUri(i) for i in range(image.extensionsCount())}
+    return _Scan(
+        world,
+        colors,
+        intensities,
+        normals,
+        translation if has_sensor else None,
+        np.sqrt((local * local).sum(axis=1)) if has_sensor else None,
+        {_own_name(n, _PREFIX_URI in extensions): c for n, c in fields.items() if n not in _COLORS},
+    )
+
+
+def _joined(parts: Sequence[Column | None], name: str, notes: Notes) -> Column | None:
     """An attribute of all scans; one that only some have goes, which is said."""
-    parts = [getattr(scan, name) for scan in scans]
     present = [part for part in parts if part is not None]
     if len(present) == len(parts):
         return np.concatenate(present)
     if present:
-        warn(f"{path}: {name} are left out, since not every scan has them", LostAttributeWarning)
+        notes.aside(f"{name}, since only {len(present)} of {len(parts)} scans have them")
     return None
+
+
+def _joined_extra(scans: list[_Scan], notes: Notes) -> dict[str, Column]:
+    """The extra columns that all scans have."""
+    extra: dict[str, Column] = {}
+    for name in dict.fromkeys(name for scan in scans for name in scan.extra):
+        column = _joined([scan.extra.get(name) for scan in scans], name, notes)
+        if column is not None:
+            extra[f"{name}_" if name in RESERVED_NAMES else name] = column
+    return extra
+
+
+def _crs(root: Any, notes: Notes) -> str | None:
+    """The coordinate reference system, whose units are noted."""
+    if not root.isDefined("coordinateMetadata"):
+        return None
+    crs = str(root["coordinateMetadata"].value()).strip()
+    if crs and (remark := unit_remark(crs)) is not None:
+        notes.remark(remark)
+    return crs or None
 
 
 def read_e57(path: Path) -> PointCloud:
@@ -235,10 +391,13 @@ def read_e57(path: Path) -> PointCloud:
     PointCloud
         Positions with the scans' poses applied, from Cartesian or spherical coordinates; points
         marked as invalid are left out, since nothing was measured there. Where every scan has them:
-        colours, intensities and normals. Viewpoints (row i is scan i of those with points) and
-        ranges are the scans' own origins and the distances to these, if every scan tells its origin
-        by a pose, spherical coordinates or spherical bounds. Other fields and images are left
-        aside.
+        colours, intensities and normals; all other fields with numbers are extra columns by their
+        names, such as timeStamp (seconds since the scan's start), rowIndex and columnIndex.
+        Colours are stretched from the limits that the file states, or from the bounds of their
+        fields. Points whose colour or intensity is marked as invalid get that of the nearest point
+        with a valid one. Viewpoints (row i is scan i of those with points) and ranges are the
+        scans' own origins and the distances to these, if every scan tells its origin by a pose,
+        spherical coordinates or spherical bounds. `crs` is the file's coordinateMetadata.
 
     Raises
     ------
@@ -249,11 +408,16 @@ def read_e57(path: Path) -> PointCloud:
 
     Warns
     -----
+    DroppedPointsWarning
+        Points are not finite, or are no returns (exactly 0 0 0 in the scanner's frame).
     LostAttributeWarning
-        An attribute was left out because only some of the scans have it.
+        An attribute was left out because only some of the scans have it; images and texts are left
+        aside; colours or intensities were filled; a pose has the quaternion 0 0 0 0; coordinates
+        are not in metres.
     """
     _check_header(path)
     libe57 = _pye57().libe57
+    notes = Notes(path)
     with _own_errors(path), np.errstate(over="ignore", invalid="ignore"):
         image = libe57.ImageFile(os.fspath(path), "r")
         try:
@@ -261,24 +425,30 @@ def read_e57(path: Path) -> PointCloud:
             if not root.isDefined("data3D"):
                 raise format_error(path, "the file has no scans")
             data = root["data3D"]
-            scans = [_read_scan(path, libe57, image, data[i]) for i in range(len(data))]
+            scans = [_read_scan(path, libe57, image, data[i], notes) for i in range(len(data))]
+            crs = _crs(root, notes)
+            if root.isDefined("images2D") and (n_images := root["images2D"].childCount()):
+                notes.aside(f"images ({n_images:,})")
         finally:
             image.close()
     scans = [scan for scan in scans if len(scan.points)] or scans[:1]
     if not scans:
         raise format_error(path, "the file has no scans")
     origins = [scan.viewpoint for scan in scans if scan.viewpoint is not None]
-    ranges = _joined(path, scans, "ranges")
+    ranges = _joined([scan.ranges for scan in scans], "ranges", notes)
     index = np.repeat(np.arange(len(scans), dtype=np.uint32), [len(s.points) for s in scans])
     return build_cloud(
         path,
         np.concatenate([scan.points for scan in scans]),
-        colors=_joined(path, scans, "colors"),
-        intensities=_joined(path, scans, "intensities"),
-        normals=_joined(path, scans, "normals"),
+        colors=_joined([scan.colors for scan in scans], "colours", notes),
+        intensities=_joined([scan.intensities for scan in scans], "intensities", notes),
+        normals=_joined([scan.normals for scan in scans], "normals", notes),
         ranges=ranges,
         viewpoints=None if ranges is None else np.stack(origins),
         viewpoint_index=None if ranges is None else index,
+        extra=_joined_extra(scans, notes),
+        crs=crs,
+        notes=notes,
     )
 
 
@@ -313,7 +483,7 @@ class _Writer:
             node.set(name, child)
         return node
 
-    def root(self) -> Any:
+    def root(self, crs: str | None) -> Any:
         """Fills in the root and gives back its list of scans."""
         libe57, root = self.libe57, self.image.root()
         scans = libe57.VectorNode(self.image, True)
@@ -322,7 +492,7 @@ class _Writer:
         root.set("versionMajor", libe57.IntegerNode(self.image, libe57.E57_FORMAT_MAJOR))
         root.set("versionMinor", libe57.IntegerNode(self.image, libe57.E57_FORMAT_MINOR))
         root.set("e57LibraryVersion", self.text(libe57.E57_LIBRARY_ID))
-        root.set("coordinateMetadata", self.text(""))
+        root.set("coordinateMetadata", self.text(crs or ""))
         root.set("data3D", scans)
         root.set("images2D", libe57.VectorNode(self.image, True))
         return scans
@@ -369,7 +539,9 @@ class _Writer:
                 precision = libe57.E57_DOUBLE if column.dtype == np.float64 else libe57.E57_SINGLE
                 node = libe57.FloatNode(self.image, 0.0, precision)
             else:
-                node = self.integer(0, 0, 255)
+                # Its bounds are 64 bits with a sign.
+                low, high = np.iinfo(column.dtype).min, np.iinfo(column.dtype).max
+                node = self.integer(0, int(low), int(min(high, 2**63 - 1)))
             prototype.set(name, node)
         points = libe57.CompressedVectorNode(
             self.image, prototype, libe57.VectorNode(self.image, True)
@@ -391,7 +563,34 @@ class _Writer:
         writer.close()
 
 
-def _columns(cloud: PointCloud, which: Column | slice, shift: Column | None) -> dict[str, Column]:
+def _extra_names(cloud: PointCloud) -> tuple[dict[str, str], list[str]]:
+    """The field of each extra column, and the columns that no field holds.
+
+    Columns with names of the standard are its fields where their type is that of these.
+    """
+    names: dict[str, str] = {}
+    lost: list[str] = []
+    for name, values in cloud.extra.items():
+        if values.dtype == np.uint64 and len(values) and values.max() > 2**63 - 1:
+            lost.append(f"{name}, which has integers beyond 2^63 - 1")
+            continue
+        kind = values.dtype.kind
+        if (name in _STANDARD_FLOATS and kind == "f") or (
+            name in _STANDARD_INTEGERS and kind in "iu"
+        ):
+            names[name] = name
+            continue
+        local = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
+        local = local if re.match("[A-Za-z_]", local) else f"_{local}"
+        while f"{_PREFIX}:{local}" in names.values():
+            local += "_"
+        names[name] = f"{_PREFIX}:{local}"
+    return names, lost
+
+
+def _columns(
+    cloud: PointCloud, which: Column | slice, shift: Column | None, names: Mapping[str, str]
+) -> dict[str, Column]:
     if shift is None and not any(cloud.origin):
         points: Column = cloud.local_points[which]
     else:
@@ -403,6 +602,10 @@ def _columns(cloud: PointCloud, which: Column | slice, shift: Column | None) -> 
         columns |= {name: colors[which, a] for a, name in enumerate(_COLORS)}
     if (normals := cloud.normals) is not None:
         columns |= {name: normals[which, a] for a, name in enumerate(_NORMALS)}
+    extra = cloud.extra
+    for name, field in names.items():
+        column = extra[name][which]
+        columns[field] = column.astype(np.int64) if column.dtype == np.uint64 else column
     return columns
 
 
@@ -432,7 +635,7 @@ def write_e57(path: Path, cloud: PointCloud) -> None:
 
     Points are grouped by viewpoint, so their order changes where viewpoints alternate. Coordinates
     are double (float where the cloud has neither origin nor viewpoints), intensities and normals
-    float.
+    float. Extra columns keep their types, unsigned integers of 64 bits with a sign.
 
     Parameters
     ----------
@@ -449,7 +652,8 @@ def write_e57(path: Path, cloud: PointCloud) -> None:
     Warns
     -----
     LostAttributeWarning
-        The cloud has ranges that are not the distances to its viewpoints: E57 derives them.
+        The cloud has ranges that are not the distances to its viewpoints: E57 derives them;
+        integers beyond 2^63 - 1; or columns with names that no field can have, which were changed.
     """
     libe57 = _pye57().libe57
     seed = hashlib.sha256(np.ascontiguousarray(cloud.local_points).tobytes()).digest()
@@ -458,11 +662,15 @@ def write_e57(path: Path, cloud: PointCloud) -> None:
         try:
             if cloud.normals is not None:
                 writer.image.extensionsAdd("nor", _NORMAL_URI)
-            scans = writer.root()
+            names, lost = _extra_names(cloud)
+            if any(field.startswith(f"{_PREFIX}:") for field in names.values()):
+                writer.image.extensionsAdd(_PREFIX, _PREFIX_URI)
+            scans = writer.root(cloud.crs)
             for number, (which, viewpoint) in enumerate(_groups(cloud), 1):
-                columns = _columns(cloud, which, viewpoint)
+                columns = _columns(cloud, which, viewpoint, names)
                 scan = writer.scan(columns, viewpoint, f"Scan {number}")
                 writer.points(scans, scan, columns)
         finally:
             writer.image.close()
-    warn_lost(path, "E57", _lost(cloud))
+    renamed = {name: field.removeprefix(f"{_PREFIX}:") for name, field in names.items()}
+    warn_lost(path, "E57", [*_lost(cloud), *lost], renamed=renamed)

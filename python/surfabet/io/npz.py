@@ -1,9 +1,10 @@
 """NPZ and NPY, numpy's own files: NPZ keeps a cloud exactly.
 
 NPZ holds arrays by the names of `PointCloud`: `local_points` (float32, relative to `origin`),
-`origin`, `colors`, `intensities`, `normals`, `ranges`, `viewpoints` and `viewpoint_index`. Read are
-also `points` (world coordinates) in place of the first two, and archives of a single array, which
-is taken as NPY.
+`origin`, `colors`, `intensities`, `normals`, `ranges`, `viewpoints`, `viewpoint_index`, the text
+`crs`, and extra columns by their own names. Read are also archives of others: `points`, `xyz`,
+`pos` or `coords` (world coordinates, as (n, 3) or structured) or `x`, `y` and `z`, with `rgb`,
+`normal`, `intensity` and the like; and archives of a single array, which is taken as NPY.
 
 NPY holds one array: of shape (n, 3), (n, 4), (n, 6), (n, 7) or (n, 9) with columns as in text
 files, or structured, with fields by name.
@@ -20,11 +21,23 @@ import numpy as np
 
 from surfabet._core import PointCloud
 from surfabet.errors import FormatError
-from surfabet.io._columns import Column, build_cloud, cloud_from_columns
+from surfabet.io._columns import Column, build_cloud, cloud_from_columns, lists_of
 from surfabet.io._files import format_error, written_whole
 from surfabet.io._guess import guess_names
+from surfabet.io._notes import Notes
 
 _ATTRIBUTES = ("colors", "intensities", "normals", "ranges", "viewpoints", "viewpoint_index")
+# What others call an array of points, and columns that go with it: (n, 3) ones by three names.
+_POINTS = ("points", "xyz", "pos", "positions", "coords", "coord", "pts", "vertices", "pointcloud")
+_TRIPLES = {
+    "colors": ("red", "green", "blue"),
+    "color": ("red", "green", "blue"),
+    "rgb": ("red", "green", "blue"),
+    "rgba": ("red", "green", "blue", "alpha"),
+    "normals": ("nx", "ny", "nz"),
+    "normal": ("nx", "ny", "nz"),
+}
+_SINGLES = {"intensities": "intensity", "ranges": "range"}
 # Deflate cannot do better, so a larger claim is false.
 _LARGEST_DEFLATION = 1100
 _MOST_MEMBERS = 1000
@@ -62,22 +75,38 @@ def _load_array(path: Path, name: str, file: IO[bytes], size: int) -> Column:
     return array
 
 
-def _cloud_from_array(path: Path, array: Column) -> PointCloud:
+def _columns_of(path: Path, array: Column, notes: Notes) -> dict[str, Column]:
+    """The columns of an array of points, by row or structured."""
     if array.dtype.names:
         columns: dict[str, Column] = {}
         for field in array.dtype.names:
-            column = array[field]
-            if column.ndim == 1 and column.dtype.kind in "fiu":
-                columns[field] = column.astype(column.dtype.newbyteorder("="))
-        return cloud_from_columns(path, columns)
+            columns |= _named(field, array[field].reshape(array.size, -1), notes)
+        return columns
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise format_error(
             path,
             f"the array has shape {array.shape} and dtype {array.dtype}; a cloud is (n, 3) or more "
             "columns of numbers, or structured with fields x, y and z",
         )
-    array = array.astype(array.dtype.newbyteorder("="), copy=False)
-    return cloud_from_columns(path, guess_names(path, list(array.T)))
+    return guess_names(path, list(_native(array).T))
+
+
+def _native(array: Column) -> Column:
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def _named(name: str, rows: Column, notes: Notes) -> dict[str, Column]:
+    """The columns of an (n, k) array by the names that they go by in other files."""
+    if rows.dtype.kind not in "fiub":
+        notes.aside(f"{name} of dtype {rows.dtype}")
+        return {}
+    rows = _native(rows)
+    names = _TRIPLES.get(name.lower(), ())
+    if names and rows.shape[1] in (3, 4):
+        return dict(zip((*names, "alpha")[: rows.shape[1]], rows.T, strict=True))
+    if rows.shape[1] == 1:
+        return {_SINGLES.get(name.lower(), name): rows[:, 0]}
+    return lists_of(name, rows, notes)
 
 
 def read_npy(path: Path) -> PointCloud:
@@ -102,10 +131,11 @@ def read_npy(path: Path) -> PointCloud:
     """
     with path.open("rb") as file:
         array = _load_array(path, "the array", file, path.stat().st_size)
-    return _cloud_from_array(path, array)
+    notes = Notes(path)
+    return cloud_from_columns(path, _columns_of(path, array, notes), notes=notes)
 
 
-def _load_members(path: Path) -> dict[str, Column]:
+def _load_members(path: Path, notes: Notes) -> dict[str, Column]:
     file_size = path.stat().st_size
     arrays: dict[str, Column] = {}
     try:
@@ -113,9 +143,9 @@ def _load_members(path: Path) -> dict[str, Column]:
             members = archive.infolist()
             if len(members) > _MOST_MEMBERS:
                 raise format_error(path, f"the archive has more than {_MOST_MEMBERS} members")
-            wanted = {f"{name}.npy" for name in ("local_points", "points", "origin", *_ATTRIBUTES)}
             for member in members:
-                if member.filename not in wanted and len(members) > 1:
+                if not member.filename.endswith(".npy"):
+                    notes.aside(repr(member.filename[:60]))
                     continue
                 if (
                     member.compress_size > file_size
@@ -139,6 +169,63 @@ def _load_members(path: Path) -> dict[str, Column]:
     return arrays
 
 
+def _check_own(path: Path, arrays: dict[str, Column], n_points: int) -> None:
+    """Refuses arrays of a cloud that do not have one row per point."""
+    shapes = {"local_points": (None, 3), "origin": (3,), "viewpoints": (-1, 3)}
+    shapes |= {"colors": (None, 3), "normals": (None, 3)}
+    for name in ("local_points", "origin", *_ATTRIBUTES):
+        if (array := arrays.get(name)) is None:
+            continue
+        expected = shapes.get(name, (None,))
+        per_point = expected[0] is None
+        if (
+            array.ndim != len(expected)
+            or (per_point and len(array) != n_points)
+            or (expected[-1] is not None and array.shape[-1] != expected[-1])
+            or array.dtype.kind not in "fiu"
+        ):
+            raise format_error(
+                path, f"{name} has shape {array.shape} and dtype {array.dtype}, which does not fit"
+            )
+
+
+def _text(arrays: dict[str, Column], name: str) -> str | None:
+    """The text in an array of one string, if there is such an array."""
+    array = arrays.get(name)
+    if array is None or array.size != 1 or array.dtype.kind != "U":
+        return None
+    del arrays[name]
+    return str(array.reshape(-1)[0])
+
+
+def _per_point(arrays: dict[str, Column], n_points: int, notes: Notes) -> dict[str, Column]:
+    """The columns of all arrays that have a row per point; says which have not."""
+    columns: dict[str, Column] = {}
+    for name, array in arrays.items():
+        if array.ndim in (1, 2) and len(array) == n_points and not array.dtype.names:
+            columns |= _named(name, array.reshape(n_points, -1) if n_points else array, notes)
+        else:
+            notes.aside(f"array {name} of shape {array.shape} and dtype {array.dtype}")
+    return columns
+
+
+def _own_cloud(path: Path, arrays: dict[str, Column], notes: Notes) -> PointCloud:
+    """The cloud that `write_npz` wrote, as it was."""
+    points = arrays["local_points"]
+    _check_own(path, arrays, len(points))
+    origin = arrays.pop("origin", np.zeros(3))
+    crs = _text(arrays, "crs")
+    del arrays["local_points"]
+    own = {name: _native(arrays.pop(name)) for name in _ATTRIBUTES if name in arrays}
+    extra: dict[str, Column] = {}
+    for name, array in arrays.items():
+        if array.shape == (len(points),) and array.dtype.kind in "fiub":
+            extra[name] = _native(array)
+        else:
+            notes.aside(f"array {name} of shape {array.shape} and dtype {array.dtype}")
+    return build_cloud(path, points, origin=origin, **own, extra=extra, crs=crs, notes=notes)
+
+
 def read_npz(path: Path) -> PointCloud:
     """Reads a NPZ file, as `write_npz` or `numpy.savez` make them.
 
@@ -150,41 +237,52 @@ def read_npz(path: Path) -> PointCloud:
     Returns
     -------
     PointCloud
-        Exactly the cloud that was written. Arrays of other names are left aside.
+        Exactly the cloud that was written. Of other archives the points, and the arrays with a
+        value or a row per point: colours, normals, intensities and ranges by the names that tools
+        give them, all others as extra columns.
 
     Raises
     ------
     FormatError
-        The file is not NPZ, is damaged, or has no array `points` or `local_points`.
+        The file is not NPZ, is damaged, or has no array of points.
+
+    Warns
+    -----
+    DroppedPointsWarning
+        Points are not finite, or are no returns (exactly 0 0 0).
+    LostAttributeWarning
+        Arrays are left aside since they have no number per point; colours or normals are 0
+        everywhere.
     """
-    arrays = _load_members(path)
-    if len(arrays) == 1 and "points" not in arrays:
-        return _cloud_from_array(path, next(iter(arrays.values())))
-    points = arrays.get("local_points", arrays.get("points"))
-    if points is None:
-        raise format_error(path, "the archive has neither an array points nor local_points")
-    columns = {name: arrays.get(name) for name in _ATTRIBUTES}
-    origin = arrays.get("origin") if "local_points" in arrays else None
-    shapes = {"points": (None, 3), "colors": (None, 3), "normals": (None, 3), "viewpoints": (-1, 3)}
-    for name, array in {"points": points, "origin": origin, **columns}.items():
-        expected = (3,) if name == "origin" else shapes.get(name, (None,))
-        if array is None:
-            continue
-        per_point = expected[0] is None
-        if (
-            array.ndim != len(expected)
-            or array.shape[-1] != (expected[-1] or len(points))
-            or (per_point and len(array) != len(points))
-            or array.dtype.kind not in "fiu"
-        ):
+    notes = Notes(path)
+    arrays = _load_members(path, notes)
+    if "local_points" in arrays:
+        return _own_cloud(path, arrays, notes)
+    crs = _text(arrays, "crs")
+    key = next((name for name in _POINTS if name in arrays), None)
+    if key is None and len(arrays) == 1:
+        (key,) = arrays
+    if key is None:
+        if not {"x", "y", "z"} <= arrays.keys():
             raise format_error(
-                path, f"{name} has shape {array.shape} and dtype {array.dtype}, which does not fit"
+                path,
+                "neither an array points nor local_points, nor any of "
+                f"{', '.join(_POINTS[1:])}, nor x, y and z, among "
+                f"{', '.join(arrays) or 'none at all':.200}",
             )
-    native = {
-        name: array if array is None else array.astype(array.dtype.newbyteorder("="), copy=False)
-        for name, array in columns.items()
-    }
-    return build_cloud(path, points, origin=origin, **native)
+        columns: dict[str, Column] = {}
+        n_points = len(arrays["x"].reshape(-1))
+    else:
+        points = arrays.pop(key)
+        columns = _columns_of(path, points, notes)
+        n_points = len(points)
+    _check_own(path, arrays, n_points)
+    viewpoints = arrays.pop("viewpoints", None)
+    origin = arrays.pop("origin", None)
+    if origin is not None:
+        notes.aside("origin, since there are no local_points")
+    columns |= _per_point(arrays, n_points, notes)
+    return cloud_from_columns(path, columns, viewpoints=viewpoints, crs=crs, notes=notes)
 
 
 def write_npz(path: Path, cloud: PointCloud) -> None:
@@ -204,5 +302,9 @@ def write_npz(path: Path, cloud: PointCloud) -> None:
     for name in _ATTRIBUTES:
         if (array := getattr(cloud, name)) is not None:
             arrays[name] = array
-    with written_whole(path) as temporary, temporary.open("xb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
+    if cloud.crs is not None:
+        arrays["crs"] = np.array(cloud.crs)
+    with written_whole(path) as temporary, zipfile.ZipFile(temporary, "x") as archive:
+        for name, array in (arrays | cloud.extra).items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)

@@ -3,6 +3,8 @@
 Fields are found by name: x y z, normal_x normal_y normal_z, intensity, packed rgb or rgba, range,
 and vp_x vp_y vp_z (the sensor position of each point). `VIEWPOINT` becomes the viewpoint of all
 points unless it is the default `0 0 0 1 0 0 0`, which every tool writes when it knows nothing.
+All other fields are extra columns; a field of several values becomes a column for each, `name_0`,
+`name_1`, and so on.
 """
 
 from __future__ import annotations
@@ -17,14 +19,20 @@ import numpy as np
 from surfabet._core import PointCloud, lzf_compress, lzf_decompress
 from surfabet.errors import InvalidInputError
 from surfabet.io._columns import (
+    PACKED_COLOR,
     Column,
     cloud_from_columns,
     columns_from_cloud,
+    lists_of,
+    lost_crs,
     records,
     viewpoint_columns,
+    warn_lost,
+    written_names,
 )
 from surfabet.io._files import Lines, format_error, remaining, written_whole
-from surfabet.io._tables import load_table, save_table, typed_columns
+from surfabet.io._notes import Notes
+from surfabet.io._tables import load_fields, plain_numbers, save_table
 
 Encoding = Literal["binary", "ascii", "binary_compressed"]
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
@@ -60,12 +68,19 @@ class _Header:
             ]
         )
 
-    def columns(self, by_place: dict[str, Column]) -> dict[str, Column]:
-        """The fields of one value per point, the first of each name."""
+    def columns(self, by_place: dict[str, Column], notes: Notes) -> dict[str, Column]:
+        """A column per value of each field, but of padding; the first field of each name."""
         columns: dict[str, Column] = {}
         for i, f in enumerate(self.fields):
-            if f.count == 1 and f.name != "_":
-                columns.setdefault(f.name.lower(), by_place[str(i)])
+            if f.name == "_" or f.count == 0:
+                continue
+            values = by_place[str(i)].reshape(self.n_points, f.count)
+            named = {f.name: values[:, 0]} if f.count == 1 else lists_of(f.name, values, notes)
+            for name, column in named.items():
+                if name in columns:
+                    notes.aside(f"a second field {name}")
+                else:
+                    columns[name] = column
         return columns
 
 
@@ -80,17 +95,20 @@ def _integers(lines: Lines, name: str, words: list[str], most: int) -> list[int]
     return [int(word) for word in words]
 
 
-def _viewpoint(lines: Lines, words: list[str]) -> tuple[float, float, float] | None:
+def _viewpoint(lines: Lines, words: list[str], notes: Notes) -> tuple[float, float, float] | None:
     try:
-        x, y, z, *rotation = (float(word) for word in words)
-        if len(rotation) != 4 or not np.isfinite([x, y, z, *rotation]).all():
+        x, y, z, *rotation = (float(plain_numbers(word)) for word in words)
+        if len(rotation) != 4:
             raise ValueError
     except ValueError:
         raise format_error(
             lines.path,
-            "VIEWPOINT must be seven finite numbers (position and quaternion)",
+            "VIEWPOINT must be seven numbers (position and quaternion)",
             line=lines.number,
         ) from None
+    if not np.isfinite([x, y, z]).all():
+        notes.aside("VIEWPOINT, which is not finite")
+        return None
     return None if [x, y, z, *rotation] == [0, 0, 0, 1, 0, 0, 0] else (x, y, z)
 
 
@@ -122,7 +140,7 @@ _ENTRIES = (
 )  # fmt: skip
 
 
-def _parse_header(lines: Lines) -> _Header:
+def _parse_header(lines: Lines, notes: Notes) -> _Header:
     path = lines.path
     entries = _read_entries(lines)
 
@@ -162,7 +180,7 @@ def _parse_header(lines: Lines) -> _Header:
         )
     viewpoint = None
     if "VIEWPOINT" in entries:
-        viewpoint = _viewpoint(lines, entries["VIEWPOINT"][0])
+        viewpoint = _viewpoint(lines, entries["VIEWPOINT"][0], notes)
     (encoding,) = words("DATA", 1)
     if encoding not in _ENCODINGS:
         raise format_error(
@@ -190,18 +208,20 @@ def _read_ascii(lines: Lines, header: _Header) -> dict[str, Column]:
         lines.path, lines.file, f"{header.n_points} points take at least",
         header.n_points * 2 * n_columns - 1,
     )  # fmt: skip
-    table = load_table(lines, header.n_points, n_columns)
-    columns: dict[str, Column] = {}
-    at = 0
+    names: list[tuple[str, str]] = []
     for i, f in enumerate(header.fields):
-        if f.count == 1:
-            part = table[:, at : at + 1]
-            if f.dtype[0] in "iu":
-                # Where there is no depth, "nan" stands in every column.
-                part = np.where(np.isnan(part), 0, part)
-            columns |= typed_columns(lines, part, [(str(i), f.dtype)])
-        at += f.count
-    return columns
+        # Packed colours stand there as the digits of their integer, which no float holds, or as
+        # those of the float of the same bits.
+        is_packed = f.name.lower() in PACKED_COLOR and f.dtype == "f4"
+        dtype = "f8" if is_packed else f.dtype
+        names += [(f"{i} {k}", dtype) for k in range(f.count)]
+    columns = load_fields(lines, header.n_points, names, empty=0)
+    return {
+        str(i): np.stack([columns[f"{i} {k}"] for k in range(f.count)], axis=1)
+        if f.count
+        else np.empty((header.n_points, 0))
+        for i, f in enumerate(header.fields)
+    }
 
 
 def _read_binary(path: Path, file: BinaryIO, header: _Header) -> dict[str, Column]:
@@ -238,16 +258,6 @@ def _read_compressed(path: Path, file: BinaryIO, header: _Header) -> dict[str, C
     return columns
 
 
-def _unpack_rgb(columns: dict[str, Column]) -> None:
-    """Splits a packed colour, in the bits of an integer or of a float, into its channels."""
-    packed = next((columns[n] for n in ("rgb", "rgba") if n in columns), None)
-    if packed is None or packed.dtype.itemsize != 4:
-        return
-    bits = np.ascontiguousarray(packed).view(np.uint32)
-    for name, shift in (("red", 16), ("green", 8), ("blue", 0)):
-        columns[name] = (bits >> shift).astype(np.uint8)
-
-
 def read_pcd(path: Path) -> PointCloud:
     """Reads a PCD file.
 
@@ -261,40 +271,50 @@ def read_pcd(path: Path) -> PointCloud:
     PointCloud
         Positions, and where the file has them: normals, colours, intensity, range (if
         floating-point) and viewpoints. Points with NaN coordinates, which fill the gaps of
-        organised clouds, are dropped with a warning that counts them. Other fields are left aside.
+        organised clouds, and points at exactly 0 0 0, where drivers put beams that met nothing, are
+        dropped with a warning that counts them. All other fields are extra columns.
 
     Raises
     ------
     FormatError
         The file is not PCD, is truncated or contradicts its own header.
+
+    Warns
+    -----
+    DroppedPointsWarning
+        Points were left out.
+    LostAttributeWarning
+        VIEWPOINT is not finite, colours or normals are 0 everywhere, normals are no unit vectors,
+        two fields have the same name, or a field has more than 1024 values.
     """
+    notes = Notes(path)
     with path.open("rb") as file:
         lines = Lines(path, file)
-        header = _parse_header(lines)
+        header = _parse_header(lines, notes)
         if header.n_points and not sum(f.count for f in header.fields):
             raise format_error(path, "the header names no fields", line=lines.number)
         if header.n_points == 0:
-            by_place = {str(i): np.empty(0, f.dtype) for i, f in enumerate(header.fields)}
+            by_place = {
+                str(i): np.empty((0, f.count), f.dtype) for i, f in enumerate(header.fields)
+            }
         elif header.encoding == "ascii":
             by_place = _read_ascii(lines, header)
         elif header.encoding == "binary":
             by_place = _read_binary(path, file, header)
         else:
             by_place = _read_compressed(path, file, header)
-    columns = header.columns(by_place)
-    _unpack_rgb(columns)
+    columns = header.columns(by_place, notes)
     viewpoints = None if header.viewpoint is None else np.array([header.viewpoint])
-    return cloud_from_columns(path, columns, viewpoints=viewpoints)
+    return cloud_from_columns(path, columns, viewpoints=viewpoints, notes=notes)
 
 
 def _write_columns(cloud: PointCloud) -> tuple[dict[str, Column], str]:
     columns = columns_from_cloud(cloud)
-    for axis in "xyz":
-        if (normal := columns.pop(f"n{axis}", None)) is not None:
-            columns[f"normal_{axis}"] = normal
-    if (red := columns.pop("red", None)) is not None:
-        green, blue = (columns.pop(name).astype(np.uint32) for name in ("green", "blue"))
-        columns["rgb"] = red.astype(np.uint32) << 16 | green << 8 | blue
+    if cloud.normals is not None:
+        columns |= {f"normal_{axis}": columns.pop(f"n{axis}") for axis in "xyz"}
+    if cloud.colors is not None:
+        red, green, blue = (columns.pop(c).astype(np.uint32) for c in ("red", "green", "blue"))
+        columns["rgb"] = red << 16 | green << 8 | blue
     table = cloud.viewpoints
     if table is not None and len(table) == 1 and table.any():
         return columns, " ".join(repr(float(c)) for c in table[0]) + " 1 0 0 0"
@@ -302,7 +322,9 @@ def _write_columns(cloud: PointCloud) -> tuple[dict[str, Column], str]:
 
 
 def write_pcd(path: Path, cloud: PointCloud, *, encoding: Encoding = "binary") -> None:
-    """Writes a PCD file, version 0.7; it holds every attribute.
+    """Writes a PCD file, version 0.7.
+
+    It holds every attribute, extra columns in their own types, but no reference system.
 
     Parameters
     ----------
@@ -319,6 +341,11 @@ def write_pcd(path: Path, cloud: PointCloud, *, encoding: Encoding = "binary") -
     ------
     InvalidInputError
         The encoding is unknown, or the points are too many for "binary_compressed".
+
+    Warns
+    -----
+    LostAttributeWarning
+        The cloud has a coordinate reference system, or a column whose name had to change.
     """
     if encoding not in _ENCODINGS:
         raise InvalidInputError(f"encoding is {encoding!r}; PCD has {', '.join(_ENCODINGS)}")
@@ -345,7 +372,7 @@ def write_pcd(path: Path, cloud: PointCloud, *, encoding: Encoding = "binary") -
         "",
     ]
     with written_whole(path) as temporary, temporary.open("xb") as file:
-        file.write("\n".join(header).encode("ascii"))
+        file.write("\n".join(header).encode("utf-8"))
         if encoding == "ascii":
             save_table(file, rows)
         elif encoding == "binary":
@@ -354,3 +381,4 @@ def write_pcd(path: Path, cloud: PointCloud, *, encoding: Encoding = "binary") -
             data = b"".join(rows[name].tobytes() for name in columns)
             packed = lzf_compress(data)
             file.write(struct.pack("<II", len(packed), len(data)) + packed)
+    warn_lost(path, "PCD", lost_crs(cloud), renamed=written_names(cloud))

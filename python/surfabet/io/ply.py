@@ -1,9 +1,14 @@
 """PLY: ASCII and binary of both byte orders.
 
 Read: the element `vertex` with any scalar types; other elements (faces, edges, cameras) and list
-properties are passed over. Written: `vertex` with double coordinates where the cloud has an origin,
+properties are left aside. Written: `vertex` with double coordinates where the cloud has an origin,
 else float, and `property float intensity`, `property float range`; viewpoints as an element
 `viewpoint` (double x, y, z) and a vertex property `viewpoint_index`, which other tools pass over.
+
+Extra columns are properties under their own names, in both directions: CloudCompare's prefix
+`scalar_` is part of the name and comes back as it was. PLY has no integers of 64 bits; such columns
+are written as int or uint where their values fit, else as double where that is exact, else as the
+types int64 and uint64, which some tools read.
 """
 
 from __future__ import annotations
@@ -22,10 +27,14 @@ from surfabet.io._columns import (
     Column,
     cloud_from_columns,
     columns_from_cloud,
+    lost_crs,
     records,
+    warn_lost,
+    written_names,
 )
 from surfabet.io._files import Lines, format_error, remaining, written_whole
-from surfabet.io._tables import check_count, load_table, save_table, typed_columns
+from surfabet.io._notes import Notes
+from surfabet.io._tables import check_count, load_fields, save_table, typed_columns
 
 _TYPES = {
     "char": "i1",
@@ -48,9 +57,13 @@ _TYPES = {
     "float64": "f8",
 }
 _NAMES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"}
-_NAMES |= {"f4": "float", "f8": "double"}
+_NAMES |= {"f4": "float", "f8": "double", "i8": "int64", "u8": "uint64"}
 _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MOST_HEADER_LINES = 10_000
+# A 3D Gaussian splat has the constant term of its colours as a coefficient of this spherical
+# harmonic, about a half.
+_SPLAT_COLORS = ("f_dc_0", "f_dc_1", "f_dc_2")
+_HARMONIC_0 = 0.28209479
 
 
 @dataclass(frozen=True)
@@ -104,7 +117,7 @@ def _parse_property(lines: Lines, words: list[str], element: _Element | None) ->
 
 def _parse_header(lines: Lines) -> tuple[str, list[_Element]]:
     path = lines.path
-    if (lines.text() or "").strip() != "ply":
+    if (lines.text() or "").strip().lower() != "ply":
         raise format_error(path, "not a PLY file: its first line must be 'ply'", line=1)
     order: str | None = None
     elements: list[_Element] = []
@@ -280,8 +293,31 @@ def _walk_ascii_lists(lines: Lines, element: _Element) -> dict[str, Column]:
 def _read_ascii(lines: Lines, element: _Element) -> dict[str, Column]:
     if element.has_lists:
         return _walk_ascii_lists(lines, element)
-    table = load_table(lines, element.count, len(element.properties))
-    return typed_columns(lines, table, [(p.name, p.dtype) for p in element.properties])
+    return load_fields(lines, element.count, [(p.name, p.dtype) for p in element.properties])
+
+
+def _splat_colors(columns: dict[str, Column], notes: Notes) -> dict[str, Column]:
+    """The columns with colours, if they are those of 3D Gaussians, which is noted."""
+    if not columns.keys() >= {*_SPLAT_COLORS, "opacity", "scale_0", "rot_0"}:
+        return columns
+    notes.remark(
+        "a 3D Gaussian splat: its centres are read as points with their base colours, not its "
+        "shapes, opacities and reflections, which are kept as columns"
+    )
+    colors = {
+        name: np.clip(0.5 + _HARMONIC_0 * columns[key].astype(np.float64), 0, 1)
+        for name, key in zip(("red", "green", "blue"), _SPLAT_COLORS, strict=True)
+    }
+    return columns if columns.keys() & colors.keys() else columns | colors
+
+
+def _note_rest(elements: list[_Element], used: set[str], notes: Notes) -> None:
+    """Says which elements and lists of the file are not read."""
+    for element in elements:
+        if element.name not in used:
+            notes.aside(f"element {element.name} ({element.count:,})")
+        elif lists := [p.name for p in element.properties if p.count_dtype]:
+            notes.aside(f"lists {', '.join(lists)} of {element.name}")
 
 
 def read_ply(path: Path) -> PointCloud:
@@ -296,14 +332,23 @@ def read_ply(path: Path) -> PointCloud:
     -------
     PointCloud
         Positions, and where the file has them: normals (nx, ny, nz), colours (red, green, blue as
-        uchar, as ushort, or as floats in 0..1), intensity (also as reflectance and
-        scalar_Intensity), range and viewpoints. Other properties, faces and other elements are left
-        aside.
+        uchar, as ushort, or as floats in 0..1; or rgb or rgba packed in 32 bits), intensity (also
+        as reflectance and scalar_Intensity), range and viewpoints. All other properties are extra
+        columns by their own names. Of a 3D Gaussian splat the centres are points and the base
+        colours are colours.
 
     Raises
     ------
     FormatError
         The file is not PLY, is truncated or contradicts its own header.
+
+    Warns
+    -----
+    DroppedPointsWarning
+        Points are not finite, or are no returns (exactly 0 0 0).
+    LostAttributeWarning
+        The file has faces, other elements or lists, which are left aside, colours or normals that
+        are 0 everywhere, normals that are no unit vectors, or is a splat.
     """
     with path.open("rb") as file:
         lines = Lines(path, file)
@@ -330,9 +375,29 @@ def read_ply(path: Path) -> PointCloud:
         raise format_error(path, "the element 'vertex' has no properties")
     table = found.get("viewpoint", {})
     viewpoints = None
+    used = {"vertex"}
     if {"x", "y", "z"} <= table.keys() and VIEWPOINT_INDEX in found["vertex"]:
         viewpoints = np.column_stack([table[axis] for axis in "xyz"]).astype(np.float64)
-    return cloud_from_columns(path, found["vertex"], viewpoints=viewpoints)
+        used.add("viewpoint")
+    notes = Notes(path)
+    _note_rest(elements, used, notes)
+    columns = _splat_colors(found["vertex"], notes)
+    return cloud_from_columns(path, columns, viewpoints=viewpoints, notes=notes)
+
+
+def _in_ply_types(column: Column) -> Column:
+    """The column in a type that PLY has, if one of these holds its values exactly."""
+    if column.dtype.itemsize < 8 or column.dtype.kind == "f" or len(column) == 0:
+        return column
+    low, high = int(column.min()), int(column.max())
+    for dtype in (np.int32, np.uint32):
+        if np.iinfo(dtype).min <= low and high <= np.iinfo(dtype).max:
+            return column.astype(dtype)
+    if max(-low, high) < 2**63:
+        double = column.astype(np.float64)
+        if (np.abs(double) < 2**63).all() and (double.astype(column.dtype) == column).all():
+            return double
+    return column
 
 
 def _header(order: str, elements: dict[str, Column]) -> bytes:
@@ -341,11 +406,13 @@ def _header(order: str, elements: dict[str, Column]) -> bytes:
         lines.append(f"element {element} {len(rows)}")
         for name in rows.dtype.names or ():
             lines.append(f"property {_NAMES[rows.dtype[name].str[1:]]} {name}")
-    return "\n".join([*lines, "end_header", ""]).encode("ascii")
+    return "\n".join([*lines, "end_header", ""]).encode("utf-8")
 
 
 def write_ply(path: Path, cloud: PointCloud, *, ascii: bool = False) -> None:
-    """Writes a PLY file, binary little-endian unless told otherwise; it holds every attribute.
+    """Writes a PLY file, binary little-endian unless told otherwise.
+
+    It holds every attribute, extra columns under their own names, but no reference system.
 
     Parameters
     ----------
@@ -356,8 +423,13 @@ def write_ply(path: Path, cloud: PointCloud, *, ascii: bool = False) -> None:
         origin, else float.
     ascii
         Write text, with as many digits as it takes to read back the same numbers.
+
+    Warns
+    -----
+    LostAttributeWarning
+        The cloud has a coordinate reference system, or a column whose name had to change.
     """
-    columns = columns_from_cloud(cloud)
+    columns = {name: _in_ply_types(c) for name, c in columns_from_cloud(cloud).items()}
     elements: dict[str, Column] = {}
     if cloud.viewpoints is not None and cloud.viewpoint_index is not None:
         columns[VIEWPOINT_INDEX] = cloud.viewpoint_index
@@ -371,3 +443,4 @@ def write_ply(path: Path, cloud: PointCloud, *, ascii: bool = False) -> None:
                 save_table(file, rows)
             else:
                 rows.tofile(file)
+    warn_lost(path, "PLY", lost_crs(cloud), renamed=written_names(cloud))

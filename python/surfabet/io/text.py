@@ -119,8 +119,8 @@ def _named_columns(
         if name in known or (others and name != _LEFT_ASIDE and is_number(words[i]))
     ]
     numbers = table.numbers(places, len(words), notes)
-    for name, i in first.items():
-        if i not in places and name != _LEFT_ASIDE:
+    for key, i in first.items():
+        if i not in places and key != _LEFT_ASIDE:
             notes.aside(f"column {names[i].written!r:.40}, which does not hold numbers")
     columns = {}
     for k, i in enumerate(places):

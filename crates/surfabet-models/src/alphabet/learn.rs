@@ -206,7 +206,7 @@ impl Prepared {
     }
 
     /// What the cloud has and the model does not keep. Ranges follow from the positions of the sensors.
-    fn not_kept(&self, cloud: &PointCloud) -> Vec<&'static str> {
+    fn not_kept(&self, cloud: &PointCloud) -> Vec<String> {
         let kept: &[&str] = if self.lattice.sensors.is_empty() {
             &["colors", "intensities"]
         } else {
