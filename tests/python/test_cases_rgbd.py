@@ -341,7 +341,12 @@ FAR = {"depth_limits": (0.3, 10)}
 @pytest.mark.parametrize(
     ("name", "n_frames", "options", "said"),
     [
-        ("rgbd_tum_far", 4, {}, r"left out 59993 of 76800 pixels outside depth_limits=\(0.3, 4\)"),
+        (
+            "rgbd_tum_far",
+            4,
+            {},
+            r"left out 59,993 of 76,800 pixels outside depth_limits=\(0.3, 4\)",
+        ),
         ("rgbd_tum_far", 4, FAR, None),
         ("rgbd_tum_missing_depth", 3, {}, "left out 1 of 4 frames: 1 without a depth image"),
         ("rgbd_tum_assoc", 4, FAR, None),

@@ -30,7 +30,7 @@ LABELS: NDArray[np.int64] = np.arange(N) % 5
 
 def rows(*columns: NDArray[Any], separator: str = " ", end: str = "\n") -> str:
     """Numbers with the digits that read back the same."""
-    table = np.column_stack([np.asarray(c, object).reshape(N, -1) for c in columns])
+    table = np.column_stack([np.asarray(c, object).reshape(len(c), -1) for c in columns])
     return end.join(separator.join(map(str, row)) for row in table.tolist()) + end
 
 
@@ -468,6 +468,40 @@ def test_esri_grid(tmp_path: Path, suffix: str) -> None:
 def test_broken_esri_grid(tmp_path: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(sb.FormatError, match=message):
         read(tmp_path / "a.asc", GRID.replace(old, new))
+
+
+# Altered files
+
+
+def altered_files() -> list[tuple[str, bytes]]:
+    few = slice(0, 10)
+    cells = np.column_stack([POINTS[few], INTENSITY[few]])
+    return [
+        ("a.pts", f"10\n{rows(POINTS[few], LEICA[few], COLORS[few])}".encode()),
+        ("a.ptx", ptx_scan(5, np.eye(4), cells).encode()),
+        ("a.asc", GRID.encode()),
+        ("a.txt", f"X [mm];Y [mm];Z [mm]\n{rows(POINTS[few], separator=';')}".encode("utf-16")),
+        ("a.csv", f"x,y,z,label\r{rows(POINTS[few], LABELS[few], separator=',')}".encode()),
+    ]
+
+
+@pytest.mark.parametrize(("name", "data"), altered_files())
+def test_altered_files_give_a_cloud_or_an_error_that_names_them(
+    tmp_path: Path, name: str, data: bytes
+) -> None:
+    path = tmp_path / name
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        changed = bytearray(data)
+        for at in rng.integers(0, len(data), 3):
+            changed[at] = rng.choice(np.frombuffer(b"\0\t\n\r ,;.-0159enx\x7f\xff", np.uint8))
+        path.write_bytes(changed[: rng.integers(1, 2 * len(data))])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                sb.read(path)
+            except sb.FormatError as error:
+                assert str(path) in str(error)  # noqa: PT017
 
 
 # The files of others

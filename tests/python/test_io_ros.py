@@ -439,6 +439,22 @@ def test_fused_by_odometry(tmp_path: Path) -> None:
     np.testing.assert_allclose(by_name.points, np.concatenate(expected), rtol=0, atol=2e-6)
 
 
+@pytest.mark.parametrize("source", ["tf", "odometry"])
+def test_clouds_that_are_in_the_fixed_frame_stay(tmp_path: Path, source: str) -> None:
+    # As mapping programs publish scans that they have placed.
+    moving = [odometry(t) for t in (1.0, 3.0)]
+    if source == "tf":
+        moving = [
+            tf(TWO, t, TWO.transform(t, "odom", "base", (10 * t, 0, 0), 0.2 * t))
+            for t in (1.0, 3.0)
+        ]
+    clouds = [(t, "/points", CLOUD, TWO.cloud(t, "odom", xyz(along(t)))) for t in (1.0, 2.0)]
+    path = write_bag(tmp_path, [moving[0], *clouds, moving[1]])
+    cloud = read(path)
+    np.testing.assert_array_equal(cloud.points, np.concatenate([along(1), along(2)]))
+    assert cloud.viewpoints is None
+
+
 def test_odometry_of_a_frame_that_nothing_joins_is_said(tmp_path: Path) -> None:
     clouds = [(t, "/points", CLOUD, TWO.cloud(t, "lidar", xyz(POINTS))) for t in (1.0, 1.5)]
     path = write_bag(tmp_path, [odometry(1.0), *clouds, odometry(2.0)])

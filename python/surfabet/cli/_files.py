@@ -91,7 +91,7 @@ def load_vocabulary(option: VocabularyOption, progress: ProgressCallback) -> Voc
 
 
 def size_on_disk(path: Path) -> int:
-    """Bytes of a file, or of all files of a folder."""
+    """Bytes of a file, or of all files in a folder and below."""
     if path.is_dir():
-        return sum(entry.stat().st_size for entry in path.iterdir() if entry.is_file())
+        return sum(entry.stat().st_size for entry in path.rglob("*") if entry.is_file())
     return path.stat().st_size

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from surfabet.io._files import Lines, format_error
 from surfabet.io._names import SPACED_NAME, ColumnName, column_names
 from surfabet.io._notes import Notes
-from surfabet.io._tables import check_count, parse_rows
+from surfabet.io._tables import check_count, parse_rows, plain_numbers
 
-_COMMENTS = ("#", "//", "%", ";;")
-# What Windows writes for numbers that are none: `1.#QNAN`, `-1.#IND00`, `-nan(ind)`.
-_NOT_A_NUMBER = re.compile(r"[-+]?(?:\d[.,]#(?:QNAN|SNAN|IND|NAN)\w*|nan\([^)]*\))", re.IGNORECASE)
-_INFINITY = re.compile(r"(\d)[.,]#INF\w*")
+_COMMENTS = ("#", "//", "%")
+# `1.#QNAN` is a number, or rather none.
+_TRAILING_COMMENT = re.compile(r"(?<![.,])#.*")
 _QUOTED = re.compile(r'"([^"]*)"')
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?(?:[eE][-+]?\d+)?")
 
@@ -49,7 +48,7 @@ class Layout:
         self.delimiter = delimiter or self._delimiter_of(text)
         self.decimal_comma = False
         if "," in text and self.delimiter != ",":
-            self.decimal_comma = "." not in _NOT_A_NUMBER.sub("nan", text)
+            self.decimal_comma = "." not in text
 
     @staticmethod
     def _delimiter_of(text: str) -> str | None:
@@ -64,17 +63,17 @@ class Layout:
         return None
 
     def clean(self, text: str) -> str:
-        """The line as numpy reads numbers."""
+        """The line without quotes, decimal commas and a comment at its end."""
         if '"' in text:
             separator = self.delimiter or " "
             text = _QUOTED.sub(lambda quoted: quoted[1].replace(separator, " "), text)
-        if "#" in text or "(" in text:
-            text = _INFINITY.sub("inf", _NOT_A_NUMBER.sub("nan", text)).partition("#")[0]
+        if "#" in text:
+            text = _TRAILING_COMMENT.sub("", text)
         return text.replace(",", ".") if self.decimal_comma else text
 
     def words(self, text: str) -> list[str]:
         """The values of a line of numbers."""
-        return [word.strip() for word in self.clean(text).split(self.delimiter)]
+        return [word.strip() for word in plain_numbers(self.clean(text)).split(self.delimiter)]
 
     def names(self, text: str) -> list[ColumnName] | None:
         """The columns that a line names, if it names a position."""
@@ -98,7 +97,7 @@ class TextTable:
         prose: tuple[int, str] | None = None
         for text in self._texts():
             if text.startswith(_COMMENTS):
-                words = text.lstrip("#/%;").strip()
+                words = text.lstrip("#/%").strip()
                 self.names = Layout(words, delimiter).names(words) or self.names
                 continue
             self.layout = Layout(text, delimiter)

@@ -127,7 +127,7 @@ def read_esri_grid(path: Path) -> PointCloud:
     rows, columns = np.nonzero(has_height)
     notes = Notes(path)
     if n_empty := heights.size - len(rows):
-        notes.points(f"left out {n_empty} of {heights.size} cells, which have no height")
+        notes.points(f"left out {n_empty:,} of {heights.size:,} cells, which have no height")
     return build_cloud(
         path, np.column_stack([x[columns], y[rows], heights[has_height]]), notes=notes
     )

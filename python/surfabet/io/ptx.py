@@ -141,7 +141,9 @@ def read_ptx(path: Path) -> PointCloud:
     counts = [len(scan.points) for scan in scans]
     n_empty = sum(scan.n_cells for scan in scans) - sum(counts)
     if n_empty:
-        notes.points(f"left out {n_empty} of {n_empty + sum(counts)} cells, which had no return")
+        notes.points(
+            f"left out {n_empty:,} of {n_empty + sum(counts):,} cells, which had no return"
+        )
     rgb = [scan.colors for scan in scans if scan.colors is not None]
     colors = None
     if len(rgb) == len(scans):

@@ -51,8 +51,8 @@ class _Tally:
         if n_lost == 0:
             return None
         return (
-            f"left out {n_lost} of {n_lost + self.n_seen} pixels outside depth_limits="
-            f"({limits[0]:g}, {limits[1]:g}) metres: {self.n_nearer} nearer, {self.n_farther} "
+            f"left out {n_lost:,} of {n_lost + self.n_seen:,} pixels outside depth_limits="
+            f"({limits[0]:g}, {limits[1]:g}) metres: {self.n_nearer:,} nearer, {self.n_farther:,} "
             "farther"
         )
 

@@ -139,23 +139,31 @@ class _Placing:
                 known = ", ".join(topic.name for topic in tracks) or "none here"
                 raise _wrong("poses", source, f"tf, none, or a topic of odometry or poses: {known}")
             self.track = read_track(path, reader, chosen.name, chosen.type, frame)
-        elif source is None and not self.moves(frame):
+        elif source is None and not self.moves(frame) and not self.is_fixed(frame):
             odometry = [topic for topic in tracks if topic.type == ODOMETRY_TYPE]
             if len(odometry) > 1:
                 known = ", ".join(topic.name for topic in odometry)
                 raise InvalidInputError(f"{path} has several odometries; name one: poses={known}")
             if odometry:
                 self.track = read_track(path, reader, odometry[0].name, ODOMETRY_TYPE, frame)
-        if source == _TREE and not self.tree.chain(frame):
+        if source == _TREE and not self.tree.chain(frame) and not self.is_fixed(frame):
             raise _wrong("poses", source, f"another source, since /tf has no frame {frame!r}")
 
     def moves(self, frame: str) -> bool:
         """Whether the tree knows motions of a frame."""
         return any(not step.static for step in self.tree.chain(frame))
 
+    def is_fixed(self, frame: str) -> bool:
+        """Whether other frames move in this one, and it in none."""
+        if self.track is not None and frame == self.track.parent:
+            return True
+        moving = any(not edge.static for edge in self.tree.edges.values())
+        parents = {edge.parent for edge in self.tree.edges.values()}
+        return moving and frame in parents and frame not in self.tree.edges
+
     def steps(self, frame: str, target: str | None, notes: Notes) -> list[Edge]:
         """The steps from a frame to the one that clouds are fused in."""
-        if self.track is None:
+        if self.track is None or self.is_fixed(frame):
             steps = self.tree.chain(frame, target)
         else:
             steps = self.tree.chain(frame, self.track.child)
@@ -355,7 +363,8 @@ def read_bag(
         centers = None
         if poses != _NO_POSES and (message is None or poses is not None):
             placing = _Placing(path, reader, scans[0].frame, poses)
-            if placing.track or poses == _TREE or placing.moves(scans[0].frame):
+            known = placing.moves(scans[0].frame) or placing.is_fixed(scans[0].frame)
+            if known or placing.track or poses == _TREE:
                 scans, centers = _placed(path, scans, placing, frame, notes)
             elif fused and len(scans) > 1:
                 raise InvalidInputError(
