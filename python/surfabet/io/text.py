@@ -195,8 +195,8 @@ def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -
     """Writes points as text; it holds every attribute, but no reference system.
 
     The columns are x y z, and where the cloud has them nx ny nz, red green blue, intensity, range,
-    vp_x vp_y vp_z, then the extra columns, named by a comment in the first line, or in CSV files by a header line. Numbers
-    have as many digits as it takes to read back the same ones.
+    then the extra columns, then vp_x vp_y vp_z, named by a comment in the first line, or in CSV
+    files by a header line. Numbers have as many digits as it takes to read back the same ones.
 
     Parameters
     ----------
