@@ -138,7 +138,8 @@ def test_structured_npy(tmp_path: Path) -> None:
 def test_npz_of_others(tmp_path: Path, save: Any) -> None:
     path = tmp_path / "a.npz"
     save(path, points=POINTS, colors=np.eye(3, dtype=np.uint8), comment=np.array(["x"]))
-    cloud = sb.read(path)
+    with pytest.warns(sb.LostAttributeWarning, match="left aside: array comment of shape"):
+        cloud = sb.read(path)
     np.testing.assert_array_equal(cloud.points, POINTS)
     np.testing.assert_array_equal(cloud.colors, np.eye(3))
     save(path, POINTS)
