@@ -196,7 +196,9 @@ def test_points_at_exactly_zero_are_no_returns(tmp_path: Path, suffix: str) -> N
 
 def test_a_point_at_zero_may_be_a_measurement(tmp_path: Path) -> None:
     grid = np.stack(np.meshgrid(*[np.arange(3.0)] * 3), axis=-1).reshape(-1, 3)
-    for points in (grid, np.zeros((4, 3))):
+    # On a grid of millimetres a dense scan through the origin has several points at one place.
+    rounded = np.random.default_rng(2).integers(-2, 3, (2000, 3)) * 1e-3
+    for points in (grid, np.zeros((4, 3)), rounded):
         np.save(tmp_path / "a.npy", points)
         cloud, said = told(tmp_path / "a.npy")
         assert (len(cloud), said) == (len(points), "")
@@ -225,9 +227,35 @@ def test_packed_colors_as_digits_of_a_float(tmp_path: Path, alpha: int) -> None:
     rows = [f"{x} {y} {z} {c}" for (x, y, z), c in zip(ROOM.points, packed, strict=True)]
     cloud, _ = read(tmp_path / "a.pcd", made.pcd(columns, rows=rows))
     assert_room(cloud)
+    columns = {name: np.append(c, c[:1]) for name, c in columns.items()}
+    cloud, said = read(tmp_path / "a.pcd", made.pcd(columns, rows=[*rows, "nan nan nan nan"]))
+    assert_room(cloud)
+    assert "dropped 1 of" in said
 
 
 # LAS and LAZ
+
+
+@pytest.mark.parametrize("modern", [False, True])
+def test_angles_in_degrees(tmp_path: Path, modern: bool) -> None:
+    laspy = pytest.importorskip("laspy")
+    pytest.importorskip("lazrs")
+    degrees = (np.arange(N) % 181 - 90).astype(np.int8)
+    extra = {"scan_angle_rank": degrees, "classification": np.full(N, 40 if modern else 6)}
+    sb.write(tmp_path / "a.laz", sb.PointCloud(ROOM.points, extra=extra))
+    found = laspy.read(tmp_path / "a.laz")
+    if modern:
+        np.testing.assert_allclose(found.scan_angle * 0.006, degrees, rtol=0, atol=0.003)
+    else:
+        np.testing.assert_array_equal(found.scan_angle_rank, degrees)
+    np.testing.assert_array_equal(found.classification, extra["classification"])
+
+
+def test_waveforms_are_left_aside(tmp_path: Path) -> None:
+    fields = {"intensity": 7, "wavepacket_index": 1, "classification": 2}
+    cloud, said = told(made.las(tmp_path / "a.las", ROOM.points, fields, point_format=9))
+    assert cloud.attributes == ["intensities", "classification"]
+    assert "left aside: waveforms (wavepacket_index, wavepacket_offset," in said
 
 
 def rgb16(factor: int = 256) -> dict[str, Any]:
