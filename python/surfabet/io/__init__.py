@@ -19,6 +19,7 @@ from surfabet.io.esri_grid import read_esri_grid
 from surfabet.io.kitti import read_kitti
 from surfabet.io.las import read_las, write_las
 from surfabet.io.npz import read_npy, read_npz, write_npz
+from surfabet.io.obj import read_obj
 from surfabet.io.pcd import read_pcd, write_pcd
 from surfabet.io.ply import read_ply, write_ply
 from surfabet.io.pts import read_pts
@@ -84,6 +85,7 @@ _FORMATS = (
     Format("npz", (".npz",), (b"PK\x03\x04",), read_npz, write_npz),
     Format("npy", (".npy",), (b"\x93NUMPY",), read_npy, None),
     Format("xyz", (".xyz", ".txt", ".asc", ".csv"), (), read_text, write_text),
+    Format("obj", (".obj",), (), read_obj, None),
     Format("pts", (".pts",), (), read_pts, None),
     Format("ptx", (".ptx",), (), read_ptx, None),
     Format("esri_grid", (".asc", ".grd"), (b"ncols", b"NCOLS"), read_esri_grid, None),
@@ -156,9 +158,7 @@ def detect(path: str | os.PathLike[str]) -> Format:
         start = file.read(16)
     if not start:
         raise format_error(path, "the file is empty", byte=0)
-    for magic, (kind, remedy) in _PACKED.items():
-        if start.startswith(magic):
-            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
+    _check_unpacked(path)
     alike = [f for f in _FORMATS if path.suffix.lower() in f.suffixes]
     marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
     if marked is not None and marked.name == "las" and is_copc(path):
@@ -181,6 +181,15 @@ def detect(path: str | os.PathLike[str]) -> Format:
             byte=0,
         )
     return named
+
+
+def _check_unpacked(path: Path) -> None:
+    """Refuses a file that is packed for transport, whatever its name says."""
+    with path.open("rb") as file:
+        start = file.read(16)
+    for magic, (kind, remedy) in _PACKED.items():
+        if start.startswith(magic):
+            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
 
 
 def _check_options(known: tuple[str, ...], name: str, options: dict[str, Any]) -> None:
@@ -245,6 +254,8 @@ def read(
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"there is no file {path}")
+    if path.is_file():
+        _check_unpacked(path)
     chosen = detect(path) if format is None else named_format(format)
     if chosen.reader is None:
         raise InvalidInputError(f"surfabet writes {chosen.name} files, but does not read them")

@@ -51,6 +51,8 @@ _UNIT_TOLERANCE = 0.05
 
 # Longer than any descriptor of points in use (640 values); what is longer is padding or an image.
 _MOST_VALUES = 1024
+# Points that are looked at for how many measurements share a place.
+_NEAR = 1000
 
 
 class _Columns:
@@ -156,10 +158,10 @@ def _unpacked(packed: Column) -> list[Column] | None:
     text files have it.
     """
     if packed.dtype.kind == "f":
-        with np.errstate(invalid="ignore"):
-            digits = (packed >= 0) & (packed < 2**32) & (packed == np.rint(packed))
-        if len(packed) and digits.all() and packed.max() >= 1:
-            packed = packed.astype(np.uint32)
+        known = packed[np.isfinite(packed)]
+        digits = (known >= 0) & (known < 2**32) & (known == np.rint(known))
+        if len(known) and digits.all() and known.max() >= 1:
+            packed = np.where(np.isfinite(packed), packed, 0).astype(np.uint32)
         else:
             with np.errstate(over="ignore"):
                 packed = packed.astype(np.float32)
@@ -180,23 +182,27 @@ def _single(values: Column | None) -> Column | None:
 def no_returns(points: Column) -> NDArray[np.bool_]:
     """Which of (n, 3) points stand for beams that met nothing: those at exactly 0 0 0.
 
-    That is where drivers put them. They are measurements if all points are there; a single one is,
-    too, unless all others are farther than a kilometre and than their own extent.
+    That is where drivers put them. They are measurements if all points are there, or no more than
+    at one of the other places near; a single one is, too, unless all others are farther than a
+    kilometre and than their own extent.
     """
     zero: NDArray[np.bool_] = np.logical_not(points.any(axis=1))
+    none = np.zeros(len(points), bool)
     found = int(zero.sum())
-    if found == len(points):
-        return np.zeros(len(points), bool)
+    if found == 0:
+        return none
+    others = points[~zero]
+    others = others[np.isfinite(others).all(axis=1)].astype(np.float64)
+    if len(others) == 0:
+        return none
+    squares = (others**2).sum(axis=1)
     if found == 1:
-        others = points[~zero]
-        others = others[np.isfinite(others).all(axis=1)].astype(np.float64)
-        if len(others) == 0:
-            return np.zeros(len(points), bool)
-        nearest = np.sqrt((others**2).sum(axis=1).min())
-        extent = np.linalg.norm(others.max(axis=0) - others.min(axis=0))
-        if nearest <= max(LARGEST_UNSHIFTED, float(extent)):
-            return np.zeros(len(points), bool)
-    return zero
+        extent = float(np.linalg.norm(others.max(axis=0) - others.min(axis=0)))
+        return zero if np.sqrt(squares.min()) > max(LARGEST_UNSHIFTED, extent) else none
+    # Rounded coordinates put several measurements at one place.
+    near = np.argpartition(squares, min(_NEAR, len(others)) - 1)[:_NEAR]
+    _, counts = np.unique(others[near], axis=0, return_counts=True)
+    return zero if found > counts.max() else none
 
 
 def build_cloud(

@@ -45,6 +45,8 @@ _COLORS = ("colorRed", "colorGreen", "colorBlue")
 _NORMALS = ("nor:normalX", "nor:normalY", "nor:normalZ")
 _NORMAL_URI = "http://www.libe57.org/E57_NOR_surface_normals.txt"
 _INVALID = ("cartesianInvalidState", "sphericalInvalidState")
+# Full brightness in 8, 10, 12, 14 and 16 bits.
+_FULL_LIGHTS = (255.0, 1023.0, 4095.0, 16383.0, 65535.0)
 _COLOR_INVALID, _INTENSITY_INVALID = "isColorInvalid", "isIntensityInvalid"
 # Fields of the standard that extra columns are written to, and what these must be.
 _STANDARD_INTEGERS = ("rowIndex", "columnIndex", "returnIndex", "returnCount", "isTimeStampInvalid")
@@ -168,7 +170,7 @@ def _read_fields(
         return {name: np.empty(0, dtype) for name, dtype in types.items()}
     capacity = min(promised, _POINTS_AT_A_TIME)
     arrays = {
-        name: np.empty(capacity, np.int64 if dtype == np.int64 else np.float64)
+        name: np.empty(capacity, np.longlong if dtype == np.int64 else np.float64)
         for name, dtype in types.items()
     }
     buffers = libe57.VectorSourceDestBuffer()
@@ -189,34 +191,32 @@ def _read_fields(
     return {name: np.concatenate(part) for name, part in parts.items()}
 
 
-def _limits(scan: Any, nodes: Mapping[str, Any]) -> tuple[float, float] | None:
-    """What the file says that colours lie between: its limits, else the bounds of the fields."""
+def _full_light(scan: Any, nodes: Mapping[str, Any]) -> float | None:
+    """The value of full brightness that the file states: its limits, else the fields' bounds."""
     if scan.isDefined("colorLimits"):
         limits = scan["colorLimits"]
-        names = [f"{name}{end}" for name in _COLORS for end in ("Minimum", "Maximum")]
+        names = [f"{name}Maximum" for name in _COLORS]
         if all(limits.isDefined(name) for name in names):
-            values = [_value(limits[name]) for name in names]
-            return min(values[0::2]), max(values[1::2])
+            return max(_value(limits[name]) for name in names)
     channels = [nodes[name] for name in _COLORS]
-    if all(hasattr(node, "scaledMinimum") for node in channels):
-        ends = [(node.scaledMinimum(), node.scaledMaximum()) for node in channels]
+    if all(hasattr(node, "scaledMaximum") for node in channels):
+        high = max(float(node.scaledMaximum()) for node in channels)
     else:
-        ends = [(node.minimum(), node.maximum()) for node in channels]
-    return float(min(low for low, _ in ends)), float(max(high for _, high in ends))
+        high = max(float(node.maximum()) for node in channels)
+    # Bounds are those of the values in some files; these have the bits that it takes.
+    return next((full for full in (1.0, *_FULL_LIGHTS) if high <= full), None)
 
 
 def _colors(
-    path: Path, limits: tuple[float, float] | None, fields: Mapping[str, Column], notes: Notes
+    path: Path, full: float | None, fields: Mapping[str, Column], notes: Notes
 ) -> NDArray[np.uint8] | None:
-    """Colours stretched from their stated limits to 0..255; by their values where none fit."""
+    """Colours stretched from the stated range to 0..255; by their values where it cannot be."""
     rows = np.stack([fields[name] for name in _COLORS], axis=1)
     rows = np.nan_to_num(rows, nan=0.0, posinf=0.0, neginf=0.0)
-    low, high = limits or (0.0, 0.0)
     largest = rows.max(initial=0)
-    # Bounds of the type say nothing, and limits that the values pass or never come near are wrong.
-    stated = 0 <= low < high <= 65535 and largest <= high and (high <= 255 or largest > 255)
-    if stated:
-        colors = np.rint((np.maximum(rows, low) - low) * (255 / (high - low))).astype(np.uint8)
+    # A range that the values leave or never come near is wrong.
+    if full is not None and full > 0 and largest <= full and (full <= 255 or largest > 255):
+        colors = np.rint(np.maximum(rows, 0) * (255 / full)).astype(np.uint8)
     else:
         colors = colors_from(path, list(rows.T), notes)
     return recorded(colors, "colours", notes)
@@ -319,7 +319,7 @@ def _read_scan(path: Path, libe57: Any, image: Any, scan: Any, notes: Notes) -> 
     colors: Column | None = None
     invalid = fields.pop(_COLOR_INVALID, np.zeros(len(local))) != 0
     if set(_COLORS) <= fields.keys():
-        colors = _colors(path, _limits(scan, nodes), fields, notes)
+        colors = _colors(path, _full_light(scan, nodes), fields, notes)
         if colors is not None:
             colors = _fill_invalid(world, colors, invalid, "colours", notes)
     intensities = fields.pop("intensity", None)
@@ -550,7 +550,12 @@ class _Writer:
         scans.append(scan)
         n = len(columns[_CARTESIAN[0]])
         capacity = max(1, min(n, _POINTS_AT_A_TIME))
-        arrays = {name: np.empty(capacity, c.dtype) for name, c in columns.items()}
+        # Of integers of more than 16 bits the library takes C's `long long` as they are.
+        wide = (np.int32, np.uint32, np.int64, np.uint64)
+        arrays = {
+            name: np.empty(capacity, np.longlong if c.dtype in wide else c.dtype)
+            for name, c in columns.items()
+        }
         buffers = libe57.VectorSourceDestBuffer()
         for name, array in arrays.items():
             buffers.append(libe57.SourceDestBuffer(self.image, name, array, capacity, True, True))
@@ -604,8 +609,7 @@ def _columns(
         columns |= {name: normals[which, a] for a, name in enumerate(_NORMALS)}
     extra = cloud.extra
     for name, field in names.items():
-        column = extra[name][which]
-        columns[field] = column.astype(np.int64) if column.dtype == np.uint64 else column
+        columns[field] = extra[name][which]
     return columns
 
 

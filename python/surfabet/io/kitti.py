@@ -33,51 +33,79 @@ _MOST_RINGS = 256
 # Other numbers per point that are looked for, so that they are not taken for one of the above.
 _STRIDES = range(3, 11)
 # With fewer numbers than this, columns may look alike by chance.
-_ENOUGH = 600
+_ENOUGH = 120
 # Numbers that are looked at; the rest is alike.
 _LOOKED_AT = 1_000_000
-# Columns that explain this share of what the best number per point explains are as good: a multiple
-# of the right number explains no less.
-_AS_GOOD = 0.8
+# Columns that differ by this share of the largest difference are as good: those of a multiple of
+# the right number differ as much, and a little more by chance.
+_AS_GOOD = 0.9
 
 
-def _fits(values: NDArray[np.float32], stride: int) -> bool:
-    """Whether columns of this many numbers lie where coordinates, intensities and rings lie."""
+def _is_whole(column: Column) -> bool:
+    return bool((column == np.rint(column)).all())
+
+
+def _fit(values: NDArray[np.float32], stride: int) -> int:
+    """How well columns of this many numbers are coordinates, intensities and rings.
+
+    0 if they are not; 1 if they may be; 2 if the last column is as reflectances, intensities or
+    rings are and as the coordinates are not.
+    """
     rows = values.reshape(-1, stride)
     rows = rows[np.isfinite(rows).all(axis=1)]
     if len(rows) < 0.5 * len(values) / stride:
-        return False
-    if (np.abs(rows[:, :3]) > _FARTHEST).any():
-        return False
+        return 0
+    points = rows[:, :3]
+    if (np.abs(points) > _FARTHEST).any():
+        return 0
     if ((rows != 0) & (np.abs(rows) < _SMALLEST)).mean() > 0.01:
-        return False
-    if stride >= 4 and len(rows) and (rows[:, 3].min() < 0 or rows[:, 3].max() > 65535):
-        return False
-    ring = rows[:, 4] if stride >= 5 else rows[:, :0]
-    return not ((ring != np.rint(ring)) | (ring < 0) | (ring >= _MOST_RINGS)).any()
+        return 0
+    if stride == 3 or len(rows) == 0:
+        return 1
+    intensity, last = rows[:, 3], rows[:, -1]
+    if intensity.min() < 0 or intensity.max() > 65535:
+        return 0
+    if stride == 5 and not (_is_whole(last) and last.min() >= 0 and last.max() < _MOST_RINGS):
+        return 0
+    if _is_whole(last) and last.max() > 0:
+        return 1 if _is_whole(points) else 2
+    # Reflectances.
+    return 2 if last.max() <= 1 and (points.min() < 0 or points.max() > 1) else 1
 
 
-def _explained(values: NDArray[np.float32], stride: int) -> float:
+def _explained(values: NDArray[np.float32], stride: int) -> NDArray[np.float64]:
     """How much columns of this many numbers differ from each other.
 
-    It is the share of the variance between columns in that of all numbers, of the numbers
-    themselves or of their logarithms, whichever is larger.
+    It is the share of the variance between columns in that of all numbers: of the numbers, of their
+    logarithms, of whether they are negative, and of whether they are whole.
     """
     rows = values[: len(values) // stride * stride].reshape(-1, stride).astype(np.float64)
     rows = np.clip(np.nan_to_num(rows, nan=0.0), -_FARTHEST, _FARTHEST)
     shares = []
-    for numbers in (rows, np.log(np.abs(rows) + 1e-3)):
-        total = numbers.var()
-        shares.append(float(numbers.mean(axis=0).var() / total) if total > 0 else 0.0)
-    # What columns of chance have.
-    return max(shares) - (stride - 1) / len(values)
+    for kind in (rows, np.log(np.abs(rows) + 1e-3), rows < 0, rows == np.rint(rows)):
+        total = kind.var()
+        shares.append(kind.mean(axis=0).var() / total if total > 0 else 0.0)
+    return np.array(shares)
+
+
+def _told_stride(values: NDArray[np.float32], n_values: int) -> int | None:
+    """The least number of columns that differ as much as any do; `None` where none differ."""
+    strides = [stride for stride in _STRIDES if n_values % stride == 0]
+    explained = np.array([_explained(values, stride) for stride in strides])
+    best = explained.max(axis=0)
+    # What chance explains is about the number of columns over that of numbers.
+    chance = max(_STRIDES) / len(values)
+    best[best <= 5 * chance] = 0
+    if not best.any():
+        return None
+    return strides[int(np.argmax((explained >= _AS_GOOD * best - chance).all(axis=1)))]
 
 
 def _stride_of(path: Path, values: NDArray[np.float32]) -> int:
     """How many numbers a point has, or an error that says how to name them."""
     remedy = "name the numbers of a point with columns= (--columns), such as x y z intensity"
     divides = [stride for stride in _LAYOUTS if len(values) % stride == 0]
-    fitting = [stride for stride in divides if _fits(values, stride)]
+    fitting = {stride: fit for stride in divides if (fit := _fit(values, stride))}
     if not fitting:
         tried = " or ".join(str(stride) for stride in divides)
         raise format_error(
@@ -86,20 +114,14 @@ def _stride_of(path: Path, values: NDArray[np.float32]) -> int:
             f"{_FARTHEST:g} m with intensities and rings; {remedy}",
             byte=0,
         )
-    looked_at = values[:_LOOKED_AT]
-    if len(looked_at) >= _ENOUGH:
-        explained = {s: _explained(looked_at, s) for s in _STRIDES if len(values) % s == 0}
-        best = max(explained.values())
-        told = min(s for s, share in explained.items() if share >= _AS_GOOD * best)
-        # What chance explains is a few times the number of columns over that of numbers.
-        if best > 10 * max(_STRIDES) / len(looked_at):
-            fitting = [told] if told in fitting else []
-    if len(fitting) > 1 and 3 in fitting:
-        # Any numbers can be coordinates.
-        fitting.remove(3)
-    if len(fitting) != 1:
+    if len(values) >= _ENOUGH:
+        told = _told_stride(values[:_LOOKED_AT], len(values))
+        if told is not None:
+            fitting = {told: 2} if told in fitting else {}
+    best_fits = [stride for stride, fit in fitting.items() if fit == max(fitting.values())]
+    if len(best_fits) != 1:
         raise format_error(path, f"cannot tell how many floats belong to a point; {remedy}", byte=0)
-    return fitting[0]
+    return best_fits[0]
 
 
 def _columns(rows: Column, names: Sequence[str]) -> dict[str, Column]:

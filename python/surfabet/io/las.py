@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +35,8 @@ _LARGEST_INTENSITY = 65_535
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 _RANGE = "Range"
 _COLORS = ("red", "green", "blue")
+# How the standard has colours of 8 bits in fields of 16.
+_COLOR_STEP = 256
 _WAVEFORM = (
     "wavepacket_index",
     "wavepacket_offset",
@@ -416,10 +418,15 @@ def _fits(dimension: Any, values: Column) -> bool:
     return values.dtype.kind in "iu" or bool((values == np.rint(values)).all())
 
 
-def _point_format(laspy: Any, extra: Mapping[str, Column], has_colors: bool) -> Any:
-    """The point format that holds what is there: 6 to 8, or 0 to 3 for angles in degrees."""
+def _point_format(laspy: Any, cloud: PointCloud) -> Any:
+    """The point format that holds what is there: 6 to 8, or 0 to 3 where these must be.
+
+    Formats 0 to 3 have angles in degrees, and only they have GeoTIFF keys.
+    """
+    extra, has_colors = cloud.extra, cloud.colors is not None
     modern = {"nir", "overlap", "scanner_channel", "scan_angle"}
-    if "scan_angle_rank" in extra and not modern & extra.keys():
+    has_keys = cloud.crs is not None and geotiff_keys(cloud.crs) is not None
+    if ("scan_angle_rank" in extra or has_keys) and not modern & extra.keys():
         legacy = laspy.PointFormat(2 * has_colors + ("gps_time" in extra))
         names = set(legacy.standard_dimension_names) & extra.keys()
         if all(_fits(legacy.dimension_by_name(name), extra[name]) for name in names):
@@ -482,7 +489,8 @@ def _projection(laspy: Any, header: Any, crs: str | None) -> list[str]:
         records = {_WKT: wkt}
     else:
         records = dict(zip(_GEOTIFF, directory_of(keys), strict=True))
-    header.global_encoding.wkt = keys is None
+    # Formats 6 and up must say that they have WKT, whether they have or not.
+    header.global_encoding.wkt = keys is None or header.point_format.id >= 6
     for number, data in records.items():
         if data:
             header.vlrs.append(laspy.VLR(_PROJECTION, number, "", data))
@@ -500,7 +508,9 @@ def _points(path: Path, laspy: Any, header: Any, cloud: PointCloud, fields: _Fie
     if (intensities := cloud.intensities) is not None:
         standard["intensity"] = _stored_intensities(path, intensities)
     if (colors := cloud.colors) is not None:
-        standard |= {name: colors[:, a].astype(np.uint16) * 257 for a, name in enumerate(_COLORS)}
+        standard |= {
+            name: colors[:, a].astype(np.uint16) * _COLOR_STEP for a, name in enumerate(_COLORS)
+        }
     for name, column in standard.items():
         dtype = np.dtype(header.point_format.dimension_by_name(name).dtype or np.uint8)
         points[name] = column.astype(dtype)
@@ -517,13 +527,14 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
     path
         The file, replaced in one piece.
     cloud
-        What to write. Offsets are the cloud's origin. Colours are stretched to 16 bits (times 257),
+        What to write. Offsets are the cloud's origin. Colours are stretched to 16 bits (times 256),
         normals and ranges are float32 extra dimensions (NormalX, NormalY, NormalZ, Range).
         Intensities that are not integers from 0 to 65535 are stretched to these, with a warning.
         Extra columns with the name of a standard dimension that holds their values become it, all
         others extra dimensions of their own type. The point format is 6, 7 (colours) or 8 (nir);
-        with a column scan_angle_rank, in whole degrees, it is 0 to 3. The coordinate reference
-        system is written as WKT, or as GeoTIFF keys where it is a code.
+        with a column scan_angle_rank, in whole degrees, or with a reference system given by a
+        code, it is 0 to 3 if these hold all columns. The coordinate reference system is written as
+        WKT, or as GeoTIFF keys where it is a code.
     scale
         Metres per unit of the integer coordinates. It is made coarser by powers of ten where the
         cloud does not fit: the default of 0.1 mm holds 214 km to each side of the origin.
@@ -545,7 +556,7 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
     if not (np.isfinite(scale) and scale > 0):
         raise InvalidInputError(f"scale is {scale}, but must be a positive length in metres")
     laspy = _laspy()
-    point_format = _point_format(laspy, cloud.extra, cloud.colors is not None)
+    point_format = _point_format(laspy, cloud)
     fields = _fields(cloud, point_format)
     header = laspy.LasHeader(version="1.4", point_format=point_format)
     header.offsets = np.array(cloud.origin)

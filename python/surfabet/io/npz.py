@@ -28,7 +28,19 @@ from surfabet.io._notes import Notes
 
 _ATTRIBUTES = ("colors", "intensities", "normals", "ranges", "viewpoints", "viewpoint_index")
 # What others call an array of points, and columns that go with it: (n, 3) ones by three names.
-_POINTS = ("points", "xyz", "pos", "positions", "coords", "coord", "pts", "vertices", "pointcloud")
+_POINTS = (
+    "points",
+    "xyz",
+    "pos",
+    "positions",
+    "coords",
+    "coord",
+    "pts",
+    "vertices",
+    "pointcloud",
+    "point_cloud",
+    "pc",
+)
 _TRIPLES = {
     "colors": ("red", "green", "blue"),
     "color": ("red", "green", "blue"),

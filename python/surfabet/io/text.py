@@ -20,8 +20,11 @@ from surfabet.io._columns import (
     Column,
     cloud_from_columns,
     columns_from_cloud,
+    lost_crs,
     records,
     viewpoint_columns,
+    warn_lost,
+    written_names,
 )
 from surfabet.io._encodings import open_text
 from surfabet.io._files import format_error, written_whole
@@ -259,11 +262,11 @@ def read_text(
 
 
 def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -> None:
-    """Writes points as text; it holds every attribute.
+    """Writes points as text; it holds every attribute, but no reference system.
 
     The columns are x y z, and where the cloud has them nx ny nz, red green blue, intensity, range,
-    vp_x vp_y vp_z, named by a comment in the first line, or in CSV files by a header line. Numbers
-    have as many digits as it takes to read back the same ones.
+    then the extra columns, then vp_x vp_y vp_z, named by a comment in the first line, or in CSV
+    files by a header line. Numbers have as many digits as it takes to read back the same ones.
 
     Parameters
     ----------
@@ -278,6 +281,11 @@ def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -
     ------
     InvalidInputError
         `delimiter` is none of space, tab, comma and semicolon.
+
+    Warns
+    -----
+    LostAttributeWarning
+        The cloud has a coordinate reference system, or a column whose name had to change.
     """
     if delimiter not in (None, " ", "\t", ",", ";"):
         raise InvalidInputError(f"delimiter is {delimiter!r}, but must be ' ', '\\t', ',' or ';'")
@@ -286,5 +294,6 @@ def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -
     rows = records(columns_from_cloud(cloud) | viewpoint_columns(cloud))
     header = ("" if is_csv else "# ") + delimiter.join(rows.dtype.names or ())
     with written_whole(path) as temporary, temporary.open("xb") as file:
-        file.write(header.encode("ascii") + b"\n")
+        file.write(header.encode("utf-8") + b"\n")
         save_table(file, rows, delimiter)
+    warn_lost(path, "text", lost_crs(cloud), renamed=written_names(cloud))
