@@ -737,7 +737,10 @@ def test_unnamed_labels_and_colors(tmp_path: Path) -> None:
         np.testing.assert_array_equal(cloud["label"], label)
     cloud, _ = save(ROOM.colors.astype(int) * 256)
     assert_room(cloud)
-    with pytest.raises(sb.FormatError, match="may be colours; name them with columns="):
+    with pytest.raises(
+        sb.FormatError,
+        match=r"7 columns mean: x y z intensity.*; name them by the fields of a structured array",
+    ):
         save(ROOM.colors, ROOM.colors[:, 0])
     with pytest.raises(sb.FormatError, match="cannot tell what 6 columns mean"):
         save(ROOM.normals * 60_000.5)

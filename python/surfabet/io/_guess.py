@@ -92,8 +92,12 @@ def _readings(columns: Sequence[Column]) -> list[tuple[str, ...]]:
     return []
 
 
-def guess_names(path: Path, columns: Sequence[Column]) -> dict[str, Column]:
-    """The columns by the names that their values allow.
+def guess_names(
+    path: Path,
+    columns: Sequence[Column],
+    remedy: str = "name them in a first line or with columns=",
+) -> dict[str, Column]:
+    """The columns by the names that their values allow; `remedy` says how to name them.
 
     Raises
     ------
@@ -105,15 +109,14 @@ def guess_names(path: Path, columns: Sequence[Column]) -> dict[str, Column]:
     found = _readings(columns[3:]) if len(columns) >= 3 else []
     if len(found) == 1:
         return dict(zip((*_POSITION, *found[0]), columns, strict=True))
-    name_them = "name them in a first line or with columns="
     if found:
         either = " or ".join(" ".join((*_POSITION, *names)) for names in found)
         raise format_error(
-            path, f"cannot tell what {len(columns)} columns mean: {either}; {name_them}"
+            path, f"cannot tell what {len(columns)} columns mean: {either}; {remedy}"
         )
     raise format_error(
         path,
         f"cannot tell what {len(columns)} columns mean: known are 3 (x y z), 4 (and intensity or "
         "label), 6 (and colours or normals), 7 (and colours with an intensity or a label) and 9 "
-        f"(and colours and normals), and their values must be such; {name_them}",
+        f"(and colours and normals), and their values must be such; {remedy}",
     )

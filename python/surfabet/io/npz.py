@@ -100,7 +100,8 @@ def _columns_of(path: Path, array: Column, notes: Notes) -> dict[str, Column]:
             f"the array has shape {array.shape} and dtype {array.dtype}; a cloud is (n, 3) or more "
             "columns of numbers, or structured with fields x, y and z",
         )
-    return guess_names(path, list(_native(array).T))
+    remedy = "name them by the fields of a structured array"
+    return guess_names(path, list(_native(array).T), remedy)
 
 
 def _native(array: Column) -> Column:
