@@ -7,7 +7,7 @@ the number of rows, which PTS files and CloudCompare write.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -139,17 +139,19 @@ class TextTable:
                 yield line.decode("latin-1").strip()
 
     def _rows(self) -> Iterator[str]:
-        clean: Callable[[str], str] = self.layout.clean
+        clean, has_commas = self.layout.clean, self.layout.decimal_comma
         if self.first is not None:
             yield clean(self.first)
-        for text in self._texts():
-            if text.startswith(_COMMENTS):
+        # One loop over all lines, which takes most of the time.
+        while (line := self.lines.next()) is not None:
+            text = line.decode("latin-1").strip()
+            if not text or text.startswith(_COMMENTS):
                 continue
             if self.count is not None and text.isdecimal():
                 # The next scan of a PTS file.
                 self.count += int(text[:18])
                 continue
-            yield clean(text)
+            yield clean(text) if has_commas or '"' in text or "#" in text else text
 
     def numbers(self, places: Sequence[int], n_words: int, notes: Notes) -> NDArray[np.float64]:
         """The columns at these places of rows of `n_words` values."""
