@@ -232,6 +232,13 @@ def test_semicolons_and_decimal_commas(tmp_path: Path, decimals: str) -> None:
         check(read(tmp_path / "a.csv", f"{header}\n{body}"), colors=True)
 
 
+@pytest.mark.parametrize("end", ["", ";"])
+def test_lines_that_end_in_a_delimiter(tmp_path: Path, end: str) -> None:
+    body = rows(POINTS, COLORS, separator=";", end=f"{end}\n")
+    for header in ("X;Y;Z;R;G;B\n", "X;Y;Z;R;G;B;\n", "sep=;\nX;Y;Z;R;G;B\n"):
+        check(read(tmp_path / "a.csv", header + body), colors=True)
+
+
 def test_more_values_than_names_are_refused(tmp_path: Path) -> None:
     # Commas between the columns and in the numbers.
     text = "X,Y,Z\n" + "1,5,2,5,3,5\n" * 3

@@ -79,6 +79,8 @@ class Layout:
         """The columns that a line names, if it names a position."""
         if self.delimiter is None:
             return column_names(SPACED_NAME.findall(text))
+        # Lines may end in a delimiter.
+        text = text.strip().removesuffix(self.delimiter)
         return column_names([word.strip() for word in text.split(self.delimiter)])
 
 
