@@ -232,6 +232,17 @@ def test_semicolons_and_decimal_commas(tmp_path: Path, decimals: str) -> None:
         check(read(tmp_path / "a.csv", f"{header}\n{body}"), colors=True)
 
 
+def test_a_second_column_of_a_name_is_named(tmp_path: Path) -> None:
+    # LidarView writes positions twice.
+    path = tmp_path / "a.csv"
+    header = '"Points_m_XYZ:0","Points_m_XYZ:1","Points_m_XYZ:2","X","Y","Z","distance_m"\n'
+    path.write_text(header + rows(POINTS, POINTS, INTENSITY, separator=","))
+    with pytest.warns(sb.LostAttributeWarning, match=r"column 'X', another x, column 'Y', another"):
+        cloud = sb.read(path)
+    check(cloud)
+    np.testing.assert_allclose(cloud.ranges, INTENSITY, rtol=1e-6)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("end", ["", ";"])
 def test_lines_that_end_in_a_delimiter(tmp_path: Path, end: str) -> None:
     body = rows(POINTS, COLORS, separator=";", end=f"{end}\n")

@@ -122,9 +122,13 @@ def _named_columns(
         if name in known or (others and name != _LEFT_ASIDE and is_number(words[i]))
     ]
     numbers = table.numbers(places, len(words), notes)
-    for key, i in first.items():
-        if i not in places and key != _LEFT_ASIDE:
-            notes.aside(f"column {names[i].written!r:.40}, which does not hold numbers")
+    for i, name in enumerate(names):
+        if name.name == _LEFT_ASIDE or i in places:
+            continue
+        if i == first[name.name]:
+            notes.aside(f"column {name.written!r:.40}, which does not hold numbers")
+        else:
+            notes.aside(f"column {name.written!r:.40}, another {name.name:.40}")
     columns = {}
     for k, i in enumerate(places):
         key, column = names[i].name, numbers[:, k]
