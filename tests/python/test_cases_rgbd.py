@@ -208,6 +208,17 @@ def test_tum_associations(tmp_path: Path, name: str, order: str) -> None:
     check(read(folder, intrinsics=INTRINSICS), expected())
 
 
+def test_icl_nuim(tmp_path: Path) -> None:
+    folder = make_tum(tmp_path, lists=False)
+    (folder / "groundtruth.txt").rename(folder / "livingRoom0.gt.freiburg")
+    lines = [f"{stamp} depth/{stamp}.png {stamp} rgb/{stamp}.png" for stamp in STAMPS]
+    (folder / "associations.txt").write_text("\n".join(lines))
+    check(read(folder, intrinsics=(FX, -FY, CX, CY)), expected(fy=-FY))
+    (folder / "livingRoom0.gt.freiburg").unlink()
+    with pytest.raises(sb.FormatError, match=r"images are listed, but groundtruth\.txt is missing"):
+        read(folder)
+
+
 def test_tum_without_one_depth_image(tmp_path: Path) -> None:
     folder = make_tum(tmp_path)
     (folder / "depth/100.1.png").unlink()

@@ -1,6 +1,7 @@
 """The layout of the TUM RGB-D benchmark: lists of images and poses by time.
 
-`rgb.txt`, `depth.txt` and `groundtruth.txt`, or `associations.txt` in place of the first two.
+`rgb.txt`, `depth.txt` and `groundtruth.txt`, or `associations.txt` in place of the first two. The
+renderings of ICL-NUIM have it too, with poses in `*.gt.freiburg`.
 """
 
 from __future__ import annotations
@@ -131,13 +132,21 @@ def _too_far(what: str, seconds: float) -> str:
     return f"without a {what} within max_time_difference={seconds:g} s"
 
 
+def _truth(folder: Path) -> Path:
+    """The list of poses, which ICL-NUIM calls after its rooms."""
+    if (path := folder / "groundtruth.txt").exists():
+        return path
+    others = list(folder.glob("*.gt.freiburg"))
+    if len(others) != 1:
+        raise format_error(folder, "the images are listed, but groundtruth.txt is missing")
+    return others[0]
+
+
 def find_frames(folder: Path, max_time_difference: float) -> Listing:
     """Each depth image with the colour image and the pose nearest in time."""
-    truth = folder / "groundtruth.txt"
-    needed = ("rgb.txt", "groundtruth.txt") if (folder / "depth.txt").exists() else (truth.name,)
-    for name in needed:
-        if not (folder / name).exists():
-            raise format_error(folder, f"the images are listed, but {name} is missing")
+    truth = _truth(folder)
+    if (folder / "depth.txt").exists() and not (folder / "rgb.txt").exists():
+        raise format_error(folder, "depth.txt is there, but rgb.txt is missing")
     known = re.search("freiburg[123]", str(folder.resolve()))
     camera = Camera(*(_INTRINSICS[known.group()] if known else _DEFAULT_INTRINSICS))
     listing = Listing(folder, camera, depth_scale=5000, colored=True)
