@@ -142,13 +142,14 @@ def colors_from(
     if beyond and notes is not None:
         notes.remark(f"clipped {beyond:,} values of colours to 0..{largest}")
     rows = np.clip(rows, 0, largest)
-    if largest == 65535 and not (np.rint(rows).astype(np.int64) & 255).any():
-        rows = rows / 256
-    elif largest == 65535:
-        rows = rows / 257
-    elif largest == 1:
-        rows = rows * 255
-    return np.rint(rows).astype(np.uint8)
+    if largest == 65535:
+        values = np.rint(rows).astype(np.uint16)
+        if not (values & 255).any():
+            return (values >> 8).astype(np.uint8)
+        return ((values.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    if rows.dtype.kind == "f":
+        rows = np.rint(rows * 255 if largest == 1 else rows)
+    return rows.astype(np.uint8)
 
 
 def _unpacked(packed: Column) -> list[Column] | None:
@@ -186,8 +187,10 @@ def no_returns(points: Column) -> NDArray[np.bool_]:
     at one of the other places near; a single one is, too, unless all others are farther than a
     kilometre and than their own extent.
     """
-    zero: NDArray[np.bool_] = np.logical_not(points.any(axis=1))
-    none = np.zeros(len(points), bool)
+    zero: NDArray[np.bool_] = np.zeros(len(points), bool)
+    none = zero.copy()
+    candidates = np.flatnonzero(points[:, 0] == 0)
+    zero[candidates] = (points[candidates, 1:] == 0).all(axis=1)
     found = int(zero.sum())
     if found == 0:
         return none
