@@ -140,7 +140,7 @@ def colors_from(
     # Rounding may leave a little more than 1.
     beyond = int(((rows < 0) | (rows > largest * (1 + 1e-6))).sum())
     if beyond and notes is not None:
-        notes.remark(f"clipped {beyond:,} values of colours to 0..{largest}")
+        notes.remark(f"values of colours were clipped to 0..{largest}", beyond)
     rows = np.clip(rows, 0, largest)
     if largest == 65535:
         values = np.rint(rows).astype(np.uint16)
@@ -232,9 +232,7 @@ def build_cloud(
     per_point = [colors, intensities, normals, ranges, viewpoint_index]
     extra = dict(extra or {})
     if origin is None and (empty := no_returns(points)).any():
-        notes.points(
-            f"left out {int(empty.sum()):,} of {len(points):,} points at exactly 0 0 0 (no returns)"
-        )
+        notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(points))
         points = points[~empty]
         per_point = [None if column is None else column[~empty] for column in per_point]
         extra = {name: column[~empty] for name, column in extra.items()}
