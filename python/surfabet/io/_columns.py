@@ -140,7 +140,7 @@ def colors_from(
     # Rounding may leave a little more than 1.
     beyond = int(((rows < 0) | (rows > largest * (1 + 1e-6))).sum())
     if beyond and notes is not None:
-        notes.remark(f"values of colours were clipped to 0..{largest}", beyond)
+        notes.remark(f"colour values clipped to 0..{largest}", beyond)
     rows = np.clip(rows, 0, largest)
     if largest == 65535:
         values = np.rint(rows).astype(np.uint16)

@@ -33,7 +33,7 @@ class Notes:
     def remark(self, text: str, count: int = 0) -> None:
         """What was read in another way than its name says, or has a unit of its own.
 
-        With a `count` of points, which add up, the text goes on after it.
+        A `count`, which adds up over the scans of a file, comes after the text.
         """
         self._remarks[text] = self._remarks.get(text, 0) + count
 
@@ -49,7 +49,7 @@ class Notes:
             if count
         ]
         dropped += self._dropped
-        parts = dropped + [f"{n:,} {text}" if n else text for text, n in self._remarks.items()]
+        parts = dropped + [f"{text}: {n:,}" if n else text for text, n in self._remarks.items()]
         if self._aside:
             names = list(self._aside)[:_MOST_NAMES]
             if more := len(self._aside) - len(names):

@@ -236,7 +236,7 @@ def _fill_invalid(
     filled = values.copy()
     filled[invalid] = values[~invalid][nearest.reshape(-1)]
     notes.remark(
-        f"points have no valid {what} of their own and got those of the nearest point that has",
+        f"points without valid {what} of their own got those of the nearest point that has",
         int(invalid.sum()),
     )
     return filled
