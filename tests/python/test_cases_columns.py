@@ -378,7 +378,7 @@ def test_a_few_high_values_do_not_make_16_bits(tmp_path: Path, n_high: int) -> N
     assert cloud.colors is not None
     np.testing.assert_array_equal(cloud.colors[n_high:], ROOM.colors[n_high:])
     assert (cloud.colors[:n_high] == 255).all()
-    assert f"clipped {3 * n_high} values of colours to 0..255" in said
+    assert f"colour values clipped to 0..255: {3 * n_high}" in said
 
 
 @pytest.mark.parametrize("factor", [1, 256, 257])
@@ -556,8 +556,9 @@ def test_e57_invalid_colors_come_from_the_nearest_point(tmp_path: Path) -> None:
     bounds = {name: (0, 255) for name in e57_colors()}
     bounds |= {"isColorInvalid": (0, 1), "isIntensityInvalid": (0, 1)}
     cloud, said = told(made.e57(tmp_path / "a.e57", columns, bounds=bounds))
-    assert f"{N // 4} points have no valid colours of their own" in said
-    assert f"{N // 4} points have no valid intensities of their own" in said
+    assert "points without valid colours of their own got those of the nearest point" in said
+    assert said.endswith(f": {N // 4}")
+    assert "points without valid intensities of their own" in said
     distances = np.linalg.norm(ROOM.points[:, None] - ROOM.points[None], axis=2)
     distances[:, invalid == 1] = np.inf
     nearest = np.where(invalid, distances.argmin(axis=1), np.arange(N))
@@ -608,10 +609,30 @@ def test_npz_with_structured_points(tmp_path: Path) -> None:
 
 
 def test_npz_by_axes(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", **ROOM.columns(), intensity=ROOM.intensities)
-    cloud, _ = told(tmp_path / "a.npz")
+    objects = np.array([{}], dtype=object)
+    np.savez(tmp_path / "a.npz", **ROOM.columns(), intensity=ROOM.intensities, other=objects)
+    cloud, said = told(tmp_path / "a.npz")
     assert_room(cloud, colors=False)
     np.testing.assert_array_equal(cloud.intensities, ROOM.intensities)
+    assert said.endswith("left aside: array other of Python objects")
+
+
+def test_empty_arrays(tmp_path: Path) -> None:
+    rows = made.records({"xyz": ROOM.points, "rgb": ROOM.colors, "label": np.arange(N)})
+    np.savez(tmp_path / "a.npz", points=rows[:0], weight=np.empty(0), feature=np.empty((0, 2)))
+    cloud, _ = told(tmp_path / "a.npz")
+    assert len(cloud) == 0
+    assert cloud.attributes == ["colors", "label", "weight", "feature_0", "feature_1"]
+
+
+def test_structured_arrays_with_triples(tmp_path: Path) -> None:
+    columns = {"xyz": ROOM.points, "rgb": ROOM.colors, "normal": ROOM.normals}
+    np.save(tmp_path / "a.npy", made.records(columns | {"label": np.arange(N)}))
+    cloud, said = told(tmp_path / "a.npy")
+    assert_room(cloud)
+    assert (cloud.attributes, said) == (["colors", "normals", "label"], "")
+    np.savez(tmp_path / "a.npz", ROOM.points, np.arange(N))
+    assert_room(told(tmp_path / "a.npz")[0], colors=False)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".las", ".xyz", ".bin"])
@@ -753,7 +774,7 @@ RIGHT: dict[str, tuple[list[str], str]] = {
     "las_nir_pf8/a.laz": (["colors", "intensities", "nir"], ""),
     "las_withheld_noise/a.laz": (["colors", "intensities"], "60 withheld"),
     "las_rgb_zero/a.las": (["intensities"], "colours, which are 0 everywhere"),
-    "las_rgb8_one_high/a.las": (["colors", "intensities"], "clipped 3 values"),
+    "las_rgb8_one_high/a.las": (["colors", "intensities"], "colour values clipped to 0..255: 3"),
     "las_extra_intensity/a.las": (["colors", "intensities", "normals", "ranges"], ""),
     "las_metre_h_ft_v/a.las": ([], "metre horizontally, US survey foot"),
     "ply_cc/a.ply": (["colors", "intensities", "scalar_GPSTime", "scalar_Classification"], ""),
@@ -769,7 +790,7 @@ RIGHT: dict[str, tuple[list[str], str]] = {
     "e57_timestamps/a.e57": (["timeStamp", "returnIndex"], ""),
     "e57_crs/a.e57": ([], ""),
     "e57_rgb16_nolimits/a.e57": (["colors"], ""),
-    "e57_color_invalid/a.e57": (["colors", "intensities"], "750 points have no valid colours"),
+    "e57_color_invalid/a.e57": (["colors", "intensities"], "points without valid colours"),
     "e57_zero_quaternion/a.e57": (["colors"], "quaternion 0 0 0 0"),
     "npz_pyntcloud/a.npz": (["colors"], ""),
     "npz_xyz_rgb/a.npz": (["colors"], ""),

@@ -140,15 +140,16 @@ def colors_from(
     # Rounding may leave a little more than 1.
     beyond = int(((rows < 0) | (rows > largest * (1 + 1e-6))).sum())
     if beyond and notes is not None:
-        notes.remark(f"clipped {beyond:,} values of colours to 0..{largest}")
+        notes.remark(f"colour values clipped to 0..{largest}", beyond)
     rows = np.clip(rows, 0, largest)
-    if largest == 65535 and not (np.rint(rows).astype(np.int64) & 255).any():
-        rows = rows / 256
-    elif largest == 65535:
-        rows = rows / 257
-    elif largest == 1:
-        rows = rows * 255
-    return np.rint(rows).astype(np.uint8)
+    if largest == 65535:
+        values = np.rint(rows).astype(np.uint16)
+        if not (values & 255).any():
+            return (values >> 8).astype(np.uint8)
+        return ((values.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    if rows.dtype.kind == "f":
+        rows = np.rint(rows * 255 if largest == 1 else rows)
+    return rows.astype(np.uint8)
 
 
 def _unpacked(packed: Column) -> list[Column] | None:
@@ -186,8 +187,10 @@ def no_returns(points: Column) -> NDArray[np.bool_]:
     at one of the other places near; a single one is, too, unless all others are farther than a
     kilometre and than their own extent.
     """
-    zero: NDArray[np.bool_] = np.logical_not(points.any(axis=1))
-    none = np.zeros(len(points), bool)
+    zero: NDArray[np.bool_] = np.zeros(len(points), bool)
+    none = zero.copy()
+    candidates = np.flatnonzero(points[:, 0] == 0)
+    zero[candidates] = (points[candidates, 1:] == 0).all(axis=1)
     found = int(zero.sum())
     if found == 0:
         return none
@@ -229,9 +232,7 @@ def build_cloud(
     per_point = [colors, intensities, normals, ranges, viewpoint_index]
     extra = dict(extra or {})
     if origin is None and (empty := no_returns(points)).any():
-        notes.points(
-            f"left out {int(empty.sum()):,} of {len(points):,} points at exactly 0 0 0 (no returns)"
-        )
+        notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(points))
         points = points[~empty]
         per_point = [None if column is None else column[~empty] for column in per_point]
         extra = {name: column[~empty] for name, column in extra.items()}

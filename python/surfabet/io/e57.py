@@ -236,8 +236,8 @@ def _fill_invalid(
     filled = values.copy()
     filled[invalid] = values[~invalid][nearest.reshape(-1)]
     notes.remark(
-        f"{int(invalid.sum()):,} points have no valid {what} of their own and got those of the "
-        "nearest point that has"
+        f"points without valid {what} of their own got those of the nearest point that has",
+        int(invalid.sum()),
     )
     return filled
 
@@ -287,13 +287,11 @@ def _measured(
     invalid = _INVALID[0 if is_cartesian else 1]
     if invalid in fields:
         valid = fields.pop(invalid) == 0
+        notes.left_out("that are marked as invalid", int((~valid).sum()), len(valid))
         fields = {name: column[valid] for name, column in fields.items()}
     local = _local(fields, is_cartesian)
     if (empty := no_returns(local)).any():
-        notes.points(
-            f"left out {int(empty.sum()):,} of {len(local):,} points of a scan at exactly 0 0 0 "
-            "(no returns)"
-        )
+        notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(local))
         local = local[~empty]
         fields = {name: column[~empty] for name, column in fields.items()}
     return local, fields
@@ -390,9 +388,10 @@ def read_e57(path: Path) -> PointCloud:
     -------
     PointCloud
         Positions with the scans' poses applied, from Cartesian or spherical coordinates; points
-        marked as invalid are left out, since nothing was measured there. Where every scan has them:
-        colours, intensities and normals; all other fields with numbers are extra columns by their
-        names, such as timeStamp (seconds since the scan's start), rowIndex and columnIndex.
+        marked as invalid are left out and counted, since nothing was measured there. Where every
+        scan has them: colours, intensities and normals; all other fields with numbers are extra
+        columns by their names, such as timeStamp (seconds since the scan's start), rowIndex and
+        columnIndex.
         Colours are stretched from the limits that the file states, or from the bounds of their
         fields. Points whose colour or intensity is marked as invalid get that of the nearest point
         with a valid one. Viewpoints (row i is scan i of those with points) and ranges are the
@@ -409,7 +408,8 @@ def read_e57(path: Path) -> PointCloud:
     Warns
     -----
     DroppedPointsWarning
-        Points are not finite, or are no returns (exactly 0 0 0 in the scanner's frame).
+        Points are not finite, marked as invalid, or no returns (exactly 0 0 0 in the scanner's
+        frame).
     LostAttributeWarning
         An attribute was left out because only some of the scans have it; images and texts are left
         aside; colours or intensities were filled; a pose has the quaternion 0 0 0 0; coordinates
