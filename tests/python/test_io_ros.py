@@ -586,7 +586,7 @@ def test_altered_bags(tmp_path: Path, kind: str) -> None:
     data = path.read_bytes()
     other = tmp_path / f"altered.{kind}"
     rng = np.random.default_rng(0)
-    for at in rng.integers(0, len(data), 60):
+    for at in rng.integers(0, len(data), 30):
         changed = bytearray(data)
         changed[at] ^= int(rng.integers(1, 256))
         other.write_bytes(changed)

@@ -7,10 +7,7 @@ the times of their headers. Written are MCAP files of one message.
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, overload
 
@@ -19,19 +16,10 @@ from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
-from surfabet.io._columns import (
-    VIEWPOINT_INDEX,
-    Column,
-    cloud_from_columns,
-    columns_from_cloud,
-    no_returns,
-    viewpoint_columns,
-    warn_lost,
-)
-from surfabet.io._files import format_error, optional_module, written_whole
+from surfabet.io._columns import VIEWPOINT_INDEX, Column, cloud_from_columns, no_returns
+from surfabet.io._files import format_error
 from surfabet.io._notes import Notes
 from surfabet.io.ros._bags import (
-    REQUIREMENT,
     Topic,
     as_defined,
     frame_of,
@@ -41,32 +29,11 @@ from surfabet.io.ros._bags import (
     stamp_of,
     topics_of,
 )
-from surfabet.io.ros._point_cloud2 import TYPE, can_encode, decode, encode
-from surfabet.io.ros._transforms import (
-    ODOMETRY_TYPE,
-    TRACK_TYPES,
-    Edge,
-    note_invalid,
-    poses_along,
-    read_track,
-    read_tree,
-)
+from surfabet.io.ros._mcap import write_mcap
+from surfabet.io.ros._placing import NO_POSES, TREE, Placing, Scan, placed, wrong_option
+from surfabet.io.ros._point_cloud2 import TYPE, decode
 
 __all__ = ["Topic", "is_bag", "list_topics", "read_bag", "write_mcap"]
-
-_NORMALS = (("normal_x", "normal_y", "normal_z"), ("nx", "ny", "nz"))
-_CHANNELS = ("red", "green", "blue")
-_NO_POSES = "none"
-_TREE = "tf"
-
-
-@dataclass
-class _Scan:
-    """One message."""
-
-    columns: dict[str, Column]
-    stamp: int
-    frame: str
 
 
 def list_topics(path: str | os.PathLike[str]) -> list[Topic]:
@@ -88,15 +55,6 @@ def list_topics(path: str | os.PathLike[str]) -> list[Topic]:
         return topics_of(reader)
 
 
-def _wrong(argument: str, value: object, requirement: str) -> InvalidInputError:
-    return InvalidInputError(
-        f"{argument} is {value!r}, but must be {requirement}",
-        argument=argument,
-        value=repr(value),
-        requirement=requirement,
-    )
-
-
 def _choose_topic(path: Path, topics: Sequence[Topic], name: str | None) -> Topic:
     clouds = [topic for topic in topics if topic.type == TYPE]
     if not clouds:
@@ -109,129 +67,22 @@ def _choose_topic(path: Path, topics: Sequence[Topic], name: str | None) -> Topi
         return clouds[0]
     chosen = next((topic for topic in clouds if topic.name == name), None)
     if chosen is None:
-        raise _wrong("topic", name, f"one with PointCloud2 messages: {known}")
+        raise wrong_option("topic", name, f"one with PointCloud2 messages: {known}")
     return chosen
 
 
 def _read_scans(
     path: Path, reader: Any, topic: Topic, number: int | None, notes: Notes
-) -> list[_Scan]:
+) -> list[Scan]:
     scans = []
     for _, stamp, message in messages(path, reader, [topic.name], number):
         with as_defined(path, topic.type):
             frame = frame_of(message.header.frame_id)
-            scans.append(_Scan(decode(path, message, notes), stamp_of(message, stamp), frame))
+            scans.append(Scan(decode(path, message, notes), stamp_of(message, stamp), frame))
     return scans
 
 
-class _Placing:
-    """How frames get into the common one: the steps from each."""
-
-    def __init__(self, path: Path, reader: Any, frame: str, source: str | None) -> None:
-        """`frame` is that of the clouds; `source` is the user's, or what the bag has."""
-        self.path = path
-        self.tree = read_tree(path, reader)
-        self.track: Edge | None = None
-        tracks = [topic for topic in topics_of(reader) if topic.type in TRACK_TYPES]
-        if source not in (None, _TREE, _NO_POSES):
-            chosen = next((topic for topic in tracks if topic.name == source), None)
-            if chosen is None:
-                known = ", ".join(topic.name for topic in tracks) or "none here"
-                raise _wrong("poses", source, f"tf, none, or a topic of odometry or poses: {known}")
-            self.track = read_track(path, reader, chosen.name, chosen.type, frame)
-        elif source is None and not self.moves(frame) and not self.is_fixed(frame):
-            odometry = [topic for topic in tracks if topic.type == ODOMETRY_TYPE]
-            if len(odometry) > 1:
-                known = ", ".join(topic.name for topic in odometry)
-                raise InvalidInputError(f"{path} has several odometries; name one: poses={known}")
-            if odometry:
-                self.track = read_track(path, reader, odometry[0].name, ODOMETRY_TYPE, frame)
-        if source == _TREE and not self.tree.chain(frame) and not self.is_fixed(frame):
-            raise _wrong("poses", source, f"another source, since /tf has no frame {frame!r}")
-
-    def moves(self, frame: str) -> bool:
-        """Whether the tree knows motions of a frame."""
-        return any(not step.static for step in self.tree.chain(frame))
-
-    def is_fixed(self, frame: str) -> bool:
-        """Whether other frames move in this one, and it in none."""
-        if self.track is not None and frame == self.track.parent:
-            return True
-        moving = any(not edge.static for edge in self.tree.edges.values())
-        parents = {edge.parent for edge in self.tree.edges.values()}
-        return moving and frame in parents and frame not in self.tree.edges
-
-    def steps(self, frame: str, target: str | None, notes: Notes) -> list[Edge]:
-        """The steps from a frame to the one that clouds are fused in."""
-        if self.track is None or self.is_fixed(frame):
-            steps = self.tree.chain(frame, target)
-        else:
-            steps = self.tree.chain(frame, self.track.child)
-            if (steps[-1].parent if steps else frame) != self.track.child:
-                steps = []
-                notes.remark(
-                    f"no transform leads from {frame!r} to {self.track.child!r}, which has the "
-                    "poses; they are taken as the same"
-                )
-            steps = [*steps, self.track]
-        if target is not None and (steps[-1].parent if steps else frame) != target:
-            known = ", ".join([frame, *(step.parent for step in self.tree.chain(frame))])
-            raise _wrong("frame", target, f"one of those above the cloud's: {known}")
-        return steps
-
-
-def _place(scan: _Scan, pose: NDArray[np.float64]) -> None:
-    """Moves a scan by a pose, and notes its ranges."""
-    columns = scan.columns
-    local = [columns[axis].astype(np.float64) for axis in "xyz"]
-    for row, axis in enumerate("xyz"):
-        columns[axis] = (
-            pose[row, 0] * local[0] + pose[row, 1] * local[1] + pose[row, 2] * local[2]
-        ) + pose[row, 3]
-    for names in _NORMALS:
-        if all(name in columns for name in names):
-            normal = [columns[name] for name in names]
-            for row, name in enumerate(names):
-                columns[name] = sum(pose[row, k] * normal[k] for k in range(3))
-    if "range" in columns and columns["range"].dtype.kind != "f":
-        # Drivers write integer ranges in units of their own.
-        columns["range_"] = columns.pop("range")
-    with np.errstate(over="ignore", invalid="ignore"):
-        distance = np.sqrt(local[0] ** 2 + local[1] ** 2 + local[2] ** 2)
-    columns.setdefault("range", distance.astype(np.float32))
-
-
-def _placed(
-    path: Path, scans: Sequence[_Scan], placing: _Placing, target: str | None, notes: Notes
-) -> tuple[list[_Scan], NDArray[np.float64] | None]:
-    """The scans that could be placed, in the common frame, and where the sensor was for each."""
-    placed: list[_Scan] = []
-    centers: list[NDArray[np.float64]] = []
-    moved = False
-    for frame in dict.fromkeys(scan.frame for scan in scans):
-        own = [scan for scan in scans if scan.frame == frame]
-        steps = placing.steps(frame, target, notes)
-        moved = moved or bool(steps)
-        poses, known = poses_along(steps, np.array([scan.stamp for scan in own], np.int64))
-        for scan, pose, there in zip(own, poses, known, strict=True):
-            if there:
-                if steps:
-                    _place(scan, pose)
-                placed.append(scan)
-                centers.append(pose[:3, 3])
-    note_invalid(placing.tree, notes)
-    if n_lost := len(scans) - len(placed):
-        notes.points(
-            f"left out {n_lost} of {len(scans)} messages, for whose times there is no pose"
-        )
-    if not placed:
-        raise format_error(
-            path, "no message could be placed; read one with message=, or all with poses='none'"
-        )
-    return placed, np.array(centers) if moved else None
-
-
-def _drop_no_returns(scans: Sequence[_Scan], notes: Notes) -> None:
+def _drop_no_returns(scans: Sequence[Scan], notes: Notes) -> None:
     """Leaves out points at exactly 0 0 0, which would become the sensor's position."""
     n_empty = n_points = 0
     for scan in scans:
@@ -244,7 +95,7 @@ def _drop_no_returns(scans: Sequence[_Scan], notes: Notes) -> None:
         notes.points(f"left out {n_empty:,} of {n_points:,} points at exactly 0 0 0 (no returns)")
 
 
-def _joined(scans: Sequence[_Scan], notes: Notes) -> dict[str, Column]:
+def _joined(scans: Sequence[Scan], notes: Notes) -> dict[str, Column]:
     """The columns that all scans have, one scan after the other."""
     names = [n for n in scans[0].columns if all(n in scan.columns for scan in scans)]
     partial = {name: None for scan in scans for name in scan.columns if name not in names}
@@ -255,7 +106,7 @@ def _joined(scans: Sequence[_Scan], notes: Notes) -> dict[str, Column]:
 
 
 def _fused(
-    path: Path, scans: Sequence[_Scan], centers: NDArray[np.float64] | None, notes: Notes
+    path: Path, scans: Sequence[Scan], centers: NDArray[np.float64] | None, notes: Notes
 ) -> PointCloud:
     columns = _joined(scans, notes)
     if centers is not None:
@@ -264,7 +115,7 @@ def _fused(
     return cloud_from_columns(path, columns, viewpoints=centers, notes=notes)
 
 
-def _check_positions(path: Path, topic: Topic, scans: Sequence[_Scan]) -> None:
+def _check_positions(path: Path, topic: Topic, scans: Sequence[Scan]) -> None:
     for scan in scans:
         if not {"x", "y", "z"} <= scan.columns.keys():
             raise format_error(
@@ -349,23 +200,25 @@ def read_bag(
     """
     path = Path(path)
     if message is not None and (isinstance(message, bool) or message < 0):
-        raise _wrong("message", message, "a number from 0")
+        raise wrong_option("message", message, "a number from 0")
     notes = Notes(path)
     with open_bag(path) as reader:
         chosen = _choose_topic(path, topics_of(reader), topic)
         if message is not None and message >= chosen.count:
-            raise _wrong("message", message, f"less than {chosen.count}, as {chosen.name} has")
+            raise wrong_option(
+                "message", message, f"less than {chosen.count}, as {chosen.name} has"
+            )
         scans = _read_scans(path, reader, chosen, message, notes)
         if not scans:
             raise format_error(path, f"{chosen.name} has no messages")
         _check_positions(path, chosen, scans)
         _drop_no_returns(scans, notes)
         centers = None
-        if poses != _NO_POSES and (message is None or poses is not None):
-            placing = _Placing(path, reader, scans[0].frame, poses)
+        if poses != NO_POSES and (message is None or poses is not None):
+            placing = Placing(path, reader, scans[0].frame, poses)
             known = placing.moves(scans[0].frame) or placing.is_fixed(scans[0].frame)
-            if known or placing.track or poses == _TREE:
-                scans, centers = _placed(path, scans, placing, frame, notes)
+            if known or placing.track or poses == TREE:
+                scans, centers = placed(path, scans, placing, frame, notes)
             elif fused and len(scans) > 1:
                 raise InvalidInputError(
                     f"{path} has {len(scans)} messages on {chosen.name} and no poses for them; "
@@ -379,54 +232,3 @@ def read_bag(
     ]
     notes.warn()
     return clouds
-
-
-def write_mcap(
-    path: Path, cloud: PointCloud, *, topic: str = "/points", frame: str = "map"
-) -> None:
-    """Writes a cloud as one `PointCloud2` message in an MCAP file, as ROS 2 records them.
-
-    Parameters
-    ----------
-    path
-        The file, replaced in one piece.
-    cloud
-        What to write, in world coordinates: as 32-bit floats, or as 64-bit floats where the cloud
-        lies far from the origin. Colours are packed in a field `rgb`, as ROS tools expect.
-    topic
-        The message's topic.
-    frame
-        The frame that its coordinates are in.
-
-    Raises
-    ------
-    MissingDependencyError
-        The package rosbags is not installed.
-
-    Warns
-    -----
-    LostAttributeWarning
-        Columns of 64-bit integers, which the message does not have, were left out.
-    """
-    purpose = "writing MCAP files"
-    rosbag2 = optional_module("rosbags.rosbag2", REQUIREMENT, purpose)
-    typesys = optional_module("rosbags.typesys", REQUIREMENT, purpose)
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    columns = columns_from_cloud(cloud) | viewpoint_columns(cloud)
-    lost = [name for name, column in columns.items() if not can_encode(column)]
-    columns = {name: column for name, column in columns.items() if name not in lost}
-    if cloud.colors is not None:
-        red, green, blue = (columns.pop(name).astype(np.uint32) for name in _CHANNELS)
-        columns["rgb"] = (red << 16 | green << 8 | blue).view(np.float32)
-    message = encode(columns, store, frame)
-    with written_whole(path) as temporary:
-        folder = Path(tempfile.mkdtemp(prefix=f".{path.stem}.", dir=temporary.parent))
-        try:
-            plugin = rosbag2.StoragePlugin.MCAP
-            with rosbag2.Writer(folder / "bag", version=9, storage_plugin=plugin) as writer:
-                connection = writer.add_connection(topic, TYPE, typestore=store)
-                writer.write(connection, 0, store.serialize_cdr(message, TYPE))
-            os.replace(folder / "bag" / "bag.mcap", temporary)
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-    warn_lost(path, "MCAP", lost)
