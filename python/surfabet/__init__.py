@@ -16,6 +16,7 @@ from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel, learn_bic_alpha
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
+    IncompleteReadWarning,
     InvalidInputError,
     InvalidTypeError,
     LostAttributeWarning,
@@ -62,6 +63,7 @@ __all__ = [
     "GasModel",
     "HscsmDictionary",
     "HscsmModel",
+    "IncompleteReadWarning",
     "InvalidInputError",
     "InvalidTypeError",
     "KdTree",

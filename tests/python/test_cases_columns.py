@@ -812,3 +812,22 @@ def test_files_of_others(name: str) -> None:
     if cloud.colors is not None and not name.startswith("las_withheld"):
         mean = cloud.colors.mean(axis=0)
         np.testing.assert_allclose(mean, [140.5, 136.9, 132.6], rtol=0, atol=0.5)
+
+
+# The warning
+
+
+def test_points_and_columns_that_are_left_out_are_one_warning(tmp_path: Path) -> None:
+    path = made.las(tmp_path / "a.las", ROOM.points, {"withheld": np.arange(N) == 0, "red": 0})
+    for category in (sb.DroppedPointsWarning, sb.LostAttributeWarning, sb.IncompleteReadWarning):
+        with pytest.warns(category, match="1 withheld; left aside: colours") as caught:
+            sb.read(path)
+        assert len(caught) == 1
+        assert caught[0].filename == __file__
+
+
+def test_a_long_list_of_names_is_cut_and_counted(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", points=ROOM.points, **{f"a{k}": np.eye(2) for k in range(30)})
+    _, said = told(tmp_path / "a.npz")
+    assert said.count("array a") == 12
+    assert said.endswith(", 18 more")

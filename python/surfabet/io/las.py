@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import FormatError, InvalidInputError, LostAttributeWarning
+from surfabet.errors import FormatError, InvalidInputError
 from surfabet.io._columns import Column, cloud_from_columns, lists_of, warn_lost
 from surfabet.io._crs import (
     crs_of_keys,
@@ -23,7 +23,7 @@ from surfabet.io._crs import (
     parse_directory,
     unit_remark,
 )
-from surfabet.io._files import format_error, optional_module, warn, written_whole
+from surfabet.io._files import format_error, optional_module, written_whole
 from surfabet.io._laz import check_chunks
 from surfabet.io._notes import Notes
 
@@ -391,8 +391,8 @@ def _scale_for(cloud: PointCloud, scale: float) -> float:
     return scale
 
 
-def _stored_intensities(path: Path, intensities: Column) -> Column:
-    """As they are where 16 bits hold them, else stretched to 0..65535, which is said."""
+def _stored_intensities(intensities: Column, remarks: list[str]) -> Column:
+    """As they are where 16 bits hold them, else stretched to 0..65535, which is remarked."""
     if len(intensities) == 0:
         return intensities.astype(np.uint16)
     low, high = float(intensities.min()), float(intensities.max())
@@ -401,10 +401,9 @@ def _stored_intensities(path: Path, intensities: Column) -> Column:
         return intensities.astype(np.uint16)
     low = min(low, 0.0)
     factor = _LARGEST_INTENSITY / (high - low) if high > low else 1.0
-    warn(
-        f"{path}: LAS files hold intensities as integers of 16 bits; {low:g} to {high:g} were "
-        f"stretched to 0 to {_LARGEST_INTENSITY}",
-        LostAttributeWarning,
+    remarks.append(
+        f"LAS files hold intensities as integers of 16 bits; {low:g} to {high:g} were stretched to "
+        f"0 to {_LARGEST_INTENSITY}"
     )
     return np.rint((intensities.astype(np.float64) - low) * factor).astype(np.uint16)
 
@@ -444,11 +443,12 @@ class _Fields:
     own: dict[str, Column]
     renamed: dict[str, str]
     lost: list[str]
+    remarks: list[str]
 
 
 def _fields(cloud: PointCloud, point_format: Any) -> _Fields:
     """Extra columns as standard dimensions of the format where they fit, else as extra ones."""
-    fields = _Fields({}, {}, {}, [])
+    fields = _Fields({}, {}, {}, [], [])
     if (normals := cloud.normals) is not None:
         fields.own |= {name: normals[:, a] for a, name in enumerate(_NORMALS)}
     if (ranges := cloud.ranges) is not None:
@@ -497,7 +497,7 @@ def _projection(laspy: Any, header: Any, crs: str | None) -> list[str]:
     return []
 
 
-def _points(path: Path, laspy: Any, header: Any, cloud: PointCloud, fields: _Fields) -> Any:
+def _points(laspy: Any, header: Any, cloud: PointCloud, fields: _Fields) -> Any:
     """The record of all points."""
     points = laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header)
     for axis, name in enumerate("XYZ"):
@@ -506,7 +506,7 @@ def _points(path: Path, laspy: Any, header: Any, cloud: PointCloud, fields: _Fie
     one = np.ones(len(cloud), np.uint8)
     standard: dict[str, Column] = {"return_number": one, "number_of_returns": one} | fields.standard
     if (intensities := cloud.intensities) is not None:
-        standard["intensity"] = _stored_intensities(path, intensities)
+        standard["intensity"] = _stored_intensities(intensities, fields.remarks)
     if (colors := cloud.colors) is not None:
         standard |= {
             name: colors[:, a].astype(np.uint16) * _COLOR_STEP for a, name in enumerate(_COLORS)
@@ -570,7 +570,7 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
     if times is not None and len(times) and not 0 <= times.min() <= times.max() <= _WEEK:
         header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
     lost = [*fields.lost, *_projection(laspy, header, cloud.crs)]
-    points = _points(path, laspy, header, cloud, fields)
+    points = _points(laspy, header, cloud, fields)
     with written_whole(path) as temporary:
         compress = path.suffix.lower() == ".laz"
         with laspy.open(
@@ -583,4 +583,4 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
             writer.write_points(points)
     if cloud.viewpoints is not None:
         lost.insert(0, "viewpoints")
-    warn_lost(path, "LAS", lost, renamed=fields.renamed)
+    warn_lost(path, "LAS", lost, renamed=fields.renamed, remarks=fields.remarks)
