@@ -34,7 +34,7 @@ MOST_MEMORY = 64 << 20
 
 
 def small_file(folder: Path, name: str) -> Path:
-    """A file of three points with every attribute."""
+    """A file of three points with every attribute, extra columns and a reference system."""
     pytest.importorskip(PACKAGES.get(name, "numpy"))
     suffix, options = ENCODINGS[name]
     path = folder / f"small{suffix}"
@@ -44,10 +44,16 @@ def small_file(folder: Path, name: str) -> Path:
             rng.normal(size=(3, 3)),
             colors=rng.integers(0, 256, (3, 3), dtype=np.uint8),
             intensities=np.arange(3),
-            normals=rng.normal(size=(3, 3)),
+            normals=np.eye(3),
             ranges=rng.uniform(size=3),
             viewpoints=rng.normal(size=(2, 3)),
             viewpoint_index=np.arange(3) % 2,
+            extra={
+                "classification": np.arange(3, dtype=np.uint8),
+                "gps_time": 3e8 + np.arange(3),
+                "key": np.arange(3) + 2**62,
+            },
+            crs='PROJCS["zone",UNIT["metre",1]]' if suffix != ".las" else "EPSG:25832",
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", sb.LostAttributeWarning)
@@ -149,11 +155,14 @@ def test_altered_bytes_in_formats_of_other_packages(
     attempt(path.with_name("altered" + path.suffix), altered(path.read_bytes(), edits, 375))
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".npy", ".npz", ".las", ".e57", ".xyz", ".bin"])
+@pytest.mark.parametrize(
+    "suffix", [".ply", ".pcd", ".npy", ".npz", ".las", ".e57", ".xyz", ".bin", ".obj"]
+)
 @settings(COMMON, max_examples=60)
 @given(data=st.binary(min_size=1, max_size=400))
 def test_any_bytes_at_all(tmp_path: Path, suffix: str, data: bytes) -> None:
-    marks = {".ply": b"ply\n", ".las": b"LASF", ".e57": b"ASTM-E57", ".npy": b"\x93NUMPY\x01\x00"}
+    marks = {".ply": b"ply\n", ".las": b"LASF", ".e57": b"ASTM-E57", ".obj": b"v 1 2 3\n"}
+    marks |= {".npy": b"\x93NUMPY\x01\x00"}
     pytest.importorskip(PACKAGES.get(suffix[1:], "numpy"))
     attempt(tmp_path / f"any{suffix}", marks.get(suffix, b"") + data)
 

@@ -134,7 +134,8 @@ def test_laz_against_laspy() -> None:
 def test_e57_against_pye57() -> None:
     pye57 = pytest.importorskip("pye57")
     path = DATA / "e57/pumpAVisualReferenceImage.e57"
-    cloud = sb.read(path)
+    with pytest.warns(sb.LostAttributeWarning, match=r"left aside: images \(1\)"):
+        cloud = sb.read(path)
     with pye57.E57(str(path)) as file:
         scan = file.read_scan(0, intensity=True, colors=True)
     for axis, name in enumerate(("cartesianX", "cartesianY", "cartesianZ")):

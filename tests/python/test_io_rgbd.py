@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,10 @@ import surfabet as sb
 from surfabet.io import read_rgbd
 
 Image = pytest.importorskip("PIL.Image")
+
+# Each generated image has pixels on both sides of the default limits; a test of their own asserts
+# what is said about them.
+pytestmark = pytest.mark.filterwarnings("ignore:.*left out .* pixels:surfabet.DroppedPointsWarning")
 
 INTRINSICS = (50.0, 60.0, 3.5, 2.0)
 HEIGHT, WIDTH = 6, 8
@@ -241,13 +246,10 @@ def spoil(folder: Path, name: str, data: bytes | None) -> None:
 @pytest.mark.parametrize(
     ("name", "data", "message"),
     [
-        ("frame-000001.pose.txt", None, "frame-000001.depth.png has no pose"),
         ("frame-000001.pose.txt", b"1 2 3\n", r"pose.txt: a pose has 4 x 4 numbers, not \(1, 3\)"),
         ("frame-000001.pose.txt", b"1 2\n3\n", "pose.txt, line 2: rows of differing lengths"),
         ("frame-000001.pose.txt", b"1 2 3 x\n", "pose.txt, line 1: not numbers"),
         ("frame-000001.pose.txt", b"\xff\n", "pose.txt, byte 0: not a text of numbers"),
-        ("frame-000001.pose.txt", b"2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "not a rotation"),
-        ("frame-000001.color.png", None, "frame-000001.depth.png has no frame-000001.color"),
         ("frame-000001.color.png", b"no image", "color.png: cannot decode the image"),
         ("frame-000001.depth.png", b"", "depth.png: cannot decode the image"),
         ("camera-intrinsics.txt", b"0 0 0\n0 0 0\n0 0 1\n", "camera-intrinsics.txt: intrinsics"),
@@ -260,11 +262,56 @@ def test_broken_frames(tmp_path: Path, name: str, data: bytes | None, message: s
         sb.read(folder)
 
 
+@pytest.mark.parametrize(
+    ("name", "data", "reason"),
+    [
+        ("frame-000001.depth.png", None, "without a depth image"),
+        ("frame-000001.color.png", None, "without a colour image"),
+        ("frame-000001.pose.txt", None, "without a pose"),
+        ("frame-000001.pose.txt", b"-inf " * 16, "with a pose that is not finite"),
+        (
+            "frame-000001.pose.txt",
+            b"2 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1",
+            "with a pose that is not a r",
+        ),
+        (
+            "frame-000001.pose.txt",
+            b"-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1",
+            "with a pose that is not a r",
+        ),
+    ],
+)
+def test_a_frame_that_lacks_a_part_is_left_out(
+    tmp_path: Path, name: str, data: bytes | None, reason: str
+) -> None:
+    folder = make_frames(tmp_path, [POSES[0], POSES[1], POSES[0]])
+    if data is not None:
+        data = b"\n".join(b" ".join(data.split()[i : i + 4]) for i in range(0, 16, 4))
+    spoil(folder, name, data)
+    expected = rf"left out 1 of 3 frames: 1 {reason}.*\(frame-000001\)"
+    with pytest.warns(sb.DroppedPointsWarning, match=expected):
+        cloud = sb.read(folder)
+    frames = [expected_frame(i, POSES[0]) for i in (0, 2)]
+    check(cloud, frames, [POSES[0][:3, 3]] * 2)
+
+
+def test_the_default_limits_of_depth_say_what_they_leave_out(tmp_path: Path) -> None:
+    folder = make_frames(tmp_path)
+    said = r"left out 4 of 92 pixels outside depth_limits=\(0.3, 4\) metres: 2 nearer, 2 farther"
+    with pytest.warns(sb.DroppedPointsWarning, match=said):
+        sb.read(folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(sb.read(folder, depth_limits=(0.3, 4))) == 88
+        assert len(sb.read(folder, depth_limits=(0.299, 4.001))) == 92
+
+
 def test_images_of_another_kind(tmp_path: Path) -> None:
     folder = make_frames(tmp_path)
     Image.fromarray(color_image(0)[:3]).save(folder / "frame-000000.color.png")
     with pytest.raises(
-        sb.FormatError, match="colour image has 8 x 3 pixels, the depth image 8 x 6"
+        sb.FormatError,
+        match=r"colour image has 8 x 3 pixels, the depth image 8 x 6, .* not the same view",
     ):
         sb.read(folder)
     Image.fromarray(color_image(0)).save(folder / "frame-000000.depth.png")
@@ -296,10 +343,18 @@ def test_truncated_images(tmp_path: Path) -> None:
     [
         ("groundtruth.txt", None, "groundtruth.txt is missing"),
         ("groundtruth.txt", "100 1 2 3\n", "groundtruth.txt, line 1: expected a time stamp and 7"),
-        ("groundtruth.txt", "100 1 2 3 1 1 1 1\n", "line 1: the quaternion has length 2, not 1"),
-        ("groundtruth.txt", "900 1 2 3 0 0 0 1\n", "no depth image has a colour image and a pose"),
+        (
+            "groundtruth.txt",
+            "100 1 2 3 1 1 1 1\n",
+            "left out 3 of 3 frames.*1 with a pose that is n",
+        ),
+        ("groundtruth.txt", "900 1 2 3 0 0 0 1\n", "2 without a pose within max_time_difference="),
         ("depth.txt", "soon depth/a.png\n", "depth.txt, line 1: expected a time stamp"),
-        ("depth.txt", "100 depth/b.png\n", "b.png: the image is missing"),
+        (
+            "depth.txt",
+            "100 depth/b.png\n",
+            r"1 of 1 frames: 1 without a depth image \(depth/b.png\)",
+        ),
         ("depth.txt", "100 ../../etc/passwd\n", "outside the folder"),
         ("depth.txt", "100 /etc/passwd\n", "outside the folder"),
     ],
@@ -320,6 +375,7 @@ def test_broken_tum(tmp_path: Path, name: str, text: str | None, message: str) -
         ({"depth_scale": 0}, "depth_scale is 0"),
         ({"intrinsics": (1, 2, 3)}, "intrinsics must be"),
         ({"intrinsics": (-1, 2, 3, 4)}, "intrinsics must be"),
+        ({"intrinsics": (1, 0, 3, 4)}, "intrinsics must be"),
         ({"max_time_difference": float("nan")}, "max_time_difference is nan"),
         ({"fused": False}, "read_rgbd gives one per frame"),
         ({"stride": 2}, "unknown option 'stride' for rgbd; known are intrinsics, depth_scale"),

@@ -105,6 +105,70 @@ def test_keeps_absence(tmp_path: Path, encoding: tuple[str, dict[str, Any]], lef
     assert_same(found, cloud)
 
 
+def extra_columns(n: int) -> dict[str, np.ndarray[Any, Any]]:
+    """A column of every type, up to the ends of its range."""
+    rng = np.random.default_rng(5)
+    columns: dict[str, Any] = {}
+    for dtype in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8"):
+        ends = np.iinfo(dtype)
+        column = rng.integers(ends.min, ends.max, n, dtype=dtype, endpoint=True)
+        column[:2] = ends.min, ends.max
+        columns[f"column_{dtype}"] = column
+    columns["amplitude"] = rng.normal(size=n).astype(np.float32)
+    columns["gps_time"] = 3e8 + np.arange(n) * 1e-7
+    columns["nothing"] = np.full(n, np.nan)
+    columns["classification"] = np.arange(n, dtype=np.uint8) % 6
+    return columns
+
+
+EXTRA: list[tuple[str, dict[str, Any]]] = [
+    *(known for known in ENCODINGS if known[0] in (".ply", ".pcd", ".npz")),
+    (".las", {}),
+    (".laz", {}),
+    (".e57", {}),
+]
+
+
+@pytest.mark.parametrize(("suffix", "options"), EXTRA)
+def test_keeps_extra_columns(tmp_path: Path, suffix: str, options: dict[str, Any]) -> None:
+    skip_without(suffix)
+    bare = make_cloud(viewpoints=False, ranges=False, intensities=False)
+    extra = extra_columns(len(bare))
+    if suffix == ".e57":
+        extra["column_u8"] >>= np.uint64(1)
+    cloud = sb.PointCloud(bare.points, colors=bare.colors, normals=bare.normals, extra=extra)
+    found = again(tmp_path / f"a{suffix}", cloud, **options)
+    assert sorted(found.attributes) == sorted(cloud.attributes)
+    for name, column in extra.items():
+        np.testing.assert_array_equal(found[name], column, err_msg=name)
+        if (suffix, name) != (".e57", "column_u8"):
+            assert found[name].dtype == column.dtype
+    if suffix not in (".las", ".laz"):
+        assert found.attributes == cloud.attributes
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".e57"])
+def test_names_that_a_format_cannot_have_are_changed_and_said(tmp_path: Path, suffix: str) -> None:
+    skip_without(suffix)
+    ones = np.ones(3, np.float32)
+    cloud = sb.PointCloud(
+        np.eye(3), intensities=ones, extra={"scan angle": 2 * ones, "scan_angle": 3 * ones}
+    )
+    with pytest.warns(sb.LostAttributeWarning, match="columns: 'scan angle' is 'scan_angle'") as w:
+        sb.write(tmp_path / f"a{suffix}", cloud)
+    assert len(w) == 1
+    found = sb.read(tmp_path / f"a{suffix}")
+    assert [found[name][0] for name in found.extra] == [2, 3]
+
+
+def test_e57_names_integers_that_it_cannot_hold(tmp_path: Path) -> None:
+    pytest.importorskip("pye57")
+    cloud = sb.PointCloud(np.eye(3), extra={"key": np.full(3, 2**63, np.uint64)})
+    with pytest.warns(sb.LostAttributeWarning, match="do not hold key, which has integers beyond"):
+        sb.write(tmp_path / "a.e57", cloud)
+    assert sb.read(tmp_path / "a.e57").attributes == []
+
+
 @pytest.mark.parametrize("viewpoint", [(1.5, -2.25, 0.1), (0.0, 0.0, 0.0)])
 def test_keeps_a_single_viewpoint(
     tmp_path: Path, encoding: tuple[str, dict[str, Any]], viewpoint: tuple[float, ...]
@@ -193,9 +257,13 @@ def test_las_keeps_all_but_viewpoints(tmp_path: Path, suffix: str, utm: bool) ->
 
 def test_las_stretches_intensities_and_says_so(tmp_path: Path) -> None:
     pytest.importorskip("laspy")
-    cloud = sb.PointCloud(np.eye(3), intensities=np.array([0.0, 0.25, 1.0], np.float32))
-    with pytest.warns(sb.LostAttributeWarning, match="0 to 1 were stretched to 0 to 65535"):
+    cloud = sb.PointCloud(
+        np.eye(3), intensities=np.array([0.0, 0.25, 1.0], np.float32), viewpoints=[[0, 0, 0]]
+    )
+    stretched = "hold viewpoints; .* 0 to 1 were stretched to 0 to 65535"
+    with pytest.warns(sb.LostAttributeWarning, match=stretched) as warned:
         sb.write(tmp_path / "a.las", cloud)
+    assert len(warned) == 1
     np.testing.assert_array_equal(sb.read(tmp_path / "a.las").intensities, [0, 16384, 65535])
 
 
@@ -270,8 +338,8 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
 
 def test_write_refuses_unknown_suffixes_and_options(tmp_path: Path) -> None:
     cloud = sb.PointCloud(np.eye(3))
-    with pytest.raises(sb.InvalidInputError, match=r"'\.obj'.*known are \.ply, \.pcd, .*\.csv"):
-        sb.write(tmp_path / "a.obj", cloud)
+    with pytest.raises(sb.InvalidInputError, match=r"'\.stl'.*known are \.ply, \.pcd, .*\.csv"):
+        sb.write(tmp_path / "a.stl", cloud)
     with pytest.raises(sb.InvalidInputError, match="does not write"):
         sb.write(tmp_path / "a.bin", cloud)
     with pytest.raises(sb.InvalidInputError, match="unknown option 'text' for ply"):

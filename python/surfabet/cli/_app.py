@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from cyclopts import App, CycloptsError
 
 import surfabet
-from surfabet.cli._options import COMMON, UsageError, spelled
+from surfabet.cli._options import COMMON, UsageError, in_own_words, spelled
 from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
@@ -29,8 +29,8 @@ app = App(
     name="surfabet",
     help="""Compact 3D models of point clouds, learned from what recurs in them.
 
-    A scan goes in (ply, pcd, las, laz, e57, npz, xyz, KITTI bin or a folder of RGB-D frames), a
-    small `.sfb` file comes out, and from that a cloud again at any point spacing:
+    A scan goes in (ply, pcd, las, laz, e57, npz, text, KITTI bin, a ROS bag or a folder of RGB-D
+    frames), a small `.sfb` file comes out, and from that a cloud again at any point spacing:
 
         surfabet compress room.ply room.sfb --resolution 0.01
         surfabet decompress room.sfb again.ply
@@ -98,7 +98,7 @@ def _wrong_option(error: Exception, argv: Sequence[str]) -> str | None:
 
 
 def _say_error(message: str) -> None:
-    print("surfabet: error:", " ".join(message.split()), file=sys.stderr)
+    print("surfabet: error:", " ".join(in_own_words(message).split()), file=sys.stderr)
 
 
 def _message(error: Exception) -> str:
@@ -112,7 +112,8 @@ def _message(error: Exception) -> str:
 @contextmanager
 def _one_line_warnings() -> Iterator[None]:
     def show(message: Warning | str, *_: object, **__: object) -> None:
-        print("surfabet: warning:", " ".join(str(message).split()), file=sys.stderr)
+        text = in_own_words(str(message))
+        print("surfabet: warning:", " ".join(text.split()), file=sys.stderr)
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)

@@ -13,7 +13,7 @@ from surfabet._progress import ProgressCallback
 from surfabet.cli._options import ReadOptions, UsageError, VocabularyOption
 from surfabet.errors import FormatError
 from surfabet.files import AnyModel, Vocabulary
-from surfabet.io import formats
+from surfabet.io import detect, formats, named_format
 
 MODEL_SUFFIX = ".sfb"
 
@@ -49,17 +49,22 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> surfabet.PointCloud:
-    """The cloud of any readable file or RGB-D folder."""
+    """The cloud of any readable file or folder."""
     if path.suffix.lower() == MODEL_SUFFIX:
         raise UsageError(
             f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
         )
-    if options.changed() and path.is_file():
-        names = ", ".join(options.changed())
-        raise UsageError(f"{names}: only for folders of RGB-D frames, and {path} is a file")
+    known = detect(path) if options.format is None else named_format(options.format)
+    given = options.given()
+    if wrong := [name for name in given if name not in known.read_options]:
+        names = ", ".join(options.spelled(name) for name in wrong)
+        owners = [f.name for f in formats() if any(name in f.read_options for name in wrong)]
+        raise UsageError(
+            f"{names}: not for the format {known.name} of {path}, but for "
+            f"{', '.join(owners) or 'none'}"
+        )
     progress(f"read {path.name}", 0.0)
-    folder = options.for_folder() if path.is_dir() else {}
-    return surfabet.read(path, viewpoint=options.viewpoint, **folder)
+    return surfabet.read(path, known.name, viewpoint=options.viewpoint, unit=options.unit, **given)
 
 
 def load_model(
@@ -97,7 +102,7 @@ def load_vocabulary(option: VocabularyOption, progress: ProgressCallback) -> Voc
 
 
 def size_on_disk(path: Path) -> int:
-    """Bytes of a file, or of all files of a folder."""
+    """Bytes of a file, or of all files in a folder and below."""
     if path.is_dir():
-        return sum(entry.stat().st_size for entry in path.iterdir() if entry.is_file())
+        return sum(entry.stat().st_size for entry in path.rglob("*") if entry.is_file())
     return path.stat().st_size

@@ -39,9 +39,9 @@ def without(cloud: surfabet.PointCloud, points: NDArray[np.uint32]) -> surfabet.
     return cloud.select(kept)
 
 
-def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality) -> str | None:
+def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality | None) -> str | None:
     """One line with the remedy where a model that is to hold the whole scan lost some of it."""
-    share = quality.inliers
+    share = None if quality is None else quality.inliers
     if share is None or share >= 0.99 or model.report.tolerance == 0:
         return None
     remedies = {

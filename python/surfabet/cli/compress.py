@@ -20,6 +20,7 @@ from surfabet.cli._files import (
     load_model,
     load_vocabulary,
     read_cloud,
+    whole_file,
 )
 from surfabet.cli._format import print_json
 from surfabet.cli._learn import Learner
@@ -70,8 +71,8 @@ def compress(
     Parameters
     ----------
     input_
-        The scan: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, KITTI bin, or a folder of RGB-D
-        frames.
+        The scan: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, pts, ptx, KITTI bin, a ROS
+        bag, or a folder of RGB-D frames.
     output
         The model file to write.
     model
@@ -93,16 +94,22 @@ def compress(
         result.of(cloud)
         with _timed(result, "learn"):
             learned = learner(cloud, progress)
+        if len(learned) == 0:
+            raise surfabet.InvalidInputError(
+                f"{input_}: --model {learned.method} found no surface in {len(cloud):,} points to "
+                f"describe, so that {output.name} is not written"
+            )
         result.report = learned.report
-        with _timed(result, "write"):
-            progress(f"write {output.name}", 0.0)
-            result.n_bytes = learned.save(output)
-        _warn_of_losses(output, learned)
         scene = _scene(input_, cloud, learning, learned, progress)
-        if evaluate:
-            _evaluate(result, scene, words, progress)
-            if (said := incomplete(output, learned, result.quality)) is not None:
-                warnings.warn(said, surfabet.IncompleteModelWarning, stacklevel=1)
+        with whole_file(output) as temporary:
+            with _timed(result, "write"):
+                progress(f"write {output.name}", 0.0)
+                result.n_bytes = learned.save(temporary)
+            _warn_of_losses(output, learned)
+            if evaluate:
+                _evaluate(result, temporary, scene, words, progress)
+        if (lost := incomplete(output, learned, result.quality)) is not None:
+            warnings.warn(lost, surfabet.IncompleteModelWarning, stacklevel=1)
     if json:
         print_json(result.as_dict())
     elif not common.quiet:
@@ -150,13 +157,14 @@ def _scene(
 
 def _evaluate(
     result: Result,
+    file: Path,
     original: surfabet.PointCloud,
     words: Vocabulary | None,
     progress: ProgressCallback,
 ) -> None:
     """Decodes the file and compares it with the original."""
     with _timed(result, "decode"):
-        again = load_model(result.output, progress, words)
+        again = load_model(file, progress, words)
         # Compared with a scan that is thick with noise, a thin surface has the scan's own error.
         decoded = again.decode(as_measured=again.keeps_thickness, progress=progress)
     with _timed(result, "evaluate"):

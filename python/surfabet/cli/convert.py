@@ -33,10 +33,11 @@ def convert(
     Parameters
     ----------
     input_
-        The cloud: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, KITTI bin, or a folder of RGB-D
-        frames.
+        The cloud: ply, pcd, las, laz, e57, npz, npy, xyz, csv, txt, pts, ptx, KITTI bin, a ROS
+        bag, or a folder of RGB-D frames.
     output
-        The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz.
+        The cloud to write; its name tells the format: ply, pcd, las, laz, e57, npz, xyz,
+        csv, mcap.
     json
         Print one JSON object instead of a line.
     """

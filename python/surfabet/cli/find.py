@@ -14,6 +14,7 @@ from surfabet.cli._format import print_json
 from surfabet.cli._options import (
     COMMON,
     VOCABULARY_OPTION,
+    Box,
     Common,
     Flag,
     PositiveFloat,
@@ -22,7 +23,6 @@ from surfabet.cli._options import (
 )
 
 Point = tuple[float, float, float]
-Box = tuple[float, float, float, float, float, float]
 
 
 def find(

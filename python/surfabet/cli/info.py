@@ -1,32 +1,41 @@
-"""`surfabet info`: what is in a model file."""
+"""`surfabet info`: what is in a model file, a cloud or a bag."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 import surfabet
 from surfabet.cli._files import (
+    MODEL_SUFFIX,
     check_output,
     load_model,
     load_vocabulary,
+    read_cloud,
     size_on_disk,
     whole_file,
 )
 from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._options import (
     COMMON,
+    READ_OPTIONS,
     VOCABULARY_OPTION,
     Common,
     Flag,
+    ReadOptions,
     UsageError,
     VocabularyOption,
 )
 from surfabet.files import AnyModel
+from surfabet.io import detect, list_topics, named_format, read_bag
+
+_MAGIC = b"\x89SFB"
 
 
 def info(
@@ -36,25 +45,35 @@ def info(
     picture: Path | None = None,
     json: Flag = False,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
+    read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
-    """Show what a model file holds: method, sizes, and bytes by part.
+    """Show what a file holds.
 
-    A file that names a vocabulary instead of holding it shows its sizes only with --vocabulary.
+    Of a model: method, sizes, and bytes by part; a file that names a vocabulary instead of holding
+    it shows its sizes only with --vocabulary. Of a cloud: format, points, attributes and extent. Of
+    a ROS bag: its topics, and with --topic the cloud.
 
         surfabet info room.sfb
         surfabet info room.sfb --json
+        surfabet info scan.laz
+        surfabet info drive.mcap
 
     Parameters
     ----------
     file
-        The model file.
+        A model file, or any readable cloud, folder of RGB-D frames or ROS bag.
     picture
         Draw the words of an alphabet, with how often each occurs, into this file: png, jpg, pdf,
         svg or webp.
     json
         Print one JSON object instead of tables.
     """
+    if not _is_model(file):
+        if picture is not None:
+            raise UsageError(f"--picture: {file} is no model and has no words to draw")
+        _info_of_cloud(file, read, common, json)
+        return
     found = surfabet.inspect(file)
     with common.progress() as progress:
         words = load_vocabulary(vocabulary, progress)
@@ -92,6 +111,53 @@ def info(
     for name, part in [*found.sections.items(), ("frame of the file", frame)]:
         parts.add_row(name, f"{part:,}", f"{part / n_bytes:.1%}")
     console.print(parts)
+
+
+def _is_model(file: Path) -> bool:
+    if file.is_dir():
+        return False
+    if file.suffix.lower() == MODEL_SUFFIX:
+        return True
+    with file.open("rb") as opened:
+        return opened.read(len(_MAGIC)) == _MAGIC
+
+
+def _info_of_cloud(file: Path, read: ReadOptions, common: Common, json: bool) -> None:
+    known = detect(file) if read.format is None else named_format(read.format)
+    about: dict[str, Any] = {
+        "path": str(file),
+        "bytes": size_on_disk(file),
+        "format": known.name,
+    }
+    head = f"{file}: {known.name}, {bytes_text(about['bytes'])}"
+    if known.reader is read_bag and read == READ_OPTIONS:
+        topics = list_topics(file)
+        about["topics"] = [asdict(topic) for topic in topics]
+        table = Table("topic", "type", "messages", box=None, header_style="bold")
+        table.columns[2].justify = "right"
+        for topic in topics:
+            table.add_row(escape(topic.name), topic.type, f"{topic.count:,}")
+    else:
+        with common.progress() as progress:
+            cloud = read_cloud(file, read, progress)
+        about |= {
+            "n_points": len(cloud),
+            "attributes": cloud.attributes,
+            "bounds": cloud.bounds,
+            "n_viewpoints": 0 if cloud.viewpoints is None else len(cloud.viewpoints),
+        }
+        head += f", {len(cloud):,} points ({', '.join(['positions', *cloud.attributes])})"
+        table = Table("axis", "lowest", "highest", "extent", box=None, header_style="bold")
+        for column in table.columns[1:]:
+            column.justify = "right"
+        for axis, low, high in zip("xyz", *(cloud.bounds or ((), ())), strict=False):
+            table.add_row(axis, f"{low:.3f}", f"{high:.3f}", f"{high - low:.3f}")
+    if json:
+        print_json(about)
+    elif not common.quiet:
+        console = Console(highlight=False, soft_wrap=True)
+        console.print(head, markup=False)
+        console.print(table)
 
 
 def _draw(file: Path, picture: Path, model: AnyModel | None) -> None:

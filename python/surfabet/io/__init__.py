@@ -10,19 +10,37 @@ from pathlib import Path
 from typing import Any
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
-from surfabet.io._files import format_error
+from surfabet.errors import InvalidInputError, LostAttributeWarning
+from surfabet.io._files import format_error, warn
+from surfabet.io._units import UNITS, metres_per, scaled
+from surfabet.io.copc import is_copc, read_copc
 from surfabet.io.e57 import read_e57, write_e57
+from surfabet.io.esri_grid import read_esri_grid
 from surfabet.io.kitti import read_kitti
 from surfabet.io.las import read_las, write_las
 from surfabet.io.npz import read_npy, read_npz, write_npz
 from surfabet.io.obj import read_obj
 from surfabet.io.pcd import read_pcd, write_pcd
 from surfabet.io.ply import read_ply, write_ply
-from surfabet.io.rgbd import is_rgbd, read_rgbd
+from surfabet.io.pts import read_pts
+from surfabet.io.ptx import read_ptx
+from surfabet.io.rgbd import LAYOUTS, is_rgbd, read_rgbd
+from surfabet.io.ros import Topic, is_bag, list_topics, read_bag, write_mcap
 from surfabet.io.text import read_text, write_text
 
-__all__ = ["Format", "formats", "read", "read_rgbd", "write"]
+__all__ = [
+    "UNITS",
+    "Format",
+    "Topic",
+    "detect",
+    "formats",
+    "list_topics",
+    "named_format",
+    "read",
+    "read_bag",
+    "read_rgbd",
+    "write",
+]
 
 
 @dataclass(frozen=True)
@@ -40,18 +58,41 @@ class Format:
     writer: Callable[..., None] | None
     """Takes a `Path`, a cloud and the format's options; `None` where we only read."""
 
+    @property
+    def read_options(self) -> tuple[str, ...]:
+        """The names of the reader's own options."""
+        return _options(self.reader)
+
+    @property
+    def write_options(self) -> tuple[str, ...]:
+        """The names of the writer's own options."""
+        return _options(self.writer)
+
+
+def _options(function: Callable[..., Any] | None) -> tuple[str, ...]:
+    if function is None:
+        return ()
+    parameters = inspect.signature(function).parameters.values()
+    return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)
+
 
 _FORMATS = (
     Format("ply", (".ply",), (b"ply\n", b"ply\r"), read_ply, write_ply),
     Format("pcd", (".pcd",), (b"# .PCD", b"VERSION", b"FIELDS"), read_pcd, write_pcd),
     Format("las", (".las", ".laz"), (b"LASF",), read_las, write_las),
+    Format("copc", (), (), read_copc, None),
     Format("e57", (".e57",), (b"ASTM-E57",), read_e57, write_e57),
     Format("npz", (".npz",), (b"PK\x03\x04",), read_npz, write_npz),
     Format("npy", (".npy",), (b"\x93NUMPY",), read_npy, None),
     Format("xyz", (".xyz", ".txt", ".asc", ".csv"), (), read_text, write_text),
     Format("obj", (".obj",), (), read_obj, None),
+    Format("pts", (".pts",), (), read_pts, None),
+    Format("ptx", (".ptx",), (), read_ptx, None),
+    Format("esri_grid", (".asc", ".grd"), (b"ncols", b"NCOLS"), read_esri_grid, None),
     Format("kitti", (".bin",), (), read_kitti, None),
     Format("rgbd", (), (), read_rgbd, None),
+    Format("bag", (".bag", ".db3"), (b"#ROSBAG V2.0", b"SQLite format 3\0"), read_bag, None),
+    Format("mcap", (".mcap",), (b"\x89MCAP0\r\n",), read_bag, write_mcap),
 )
 
 
@@ -69,12 +110,23 @@ def formats() -> tuple[Format, ...]:
     return _FORMATS
 
 
-def _named(name: str) -> Format:
+def named_format(name: str) -> Format:
+    """The format of that name.
+
+    Raises
+    ------
+    InvalidInputError
+        There is none.
+    """
     for known in _FORMATS:
         if known.name == name.lower():
             return known
+    requirement = f"one of {', '.join(known.name for known in _FORMATS)}"
     raise InvalidInputError(
-        f"unknown format {name!r}; known are {', '.join(known.name for known in _FORMATS)}"
+        f"format is {name!r}, but must be {requirement}",
+        argument="format",
+        value=repr(name),
+        requirement=requirement,
     )
 
 
@@ -82,22 +134,36 @@ def _suffixes(which: str) -> str:
     return ", ".join(s for known in _FORMATS if getattr(known, which) for s in known.suffixes)
 
 
-def _detect(path: Path) -> Format:
-    """The format of an existing file or folder, by its suffix and by its first bytes."""
+def detect(path: str | os.PathLike[str]) -> Format:
+    """The format of an existing file or folder, by its suffix and by its first bytes.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    FormatError
+        It is none of the known formats, or its name says another than its first bytes.
+    """
+    path = Path(path)
     if path.is_dir():
+        if is_bag(path):
+            return named_format("bag")
         if not is_rgbd(path):
             raise format_error(
                 path,
-                "no RGB-D frames in this folder: expected frame-*.depth.png with .pose.txt, or "
-                "rgb.txt, depth.txt and groundtruth.txt",
+                f"no RGB-D frames in this folder: expected {LAYOUTS}; nor a ROS bag",
             )
-        return _named("rgbd")
+        return named_format("rgbd")
     with path.open("rb") as file:
         start = file.read(16)
     if not start:
         raise format_error(path, "the file is empty", byte=0)
-    named = next((f for f in _FORMATS if path.suffix.lower() in f.suffixes), None)
+    _check_unpacked(path)
+    alike = [f for f in _FORMATS if path.suffix.lower() in f.suffixes]
     marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
+    if marked is not None and marked.name == "las" and is_copc(path):
+        return named_format("copc")
+    named = marked if marked in alike else next(iter(alike), None)
     if named is None and marked is None:
         raise format_error(
             path,
@@ -126,16 +192,13 @@ def _check_unpacked(path: Path) -> None:
             raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
 
 
-def _check_options(function: Callable[..., Any], name: str, options: dict[str, Any]) -> None:
-    known = [
-        p.name
-        for p in inspect.signature(function).parameters.values()
-        if p.kind is inspect.Parameter.KEYWORD_ONLY
-    ]
+def _check_options(known: tuple[str, ...], name: str, options: dict[str, Any]) -> None:
     for option in options:
         if option not in known:
+            owners = ", ".join(f.name for f in _FORMATS if option in f.read_options)
             raise InvalidInputError(
                 f"unknown option {option!r} for {name}; known are {', '.join(known) or 'none'}"
+                + (f"; {owners} has it" if owners else "")
             )
 
 
@@ -144,6 +207,7 @@ def read(
     format: str | None = None,
     *,
     viewpoint: Sequence[float] | None = None,
+    unit: str | None = None,
     **options: Any,
 ) -> PointCloud:
     """Reads a point cloud from a file, or from a folder of RGB-D frames.
@@ -157,6 +221,10 @@ def read(
     viewpoint
         Where the sensor stood (x, y, z in world coordinates), for single scans whose file does not
         say; it gives them a viewpoint and ranges.
+    unit
+        The unit of the file's lengths, for files that do not say: mm, cm, m, km, ft, us-ft or in.
+        Points, ranges and viewpoints are scaled to metres; a coordinate reference system is left
+        aside then, with a warning.
     **options
         Options of the format's reader, such as `frame_stride` for RGB-D folders: see `formats()`
         and the readers' own documentation.
@@ -188,16 +256,32 @@ def read(
         raise FileNotFoundError(f"there is no file {path}")
     if path.is_file():
         _check_unpacked(path)
-    chosen = _detect(path) if format is None else _named(format)
+    chosen = detect(path) if format is None else named_format(format)
     if chosen.reader is None:
         raise InvalidInputError(f"surfabet writes {chosen.name} files, but does not read them")
-    if path.is_dir() != (chosen.name == "rgbd"):
+    folders = {"rgbd": True, "bag": path.is_dir()}
+    if path.is_dir() != folders.get(chosen.name, False):
         what = "a folder" if path.is_dir() else "a file"
         raise InvalidInputError(f"{path} is {what}, which the format {chosen.name} does not read")
-    _check_options(chosen.reader, chosen.name, options)
+    _check_options(chosen.read_options, chosen.name, options)
+    factor = 1.0 if unit is None else metres_per(unit)
+    if unit is not None and "unit" in chosen.read_options:
+        # Its files may have units of their own, which then must agree.
+        options["unit"], factor = unit, 1.0
     if options.get("fused") is False:
-        raise InvalidInputError("read() gives one cloud; surfabet.io.read_rgbd gives one per frame")
+        raise InvalidInputError(
+            "read() gives one cloud; surfabet.io.read_rgbd gives one per frame, and "
+            "surfabet.io.read_bag one per message"
+        )
     cloud = chosen.reader(path, **options)
+    if factor != 1:
+        if cloud.crs is not None:
+            warn(
+                f"{path}: coordinates are in metres now, and no longer in the file's coordinate "
+                "reference system, which is left aside",
+                LostAttributeWarning,
+            )
+        cloud = scaled(cloud, factor)
     return cloud if viewpoint is None else cloud.seen_from(viewpoint)
 
 
@@ -232,7 +316,7 @@ def write(
     """
     path = Path(path)
     if format is not None:
-        chosen = _named(format)
+        chosen = named_format(format)
     else:
         found = next((f for f in _FORMATS if path.suffix.lower() in f.suffixes), None)
         if found is None:
@@ -244,5 +328,5 @@ def write(
         raise InvalidInputError(
             f"surfabet reads {chosen.name}, but does not write it; known are {_suffixes('writer')}"
         )
-    _check_options(chosen.writer, chosen.name, options)
+    _check_options(chosen.write_options, chosen.name, options)
     chosen.writer(path, cloud, **options)

@@ -51,6 +51,8 @@ _UNIT_TOLERANCE = 0.05
 
 # Longer than any descriptor of points in use (640 values); what is longer is padding or an image.
 _MOST_VALUES = 1024
+# Points that are looked at for how many measurements share a place.
+_NEAR = 1000
 
 
 class _Columns:
@@ -138,15 +140,16 @@ def colors_from(
     # Rounding may leave a little more than 1.
     beyond = int(((rows < 0) | (rows > largest * (1 + 1e-6))).sum())
     if beyond and notes is not None:
-        notes.remark(f"clipped {beyond:,} values of colours to 0..{largest}")
+        notes.remark(f"colour values clipped to 0..{largest}", beyond)
     rows = np.clip(rows, 0, largest)
-    if largest == 65535 and not (np.rint(rows).astype(np.int64) & 255).any():
-        rows = rows / 256
-    elif largest == 65535:
-        rows = rows / 257
-    elif largest == 1:
-        rows = rows * 255
-    return np.rint(rows).astype(np.uint8)
+    if largest == 65535:
+        values = np.rint(rows).astype(np.uint16)
+        if not (values & 255).any():
+            return (values >> 8).astype(np.uint8)
+        return ((values.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    if rows.dtype.kind == "f":
+        rows = np.rint(rows * 255 if largest == 1 else rows)
+    return rows.astype(np.uint8)
 
 
 def _unpacked(packed: Column) -> list[Column] | None:
@@ -156,10 +159,10 @@ def _unpacked(packed: Column) -> list[Column] | None:
     text files have it.
     """
     if packed.dtype.kind == "f":
-        with np.errstate(invalid="ignore"):
-            digits = (packed >= 0) & (packed < 2**32) & (packed == np.rint(packed))
-        if len(packed) and digits.all() and packed.max() >= 1:
-            packed = packed.astype(np.uint32)
+        known = packed[np.isfinite(packed)]
+        digits = (known >= 0) & (known < 2**32) & (known == np.rint(known))
+        if len(known) and digits.all() and known.max() >= 1:
+            packed = np.where(np.isfinite(packed), packed, 0).astype(np.uint32)
         else:
             with np.errstate(over="ignore"):
                 packed = packed.astype(np.float32)
@@ -180,23 +183,29 @@ def _single(values: Column | None) -> Column | None:
 def no_returns(points: Column) -> NDArray[np.bool_]:
     """Which of (n, 3) points stand for beams that met nothing: those at exactly 0 0 0.
 
-    That is where drivers put them. They are measurements if all points are there; a single one is,
-    too, unless all others are farther than a kilometre and than their own extent.
+    That is where drivers put them. They are measurements if all points are there, or no more than
+    at one of the other places near; a single one is, too, unless all others are farther than a
+    kilometre and than their own extent.
     """
-    zero: NDArray[np.bool_] = np.logical_not(points.any(axis=1))
+    zero: NDArray[np.bool_] = np.zeros(len(points), bool)
+    none = zero.copy()
+    candidates = np.flatnonzero(points[:, 0] == 0)
+    zero[candidates] = (points[candidates, 1:] == 0).all(axis=1)
     found = int(zero.sum())
-    if found == len(points):
-        return np.zeros(len(points), bool)
+    if found == 0:
+        return none
+    others = points[~zero]
+    others = others[np.isfinite(others).all(axis=1)].astype(np.float64)
+    if len(others) == 0:
+        return none
+    squares = (others**2).sum(axis=1)
     if found == 1:
-        others = points[~zero]
-        others = others[np.isfinite(others).all(axis=1)].astype(np.float64)
-        if len(others) == 0:
-            return np.zeros(len(points), bool)
-        nearest = np.sqrt((others**2).sum(axis=1).min())
-        extent = np.linalg.norm(others.max(axis=0) - others.min(axis=0))
-        if nearest <= max(LARGEST_UNSHIFTED, float(extent)):
-            return np.zeros(len(points), bool)
-    return zero
+        extent = float(np.linalg.norm(others.max(axis=0) - others.min(axis=0)))
+        return zero if np.sqrt(squares.min()) > max(LARGEST_UNSHIFTED, extent) else none
+    # Rounded coordinates put several measurements at one place.
+    near = np.argpartition(squares, min(_NEAR, len(others)) - 1)[:_NEAR]
+    _, counts = np.unique(others[near], axis=0, return_counts=True)
+    return zero if found > counts.max() else none
 
 
 def build_cloud(
@@ -223,9 +232,7 @@ def build_cloud(
     per_point = [colors, intensities, normals, ranges, viewpoint_index]
     extra = dict(extra or {})
     if origin is None and (empty := no_returns(points)).any():
-        notes.points(
-            f"left out {int(empty.sum()):,} of {len(points):,} points at exactly 0 0 0 (no returns)"
-        )
+        notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(points))
         points = points[~empty]
         per_point = [None if column is None else column[~empty] for column in per_point]
         extra = {name: column[~empty] for name, column in extra.items()}

@@ -46,7 +46,7 @@ def optional_module(name: str, requirement: str, purpose: str) -> Any:
     except ImportError as error:
         raise MissingDependencyError(
             f"{purpose} needs the package {name}: pip install '{requirement}' "
-            "(or all formats at once: pip install 'surfabet[io]')"
+            "(or all formats at once: pip install 'surfabet[io,ros]')"
         ) from error
 
 

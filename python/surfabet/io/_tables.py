@@ -5,20 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet.io._columns import Column, is_normals
+from surfabet.io._columns import Column
 from surfabet.io._files import Lines, format_error
 
 _ROWS_AT_A_TIME = 65_536
-# Classes are counted from 0, in all schemes in use below this; more kinds than this in one file
-# are measured values.
-_LARGEST_LABEL = 1000
-_MOST_LABELS = 100
 # What other languages print for numbers, and numpy's parser does not know.
 _FOREIGN = re.compile(
     r"(?P<nan>[-+]?(?:nan\([^)\s]*\)|1\.#(?:q?nan|snan|ind)[0-9]*))"
@@ -171,82 +166,6 @@ def typed_columns(
         with np.errstate(over="ignore"):
             columns[name] = column.astype(dtype)
     return columns
-
-
-def _is_color(columns: Sequence[Column]) -> bool:
-    """Whether columns are colours and not normals: integers to 65535, or 0 to 1 of any length."""
-    rows = np.stack(columns, axis=1).astype(np.float64)
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    if rows.size == 0 or rows.min() < 0:
-        return False
-    if (rows == np.rint(rows)).all() and rows.max() > 1:
-        return bool(rows.max() <= 65535)
-    return bool(rows.max() <= 1 and (np.abs((rows**2).sum(axis=1) - 1) > 0.01).any())
-
-
-def _is_normal(columns: Sequence[Column]) -> bool:
-    return is_normals(np.stack(columns, axis=1))
-
-
-def _is_label(column: Column) -> bool:
-    """Whether a column has the classes of points: small integers, few of them for many points."""
-    values = column[np.isfinite(column)]
-    if len(values) == 0 or (values != np.rint(values)).any():
-        return False
-    if values.min() < -1 or values.max() > _LARGEST_LABEL:
-        return False
-    return len(np.unique(values)) <= min(_MOST_LABELS, len(values) // 10)
-
-
-def _names_of_7(path: Path, columns: Sequence[Column]) -> tuple[str, ...] | None:
-    """One more value before or after three colours: the one that is no colour."""
-    position, color = ("x", "y", "z"), ("red", "green", "blue")
-    before, after = _is_color(columns[4:7]), _is_color(columns[3:6])
-    if before and after:
-        # Whole numbers everywhere: three and four of them look like colours.
-        first, last = _is_label(columns[3]), _is_label(columns[6])
-        if first == last:
-            raise format_error(
-                path,
-                "of 7 columns both the columns 4 to 6 and the columns 5 to 7 may be colours; name "
-                "them with columns= (--columns) or in a first line",
-            )
-        before, after = first, last
-    if before:
-        return (*position, "label" if _is_label(columns[3]) else "intensity", *color)
-    if after:
-        return (*position, *color, "label" if _is_label(columns[6]) else "intensity")
-    return None
-
-
-def name_columns(path: Path, columns: Sequence[Column]) -> dict[str, Column]:
-    """Names for columns that come without: by their number, then by their values."""
-    n = len(columns)
-    position, color, normal = ("x", "y", "z"), ("red", "green", "blue"), ("nx", "ny", "nz")
-    names: tuple[str, ...] | None = None
-    if n == 3:
-        names = position
-    elif n == 4:
-        names = (*position, "label" if _is_label(columns[3]) else "intensity")
-    elif n == 6 and _is_color(columns[3:6]):
-        names = (*position, *color)
-    elif n == 6 and _is_normal(columns[3:6]):
-        names = (*position, *normal)
-    elif n == 7:
-        names = _names_of_7(path, columns)
-    elif n == 9 and _is_color(columns[3:6]) and _is_normal(columns[6:9]):
-        names = (*position, *color, *normal)
-    elif n == 9 and _is_color(columns[6:9]) and _is_normal(columns[3:6]):
-        names = (*position, *normal, *color)
-    if names is None:
-        raise format_error(
-            path,
-            f"cannot tell what {n} columns mean: known are 3 (x y z), 4 (and intensity or a "
-            "label), 6 (and colours or unit normals), 7 (and intensity or a label, and colours) "
-            "and 9 (and colours and unit normals); name them with columns= (--columns) or in a "
-            "first line",
-        )
-    return dict(zip(names, columns, strict=True))
 
 
 def save_table(file: BinaryIO, rows: Column, delimiter: str = " ") -> None:

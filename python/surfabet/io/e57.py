@@ -45,6 +45,8 @@ _COLORS = ("colorRed", "colorGreen", "colorBlue")
 _NORMALS = ("nor:normalX", "nor:normalY", "nor:normalZ")
 _NORMAL_URI = "http://www.libe57.org/E57_NOR_surface_normals.txt"
 _INVALID = ("cartesianInvalidState", "sphericalInvalidState")
+# Full brightness in 8, 10, 12, 14 and 16 bits.
+_FULL_LIGHTS = (255.0, 1023.0, 4095.0, 16383.0, 65535.0)
 _COLOR_INVALID, _INTENSITY_INVALID = "isColorInvalid", "isIntensityInvalid"
 # Fields of the standard that extra columns are written to, and what these must be.
 _STANDARD_INTEGERS = ("rowIndex", "columnIndex", "returnIndex", "returnCount", "isTimeStampInvalid")
@@ -189,34 +191,32 @@ def _read_fields(
     return {name: np.concatenate(part) for name, part in parts.items()}
 
 
-def _limits(scan: Any, nodes: Mapping[str, Any]) -> tuple[float, float] | None:
-    """What the file says that colours lie between: its limits, else the bounds of the fields."""
+def _full_light(scan: Any, nodes: Mapping[str, Any]) -> float | None:
+    """The value of full brightness that the file states: its limits, else the fields' bounds."""
     if scan.isDefined("colorLimits"):
         limits = scan["colorLimits"]
-        names = [f"{name}{end}" for name in _COLORS for end in ("Minimum", "Maximum")]
+        names = [f"{name}Maximum" for name in _COLORS]
         if all(limits.isDefined(name) for name in names):
-            values = [_value(limits[name]) for name in names]
-            return min(values[0::2]), max(values[1::2])
+            return max(_value(limits[name]) for name in names)
     channels = [nodes[name] for name in _COLORS]
-    if all(hasattr(node, "scaledMinimum") for node in channels):
-        ends = [(node.scaledMinimum(), node.scaledMaximum()) for node in channels]
+    if all(hasattr(node, "scaledMaximum") for node in channels):
+        high = max(float(node.scaledMaximum()) for node in channels)
     else:
-        ends = [(node.minimum(), node.maximum()) for node in channels]
-    return float(min(low for low, _ in ends)), float(max(high for _, high in ends))
+        high = max(float(node.maximum()) for node in channels)
+    # Bounds are those of the values in some files; these have the bits that it takes.
+    return next((full for full in (1.0, *_FULL_LIGHTS) if high <= full), None)
 
 
 def _colors(
-    path: Path, limits: tuple[float, float] | None, fields: Mapping[str, Column], notes: Notes
+    path: Path, full: float | None, fields: Mapping[str, Column], notes: Notes
 ) -> NDArray[np.uint8] | None:
-    """Colours stretched from their stated limits to 0..255; by their values where none fit."""
+    """Colours stretched from the stated range to 0..255; by their values where it cannot be."""
     rows = np.stack([fields[name] for name in _COLORS], axis=1)
     rows = np.nan_to_num(rows, nan=0.0, posinf=0.0, neginf=0.0)
-    low, high = limits or (0.0, 0.0)
     largest = rows.max(initial=0)
-    # Bounds of the type say nothing, and limits that the values pass or never come near are wrong.
-    stated = 0 <= low < high <= 65535 and largest <= high and (high <= 255 or largest > 255)
-    if stated:
-        colors = np.rint((np.maximum(rows, low) - low) * (255 / (high - low))).astype(np.uint8)
+    # A range that the values leave or never come near is wrong.
+    if full is not None and full > 0 and largest <= full and (full <= 255 or largest > 255):
+        colors = np.rint(np.maximum(rows, 0) * (255 / full)).astype(np.uint8)
     else:
         colors = colors_from(path, list(rows.T), notes)
     return recorded(colors, "colours", notes)
@@ -236,8 +236,8 @@ def _fill_invalid(
     filled = values.copy()
     filled[invalid] = values[~invalid][nearest.reshape(-1)]
     notes.remark(
-        f"{int(invalid.sum()):,} points have no valid {what} of their own and got those of the "
-        "nearest point that has"
+        f"points without valid {what} of their own got those of the nearest point that has",
+        int(invalid.sum()),
     )
     return filled
 
@@ -287,13 +287,11 @@ def _measured(
     invalid = _INVALID[0 if is_cartesian else 1]
     if invalid in fields:
         valid = fields.pop(invalid) == 0
+        notes.left_out("that are marked as invalid", int((~valid).sum()), len(valid))
         fields = {name: column[valid] for name, column in fields.items()}
     local = _local(fields, is_cartesian)
     if (empty := no_returns(local)).any():
-        notes.points(
-            f"left out {int(empty.sum()):,} of {len(local):,} points of a scan at exactly 0 0 0 "
-            "(no returns)"
-        )
+        notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(local))
         local = local[~empty]
         fields = {name: column[~empty] for name, column in fields.items()}
     return local, fields
@@ -319,7 +317,7 @@ def _read_scan(path: Path, libe57: Any, image: Any, scan: Any, notes: Notes) -> 
     colors: Column | None = None
     invalid = fields.pop(_COLOR_INVALID, np.zeros(len(local))) != 0
     if set(_COLORS) <= fields.keys():
-        colors = _colors(path, _limits(scan, nodes), fields, notes)
+        colors = _colors(path, _full_light(scan, nodes), fields, notes)
         if colors is not None:
             colors = _fill_invalid(world, colors, invalid, "colours", notes)
     intensities = fields.pop("intensity", None)
@@ -390,9 +388,10 @@ def read_e57(path: Path) -> PointCloud:
     -------
     PointCloud
         Positions with the scans' poses applied, from Cartesian or spherical coordinates; points
-        marked as invalid are left out, since nothing was measured there. Where every scan has them:
-        colours, intensities and normals; all other fields with numbers are extra columns by their
-        names, such as timeStamp (seconds since the scan's start), rowIndex and columnIndex.
+        marked as invalid are left out and counted, since nothing was measured there. Where every
+        scan has them: colours, intensities and normals; all other fields with numbers are extra
+        columns by their names, such as timeStamp (seconds since the scan's start), rowIndex and
+        columnIndex.
         Colours are stretched from the limits that the file states, or from the bounds of their
         fields. Points whose colour or intensity is marked as invalid get that of the nearest point
         with a valid one. Viewpoints (row i is scan i of those with points) and ranges are the
@@ -409,7 +408,8 @@ def read_e57(path: Path) -> PointCloud:
     Warns
     -----
     DroppedPointsWarning
-        Points are not finite, or are no returns (exactly 0 0 0 in the scanner's frame).
+        Points are not finite, marked as invalid, or no returns (exactly 0 0 0 in the scanner's
+        frame).
     LostAttributeWarning
         An attribute was left out because only some of the scans have it; images and texts are left
         aside; colours or intensities were filled; a pose has the quaternion 0 0 0 0; coordinates

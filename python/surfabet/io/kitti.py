@@ -36,9 +36,9 @@ _STRIDES = range(3, 11)
 _ENOUGH = 120
 # Numbers that are looked at; the rest is alike.
 _LOOKED_AT = 1_000_000
-# Columns that explain this share of what the best number per point explains are as good: a multiple
-# of the right number explains no less.
-_AS_GOOD = 0.8
+# Columns that differ by this share of the largest difference are as good: those of a multiple of
+# the right number differ as much, and a little more by chance.
+_AS_GOOD = 0.9
 
 
 def _is_whole(column: Column) -> bool:
@@ -73,20 +73,32 @@ def _fit(values: NDArray[np.float32], stride: int) -> int:
     return 2 if last.max() <= 1 and (points.min() < 0 or points.max() > 1) else 1
 
 
-def _explained(values: NDArray[np.float32], stride: int) -> float:
+def _explained(values: NDArray[np.float32], stride: int) -> NDArray[np.float64]:
     """How much columns of this many numbers differ from each other.
 
-    It is the share of the variance between columns in that of all numbers, of the numbers
-    themselves or of their logarithms, whichever is larger.
+    It is the share of the variance between columns in that of all numbers: of the numbers, of their
+    logarithms, of whether they are negative, and of whether they are whole.
     """
     rows = values[: len(values) // stride * stride].reshape(-1, stride).astype(np.float64)
     rows = np.clip(np.nan_to_num(rows, nan=0.0), -_FARTHEST, _FARTHEST)
     shares = []
-    for numbers in (rows, np.log(np.abs(rows) + 1e-3)):
-        total = numbers.var()
-        shares.append(float(numbers.mean(axis=0).var() / total) if total > 0 else 0.0)
-    # What columns of chance have.
-    return max(shares) - (stride - 1) / len(values)
+    for kind in (rows, np.log(np.abs(rows) + 1e-3), rows < 0, rows == np.rint(rows)):
+        total = kind.var()
+        shares.append(kind.mean(axis=0).var() / total if total > 0 else 0.0)
+    return np.array(shares)
+
+
+def _told_stride(values: NDArray[np.float32], n_values: int) -> int | None:
+    """The least number of columns that differ as much as any do; `None` where none differ."""
+    strides = [stride for stride in _STRIDES if n_values % stride == 0]
+    explained = np.array([_explained(values, stride) for stride in strides])
+    best = explained.max(axis=0)
+    # What chance explains is about the number of columns over that of numbers.
+    chance = max(_STRIDES) / len(values)
+    best[best <= 5 * chance] = 0
+    if not best.any():
+        return None
+    return strides[int(np.argmax((explained >= _AS_GOOD * best - chance).all(axis=1)))]
 
 
 def _stride_of(path: Path, values: NDArray[np.float32]) -> int:
@@ -102,13 +114,9 @@ def _stride_of(path: Path, values: NDArray[np.float32]) -> int:
             f"{_FARTHEST:g} m with intensities and rings; {remedy}",
             byte=0,
         )
-    looked_at = values[:_LOOKED_AT]
-    if len(looked_at) >= _ENOUGH:
-        explained = {s: _explained(looked_at, s) for s in _STRIDES if len(values) % s == 0}
-        best = max(explained.values())
-        # What chance explains is about the number of columns over that of numbers.
-        if best > 5 * max(_STRIDES) / len(looked_at):
-            told = min(s for s, share in explained.items() if share >= _AS_GOOD * best)
+    if len(values) >= _ENOUGH:
+        told = _told_stride(values[:_LOOKED_AT], len(values))
+        if told is not None:
             fitting = {told: 2} if told in fitting else {}
     best_fits = [stride for stride, fit in fitting.items() if fit == max(fitting.values())]
     if len(best_fits) != 1:

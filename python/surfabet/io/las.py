@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import FormatError, InvalidInputError, LostAttributeWarning
+from surfabet.errors import FormatError, InvalidInputError
 from surfabet.io._columns import Column, cloud_from_columns, lists_of, warn_lost
 from surfabet.io._crs import (
     crs_of_keys,
@@ -23,7 +23,7 @@ from surfabet.io._crs import (
     parse_directory,
     unit_remark,
 )
-from surfabet.io._files import format_error, optional_module, warn, written_whole
+from surfabet.io._files import format_error, optional_module, written_whole
 from surfabet.io._laz import check_chunks
 from surfabet.io._notes import Notes
 
@@ -54,7 +54,13 @@ _PROJECTION = "LASF_Projection"
 _LIBLAS = "liblas"
 _WKT = 2112
 _GEOTIFF = (34735, 34736, 34737)
-_READ_RECORDS = {("LASF_Spec", 4), ("laszip encoded", 22204), (_LIBLAS, _WKT)}
+_READ_RECORDS = {
+    ("LASF_Spec", 4),
+    ("laszip encoded", 22204),
+    ("copc", 1),
+    ("copc", 1000),
+    (_LIBLAS, _WKT),
+}
 _LONGEST_RECORD = 65_535
 # The record of extra dimensions has 192 bytes for each.
 _MOST_EXTRA = _LONGEST_RECORD // 192
@@ -183,13 +189,31 @@ def _check_classes(name: str, classes: Sequence[int] | None) -> list[int] | None
     return [int(one) for one in found]
 
 
+LasPoints = tuple[Any, Iterable[Any], int | None]
+"""The header of a file, its points in parts, and how many these must be."""
+
+
 @dataclass(frozen=True)
-class _Choice:
+class LasChoice:
     """Which points of a file are read."""
 
     keep_noise: bool
     keep_class: list[int] | None
     drop_class: list[int] | None
+
+    @classmethod
+    def of(
+        cls,
+        keep_noise: bool,
+        keep_class: Sequence[int] | None,
+        drop_class: Sequence[int] | None,
+    ) -> LasChoice:
+        """By the options of `read_las`, which are checked."""
+        return cls(
+            keep_noise,
+            _check_classes("keep_class", keep_class),
+            _check_classes("drop_class", drop_class),
+        )
 
     def mask(self, points: Any, counts: dict[str, int]) -> NDArray[np.bool_] | None:
         """The points to keep, `None` for all; adds to the counts of those left out."""
@@ -234,30 +258,37 @@ def _without_defaults(columns: dict[str, Column], standard: set[str]) -> dict[st
     return {name: c for name, c in columns.items() if name not in optional or c.any()}
 
 
-def _read_chunks(
-    path: Path, laspy: Any, choice: _Choice, notes: Notes
-) -> tuple[dict[str, Column], str | None]:
-    parts: dict[str, list[Column]] = {}
-    counts: dict[str, int] = {}
+@contextmanager
+def _all_points(path: Path, laspy: Any) -> Iterator[LasPoints]:
+    """The header and all points of a file, in parts."""
     # The sequential decoder trusts less of the file than the parallel one.
     with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs) as reader:
-        header = reader.header
-        if not np.isfinite([*header.scales, *header.offsets]).all():
-            raise format_error(path, "scale or offset are not finite", byte=131)
-        at_a_time = max(1, _BYTES_AT_A_TIME // header.point_format.size)
-        wanted = _wanted(header.point_format, notes)
-        found = 0
-        for points in reader.chunk_iterator(at_a_time):
-            found += len(points)
-            keep = choice.mask(points, counts)
-            for name in wanted:
-                values = np.array(points[name])
-                parts.setdefault(name, []).append(values if keep is None else values[keep])
-        if found != header.point_count:
-            raise format_error(path, f"the file ends after {found} of {header.point_count} points")
-        crs = _crs(header)
-        _note_records(header, notes)
-        standard = set(header.point_format.standard_dimension_names)
+        at_a_time = max(1, _BYTES_AT_A_TIME // reader.header.point_format.size)
+        yield reader.header, reader.chunk_iterator(at_a_time), reader.header.point_count
+
+
+def _collected(
+    path: Path, points: LasPoints, choice: LasChoice, notes: Notes
+) -> tuple[dict[str, Column], str | None]:
+    """The columns of the points that were chosen, and the coordinate reference system."""
+    parts: dict[str, list[Column]] = {}
+    counts: dict[str, int] = {}
+    header, chunks, expected = points
+    if not np.isfinite([*header.scales, *header.offsets]).all():
+        raise format_error(path, "scale or offset are not finite", byte=131)
+    wanted = _wanted(header.point_format, notes)
+    found = 0
+    for chunk in chunks:
+        found += len(chunk)
+        keep = choice.mask(chunk, counts)
+        for name in wanted:
+            values = np.array(chunk[name])
+            parts.setdefault(name, []).append(values if keep is None else values[keep])
+    if expected is not None and found != expected:
+        raise format_error(path, f"the file ends after {found} of {expected} points")
+    crs = _crs(header)
+    _note_records(header, notes)
+    standard = set(header.point_format.standard_dimension_names)
     kept = sum(map(len, parts.get("x", [])))
     if kept < found:
         # A point may be counted for several reasons.
@@ -275,6 +306,26 @@ def _read_chunks(
         else:
             columns[name] = values
     return _without_defaults(columns, standard), crs
+
+
+def read_las_points(
+    path: Path,
+    open_points: Callable[[Path, Any], AbstractContextManager[LasPoints]],
+    choice: LasChoice,
+) -> PointCloud:
+    """The cloud of the points that `open_points` gives for a file and the package laspy."""
+    _check_header(path)
+    laspy = _laspy()
+    notes = Notes(path)
+    with (
+        _own_errors(path),
+        np.errstate(over="ignore", invalid="ignore"),
+        open_points(path, laspy) as points,
+    ):
+        columns, crs = _collected(path, points, choice, notes)
+    if crs is not None and (remark := unit_remark(crs)) is not None:
+        notes.remark(remark)
+    return cloud_from_columns(path, columns, crs=crs, notes=notes)
 
 
 def read_las(
@@ -329,19 +380,7 @@ def read_las(
         Coordinates are not in metres, horizontally or vertically (both units are named); colours
         are 0 everywhere; the file has waveforms or records that are left aside.
     """
-    choice = _Choice(
-        keep_noise,
-        _check_classes("keep_class", keep_class),
-        _check_classes("drop_class", drop_class),
-    )
-    _check_header(path)
-    laspy = _laspy()
-    notes = Notes(path)
-    with _own_errors(path), np.errstate(over="ignore", invalid="ignore"):
-        columns, crs = _read_chunks(path, laspy, choice, notes)
-    if crs is not None and (remark := unit_remark(crs)) is not None:
-        notes.remark(remark)
-    return cloud_from_columns(path, columns, crs=crs, notes=notes)
+    return read_las_points(path, _all_points, LasChoice.of(keep_noise, keep_class, drop_class))
 
 
 def _scale_for(cloud: PointCloud, scale: float) -> float:
@@ -352,8 +391,8 @@ def _scale_for(cloud: PointCloud, scale: float) -> float:
     return scale
 
 
-def _stored_intensities(path: Path, intensities: Column) -> Column:
-    """As they are where 16 bits hold them, else stretched to 0..65535, which is said."""
+def _stored_intensities(intensities: Column, remarks: list[str]) -> Column:
+    """As they are where 16 bits hold them, else stretched to 0..65535, which is remarked."""
     if len(intensities) == 0:
         return intensities.astype(np.uint16)
     low, high = float(intensities.min()), float(intensities.max())
@@ -362,10 +401,9 @@ def _stored_intensities(path: Path, intensities: Column) -> Column:
         return intensities.astype(np.uint16)
     low = min(low, 0.0)
     factor = _LARGEST_INTENSITY / (high - low) if high > low else 1.0
-    warn(
-        f"{path}: LAS files hold intensities as integers of 16 bits; {low:g} to {high:g} were "
-        f"stretched to 0 to {_LARGEST_INTENSITY}",
-        LostAttributeWarning,
+    remarks.append(
+        f"LAS files hold intensities as integers of 16 bits; {low:g} to {high:g} were stretched to "
+        f"0 to {_LARGEST_INTENSITY}"
     )
     return np.rint((intensities.astype(np.float64) - low) * factor).astype(np.uint16)
 
@@ -379,10 +417,15 @@ def _fits(dimension: Any, values: Column) -> bool:
     return values.dtype.kind in "iu" or bool((values == np.rint(values)).all())
 
 
-def _point_format(laspy: Any, extra: Mapping[str, Column], has_colors: bool) -> Any:
-    """The point format that holds what is there: 6 to 8, or 0 to 3 for angles in degrees."""
+def _point_format(laspy: Any, cloud: PointCloud) -> Any:
+    """The point format that holds what is there: 6 to 8, or 0 to 3 where these must be.
+
+    Formats 0 to 3 have angles in degrees, and only they have GeoTIFF keys.
+    """
+    extra, has_colors = cloud.extra, cloud.colors is not None
     modern = {"nir", "overlap", "scanner_channel", "scan_angle"}
-    if "scan_angle_rank" in extra and not modern & extra.keys():
+    has_keys = cloud.crs is not None and geotiff_keys(cloud.crs) is not None
+    if ("scan_angle_rank" in extra or has_keys) and not modern & extra.keys():
         legacy = laspy.PointFormat(2 * has_colors + ("gps_time" in extra))
         names = set(legacy.standard_dimension_names) & extra.keys()
         if all(_fits(legacy.dimension_by_name(name), extra[name]) for name in names):
@@ -400,11 +443,12 @@ class _Fields:
     own: dict[str, Column]
     renamed: dict[str, str]
     lost: list[str]
+    remarks: list[str]
 
 
 def _fields(cloud: PointCloud, point_format: Any) -> _Fields:
     """Extra columns as standard dimensions of the format where they fit, else as extra ones."""
-    fields = _Fields({}, {}, {}, [])
+    fields = _Fields({}, {}, {}, [], [])
     if (normals := cloud.normals) is not None:
         fields.own |= {name: normals[:, a] for a, name in enumerate(_NORMALS)}
     if (ranges := cloud.ranges) is not None:
@@ -445,14 +489,15 @@ def _projection(laspy: Any, header: Any, crs: str | None) -> list[str]:
         records = {_WKT: wkt}
     else:
         records = dict(zip(_GEOTIFF, directory_of(keys), strict=True))
-    header.global_encoding.wkt = keys is None
+    # Formats 6 and up must say that they have WKT, whether they have or not.
+    header.global_encoding.wkt = keys is None or header.point_format.id >= 6
     for number, data in records.items():
         if data:
             header.vlrs.append(laspy.VLR(_PROJECTION, number, "", data))
     return []
 
 
-def _points(path: Path, laspy: Any, header: Any, cloud: PointCloud, fields: _Fields) -> Any:
+def _points(laspy: Any, header: Any, cloud: PointCloud, fields: _Fields) -> Any:
     """The record of all points."""
     points = laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header)
     for axis, name in enumerate("XYZ"):
@@ -461,7 +506,7 @@ def _points(path: Path, laspy: Any, header: Any, cloud: PointCloud, fields: _Fie
     one = np.ones(len(cloud), np.uint8)
     standard: dict[str, Column] = {"return_number": one, "number_of_returns": one} | fields.standard
     if (intensities := cloud.intensities) is not None:
-        standard["intensity"] = _stored_intensities(path, intensities)
+        standard["intensity"] = _stored_intensities(intensities, fields.remarks)
     if (colors := cloud.colors) is not None:
         standard |= {
             name: colors[:, a].astype(np.uint16) * _COLOR_STEP for a, name in enumerate(_COLORS)
@@ -487,8 +532,9 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
         Intensities that are not integers from 0 to 65535 are stretched to these, with a warning.
         Extra columns with the name of a standard dimension that holds their values become it, all
         others extra dimensions of their own type. The point format is 6, 7 (colours) or 8 (nir);
-        with a column scan_angle_rank, in whole degrees, it is 0 to 3. The coordinate reference
-        system is written as WKT, or as GeoTIFF keys where it is a code.
+        with a column scan_angle_rank, in whole degrees, or with a reference system given by a
+        code, it is 0 to 3 if these hold all columns. The coordinate reference system is written as
+        WKT, or as GeoTIFF keys where it is a code.
     scale
         Metres per unit of the integer coordinates. It is made coarser by powers of ten where the
         cloud does not fit: the default of 0.1 mm holds 214 km to each side of the origin.
@@ -510,7 +556,7 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
     if not (np.isfinite(scale) and scale > 0):
         raise InvalidInputError(f"scale is {scale}, but must be a positive length in metres")
     laspy = _laspy()
-    point_format = _point_format(laspy, cloud.extra, cloud.colors is not None)
+    point_format = _point_format(laspy, cloud)
     fields = _fields(cloud, point_format)
     header = laspy.LasHeader(version="1.4", point_format=point_format)
     header.offsets = np.array(cloud.origin)
@@ -524,7 +570,7 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
     if times is not None and len(times) and not 0 <= times.min() <= times.max() <= _WEEK:
         header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
     lost = [*fields.lost, *_projection(laspy, header, cloud.crs)]
-    points = _points(path, laspy, header, cloud, fields)
+    points = _points(laspy, header, cloud, fields)
     with written_whole(path) as temporary:
         compress = path.suffix.lower() == ".laz"
         with laspy.open(
@@ -537,4 +583,4 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
             writer.write_points(points)
     if cloud.viewpoints is not None:
         lost.insert(0, "viewpoints")
-    warn_lost(path, "LAS", lost, renamed=fields.renamed)
+    warn_lost(path, "LAS", lost, renamed=fields.renamed, remarks=fields.remarks)

@@ -23,8 +23,8 @@ from surfabet._core import PointCloud
 from surfabet.errors import FormatError
 from surfabet.io._columns import Column, build_cloud, cloud_from_columns, lists_of
 from surfabet.io._files import format_error, written_whole
+from surfabet.io._guess import guess_names
 from surfabet.io._notes import Notes
-from surfabet.io._tables import name_columns
 
 _ATTRIBUTES = ("colors", "intensities", "normals", "ranges", "viewpoints", "viewpoint_index")
 # What others call an array of points, and columns that go with it: (n, 3) ones by three names.
@@ -40,6 +40,7 @@ _POINTS = (
     "pointcloud",
     "point_cloud",
     "pc",
+    "arr_0",
 )
 _TRIPLES = {
     "colors": ("red", "green", "blue"),
@@ -49,14 +50,15 @@ _TRIPLES = {
     "normals": ("nx", "ny", "nz"),
     "normal": ("nx", "ny", "nz"),
 }
+_NEEDED = frozenset({"local_points", "origin", "x", "y", "z", *_POINTS, *_ATTRIBUTES})
 _SINGLES = {"intensities": "intensity", "ranges": "range"}
 # Deflate cannot do better, so a larger claim is false.
 _LARGEST_DEFLATION = 1100
 _MOST_MEMBERS = 1000
 
 
-def _load_array(path: Path, name: str, file: IO[bytes], size: int) -> Column:
-    """The array in `size` bytes of NPY; `name` says in errors which one it is."""
+def _load_array(path: Path, name: str, file: IO[bytes], size: int) -> Column | None:
+    """The array in `size` bytes of NPY, `None` for Python objects; errors call it `name`."""
     try:
         version = np.lib.format.read_magic(file)
         if version == (1, 0):
@@ -69,7 +71,7 @@ def _load_array(path: Path, name: str, file: IO[bytes], size: int) -> Column:
         # The header is a Python literal, which fails in as many ways as Python does.
         raise format_error(path, f"{name} has no NPY header: {error}", byte=0) from error
     if dtype.hasobject:
-        raise format_error(path, f"{name} holds Python objects, which are not read", byte=0)
+        return None
     start = file.tell()
     expected = math.prod(shape) * dtype.itemsize
     if any(n < 0 for n in shape) or expected != size - start:
@@ -87,12 +89,20 @@ def _load_array(path: Path, name: str, file: IO[bytes], size: int) -> Column:
     return array
 
 
+def _objects(path: Path, name: str) -> FormatError:
+    return format_error(path, f"{name} holds Python objects, which are not read", byte=0)
+
+
 def _columns_of(path: Path, array: Column, notes: Notes) -> dict[str, Column]:
     """The columns of an array of points, by row or structured."""
     if array.dtype.names:
         columns: dict[str, Column] = {}
         for field in array.dtype.names:
-            columns |= _named(field, array[field].reshape(array.size, -1), notes)
+            rows = array[field].reshape(array.size, math.prod(array.dtype[field].shape))
+            if field in _POINTS and rows.shape[1] == 3 and rows.dtype.kind in "fiu":
+                columns |= dict(zip("xyz", _native(rows).T, strict=True))
+            else:
+                columns |= _named(field, rows, notes)
         return columns
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise format_error(
@@ -100,7 +110,8 @@ def _columns_of(path: Path, array: Column, notes: Notes) -> dict[str, Column]:
             f"the array has shape {array.shape} and dtype {array.dtype}; a cloud is (n, 3) or more "
             "columns of numbers, or structured with fields x, y and z",
         )
-    return name_columns(path, list(_native(array).T))
+    remedy = "name them by the fields of a structured array"
+    return guess_names(path, list(_native(array).T), remedy)
 
 
 def _native(array: Column) -> Column:
@@ -127,9 +138,9 @@ def read_npy(path: Path) -> PointCloud:
     Parameters
     ----------
     path
-        The file. Columns of plain arrays are x y z, then: intensity (4 columns); colours or normals
-        (6); intensity and colours, either first (7); colours and normals, either first (9). Colours
-        are told from normals by their values.
+        The file. Columns of plain arrays are x y z, then as in text files: intensity or label (4
+        columns); colours or normals (6); colours and an intensity or a label, either first (7);
+        colours and normals, either first (9). Their values tell which.
 
     Returns
     -------
@@ -143,6 +154,8 @@ def read_npy(path: Path) -> PointCloud:
     """
     with path.open("rb") as file:
         array = _load_array(path, "the array", file, path.stat().st_size)
+    if array is None:
+        raise _objects(path, "the array")
     notes = Notes(path)
     return cloud_from_columns(path, _columns_of(path, array, notes), notes=notes)
 
@@ -171,7 +184,13 @@ def _load_members(path: Path, notes: Notes) -> dict[str, Column]:
                     )
                 with archive.open(member) as file:
                     name = member.filename.removesuffix(".npy")
-                    arrays[name] = _load_array(path, f"array {name!r:.60}", file, member.file_size)
+                    array = _load_array(path, f"array {name!r:.60}", file, member.file_size)
+                if array is not None:
+                    arrays[name] = array
+                elif name in _NEEDED or len(members) == 1:
+                    raise _objects(path, f"array {name!r:.60}")
+                else:
+                    notes.aside(f"array {name} of Python objects")
     except FormatError:
         raise
     except Exception as error:
@@ -215,7 +234,8 @@ def _per_point(arrays: dict[str, Column], n_points: int, notes: Notes) -> dict[s
     columns: dict[str, Column] = {}
     for name, array in arrays.items():
         if array.ndim in (1, 2) and len(array) == n_points and not array.dtype.names:
-            columns |= _named(name, array.reshape(n_points, -1) if n_points else array, notes)
+            rows = array.reshape(n_points, math.prod(array.shape[1:]))
+            columns |= _named(name, rows, notes)
         else:
             notes.aside(f"array {name} of shape {array.shape} and dtype {array.dtype}")
     return columns

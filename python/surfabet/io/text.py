@@ -1,19 +1,20 @@
 """Points as plain text: XYZ, TXT, ASC and CSV.
 
-One point per line, separated by white space, commas or semicolons. Columns are named by a first
-line of names or by a comment (`# x y z red green blue`, `//X Y Z R G B`), or else told by their
-number and values.
+One point per line, separated by white space, commas or semicolons; with semicolons or white space,
+numbers may have decimal commas. Columns are named by a first line of names or by a comment
+(`# x y z red green blue`, `//X;Y;Z;Rf;Gf;Bf`), or else told by their number and values. A unit in
+brackets behind a name (`X [mm]`) is used. Any encoding will do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
+from surfabet.errors import FormatError, InvalidInputError
 from surfabet.io._columns import (
     KNOWN_NAMES,
     Column,
@@ -25,88 +26,179 @@ from surfabet.io._columns import (
     warn_lost,
     written_names,
 )
-from surfabet.io._files import Lines, format_error, written_whole
-from surfabet.io._tables import name_columns, parse_rows, save_table
+from surfabet.io._encodings import open_text
+from surfabet.io._files import format_error, written_whole
+from surfabet.io._guess import guess_names
+from surfabet.io._names import LENGTHS, UNIT_COLOR, ColumnName, column_names
+from surfabet.io._notes import Notes
+from surfabet.io._tables import save_table
+from surfabet.io._text_table import TextTable, is_number
+from surfabet.io._units import UNITS, metres_per
 
-_COMMENTS = ("#", "//", "%")
-_BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"  # of UTF-8, as latin-1 shows it
-_POSITION = {"x", "y", "z"}
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _names(words: Sequence[str]) -> list[str] | None:
-    """The words as column names if they name a position."""
-    names = [word.strip().strip("\"'").lower() for word in words]
-    return names if names and set(names) >= _POSITION else None
-
-
-def _delimiter_of(text: str) -> str | None:
-    return next((d for d in (",", ";") if d in text), None)
-
-
-def _split(text: str, delimiter: str | None) -> list[str]:
-    return [word.strip() for word in text.split(delimiter)]
-
-
-class _Body:
-    """The rows of a text file; what precedes them has been looked at for names."""
-
-    def __init__(self, lines: Lines, delimiter: str | None) -> None:
-        self.lines = lines
-        self.names: list[str] | None = None
-        self.delimiter = delimiter
-        self.first: str | None = None
-        for text in self._texts():
-            if text.startswith(_COMMENTS):
-                words = text.lstrip("#/%").strip()
-                self.names = _names(_split(words, delimiter or _delimiter_of(words))) or self.names
-                continue
-            self.delimiter = delimiter or _delimiter_of(text)
-            words_ = _split(text, self.delimiter)
-            if self.names is None and not any(map(_is_number, words_)):
-                self.names = _names(words_)
-                if self.names is None:
-                    raise format_error(
-                        lines.path,
-                        f"neither numbers nor column names with x, y and z: {text!r:.60}",
-                        line=lines.number,
-                    )
-                continue
-            self.first = text
-            break
-
-    def _texts(self) -> Iterator[str]:
-        while (line := self.lines.next()) is not None:
-            text = line.decode("latin-1")
-            if self.lines.number == 1:
-                text = text.removeprefix(_BYTE_ORDER_MARK)
-            if text and not text.isspace():
-                yield text.strip()
-
-    def rows(self) -> Iterator[str]:
-        if self.first is not None:
-            yield self.first
-        for text in self._texts():
-            if not text.startswith(_COMMENTS):
-                yield text
+_COLOR = {"red", "green", "blue", "r", "g", "b", "diffuse_red", "diffuse_green", "diffuse_blue"}
+_LEFT_ASIDE = "_"
 
 
 def _as_integers(column: Column, first: str) -> Column:
-    """Colours written without a decimal point count to 255, even if none is larger than 1."""
-    if any(c in first for c in ".eEnN") or not (column == np.rint(column)).all():
+    """Values written without a decimal point as integers, which colours of 8 bits are.
+
+    With a decimal point they are too if one is larger than 1, beyond which only integers go.
+    """
+    if not (column == np.rint(column)).all():
+        return column
+    if any(c in first for c in ".eEnN") and column.max(initial=0) <= 1:
         return column
     return np.clip(column, -(2.0**53), 2.0**53).astype(np.int64)
 
 
+def _as_attribute(column: Column) -> Column:
+    """Values that a cloud keeps beside its own: integers where all are, of 32 bits if they fit."""
+    if not (column == np.rint(column)).all() or np.abs(column).max(initial=0) > 2.0**53:
+        return column
+    fits = np.abs(column).max(initial=0) < 2**31
+    return column.astype(np.int32 if fits else np.int64)
+
+
+def _typed(name: str, column: Column, first: str) -> Column:
+    if name in UNIT_COLOR:
+        return column
+    if name in _COLOR:
+        return _as_integers(column, first)
+    return column if name in KNOWN_NAMES else _as_attribute(column)
+
+
+def _metres(path: Path, column: ColumnName, unit: str | None) -> float:
+    """The factor of a column of lengths; what its name says must agree with the given unit."""
+    given = 1.0 if unit is None else metres_per(unit)
+    if column.unit is None:
+        return given
+    if column.metres is None:
+        raise format_error(
+            path,
+            f"column {column.written!r:.40} has the unit {column.unit!r:.20}, which is none of "
+            f"{', '.join(UNITS)}; name the columns with columns=",
+        )
+    if unit is not None and column.metres != given:
+        raise InvalidInputError(
+            f"unit is {unit!r}, but column {column.written!r:.40} of {path} has its own",
+            argument="unit",
+            value=repr(unit),
+            requirement=f"left out, since column {column.written!r:.40} of {path} has its own",
+        )
+    return column.metres
+
+
+def _check_width(table: TextTable, words: Sequence[str], names: Sequence[ColumnName]) -> None:
+    path, line = table.lines.path, table.lines.number
+    said = " ".join(name.written for name in names)
+    if len(words) < len(names):
+        raise format_error(
+            path, f"{len(words)} values for the {len(names)} columns {said!r:.80}", line=line
+        )
+    beyond = [word for word in words[len(names) :] if word]
+    # The last column may be free text that contains the delimiter.
+    if beyond and all(map(is_number, [words[len(names) - 1], *beyond])):
+        raise format_error(
+            path,
+            f"{len(words)} values for the {len(names)} columns {said!r:.80}; name all of them with "
+            "columns=, the others as _",
+            line=line,
+        )
+
+
+def _named_columns(
+    table: TextTable, names: Sequence[ColumnName], unit: str | None, notes: Notes, others: bool
+) -> dict[str, Column]:
+    """The columns by name; without `others` only those that every cloud has."""
+    path = table.lines.path
+    words = table.layout.words(table.first or "")
+    first: dict[str, int] = {}
+    for i, name in enumerate(names):
+        first.setdefault(name.name, i)
+    known = KNOWN_NAMES | set(UNIT_COLOR)
+    places = [
+        i
+        for name, i in first.items()
+        if name in known or (others and name != _LEFT_ASIDE and is_number(words[i]))
+    ]
+    numbers = table.numbers(places, len(words), notes)
+    for i, name in enumerate(names):
+        if name.name == _LEFT_ASIDE or i in places:
+            continue
+        if i == first[name.name]:
+            notes.aside(f"column {name.written!r:.40}, which does not hold numbers")
+        else:
+            notes.aside(f"column {name.written!r:.40}, another {name.name:.40}")
+    columns = {}
+    for k, i in enumerate(places):
+        key, column = names[i].name, numbers[:, k]
+        if key in LENGTHS and (factor := _metres(path, names[i], unit)) != 1:
+            column = column * factor
+        columns[UNIT_COLOR.get(key, key)] = _typed(key, column, words[i])
+    return columns
+
+
+def _unnamed_columns(
+    table: TextTable,
+    unit: str | None,
+    notes: Notes,
+    guess: Callable[[Path, list[Column]], dict[str, Column]],
+) -> dict[str, Column]:
+    path = table.lines.path
+    words = table.layout.words(table.first or "")
+    # Lines may end in a delimiter.
+    n_columns = len(words) - (words[-1] == "")
+    numbers = table.numbers(range(n_columns), len(words), notes)
+    columns = guess(path, [_as_integers(numbers[:, i], words[i]) for i in range(n_columns)])
+    factor = 1.0 if unit is None else metres_per(unit)
+    for name, column in columns.items():
+        if name == "label":
+            columns[name] = _as_attribute(column)
+        elif name not in _COLOR:
+            columns[name] = column * factor if name in LENGTHS else column.astype(np.float64)
+    return columns
+
+
+def read_table(
+    path: Path,
+    notes: Notes,
+    *,
+    names: Sequence[ColumnName] | None = None,
+    delimiter: str | None = None,
+    unit: str | None = None,
+    guess: Callable[[Path, list[Column]], dict[str, Column]] = guess_names,
+    others: bool = True,
+) -> Mapping[str, Column]:
+    """The columns of a text file: by `names`, by its header, or as `guess` says."""
+    with open_text(path) as file:
+        table = TextTable(path, file, delimiter, named=names is not None)
+        header = table.names if names is None else names
+        if table.first is None:
+            if table.count:
+                raise format_error(path, f"the file ends after 0 of {table.count} rows")
+            if header is None:
+                raise format_error(path, "no points and no column names", line=table.lines.number)
+            return {name.name: np.empty(0) for name in header}
+        if header is None:
+            return _unnamed_columns(table, unit, notes, guess)
+        words = table.layout.words(table.first)
+        if names is None or len(words) < len(names):
+            _check_width(table, words, header)
+        try:
+            return _named_columns(table, header, unit, notes, others)
+        except FormatError:
+            if not others or {name.name for name in header} <= KNOWN_NAMES:
+                raise
+    # One of the other columns may have what is no number in a later row.
+    return read_table(path, notes, names=names, delimiter=delimiter, unit=unit, others=False)
+
+
 def read_text(
-    path: Path, *, columns: Sequence[str] | None = None, delimiter: str | None = None
+    path: Path,
+    *,
+    columns: Sequence[str] | None = None,
+    delimiter: str | None = None,
+    unit: str | None = None,
 ) -> PointCloud:
     """Reads points from plain text.
 
@@ -116,87 +208,69 @@ def read_text(
         The file.
     columns
         The names of the columns, where the file does not tell: x, y, z, red, green, blue,
-        intensity, nx, ny, nz, range, vp_x, vp_y, vp_z; any other name leaves a column aside.
+        intensity, nx, ny, nz, range, vp_x, vp_y, vp_z, label, or any other name for an attribute of
+        that name; `_` leaves a column aside, as does a list that is shorter than the rows.
     delimiter
-        What stands between the columns. Default: a comma or semicolon if the first line has one,
-        else white space.
+        What stands between the columns. Default: a semicolon if the first line has one; a comma if
+        it has one that is no decimal comma; else white space.
+    unit
+        The unit of the coordinates and ranges: mm, cm, m, km, ft, us-ft or in. Default: what stands
+        in brackets behind their names, else metres.
 
     Returns
     -------
     PointCloud
-        What the columns say. Without names, columns are x y z, then: intensity (4 columns); colours
-        or normals (6); intensity and colours, either first (7); colours and normals, either first
-        (9). Colours are told from normals by their values.
+        What the columns say, in metres. Without names, columns are x y z, then: intensity or label
+        (4 columns); colours or normals (6); colours and an intensity or a label, either first (7);
+        colours and normals, either first (9). Their values tell which: normals have length 0 or 1;
+        colours are integers to 255 or 65535, or lie within 0..1; labels are few integers.
 
     Raises
     ------
     FormatError
-        A line is not a row of numbers, or the columns are unknown.
+        A line is not a row of numbers, fewer rows follow than the file says, the columns are
+        unknown, or their values fit several readings.
     InvalidInputError
-        `columns` does not name x, y and z, or `delimiter` is not one character.
+        `columns` does not name x, y and z, `delimiter` is not one character, or `unit` is unknown
+        or contradicts the file.
+
+    Warns
+    -----
+    LostAttributeWarning
+        A named column does not hold numbers, or more rows follow than the file says.
+    DroppedPointsWarning
+        Points are not finite, or at exactly 0 0 0 (no returns); the message counts them.
     """
-    if columns is not None and _names(columns) is None:
-        raise InvalidInputError(f"columns are {list(columns)}, but must name x, y and z")
-    if delimiter is not None and len(delimiter) != 1:
-        raise InvalidInputError(f"delimiter is {delimiter!r}, but must be one character")
-    with path.open("rb") as file:
-        body = _Body(Lines(path, file), delimiter)
-        names = body.names if columns is None else _names(columns)
-        if body.first is None:
-            if names is None:
-                raise format_error(path, "no points and no column names", line=body.lines.number)
-            return cloud_from_columns(path, {name: np.empty(0) for name in names})
-        words = _split(body.first, body.delimiter)
-        if names is not None and len(words) < len(names):
-            raise format_error(
-                path,
-                f"{len(words)} values for the {len(names)} columns {' '.join(names)!r:.80}",
-                line=body.lines.number,
-            )
-        # Columns that no cloud has may hold anything, and lines may end in a delimiter.
-        taken = [i for i, word in enumerate(words) if names is None or names[i : i + 1]]
-        if names is not None:
-            taken = [i for i in taken if names[i] in KNOWN_NAMES]
-        elif words[-1] == "":
-            taken.pop()
-        table = parse_rows(
-            body.lines,
-            body.rows(),
-            len(taken),
-            body.delimiter,
-            None if len(taken) == len(words) else taken,
+    names = None if columns is None else column_names(list(columns))
+    if columns is not None and names is None:
+        requirement = "names of columns with x, y and z"
+        raise InvalidInputError(
+            f"columns are {list(columns)}, but must name x, y and z",
+            argument="columns",
+            value=",".join(columns),
+            requirement=requirement,
         )
-    found = [_as_integers(table[:, k], words[i]) for k, i in enumerate(taken)]
-    if names is None:
-        named = name_columns(path, found)
-    else:
-        named = {}
-        for k, i in enumerate(taken):
-            named.setdefault(names[i], found[k])
-    for name in set(named) - _COLOR_NAMES:
-        named[name] = named[name].astype(np.float64)
-    return cloud_from_columns(path, named)
-
-
-_COLOR_NAMES = {
-    "red",
-    "green",
-    "blue",
-    "r",
-    "g",
-    "b",
-    "diffuse_red",
-    "diffuse_green",
-    "diffuse_blue",
-}
+    if delimiter is not None and len(delimiter) != 1:
+        raise InvalidInputError(
+            f"delimiter is {delimiter!r}, but must be one character",
+            argument="delimiter",
+            value=repr(delimiter),
+            requirement="one character",
+        )
+    if unit is not None:
+        metres_per(unit)
+    spaces = delimiter is not None and delimiter.isspace() and delimiter != "\t"
+    notes = Notes(path)
+    found = read_table(path, notes, names=names, delimiter=None if spaces else delimiter, unit=unit)
+    return cloud_from_columns(path, found, notes=notes)
 
 
 def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -> None:
     """Writes points as text; it holds every attribute, but no reference system.
 
     The columns are x y z, and where the cloud has them nx ny nz, red green blue, intensity, range,
-    vp_x vp_y vp_z, then the extra columns, named by a comment in the first line, or in CSV files by a header line. Numbers
-    have as many digits as it takes to read back the same ones.
+    then the extra columns, then vp_x vp_y vp_z, named by a comment in the first line, or in CSV
+    files by a header line. Numbers have as many digits as it takes to read back the same ones.
 
     Parameters
     ----------

@@ -1,0 +1,290 @@
+"""Folders of RGB-D frames with known poses, in four layouts; a file per layout.
+
+Depth is measured along the optical axis; colours are taken pixel by pixel, as registered cameras
+give them, from images of another size at the scaled pixel. A depth of 0 or of the largest 16-bit
+value is no measurement.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from surfabet._core import LARGEST_UNSHIFTED, PointCloud, get_num_threads
+from surfabet.errors import DroppedPointsWarning, InvalidInputError
+from surfabet.io._columns import build_cloud
+from surfabet.io._files import format_error, warn
+from surfabet.io.rgbd import _open3d, _scannet, _seven_scenes, _tum
+from surfabet.io.rgbd._frames import Camera, Frame, Listing, check_intrinsics
+from surfabet.io.rgbd._projector import Points, Projector
+
+DEFAULT_DEPTH_LIMITS = (0.3, 4.0)
+"""Metres within which structured-light cameras measure well."""
+
+LAYOUTS = ", or ".join(layout.HINT for layout in (_seven_scenes, _tum, _scannet, _open3d))
+"""What folders of RGB-D frames hold, for messages."""
+
+
+@dataclass
+class _Tally:
+    """Pixels that measured, by where they lie to the limits of depth."""
+
+    n_seen: int = 0
+    n_nearer: int = 0
+    n_farther: int = 0
+
+    def add(self, points: Points) -> None:
+        self.n_seen += len(points.positions)
+        self.n_nearer += points.n_nearer
+        self.n_farther += points.n_farther
+
+    def losses(self, limits: tuple[float, float]) -> str | None:
+        """What the limits left out; `None` for nothing."""
+        n_lost = self.n_nearer + self.n_farther
+        if n_lost == 0:
+            return None
+        return (
+            f"left out {n_lost:,} of {n_lost + self.n_seen:,} pixels outside depth_limits="
+            f"({limits[0]:g}, {limits[1]:g}) metres: {self.n_nearer:,} nearer, {self.n_farther:,} "
+            "farther"
+        )
+
+
+def _decode(projector: Projector, frames: Sequence[Frame], tally: _Tally) -> Iterator[Points]:
+    """The frames' points in order, decoded by threads (Pillow and numpy release the GIL)."""
+    n_threads = max(1, min(get_num_threads(), len(frames), (os.cpu_count() or 1) * 2))
+    with ThreadPoolExecutor(n_threads) as pool:
+        try:
+            # Eagerly: what has been decoded and not fused yet is never more than the cloud itself.
+            for points in pool.map(projector.points, frames):
+                tally.add(points)
+                yield points
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _join(parts: list[Any]) -> Any:
+    """One array of all parts, which are let go."""
+    joined = np.concatenate(parts)
+    parts.clear()
+    return joined
+
+
+def _fuse(folder: Path, frames: Sequence[Frame], projector: Projector, tally: _Tally) -> PointCloud:
+    positions: list[NDArray[np.float32]] = []
+    colors: list[NDArray[np.uint8]] = []
+    ranges: list[NDArray[np.float32]] = []
+    for points in _decode(projector, frames, tally):
+        positions.append(points.positions)
+        ranges.append(points.ranges)
+        if points.colors is not None:
+            colors.append(points.colors)
+    counts = [len(part) for part in positions]
+    viewpoint_index = np.repeat(np.arange(len(frames), dtype=np.uint32), counts)
+    return build_cloud(
+        folder,
+        _join(positions),
+        colors=_join(colors) if colors else None,
+        ranges=_join(ranges),
+        viewpoints=np.stack([frame.pose[:3, 3] for frame in frames]),
+        viewpoint_index=viewpoint_index,
+        origin=projector.origin,
+    )
+
+
+def _separate(frames: Sequence[Frame], projector: Projector, tally: _Tally) -> list[PointCloud]:
+    return [
+        build_cloud(
+            frame.depth,
+            points.positions,
+            colors=points.colors,
+            ranges=points.ranges,
+            viewpoints=frame.pose[None, :3, 3],
+            viewpoint_index=np.zeros(len(points.positions), np.uint32),
+            origin=projector.origin,
+        )
+        for frame, points in zip(frames, _decode(projector, frames, tally), strict=True)
+    ]
+
+
+def _positive_int(name: str, value: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InvalidInputError(f"{name} is {value!r}, but must be an integer of at least 1")
+    return int(value)
+
+
+def _positive(name: str, value: float) -> float:
+    if not (np.isfinite(value) and value > 0):
+        raise InvalidInputError(f"{name} is {value!r}, but must be a positive number")
+    return float(value)
+
+
+def is_rgbd(folder: Path) -> bool:
+    """Whether a folder has one of the layouts read here."""
+    layouts = (_seven_scenes, _tum, _scannet, _open3d)
+    return any(layout.is_here(folder) for layout in layouts)
+
+
+@overload
+def read_rgbd(
+    path: str | os.PathLike[str],
+    *,
+    intrinsics: ArrayLike | None = ...,
+    depth_scale: float | None = ...,
+    depth_limits: tuple[float, float] | None = ...,
+    frame_stride: int = ...,
+    pixel_stride: int = ...,
+    max_time_difference: float = ...,
+    fused: Literal[True] = ...,
+) -> PointCloud: ...
+@overload
+def read_rgbd(
+    path: str | os.PathLike[str],
+    *,
+    intrinsics: ArrayLike | None = ...,
+    depth_scale: float | None = ...,
+    depth_limits: tuple[float, float] | None = ...,
+    frame_stride: int = ...,
+    pixel_stride: int = ...,
+    max_time_difference: float = ...,
+    fused: Literal[False],
+) -> list[PointCloud]: ...
+def read_rgbd(
+    path: str | os.PathLike[str],
+    *,
+    intrinsics: ArrayLike | None = None,
+    depth_scale: float | None = None,
+    depth_limits: tuple[float, float] | None = None,
+    frame_stride: int = 1,
+    pixel_stride: int = 1,
+    max_time_difference: float = 0.02,
+    fused: bool = True,
+) -> PointCloud | list[PointCloud]:
+    """Reads a folder of RGB-D frames with poses into one cloud or one per frame, in the world.
+
+    Four layouts are known. *7-Scenes*: `frame-NNNNNN.depth.png`, `.color.jpg` or `.color.png`
+    (optional) and `.pose.txt` (4 x 4, camera to world, metres), with `camera-intrinsics.txt` (3 x
+    3). *TUM*: `rgb.txt` and `depth.txt`, or `associations.txt`, and `groundtruth.txt`; each depth
+    image is taken with the colour image and the pose nearest in time. *ScanNet*: `depth/N.png`,
+    `color/N.jpg`, `pose/N.txt` and `intrinsic/intrinsic_depth.txt`. *Open3D and Redwood*: `depth/`,
+    `color/`, `trajectory.log` and `camera_intrinsic.json`.
+
+    Depth images are PNG, TIFF, PFM or NPY; real numbers are metres. Colour images of another size
+    are looked up at the scaled pixel, or by `intrinsic/intrinsic_color.txt`.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    intrinsics
+        (fx, fy, cx, cy) in pixels, or the camera matrix; a negative fy for images whose rows go
+        up. Default: the folder's; for TUM the published ones of Freiburg 1, 2 or 3 if the folder's
+        name tells which, else (525, 525, 319.5, 239.5). Lens distortion is not modelled.
+    depth_scale
+        Steps of the depth images per metre. Default: 1000, for TUM 5000, and 1 for images of real
+        numbers.
+    depth_limits
+        Nearest and farthest depth to keep, metres, both included. Default: 0.3 to 4 m, where
+        structured-light cameras measure well; a warning says how many pixels that leaves out.
+    frame_stride, pixel_stride
+        Take every n-th frame, and every n-th pixel of every n-th row.
+    max_time_difference
+        Seconds between a depth image and its colour image or pose (TUM only).
+    fused
+        One cloud of all frames, or a list of one cloud per frame.
+
+    Returns
+    -------
+    PointCloud or list of PointCloud
+        Positions, colours, ranges (distance from the camera centre, metres) and viewpoints (the
+        camera centres; fused, row i is frame i of those read). Points are in the order of frames,
+        rows and columns, whatever the number of threads.
+
+    Raises
+    ------
+    FormatError
+        The folder has none of the layouts, a list or an image in it is broken, or no frame has all
+        its parts.
+    InvalidInputError
+        An option is out of its domain, or the folder needs `intrinsics`.
+    MissingDependencyError
+        Pillow is not installed.
+
+    Warns
+    -----
+    DroppedPointsWarning
+        Frames without a depth image, a colour image or a pose that is finite and a rotation were
+        left out, or pixels outside the default limits of depth; the message counts them.
+    """
+    folder = Path(path)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder} is not a folder")
+    frame_stride = _positive_int("frame_stride", frame_stride)
+    pixel_stride = _positive_int("pixel_stride", pixel_stride)
+    _positive("max_time_difference", max_time_difference)
+    limits = DEFAULT_DEPTH_LIMITS if depth_limits is None else depth_limits
+    if not 0 <= limits[0] < limits[1]:
+        raise InvalidInputError(
+            f"depth_limits are {depth_limits}, but must be two ascending distances in metres"
+        )
+    scale = None if depth_scale is None else _positive("depth_scale", depth_scale)
+    listing = _find_frames(folder, max_time_difference)
+    frames = listing.usable(frame_stride)
+    lost = listing.losses(len(frames))
+    if not frames:
+        raise format_error(folder, lost or f"no RGB-D frames: expected {LAYOUTS}")
+    projector = Projector(
+        _camera_of(listing, intrinsics),
+        None if intrinsics is not None else listing.color_camera,
+        (scale or listing.depth_scale, scale or 1.0),
+        limits,
+        pixel_stride,
+        _origin_of(frames),
+    )
+    tally = _Tally()
+    clouds: PointCloud | list[PointCloud]
+    if fused:
+        clouds = _fuse(folder, frames, projector, tally)
+    else:
+        clouds = _separate(frames, projector, tally)
+    # Limits that were asked for leave out what was asked for.
+    beyond = tally.losses(limits) if depth_limits is None else None
+    if losses := "; ".join(filter(None, (lost, beyond))):
+        warn(f"{folder}: {losses}", DroppedPointsWarning)
+    return clouds
+
+
+def _find_frames(folder: Path, max_time_difference: float) -> Listing:
+    if _seven_scenes.is_here(folder):
+        return _seven_scenes.find_frames(folder)
+    if _tum.is_here(folder):
+        return _tum.find_frames(folder, max_time_difference)
+    if _scannet.is_here(folder):
+        return _scannet.find_frames(folder)
+    if _open3d.is_here(folder):
+        return _open3d.find_frames(folder)
+    raise format_error(folder, f"no RGB-D frames: expected {LAYOUTS}")
+
+
+def _camera_of(listing: Listing, intrinsics: ArrayLike | None) -> Camera:
+    if intrinsics is not None:
+        return check_intrinsics(intrinsics)
+    if listing.camera is None:
+        raise InvalidInputError(
+            f"{listing.folder} does not say what its camera is; give intrinsics=(fx, fy, cx, cy)"
+        )
+    return listing.camera
+
+
+def _origin_of(frames: Iterable[Frame]) -> NDArray[np.float64]:
+    centers = np.stack([frame.pose[:3, 3] for frame in frames])
+    if np.abs(centers).max() <= LARGEST_UNSHIFTED:
+        return np.zeros(3)
+    return np.asarray(np.round(centers.mean(axis=0)))
