@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import surfabet as sb
+from surfabet.cli import main
 
 RNG = np.random.default_rng
 COMPLETE: dict[str, Callable[..., sb.PatchModel | sb.HscsmModel | sb.GasModel]] = {
@@ -185,3 +187,58 @@ def test_clouds_that_are_hardly_any_have_defaults_too(
 ) -> None:
     decoded = learn(sb.PointCloud(np.array(points, float))).decode()
     assert len(decoded) > 0
+
+
+def compressed(
+    cloud: sb.PointCloud, folder: Path, capsys: pytest.CaptureFixture[str], *options: str
+) -> tuple[str, str]:
+    """What `surfabet compress` prints of a cloud, on stdout and on stderr."""
+    source = folder / "scan.ply"
+    sb.write(source, cloud)
+    assert main(["compress", str(source), str(folder / "scan.sfb"), *options]) == 0
+    captured = capsys.readouterr()
+    return captured.out, captured.err
+
+
+def test_the_command_line_says_what_was_chosen_and_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = sb.PointCloud(corner(20_000))
+    out, err = compressed(cloud, tmp_path, capsys)
+    chosen, result = out.splitlines()
+    assert "by the data: resolution 0.0" in chosen
+    assert "3 spacings of" in chosen
+    assert "inliers 9" in result
+    assert err == ""
+    out, _ = compressed(cloud, tmp_path, capsys, "--resolution", "0.03")
+    assert len(out.splitlines()) == 1
+
+
+def test_the_command_line_says_what_a_model_lost(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = np.vstack([corner(20_000), RNG(5).uniform(0, 2, (2000, 3))])
+    _, err = compressed(sb.PointCloud(points), tmp_path, capsys, "--completeness", "0")
+    assert "of the points are further than" in err
+    assert "--completeness 0.995" in err
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"), [(1000.0, "--unit mm"), (0.004, "--unit"), (1.0, None), (100.0, None)]
+)
+def test_the_command_line_doubts_units(
+    unit: float, said: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, err = compressed(sb.PointCloud(unit * corner(6000)), tmp_path, capsys)
+    assert err == "" if said is None else said in err
+
+
+def test_the_command_line_counts_outliers_under_its_own_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = sb.PointCloud(np.vstack([corner(20_000), [[1e6, -2e6, 5e4]]]))
+    out, err = compressed(cloud, tmp_path, capsys)
+    assert "--keep-outliers" in err
+    assert "keep_outliers" not in err
+    # The error is that of the scene, not of the point.
+    assert " m (pooled" not in out.splitlines()[-1].split("rmse")[1].split(",")[0].replace("mm", "")
