@@ -454,6 +454,11 @@ GEOTIFF = [
         None,
         "an unknown unit horizontally, US survey foot (0.3048006096 m) vertically",
     ),
+    (
+        {1024: 1, 3072: 2229, 3073: "NAD83 / California zone 5 (ftUS)"},
+        None,
+        "US survey foot (0.3048006096 m) horizontally, US survey foot (0.3048006096 m) vertically",
+    ),
     ({1024: 1, 3072: 32767, 3073: "local zone", 3080: 9.0, 3076: 9001}, None, ""),
 ]
 

@@ -112,9 +112,17 @@ def _wkt_units(wkt: str) -> tuple[Unit | None, Unit | None]:
     return horizontal, None if system is None else _unit_of(system, ("UNIT", "LENGTHUNIT"))
 
 
+def _cited_unit(keys: Keys) -> Unit | None:
+    """The unit that the name of a projected system ends in, as those of EPSG do: (ftUS), (ft)."""
+    for key in _CITATIONS:
+        if found := re.search(r"\((ftUS|ft)\)", str(keys.get(key, ""))):
+            return _UNITS[9003 if found[1] == "ftUS" else 9002]
+    return None
+
+
 def _key_units(keys: Keys) -> tuple[Unit | None, Unit | None]:
     code = keys.get(_PROJECTED_UNIT)
-    horizontal = _UNITS.get(code) if isinstance(code, int) else None
+    horizontal = _UNITS.get(code) if isinstance(code, int) else _cited_unit(keys)
     if keys.get(_MODEL) == 2 or (_GEOGRAPHIC in keys and _PROJECTED not in keys):
         horizontal = _DEGREE
     code = keys.get(_VERTICAL_UNIT)
@@ -216,6 +224,7 @@ def crs_of_keys(keys: Keys) -> str | None:
     if (
         known
         and in_metres
+        and _cited_unit(keys) is None
         and not rest - {_PROJECTED_UNIT, _VERTICAL_UNIT, _ANGULAR_UNIT}
         and is_projected != (horizontal in _GEOGRAPHIC_CODES)
     ):
