@@ -1,6 +1,6 @@
 //! The tuned constants of the method, with the reason for each. What half and double of a value change on a depth frame
 //! and a simulated room is in `docs/benchmarks/constants.md`; comments have it in a clause, bytes and the larger rmse of
-//! both directions, decoded as measured. Those of which "the effect was not measured" were set once and kept.
+//! both directions, decoded as measured.
 //!
 //! Limits and sizes that the file fixes stand beside the code that they bound. What was measured of the options is in
 //! `docs/benchmarks/patches.md`.
@@ -82,7 +82,8 @@ pub(super) const THINNEST: f32 = 0.25;
 pub(super) const SMALL_SHEET: f32 = 256.0;
 
 /// Reaches at which small sheets are joined to others, pixels, one after the other: for surfaces that are sampled more
-/// coarsely than the pixel. The effect was not measured.
+/// coarsely than the pixel. Half costs the room 13 percent of its bytes for 7 percent less rmse, double saves 10 for 4
+/// percent more; the frame changes by 1 and 2 percent.
 pub(super) const JOIN_REACHES: [i32; 2] = [2, 4];
 
 // Choice of hierarchy, mask, shapes and thickness.
@@ -100,24 +101,26 @@ pub(super) const DECODED_WEIGHT: f32 = 2.0;
 /// Most shapes in a patch: bounds the time. Half and double change bytes by at most 0.3 percent.
 pub(super) const MAX_SHAPES: usize = 12;
 
-/// Shapes tried after the last one that lowered the cost. The effect was not measured.
+/// Shapes tried after the last one that lowered the cost. 1 and 6 change bytes and rmse by at most 0.6 percent.
 pub(super) const SHAPE_PATIENCE: usize = 3;
 
-/// Pull of coefficients to zero: a diagonal of this times the samples and the order of the shape. The effect was not
-/// measured.
+/// Pull of coefficients to zero: a diagonal of this times the samples and the order of the shape. Half and
+/// double change bytes by at most 0.5 percent.
 pub(super) const SHAPE_PULL: f32 = 0.01;
 
-/// Passes over the pixels of a mask. The effect was not measured.
+/// Passes over the pixels of a mask. One costs 1 to 2 percent of the bytes and takes 6 off the rmse of the
+/// room, four save 0.5 for 1.
 pub(super) const MASK_PASSES: usize = 2;
 
-/// Weight of a pixel without samples against one with samples in the fit of depths. The effect was not measured.
+/// Weight of a pixel without samples against one with samples in the fit of depths. Half and double change
+/// rmse by at most 0.4 percent; double costs the frame 1 percent of its bytes.
 pub(super) const HOLE_WEIGHT: f32 = 0.2;
 
 /// How much nearer than its middle the samples of a neighbouring pixel may be, pixels: half of [`SAMPLE_SIZE`].
 pub(super) const NEAREST_SAMPLE: f32 = 0.25;
 
-/// Bits of a sheet beside those of its squares: tile, number of sheets and base. An estimate; the effect was not
-/// measured.
+/// Bits of a sheet beside those of its squares: tile, number of sheets and base. An estimate; half costs
+/// 1 percent of the bytes, double saves 1 to 3.
 pub(super) const SHEET_BITS: f32 = 10.0;
 
 /// A small sheet is left out at the price of at most this distance per sample, pixels: far beyond any that is worth
@@ -127,11 +130,13 @@ pub(super) const MAX_STRAY: f32 = 1e4;
 // Colour. Both are part of the file format.
 
 /// Weight of the parent next to a cell's own along each axis, where colours are predicted. Linear interpolation between
-/// middles would be 1/4; more smooths the noise of single parents. How much it is worth was not measured.
+/// middles would be 1/4; more smooths the noise of single parents. 0.25 changes bytes by -1.4 to 0.8
+/// percent, 0.4 costs 2.
 pub(super) const NEIGHBOUR_SHARE: f32 = 0.32;
 
 /// Step of a level of the pyramid against that of the model: for the cells themselves, their parents, and so on.
-/// Coefficients of coarse cells also predict the finer ones, so they are rounded more finely. The effect was not measured.
+/// Coefficients of coarse cells also predict the finer ones, so they are rounded more finely. All times 0.8
+/// costs 1.5 percent of the bytes, times 1.25 saves 1.5 to 3.5; the error of colour changes by -0.5 to 1.3 percent.
 pub(super) const STEP_SHARES: [f32; 4] = [1.25, 1.0, 0.85, 0.7];
 
 // Points beside the patches.
