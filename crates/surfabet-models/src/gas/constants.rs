@@ -1,12 +1,13 @@
 //! Tuned constants of the method. What a user may set is in [`GasOptions`](super::GasOptions); what the file format fixes
-//! is beside the code that writes it.
+//! is beside the code that writes it. What half and double of a value change is in `docs/benchmarks/constants.md`.
 
 /// Position steps per mean edge e, by default: rounding adds `3 (e / 16)^2 / 12`, a thousandth of e^2, to the squared
 /// error.
 pub(super) const STEPS_PER_EDGE: f64 = 16.0;
 
 /// Multiple of the planned signals after which a network that does not reach its size is taken as it is: its neurons are
-/// removed as fast as they are inserted. The effect of other values was not measured.
+/// removed as fast as they are inserted. Networks that reach their size within the plan do not depend on it: half and
+/// double gave the same files.
 pub(super) const PATIENCE: u64 = 2;
 
 /// Side of the cells that hold points, one neuron for each, in tolerances: for small, balanced and fine models.
@@ -28,16 +29,16 @@ pub(super) const SIGNALS_PER_NEURON_OF_MEAN: u64 = 2;
 /// Points of the trace of mean distances in the report: enough for a curve.
 pub(super) const TRACE_LENGTH: u64 = 64;
 
-/// Neurons per leaf of a tree built anew: the rest of the eight is room to grow. Results do not depend on it; its effect on the
-/// time was not measured.
+/// Neurons per leaf of a tree built anew: the rest of the eight is room to grow. Results do not depend on it. 20,000
+/// neurons took 3.5 s with 6, 3.8 s with 4, 4.3 s with 3 and with 8 (medians of three runs on a busy machine).
 pub(super) const FILL: usize = 6;
 
-/// Most points that represent the old scans in an update. It bounds memory and time; the effect of other values was not
-/// measured.
+/// Most points that represent the old scans in an update. It bounds memory and time: with 30,000 in place of 120,000 an
+/// updated room had 3 percent more neurons, with 10,000 13 percent, since gaps between the points count as new space.
 pub(super) const MOST_RECALLED: f64 = 2e6;
 
 /// Signals per neuron of an update beyond those of the inserted neurons, so that old neurons move to where the new scan
-/// is. The effect of other values was not measured.
+/// is. Half and double changed the mean error of an updated room by 0.3 percent.
 pub(super) const SETTLING: u64 = 30;
 
 /// Neurons per unit of parallel work when they are described, some milliseconds; results do not depend on it.
@@ -48,22 +49,24 @@ pub(super) const DISCS_PER_TASK: usize = 64;
 
 /// Radius of a decoded disc in radii of a round disc of the same spread: a neuron's points fill the cell of those nearest
 /// to it. The corners of a hexagon are `sqrt(6 / 5)` = 1.10 such radii from its middle, those of a square
-/// `sqrt(3 / 2)` = 1.22; this is between. The effect of other values was not measured.
+/// `sqrt(3 / 2)` = 1.22; this is between. 1.0 leaves points 5 to 10 percent farther from the discs and the discs 3 to 6
+/// percent nearer to the points; 1.3 gains 2 percent of the one and loses 4 to 10 of the other.
 pub(super) const DISC_REACH: f64 = 1.15;
 
 /// Least cosine between the normals of two neurons for their planes to blend: surfaces that turn by more than 45 degrees
-/// are on two sides of an edge. The effect of other angles was not measured.
+/// are on two sides of an edge. 0.35 and 0.9 change the errors by at most 0.4 percent.
 pub(super) const LEAST_BLEND_COSINE: f64 = 0.7;
 
 /// Weights of blended planes and colours fall as `exp(-BLEND_WIDTH d^2 / r^2)` at distance d from a neuron of radius r:
-/// to 14 percent at the rim. The effect of other values was not measured.
+/// to 14 percent at the rim. Half and double change the errors by at most 0.4 percent, that of colour by at most 1.7.
 pub(super) const BLEND_WIDTH: f64 = 2.0;
 
-/// Least cosine between a triangle and the mean normal of its corners: steeper triangles lie across the surface. The
-/// effect of other values was not measured.
+/// Least cosine between a triangle and the mean normal of its corners: steeper triangles lie across the surface. With
+/// 0.15 and 0.6 the mesh has as many triangles to 0.8 percent.
 pub(super) const LEAST_TRIANGLE_COSINE: f64 = 0.3;
 
-/// Most edges of a hole of the mesh that is closed. The effect of other values was not measured.
+/// Most edges of a hole of the mesh that is closed. Half leaves 8 to 13 percent more open edges, double 10 percent
+/// less, with 4 to 6 percent more triangles.
 pub(super) const LARGEST_HOLE: usize = 12;
 
 /// Steps of the cosine between two normals when edges are ordered by it, so that they order as integers.

@@ -10,7 +10,9 @@ use super::attributes::targets::Targets;
 use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
-use super::constants::{AXES_CELL, AXES_CELL_IN_GAPS, NOISES_PER_GAP, SAMPLE_SIZE};
+use super::constants::{
+    AXES_CELL, AXES_CELL_IN_GAPS, LEAST_GAP, MAX_GAP, SAMPLE_SIZE, SHARE_OF_GAP,
+};
 use super::far_points::{with_points_within, with_share_of_points};
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::PatchesOptions;
@@ -103,7 +105,7 @@ pub fn learn(
     })?;
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| {
-        let max_gap = (NOISES_PER_GAP * start.survey.noise / resolution) as f32;
+        let max_gap = max_gap(start.survey.layer_gap, resolution);
         sheets(&samples, resolution as f32, lattice.tile_pixels(), max_gap)
     })?;
     // 4. to 6. Shapes, least cost, bits.
@@ -144,6 +146,15 @@ pub fn learn(
     };
     start.report(tolerance, &mut report);
     Ok(model.with_report(report))
+}
+
+/// From which distance on samples of a column lie on two surfaces, pixels, where surfaces may lie `layer_gap` metres behind
+/// one another.
+fn max_gap(layer_gap: Option<f64>, resolution: f64) -> f32 {
+    match layer_gap {
+        Some(gap) => ((SHARE_OF_GAP * gap / resolution) as f32).clamp(LEAST_GAP, MAX_GAP),
+        None => MAX_GAP,
+    }
 }
 
 /// Refuses clouds without points, and those that are too large for the cells of samples.

@@ -24,6 +24,7 @@
 
 mod kernel;
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use surfabet_geom::{Aabb, BoxTree, Union, arrange};
 
@@ -167,52 +168,12 @@ impl Likelihood {
         reachable: &[u32],
         add: bool,
         sums: &mut [[i64; LANES]],
-        mut touched: impl FnMut(u32),
+        touched: impl FnMut(u32),
     ) {
-        let blocks = self.blocks.leaves();
-        // The sum of so many Gaussians of at most 2^22 fits 32 bits.
-        for decoded in decoded.chunks(POINTS_PER_SCATTER) {
-            let mut columns = [[f32::INFINITY; POINTS_PER_SCATTER]; 3];
-            for (k, p) in decoded.iter().enumerate() {
-                for a in 0..3 {
-                    columns[a][k] = p[a];
-                }
-            }
-            let padded = decoded.len().next_multiple_of(LANES);
-            for &b in reachable {
-                let at = b as usize;
-                let block = &blocks[at];
-                let limit = block.reach * block.reach;
-                let mut distances = [0.0_f32; POINTS_PER_SCATTER];
-                for k in 0..padded {
-                    distances[k] = block.aabb.squared_distance(columns.each_ref().map(|c| c[k]));
-                }
-                // About half of the points are near, so the list is written without a branch.
-                let mut near = [0_u8; POINTS_PER_SCATTER];
-                let mut n_near = 0;
-                for (k, &distance) in distances[..decoded.len()].iter().enumerate() {
-                    near[n_near] = k as u8;
-                    n_near += usize::from(distance <= limit);
-                }
-                if n_near == 0 {
-                    continue;
-                }
-                let ([x, y, z], narrow) = (&self.positions[at], &self.narrow[at]);
-                let mut values = [0_u32; LANES];
-                for &k in &near[..n_near] {
-                    let p = decoded[usize::from(k)];
-                    for lane in 0..LANES {
-                        let (dx, dy, dz) = (x[lane] - p[0], y[lane] - p[1], z[lane] - p[2]);
-                        values[lane] += gaussian((dx * dx + dy * dy + dz * dz) * narrow[lane]);
-                    }
-                }
-                touched(b);
-                let sign = if add { 1 } else { -1 };
-                for lane in 0..LANES {
-                    sums[at][lane] += sign * i64::from(values[lane]);
-                }
-            }
-        }
+        // Compiled a second time for AVX2 and chosen at run time: the same operations in the same order, without fused
+        // products, so the same sums. Learning from 30,000 points of a simulated laser scan takes 21 percent less time
+        // (1.47 against 1.86 s, medians of six alternating pairs of runs on a busy machine).
+        Arch::new().dispatch(Scatter { likelihood: self, decoded, reachable, add, sums, touched });
     }
 
     /// Number of points in a block.
@@ -248,6 +209,80 @@ impl Likelihood {
             total: self.floor * self.len as i64,
         }
     }
+}
+
+/// The arguments of [`Likelihood::scatter`].
+struct Scatter<'a, F> {
+    likelihood: &'a Likelihood,
+    decoded: &'a [[f32; 3]],
+    reachable: &'a [u32],
+    add: bool,
+    sums: &'a mut [[i64; LANES]],
+    touched: F,
+}
+
+impl<F: FnMut(u32)> WithSimd for Scatter<'_, F> {
+    type Output = ();
+
+    // Inlined, so that it is compiled for what the processor has.
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) {
+        let blocks = self.likelihood.blocks.leaves();
+        // The sum of so many Gaussians of at most 2^22 fits 32 bits.
+        for decoded in self.decoded.chunks(POINTS_PER_SCATTER) {
+            let mut columns = [[f32::INFINITY; POINTS_PER_SCATTER]; 3];
+            for (k, p) in decoded.iter().enumerate() {
+                for a in 0..3 {
+                    columns[a][k] = p[a];
+                }
+            }
+            for &b in self.reachable {
+                let at = b as usize;
+                let mut near = [0_u8; POINTS_PER_SCATTER];
+                let n_near = nearer_than_reach(&blocks[at], &columns, decoded.len(), &mut near);
+                if n_near == 0 {
+                    continue;
+                }
+                let ([x, y, z], narrow) =
+                    (&self.likelihood.positions[at], &self.likelihood.narrow[at]);
+                let mut values = [0_u32; LANES];
+                for &k in &near[..n_near] {
+                    let p = decoded[usize::from(k)];
+                    for lane in 0..LANES {
+                        let (dx, dy, dz) = (x[lane] - p[0], y[lane] - p[1], z[lane] - p[2]);
+                        values[lane] += gaussian((dx * dx + dy * dy + dz * dz) * narrow[lane]);
+                    }
+                }
+                (self.touched)(b);
+                let sign = if self.add { 1 } else { -1 };
+                for (sum, value) in self.sums[at].iter_mut().zip(values) {
+                    *sum += sign * i64::from(value);
+                }
+            }
+        }
+    }
+}
+
+/// Lists which of the first `n` points in `columns` may count for a point of the block; returns their number.
+#[inline(always)]
+fn nearer_than_reach(
+    block: &Block,
+    columns: &[[f32; POINTS_PER_SCATTER]; 3],
+    n: usize,
+    near: &mut [u8; POINTS_PER_SCATTER],
+) -> usize {
+    let limit = block.reach * block.reach;
+    let mut distances = [0.0_f32; POINTS_PER_SCATTER];
+    for (k, distance) in distances[..n.next_multiple_of(LANES)].iter_mut().enumerate() {
+        *distance = block.aabb.squared_distance(columns.each_ref().map(|c| c[k]));
+    }
+    // About half of the points are near, so the list is written without a branch.
+    let mut n_near = 0;
+    for (k, &distance) in distances[..n].iter().enumerate() {
+        near[n_near] = k as u8;
+        n_near += usize::from(distance <= limit);
+    }
+    n_near
 }
 
 /// The state of the likelihood for some decoded points.

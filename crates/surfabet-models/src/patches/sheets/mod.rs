@@ -19,7 +19,7 @@ use surfabet_geom::KdTree;
 
 use crate::error::Result;
 use crate::patches::coding::MAX_SHEETS;
-use crate::patches::constants::{GAPS, SMALL_SHEET};
+use crate::patches::constants::SMALL_SHEET;
 use crate::patches::samples::SidedSamples;
 use growth::grow;
 pub(in crate::patches) use runs::Run;
@@ -42,15 +42,14 @@ pub(in crate::patches) fn axes_of(side: u8) -> [usize; 3] {
     [depth, (depth + 1) % 3, (depth + 2) % 3]
 }
 
-/// Sheets of all sides, by side, tile and depth; samples of a column that are `max_gap` pixels apart, within [`GAPS`], lie
-/// on two surfaces.
+/// Sheets of all sides, by side, tile and depth; samples of a column that are more than `max_gap` pixels apart lie on
+/// two surfaces.
 pub(in crate::patches) fn sheets(
     samples: &SidedSamples<'_>,
     pixel: f32,
     tile_pixels: i32,
     max_gap: f32,
 ) -> Result<Vec<Sheet>> {
-    let max_gap = max_gap.clamp(GAPS[0], GAPS[1]);
     let of_sample = |(position, weight, side): ([f32; 3], f32, u8)| {
         let [depth, u, v] = axes_of(side).map(|a| position[a] / pixel);
         let at = [u.floor() as i32, v.floor() as i32];
