@@ -17,7 +17,7 @@ const DEVIATIONS_PER_PIXEL: f64 = 1.25;
 
 /// Pixels between two surfaces that lie close behind one another: one between theirs stays empty, so that neither
 /// their depths nor their colours mix.
-const PIXELS_PER_GAP: f64 = 2.5;
+const PIXELS_PER_GAP: f64 = 2.0;
 
 /// Pixels are not finer than this for the sake of such a gap, spacings.
 const LEAST_SPACINGS_PER_PIXEL: f64 = 1.0;
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(pixel(&survey(0.01, 0.001), Quality::Fine).0, 0.015);
         assert_eq!(pixel(&survey(0.002, 0.008), Quality::Balanced).0, 0.01);
         let layered = |gap| Survey { layer_gap: Some(gap), ..survey(0.01, 0.001) };
-        assert_eq!(pixel(&layered(0.05), Quality::Balanced).0, 0.02);
+        assert_eq!(pixel(&layered(0.05), Quality::Balanced).0, 0.025);
         assert_eq!(pixel(&layered(0.01), Quality::Balanced).0, 0.01);
         assert_eq!(pixel(&layered(0.2), Quality::Balanced).0, 0.03);
         assert_eq!(

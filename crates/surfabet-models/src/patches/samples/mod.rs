@@ -12,7 +12,7 @@ use crate::patches::constants::{NORMAL_CELL, ORIENTED_SHARE, SAMPLE_SIZE};
 use crate::sensor::{Sensor, to_sensor};
 use crate::vector::dot;
 use cells::{CellGroups, cell_of, key};
-use sides::sides_of;
+use sides::{Neighbours, sides_of};
 
 /// A merged sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,9 +68,13 @@ impl<'a> SidedSamples<'a> {
             .map(|g| merge_cell(cloud, &rows, &rotated, sensor, &view, cells.of(g)))
             .collect();
         progress.check()?;
-        let cell = NORMAL_CELL * resolution as f32;
+        let neighbours = match (layered, normals) {
+            (false, _) => Neighbours::Cells(NORMAL_CELL * resolution as f32),
+            (true, None) => Neighbours::Nearest,
+            (true, Some(_)) => Neighbours::Normals,
+        };
         let has_views = cloud.viewpoints().is_some() || normals.is_some() && oriented(&samples);
-        let sides = sides_of(&samples, cell, has_views, layered, progress)?;
+        let sides = sides_of(&samples, neighbours, has_views, progress)?;
         progress.check()?;
         Ok(Self { all: samples, sides, cloud, sensor, cells })
     }

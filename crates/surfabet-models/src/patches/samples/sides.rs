@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::patches::constants::{
     LINE_WEIGHT, NEAREST_SAMPLES, NEIGHBOUR_PULL, SIDE_AGREEMENT, SIDE_ROUNDS,
 };
-use crate::vector::dot;
+use crate::vector::{dot, unit};
 
 /// The plane about a cell of samples.
 struct CellPlane {
@@ -30,22 +30,35 @@ impl CellPlane {
     }
 }
 
-/// Side of every sample, from planes in cells of side `cell` metres, or, where surfaces lie close behind one another, about
-/// each sample. Without views all face up their axes.
+/// What the planes are fitted to that sides follow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Neighbours {
+    /// Cells of this side with the 26 around each, metres.
+    Cells(f32),
+    /// The few samples nearest to each: where surfaces lie close behind one another, they lie on one.
+    Nearest,
+    /// None: the views of the samples are normals.
+    Normals,
+}
+
+/// Side of every sample, from the plane about it. Without views all face up their axes.
 pub(super) fn sides_of(
     samples: &[Sample],
-    cell: f32,
+    neighbours: Neighbours,
     has_views: bool,
-    layered: bool,
     progress: &dyn Progress,
 ) -> Result<Vec<u8>> {
-    let (cells, planes) = if layered {
+    let (cells, planes) = match neighbours {
+        Neighbours::Cells(side) => {
+            let cells = CellGroups::new(samples.len(), |i| key(cell_of(samples[i].position, side)));
+            let planes = fit_planes(samples, &cells, side);
+            (cells, planes)
+        }
         // Each sample is a cell of its own.
-        (CellGroups::new(samples.len(), |i| i as u64), fit_to_nearest(samples, progress)?)
-    } else {
-        let cells = CellGroups::new(samples.len(), |i| key(cell_of(samples[i].position, cell)));
-        let planes = fit_planes(samples, &cells, cell);
-        (cells, planes)
+        Neighbours::Nearest | Neighbours::Normals => {
+            let cells = CellGroups::new(samples.len(), |i| i as u64);
+            (cells, planes_about(samples, neighbours == Neighbours::Normals, progress)?)
+        }
     };
     let axes = choose_axes(&planes);
     let of_cells: Vec<Vec<u8>> = (0..cells.len())
@@ -64,15 +77,23 @@ pub(super) fn sides_of(
     Ok(sides)
 }
 
-/// The least-squares plane of every sample with those nearest to it: with so few that they lie on one surface.
-fn fit_to_nearest(samples: &[Sample], progress: &dyn Progress) -> Result<Vec<CellPlane>> {
+/// The plane about every sample: of the samples nearest to it, or with its own normal where `has_normals`.
+fn planes_about(
+    samples: &[Sample],
+    has_normals: bool,
+    progress: &dyn Progress,
+) -> Result<Vec<CellPlane>> {
     let positions: Vec<[f32; 3]> = samples.iter().map(|s| s.position).collect();
     let tree = KdTree::new(&positions)?;
     let near = tree.k_nearest_batch(&positions, NEAREST_SAMPLES, progress)?;
     let rows = near.par_chunks(NEAREST_SAMPLES.min(samples.len()));
-    let planes = rows.zip(&positions).map(|(row, &at)| {
-        let moments = Moments::about(at, row.iter().map(|n| positions[n.index()]));
-        let (normal, flatness) = normal_of(&moments);
+    let planes = rows.zip(samples).map(|(row, sample)| {
+        let (normal, flatness) = if has_normals && sample.view != [0.0; 3] {
+            (unit(sample.view), 1.0)
+        } else {
+            let points = row.iter().map(|n| positions[n.index()]);
+            normal_of(&Moments::about(sample.position, points))
+        };
         let around = row.iter().map(|n| n.index() as u32).collect();
         CellPlane { normal, flatness, around }
     });
