@@ -315,6 +315,8 @@ mod tests {
         let source = FieldSource::Targets { values: &targets, lambda: 100.0 };
         let Ok(coded) = code_field(&mut price, &cells, Steps([64.0; 3]), source);
         assert!(price.bits < 120.0, "{}", price.bits);
-        assert!(coded.values.iter().all(|v| v == &[200.0, 100.0, 50.0]));
+        // Single precision, a few roundings per level.
+        let near = |v: &[f32; 3]| (0..3).all(|c| (v[c] - [200.0, 100.0, 50.0][c]).abs() < 1e-2);
+        assert!(coded.values.iter().all(near));
     }
 }
