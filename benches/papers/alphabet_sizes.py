@@ -2,7 +2,7 @@
 
     python benches/papers/alphabet_sizes.py [--out FOLDER] [--only curve|rebuild|scans]
 
-"curve": one laser scan of a room at several presets, beside planes alone, Draco, voxels and a
+"curve": one laser scan of a room at several qualities, beside planes alone, Draco, voxels and a
 plain range-image codec: bytes of whole files against inliers and outliers at lambda 3 (eq. 13).
 "rebuild" (IV-B): a second scan of the room by the words of the first, whose bytes do not count.
 "scans": bytes of a hall's map against the number of scans in it; three of the six stand at one
@@ -115,12 +115,16 @@ def curve() -> list[Row]:
     rows = []
     for bits in (2.0, 4.0, 7.0, 12.0, 24.0):
         options: dict[str, Any] = {**OPTIONS, "inlier_bits": bits}
-        model, seconds = timed(lambda options=options: sb.learn_alphabet(scan, **options))
+        model, seconds = timed(
+            lambda options=options: sb.learn_alphabet(scan, radius=0.1, **options)
+        )
         name = f"words, {bits:g} bits ({len(model.alphabet)} words)"
         rows.append(row(name, reference, model.decode(), len(model.to_bytes()), seconds))
     for bits in (7.0, 16.0):
         options = {**OPTIONS, "inlier_bits": bits, "max_words": 0}
-        model, seconds = timed(lambda options=options: sb.learn_alphabet(scan, **options))
+        model, seconds = timed(
+            lambda options=options: sb.learn_alphabet(scan, radius=0.1, **options)
+        )
         decoded, size = model.decode(), len(model.to_bytes())
         rows.append(row(f"planes alone, {bits:g} bits", reference, decoded, size, seconds))
     for bits in (8, 9, 10):
@@ -142,14 +146,16 @@ def rebuild() -> None:
     reference = at_origin(distinct(second, MIN_RANGE))
     print_header(*NAMES)
     for bits in (4.0, 7.0):
-        words = sb.learn_alphabet(first, **OPTIONS, inlier_bits=bits).alphabet
+        words = sb.learn_alphabet(first, radius=0.1, **OPTIONS, inlier_bits=bits).alphabet
         options: dict[str, Any] = {**OPTIONS, "inlier_bits": bits}
         model, seconds = timed(
             lambda words=words, options=options: words.describe(second, **options)
         )
         name = f"words of the first, {bits:g} bits"
         row(name, reference, model.decode(), len(model.to_bytes()), seconds)
-        model, seconds = timed(lambda options=options: sb.learn_alphabet(second, **options))
+        model, seconds = timed(
+            lambda options=options: sb.learn_alphabet(second, radius=0.1, **options)
+        )
         name = f"words of its own, {bits:g} bits"
         row(name, reference, model.decode(), len(model.to_bytes()), seconds)
 
@@ -159,7 +165,7 @@ def scans() -> list[tuple[int, int, int]]:
     print_header("scans", "points", "bytes", "bytes per scan", "words", "occurrences", "seconds")
     found = []
     # One tolerance for all, or the scans' errors against each other would make it wider and wider.
-    alone = sb.learn_alphabet(hall(1)).sigma
+    alone = sb.learn_alphabet(hall(1), radius=0.1).sigma
     assert isinstance(alone, sb.RangeSigma)
     options: dict[str, Any] = {
         "angular_resolution": alone.angular_resolution,
@@ -167,7 +173,7 @@ def scans() -> list[tuple[int, int, int]]:
     }
     for n in range(1, len(HALL_SCANS) + 1):
         cloud = hall(n)
-        model, seconds = timed(lambda cloud=cloud: sb.learn_alphabet(cloud, **options))
+        model, seconds = timed(lambda cloud=cloud: sb.learn_alphabet(cloud, radius=0.1, **options))
         size = len(model.to_bytes())
         counts = len(model.alphabet), len(model)
         print_row(n, f"{len(cloud):,}", f"{size:,}", size // n, *counts, f"{seconds:.1f}")

@@ -112,7 +112,7 @@ def main() -> None:
     for name in arguments.scan:
         for thin in [0.0, *arguments.thin]:
             for method in arguments.model:
-                call = [sys.executable, "-P", __file__, "--one", name, str(thin), method]
+                call = [sys.executable, __file__, "--one", name, str(thin), method]
                 done = subprocess.run(call, capture_output=True, text=True, check=True)
                 row = json.loads(done.stdout)
                 label = f"{name}, {100 * thin:g} cm" if thin else name

@@ -83,9 +83,9 @@ def parse() -> argparse.Namespace:
 def scene(name: str) -> tuple[sb.PointCloud, sb.PatchModel]:
     if name == "room":
         cloud = room()
-        return cloud, sb.learn_patches(cloud, resolution=0.011)
+        return cloud, sb.learn_patches(cloud, resolution=0.011, completeness=0)
     cloud = kinect_frame()
-    return cloud, sb.learn_patches(cloud, resolution=0.004, rate=0.05)
+    return cloud, sb.learn_patches(cloud, resolution=0.004, rate=0.05, completeness=0)
 
 
 def cosines(x: Array) -> Array:

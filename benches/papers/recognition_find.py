@@ -79,7 +79,9 @@ def main() -> None:
         seconds = defaultdict(list)
         for seed in args.seeds:
             seen, options = scan(seed, sensor)
-            model = sb.learn_alphabet(seen.cloud, sigma_scale=args.sigma_scale, **options)
+            model = sb.learn_alphabet(
+                seen.cloud, radius=0.1, sigma_scale=args.sigma_scale, **options
+            )
             for name in args.kinds:
                 kind = [i for i in seen.scene.instances if i.class_name == name]
                 for example in kind:

@@ -21,7 +21,9 @@ SCANS = {
 def main() -> None:
     check_data()
     models = {
-        name: sb.learn_alphabet(sb.read(DATA / name, viewpoint=(0, 0, 0)), min_range=0.5)
+        name: sb.learn_alphabet(
+            sb.read(DATA / name, viewpoint=(0, 0, 0)), radius=0.1, min_range=0.5
+        )
         for name in SCANS
     }
     names = list(SCANS)

@@ -69,7 +69,7 @@ def patches_job(options: argparse.Namespace, cloud: sb.PointCloud) -> Row:
     sb.set_num_threads(options.threads)
     reset_peak()
     began, cpu = time.perf_counter(), cpu_seconds()
-    data = sb.learn_patches(cloud, resolution=options.resolution).to_bytes()
+    data = sb.learn_patches(cloud, resolution=options.resolution, completeness=0).to_bytes()
     encoded, cpu = time.perf_counter(), cpu_seconds() - cpu
     peak = peak_bytes()
     surface = sb.from_bytes(data).decode()

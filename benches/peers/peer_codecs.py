@@ -118,7 +118,7 @@ def surfabet_patches(cloud: sb.PointCloud, resolution: float) -> tuple[Coded, Co
     """
     spacing = min(0.5 * resolution, 0.005)
     began = cpu_seconds()
-    data = sb.learn_patches(cloud, resolution=resolution).to_bytes()
+    data = sb.learn_patches(cloud, resolution=resolution, completeness=0).to_bytes()
     encode_seconds = cpu_seconds() - began
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.sfb"

@@ -573,6 +573,7 @@ def random_downsample(cloud: PointCloud, count: int, random_state: int) -> Point
 def farthest_point_downsample(
     cloud: PointCloud, count: int, start: int, progress: ProgressCallback | None
 ) -> PointCloud: ...
+
 @final
 class Survey:
     """What a cloud says about itself; made by `surfabet.survey`."""

@@ -400,7 +400,7 @@ def learn_alphabet(
         'small', 'balanced' or 'fine'; by default balanced.
     radius
         Smallest radius of a word (delta). A positive number of metres; by default from the data:
-        four spacings of the points, or one and a half times the median sigma where that is more.
+        three spacings of the points, or one and a half times the median sigma where that is more.
     scales
         Number of radii, each twice the one before. An integer from 1 to 8; by default 4.
     max_words

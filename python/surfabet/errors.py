@@ -52,7 +52,7 @@ class MissingDependencyError(ImportError):
 
 
 class DroppedPointsWarning(UserWarning):
-    """Points were left out: not finite, no returns, marked as withheld or as noise, or far from all others."""
+    """Points were left out: not finite, no returns, withheld, noise, or far from all others."""
 
 
 class LostAttributeWarning(UserWarning):

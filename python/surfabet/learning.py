@@ -52,9 +52,9 @@ class LearningReport:
     left_out: int
     """Points that were left out as outliers."""
     tolerance: float
-    """How far from a point its surface may be decoded and still show it, metres: two spacings, three
-    standard deviations of the noise, or two thirds of a pixel that was asked for, whichever is
-    most. 0 for models that do not hold all of a surface."""
+    """How far from a point its surface may be decoded and still show it, metres: two spacings,
+    three standard deviations of the noise, or two thirds of a pixel that was asked for, whichever
+    is most. 0 for models that do not hold all of a surface."""
 
     def as_dict(self) -> dict[str, Any]:
         """The report as plain dicts, lists and numbers."""

@@ -146,7 +146,7 @@ def learn_patches(
     resolution: float | None = None,
     levels: int = 2,
     max_error: float | None = None,
-    completeness: float = 0.995,
+    completeness: float = 0.99,
     rate: float = 1.4,
     depth_step: float = 0.75,
     rounds: int = 3,
@@ -189,7 +189,7 @@ def learn_patches(
         two spacings, three standard deviations of the noise, or two thirds of a given `resolution`,
         whichever is most; twice as much for 'small'. Points beside the patches make up for what
         these leave out. With 0 there are none, and with `max_error` this has no effect. A number
-        from 0 to 1; by default 0.995.
+        from 0 to 1; by default 0.99.
     rate
         Squared error that a bit of geometry must save (lambda), summed over pixels and both
         directions. Larger makes smaller files. A positive number of squared pixels; by default 1.4.

@@ -15,7 +15,8 @@ __all__ = ["Survey", "survey"]
 def survey(cloud: PointCloud, *, progress: Progress = None) -> Survey:
     """Measure a cloud, as every learn function does before anything else.
 
-    All figures are medians or quantiles over a sample of the points; they depend on the cloud alone.
+    All figures are medians or quantiles over a sample of the points; they depend on the
+    cloud alone.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ ALPHA = 0.03
 """Angle between beams of the simulated scanner, radians."""
 ROOM_RESOLUTION = 0.972
 """That of the real one, degrees."""
-OPTIONS = {"angular_resolution": np.degrees(ALPHA), "noise": 0.0}
+OPTIONS = {"radius": 0.1, "angular_resolution": np.degrees(ALPHA), "noise": 0.0}
 
 
 def box_room(turn: float = 0.0) -> sb.PointCloud:
@@ -123,7 +123,7 @@ def test_command_line(tmp_path, capsys, cloud):
     capsys.readouterr()
     assert main(["info", str(second)]) == 0
     assert sb.load(first).alphabet.hash in capsys.readouterr().out
-    assert main(["decompress", str(second), str(tmp_path / "c.ply")]) == 1
+    assert main(["decompress", str(second), str(tmp_path / "c.ply")]) == 2
     assert "hold" in capsys.readouterr().err
     assert main(["decompress", str(second), str(tmp_path / "c.ply"), *words]) == 0
     picture = tmp_path / "words.png"

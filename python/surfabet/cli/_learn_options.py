@@ -82,10 +82,10 @@ class LearnOptions:
 
     radius: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet: Smallest radius of a word (delta). bic-alphabet: Radius of a word (delta, eq. 1).
-    For alphabet a positive number of metres; by default from the data: four spacings of the points,
-    or one and a half times the median sigma where that is more. For bic-alphabet a positive number
-    of metres; by default from the data: four spacings of the points, or a 300th of the scene where
-    that is more."""
+    For alphabet a positive number of metres; by default from the data: three spacings of the
+    points, or one and a half times the median sigma where that is more. For bic-alphabet a positive
+    number of metres; by default from the data: four spacings of the points, or a 300th of the scene
+    where that is more."""
 
     sigma_scale: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet, bic-alphabet: Factor of the deviation sigma within which a point is explained
@@ -117,7 +117,7 @@ class LearnOptions:
     completeness: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Least share of the points that are within the tolerance of the cloud decoded as measured: two
     spacings, three standard deviations of the noise, or two thirds of a given `resolution`,
-    whichever is most; twice as much for 'small'. A number from 0 to 1; by default 0.995."""
+    whichever is most; twice as much for 'small'. A number from 0 to 1; by default 0.99."""
 
     rate: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Squared error that a bit of geometry must save (lambda), summed over pixels and both

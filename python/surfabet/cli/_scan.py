@@ -45,7 +45,7 @@ def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality | None) 
     if share is None or share >= 0.99 or model.report.tolerance == 0:
         return None
     remedies = {
-        "patches": "--quality fine, a smaller --resolution or --completeness 0.995 keep more",
+        "patches": "--quality fine, a smaller --resolution or --completeness 0.99 keep more",
         "hscsm": "--quality fine or a smaller --resolution keep more",
         "gas": "--quality fine or more neurons (--n-neurons) keep more",
     }

@@ -25,7 +25,7 @@ options! {
         quality: Quality = Quality::Balanced, another_scene = true;
         /// Smallest radius of a word (delta).
         radius: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
-            none = "from the data: four spacings of the points, or one and a half times the median sigma where that is more";
+            none = "from the data: three spacings of the points, or one and a half times the median sigma where that is more";
         /// Number of radii, each twice the one before.
         scales: u32 = 4, range = Range::from_to(1.0, (MAX_SCALE + 1) as f64);
         /// Most words beside the plane. Those that do not pay for themselves are dropped.

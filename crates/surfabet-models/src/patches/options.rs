@@ -26,7 +26,7 @@ options! {
         /// standard deviations of the noise, or two thirds of a given `resolution`, whichever is most; twice as much for
         /// 'small'. Points beside the patches make up
         /// for what these leave out. With 0 there are none, and with `max_error` this has no effect.
-        completeness: f64 = 0.995, range = Range::from_to(0.0, 1.0);
+        completeness: f64 = 0.99, range = Range::from_to(0.0, 1.0);
         /// Squared error that a bit of geometry must save (lambda), summed over pixels and both directions. Larger makes
         /// smaller files.
         rate: f64 = 1.4, range = Range::POSITIVE, unit = "squared pixels";
