@@ -60,7 +60,7 @@ def main() -> None:
 
 def comparison(path: Path, cloud: sb.PointCloud) -> None:
     """The clouds of the README: those of the picture that `surfabet evaluate` draws."""
-    model = sb.learn_patches(cloud, resolution=0.02)
+    model = sb.learn_patches(cloud)
     decoded = model.decode(as_measured=True)
     quality = sb.evaluate(cloud, decoded, bytes=len(model.to_bytes()))
     print(f"{model}\n  {quality}")

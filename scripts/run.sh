@@ -21,10 +21,7 @@ heading "Build and install"
 install_surfabet all
 
 mkdir -p out
-options=()
 if [[ -z "$input" ]]; then
-    # The simulated camera's noise on the far walls is above a centimetre: finer pixels would only follow it.
-    options=(--resolution 0.02)
     heading "Simulate a scan of a furnished room"
     input=out/demo.npz
     .venv/bin/python -c '
@@ -41,7 +38,7 @@ name=$(basename "$input")
 name=${name%.*}
 
 heading "Compress"
-.venv/bin/surfabet compress "$input" "out/$name.sfb" --no-evaluate "${options[@]}"
+.venv/bin/surfabet compress "$input" "out/$name.sfb" --no-evaluate
 
 heading "Decompress"
 .venv/bin/surfabet decompress "out/$name.sfb" "out/$name.decoded.ply"
