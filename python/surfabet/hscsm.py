@@ -381,8 +381,8 @@ def learn_hscsm(
         'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
     resolution
         Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost. A
-        positive number of metres; by default from the data: three spacings of the points, or 1.25
-        standard deviations of their noise where that is more.
+        positive number of metres; by default from the data: two and a half spacings of the points,
+        or 1.25 standard deviations of their noise where that is more.
     patch_pixels
         Pixels per side of a patch. The patch size (ps) is this times `resolution`. An integer from
         2 to 32; by default 8.

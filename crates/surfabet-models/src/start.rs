@@ -8,10 +8,6 @@ use crate::error::{Error, Result};
 use crate::quality::Quality;
 use crate::report::Report;
 
-/// Side of a pixel in spacings: nine points per pixel give a mean and a thickness. The table of the choice is in
-/// `docs/benchmarks/defaults.md`.
-const SPACINGS_PER_PIXEL: f64 = 3.0;
-
 /// Side of a pixel in standard deviations of the noise, where that is more: finer pixels show noise, not the surface.
 const DEVIATIONS_PER_PIXEL: f64 = 1.25;
 
@@ -129,9 +125,9 @@ impl<'a> Start<'a> {
         self.chosen.push(Chosen { option, value, reason });
     }
 
-    /// Side of a pixel, metres: the one that was given, or one that follows from spacing, noise and layers.
-    pub fn pixel(&mut self, given: Option<f64>) -> f64 {
-        self.choose("resolution", given, pixel)
+    /// Side of a pixel, metres: the one that was given, or so many spacings, unless noise or layers ask for another.
+    pub fn pixel(&mut self, given: Option<f64>, spacings: f64) -> f64 {
+        self.choose("resolution", given, |survey, quality| pixel(survey, quality, spacings))
     }
 
     /// How far a decoded cloud may be from a point and still show it, metres; pixels may have been asked for.
@@ -152,9 +148,9 @@ impl<'a> Start<'a> {
     }
 }
 
-/// Side of a pixel by the data, and why.
-fn pixel(survey: &Survey, quality: Quality) -> (f64, String) {
-    let of_spacing = SPACINGS_PER_PIXEL * survey.spacing;
+/// Side of a pixel by the data, and why: `spacings`, or more for noise and less for layers.
+fn pixel(survey: &Survey, quality: Quality, spacings: f64) -> (f64, String) {
+    let of_spacing = spacings * survey.spacing;
     let of_noise = DEVIATIONS_PER_PIXEL * survey.noise;
     let scale = quality.scale();
     let (mut side, mut reason) = if of_noise > of_spacing {
@@ -169,7 +165,7 @@ fn pixel(survey: &Survey, quality: Quality) -> (f64, String) {
     } else {
         (
             scale * of_spacing,
-            format!("{} spacings of {} m", scale * SPACINGS_PER_PIXEL, significant(survey.spacing)),
+            format!("{} spacings of {} m", scale * spacings, significant(survey.spacing)),
         )
     };
     if let Some(gap) = survey.layer_gap {
@@ -224,19 +220,19 @@ mod tests {
 
     #[test]
     fn pixels_follow_the_spacing_the_noise_and_the_layers() {
-        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Balanced).0, 0.03);
-        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Small).0, 0.06);
-        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Fine).0, 0.015);
-        assert_eq!(pixel(&survey(0.002, 0.008), Quality::Balanced).0, 0.01);
+        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Balanced, 3.0).0, 0.03);
+        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Small, 3.0).0, 0.06);
+        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Fine, 3.0).0, 0.015);
+        assert_eq!(pixel(&survey(0.002, 0.008), Quality::Balanced, 3.0).0, 0.01);
         let layered = |gap| Survey { layer_gap: Some(gap), ..survey(0.01, 0.001) };
-        assert_eq!(pixel(&layered(0.05), Quality::Balanced).0, 0.025);
-        assert_eq!(pixel(&layered(0.01), Quality::Balanced).0, 0.01);
-        assert_eq!(pixel(&layered(0.2), Quality::Balanced).0, 0.03);
+        assert_eq!(pixel(&layered(0.05), Quality::Balanced, 3.0).0, 0.025);
+        assert_eq!(pixel(&layered(0.01), Quality::Balanced, 3.0).0, 0.01);
+        assert_eq!(pixel(&layered(0.2), Quality::Balanced, 3.0).0, 0.03);
         assert_eq!(
-            pixel(&survey(0.0, 0.0), Quality::Balanced).0,
+            pixel(&survey(0.0, 0.0), Quality::Balanced, 3.0).0,
             (29.0_f64.sqrt() / MOST_PIXELS * 1e7).round() / 1e7
         );
-        assert_eq!(pixel(&Survey::default(), Quality::Balanced).0, ANY_LENGTH);
+        assert_eq!(pixel(&Survey::default(), Quality::Balanced, 3.0).0, ANY_LENGTH);
     }
 
     #[test]

@@ -211,8 +211,8 @@ fn normals_point_to_where_the_surface_was_seen_from() {
     let index = vec![0; parts.positions.len()];
     parts.viewpoints = Some(Viewpoints { origins: vec![[0.25, 0.25, -3.0]], index });
     let cloud = PointCloud::from_parts(parts).unwrap().0;
-    let options = DecodeOptions { normals: true, ..DecodeOptions::default() };
-    let decoded = learn(&cloud, &options()).decode(options, &Silent).unwrap();
+    let with_normals = DecodeOptions { normals: true, ..DecodeOptions::default() };
+    let decoded = learn(&cloud, &options()).decode(with_normals, &Silent).unwrap();
     let length = (1.0_f32 + 0.04).sqrt();
     for n in decoded.normals().unwrap() {
         let along = (0.2 * n[0] - n[2]) / length;

@@ -84,6 +84,17 @@ impl Survey {
     }
 }
 
+/// Median standard deviation of neighbouring points about their plane, metres, as [`Survey::noise`].
+///
+/// # Errors
+/// [`crate::Error::InvalidParameter`] for a coordinate that is not finite.
+pub fn estimate_noise(positions: &[[f32; 3]]) -> Result<f64> {
+    if positions.is_empty() {
+        return Ok(0.0);
+    }
+    Ok(Planes::about(&Sample::of(positions)?).noise)
+}
+
 /// The middle of the sorted values, of an even number the upper one; zero of none.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

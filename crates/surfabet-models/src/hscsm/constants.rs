@@ -3,6 +3,10 @@
 //!
 //! Limits and sizes that the file fixes stand beside the code that they bound.
 
+/// Side of a pixel in spacings, where it is not given. With 3 up to 1.04 percent of real scans were further from the decoded
+/// cloud than two spacings, with one per half pixel; a sheet has no points beside it that could make up for it.
+pub(super) const SPACINGS_PER_PIXEL: f64 = 2.5;
+
 // Samples and the lattice of poses.
 
 /// Side of the cells that points are merged in, pixels of the lowest level: a pixel then holds several samples, so that

@@ -5,7 +5,7 @@ use surfabet_geom::{KdTree, PointCloud, Progress};
 use super::channels::dictionary::{HscsmDictionary, LevelDictionary};
 use super::channels::images::project;
 use super::channels::means::{LevelTask, learn_color, learn_depth};
-use super::constants::{GATE_DEVIATIONS, LEFT_PIXELS, POSITION_STEP};
+use super::constants::{GATE_DEVIATIONS, LEFT_PIXELS, POSITION_STEP, SPACINGS_PER_PIXEL};
 use super::model::{HscsmModel, HscsmModelParts, Level, MAX_POSITION, Steps};
 use super::options::HscsmOptions;
 use super::order::{steps_per_cell, storing_order};
@@ -83,7 +83,7 @@ fn run(
     let mut start = stages.run("measuring the cloud", |progress| {
         Start::of(cloud, options.quality, leave, progress)
     })?;
-    let resolution = start.pixel(options.resolution);
+    let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
     let tolerance = start.tolerance(options.resolution);
     let options = &HscsmOptions { resolution: Some(resolution), ..options.clone() };
     let cloud: &PointCloud = &start.cloud;

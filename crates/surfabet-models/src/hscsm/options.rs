@@ -26,7 +26,7 @@ options! {
         quality: Quality = Quality::Balanced;
         /// Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost.
         resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
-            none = "from the data: three spacings of the points, or 1.25 standard deviations of their noise where that is more";
+            none = "from the data: two and a half spacings of the points, or 1.25 standard deviations of their noise where that is more";
         /// Pixels per side of a patch. The patch size (ps) is this times `resolution`.
         patch_pixels: u32 = 8, range = Range::from_to(2.0, 32.0);
         /// Levels of the hierarchy; one is SCSM. Pixels of each are twice as wide as those of the level below it.

@@ -11,7 +11,8 @@ use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::constants::{
-    AXES_CELL, AXES_CELL_IN_GAPS, LEAST_GAP, MAX_GAP, SAMPLE_SIZE, SHARE_OF_GAP,
+    AXES_CELL, AXES_CELL_IN_GAPS, LEAST_GAP, MAX_GAP, POINT_TOLERANCE_IN_GAPS, SAMPLE_SIZE,
+    SHARE_OF_GAP, SPACINGS_PER_PIXEL,
 };
 use super::far_points::{with_points_within, with_share_of_points};
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
@@ -81,7 +82,7 @@ pub fn learn(
     let mut start = stages.run("measuring the cloud", |progress| {
         Start::of(cloud, options.quality, leave, progress)
     })?;
-    let resolution = start.pixel(options.resolution);
+    let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
     let tolerance = start.tolerance(options.resolution);
     let cloud: &PointCloud = &start.cloud;
     check_size(cloud, resolution)?;
@@ -121,7 +122,13 @@ pub fn learn(
     // 8. Points beside the patches.
     model = stages.run("checking the bound", |progress| match options.max_error {
         Some(bound) => with_points_within(model, cloud, bound, progress),
-        None => with_share_of_points(model, cloud, tolerance, options.completeness, progress),
+        None => {
+            let within = match start.survey.layer_gap {
+                Some(gap) => tolerance.min(POINT_TOLERANCE_IN_GAPS * gap),
+                None => tolerance,
+            };
+            with_share_of_points(model, cloud, within, options.completeness, progress)
+        }
     })?;
 
     let figures = PatchesFigures {

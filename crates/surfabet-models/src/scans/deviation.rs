@@ -1,7 +1,7 @@
 //! The deviation that is allowed at each point (eq. 13), and the estimation of what is not given of it.
 
 use rayon::prelude::*;
-use surfabet_geom::{KdTree, Moments, Progress};
+use surfabet_geom::{KdTree, Progress, estimate_noise};
 
 use super::Scene;
 use crate::error::Result;
@@ -14,13 +14,6 @@ pub(super) const LEAST_SIGMA: f64 = 1e-4;
 
 /// Neighbours that give the spacing of a point: enough to reach the next ring of a scanner whose rings are apart.
 const SPACING_NEIGHBORS: usize = 8;
-
-/// Neighbours whose plane gives the noise of a point, at least.
-const NOISE_NEIGHBORS: usize = 16;
-
-/// Where points are denser, all within this distance give it, metres: a few neighbours of a fused cloud are less than
-/// its noise apart.
-const NOISE_RADIUS: f32 = 0.05;
 
 /// Angular resolution of a single point, radians: it has no neighbour, and any value above zero does.
 const LONE_POINT_RESOLUTION: f64 = 0.01;
@@ -39,7 +32,7 @@ pub struct Deviation {
     /// the side of the square that each has for itself among its eight neighbours from the same viewpoint.
     pub angular_resolution: Option<f64>,
     /// Standard deviation of a measured point about its surface, metres; estimated when not given, as the median
-    /// deviation of neighbouring points from their plane: those within 5 cm, but at least 16.
+    /// deviation of neighbouring points from their plane ([`surfabet_geom::Survey::noise`]).
     pub noise: Option<f64>,
 }
 
@@ -57,7 +50,7 @@ impl Scene {
         progress.check()?;
         let noise = match self.deviation.noise {
             Some(noise) => noise,
-            None => self.estimated_noise(&tree),
+            None => estimate_noise(&self.positions)?,
         };
         progress.check()?;
         let spread: Vec<f64> = if self.ranges.is_empty() {
@@ -98,21 +91,6 @@ impl Scene {
             spacing(&positions, &tree, i).filter(|_| range > 0.0).map(|d| (d / range).atan())
         });
         Ok(median(angles).unwrap_or(LONE_POINT_RESOLUTION))
-    }
-
-    /// Median standard deviation of neighbouring points from their plane.
-    fn estimated_noise(&self, tree: &KdTree) -> f64 {
-        let deviations = sampled(self.len(), |i| {
-            let mut near = Vec::new();
-            tree.within(self.positions[i], NOISE_RADIUS, &mut near);
-            if near.len() < NOISE_NEIGHBORS {
-                tree.k_nearest(self.positions[i], NOISE_NEIGHBORS, &mut near);
-            }
-            let points = near.iter().map(|n| self.positions[n.index()]);
-            let axes = Moments::about(self.positions[i], points).principal_axes()?;
-            Some(axes.variances[0].sqrt())
-        });
-        median(deviations).unwrap_or(0.0)
     }
 }
 
