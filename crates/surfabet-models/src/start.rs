@@ -196,16 +196,15 @@ pub(crate) fn rounded(length: f64) -> f64 {
 
 /// A length in three digits.
 pub(crate) fn significant(length: f64) -> String {
-    if length <= 0.0 || !length.is_finite() {
-        return length.to_string();
-    }
-    let decimals = 2 - length.log10().floor() as i32;
-    let unit = 10_f64.powi(-decimals);
-    let digits = (length / unit).round();
-    if decimals > 0 {
-        format!("{:.*}", decimals as usize, digits * unit)
-    } else {
-        (digits * unit).to_string()
+    // With the exponent that rounding may raise.
+    let scientific = format!("{length:.2e}");
+    let exponent = scientific.split_once('e').and_then(|(_, e)| e.parse::<i32>().ok());
+    match (scientific.parse::<f64>(), exponent) {
+        (Ok(rounded), Some(exponent)) if rounded.is_finite() => {
+            format!("{rounded:.*}", (2 - exponent).max(0) as usize)
+        }
+        // Not a number, or infinite.
+        _ => length.to_string(),
     }
 }
 

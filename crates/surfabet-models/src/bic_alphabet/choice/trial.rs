@@ -203,7 +203,7 @@ mod tests {
             points in prop::collection::vec(prop::array::uniform3(0.0_f32..1.0), 100..500),
             candidates in prop::collection::vec(any::<prop::sample::Index>(), 1..10),
         ) {
-            let options = BicAlphabetOptions { epsilon: Some(0.03), ..BicAlphabetOptions::default() };
+            let options = BicAlphabetOptions { radius: Some(0.1), epsilon: Some(0.03), ..BicAlphabetOptions::default() };
             let scene = &prepared(&points, &options);
             let mut best = Reconstruction::empty(scene);
             let mut trial = Trial::default();
@@ -234,7 +234,7 @@ mod tests {
             points in prop::collection::vec(prop::array::uniform3(0.0_f32..1.0), 100..400),
             chosen in prop::collection::vec(any::<prop::sample::Index>(), 1..4),
         ) {
-            let options = BicAlphabetOptions { epsilon: Some(0.03), ..BicAlphabetOptions::default() };
+            let options = BicAlphabetOptions { radius: Some(0.1), epsilon: Some(0.03), ..BicAlphabetOptions::default() };
             let scene = &prepared(&points, &options);
             let at = |i: prop::sample::Index| scene.word(i.index(scene.features.len()) as u32);
             let words: Vec<BicWord> =

@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     fn describe(points: Vec<[f32; 3]>) -> Vec<i8> {
-        let options = BicAlphabetOptions::default();
+        let options = BicAlphabetOptions { radius: Some(0.1), ..BicAlphabetOptions::default() };
         let centers = pixel_centers(8, 0.1);
         let sampler = Sampler { points, ..Sampler::new(&centers, &options) };
         let mut row = vec![EMPTY; centers.len()];

@@ -145,7 +145,7 @@ mod tests {
             spacing in 0.05_f64..0.8,
         ) {
             let (cloud, _) = PointCloud::from_positions(positions);
-            let options = BicAlphabetOptions { feature_spacing: Some(spacing), ..BicAlphabetOptions::default() };
+            let options = BicAlphabetOptions { radius: Some(0.1), feature_spacing: Some(spacing), ..BicAlphabetOptions::default() };
             let scene = Scene::new(&cloud, options.deviation(), 0.0, &Silent).unwrap();
             let tree = KdTree::new(&scene.positions).unwrap();
             let features = Features::new(&scene, &tree, &options, &Silent).unwrap();
