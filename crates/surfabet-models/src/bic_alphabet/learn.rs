@@ -86,6 +86,8 @@ impl BicAlphabet {
         options: &BicAlphabetOptions,
         progress: &dyn Progress,
     ) -> Result<BicAlphabetModel> {
+        let own = self.options().radius;
+        let options = &BicAlphabetOptions { radius: options.radius.or(own), ..options.clone() };
         self.check(options)?;
         options.check()?;
         let mut stages = Stages::new(DESCRIBE_STAGES, progress);
