@@ -23,7 +23,7 @@ fn signals(n: usize) -> Vec<[f32; 3]> {
 
 /// A network of `n` neurons over the box, grown with 20 signals for each.
 fn network<W: Winners>(winners: W, n: usize, signals: &[[f32; 3]]) -> Network<W> {
-    let rates = Rates::from(&GasOptions { n_neurons: n, ..GasOptions::default() });
+    let rates = Rates::from(&GasOptions { n_neurons: Some(n), ..GasOptions::default() });
     let mut network = Network::new(winners, rates, &signals[..2]);
     let mut next = signals.iter().cycle();
     while network.len() < n {

@@ -20,7 +20,12 @@ pub fn step() -> PointCloud {
 }
 
 fn options() -> BicAlphabetOptions {
-    BicAlphabetOptions { upright: Upright::WorldX, iterations: 20, ..BicAlphabetOptions::default() }
+    BicAlphabetOptions {
+        radius: Some(0.1),
+        upright: Upright::WorldX,
+        iterations: 20,
+        ..BicAlphabetOptions::default()
+    }
 }
 
 impl Scene for BicAlphabetModel {
