@@ -68,8 +68,9 @@ figures! {
 /// The result depends on cloud and options alone, not on the number of threads.
 ///
 /// # Errors
-/// [`Error::InvalidParameter`] for options outside their domain, [`Error::EmptyCloud`], [`Error::TooLarge`] when
-/// the scene does not fit the lattice, [`Error::Cancelled`] when the caller asks to stop.
+/// [`crate::Error::InvalidParameter`] for options outside their domain, [`crate::Error::EmptyCloud`],
+/// [`crate::Error::TooLarge`] when the scene does not fit the lattice, [`crate::Error::Cancelled`] when the caller asks to
+/// stop.
 pub fn learn(
     cloud: &PointCloud,
     options: &PatchesOptions,
