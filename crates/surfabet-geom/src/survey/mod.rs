@@ -1,7 +1,7 @@
 //! What a cloud says about itself before anything is learned from it: spacing, noise, layers, extent and outliers.
 //!
-//! Defaults follow from these figures. All are medians or quantiles over a sample of the points, so that they take
-//! less than a second for any cloud, and depend on the cloud alone.
+//! Defaults follow from these figures. Spacing, noise and layers are medians over a sample of the points, outliers and
+//! extent are of all points. All depend on the cloud alone.
 //!
 //! | file | what is measured |
 //! |---|---|
