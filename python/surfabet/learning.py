@@ -6,6 +6,8 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
+from surfabet._core import Survey
+
 __all__ = ["AttributeFigures", "LearningReport"]
 
 
@@ -51,6 +53,8 @@ class LearningReport:
     """Options that were not given: the value that follows from the data, and why."""
     left_out: int
     """Points that were left out as outliers."""
+    survey: Survey
+    """The figures of the cloud, which the options that were not given follow from."""
     tolerance: float
     """How far from a point its surface may be decoded and still show it, metres: two spacings,
     three standard deviations of the noise, or two thirds of a pixel that was asked for, whichever
@@ -58,4 +62,16 @@ class LearningReport:
 
     def as_dict(self) -> dict[str, Any]:
         """The report as plain dicts, lists and numbers."""
-        return dataclasses.asdict(self)
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        attributes = [dataclasses.asdict(of) for of in self.attributes]
+        survey = {
+            "spacing": self.survey.spacing,
+            "noise": self.survey.noise,
+            "layer_gap": self.survey.layer_gap,
+            "has_facings": self.survey.has_facings,
+            "tolerance": self.survey.tolerance,
+            "bounds": self.survey.bounds,
+            "outliers": len(self.survey.outliers),
+            "strays": len(self.survey.strays),
+        }
+        return fields | {"attributes": attributes, "survey": survey}

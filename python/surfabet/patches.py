@@ -148,7 +148,7 @@ def learn_patches(
     max_error: float | None = None,
     completeness: float = 0.99,
     rate: float = 1.4,
-    depth_step: float = 0.75,
+    depth_step: float | None = None,
     rounds: int = 3,
     color_step: int = 90,
     chroma_ratio: float = 1.5,
@@ -195,7 +195,8 @@ def learn_patches(
         directions. Larger makes smaller files. A positive number of squared pixels; by default 1.4.
     depth_step
         Rounding of depths, in pixels of the finest level. A number from 0.0625 to 16 pixels in
-        steps of 0.0625; by default 0.75.
+        steps of 0.0625; by default 0.75, or an eighth of the gap where surfaces lie close behind
+        one another and that is less.
     rounds
         Rounds of choosing patches. Each uses the prices that the coder learned in the round before.
         An integer from 1 to 10; by default 3.

@@ -33,7 +33,8 @@ def survey(cloud: PointCloud, *, progress: Progress = None) -> Survey:
         distance of surfaces that lie close behind one another, or None; `tolerance`, two spacings
         or three times the noise where that is more: how far a decoded cloud may be from a point
         and still show it; `bounds`, the box around all points but the outliers, or None without
-        points; all in metres. `outliers` and `strays` are (k,) numbers of points: those of small
+        points; all in metres. `has_facings`: whether it is known which way surfaces face, by
+        viewpoints or by normals that somebody oriented. `outliers` and `strays` are (k,) numbers of points: those of small
         groups far from all others, and of these the ones that would make the scene many times as
         large as it is.
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::attribute::{self, Column, Extra, pick, retain_by};
 use crate::error::{Error, Result};
-use crate::vector::distance;
+use crate::vector::{distance, length, minus};
 
 /// Largest absolute coordinate, in metres, that is stored without an origin of its own. An `f32` of this size
 /// still resolves 0.06 mm, and clouds below it (rooms, buildings, single scans) keep their `f32` bits exactly.
@@ -371,15 +371,20 @@ impl PointCloud {
         if self.viewpoints.is_none() {
             return self.normals.clone();
         }
-        let towards = |(i, p): (usize, &[f32; 3])| {
-            let v = self.local_viewpoint(i)?;
-            let d: [f32; 3] = std::array::from_fn(|a| v[a] - p[a]);
-            let length = d.iter().map(|c| c * c).sum::<f32>().sqrt();
-            (length > 0.0).then(|| d.map(|c| c / length))
-        };
-        let unknown = [0.0; 3];
-        let positions = self.positions.par_iter().enumerate();
-        Some(positions.map(|at| towards(at).unwrap_or(unknown)).collect())
+        Some((0..self.len()).into_par_iter().map(|i| self.facing_of(i)).collect())
+    }
+
+    /// Unit vector towards the side that point `i` was seen from, as [`PointCloud::facing`]; zero where unknown.
+    pub fn facing_of(&self, i: usize) -> [f32; 3] {
+        match (self.local_viewpoint(i), &self.normals) {
+            (Some(viewpoint), _) => {
+                let towards = minus(viewpoint, self.positions[i]);
+                let length = length(towards);
+                if length > 0.0 { towards.map(|c| c / length) } else { [0.0; 3] }
+            }
+            (None, Some(normals)) => normals[i],
+            (None, None) => [0.0; 3],
+        }
     }
 
     /// Lower and upper corner of the bounding box in world coordinates, metres; `None` without points.

@@ -1,6 +1,6 @@
 //! What a learning run reports, whatever the method.
 
-use surfabet_geom::PointCloud;
+use surfabet_geom::{PointCloud, Survey};
 
 use crate::start::Chosen;
 
@@ -138,6 +138,8 @@ pub struct Report<F: ?Sized> {
     pub chosen: Vec<Chosen>,
     /// Points that were left out as outliers.
     pub left_out: usize,
+    /// The figures of the cloud, which the options that were not given follow from.
+    pub survey: Survey,
     /// How far from a point its surface may be decoded and still show it, metres: two spacings, three standard deviations
     /// of the noise, or two thirds of a pixel that was asked for, whichever is most. Zero where a method does not ask.
     pub tolerance: f64,

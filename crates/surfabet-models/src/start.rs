@@ -2,11 +2,12 @@
 
 use std::borrow::Cow;
 
-use surfabet_geom::{PointCloud, Progress, Survey};
+use surfabet_geom::{PointCloud, Survey};
 
 use crate::error::{Error, Result};
 use crate::quality::Quality;
 use crate::report::Report;
+use crate::stages::Stages;
 
 /// Side of a pixel in standard deviations of the noise, where that is more: finer pixels show noise, not the surface.
 const DEVIATIONS_PER_PIXEL: f64 = 1.25;
@@ -15,8 +16,13 @@ const DEVIATIONS_PER_PIXEL: f64 = 1.25;
 /// their depths nor their colours mix.
 const PIXELS_PER_GAP: f64 = 2.0;
 
-/// Pixels are not finer than this for the sake of such a gap, spacings.
-const LEAST_SPACINGS_PER_PIXEL: f64 = 1.0;
+/// Pixels are not finer than this for the sake of such a gap, spacings: of points at random places, whose mean distance to
+/// the nearest one is half of what it is on a lattice, each pixel then holds one.
+const LEAST_SPACINGS_PER_PIXEL: f64 = 2.0;
+
+/// Pixels between two such surfaces at least, where nobody knows which way surfaces face: of those that face opposite ways
+/// a pixel may be wider than the gap.
+const LEAST_PIXELS_PER_GAP: f64 = 1.25;
 
 /// Pixels along the diagonal of a scene, at most, far below the limits of files.
 const MOST_PIXELS: f64 = 200_000.0;
@@ -39,22 +45,13 @@ pub struct Chosen {
     pub reason: String,
 }
 
-/// Which points are no part of the scene.
+/// Which points are no part of the scene, unless the user keeps outliers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Leave {
-    /// None is left out: the user keeps outliers.
-    None,
     /// Those that would make the scene many times as large as it is.
     Strays,
     /// All that are far from the others.
     Outliers,
-}
-
-impl Leave {
-    /// `leave`, unless outliers are to be kept.
-    pub fn unless(keep_outliers: bool, leave: Self) -> Self {
-        if keep_outliers { Self::None } else { leave }
-    }
 }
 
 /// A cloud with what was measured of it.
@@ -69,7 +66,7 @@ pub(crate) struct Start<'a> {
 }
 
 impl<'a> Start<'a> {
-    /// Measures the cloud and leaves points out.
+    /// Measures the cloud, as the first stage, and leaves points out unless `keep_outliers`.
     ///
     /// # Errors
     /// [`Error::EmptyCloud`], [`Error::Cancelled`].
@@ -77,17 +74,30 @@ impl<'a> Start<'a> {
         cloud: &'a PointCloud,
         quality: Quality,
         leave: Leave,
-        progress: &dyn Progress,
+        keep_outliers: bool,
+        stages: &mut Stages<'_>,
     ) -> Result<Self> {
-        if cloud.is_empty() {
-            return Err(Error::EmptyCloud);
-        }
-        let survey = Survey::of(cloud, progress)?;
-        let left_out = match leave {
-            Leave::None => Vec::new(),
-            Leave::Strays => survey.strays.clone(),
-            Leave::Outliers => survey.outliers.clone(),
-        };
+        stages.run("measuring the cloud", |progress| {
+            if cloud.is_empty() {
+                return Err(Error::EmptyCloud);
+            }
+            let survey = Survey::of(cloud, progress)?;
+            let left_out = match leave {
+                _ if keep_outliers => Vec::new(),
+                Leave::Strays => survey.strays.clone(),
+                Leave::Outliers => survey.outliers.clone(),
+            };
+            Self::without(cloud, left_out, survey, quality)
+        })
+    }
+
+    /// The cloud without the points `left_out`.
+    fn without(
+        cloud: &'a PointCloud,
+        left_out: Vec<u32>,
+        survey: Survey,
+        quality: Quality,
+    ) -> Result<Self> {
         let cloud = if left_out.is_empty() {
             Cow::Borrowed(cloud)
         } else {
@@ -142,6 +152,7 @@ impl<'a> Start<'a> {
 
     /// Adds to a report what was measured, chosen and left out.
     pub fn report<F>(&self, tolerance: f64, report: &mut Report<F>) {
+        report.survey = self.survey.clone();
         report.tolerance = tolerance;
         report.left_out = self.left_out.len();
         report.chosen = self.chosen.clone();
@@ -170,7 +181,8 @@ fn pixel(survey: &Survey, quality: Quality, spacings: f64) -> (f64, String) {
     };
     if let Some(gap) = survey.layer_gap {
         let least = LEAST_SPACINGS_PER_PIXEL * survey.spacing;
-        let apart = (gap / PIXELS_PER_GAP).max(least);
+        let most = if survey.has_facings { f64::INFINITY } else { gap / LEAST_PIXELS_PER_GAP };
+        let apart = (gap / PIXELS_PER_GAP).max(least.min(most));
         if apart < side {
             side = apart;
             reason = format!("surfaces lie {} m behind one another", significant(gap));

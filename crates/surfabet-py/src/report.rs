@@ -4,6 +4,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet::{Figures, Report};
 
+use crate::survey::PySurvey;
+
 /// A report as nested dicts and lists.
 pub fn report_dict<'py>(
     py: Python<'py>,
@@ -49,6 +51,7 @@ pub fn report_dict<'py>(
     }
     dict.set_item("chosen", chosen)?;
     dict.set_item("left_out", report.left_out)?;
+    dict.set_item("survey", PySurvey(report.survey.clone()).into_pyobject(py)?)?;
     dict.set_item("tolerance", report.tolerance)?;
     Ok(dict)
 }

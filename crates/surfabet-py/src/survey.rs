@@ -12,7 +12,7 @@ type Bounds = Option<([f64; 3], [f64; 3])>;
 
 /// What a cloud says about itself.
 #[pyclass(name = "Survey", module = "surfabet._core", frozen)]
-struct PySurvey(Survey);
+pub struct PySurvey(pub Survey);
 
 #[pymethods]
 impl PySurvey {
@@ -29,6 +29,11 @@ impl PySurvey {
     #[getter]
     fn layer_gap(&self) -> Option<f64> {
         self.0.layer_gap
+    }
+
+    #[getter]
+    fn has_facings(&self) -> bool {
+        self.0.has_facings
     }
 
     #[getter]

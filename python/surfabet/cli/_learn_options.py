@@ -127,7 +127,8 @@ class LearnOptions:
 
     depth_step: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Rounding of depths, in pixels of the finest level. A number from 0.0625 to 16 pixels in steps
-    of 0.0625; by default 0.75."""
+    of 0.0625; by default 0.75, or an eighth of the gap where surfaces lie close behind one another
+    and that is less."""
 
     chroma_ratio: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5."""

@@ -100,14 +100,14 @@ def compress(
                 f"describe, so that {output.name} is not written"
             )
         result.report = learned.report
-        scene = _scene(input_, cloud, learning, learned, progress)
+        scene = _scene(input_, cloud, learning, learned)
         with whole_file(output) as temporary:
             with _timed(result, "write"):
                 progress(f"write {output.name}", 0.0)
                 result.n_bytes = learned.save(temporary)
-            _warn_of_losses(output, learned)
-            if evaluate:
-                _evaluate(result, temporary, scene, words, progress)
+        _warn_of_losses(output, learned)
+        if evaluate:
+            _evaluate(result, output, scene, words, progress)
         if (lost := incomplete(output, learned, result.quality)) is not None:
             warnings.warn(lost, surfabet.IncompleteModelWarning, stacklevel=1)
     if json:
@@ -142,10 +142,9 @@ def _scene(
     cloud: surfabet.PointCloud,
     learning: LearnOptions,
     learned: AnyModel,
-    progress: ProgressCallback,
 ) -> surfabet.PointCloud:
     """The points that the model was asked to describe; says when their unit is in doubt."""
-    survey = surfabet.survey(cloud, progress=progress)
+    survey = learned.report.survey
     if (said := unit_in_doubt(path, survey)) is not None:
         warnings.warn(said, surfabet.UnitWarning, stacklevel=1)
     if learned.report.left_out:

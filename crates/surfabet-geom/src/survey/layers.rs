@@ -12,11 +12,19 @@ const REACH: f64 = 10.0;
 /// Radius of the column in which it is looked for, spacings.
 const COLUMN: f64 = 3.0;
 
-/// Least gap between two surfaces, standard deviations of the noise: points of one surface leave no such gap.
-const NOISES: f64 = 6.0;
+/// Least empty gap between two surfaces, standard deviations of the heights on either side of it: the points of one noisy
+/// surface leave no such gap.
+const DEVIATIONS: f64 = 4.0;
 
-/// Least gap between two surfaces, spacings.
-const SPACINGS: f64 = 1.5;
+/// Least empty gap between two surfaces, spacings.
+const SPACINGS: f64 = 1.2;
+
+/// Least distance between the means of surfaces that face opposite ways, whose points may overlap, standard deviations of
+/// the noise.
+const NOISES: f64 = 2.5;
+
+/// Neighbours whose plane is along both faces of a wall, where that of the nearest few may lie across.
+const MORE_NEIGHBORS: usize = 48;
 
 /// Least ratio of the deviations along the two axes of a plane: the points of a single scan line have no normal.
 const LEAST_WIDTH: f64 = 0.3;
@@ -28,45 +36,126 @@ const LEAST_POINTS: usize = 4;
 /// and there.
 const ONE_OF: usize = 7;
 
-/// Median distance from a surface to the one behind it, metres, where enough points have one.
+/// Largest ratio of the distances that these points have: what lies behind clutter is at any distance.
+const SAME_DISTANCE: f64 = 1.3;
+
+/// Median distance from a surface to the one behind it, metres, where enough points have about the same one; of several
+/// such distances the most frequent.
 pub(super) fn layer_gap(sample: &Sample, planes: &Planes, spacing: f64) -> Option<f64> {
     if spacing <= 0.0 {
         return None;
     }
-    let gaps = sample.measure(|p| Some(gap_at(sample, planes, spacing, p)));
+    let gaps = sample.measure(|i| Some(gap_at(sample, planes, spacing, i)));
     let n = gaps.len();
-    let found: Vec<f64> = gaps.into_iter().flatten().collect();
+    let found = most_frequent(gaps.into_iter().flatten().collect());
     (found.len() * ONE_OF >= n && found.len() >= LEAST_POINTS).then(|| median(found))
 }
 
-/// Distance along the normal of the plane about `point` from the layer of the point to the nearest other one.
-fn gap_at(sample: &Sample, planes: &Planes, spacing: f64, point: [f32; 3]) -> Option<f64> {
-    let mut near = Vec::new();
-    sample.tree.k_nearest(point, planes.neighbors, &mut near);
-    let axes = Moments::about(point, sample.positions_of(&near)).principal_axes()?;
-    if axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2] {
-        return None;
+/// The largest set of values with a ratio of at most [`SAME_DISTANCE`] to one another, of equal ones that of the smallest
+/// values.
+fn most_frequent(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    let about = |from: usize| {
+        let end = values.partition_point(|&v| v <= SAME_DISTANCE * values[from]);
+        from..end
+    };
+    let larger = |a: std::ops::Range<usize>, b: std::ops::Range<usize>| {
+        if b.len() > a.len() { b } else { a }
+    };
+    let most = (0..values.len()).map(about).reduce(larger).unwrap_or(0..0);
+    values[most].to_vec()
+}
+
+/// Distance along the normal of the plane about a point from the layer of the point to the nearest other one.
+fn gap_at(sample: &Sample, planes: &Planes, spacing: f64, point: usize) -> Option<f64> {
+    let few = planes.neighbors;
+    let more = MORE_NEIGHBORS.max(few);
+    let column = |neighbors: usize| Column::about(sample, spacing, point, neighbors);
+    if sample.facings.is_some() {
+        // All neighbours are on the same face, and the nearest follow it best.
+        let least = NOISES * planes.noise;
+        return [few, more].into_iter().find_map(|n| column(n)?.gap_to_opposite(least));
     }
-    let normal = axes.normal();
-    sample.tree.within(point, (REACH * spacing) as f32, &mut near);
-    let mut heights: Vec<f64> = sample
-        .positions_of(&near)
-        .filter_map(|p| {
-            let offset = minus(p, point).map(f64::from);
-            let height = dot(offset, normal);
-            let aside = dot(offset, offset) - height * height;
-            (aside <= (COLUMN * spacing).powi(2)).then_some(height)
-        })
-        .collect();
-    heights.sort_by(f64::total_cmp);
-    let own = heights.partition_point(|&h| h < 0.0);
-    let least = (NOISES * planes.noise).max(SPACINGS * spacing);
-    let is_gap = |w: &[f64]| w[1] - w[0] >= least;
-    // Upwards and downwards from the point's own layer.
-    let above = heights[own..].windows(2).position(is_gap).map(|i| own + i + 1);
-    let below = heights[..heights.len().min(own + 1)].windows(2).rposition(is_gap).map(|i| i + 1);
-    let up =
-        above.filter(|&i| heights.len() - i >= LEAST_POINTS).map(|i| heights[i] - heights[i - 1]);
-    let down = below.filter(|&i| i >= LEAST_POINTS).map(|i| heights[i] - heights[i - 1]);
-    [up, down].into_iter().flatten().min_by(f64::total_cmp)
+    [more, few].into_iter().find_map(|n| column(n)?.empty_gap(SPACINGS * spacing))
+}
+
+/// Points above and below a point.
+struct Column {
+    /// Heights above the plane about the point, ascending, with whether the surface there faces the other way.
+    heights: Vec<(f64, bool)>,
+}
+
+impl Column {
+    /// The column across the plane of the nearest points; `None` where they are on a line.
+    fn about(sample: &Sample, spacing: f64, point: usize, neighbors: usize) -> Option<Self> {
+        let about = sample.positions[point];
+        let mut near = sample.near(point, neighbors);
+        let axes = Moments::about(about, sample.positions_of(&near)).principal_axes()?;
+        if axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2] {
+            return None;
+        }
+        let normal = axes.normal();
+        let facing = |i: usize| {
+            sample.facings.as_ref().map_or(0.0, |facings| dot(facings[i].map(f64::from), normal))
+        };
+        let own = facing(point);
+        sample.tree.within(about, (REACH * spacing) as f32, &mut near);
+        let mut heights: Vec<(f64, bool)> = near
+            .iter()
+            .filter_map(|n| {
+                let offset = minus(sample.positions[n.index()], about).map(f64::from);
+                let height = dot(offset, normal);
+                let aside = dot(offset, offset) - height * height;
+                let is_opposite = own * facing(n.index()) < 0.0;
+                (aside <= (COLUMN * spacing).powi(2)).then_some((height, is_opposite))
+            })
+            .collect();
+        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Some(Self { heights })
+    }
+
+    /// Distance from the mean height of the points that face the point's own way to that of those that face the other way,
+    /// if it is at least `least`.
+    fn gap_to_opposite(&self, least: f64) -> Option<f64> {
+        let mean = |opposite: bool| {
+            let of: Vec<f64> =
+                self.heights.iter().filter(|h| h.1 == opposite).map(|h| h.0).collect();
+            (of.len() >= LEAST_POINTS).then(|| of.iter().sum::<f64>() / of.len() as f64)
+        };
+        let gap = (mean(true)? - mean(false)?).abs();
+        (gap >= least).then_some(gap)
+    }
+
+    /// Width of the nearest empty stretch of heights, upwards or downwards, that is at least `least` wide and wide against
+    /// the deviations of the layers on both of its sides.
+    fn empty_gap(&self, least: f64) -> Option<f64> {
+        let heights: Vec<f64> = self.heights.iter().map(|h| h.0).collect();
+        let own = heights.partition_point(|&h| h < 0.0).min(heights.len() - 1);
+        // Numbers of the heights behind which `least` is empty: the borders between layers.
+        let borders: Vec<usize> =
+            (1..heights.len()).filter(|&i| heights[i] - heights[i - 1] >= least).collect();
+        let next = borders.partition_point(|&i| i <= own);
+        let ends = |border: usize| {
+            let from = if border == 0 { 0 } else { borders[border - 1] };
+            let to = borders.get(border + 1).copied().unwrap_or(heights.len());
+            (&heights[from..borders[border]], &heights[borders[border]..to])
+        };
+        let width = |border: usize| {
+            let (below, above) = ends(border);
+            let width = above[0] - below[below.len() - 1];
+            let enough = below.len().min(above.len()) >= LEAST_POINTS;
+            let spread = deviation(below).max(deviation(above));
+            (enough && width >= DEVIATIONS * spread).then_some(width)
+        };
+        let up = (next < borders.len()).then(|| width(next)).flatten();
+        let down = (next > 0).then(|| width(next - 1)).flatten();
+        [up, down].into_iter().flatten().min_by(f64::total_cmp)
+    }
+}
+
+/// Standard deviation of some heights about their mean.
+fn deviation(heights: &[f64]) -> f64 {
+    let n = heights.len() as f64;
+    let mean = heights.iter().sum::<f64>() / n;
+    (heights.iter().map(|h| (h - mean).powi(2)).sum::<f64>() / n).sqrt()
 }

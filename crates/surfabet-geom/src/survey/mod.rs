@@ -6,10 +6,12 @@
 //! | file | what is measured |
 //! |---|---|
 //! | `sample` | the points that are looked at, and their neighbours |
+//! | `facing` | which way surfaces face |
 //! | `noise` | deviation of neighbouring points from their plane |
 //! | `layers` | distance to a second surface behind the first |
 //! | `outliers` | small groups of points far from all others |
 
+mod facing;
 mod layers;
 mod noise;
 mod outliers;
@@ -33,6 +35,8 @@ pub struct Survey {
     pub noise: f64,
     /// Where at least a seventh of the points have a second surface close behind theirs: the distance of the two, metres.
     pub layer_gap: Option<f64>,
+    /// Whether it is known which way surfaces face: points have viewpoints, or normals that somebody oriented.
+    pub has_facings: bool,
     /// Lower and upper corner of the box around all points but the outliers, world coordinates, metres; `None` without
     /// points.
     pub bounds: Option<([f64; 3], [f64; 3])>,
@@ -59,7 +63,7 @@ impl Survey {
         if cloud.is_empty() {
             return Ok(Self::default());
         }
-        let sample = Sample::of(cloud.positions())?;
+        let sample = Sample::of(cloud)?;
         progress.check()?;
         let spacing = sample.spacing();
         let planes = Planes::about(&sample);
@@ -69,7 +73,8 @@ impl Survey {
         progress.check()?;
         let Outliers { all, strays, bounds } = Outliers::of(cloud, spacing)?;
         progress.check()?;
-        Ok(Self { spacing, noise, layer_gap, bounds, outliers: all, strays })
+        let has_facings = sample.facings.is_some();
+        Ok(Self { spacing, noise, layer_gap, has_facings, bounds, outliers: all, strays })
     }
 
     /// How far a decoded cloud may be from a point and still show it, metres: two spacings, or three standard
@@ -92,7 +97,7 @@ pub fn estimate_noise(positions: &[[f32; 3]]) -> Result<f64> {
     if positions.is_empty() {
         return Ok(0.0);
     }
-    Ok(Planes::about(&Sample::of(positions)?).noise)
+    Ok(Planes::about(&Sample::of_positions(positions)?).noise)
 }
 
 /// The middle of the sorted values, of an even number the upper one; zero of none.

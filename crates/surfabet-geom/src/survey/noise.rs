@@ -5,7 +5,7 @@ use super::sample::Sample;
 use crate::moments::Moments;
 
 /// Numbers of points, the one in the middle included, whose plane is fitted, the smallest first: few, so that the other
-/// face of a thin wall is not among them; more where a few points of a fused scan are less than its thickness apart, and
+/// face of a thin wall is not among them even where nobody knows which way it faces; more where a few points of a fused scan are less than its thickness apart, and
 /// look like a ball.
 const NEIGHBORS: [usize; 4] = [7, 16, 48, 192];
 
@@ -29,7 +29,7 @@ impl Planes {
     pub fn about(sample: &Sample) -> Self {
         let mut found = Self { neighbors: NEIGHBORS[0], noise: 0.0 };
         for neighbors in NEIGHBORS {
-            let deviations = sample.measure(|p| deviations(sample, p, neighbors));
+            let deviations = sample.measure(|i| deviations(sample, i, neighbors));
             let flatness =
                 median(deviations.iter().map(|[across, along]| across / along).collect());
             let noise = median(deviations.iter().map(|[across, _]| *across).collect());
@@ -44,10 +44,10 @@ impl Planes {
 
 /// Standard deviations of the neighbours of a point across their plane and along its shorter axis; `None` of points on
 /// a line.
-fn deviations(sample: &Sample, point: [f32; 3], neighbors: usize) -> Option<[f64; 2]> {
-    let mut near = Vec::new();
-    sample.tree.k_nearest(point, neighbors, &mut near);
-    let axes = Moments::about(point, sample.positions_of(&near)).principal_axes()?;
+fn deviations(sample: &Sample, point: usize, neighbors: usize) -> Option<[f64; 2]> {
+    let near = sample.near(point, neighbors);
+    let about = sample.positions[point];
+    let axes = Moments::about(about, sample.positions_of(&near)).principal_axes()?;
     let along = axes.variances[1].sqrt();
     let n = near.len() as f64;
     if n <= PLANE_PARAMETERS || along <= 0.0 {

@@ -2,10 +2,13 @@
 
 use rayon::prelude::*;
 
+use super::facing::facings;
 use super::median;
 use crate::cells;
+use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::kdtree::{KdTree, Neighbor};
+use crate::vector::dot;
 
 /// Points that are looked at, at most. Medians of as many are exact to about two percent.
 const MAX_SAMPLED: usize = 4096;
@@ -25,6 +28,8 @@ const MOST_DUPLICATES: usize = 9;
 /// Some points with the neighbours of each.
 pub(super) struct Sample {
     pub positions: Vec<[f32; 3]>,
+    /// The direction that the surface faces at each point, where that is known; about unit length.
+    pub facings: Option<Vec<[f32; 3]>>,
     pub tree: KdTree,
     /// Distance between the points that are looked at, in the order of the cloud.
     step: usize,
@@ -32,26 +37,57 @@ pub(super) struct Sample {
 
 impl Sample {
     /// The sample of a cloud with at least one point.
-    pub fn of(positions: &[[f32; 3]]) -> Result<Self> {
-        let positions = some_blocks(positions);
-        let tree = KdTree::new(&positions)?;
-        let step = positions.len().div_ceil(MAX_SAMPLED).max(1);
-        Ok(Self { positions, tree, step })
+    pub fn of(cloud: &PointCloud) -> Result<Self> {
+        let (chosen, mut sample) = Self::chosen_of(cloud.positions())?;
+        sample.facings = facings(cloud, &chosen, &sample.positions, &sample.tree);
+        Ok(sample)
     }
 
-    /// What `measure` gives of the points that are looked at, where it gives anything.
-    pub fn measure<T: Send>(&self, measure: impl Fn([f32; 3]) -> Option<T> + Sync) -> Vec<T> {
-        self.positions.par_iter().step_by(self.step).filter_map(|&p| measure(p)).collect()
+    /// The sample of some positions, of which nobody knows how surfaces face; at least one.
+    pub fn of_positions(positions: &[[f32; 3]]) -> Result<Self> {
+        Ok(Self::chosen_of(positions)?.1)
+    }
+
+    /// The numbers of the positions that are chosen, and their sample without facings.
+    fn chosen_of(positions: &[[f32; 3]]) -> Result<(Vec<usize>, Self)> {
+        let chosen = some_blocks(positions);
+        let positions: Vec<[f32; 3]> = chosen.iter().map(|&i| positions[i]).collect();
+        let tree = KdTree::new(&positions)?;
+        let step = positions.len().div_ceil(MAX_SAMPLED).max(1);
+        Ok((chosen, Self { positions, facings: None, tree, step }))
+    }
+
+    /// What `measure` gives of the points that are looked at, by number, where it gives anything.
+    pub fn measure<T: Send>(&self, measure: impl Fn(usize) -> Option<T> + Sync) -> Vec<T> {
+        (0..self.positions.len())
+            .into_par_iter()
+            .step_by(self.step)
+            .filter_map(|i| measure(i))
+            .collect()
     }
 
     /// Median distance of a point to the nearest one at another place, metres; zero where there is none.
     pub fn spacing(&self) -> f64 {
-        median(self.measure(|p| {
+        median(self.measure(|i| {
             let mut near = Vec::new();
-            self.tree.k_nearest(p, MOST_DUPLICATES, &mut near);
+            self.tree.k_nearest(self.positions[i], MOST_DUPLICATES, &mut near);
             let apart = near.iter().map(|n| n.squared_distance()).find(|&d| d > 0.0)?;
             Some(f64::from(apart).sqrt())
         }))
+    }
+
+    /// The `k` points nearest to a point, itself included, that face the same way; all, where facings are not known, and
+    /// fewer, where most around face the other way.
+    pub fn near(&self, i: usize, k: usize) -> Vec<Neighbor> {
+        let mut near = Vec::new();
+        let Some(facings) = &self.facings else {
+            self.tree.k_nearest(self.positions[i], k, &mut near);
+            return near;
+        };
+        self.tree.k_nearest(self.positions[i], 2 * k, &mut near);
+        near.retain(|n| dot(facings[n.index()], facings[i]) > 0.0);
+        near.truncate(k);
+        near
     }
 
     /// Positions of neighbours.
@@ -60,19 +96,21 @@ impl Sample {
     }
 }
 
-/// All points, or of more than [`TREE_POINTS`] those in some blocks of space, so that points keep their neighbours.
-fn some_blocks(positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+/// The numbers of all points, or of more than [`TREE_POINTS`] those in some blocks of space, so that points keep their
+/// neighbours.
+fn some_blocks(positions: &[[f32; 3]]) -> Vec<usize> {
     let one_of = positions.len().div_ceil(TREE_POINTS) as u64;
     let side = block_side(positions);
     if one_of < 2 || side <= 0.0 {
-        return positions.to_vec();
+        return (0..positions.len()).collect();
     }
     // Bits of a product with a large odd number are as good as random.
     let hash = |key: u64| key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
-    let chosen = |p: &[f32; 3]| hash(cells::key(cells::cell_of(*p, side))).is_multiple_of(one_of);
-    let some: Vec<[f32; 3]> = positions.par_iter().copied().filter(chosen).collect();
+    let is_chosen =
+        |&i: &usize| hash(cells::key(cells::cell_of(positions[i], side))).is_multiple_of(one_of);
+    let some: Vec<usize> = (0..positions.len()).into_par_iter().filter(is_chosen).collect();
     // Where nearly all points are in one block, it may not be among the chosen ones.
-    if some.len() < TREE_POINTS / 8 { positions.to_vec() } else { some }
+    if some.len() < TREE_POINTS / 8 { (0..positions.len()).collect() } else { some }
 }
 
 /// Side of a block, metres: a part of the box that holds the middle half of the points along each axis.

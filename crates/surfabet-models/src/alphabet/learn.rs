@@ -94,10 +94,8 @@ fn run(
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
     // What the data say of the options that are not given.
-    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
-    let mut start = stages.run("measuring the cloud", |progress| {
-        Start::of(cloud, options.quality, leave, progress)
-    })?;
+    let (quality, keep) = (options.quality, options.keep_outliers);
+    let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
 
     // 1. Points denser than half a sigma are thinned out (eq. 13).
     let prepared = stages

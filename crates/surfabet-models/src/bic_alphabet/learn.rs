@@ -110,8 +110,7 @@ fn measured<'a>(
     options: &BicAlphabetOptions,
     stages: &mut Stages<'_>,
 ) -> Result<Start<'a>> {
-    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
-    stages.run("measuring the cloud", |progress| Start::of(cloud, options.quality, leave, progress))
+    Start::of(cloud, options.quality, Leave::Strays, options.keep_outliers, stages)
 }
 
 /// The radius of words by the data, and why: enough points for a descriptor, and no more words than can be tried.

@@ -39,10 +39,8 @@ pub fn learn(
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
     // What the data say of the options that are not given.
-    let leave = Leave::unless(options.keep_outliers, Leave::Outliers);
-    let mut start = stages.run("measuring the cloud", |progress| {
-        Start::of(cloud, options.quality, leave, progress)
-    })?;
+    let (quality, keep) = (options.quality, options.keep_outliers);
+    let mut start = Start::of(cloud, quality, Leave::Outliers, keep, &mut stages)?;
     let options = &chosen_size(&mut start, options)?;
     let cloud: &PointCloud = &start.cloud;
     // Positions about the middle of the cloud.

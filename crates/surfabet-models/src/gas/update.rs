@@ -50,10 +50,8 @@ impl GasModel {
         progress: &dyn Progress,
     ) -> Result<GasModel> {
         let mut stages = Stages::new(STAGES, progress);
-        let leave = Leave::unless(options.keep_outliers, Leave::Outliers);
-        let start = stages.run("measuring the cloud", |progress| {
-            Start::of(cloud, options.quality, leave, progress)
-        })?;
+        let (quality, keep) = (options.quality, options.keep_outliers);
+        let start = Start::of(cloud, quality, Leave::Outliers, keep, &mut stages)?;
         let cloud: &PointCloud = &start.cloud;
         let origin = self.origin();
         let positions = cloud.positions_about(origin);

@@ -79,10 +79,8 @@ fn run(
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
     // What the data say of the options that are not given.
-    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
-    let mut start = stages.run("measuring the cloud", |progress| {
-        Start::of(cloud, options.quality, leave, progress)
-    })?;
+    let (quality, keep) = (options.quality, options.keep_outliers);
+    let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
     let tolerance = start.tolerance(options.resolution);
     let options = &HscsmOptions { resolution: Some(resolution), ..options.clone() };

@@ -51,12 +51,13 @@ pub(super) const SAMPLE_SIZE: f64 = 0.5;
 /// 84 percent.
 pub(super) const NORMAL_CELL: f32 = 2.0;
 
-/// Samples that a plane is fitted to where surfaces lie close behind one another, the own one included: as many as the
-/// survey of the cloud takes first (`surfabet_geom::Survey`).
-pub(super) const NEAREST_SAMPLES: usize = 7;
+/// The least side of these cells in gaps between surfaces that lie close behind one another: with its neighbours a cell is
+/// then three times as wide, and both faces of a wall in it look like a plane along the wall.
+pub(super) const NORMAL_CELL_IN_GAPS: f32 = 2.0;
 
-/// Share of samples next to one another with normals to the same side from which on normals count as oriented.
-pub(super) const ORIENTED_SHARE: f64 = 0.85;
+/// Samples about one with a normal, itself included, whose axes it votes with: as many as the survey of the cloud takes
+/// first (`surfabet_geom::Survey`).
+pub(super) const NEAREST_SAMPLES: usize = 7;
 
 /// How much the axis of a neighbouring cell counts, against 1 for the own normal of a flat cell that is along the axis.
 /// All 27 together, the cell itself among them, count 1.08: a cell gives way where nearly all around it agree. Half
@@ -84,10 +85,20 @@ pub(super) const MAX_GAP: f32 = 2.5;
 
 /// The same where surfaces lie close behind one another: this share of the gap between them, but at least so many pixels,
 /// since a surface may lie at 45 degrees to the column.
-pub(super) const SHARE_OF_GAP: f64 = 0.5;
+pub(super) const SHARE_OF_GAP: f32 = 0.5;
 
 /// See [`SHARE_OF_GAP`].
 pub(super) const LEAST_GAP: f32 = 1.0;
+
+/// Largest step between depths of pixels that touch, in such gaps: less than from one surface to the other.
+pub(super) const STEP_SHARE_OF_GAP: f32 = 0.6;
+
+/// Rounding of depths in such gaps, where it is not given and not finer anyway: a surface is then decoded at most a sixteenth
+/// of the gap off its place.
+pub(super) const DEPTH_STEP_IN_GAPS: f64 = 0.125;
+
+/// Rounding of depths, where it is not given, pixels (docs/benchmarks/patches.md).
+pub(super) const DEPTH_STEP: f64 = 0.75;
 
 /// Longest run, pixels. A half thickness is at most 63 quarters of a pixel, so no patch is thicker than 31.5. Half
 /// and double give the same files of the frame, the room and a laser scan.
@@ -166,9 +177,12 @@ pub(super) const STEP_SHARES: [f32; 4] = [1.25, 1.0, 0.85, 0.7];
 
 // Points beside the patches.
 
-/// The tolerance of points beside the patches in gaps between surfaces that lie close behind one another: so that none lies
-/// in the middle of the gap.
-pub(super) const POINT_TOLERANCE_IN_GAPS: f64 = 0.3;
+/// The largest tolerance in gaps between surfaces that lie close behind one another: so that one surface does not stand for
+/// the other.
+pub(super) const POINT_TOLERANCE_IN_GAPS: f64 = 0.6;
+
+/// Half the side of the cells of points beside the patches, in such gaps: so that none lies in the middle of the gap.
+pub(super) const POINT_CELL_IN_GAPS: f64 = 0.24;
 
 /// The share of the tolerance at which points are kept beside the patches: others may measure spacing and noise
 /// otherwise.

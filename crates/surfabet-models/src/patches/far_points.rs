@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
-use super::constants::{EXTRA_CELL, TOLERANCE_SHARE};
+use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
 use super::samples::cells::LIMIT;
 use crate::contract::DecodeOptions;
@@ -33,19 +33,30 @@ pub(super) fn with_points_within(
     Ok(model.with_extra(keys, cells.size, Some(bound)))
 }
 
-/// Adds points until at least `share` of the input is within `tolerance` of the cloud decoded as measured, those first
-/// that stand for most input points.
+/// What [`with_share_of_points`] reaches.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Completeness {
+    /// The share of the input that is to be near.
+    pub share: f64,
+    /// How far the decoded cloud may be from a point that counts as near, metres.
+    pub tolerance: f64,
+    /// The distance between surfaces that lie close behind one another, metres.
+    pub layer_gap: Option<f64>,
+}
+
+/// Adds points until the decoded cloud, as measured, is complete: those first that stand for most input points.
 ///
 /// # Errors
 /// As [`with_points_within`].
 pub(super) fn with_share_of_points(
     model: PatchModel,
     cloud: &PointCloud,
-    tolerance: f64,
-    share: f64,
+    wanted: Completeness,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
-    let bound = TOLERANCE_SHARE * tolerance;
+    let Completeness { share, tolerance, layer_gap } = wanted;
+    let in_gaps = |gaps: f64| layer_gap.map_or(f64::INFINITY, |gap| gaps * gap);
+    let bound = TOLERANCE_SHARE * tolerance.min(in_gaps(POINT_TOLERANCE_IN_GAPS));
     if share <= 0.0 || bound <= 0.0 {
         return Ok(model);
     }
@@ -63,7 +74,8 @@ pub(super) fn with_share_of_points(
     let far = far_points(&decoded, positions, limit, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
-    let Cells { mut counted, size } = Cells::of(&model, &far, limit);
+    let Cells { mut counted, size } =
+        Cells::of(&model, &far, limit.min(in_gaps(POINT_CELL_IN_GAPS)));
     counted.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
     let mut missing = far.len();
     let needed = counted.iter().take_while(|(_, n)| {

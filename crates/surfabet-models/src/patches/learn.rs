@@ -11,15 +11,14 @@ use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::constants::{
-    AXES_CELL, AXES_CELL_IN_GAPS, LEAST_GAP, MAX_GAP, POINT_TOLERANCE_IN_GAPS, SAMPLE_SIZE,
-    SHARE_OF_GAP, SPACINGS_PER_PIXEL,
+    AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
 };
-use super::far_points::{with_points_within, with_share_of_points};
+use super::far_points::{Completeness, with_points_within, with_share_of_points};
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
-use super::options::PatchesOptions;
+use super::options::{DEPTH_STEPS, PatchesOptions};
 use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
-use super::sheets::{Sheet, sheets};
+use super::sheets::{Reach, Sheet, sheets};
 use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
 use crate::error::Result;
@@ -39,6 +38,9 @@ const STAGES: &[(&str, f32)] = &[
     ("adding attributes", 0.1),
     ("checking the bound", 0.1),
 ];
+
+/// Why depths are rounded more finely than usual.
+const GAP_REASON: &str = "surfaces lie close behind one another";
 
 /// The report of [`learn`].
 pub type PatchesReport = Report<Option<PatchesFigures>>;
@@ -79,12 +81,11 @@ pub fn learn(
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
     // What the data say of the options that are not given.
-    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
-    let mut start = stages.run("measuring the cloud", |progress| {
-        Start::of(cloud, options.quality, leave, progress)
-    })?;
+    let (quality, keep) = (options.quality, options.keep_outliers);
+    let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
     let tolerance = start.tolerance(options.resolution);
+    let depth_step = depth_step(&mut start, options.depth_step, resolution);
     let cloud: &PointCloud = &start.cloud;
     check_size(cloud, resolution)?;
     let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
@@ -98,17 +99,17 @@ pub fn learn(
         orientation,
         pixel_size: resolution,
         levels: options.levels,
-        depth_step: options.depth_sixteenths(),
+        depth_step,
     };
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
-        let layered = start.survey.layer_gap.is_some();
-        SidedSamples::merge(cloud, orientation, resolution, options.sensor, layered, progress)
+        let survey = &start.survey;
+        SidedSamples::merge(cloud, orientation, resolution, options.sensor, survey, progress)
     })?;
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| {
-        let max_gap = max_gap(start.survey.layer_gap, resolution);
-        sheets(&samples, resolution as f32, lattice.tile_pixels(), max_gap)
+        let reach = Reach::of(start.survey.layer_gap, resolution);
+        sheets(&samples, resolution as f32, lattice.tile_pixels(), reach)
     })?;
     // 4. to 6. Shapes, least cost, bits.
     let density = samples_per_pixel(&sheets);
@@ -124,11 +125,9 @@ pub fn learn(
     model = stages.run("checking the bound", |progress| match options.max_error {
         Some(bound) => with_points_within(model, cloud, bound, progress),
         None => {
-            let within = match start.survey.layer_gap {
-                Some(gap) => tolerance.min(POINT_TOLERANCE_IN_GAPS * gap),
-                None => tolerance,
-            };
-            with_share_of_points(model, cloud, within, options.completeness, progress)
+            let layer_gap = start.survey.layer_gap;
+            let wanted = Completeness { share: options.completeness, tolerance, layer_gap };
+            with_share_of_points(model, cloud, wanted, progress)
         }
     })?;
 
@@ -156,12 +155,19 @@ pub fn learn(
     Ok(model.with_report(report))
 }
 
-/// From which distance on samples of a column lie on two surfaces, pixels, where surfaces may lie `layer_gap` metres behind
-/// one another.
-fn max_gap(layer_gap: Option<f64>, resolution: f64) -> f32 {
-    match layer_gap {
-        Some(gap) => ((SHARE_OF_GAP * gap / resolution) as f32).clamp(LEAST_GAP, MAX_GAP),
-        None => MAX_GAP,
+/// Rounding of depths as the file has it: the one that was given, or the usual one, unless surfaces that lie close behind one
+/// another ask for a finer one.
+fn depth_step(start: &mut Start<'_>, given: Option<f64>, resolution: f64) -> u32 {
+    let steps = |pixels: f64| DEPTH_STEPS * pixels;
+    let of_gap = start.survey.layer_gap.map(|gap| steps(DEPTH_STEP_IN_GAPS * gap / resolution));
+    match (given, of_gap) {
+        (Some(pixels), _) => steps(pixels).round() as u32,
+        (None, Some(of_gap)) if of_gap < steps(DEPTH_STEP) => {
+            let chosen = of_gap.floor().max(1.0);
+            start.note("depth_step", chosen / DEPTH_STEPS, GAP_REASON.to_owned());
+            chosen as u32
+        }
+        (None, _) => steps(DEPTH_STEP) as u32,
     }
 }
 
@@ -193,7 +199,7 @@ fn choose(
             // Distortion is summed over samples. What a bit must save is given per pixel, so that dense and sparse
             // scans are treated alike.
             lambda: (options.rate * density) as f32,
-            step: options.depth_step as f32,
+            step: lattice.depth_step as f32 / DEPTH_STEPS as f32,
             lattice,
         };
         let trees = trees(&choice, sheets, progress)?;

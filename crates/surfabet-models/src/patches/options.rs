@@ -6,7 +6,7 @@ use crate::quality::Quality;
 use crate::sensor::Sensor;
 
 /// Steps of depth per pixel of the finest level: [`PatchesOptions::depth_step`] is a number of them.
-const DEPTH_STEPS: f64 = 16.0;
+pub(super) const DEPTH_STEPS: f64 = 16.0;
 
 options! {
     /// Options of [`learn`](super::learn).
@@ -31,9 +31,10 @@ options! {
         /// smaller files.
         rate: f64 = 1.4, range = Range::POSITIVE, unit = "squared pixels";
         /// Rounding of depths, in pixels of the finest level.
-        depth_step: f64 = 0.75,
+        depth_step: Option<f64> = None,
             range = Range::from_to(1.0 / DEPTH_STEPS, 256.0 / DEPTH_STEPS).in_steps_of(1.0 / DEPTH_STEPS),
-            unit = "pixels";
+            unit = "pixels",
+            none = "0.75, or an eighth of the gap where surfaces lie close behind one another and that is less";
         /// Rounds of choosing patches. Each uses the prices that the coder learned in the round before.
         rounds: u32 = 3, range = Range::from_to(1.0, 10.0);
         /// Rounding of luma of a single cell. Means over n cells are rounded about sqrt(n) times finer; larger makes
@@ -57,12 +58,5 @@ options! {
         /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
         /// large as it is are left out, and counted in the report.
         keep_outliers: bool = false;
-    }
-}
-
-impl PatchesOptions {
-    /// The depth step as the file has it, sixteenths of a pixel.
-    pub(super) fn depth_sixteenths(&self) -> u32 {
-        (DEPTH_STEPS * self.depth_step).round() as u32
     }
 }

@@ -69,10 +69,8 @@ pub fn learn(
     check_weights(cloud.len(), weights)?;
     let mut stages = Stages::new(STAGES, progress);
     let n_given = cloud.len();
-    let leave = Leave::unless(options.keep_outliers, Leave::Strays);
-    let mut start = stages.run("measuring the cloud", |progress| {
-        Start::of(cloud, options.quality, leave, progress)
-    })?;
+    let (quality, keep) = (options.quality, options.keep_outliers);
+    let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let cloud = start.cloud.clone();
     let cloud: &PointCloud = &cloud;
     let weights = weights.map(|weights| start.kept(weights));

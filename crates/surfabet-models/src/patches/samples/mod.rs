@@ -4,13 +4,12 @@ pub(in crate::patches) mod cells;
 mod sides;
 
 use rayon::prelude::*;
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::{PointCloud, Progress, Survey};
 
 use crate::error::Result;
 use crate::patches::axes::Orientation;
-use crate::patches::constants::{NORMAL_CELL, ORIENTED_SHARE, SAMPLE_SIZE};
+use crate::patches::constants::{NORMAL_CELL, NORMAL_CELL_IN_GAPS, SAMPLE_SIZE};
 use crate::sensor::{Sensor, to_sensor};
-use crate::vector::dot;
 use cells::{CellGroups, cell_of, key};
 use sides::{Neighbours, sides_of};
 
@@ -42,13 +41,13 @@ fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] {
 }
 
 impl<'a> SidedSamples<'a> {
-    /// Merges the points of `cloud`; `layered` where surfaces lie close behind one another.
+    /// Merges the points of `cloud`, of which the survey is known.
     pub fn merge(
         cloud: &'a PointCloud,
         orientation: Orientation,
         resolution: f64,
         sensor: Sensor,
-        layered: bool,
+        survey: &Survey,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let to_world = orientation.rotation();
@@ -60,7 +59,9 @@ impl<'a> SidedSamples<'a> {
         progress.check()?;
         let cells = CellGroups::new(rotated.len(), |i| key(cell_of(rotated[i], cell)));
         progress.check()?;
-        let normals = cloud.normals().filter(|_| layered && cloud.viewpoints().is_none());
+        let layer_gap = survey.layer_gap;
+        let of_cloud = cloud.normals().filter(|_| survey.has_facings && layer_gap.is_some());
+        let normals = of_cloud.filter(|_| cloud.viewpoints().is_none());
         let view = |i: usize| normals.map_or_else(|| to_sensor(cloud, i), |n| n[i]);
         let samples: Vec<Sample> = (0..cells.len())
             .into_par_iter()
@@ -68,12 +69,14 @@ impl<'a> SidedSamples<'a> {
             .map(|g| merge_cell(cloud, &rows, &rotated, sensor, &view, cells.of(g)))
             .collect();
         progress.check()?;
-        let neighbours = match (layered, normals) {
-            (false, _) => Neighbours::Cells(NORMAL_CELL * resolution as f32),
-            (true, None) => Neighbours::Nearest,
-            (true, Some(_)) => Neighbours::Normals,
+        let neighbours = match (layer_gap, normals) {
+            (Some(_), Some(_)) => Neighbours::Normals,
+            (gap, _) => {
+                let of_gap = NORMAL_CELL_IN_GAPS * gap.unwrap_or(0.0) as f32;
+                Neighbours::Cells((NORMAL_CELL * resolution as f32).max(of_gap))
+            }
         };
-        let has_views = cloud.viewpoints().is_some() || normals.is_some() && oriented(&samples);
+        let has_views = cloud.viewpoints().is_some() || normals.is_some();
         let sides = sides_of(&samples, neighbours, has_views, progress)?;
         progress.check()?;
         Ok(Self { all: samples, sides, cloud, sensor, cells })
@@ -104,13 +107,6 @@ impl<'a> SidedSamples<'a> {
         };
         (0..self.cells.len()).into_par_iter().with_min_len(1 << 12).map(mean).collect()
     }
-}
-
-/// True when views that are normals point to the sides that surfaces were seen from: those of successive samples, which are
-/// mostly neighbours, mostly agree. Normals that nobody oriented have random signs.
-fn oriented(samples: &[Sample]) -> bool {
-    let same = samples.windows(2).filter(|pair| dot(pair[0].view, pair[1].view) > 0.0).count();
-    same as f64 >= ORIENTED_SHARE * (samples.len() as f64 - 1.0)
 }
 
 /// The sample of the `points` of one cell: weighted means of position and direction to the sensors.

@@ -35,9 +35,7 @@ impl CellPlane {
 pub(super) enum Neighbours {
     /// Cells of this side with the 26 around each, metres.
     Cells(f32),
-    /// The few samples nearest to each: where surfaces lie close behind one another, they lie on one.
-    Nearest,
-    /// None: the views of the samples are normals.
+    /// The few samples nearest to each, for its axis to agree with theirs: the views of the samples are normals.
     Normals,
 }
 
@@ -55,9 +53,9 @@ pub(super) fn sides_of(
             (cells, planes)
         }
         // Each sample is a cell of its own.
-        Neighbours::Nearest | Neighbours::Normals => {
+        Neighbours::Normals => {
             let cells = CellGroups::new(samples.len(), |i| i as u64);
-            (cells, planes_about(samples, neighbours == Neighbours::Normals, progress)?)
+            (cells, planes_about(samples, progress)?)
         }
     };
     let axes = choose_axes(&planes);
@@ -77,18 +75,14 @@ pub(super) fn sides_of(
     Ok(sides)
 }
 
-/// The plane about every sample: of the samples nearest to it, or with its own normal where `has_normals`.
-fn planes_about(
-    samples: &[Sample],
-    has_normals: bool,
-    progress: &dyn Progress,
-) -> Result<Vec<CellPlane>> {
+/// The plane about every sample: by its normal, or of the samples nearest to it where it has none.
+fn planes_about(samples: &[Sample], progress: &dyn Progress) -> Result<Vec<CellPlane>> {
     let positions: Vec<[f32; 3]> = samples.iter().map(|s| s.position).collect();
     let tree = KdTree::new(&positions)?;
     let near = tree.k_nearest_batch(&positions, NEAREST_SAMPLES, progress)?;
     let rows = near.par_chunks(NEAREST_SAMPLES.min(samples.len()));
     let planes = rows.zip(samples).map(|(row, sample)| {
-        let (normal, flatness) = if has_normals && sample.view != [0.0; 3] {
+        let (normal, flatness) = if sample.view != [0.0; 3] {
             (unit(sample.view), 1.0)
         } else {
             let points = row.iter().map(|n| positions[n.index()]);

@@ -21,25 +21,26 @@ const NEIGHBOURS: [(i32, i32); 12] = [
     (0, 2),
 ];
 
-/// Sheets of a tile as numbers of their runs.
-pub(super) fn grow(tile: &TileRuns) -> Vec<Vec<usize>> {
-    let mut sheets = grow_from_seeds(tile);
+/// Sheets of a tile as numbers of their runs; the depths of two that touch differ by at most `max_step` pixels.
+pub(super) fn grow(tile: &TileRuns, max_step: f32) -> Vec<Vec<usize>> {
+    let mut sheets = grow_from_seeds(tile, max_step);
     for reach in JOIN_REACHES {
-        join_small(tile, reach, &mut sheets);
+        join_small(tile, reach, max_step, &mut sheets);
     }
     sheets.retain(|members| !members.is_empty());
     sheets
 }
 
 /// True when two runs, `distance` pixels apart, may lie on one surface: their depths differ by no more than a slope of
-/// [`MAX_STEP`] makes, and their mean half thickness.
-fn agree(a: &Run, b: &Run, distance: f32) -> bool {
-    (b.depth - a.depth).abs() <= MAX_STEP * distance + 0.5 * (a.half + b.half)
+/// [`MAX_STEP`] makes, and their mean half thickness, and by no more than `max_step`.
+fn agree(a: &Run, b: &Run, distance: f32, max_step: f32) -> bool {
+    let of_slope = MAX_STEP * distance + 0.5 * (a.half + b.half);
+    (b.depth - a.depth).abs() <= of_slope.min(max_step)
 }
 
 /// Grows a sheet from every run that no sheet has yet, those with most samples first, breadth first. In each
 /// neighbouring pixel the run nearest in depth joins, if it agrees.
-fn grow_from_seeds(tile: &TileRuns) -> Vec<Vec<usize>> {
+fn grow_from_seeds(tile: &TileRuns, max_step: f32) -> Vec<Vec<usize>> {
     let runs = &tile.runs;
     let mut seeds: Vec<usize> = (0..runs.len()).collect();
     seeds.sort_by(|&a, &b| runs[b].n.total_cmp(&runs[a].n).then(a.cmp(&b)));
@@ -66,7 +67,7 @@ fn grow_from_seeds(tile: &TileRuns) -> Vec<Vec<usize>> {
                 let free = tile.at(pixel).filter(|&j| !taken[j]);
                 let nearest = free.min_by(|&a, &b| off(a).total_cmp(&off(b)));
                 let Some(j) = nearest else { continue };
-                if agree(&run, &runs[j], du.abs().max(dv.abs()) as f32) {
+                if agree(&run, &runs[j], du.abs().max(dv.abs()) as f32, max_step) {
                     taken[j] = true;
                     last_sheet[pixel] = seed;
                     members.push(j);
@@ -81,7 +82,7 @@ fn grow_from_seeds(tile: &TileRuns) -> Vec<Vec<usize>> {
 
 /// Joins small sheets to the neighbour that they touch most within `reach` pixels, where no pixel would hold two runs:
 /// a surface that is sampled more coarsely than the pixel, or in steps of depth, falls apart into strips otherwise.
-fn join_small(tile: &TileRuns, reach: i32, sheets: &mut [Vec<usize>]) {
+fn join_small(tile: &TileRuns, reach: i32, max_step: f32, sheets: &mut [Vec<usize>]) {
     let mut sheet_of = vec![usize::MAX; tile.runs.len()];
     for (s, members) in sheets.iter().enumerate() {
         members.iter().for_each(|&i| sheet_of[i] = s);
@@ -90,7 +91,8 @@ fn join_small(tile: &TileRuns, reach: i32, sheets: &mut [Vec<usize>]) {
     let mut order: Vec<usize> = (0..sheets.len()).filter(|&s| n_samples(s) < SMALL_SHEET).collect();
     order.sort_by(|&a, &b| n_samples(a).total_cmp(&n_samples(b)).then(a.cmp(&b)));
     for small in order {
-        if let Some(other) = most_touched(tile, reach, &sheets[small], small, &sheet_of) {
+        let touched = most_touched(tile, reach, max_step, &sheets[small], small, &sheet_of);
+        if let Some(other) = touched {
             let members = std::mem::take(&mut sheets[small]);
             members.iter().for_each(|&i| sheet_of[i] = other);
             sheets[other].extend(members);
@@ -103,6 +105,7 @@ fn join_small(tile: &TileRuns, reach: i32, sheets: &mut [Vec<usize>]) {
 fn most_touched(
     tile: &TileRuns,
     reach: i32,
+    max_step: f32,
     members: &[usize],
     small: usize,
     sheet_of: &[usize],
@@ -123,8 +126,8 @@ fn most_touched(
                         overlapping.push(other);
                         continue;
                     }
-                    let distance = du.abs().max(dv.abs()) as f32;
-                    if agree(run, &tile.runs[j], distance.max(0.5 * reach as f32)) {
+                    let distance = (du.abs().max(dv.abs()) as f32).max(0.5 * reach as f32);
+                    if agree(run, &tile.runs[j], distance, max_step) {
                         match contacts.iter_mut().find(|c| c.0 == other) {
                             Some(contact) => contact.1 += 1,
                             None => contacts.push((other, 1)),

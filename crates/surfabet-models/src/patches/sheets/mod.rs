@@ -19,7 +19,7 @@ use surfabet_geom::KdTree;
 
 use crate::error::Result;
 use crate::patches::coding::MAX_SHEETS;
-use crate::patches::constants::SMALL_SHEET;
+use crate::patches::constants::{LEAST_GAP, MAX_GAP, SHARE_OF_GAP, SMALL_SHEET, STEP_SHARE_OF_GAP};
 use crate::patches::samples::SidedSamples;
 use growth::grow;
 pub(in crate::patches) use runs::Run;
@@ -42,13 +42,37 @@ pub(in crate::patches) fn axes_of(side: u8) -> [usize; 3] {
     [depth, (depth + 1) % 3, (depth + 2) % 3]
 }
 
-/// Sheets of all sides, by side, tile and depth; samples of a column that are more than `max_gap` pixels apart lie on
-/// two surfaces.
+/// How far apart what lies on one surface may be, pixels.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::patches) struct Reach {
+    /// Samples next to one another in a column.
+    pub gap: f32,
+    /// Depths of pixels that touch.
+    pub step: f32,
+}
+
+impl Reach {
+    /// Where surfaces may lie `layer_gap` metres behind one another, with pixels of `resolution` metres.
+    pub fn of(layer_gap: Option<f64>, resolution: f64) -> Self {
+        match layer_gap {
+            Some(gap) => {
+                let gap = (gap / resolution) as f32;
+                Self {
+                    gap: (SHARE_OF_GAP * gap).clamp(LEAST_GAP, MAX_GAP),
+                    step: STEP_SHARE_OF_GAP * gap,
+                }
+            }
+            None => Self { gap: MAX_GAP, step: f32::INFINITY },
+        }
+    }
+}
+
+/// Sheets of all sides, by side, tile and depth.
 pub(in crate::patches) fn sheets(
     samples: &SidedSamples<'_>,
     pixel: f32,
     tile_pixels: i32,
-    max_gap: f32,
+    reach: Reach,
 ) -> Result<Vec<Sheet>> {
     let of_sample = |(position, weight, side): ([f32; 3], f32, u8)| {
         let [depth, u, v] = axes_of(side).map(|a| position[a] / pixel);
@@ -67,17 +91,17 @@ pub(in crate::patches) fn sheets(
     let tiles: Vec<&[PixelSample]> =
         all.chunk_by(|a, b| tile_part(a.key) == tile_part(b.key)).collect();
     let of_tiles: Vec<Vec<Sheet>> =
-        tiles.par_iter().map(|tile| sheets_of_tile(tile, tile_pixels as usize, max_gap)).collect();
+        tiles.par_iter().map(|tile| sheets_of_tile(tile, tile_pixels as usize, reach)).collect();
     let mut sheets: Vec<Sheet> = of_tiles.into_iter().flatten().collect();
     measure_strays(&mut sheets, tile_pixels)?;
     Ok(sheets)
 }
 
 /// Sheets of one tile, by mean depth; of more than a file may hold, those with most samples.
-fn sheets_of_tile(samples: &[PixelSample], tile_pixels: usize, max_gap: f32) -> Vec<Sheet> {
-    let runs = TileRuns::new(samples, tile_pixels, max_gap);
+fn sheets_of_tile(samples: &[PixelSample], tile_pixels: usize, reach: Reach) -> Vec<Sheet> {
+    let runs = TileRuns::new(samples, tile_pixels, reach.gap);
     let (side, tile) = side_and_tile(samples[0].key);
-    let mut sheets: Vec<Sheet> = grow(&runs)
+    let mut sheets: Vec<Sheet> = grow(&runs, reach.step)
         .into_iter()
         .map(|mut members| {
             members.sort_unstable();

@@ -1,0 +1,44 @@
+//! Which way surfaces face: towards the sensor, or along normals that somebody oriented.
+
+use crate::cloud::PointCloud;
+use crate::kdtree::KdTree;
+use crate::vector::dot;
+
+/// Share of the points whose normal points to the side that the normal of the nearest point points to, from which on normals
+/// count as oriented: of random signs half agree, of oriented ones nearly all that are not at an edge.
+const ORIENTED_SHARE: f64 = 0.75;
+
+/// Points that are compared, at most.
+const MAX_COMPARED: usize = 4096;
+
+/// The direction that the surface faces at the `chosen` points, whose `positions` are in `tree`: to where they were seen
+/// from, else their normal; `None` where neither is known or normals have random signs.
+pub(super) fn facings(
+    cloud: &PointCloud,
+    chosen: &[usize],
+    positions: &[[f32; 3]],
+    tree: &KdTree,
+) -> Option<Vec<[f32; 3]>> {
+    if cloud.viewpoints().is_none() && cloud.normals().is_none() {
+        return None;
+    }
+    let facings: Vec<[f32; 3]> = chosen.iter().map(|&i| cloud.facing_of(i)).collect();
+    (cloud.viewpoints().is_some() || are_oriented(&facings, positions, tree)).then_some(facings)
+}
+
+/// True when enough normals point to the side of their nearest neighbour's.
+fn are_oriented(normals: &[[f32; 3]], positions: &[[f32; 3]], tree: &KdTree) -> bool {
+    let (mut agree, mut compared) = (0_usize, 0_usize);
+    let mut near = Vec::new();
+    for i in (0..normals.len()).step_by(normals.len().div_ceil(MAX_COMPARED).max(1)) {
+        tree.k_nearest(positions[i], 2, &mut near);
+        let Some(other) = near.iter().map(|n| n.index()).find(|&j| j != i) else { continue };
+        let product = dot(normals[i], normals[other]);
+        // Neither across an edge nor of length zero.
+        if product.abs() > 0.5 {
+            compared += 1;
+            agree += usize::from(product > 0.0);
+        }
+    }
+    compared > 0 && agree as f64 >= ORIENTED_SHARE * compared as f64
+}
