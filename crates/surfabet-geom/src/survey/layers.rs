@@ -26,6 +26,9 @@ const NOISES: f64 = 2.5;
 /// Neighbours whose plane is along both faces of a wall, where that of the nearest few may lie across.
 const MORE_NEIGHBORS: usize = 48;
 
+/// Neighbours that are on one line where points are on scan lines: fewer are wide with noise, more are on two lines.
+const LINE_NEIGHBORS: usize = 16;
+
 /// Least ratio of the deviations along the two axes of a plane: the points of a single scan line have no normal.
 const LEAST_WIDTH: f64 = 0.3;
 
@@ -68,15 +71,25 @@ fn most_frequent(mut values: Vec<f64>) -> Vec<f64> {
 
 /// Distance along the normal of the plane about a point from the layer of the point to the nearest other one.
 fn gap_at(sample: &Sample, planes: &Planes, spacing: f64, point: usize) -> Option<f64> {
-    let few = planes.neighbors;
-    let more = MORE_NEIGHBORS.max(few);
-    let column = |neighbors: usize| Column::about(sample, spacing, point, neighbors);
+    normal_at(sample, point, LINE_NEIGHBORS)?;
+    let few = normal_at(sample, point, planes.neighbors)?;
+    let more = normal_at(sample, point, planes.neighbors.max(MORE_NEIGHBORS))?;
+    let column = |normal: [f64; 3]| Column::about(sample, spacing, point, normal);
     if sample.facings.is_some() {
         // All neighbours are on the same face, and the nearest follow it best.
         let least = NOISES * planes.noise;
-        return [few, more].into_iter().find_map(|n| column(n)?.gap_to_opposite(least));
+        return [few, more].into_iter().find_map(|normal| column(normal).gap_to_opposite(least));
     }
-    [more, few].into_iter().find_map(|n| column(n)?.empty_gap(SPACINGS * spacing))
+    [more, few].into_iter().find_map(|normal| column(normal).empty_gap(SPACINGS * spacing))
+}
+
+/// Normal of the plane about a point; `None` on a line: what lies beside a scan line is not behind the surface.
+fn normal_at(sample: &Sample, point: usize, neighbors: usize) -> Option<[f64; 3]> {
+    let near = sample.near(point, neighbors);
+    let moments = Moments::about(sample.positions[point], sample.positions_of(&near));
+    let axes = moments.principal_axes()?;
+    let is_line = axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2];
+    (!is_line).then(|| axes.normal())
 }
 
 /// Points above and below a point.
@@ -86,19 +99,14 @@ struct Column {
 }
 
 impl Column {
-    /// The column across the plane of the nearest points; `None` where they are on a line.
-    fn about(sample: &Sample, spacing: f64, point: usize, neighbors: usize) -> Option<Self> {
+    /// The column about a point along a normal.
+    fn about(sample: &Sample, spacing: f64, point: usize, normal: [f64; 3]) -> Self {
         let about = sample.positions[point];
-        let mut near = sample.near(point, neighbors);
-        let axes = Moments::about(about, sample.positions_of(&near)).principal_axes()?;
-        if axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2] {
-            return None;
-        }
-        let normal = axes.normal();
         let facing = |i: usize| {
             sample.facings.as_ref().map_or(0.0, |facings| dot(facings[i].map(f64::from), normal))
         };
         let own = facing(point);
+        let mut near = Vec::new();
         sample.tree.within(about, (REACH * spacing) as f32, &mut near);
         let mut heights: Vec<(f64, bool)> = near
             .iter()
@@ -111,7 +119,7 @@ impl Column {
             })
             .collect();
         heights.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Some(Self { heights })
+        Self { heights }
     }
 
     /// Distance from the mean height of the points that face the point's own way to that of those that face the other way,
