@@ -2,8 +2,7 @@
 //!
 //! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
 //! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
-//! What other values of most of them change is in `docs/benchmarks/constants.md`, with those that were not measured one
-//! by one.
+//! What other values of 24 of the 51 change is in `docs/benchmarks/constants.md`, with a list of the others.
 
 // Surfaces.
 
