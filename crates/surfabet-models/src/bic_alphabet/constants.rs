@@ -1,5 +1,6 @@
 //! Tuned constants of the method. What a user may set is in [`BicAlphabetOptions`](super::BicAlphabetOptions); what the
-//! file format fixes is beside the code that writes it.
+//! file format fixes is beside the code that writes it. What half and double change on a laser scan of a room is in
+//! `docs/benchmarks/constants.md`.
 
 // The radius of words, where it is not given.
 
@@ -15,27 +16,31 @@ pub(super) const RADII_PER_SCENE: f64 = 300.0;
 pub(super) const ANY_RADIUS: f64 = 0.1;
 
 /// Side of a pixel of the range image (III-C) in angles between beams, alpha: scanners differ in both directions, and a
-/// pixel should not be empty. The effect of other
-/// values was not measured.
+/// pixel should not be empty. Half
+/// costs 1 percent of the bytes, double saves 3 at a quarter more outliers.
 pub(super) const PIXEL_PER_ALPHA: f64 = 1.5;
 
-/// Least side of a pixel of the range image, radians, so that an image has at most 8 million pixels.
+/// Least side of a pixel of the range image, radians, so that an image has at most 8 million pixels. Half and double
+/// give the same file.
 pub(super) const LEAST_PIXEL: f64 = 0.0016;
 
-/// Least share of a Gaussian's weight that has to lie on pixels with a point. The effect of other values was not
-/// measured.
+/// Least share of a Gaussian's weight that has to lie on pixels with a point. Half saves 2 percent of the bytes, double
+/// costs 3; the BIC changes by 0.4 percent.
 pub(super) const LEAST_WEIGHT: f32 = 0.3;
 
-/// Least distance between interest points in feature spacings: nearer ones would describe the same structure. The
-/// effect of other values was not measured.
+/// Least distance between interest points in feature spacings: nearer ones would describe the same structure. Half
+/// saves 8 percent of the bytes at 15 percent more outliers, double costs 2 with 13 percent fewer.
 pub(super) const INTEREST_SPACING: f32 = 0.5;
 
 /// Bandwidth of a descriptor's pixel in mean spacings of the points about the feature, where that is more than a pixel:
-/// a feature far away has only a few points. The effect of other values was not measured.
+/// a feature far away has only a few points. Half lowers the BIC by 5 percent and costs 9 percent of the bytes, for 4
+/// percent more inliers and 7 percent more outliers; double lowers it by 1 and saves 4, for 3 percent fewer inliers and 18 percent
+/// more outliers. One seed of one scan; 0.7 stays.
 pub(super) const BANDWIDTH: f32 = 0.7;
 
 /// Largest distance of an occurrence's points from its middle, in radii: a word's points lie within one radius before
-/// each coordinate is rounded to 1/64 of it, by at most `sqrt(3) / 128` = 0.014 in all.
+/// each coordinate is rounded to 1/64 of it, by at most `sqrt(3) / 128` = 0.014 in all. 1.015 and 1.06
+/// give the same file.
 pub(super) const OCCURRENCE_RADIUS: f32 = 1.03;
 
 /// Most candidates tried at once per thread; results do not depend on it. While candidates are rejected, twice as many

@@ -21,7 +21,8 @@ pub(super) const POSITION_STEP: f64 = 0.25;
 
 /// Share of a patch's pixels that must be left above the lowest level when those that deviate too much are masked
 /// out: below it, the patches of the next level describe the same with fewer poses than would be needed twice. In
-/// the room 0.75 saves 4 percent of the bytes and 2 of the rmse and 0.25 costs 4 and 3; in the frame 0.75 costs 1 percent.
+/// the room 0.75 saves 4 percent of the bytes and 2 of the rmse and 0.25 costs 4 and 3; in the frame 0.75 costs 1 percent. At the
+/// default pixels 0.75 saves the frame 4 percent, and changes single scans by -0.3 to 0.6.
 pub(super) const LEFT_PIXELS: f64 = 0.5;
 
 /// Above the lowest level growth accepts depths within this many times the largest deviation, sqrt(3): a layer of

@@ -48,7 +48,8 @@ pub(super) const SAMPLE_SIZE: f64 = 0.5;
 
 /// Side of the cells that normals are fitted in, pixels; each takes its 26 neighbours in. Double saves the
 /// simulated room 12 percent of its bytes at 2 percent more rmse, and costs the frame 5 and 12 percent; half costs the room
-/// 84 percent.
+/// 84 percent. At the default pixels double costs rooms 3 to 4 percent at 7 to 10 percent more rmse, and laser scans up to 20
+/// percent of rmse.
 pub(super) const NORMAL_CELL: f32 = 2.0;
 
 /// The least side of these cells in gaps between surfaces that lie close behind one another: with its neighbours a cell is
@@ -81,6 +82,7 @@ pub(super) const SIDE_AGREEMENT: f32 = 0.85;
 
 /// Samples of a column further apart than this are two runs, pixels: several empty samples of [`SAMPLE_SIZE`]. Half
 /// costs the room 9 percent of its bytes, double saves 9 and 2 percent of the rmse; the frame hardly changes.
+/// Laser scans have up to a fifth more rmse with double, since surfaces behind one another become one.
 pub(super) const MAX_GAP: f32 = 2.5;
 
 /// The same where surfaces lie close behind one another: this share of the gap between them, but at least so many pixels,
@@ -114,7 +116,9 @@ pub(super) const THINNEST: f32 = 0.25;
 
 /// Sheets of fewer samples are small: they are joined to others, and may be left out of the model at the price of
 /// their distance to the large ones. A full patch of one layer of
-/// samples has as many. Half saves the room 20 percent of its bytes at 4 percent more rmse, double costs 13.
+/// samples has as many. Half saves the room 20 percent of its bytes at 4 percent more rmse, double costs 13. With points
+/// beside the patches up to the same completeness half saves two rooms and a kitchen 3 to 10 percent and changes other
+/// scenes by at most 1.1; a corner with much noise takes 3 percent more on average.
 pub(super) const SMALL_SHEET: f32 = 256.0;
 
 /// Reaches at which small sheets are joined to others, pixels, one after the other: for surfaces that are sampled more
