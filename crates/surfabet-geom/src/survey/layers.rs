@@ -125,17 +125,17 @@ impl Column {
     /// Distance from the mean height of the points that face the point's own way to that of those that face the other way,
     /// if it is at least `least`.
     fn gap_to_opposite(&self, least: f64) -> Option<f64> {
-        let mean = |opposite: bool| {
+        let height = |opposite: bool| {
             let of: Vec<f64> =
                 self.heights.iter().filter(|h| h.1 == opposite).map(|h| h.0).collect();
-            (of.len() >= LEAST_POINTS).then(|| of.iter().sum::<f64>() / of.len() as f64)
+            (of.len() >= LEAST_POINTS).then(|| mean(&of))
         };
-        let gap = (mean(true)? - mean(false)?).abs();
+        let gap = (height(true)? - height(false)?).abs();
         (gap >= least).then_some(gap)
     }
 
-    /// Width of the nearest empty stretch of heights, upwards or downwards, that is at least `least` wide and wide against
-    /// the deviations of the layers on both of its sides.
+    /// Distance between the mean heights of two layers: the one of the point, and the nearest, upwards or downwards, behind an
+    /// empty stretch of at least `least` that is wide against the deviations of both.
     fn empty_gap(&self, least: f64) -> Option<f64> {
         let heights: Vec<f64> = self.heights.iter().map(|h| h.0).collect();
         let own = heights.partition_point(|&h| h < 0.0).min(heights.len() - 1);
@@ -148,22 +148,26 @@ impl Column {
             let to = borders.get(border + 1).copied().unwrap_or(heights.len());
             (&heights[from..borders[border]], &heights[borders[border]..to])
         };
-        let width = |border: usize| {
+        let distance = |border: usize| {
             let (below, above) = ends(border);
             let width = above[0] - below[below.len() - 1];
             let enough = below.len().min(above.len()) >= LEAST_POINTS;
             let spread = deviation(below).max(deviation(above));
-            (enough && width >= DEVIATIONS * spread).then_some(width)
+            (enough && width >= DEVIATIONS * spread).then(|| mean(above) - mean(below))
         };
-        let up = (next < borders.len()).then(|| width(next)).flatten();
-        let down = (next > 0).then(|| width(next - 1)).flatten();
+        let up = (next < borders.len()).then(|| distance(next)).flatten();
+        let down = (next > 0).then(|| distance(next - 1)).flatten();
         [up, down].into_iter().flatten().min_by(f64::total_cmp)
     }
 }
 
+fn mean(heights: &[f64]) -> f64 {
+    heights.iter().sum::<f64>() / heights.len() as f64
+}
+
 /// Standard deviation of some heights about their mean.
 fn deviation(heights: &[f64]) -> f64 {
-    let n = heights.len() as f64;
-    let mean = heights.iter().sum::<f64>() / n;
-    (heights.iter().map(|h| (h - mean).powi(2)).sum::<f64>() / n).sqrt()
+    let middle = mean(heights);
+    let squares: f64 = heights.iter().map(|h| (h - middle).powi(2)).sum();
+    (squares / heights.len() as f64).sqrt()
 }

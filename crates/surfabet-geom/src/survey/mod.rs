@@ -111,6 +111,7 @@ mod tests {
     use surfabet_base::Silent;
 
     use super::*;
+    use crate::cloud::CloudParts;
 
     /// Points of a square lattice of spacing `step`, `n` to a side, moved by `moved`.
     fn lattice(n: i32, step: f32, moved: impl Fn(i32, i32) -> [f32; 3]) -> Vec<[f32; 3]> {
@@ -166,6 +167,42 @@ mod tests {
         let gap = survey(both).layer_gap.unwrap();
         assert!((0.026..0.031).contains(&gap), "{gap}");
         assert_eq!(survey(front).layer_gap, None);
+    }
+
+    /// A wall of two faces with opposite normals, and heights that overlap: a standard deviation of a third of the gap.
+    fn overlapping_faces(oriented: bool) -> PointCloud {
+        let front = lattice(80, 0.01, |i, j| [0.0, 0.0, 0.01 * 3.0_f32.sqrt() * spread(i, j)]);
+        let back = lattice(80, 0.01, |i, j| [0.0, 0.0, 0.03 + 0.017 * spread(j + 7, i)]);
+        let sign = |i: usize| if oriented || i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let of_front = (0..front.len()).map(|i| [0.0, 0.0, -sign(i)]);
+        let of_back = (0..back.len()).map(|i| [0.0, 0.0, sign(i)]);
+        let normals = of_front.chain(of_back).collect();
+        let positions = front.iter().chain(&back).copied().collect();
+        let parts = CloudParts { positions, normals: Some(normals), ..CloudParts::default() };
+        PointCloud::from_parts(parts).unwrap().0
+    }
+
+    #[test]
+    fn faces_whose_points_overlap_are_told_apart_by_their_normals() {
+        let found = Survey::of(&overlapping_faces(true), &Silent).unwrap();
+        assert!(found.has_facings);
+        let gap = found.layer_gap.unwrap();
+        assert!((0.025..0.035).contains(&gap), "{gap}");
+        // Normals of random signs say nothing.
+        let found = Survey::of(&overlapping_faces(false), &Silent).unwrap();
+        assert!(!found.has_facings);
+        assert_eq!(found.layer_gap, None);
+    }
+
+    #[test]
+    fn there_are_no_layers_between_scan_lines() {
+        // Rows 20 cm apart, with noise as wide as two steps along them.
+        let rows = (0..40).flat_map(|row| (0..400).map(move |i| (row, i)));
+        let at = |(row, i): (i32, i32)| {
+            let noise = [0.02 * spread(i, row), 0.02 * spread(row, i + 3)];
+            [0.01 * i as f32, noise[0], 0.2 * row as f32 + 0.1 * noise[1]]
+        };
+        assert_eq!(survey(rows.map(at).collect()).layer_gap, None);
     }
 
     #[test]
