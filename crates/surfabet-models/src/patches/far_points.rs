@@ -6,7 +6,6 @@ use surfabet_geom::{KdTree, PointCloud, Progress};
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
 use super::samples::cells::LIMIT;
-use crate::contract::DecodeOptions;
 use crate::error::{Error, Result};
 
 /// Points whose distances tell whether enough are near: with as many, a share is exact to a tenth of a percent.
@@ -105,9 +104,8 @@ fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
 
 /// What the patches decode to as measured; `None` when that is nothing.
 fn as_measured(model: &PatchModel, progress: &dyn Progress) -> Result<Option<KdTree>> {
-    let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
-    let decoded = model.decode(options, progress)?;
-    if decoded.is_empty() { Ok(None) } else { Ok(Some(KdTree::new(decoded.positions())?)) }
+    let decoded = model.positions_as_measured(progress)?;
+    if decoded.is_empty() { Ok(None) } else { Ok(Some(KdTree::new(&decoded)?)) }
 }
 
 /// The `positions` that are further than `limit` from all decoded ones.

@@ -113,13 +113,17 @@ pub fn learn(
     })?;
     // 4. to 6. Shapes, least cost, bits.
     let density = samples_per_pixel(&sheets);
+    let n_sheets = sheets.len();
     let (geometry, bytes) = stages
         .run("choosing patches", |progress| choose(lattice, &sheets, density, options, progress))?;
+    // Memory that the last stages need.
+    drop(sheets);
     // 7. Colour and other attributes.
     let (attributes, attribute_figures) = stages.run("adding attributes", |_| {
         attributes(&chosen, &samples, &lattice, &geometry.leaves, options)
     })?;
-    let attribute_cells = attributes.cells.len();
+    let (n_samples, attribute_cells) = (samples.all.len(), attributes.cells.len());
+    drop(samples);
     let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
     // 8. Points beside the patches.
     model = stages.run("checking the bound", |progress| match options.max_error {
@@ -133,8 +137,8 @@ pub fn learn(
 
     let figures = PatchesFigures {
         points: cloud.len(),
-        samples: samples.all.len(),
-        sheets: sheets.len(),
+        samples: n_samples,
+        sheets: n_sheets,
         samples_per_pixel: density,
         attribute_cells,
         patches: model.len(),

@@ -12,11 +12,12 @@ use self::fragments::fragments;
 use self::nearest::NearestPatch;
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
-use crate::patches::model::{PATCH_PIXELS, PatchModel};
+use crate::patches::model::{Lattice, PATCH_PIXELS, PatchModel};
 use crate::patches::sheets::axes_of;
 use crate::patches::surface::basis::{DEGREES, N_SHAPES, derivative, value};
 use crate::patches::surface::leaf::Leaf;
 use crate::points::Points;
+use crate::vector::dot;
 
 /// Patches that one task decodes.
 const BLOCK: usize = 32;
@@ -33,13 +34,49 @@ impl PatchModel {
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
     /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
+        let mut surface = self.surface(options, progress)?;
+        let all = &mut surface.points;
+        if options.normals && all.positions.len() > surface.first_beside {
+            let nearest = NearestPatch::new(self.lattice(), &surface.kept)?;
+            let beside = &all.positions[surface.first_beside..];
+            all.normals.extend(beside.iter().map(|&p| nearest.normal(p)));
+        }
+        let sampler = Sampler::new(self.attributes());
+        let attributes = sampler.at(&all.positions, progress)?;
+        progress.update("decoding", 1.0);
+        let Points { positions, normals, .. } = surface.points;
+        let rotation = Rotation::of(self.lattice());
+        let rotated = |normals: Vec<[f32; 3]>| {
+            normals.into_par_iter().map(|n| rotation.of_direction(n)).collect()
+        };
+        let parts = CloudParts {
+            origin: self.lattice().origin,
+            positions: rotation.of_positions(positions),
+            normals: options.normals.then(|| rotated(normals)),
+            ..attributes
+        };
+        Ok(PointCloud::from_parts(parts)?.0)
+    }
+
+    /// The positions of the model as measured, at the spacing that it was made for, metres about the origin.
+    ///
+    /// # Errors
+    /// As [`PatchModel::decode`].
+    pub(super) fn positions_as_measured(&self, progress: &dyn Progress) -> Result<Vec<[f32; 3]>> {
+        let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
+        let surface = self.surface(options, progress)?;
+        Ok(Rotation::of(self.lattice()).of_positions(surface.points.positions))
+    }
+
+    /// Points of the patches, and those beside them, in the frame of the lattice.
+    fn surface(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<Surface<'_>> {
         let pixel = self.lattice().pixel_size;
         let resolution = options.spacing(0.5 * pixel)?;
         let spacing = resolution / pixel;
-        let points = bound(self, spacing, options.as_measured) + self.header().n_extra as f64;
-        check_points(resolution, points, options.max_points)?;
+        let n_points = bound(self, spacing, options.as_measured) + self.header().n_extra as f64;
+        check_points(resolution, n_points, options.max_points)?;
         let decoder = Decoder::new(self, spacing, options);
-        let mut all = Points::default();
+        let mut points = Points::default();
         // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = if options.as_measured {
             vec![false; self.len()]
@@ -48,36 +85,46 @@ impl PatchModel {
         };
         let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
         let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
-        all.extend(&kept, BLOCK, progress, |leaves, points| {
+        points.extend(&kept, BLOCK, progress, |leaves, points| {
             leaves.iter().for_each(|leaf| decoder.leaf(leaf, points));
         })?;
         let beside = self.points().into_iter().map(|p| p.map(|c| c / pixel as f32));
-        let first_beside = all.positions.len();
-        all.positions.extend(beside);
-        if options.normals && all.positions.len() > first_beside {
-            let nearest = NearestPatch::new(self.lattice(), &kept)?;
-            let beside = &all.positions[first_beside..];
-            all.normals.extend(beside.iter().map(|&p| nearest.normal(p)));
-        }
-        let sampler = Sampler::new(self.attributes());
-        let attributes = sampler.at(&all.positions, progress)?;
-        progress.update("decoding", 1.0);
-        let rows = self.lattice().orientation.rotation().map(|row| row.map(|c| c as f32));
-        let rotate = |p: [f32; 3]| -> [f32; 3] {
-            std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
-        };
-        let scale = pixel as f32;
-        let parts = CloudParts {
-            origin: self.lattice().origin,
-            positions: all
-                .positions
-                .into_par_iter()
-                .map(|p| rotate(p.map(|c| c * scale)))
-                .collect(),
-            normals: options.normals.then(|| all.normals.into_par_iter().map(rotate).collect()),
-            ..attributes
-        };
-        Ok(PointCloud::from_parts(parts)?.0)
+        let first_beside = points.positions.len();
+        points.positions.extend(beside);
+        Ok(Surface { points, first_beside, kept })
+    }
+}
+
+/// What the patches give.
+struct Surface<'a> {
+    /// Positions, pixels; normals of those that are on patches.
+    points: Points,
+    /// Number of the first point beside the patches.
+    first_beside: usize,
+    /// The patches, without fragments that are left out.
+    kept: Vec<&'a Leaf>,
+}
+
+/// From the frame of the lattice to that of the world.
+struct Rotation {
+    rows: [[f32; 3]; 3],
+    pixel: f32,
+}
+
+impl Rotation {
+    fn of(lattice: Lattice) -> Self {
+        let rows = lattice.orientation.rotation().map(|row| row.map(|c| c as f32));
+        Self { rows, pixel: lattice.pixel_size as f32 }
+    }
+
+    fn of_direction(&self, p: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| dot(self.rows[a], p))
+    }
+
+    /// Positions in pixels as metres about the origin.
+    fn of_positions(&self, positions: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
+        let moved = |p: [f32; 3]| self.of_direction(p.map(|c| c * self.pixel));
+        positions.into_par_iter().map(moved).collect()
     }
 }
 
