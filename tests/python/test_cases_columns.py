@@ -3,7 +3,6 @@ without a word."""
 
 from __future__ import annotations
 
-import gzip
 import re
 import warnings
 from pathlib import Path
@@ -638,14 +637,6 @@ def test_structured_arrays_with_triples(tmp_path: Path) -> None:
     assert (cloud.attributes, said) == (["colors", "normals", "label"], "")
     np.savez(tmp_path / "a.npz", ROOM.points, np.arange(N))
     assert_room(told(tmp_path / "a.npz")[0], colors=False)
-
-
-@pytest.mark.parametrize("suffix", [".ply", ".las", ".xyz", ".bin"])
-@pytest.mark.parametrize("format", [None, "ply"])
-def test_packed_files_are_named(tmp_path: Path, suffix: str, format: str | None) -> None:
-    data = gzip.compress(made.ply(ROOM.columns()))
-    with pytest.raises(sb.FormatError, match="is gzip: unpack it"):
-        read(tmp_path / f"a{suffix}", data, format=format)
 
 
 # OBJ
