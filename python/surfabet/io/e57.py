@@ -28,6 +28,7 @@ from surfabet.io._columns import (
     colors_from,
     is_normals,
     no_returns,
+    note_rounded,
     recorded,
     warn_lost,
 )
@@ -216,7 +217,9 @@ def _colors(
     largest = rows.max(initial=0)
     # A range that the values leave or never come near is wrong.
     if full is not None and full > 0 and largest <= full and (full <= 255 or largest > 255):
-        colors = np.rint(np.maximum(rows, 0) * (255 / full)).astype(np.uint8)
+        rows = np.maximum(rows, 0)
+        colors = np.rint(rows * (255 / full)).astype(np.uint8)
+        note_rounded(rows, colors, full, notes)
     else:
         colors = colors_from(path, list(rows.T), notes)
     return recorded(colors, "colours", notes)
@@ -262,7 +265,7 @@ def _wanted(
             notes.aside(f"field {name}, which holds no numbers")
         elif name in (*_CARTESIAN, *_SPHERICAL, *_COLORS):
             types[name] = np.dtype(np.float64)
-        elif name in ("intensity", *_NORMALS):
+        elif name in _NORMALS or (name == "intensity" and dtype.kind == "f"):
             types[name] = np.dtype(np.float32)
         else:
             types[name] = dtype

@@ -304,8 +304,11 @@ def _splat_colors(columns: dict[str, Column], notes: Notes) -> dict[str, Column]
         "a 3D Gaussian splat: its centres are read as points with their base colours, not its "
         "shapes, opacities and reflections, which are kept as columns"
     )
-    colors = {
-        name: np.clip(0.5 + _HARMONIC_0 * columns[key].astype(np.float64), 0, 1)
+    # The file's own numbers stay as columns, so nothing is lost by 8 bits.
+    colors: dict[str, Column] = {
+        name: np.rint(
+            255 * np.clip(np.nan_to_num(0.5 + _HARMONIC_0 * columns[key].astype(np.float64)), 0, 1)
+        ).astype(np.uint8)
         for name, key in zip(("red", "green", "blue"), _SPLAT_COLORS, strict=True)
     }
     return columns if columns.keys() & colors.keys() else columns | colors
