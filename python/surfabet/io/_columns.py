@@ -52,7 +52,7 @@ _SAME_COLOR = 1e-3
 
 
 # Longer than any descriptor of points in use (640 values); what is longer is padding or an image.
-_MOST_VALUES = 1024
+MOST_VALUES = 1024
 # Points that are looked at for how many measurements share a place.
 _NEAR = 1000
 
@@ -142,7 +142,9 @@ def colors_from(
     channels = list(channels)
     if all(c.dtype == np.uint8 for c in channels):
         return _stack(channels, np.uint8)
-    rows = _stack(channels, np.result_type(*channels))
+    dtype = np.result_type(*channels)
+    # Half precision does not reach 65535.
+    rows = _stack(channels, np.float32 if dtype == np.float16 else dtype)
     if len(rows) == 0:
         return np.empty((0, 3), np.uint8)
     if rows.dtype.kind == "f":
@@ -183,6 +185,8 @@ def _unpacked(packed: Column) -> list[Column] | None:
     The number may be an integer, a float of the same bits, or a float of the integer's value, as
     text files have it.
     """
+    if packed.dtype.itemsize < 4:
+        return None
     if packed.dtype.kind == "f":
         known = packed[np.isfinite(packed)]
         digits = (known >= 0) & (known < 2**32) & (known == np.rint(known))
@@ -191,8 +195,6 @@ def _unpacked(packed: Column) -> list[Column] | None:
         else:
             with np.errstate(over="ignore"):
                 packed = packed.astype(np.float32)
-    elif packed.dtype.itemsize < 4:
-        return None
     if packed.dtype.itemsize == 8:
         if len(packed) and (packed.min() < 0 or packed.max() >= 2**32):
             return None
@@ -321,8 +323,8 @@ def _take_colors(path: Path, columns: _Columns, notes: Notes) -> Column | None:
         del columns.left[key]
         *bgr, alpha = channels
         colors = _stack(bgr[::-1], np.uint8)
-        if len(alpha) and key.lower() == "rgba" and (alpha != alpha[0]).any():
-            columns.left.setdefault("alpha", alpha)
+        if len(alpha) and (alpha != alpha[0]).any():
+            add_columns(columns.left, {"alpha": alpha}, notes)
     return colors
 
 
@@ -443,10 +445,22 @@ def cloud_from_columns(
 
 def lists_of(name: str, rows: Column, notes: Notes) -> dict[str, Column]:
     """The (n, k) values of a field as columns `name_0`, `name_1`, ...; too many are left aside."""
-    if rows.shape[1] > _MOST_VALUES:
+    if rows.shape[1] > MOST_VALUES:
         notes.aside(f"{name} of {rows.shape[1]:,} values per point")
         return {}
     return {f"{name}_{k}": rows[:, k] for k in range(rows.shape[1])}
+
+
+def add_columns(
+    columns: dict[str, Column], others: Mapping[str, Column], notes: Notes
+) -> dict[str, Column]:
+    """Adds the others whose names are still free, and says which are not."""
+    for name, column in others.items():
+        if name in columns:
+            notes.aside(f"a second column {name:.40}")
+        else:
+            columns[name] = column
+    return columns
 
 
 def written_names(cloud: PointCloud) -> dict[str, str]:

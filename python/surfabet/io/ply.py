@@ -318,9 +318,14 @@ def _note_rest(elements: list[_Element], used: set[str], notes: Notes) -> None:
     """Says which elements and lists of the file are not read."""
     for element in elements:
         if element.name not in used:
-            notes.aside(f"element {element.name} ({element.count:,})")
-        elif lists := [p.name for p in element.properties if p.count_dtype]:
-            notes.aside(f"lists {', '.join(lists)} of {element.name}")
+            if element.count:
+                notes.aside(f"element {element.name} ({element.count:,})")
+            continue
+        lost = [p.name for p in element.properties if p.count_dtype]
+        if element.name == "viewpoint":
+            lost = [p.name for p in element.properties if p.name not in ("x", "y", "z")]
+        if lost:
+            notes.aside(f"lists {', '.join(lost)} of {element.name}")
 
 
 def read_ply(path: Path) -> PointCloud:
