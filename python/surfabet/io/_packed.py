@@ -21,8 +21,8 @@ from surfabet.io._files import called, format_error, optional_module
 
 LARGEST_RATIO = 200
 """Text with most cells empty packs to a fiftieth; what packs to less than this holds no scan."""
-_FREE = 1 << 26
-"""Bytes that anything may grow to: small files of equal points pack better."""
+FREE_BYTES = 1 << 26
+"""What anything may grow to: small files of equal points pack better."""
 _PART = 1 << 20
 # Enough for the marks of all formats, of COPC and of tar.
 _START = 512
@@ -42,7 +42,7 @@ def zstd_module() -> Any:
 
 def is_bomb(packed: int, unpacked: int) -> bool:
     """Whether so many bytes made of so many are more than any scan packs to."""
-    return unpacked > max(_FREE, LARGEST_RATIO * packed)
+    return unpacked > max(FREE_BYTES, LARGEST_RATIO * packed)
 
 
 def _gzip_parts(file: BinaryIO) -> Iterator[bytes]:
@@ -51,7 +51,7 @@ def _gzip_parts(file: BinaryIO) -> Iterator[bytes]:
             yield part
 
 
-def _parts(file: BinaryIO, new: Callable[[], Any]) -> Iterator[bytes]:
+def parts_of(file: BinaryIO, new: Callable[[], Any]) -> Iterator[bytes]:
     """The contents of all streams in a file, with a new decoder for each."""
     decoder = new()
     while True:
@@ -73,12 +73,12 @@ def _xz_decoder() -> lzma.LZMADecompressor:
 
 _KINDS: dict[bytes, tuple[str, str, Callable[[BinaryIO], Iterator[bytes]]]] = {
     b"\x1f\x8b\x08": ("gzip", "gunzip", _gzip_parts),
-    b"BZh": ("bzip2", "bunzip2", lambda file: _parts(file, bz2.BZ2Decompressor)),
-    b"\xfd7zXZ\x00": ("xz", "unxz", lambda file: _parts(file, _xz_decoder)),
+    b"BZh": ("bzip2", "bunzip2", lambda file: parts_of(file, bz2.BZ2Decompressor)),
+    b"\xfd7zXZ\x00": ("xz", "unxz", lambda file: parts_of(file, _xz_decoder)),
     b"\x28\xb5\x2f\xfd": (
         "zstd",
         "unzstd",
-        lambda file: _parts(file, zstd_module().ZstdDecompressor),
+        lambda file: parts_of(file, zstd_module().ZstdDecompressor),
     ),
 }
 
