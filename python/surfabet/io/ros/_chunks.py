@@ -167,7 +167,7 @@ def bound_chunks(path: Path, reader: Any) -> None:
     for part in reader.readers:
         for at, chunk in getattr(part, "chunks", {}).items():
             part.chunks[at] = chunk._replace(decompressor=_bounded(path, chunk.decompressor))
-        whole = getattr(part, "storage", None)
+        whole: Any = getattr(part, "storage", None)
         for storage in getattr(whole, "storages", (whole,)):
             if not (chunks := getattr(storage, "chunks", ())):
                 continue
