@@ -271,7 +271,7 @@ def gpcc(cloud: sb.PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
         whole = (millimetres - low).astype(np.float32)
         sb.write(source, sb.PointCloud(whole, colors=cloud.colors, origin=(0, 0, 0)))
         began = cpu_seconds()
-        log = _run(
+        log = run(
             tmc3,
             "--mode=0",
             f"--uncompressedDataPath={source}",
@@ -279,7 +279,7 @@ def gpcc(cloud: sb.PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
             *setting.options(),
         )
         encoded = cpu_seconds()
-        _run(
+        run(
             tmc3,
             "--mode=1",
             f"--compressedStreamPath={stream}",
@@ -294,7 +294,8 @@ def gpcc(cloud: sb.PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
     return Coded(size, size - colors, encoded - began, seconds, decoded)
 
 
-def _run(*command: Path | str) -> str:
+def run(*command: Path | str) -> str:
+    """What a program prints; leaves with all of it where it fails."""
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(f"{' '.join(map(str, command))}\n{done.stdout}\n{done.stderr}")

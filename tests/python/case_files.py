@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -178,3 +179,14 @@ def e57(
     writer.close()
     image.close()
     return path
+
+
+def peak_memory() -> int:
+    """Most memory that this process has held, kibibytes; 0 where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # macOS counts bytes.
+    return peak // 1024 if sys.platform == "darwin" else peak

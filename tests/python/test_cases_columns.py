@@ -3,7 +3,6 @@ without a word."""
 
 from __future__ import annotations
 
-import gzip
 import re
 import warnings
 from pathlib import Path
@@ -640,12 +639,76 @@ def test_structured_arrays_with_triples(tmp_path: Path) -> None:
     assert_room(told(tmp_path / "a.npz")[0], colors=False)
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".las", ".xyz", ".bin"])
-@pytest.mark.parametrize("format", [None, "ply"])
-def test_packed_files_are_named(tmp_path: Path, suffix: str, format: str | None) -> None:
-    data = gzip.compress(made.ply(ROOM.columns()))
-    with pytest.raises(sb.FormatError, match="is gzip: unpack it"):
-        read(tmp_path / f"a{suffix}", data, format=format)
+# Precision
+
+BEYOND = "what colours have beyond 8 bits per channel"
+FINE = ROOM.colors.astype(np.uint16) * 256 + np.arange(N, dtype=np.uint16)[:, None] % 251
+
+
+def _scaled(factor: float, dtype: Any) -> dict[str, np.ndarray]:
+    rows = (ROOM.colors.astype(np.float64) * factor).astype(dtype)
+    return dict(zip(("red", "green", "blue"), rows.T, strict=True))
+
+
+@pytest.mark.parametrize(
+    "colors",
+    [
+        _scaled(1, np.uint8),
+        _scaled(1, np.uint16),
+        _scaled(256, np.uint16),
+        _scaled(257, np.uint16),
+        _scaled(1 / 255, np.float32),
+        _scaled(1 / 255, np.float64),
+        _scaled(1, np.float32),
+        _scaled(257, np.float32),
+    ],
+)
+def test_colors_of_8_bits_are_told_in_any_field(colors: Any, tmp_path: Path) -> None:
+    cloud, said = read(tmp_path / "a.ply", made.ply(ROOM.columns() | colors))
+    assert said == ""
+    np.testing.assert_allclose(cloud.colors, ROOM.colors, rtol=0, atol=1)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.int32, np.float32, np.float64])
+@pytest.mark.parametrize("divisor", [1, 65535])
+def test_finer_colors_are_told(dtype: Any, divisor: int, tmp_path: Path) -> None:
+    if divisor > 1 and np.dtype(dtype).kind != "f":
+        return
+    rgb = dict(zip(("red", "green", "blue"), (FINE / divisor).astype(dtype).T, strict=True))
+    cloud, said = read(tmp_path / "a.ply", made.ply(ROOM.columns() | rgb))
+    assert BEYOND in said
+    np.testing.assert_allclose(cloud.colors, FINE / 257, rtol=0, atol=0.51)
+
+
+def test_finer_colors_are_told_of_every_format(tmp_path: Path) -> None:
+    rgb = dict(zip(("red", "green", "blue"), FINE.T, strict=True))
+    _, said = told(made.las(tmp_path / "a.las", ROOM.points, rgb))
+    assert BEYOND in said
+    coarse = {name: values // 256 * 256 for name, values in rgb.items()}
+    _, said = told(made.las(tmp_path / "b.las", ROOM.points, coarse))
+    assert said == ""
+    fields = dict(zip(("cartesianX", "cartesianY", "cartesianZ"), ROOM.points.T, strict=True))
+    for full, expected in ((65535, True), (255, False)):
+        values = FINE if full == 65535 else FINE // 256
+        names = ("colorRed", "colorGreen", "colorBlue")
+        columns = fields | dict(zip(names, values.T, strict=True))
+        bounds = dict.fromkeys(names, (0, full))
+        _, said = told(made.e57(tmp_path / f"{full}.e57", columns, bounds=bounds))
+        assert (BEYOND in said) == expected
+    rows = np.column_stack([ROOM.points, FINE]).tolist()
+    text = "\n".join(["x y z r g b", *(" ".join(map(repr, row)) for row in rows)])
+    assert BEYOND in read(tmp_path / "a.txt", text.encode())[1]
+    np.savez(tmp_path / "a.npz", xyz=ROOM.points, rgb=FINE)
+    assert BEYOND in told(tmp_path / "a.npz")[1]
+
+
+@pytest.mark.parametrize(("largest", "lost"), [(2**24, False), (2**24 + 1, True)])
+def test_integers_beyond_single_precision_are_told(
+    largest: int, lost: bool, tmp_path: Path
+) -> None:
+    intensity = np.full(N, largest, np.uint32)
+    _, said = read(tmp_path / "a.ply", made.ply(ROOM.columns() | {"intensity": intensity}))
+    assert ("what intensities have beyond single precision" in said) == lost
 
 
 # OBJ

@@ -248,3 +248,45 @@ def test_a_model_of_nothing_is_refused(tmp_path: Path, capsys: pytest.CaptureFix
         error = refused(arguments, capsys, 1)
         assert "--model planes found no surface in 200 points to describe" in error
         assert sorted(tmp_path.iterdir()) == [source]
+
+
+def _rmse(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> float:
+    capsys.readouterr()
+    assert main(["evaluate", *map(str, arguments), "--json"]) == 0
+    return float(json.loads(capsys.readouterr().out)["rmse_pooled"])
+
+
+def test_evaluate_reads_both_clouds_by_its_options(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = np.random.default_rng(5).uniform(0, 2, (300, 3)).astype(np.float32)
+    metres, millimetres = tmp_path / "m.ply", tmp_path / "mm.ply"
+    sb.write(metres, sb.PointCloud(points))
+    sb.write(millimetres, sb.PointCloud(points * 1000))
+    assert _rmse(capsys, millimetres, millimetres, "--unit", "mm") == 0
+    shifted = tmp_path / "shifted.ply"
+    sb.write(shifted, sb.PointCloud(points * 1000 + 1))
+    assert _rmse(capsys, millimetres, shifted, "--unit", "mm") < 0.002
+    # The second in a unit of its own.
+    own = ("--unit", "mm", "--decoded.unit", "m")
+    assert _rmse(capsys, millimetres, metres, *own) < 1e-6
+    assert _rmse(capsys, millimetres, metres, "--unit", "mm") > 0.1
+
+
+def test_evaluate_passes_over_options_that_one_format_has_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = np.random.default_rng(5).uniform(0, 2, (300, 3)).astype(np.float32)
+    text, ply = tmp_path / "a.dat", tmp_path / "b.ply"
+    rows = np.column_stack([points, np.arange(300), np.arange(300) % 7])
+    text.write_text("\n".join(" ".join(map(repr, row)) for row in rows.tolist()))
+    sb.write(ply, sb.PointCloud(points))
+    options = ("--format", "xyz", "--columns", "x,y,z,_,ring")
+    for pair in ((text, text), (text, ply), (ply, text)):
+        assert _rmse(capsys, *pair, *options) < 1e-6
+    assert main(["evaluate", str(text), str(ply), *options, "--keep-noise"]) == 2
+    assert "--keep-noise: not for the format" in capsys.readouterr().err
+    own = ("--decoded.format", "xyz", "--decoded.columns", "x,y,z,_,_")
+    assert _rmse(capsys, ply, text, *own) < 1e-6
+    # Those of the first are not for the second then.
+    assert main(["evaluate", str(text), str(text), *options, "--decoded.unit", "m"]) == 1

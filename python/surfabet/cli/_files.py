@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import surfabet
@@ -13,7 +13,7 @@ from surfabet._progress import ProgressCallback
 from surfabet.cli._options import ReadOptions, UsageError, VocabularyOption
 from surfabet.errors import FormatError
 from surfabet.files import AnyModel, Vocabulary
-from surfabet.io import detect, formats, named_format
+from surfabet.io import Format, detect, formats, named_format
 
 MODEL_SUFFIX = ".sfb"
 
@@ -48,14 +48,40 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.replace(path)
 
 
-def read_cloud(path: Path, options: ReadOptions, progress: ProgressCallback) -> surfabet.PointCloud:
-    """The cloud of any readable file or folder."""
+def format_of(path: Path, options: ReadOptions, *, shared: bool = False) -> Format:
+    """The format that a file is read by.
+
+    With `shared` options the one that they name is for files whose first bytes do not tell.
+    """
+    if options.format is None:
+        return detect(path)
+    if shared:
+        with suppress(FormatError):
+            if (found := detect(path)).magic or path.is_dir():
+                return found
+    return named_format(options.format)
+
+
+def read_cloud(
+    path: Path,
+    options: ReadOptions,
+    progress: ProgressCallback,
+    *,
+    beside: Format | None = None,
+) -> surfabet.PointCloud:
+    """The cloud of any readable file or folder.
+
+    Options that are for another file, too, may be those of its format, which is `beside`.
+    """
     if path.suffix.lower() == MODEL_SUFFIX:
         raise UsageError(
             f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
         )
-    known = detect(path) if options.format is None else named_format(options.format)
+    known = format_of(path, options, shared=beside is not None)
     given = options.given()
+    if beside is not None:
+        others = set(beside.read_options) - set(known.read_options)
+        given = {name: value for name, value in given.items() if name not in others}
     if wrong := [name for name in given if name not in known.read_options]:
         names = ", ".join(options.spelled(name) for name in wrong)
         owners = [f.name for f in formats() if any(name in f.read_options for name in wrong)]

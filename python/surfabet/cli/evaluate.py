@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
     check_output,
+    format_of,
     load_model,
     load_vocabulary,
     read_cloud,
@@ -83,6 +85,7 @@ def evaluate(
     json: Flag = False,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     read: ReadOptions = READ_OPTIONS,
+    read_decoded: Annotated[ReadOptions, Parameter(name="--decoded", show=False)] = READ_OPTIONS,
     common: Common = COMMON,
 ) -> None:
     """Measure how far a decoded cloud lies from the original, both ways.
@@ -90,6 +93,11 @@ def evaluate(
         surfabet evaluate room.ply again.ply
         surfabet evaluate room.ply room.sfb --picture room.png
         surfabet evaluate room.ply draco.ply --json
+        surfabet evaluate part.ply again.ply --unit mm --decoded.unit m
+
+    The options that say how clouds are read are for both files, as far as their formats have them;
+    `--format` is for those whose first bytes do not tell, and `--viewpoint` for REFERENCE alone.
+    With `--decoded.unit`, `--decoded.columns` and so on, DECODED is read by these alone.
 
     Parameters
     ----------
@@ -123,9 +131,12 @@ def evaluate(
             raise UsageError("--sigma and --angular-resolution: give one of both")
         tolerance = surfabet.RangeSigma(sigma_scale, angular_resolution)
     with common.progress() as progress:
-        original = read_cloud(reference, read, progress)
         n_bytes = None
-        if decoded.suffix.lower() == MODEL_SUFFIX:
+        is_model = decoded.suffix.lower() == MODEL_SUFFIX
+        shared = not is_model and read_decoded == READ_OPTIONS
+        beside = [format_of(path, read, shared=True) for path in (decoded, reference) if shared]
+        original = read_cloud(reference, read, progress, beside=beside[0] if shared else None)
+        if is_model:
             n_bytes = size_on_disk(decoded)
             model = load_model(decoded, progress, load_vocabulary(vocabulary, progress))
             judged = model.decode(as_measured=as_measured, progress=progress)
@@ -135,7 +146,8 @@ def evaluate(
                 if not of_range or original.ranges is not None or original.viewpoints is not None:
                     tolerance = model.sigma
         else:
-            judged = read_cloud(decoded, READ_OPTIONS, progress)
+            options = replace(read, viewpoint=None) if shared else read_decoded
+            judged = read_cloud(decoded, options, progress, beside=beside[1] if shared else None)
         quality = surfabet.evaluate(
             original, judged, sigma=tolerance, bytes=n_bytes, progress=progress
         )

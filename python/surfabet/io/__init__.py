@@ -12,8 +12,9 @@ from typing import Any
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError, LostAttributeWarning
 from surfabet.io._files import format_error, warn
+from surfabet.io._packed import first_bytes, unpacked, unpacked_name
 from surfabet.io._units import UNITS, metres_per, scaled
-from surfabet.io.copc import is_copc, read_copc
+from surfabet.io.copc import has_copc_mark, read_copc
 from surfabet.io.e57 import read_e57, write_e57
 from surfabet.io.esri_grid import read_esri_grid
 from surfabet.io.kitti import read_kitti
@@ -96,15 +97,6 @@ _FORMATS = (
 )
 
 
-# Files as they are packed for transport, which tools unpack silently or under the old name.
-_PACKED = {
-    b"\x1f\x8b": ("gzip", "as with gunzip"),
-    b"BZh": ("bzip2", "as with bunzip2"),
-    b"\xfd7zXZ\x00": ("xz", "as with unxz"),
-    b"\x28\xb5\x2f\xfd": ("zstd", "as with unzstd"),
-}
-
-
 def formats() -> tuple[Format, ...]:
     """The known formats."""
     return _FORMATS
@@ -154,20 +146,19 @@ def detect(path: str | os.PathLike[str]) -> Format:
                 f"no RGB-D frames in this folder: expected {LAYOUTS}; nor a ROS bag",
             )
         return named_format("rgbd")
-    with path.open("rb") as file:
-        start = file.read(16)
+    start = first_bytes(path)
     if not start:
         raise format_error(path, "the file is empty", byte=0)
-    _check_unpacked(path)
-    alike = [f for f in _FORMATS if path.suffix.lower() in f.suffixes]
+    suffix = Path(unpacked_name(path)).suffix
+    alike = [f for f in _FORMATS if suffix.lower() in f.suffixes]
     marked = next((f for f in _FORMATS if start.startswith(f.magic)), None)
-    if marked is not None and marked.name == "las" and is_copc(path):
+    if marked is not None and marked.name == "las" and has_copc_mark(start):
         return named_format("copc")
     named = marked if marked in alike else next(iter(alike), None)
     if named is None and marked is None:
         raise format_error(
             path,
-            f"unknown suffix {path.suffix!r}; known are {_suffixes('reader')}, and folders of "
+            f"unknown suffix {suffix!r}; known are {_suffixes('reader')}, and folders of "
             "RGB-D frames; name the format with format=",
         )
     if named is None or marked is named:
@@ -181,15 +172,6 @@ def detect(path: str | os.PathLike[str]) -> Format:
             byte=0,
         )
     return named
-
-
-def _check_unpacked(path: Path) -> None:
-    """Refuses a file that is packed for transport, whatever its name says."""
-    with path.open("rb") as file:
-        start = file.read(16)
-    for magic, (kind, remedy) in _PACKED.items():
-        if start.startswith(magic):
-            raise format_error(path, f"is {kind}: unpack it, {remedy}", byte=0)
 
 
 def _check_options(known: tuple[str, ...], name: str, options: dict[str, Any]) -> None:
@@ -211,6 +193,9 @@ def read(
     **options: Any,
 ) -> PointCloud:
     """Reads a point cloud from a file, or from a folder of RGB-D frames.
+
+    A file that is packed by gzip, bzip2, xz or zstd, under any name, is unpacked into a temporary
+    one.
 
     Parameters
     ----------
@@ -239,8 +224,9 @@ def read(
     FileNotFoundError
         There is no such file.
     FormatError
-        The file is not what it claims to be: truncated, corrupt or of another format. The message
-        names the file and the byte or line.
+        The file is not what it claims to be: truncated, corrupt or of another format, or packed
+        and growing to more than 200 times its size. The message names the file and the byte or
+        line.
     InvalidInputError
         An unknown format or option.
     MissingDependencyError
@@ -254,8 +240,6 @@ def read(
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"there is no file {path}")
-    if path.is_file():
-        _check_unpacked(path)
     chosen = detect(path) if format is None else named_format(format)
     if chosen.reader is None:
         raise InvalidInputError(f"surfabet writes {chosen.name} files, but does not read them")
@@ -273,7 +257,8 @@ def read(
             "read() gives one cloud; surfabet.io.read_rgbd gives one per frame, and "
             "surfabet.io.read_bag one per message"
         )
-    cloud = chosen.reader(path, **options)
+    with unpacked(path) as there:
+        cloud = chosen.reader(there, **options)
     if factor != 1:
         if cloud.crs is not None:
             warn(

@@ -47,10 +47,12 @@ KNOWN_NAMES = frozenset(
 # more than this share is beyond a limit is of another kind.
 _STRAY = 0.05
 _UNIT_TOLERANCE = 0.05
+# Steps of 8 bits; more than the rounding of single precision, less than a step of 16 bits.
+_SAME_COLOR = 1e-3
 
 
 # Longer than any descriptor of points in use (640 values); what is longer is padding or an image.
-_MOST_VALUES = 1024
+MOST_VALUES = 1024
 # Points that are looked at for how many measurements share a place.
 _NEAR = 1000
 
@@ -113,6 +115,21 @@ def _largest_color(rows: Column) -> int | None:
     return next((limit for limit in limits if (lit > limit).mean() <= _STRAY), None)
 
 
+def note_rounded(values: Column, colors: NDArray[np.uint8], full: float, notes: Notes) -> None:
+    """Says that a file has finer colours than 8 bits, where different values became the same one.
+
+    `values` (n, 3) have full brightness at `full`, and became `colors`. So nothing is said of 8
+    bits in wider fields, times 256, 257 or over 255.
+    """
+    for value, color in zip(values.T, colors.T, strict=True):
+        # Any one of the values that became a colour stands for the others.
+        one = np.zeros(256)
+        one[color] = value
+        if (np.abs(one[color] - value) > _SAME_COLOR * full / 255).any():
+            notes.aside("what colours have beyond 8 bits per channel")
+            return
+
+
 def colors_from(
     path: Path, channels: Iterable[Column], notes: Notes | None = None
 ) -> NDArray[np.uint8]:
@@ -120,12 +137,14 @@ def colors_from(
 
     Integers count to 255, or to 65535 if more than a few are larger than 255 (tools stretch by 257,
     or by 256); other numbers to 1, or to 255 or 65535 in the same way. A few values beyond are
-    clipped, which is noted. Values that are not finite become 0.
+    clipped, which is noted, as is what 8 bits do not hold. Values that are not finite become 0.
     """
     channels = list(channels)
     if all(c.dtype == np.uint8 for c in channels):
         return _stack(channels, np.uint8)
-    rows = _stack(channels, np.result_type(*channels))
+    dtype = np.result_type(*channels)
+    # Half precision does not reach 65535.
+    rows = _stack(channels, np.float32 if dtype == np.float16 else dtype)
     if len(rows) == 0:
         return np.empty((0, 3), np.uint8)
     if rows.dtype.kind == "f":
@@ -142,6 +161,14 @@ def colors_from(
     if beyond and notes is not None:
         notes.remark(f"colour values clipped to 0..{largest}", beyond)
     rows = np.clip(rows, 0, largest)
+    colors = _of_8_bits(rows, largest)
+    if notes is not None:
+        note_rounded(rows, colors, largest, notes)
+    return colors
+
+
+def _of_8_bits(rows: Column, largest: int) -> NDArray[np.uint8]:
+    """Values from 0 to 1, 255 or 65535 as colours; those of 16 bits by the factor they have."""
     if largest == 65535:
         values = np.rint(rows).astype(np.uint16)
         if not (values & 255).any():
@@ -158,6 +185,8 @@ def _unpacked(packed: Column) -> list[Column] | None:
     The number may be an integer, a float of the same bits, or a float of the integer's value, as
     text files have it.
     """
+    if packed.dtype.itemsize < 4:
+        return None
     if packed.dtype.kind == "f":
         known = packed[np.isfinite(packed)]
         digits = (known >= 0) & (known < 2**32) & (known == np.rint(known))
@@ -166,8 +195,6 @@ def _unpacked(packed: Column) -> list[Column] | None:
         else:
             with np.errstate(over="ignore"):
                 packed = packed.astype(np.float32)
-    elif packed.dtype.itemsize < 4:
-        return None
     if packed.dtype.itemsize == 8:
         if len(packed) and (packed.min() < 0 or packed.max() >= 2**32):
             return None
@@ -178,6 +205,14 @@ def _unpacked(packed: Column) -> list[Column] | None:
 
 def _single(values: Column | None) -> Column | None:
     return None if values is None else values.astype(np.float32, copy=False)
+
+
+def _note_beyond_single(intensities: Column, notes: Notes) -> None:
+    """Says that intensities are integers with more digits than single precision has."""
+    # The limits of 64 bits are no doubles, and would not come back.
+    single = np.clip(intensities.astype(np.float32), -(2.0**62), 2.0**62)
+    if (single.astype(intensities.dtype) != intensities).any():
+        notes.aside("what intensities have beyond single precision")
 
 
 def no_returns(points: Column) -> NDArray[np.bool_]:
@@ -237,6 +272,8 @@ def build_cloud(
         per_point = [None if column is None else column[~empty] for column in per_point]
         extra = {name: column[~empty] for name, column in extra.items()}
     colors, intensities, normals, ranges, viewpoint_index = per_point
+    if intensities is not None and intensities.dtype.kind in "iu":
+        _note_beyond_single(intensities, notes)
     try:
         # What overflows single precision is not finite.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -286,8 +323,8 @@ def _take_colors(path: Path, columns: _Columns, notes: Notes) -> Column | None:
         del columns.left[key]
         *bgr, alpha = channels
         colors = _stack(bgr[::-1], np.uint8)
-        if len(alpha) and key.lower() == "rgba" and (alpha != alpha[0]).any():
-            columns.left.setdefault("alpha", alpha)
+        if len(alpha) and (alpha != alpha[0]).any():
+            add_columns(columns.left, {"alpha": alpha}, notes)
     return colors
 
 
@@ -408,10 +445,22 @@ def cloud_from_columns(
 
 def lists_of(name: str, rows: Column, notes: Notes) -> dict[str, Column]:
     """The (n, k) values of a field as columns `name_0`, `name_1`, ...; too many are left aside."""
-    if rows.shape[1] > _MOST_VALUES:
+    if rows.shape[1] > MOST_VALUES:
         notes.aside(f"{name} of {rows.shape[1]:,} values per point")
         return {}
     return {f"{name}_{k}": rows[:, k] for k in range(rows.shape[1])}
+
+
+def add_columns(
+    columns: dict[str, Column], others: Mapping[str, Column], notes: Notes
+) -> dict[str, Column]:
+    """Adds the others whose names are still free, and says which are not."""
+    for name, column in others.items():
+        if name in columns:
+            notes.aside(f"a second column {name:.40}")
+        else:
+            columns[name] = column
+    return columns
 
 
 def written_names(cloud: PointCloud) -> dict[str, str]:

@@ -8,8 +8,9 @@ import os
 import re
 import secrets
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -19,6 +20,8 @@ from surfabet.errors import FormatError, MissingDependencyError
 LONGEST_LINE = 1 << 16
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _CONTROL_BYTES = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
+# A temporary path, and the path that the user knows it by.
+_CALLED: ContextVar[tuple[str, str] | None] = ContextVar("called", default=None)
 
 
 def format_error(
@@ -29,6 +32,22 @@ def format_error(
     return FormatError(f"{path}{place}: {problem}")
 
 
+def _in_own_words(message: Any) -> Any:
+    """A message with the path that the user knows in place of a temporary one."""
+    names = _CALLED.get()
+    return message.replace(*names) if names and isinstance(message, str) else message
+
+
+@contextmanager
+def called(temporary: Path, path: Path) -> Iterator[Callable[[Any], Any]]:
+    """Warnings about the temporary file name `path`; gives what does so to other messages."""
+    token = _CALLED.set((os.fspath(temporary), os.fspath(path)))
+    try:
+        yield _in_own_words
+    finally:
+        _CALLED.reset(token)
+
+
 def warn(message: str, category: type[Warning]) -> None:
     """Warns at the line of the caller outside this package."""
     level = 1
@@ -36,7 +55,7 @@ def warn(message: str, category: type[Warning]) -> None:
     while frame is not None and frame.f_globals.get("__name__", "").startswith("surfabet.io"):
         frame = frame.f_back
         level += 1
-    warnings.warn(message, category, stacklevel=level)
+    warnings.warn(_in_own_words(message), category, stacklevel=level)
 
 
 def optional_module(name: str, requirement: str, purpose: str) -> Any:

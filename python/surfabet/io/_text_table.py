@@ -155,6 +155,11 @@ class TextTable:
                 continue
             yield clean(text) if has_commas or '"' in text or "#" in text else text
 
+    def rows(self) -> Iterator[list[str]]:
+        """The words of each row."""
+        for row in self._rows():
+            yield [word.strip() for word in plain_numbers(row).split(self.layout.delimiter)]
+
     def numbers(self, places: Sequence[int], n_words: int, notes: Notes) -> NDArray[np.float64]:
         """The columns at these places of rows of `n_words` values."""
         everything = len(places) == n_words

@@ -29,11 +29,15 @@ _ENTRY = np.dtype(
 _ON_A_PAGE = -1
 
 
+def has_copc_mark(start: bytes) -> bool:
+    """Whether a LAS file that begins with these bytes is COPC."""
+    return start[_MARK_AT:].startswith(_MARK)
+
+
 def is_copc(path: Path) -> bool:
     """Whether a LAS file is COPC."""
     with path.open("rb") as file:
-        file.seek(_MARK_AT)
-        return file.read(len(_MARK)) == _MARK
+        return has_copc_mark(file.read(_MARK_AT + len(_MARK)))
 
 
 def _check_hierarchy(path: Path, info: Any, n_points: int) -> None:

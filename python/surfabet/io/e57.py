@@ -24,10 +24,12 @@ from surfabet._core import RESERVED_NAMES, KdTree, PointCloud
 from surfabet.errors import FormatError
 from surfabet.io._columns import (
     Column,
+    add_columns,
     build_cloud,
     colors_from,
     is_normals,
     no_returns,
+    note_rounded,
     recorded,
     warn_lost,
 )
@@ -216,7 +218,9 @@ def _colors(
     largest = rows.max(initial=0)
     # A range that the values leave or never come near is wrong.
     if full is not None and full > 0 and largest <= full and (full <= 255 or largest > 255):
-        colors = np.rint(np.maximum(rows, 0) * (255 / full)).astype(np.uint8)
+        rows = np.maximum(rows, 0)
+        colors = np.rint(rows * (255 / full)).astype(np.uint8)
+        note_rounded(rows, colors, full, notes)
     else:
         colors = colors_from(path, list(rows.T), notes)
     return recorded(colors, "colours", notes)
@@ -242,27 +246,32 @@ def _fill_invalid(
     return filled
 
 
-def _own_name(name: str, extended: bool) -> str:
-    """The name of a column for a field, without the prefix of our own extension."""
-    return name.removeprefix(f"{_PREFIX}:") if extended else name
+def _by_own_name(fields: Mapping[str, Column], extended: bool, notes: Notes) -> dict[str, Column]:
+    """The fields by the names of columns, without the prefix of our own extension."""
+    columns: dict[str, Column] = {}
+    for name, column in fields.items():
+        own = name.removeprefix(f"{_PREFIX}:") if extended else name
+        add_columns(columns, {own: column}, notes)
+    return columns
 
 
 def _wanted(
     path: Path, libe57: Any, nodes: Mapping[str, Any], is_cartesian: bool, notes: Notes
 ) -> dict[str, np.dtype[Any]]:
     """The fields to read of a scan with their types."""
-    unused = _SPHERICAL if is_cartesian else _CARTESIAN
-    invalid = _INVALID[0 if is_cartesian else 1]
+    # The same points in other coordinates; a part of these is something else.
+    others = (*_SPHERICAL, _INVALID[1]) if is_cartesian else (*_CARTESIAN, _INVALID[0])
+    unused = others if set(others[:3]) <= nodes.keys() else ()
     types: dict[str, np.dtype[Any]] = {}
     for name, node in nodes.items():
-        if name in unused or (name in _INVALID and name != invalid):
+        if name in unused:
             continue
         dtype = _column_type(libe57, node)
         if dtype is None:
             notes.aside(f"field {name}, which holds no numbers")
         elif name in (*_CARTESIAN, *_SPHERICAL, *_COLORS):
             types[name] = np.dtype(np.float64)
-        elif name in ("intensity", *_NORMALS):
+        elif name in _NORMALS or (name == "intensity" and dtype.kind == "f"):
             types[name] = np.dtype(np.float32)
         else:
             types[name] = dtype
@@ -315,14 +324,15 @@ def _read_scan(path: Path, libe57: Any, image: Any, scan: Any, notes: Notes) -> 
     world = (local @ rotation.T if turned else local) + translation
 
     colors: Column | None = None
-    invalid = fields.pop(_COLOR_INVALID, np.zeros(len(local))) != 0
     if set(_COLORS) <= fields.keys():
+        invalid = fields.pop(_COLOR_INVALID, np.zeros(len(local))) != 0
         colors = _colors(path, _full_light(scan, nodes), fields, notes)
         if colors is not None:
             colors = _fill_invalid(world, colors, invalid, "colours", notes)
+        fields = {name: c for name, c in fields.items() if name not in _COLORS}
     intensities = fields.pop("intensity", None)
-    invalid = fields.pop(_INTENSITY_INVALID, np.zeros(len(local))) != 0
     if intensities is not None:
+        invalid = fields.pop(_INTENSITY_INVALID, np.zeros(len(local))) != 0
         intensities = _fill_invalid(world, intensities, invalid, "intensities", notes)
     normals: Column | None = None
     if set(_NORMALS) <= fields.keys():
@@ -342,7 +352,7 @@ def _read_scan(path: Path, libe57: Any, image: Any, scan: Any, notes: Notes) -> 
         normals,
         translation if has_sensor else None,
         np.sqrt((local * local).sum(axis=1)) if has_sensor else None,
-        {_own_name(n, _PREFIX_URI in extensions): c for n, c in fields.items() if n not in _COLORS},
+        _by_own_name(fields, _PREFIX_URI in extensions, notes),
     )
 
 
@@ -362,7 +372,10 @@ def _joined_extra(scans: list[_Scan], notes: Notes) -> dict[str, Column]:
     for name in dict.fromkeys(name for scan in scans for name in scan.extra):
         column = _joined([scan.extra.get(name) for scan in scans], name, notes)
         if column is not None:
-            extra[f"{name}_" if name in RESERVED_NAMES else name] = column
+            free = name
+            while free in RESERVED_NAMES or free in extra:
+                free += "_"
+            extra[free] = column
     return extra
 
 

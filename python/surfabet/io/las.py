@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
 from surfabet.errors import FormatError, InvalidInputError
-from surfabet.io._columns import Column, cloud_from_columns, lists_of, warn_lost
+from surfabet.io._columns import (
+    Column,
+    add_columns,
+    cloud_from_columns,
+    lists_of,
+    warn_lost,
+)
 from surfabet.io._crs import (
     crs_of_keys,
     directory_of,
@@ -301,10 +307,8 @@ def _collected(
         wanted = {name: dimension for name, dimension in wanted.items() if name not in _COLORS}
     for name in wanted:
         values = np.concatenate(parts.pop(name, [np.empty(0)]))
-        if values.ndim == 2:
-            columns |= lists_of(name, values, notes)
-        else:
-            columns[name] = values
+        named = lists_of(name, values, notes) if values.ndim == 2 else {name: values}
+        add_columns(columns, named, notes)
     return _without_defaults(columns, standard), crs
 
 

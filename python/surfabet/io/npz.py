@@ -21,7 +21,13 @@ import numpy as np
 
 from surfabet._core import PointCloud
 from surfabet.errors import FormatError
-from surfabet.io._columns import Column, build_cloud, cloud_from_columns, lists_of
+from surfabet.io._columns import (
+    Column,
+    add_columns,
+    build_cloud,
+    cloud_from_columns,
+    lists_of,
+)
 from surfabet.io._files import format_error, written_whole
 from surfabet.io._guess import guess_names
 from surfabet.io._notes import Notes
@@ -100,9 +106,10 @@ def _columns_of(path: Path, array: Column, notes: Notes) -> dict[str, Column]:
         for field in array.dtype.names:
             rows = array[field].reshape(array.size, math.prod(array.dtype[field].shape))
             if field in _POINTS and rows.shape[1] == 3 and rows.dtype.kind in "fiu":
-                columns |= dict(zip("xyz", _native(rows).T, strict=True))
+                named = dict(zip("xyz", _native(rows).T, strict=True))
             else:
-                columns |= _named(field, rows, notes)
+                named = _named(field, rows, notes)
+            add_columns(columns, named, notes)
         return columns
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise format_error(
@@ -126,7 +133,8 @@ def _named(name: str, rows: Column, notes: Notes) -> dict[str, Column]:
     rows = _native(rows)
     names = _TRIPLES.get(name.lower(), ())
     if names and rows.shape[1] in (3, 4):
-        return dict(zip((*names, "alpha")[: rows.shape[1]], rows.T, strict=True))
+        last = "alpha" if "red" in names else f"{name}_3"
+        return dict(zip((*names[:3], last)[: rows.shape[1]], rows.T, strict=True))
     if rows.shape[1] == 1:
         return {_SINGLES.get(name.lower(), name): rows[:, 0]}
     return lists_of(name, rows, notes)
@@ -235,7 +243,7 @@ def _per_point(arrays: dict[str, Column], n_points: int, notes: Notes) -> dict[s
     for name, array in arrays.items():
         if array.ndim in (1, 2) and len(array) == n_points and not array.dtype.names:
             rows = array.reshape(n_points, math.prod(array.shape[1:]))
-            columns |= _named(name, rows, notes)
+            add_columns(columns, _named(name, rows, notes), notes)
         else:
             notes.aside(f"array {name} of shape {array.shape} and dtype {array.dtype}")
     return columns
@@ -313,7 +321,7 @@ def read_npz(path: Path) -> PointCloud:
     origin = arrays.pop("origin", None)
     if origin is not None:
         notes.aside("origin, since there are no local_points")
-    columns |= _per_point(arrays, n_points, notes)
+    add_columns(columns, _per_point(arrays, n_points, notes), notes)
     return cloud_from_columns(path, columns, viewpoints=viewpoints, crs=crs, notes=notes)
 
 

@@ -21,6 +21,7 @@ from surfabet.errors import InvalidInputError
 from surfabet.io._columns import (
     PACKED_COLOR,
     Column,
+    add_columns,
     cloud_from_columns,
     columns_from_cloud,
     lists_of,
@@ -76,11 +77,7 @@ class _Header:
                 continue
             values = by_place[str(i)].reshape(self.n_points, f.count)
             named = {f.name: values[:, 0]} if f.count == 1 else lists_of(f.name, values, notes)
-            for name, column in named.items():
-                if name in columns:
-                    notes.aside(f"a second field {name}")
-                else:
-                    columns[name] = column
+            add_columns(columns, named, notes)
         return columns
 
 
@@ -109,6 +106,8 @@ def _viewpoint(lines: Lines, words: list[str], notes: Notes) -> tuple[float, flo
     if not np.isfinite([x, y, z]).all():
         notes.aside("VIEWPOINT, which is not finite")
         return None
+    if rotation[1:] != [0, 0, 0]:
+        notes.aside("the orientation in VIEWPOINT")
     return None if [x, y, z, *rotation] == [0, 0, 0, 1, 0, 0, 0] else (x, y, z)
 
 
@@ -284,8 +283,8 @@ def read_pcd(path: Path) -> PointCloud:
     DroppedPointsWarning
         Points were left out.
     LostAttributeWarning
-        VIEWPOINT is not finite, colours or normals are 0 everywhere, normals are no unit vectors,
-        two fields have the same name, or a field has more than 1024 values.
+        VIEWPOINT is not finite or has an orientation, colours or normals are 0 everywhere, normals
+        are no unit vectors, two fields have the same name, or a field has more than 1024 values.
     """
     notes = Notes(path)
     with path.open("rb") as file:

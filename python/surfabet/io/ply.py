@@ -304,8 +304,11 @@ def _splat_colors(columns: dict[str, Column], notes: Notes) -> dict[str, Column]
         "a 3D Gaussian splat: its centres are read as points with their base colours, not its "
         "shapes, opacities and reflections, which are kept as columns"
     )
-    colors = {
-        name: np.clip(0.5 + _HARMONIC_0 * columns[key].astype(np.float64), 0, 1)
+    # The file's own numbers stay as columns, so nothing is lost by 8 bits.
+    colors: dict[str, Column] = {
+        name: np.rint(
+            255 * np.clip(np.nan_to_num(0.5 + _HARMONIC_0 * columns[key].astype(np.float64)), 0, 1)
+        ).astype(np.uint8)
         for name, key in zip(("red", "green", "blue"), _SPLAT_COLORS, strict=True)
     }
     return columns if columns.keys() & colors.keys() else columns | colors
@@ -315,9 +318,14 @@ def _note_rest(elements: list[_Element], used: set[str], notes: Notes) -> None:
     """Says which elements and lists of the file are not read."""
     for element in elements:
         if element.name not in used:
-            notes.aside(f"element {element.name} ({element.count:,})")
-        elif lists := [p.name for p in element.properties if p.count_dtype]:
-            notes.aside(f"lists {', '.join(lists)} of {element.name}")
+            if element.count:
+                notes.aside(f"element {element.name} ({element.count:,})")
+            continue
+        lost = [p.name for p in element.properties if p.count_dtype]
+        if element.name == "viewpoint":
+            lost = [p.name for p in element.properties if p.name not in ("x", "y", "z")]
+        if lost:
+            notes.aside(f"lists {', '.join(lost)} of {element.name}")
 
 
 def read_ply(path: Path) -> PointCloud:

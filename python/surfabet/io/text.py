@@ -88,7 +88,9 @@ def _metres(path: Path, column: ColumnName, unit: str | None) -> float:
     return column.metres
 
 
-def _check_width(table: TextTable, words: Sequence[str], names: Sequence[ColumnName]) -> None:
+def _check_width(
+    table: TextTable, words: Sequence[str], names: Sequence[ColumnName], notes: Notes
+) -> None:
     path, line = table.lines.path, table.lines.number
     said = " ".join(name.written for name in names)
     if len(words) < len(names):
@@ -96,8 +98,12 @@ def _check_width(table: TextTable, words: Sequence[str], names: Sequence[ColumnN
             path, f"{len(words)} values for the {len(names)} columns {said!r:.80}", line=line
         )
     beyond = [word for word in words[len(names) :] if word]
-    # The last column may be free text that contains the delimiter.
-    if beyond and all(map(is_number, [words[len(names) - 1], *beyond])):
+    if not beyond or not is_number(words[len(names) - 1]):
+        # The last column may be free text that contains the delimiter.
+        return
+    if not all(map(is_number, beyond)):
+        notes.aside("what stands behind the last column that has a name")
+    else:
         raise format_error(
             path,
             f"{len(words)} values for the {len(names)} columns {said!r:.80}; name all of them with "
@@ -106,10 +112,26 @@ def _check_width(table: TextTable, words: Sequence[str], names: Sequence[ColumnN
         )
 
 
+def _texts(table: TextTable, names: Sequence[ColumnName]) -> frozenset[int]:
+    """The places of columns that clouds need not have and that hold no number in some row."""
+    optional = {i for i, name in enumerate(names) if name.name not in KNOWN_NAMES | set(UNIT_COLOR)}
+    texts: set[int] = set()
+    for words in table.rows():
+        texts |= {i for i in optional if i >= len(words) or not is_number(words[i])}
+        optional -= texts
+        if not optional:
+            break
+    return frozenset(texts)
+
+
 def _named_columns(
-    table: TextTable, names: Sequence[ColumnName], unit: str | None, notes: Notes, others: bool
+    table: TextTable,
+    names: Sequence[ColumnName],
+    unit: str | None,
+    notes: Notes,
+    texts: frozenset[int],
 ) -> dict[str, Column]:
-    """The columns by name; without `others` only those that every cloud has."""
+    """The columns by name, but those at the places of `texts`."""
     path = table.lines.path
     words = table.layout.words(table.first or "")
     first: dict[str, int] = {}
@@ -119,14 +141,15 @@ def _named_columns(
     places = [
         i
         for name, i in first.items()
-        if name in known or (others and name != _LEFT_ASIDE and is_number(words[i]))
+        if name in known or (i not in texts and name != _LEFT_ASIDE and is_number(words[i]))
     ]
     numbers = table.numbers(places, len(words), notes)
     for i, name in enumerate(names):
         if name.name == _LEFT_ASIDE or i in places:
             continue
         if i == first[name.name]:
-            notes.aside(f"column {name.written!r:.40}, which does not hold numbers")
+            always = "always " if i in texts and is_number(words[i]) else ""
+            notes.aside(f"column {name.written!r:.40}, which does not {always}hold numbers")
         else:
             notes.aside(f"column {name.written!r:.40}, another {name.name:.40}")
     columns = {}
@@ -167,9 +190,12 @@ def read_table(
     delimiter: str | None = None,
     unit: str | None = None,
     guess: Callable[[Path, list[Column]], dict[str, Column]] = guess_names,
-    others: bool = True,
+    texts: frozenset[int] = frozenset(),
 ) -> Mapping[str, Column]:
-    """The columns of a text file: by `names`, by its header, or as `guess` says."""
+    """The columns of a text file: by `names`, by its header, or as `guess` says.
+
+    With names, those at the places of `texts`, which hold other things than numbers, are left out.
+    """
     with open_text(path) as file:
         table = TextTable(path, file, delimiter, named=names is not None)
         header = table.names if names is None else names
@@ -183,14 +209,18 @@ def read_table(
             return _unnamed_columns(table, unit, notes, guess)
         words = table.layout.words(table.first)
         if names is None or len(words) < len(names):
-            _check_width(table, words, header)
+            _check_width(table, words, header, notes)
         try:
-            return _named_columns(table, header, unit, notes, others)
+            return _named_columns(table, header, unit, notes, texts)
         except FormatError:
-            if not others or {name.name for name in header} <= KNOWN_NAMES:
+            if texts:
                 raise
-    # One of the other columns may have what is no number in a later row.
-    return read_table(path, notes, names=names, delimiter=delimiter, unit=unit, others=False)
+            # One of the other columns may have what is no number in a later row.
+            with open_text(path) as again:
+                table = TextTable(path, again, delimiter, named=names is not None)
+                if not (texts := _texts(table, header)):
+                    raise
+    return read_table(path, notes, names=names, delimiter=delimiter, unit=unit, texts=texts)
 
 
 def read_text(

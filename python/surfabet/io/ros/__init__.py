@@ -19,6 +19,7 @@ from surfabet.errors import InvalidInputError
 from surfabet.io._columns import VIEWPOINT_INDEX, Column, cloud_from_columns, no_returns
 from surfabet.io._files import format_error
 from surfabet.io._notes import Notes
+from surfabet.io._packed import unpacked
 from surfabet.io.ros._bags import (
     Topic,
     as_defined,
@@ -51,7 +52,7 @@ def list_topics(path: str | os.PathLike[str]) -> list[Topic]:
     MissingDependencyError
         The package rosbags is not installed.
     """
-    with open_bag(Path(path)) as reader:
+    with unpacked(Path(path)) as there, open_bag(there) as reader:
         return topics_of(reader)
 
 
@@ -202,7 +203,7 @@ def read_bag(
     if message is not None and (isinstance(message, bool) or message < 0):
         raise wrong_option("message", message, "a number from 0")
     notes = Notes(path)
-    with open_bag(path) as reader:
+    with unpacked(path) as there, open_bag(there) as reader:
         chosen = _choose_topic(path, topics_of(reader), topic)
         if message is not None and message >= chosen.count:
             raise wrong_option(

@@ -10,6 +10,7 @@ from typing import Any
 
 from surfabet.errors import FormatError
 from surfabet.io._files import format_error, optional_module
+from surfabet.io.ros._chunks import bound_chunks, check_files
 
 REQUIREMENT = "rosbags>=0.11"
 _METADATA = "metadata.yaml"
@@ -31,7 +32,9 @@ def is_bag(folder: Path) -> bool:
     """Whether a folder is a bag of ROS 2."""
     if not (folder / _METADATA).is_file():
         return False
-    return any(entry.suffix in _STORAGE_SUFFIXES for entry in folder.iterdir())
+    # The files may be packed, as `.db3.zstd`.
+    names = [entry.suffixes for entry in folder.iterdir()]
+    return any(suffix in suffixes for suffixes in names for suffix in _STORAGE_SUFFIXES)
 
 
 def _unreadable(path: Path, error: Exception) -> FormatError:
@@ -47,12 +50,16 @@ def open_bag(path: Path) -> Iterator[Any]:
     # Bags before ROS 2 Iron have no definitions; those of the messages read here never changed.
     store = typesys.get_typestore(typesys.Stores.LATEST)
     try:
+        check_files(path)
         reader = highlevel.AnyReader([path], default_typestore=store)
         reader.open()
+    except FormatError:
+        raise
     except Exception as error:
         # The package raises errors of its own, and what struct, sqlite and YAML raise.
         raise _unreadable(path, error) from error
     try:
+        bound_chunks(path, reader)
         yield reader
     finally:
         reader.close()
@@ -79,6 +86,8 @@ def messages(
                 yield connection.topic, stamp, reader.deserialize(data, connection.msgtype)
             if number == only:
                 return
+    except FormatError:
+        raise
     except Exception as error:
         raise _unreadable(path, error) from error
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from surfabet.io._columns import Column, records
+from surfabet.io._columns import MOST_VALUES, Column, records
 from surfabet.io._files import format_error
 from surfabet.io._notes import Notes
 
@@ -34,11 +34,17 @@ def _fields(path: Path, message: Any, notes: Notes) -> dict[str, tuple[str, int]
                 f"field {field.name!r:.40} reaches to byte {field.offset + count * size} of points "
                 f"of {message.point_step} bytes",
             )
+        # Padding has no name.
+        if not field.name:
+            continue
+        if count > MOST_VALUES:
+            notes.aside(f"{field.name} of {count:,} values per point")
+            continue
         for i in range(count):
             name = field.name if count == 1 else f"{field.name}_{i}"
+            if name in fields:
+                notes.aside(f"a second column {name:.40}")
             fields.setdefault(name, (order + type_, field.offset + i * size))
-    # Padding has no name.
-    fields.pop("", None)
     return fields
 
 
