@@ -1,9 +1,9 @@
 //! Nearest neighbours: a balanced k-d tree in flat arrays.
 //!
-//! Written here rather than taken from `kiddo` (6.3), after measuring both: 16 neighbours of each of a million scan
-//! points take 0.6 to 0.8 of the time (one neighbour about the same), since results go into the caller's buffer
-//! instead of a new vector per query, and equal distances come out in the order of the indices, which `kiddo`
-//! leaves open.
+//! Written here rather than taken from `kiddo` (6.3), after measuring both (docs/benchmarks/kernels.md): 16 neighbours of
+//! each of a million points take less than half of the time (one neighbour between 0.8 and 2.3 times as much), since results
+//! go into the caller's buffer instead of a new vector per query, and equal distances come out in the order of the indices,
+//! which `kiddo` leaves open.
 //!
 //! Leaves are blocks of [`LANES`] points in columns, so that a block's distances are a few vector operations. An
 //! inner node halves its run of blocks across the longest side of its bounding box and keeps the boxes of both

@@ -8,6 +8,7 @@
 //! | [`planes`] | planar patches with tiles | R. Lakaemper, L. J. Latecki: Extended EM for Planar Approximation of 3D Data, ICRA 2006 |
 
 pub mod alphabet;
+mod attribute_error;
 pub mod bic_alphabet;
 mod color;
 mod contract;

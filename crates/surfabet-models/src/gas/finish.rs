@@ -8,7 +8,8 @@ use super::learn::KEPT;
 use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
 use super::network::{Graph, Grown};
 use super::options::GasOptions;
-use crate::contract::SurfaceModel;
+use crate::attribute_error::measure;
+use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::{Error, Result};
 use crate::report::{AttributeFigures, Report, figures, lost};
 use crate::scalar::ScalarScale;
@@ -69,7 +70,6 @@ pub(super) fn finish(
         mean_error: statistics.mean_distance,
     };
     let mut report = GasReport {
-        stages: stages.finish(),
         figures: Some(figures),
         levels: Vec::new(),
         objectives: vec![("mean distance of signals".into(), grown.trace)],
@@ -91,7 +91,13 @@ pub(super) fn finish(
     };
     let mut model = GasModel::new(header, &rounded, &edges, &statistics, report)?;
     let present = [model.has_color(), model.has_intensity()];
-    model.report_mut().attributes = AttributeFigures::of_last_streams(&model.price(), present);
+    let mut attributes = AttributeFigures::of_last_streams(&model.price(), present);
+    stages.run("measuring attributes", |progress| {
+        let decoded = model.decode(DecodeOptions::default(), progress)?;
+        measure(&mut attributes, &start.cloud, &decoded, progress)
+    })?;
+    let report = model.report_mut();
+    (report.attributes, report.stages) = (attributes, stages.finish());
     Ok(model)
 }
 

@@ -17,8 +17,12 @@ use crate::stages::Stages;
 use crate::start::{Leave, Start, significant};
 
 /// The stages and their shares of the progress: the time of each in per cent, on a Kinect frame.
-pub(super) const STAGES: &[(&str, f32)] =
-    &[("measuring the cloud", 5.0), ("growing", 85.0), ("describing neurons", 10.0)];
+pub(super) const STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 5.0),
+    ("growing", 84.0),
+    ("describing neurons", 10.0),
+    ("measuring attributes", 1.0),
+];
 
 /// What a gas keeps beyond positions.
 pub(super) const KEPT: [&str; 3] = ["colors", "intensities", "normals"];
