@@ -44,6 +44,8 @@ class FileInfo:
     """Hash of the dictionary or alphabet that the file names instead of holding it."""
     sections: dict[str, int]
     """Bytes of each part."""
+    note: str | None
+    """What the writer noted for people: `surfabet compress` says what it chose and why."""
 
     def as_dict(self) -> dict[str, Any]:
         """All fields as plain dicts and numbers."""
@@ -118,12 +120,12 @@ def inspect(path: str | os.PathLike[str]) -> FileInfo:
     """
     data = Path(path).read_bytes()
     try:
-        method, version, vocabulary, sections = _core.inspect(
+        method, version, vocabulary, sections, note = _core.inspect(
             data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES
         )
     except FormatError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
-    return FileInfo(method, version, vocabulary, dict(sections))
+    return FileInfo(method, version, vocabulary, dict(sections), note)
 
 
 CLASSES: dict[type[_core.Model], type[AnyModel]] = {

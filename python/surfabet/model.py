@@ -86,12 +86,14 @@ class Model(Generic[C]):
         """The bytes of the model's file. The same model always gives the same bytes."""
         return self._core.to_bytes()
 
-    def save(self, path: str | os.PathLike[str]) -> int:
+    def save(self, path: str | os.PathLike[str], *, note: str = "") -> int:
         """Writes the model to a file, usually `.sfb`, and returns its size in bytes.
 
-        An existing file is replaced only when the new one is complete.
+        An existing file is replaced only when the new one is complete. `note` is a line for people,
+        at most 1024 bytes of UTF-8, which `surfabet info` and `surfabet.inspect` show; it is not
+        part of the model.
         """
-        return self._core.save(os.fspath(path))
+        return self._core.save(os.fspath(path), note)
 
     @property
     def method(self) -> str:

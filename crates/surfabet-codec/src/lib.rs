@@ -41,6 +41,7 @@ mod hash;
 pub mod header;
 mod hscsm;
 pub mod models;
+mod note;
 mod patches;
 mod planes;
 mod section;
@@ -49,6 +50,7 @@ pub use container::{Container, ContainerWriter, Family, Features, Limits, Sectio
 pub use entropy::{Decoder, Encoder};
 pub use error::{Error, Result};
 pub use hash::ContentHash;
+pub use note::{MAX_NOTE, note, with_note};
 pub use section::{
     FileSummary, Layout, Promise, StreamSection, Vocabulary, holds, inspect, read, write,
 };

@@ -7,6 +7,7 @@ use crate::entropy::{Decoder, Encoder};
 use crate::error::{Error, Result};
 use crate::hash::ContentHash;
 use crate::header::{FieldReader, FieldWriter, Fields, META};
+use crate::note::NOTE;
 
 /// A stream's section.
 #[derive(Debug, Clone, Copy)]
@@ -265,6 +266,7 @@ pub fn inspect<M: Layout>(container: &Container<'_>) -> Result<FileSummary> {
         match stream {
             Some(i) if M::STREAM_SECTIONS[i].tag == tag => M::section_content(&header, i),
             Some(_) => "hash of the vocabulary".to_owned(),
+            None if tag == NOTE => "note".to_owned(),
             None => tag.to_string(),
         }
     };

@@ -79,22 +79,22 @@ fn load(
     wrap_any(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
-/// Method, oldest release that reads the file, hash of the vocabulary that it names, and bytes by section, of the
-/// bytes of an `.sfb` file; nothing is decoded.
+/// What the bytes of an `.sfb` file say of themselves: method, oldest release that reads them, hash of the vocabulary that
+/// they name, bytes by section, note.
+type Inspected = (&'static str, String, Option<String>, Vec<(String, usize)>, Option<String>);
+
+/// What the bytes of an `.sfb` file say of themselves; nothing is decoded.
 #[pyfunction]
 #[pyo3(signature = (data, *, max_items, max_bytes))]
-fn inspect(
-    data: &[u8],
-    max_items: u64,
-    max_bytes: u64,
-) -> PyResult<(&'static str, String, Option<String>, Vec<(String, usize)>)> {
+fn inspect(data: &[u8], max_items: u64, max_bytes: u64) -> PyResult<Inspected> {
     let limits = Limits { max_items, max_bytes };
     let found = Container::parse(data, &limits).map_err(surfabet::Error::from);
     let container = found.map_err(IntoPyErr::into_py_err)?;
     let summary = Model::inspect(&container).map_err(IntoPyErr::into_py_err)?;
     let version = container.needed_version().to_string();
     let vocabulary = summary.vocabulary.map(|hash| hash.to_string());
-    Ok((summary.method, version, vocabulary, summary.sections))
+    let note = surfabet::note(&container);
+    Ok((summary.method, version, vocabulary, summary.sections, note))
 }
 
 /// Adds this file's functions to the module.

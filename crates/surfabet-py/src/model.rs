@@ -80,9 +80,15 @@ impl PyModel {
         Ok(PyBytes::new(py, &bytes.map_err(IntoPyErr::into_py_err)?))
     }
 
-    /// Writes the file and returns its size in bytes.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<u64> {
-        let written = py.detach(|| surfabet::write(&path, &self.model.to_bytes()?));
+    /// Writes the file, with a note if it is not empty, and returns its size in bytes.
+    fn save(&self, py: Python<'_>, path: PathBuf, note: &str) -> PyResult<u64> {
+        let written = py.detach(|| {
+            let mut bytes = self.model.to_bytes()?;
+            if !note.is_empty() {
+                bytes = surfabet::with_note(&bytes, note)?;
+            }
+            surfabet::write(&path, &bytes)
+        });
         written.map_err(IntoPyErr::into_py_err)
     }
 

@@ -34,7 +34,9 @@ pub use any_model::AnyModel;
 pub use error::{Error, Result};
 pub use model::{KnownVocabulary, Model};
 pub use save::{Save, write};
-pub use surfabet_codec::{Container, ContentHash, Family, FileSummary, Layout, Limits, Vocabulary};
+pub use surfabet_codec::{
+    Container, ContentHash, Family, FileSummary, Layout, Limits, Vocabulary, note, with_note,
+};
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{
     CloudParts, Column, DroppedValues, PointCloud, Progress, Silent, Viewpoints,

@@ -50,13 +50,17 @@ class Result:
 
     def chosen(self) -> str | None:
         """The options that follow from the data, and why, for people."""
-        if self.report is None or not self.report.chosen:
-            return None
+        note = self.note()
+        return f"{self.input}: by the data: {note}" if note else None
+
+    def note(self) -> str:
+        """The options that follow from the data, and why, as the file keeps them."""
+        chosen = {} if self.report is None else self.report.chosen
         parts = (
             f"{option.replace('_', '-')} {value:.6g} ({why})"
-            for option, (value, why) in self.report.chosen.items()
+            for option, (value, why) in chosen.items()
         )
-        return f"{self.input}: by the data: {', '.join(parts)}"
+        return ", ".join(parts)
 
     def line(self) -> str:
         """For people."""

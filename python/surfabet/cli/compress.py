@@ -104,7 +104,7 @@ def compress(
         with whole_file(output) as temporary:
             with _timed(result, "write"):
                 progress(f"write {output.name}", 0.0)
-                result.n_bytes = learned.save(temporary)
+                result.n_bytes = learned.save(temporary, note=result.note())
         _warn_of_losses(output, learned)
         if evaluate:
             _evaluate(result, output, scene, words, progress)

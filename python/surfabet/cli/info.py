@@ -96,6 +96,8 @@ def info(
         f"read by surfabet {found.version} and newer",
         markup=False,
     )
+    if found.note is not None:
+        console.print(f"Chosen by the data: {found.note}", markup=False)
     if found.vocabulary is not None:
         console.print(f"The file names a vocabulary by its hash: {found.vocabulary}", markup=False)
     if model:
