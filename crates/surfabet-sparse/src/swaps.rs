@@ -115,7 +115,7 @@ pub fn swaps(
     let worth = state.worth(progress)?;
     let unused = worth.losses.iter().filter(|&&loss| loss == 0.0).count();
     let count = worth.losses.len().div_ceil(SHARED_PART).max(unused);
-    let mut offers: Vec<Offer> = (state.shared(&worth.spares, count).into_iter())
+    let mut offers: Vec<Offer> = (state.shared(&worth.spares, count, progress)?.into_iter())
         .map(|line| Offer { atom: line.atom, split: None, gain: line.gain })
         .collect();
     if splits {
@@ -228,7 +228,7 @@ impl State<'_> {
     }
 
     /// At most `count` directions that the residuals of many signals share.
-    fn shared(&self, spares: &[f64], count: usize) -> Vec<Line> {
+    fn shared(&self, spares: &[f64], count: usize, progress: &dyn Progress) -> Result<Vec<Line>> {
         let n = self.n();
         let gain = |i: usize| self.errors[i] - spares[i];
         let mut open: Vec<usize> = (0..spares.len())
@@ -254,7 +254,7 @@ impl State<'_> {
             }
         }
         let rows: Vec<Row<'_>> = open.iter().map(|&i| self.row(i, spares[i])).collect();
-        fit_lines(&rows, lines, SHARED_ROUNDS)
+        fit_lines(&rows, lines, SHARED_ROUNDS, progress)
     }
 
     /// The two lines that fit the signals of an atom best; `None` if they cannot explain more than it by `least`.
@@ -298,8 +298,9 @@ impl State<'_> {
             normalize(&mut line).then_some(line)
         };
         let (Some(first), Some(second)) = (towards(1.0), towards(-1.0)) else { return Ok(None) };
-        let before: f64 = fit_lines(&rows, vec![own.to_vec()], 0).iter().map(|l| l.gain).sum();
-        let mut lines = fit_lines(&rows, vec![first, second], SPLIT_ROUNDS);
+        let alone = fit_lines(&rows, vec![own.to_vec()], 0, progress)?;
+        let mut lines = fit_lines(&rows, vec![first, second], SPLIT_ROUNDS, progress)?;
+        let before: f64 = alone.iter().map(|l| l.gain).sum();
         let gain = lines.iter().map(|l| l.gain).sum::<f64>() - before;
         let (Some(second), Some(first)) = (lines.pop(), lines.pop()) else { return Ok(None) };
         let split = Some((atom, first.atom));
@@ -309,10 +310,15 @@ impl State<'_> {
 
 /// Fits lines through the origin to the rows as k-means fits points: each row counts for the line that explains most of
 /// it, and every line becomes the best for its rows.
-fn fit_lines(rows: &[Row<'_>], mut lines: Vec<Vec<f32>>, rounds: usize) -> Vec<Line> {
+fn fit_lines(
+    rows: &[Row<'_>],
+    mut lines: Vec<Vec<f32>>,
+    rounds: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<Line>> {
     let n = lines.first().map_or(0, Vec::len);
     for _ in 0..rounds {
-        let choices = choose_lines(rows, &lines);
+        let choices = choose_lines(rows, &lines, progress)?;
         let mut sums = vec![(vec![0.0f64; n], vec![0.0f64; n]); lines.len()];
         for (row, choice) in rows.iter().zip(&choices) {
             let &Some((k, x, _)) = choice else { continue };
@@ -335,34 +341,41 @@ fn fit_lines(rows: &[Row<'_>], mut lines: Vec<Vec<f32>>, rounds: usize) -> Vec<L
         }
     }
     let mut gains = vec![0.0; lines.len()];
-    for (k, _, gain) in choose_lines(rows, &lines).into_iter().flatten() {
+    for (k, _, gain) in choose_lines(rows, &lines, progress)?.into_iter().flatten() {
         gains[k] += gain;
     }
-    lines.into_iter().zip(gains).map(|(atom, gain)| Line { atom, gain }).collect()
+    Ok(lines.into_iter().zip(gains).map(|(atom, gain)| Line { atom, gain }).collect())
 }
 
-/// For every row the line that explains most of it beyond its spare, its coefficient and what is gained.
-fn choose_lines(rows: &[Row<'_>], lines: &[Vec<f32>]) -> Vec<Option<(usize, f64, f64)>> {
+/// The line that a row chooses, its coefficient and what is gained.
+type Choice = Option<(usize, f64, f64)>;
+
+/// For every row the line that explains most of it beyond its spare; none if no line does.
+fn choose_lines(
+    rows: &[Row<'_>],
+    lines: &[Vec<f32>],
+    progress: &dyn Progress,
+) -> Result<Vec<Choice>> {
     let squares: Vec<Vec<f32>> = lines.iter().map(|l| l.iter().map(|d| d * d).collect()).collect();
-    let choose = |rows: &[Row<'_>]| -> Vec<Option<(usize, f64, f64)>> {
+    let mut choices = vec![None; rows.len()];
+    let chunks = rows.par_chunks(SIGNALS).zip(choices.par_chunks_mut(SIGNALS));
+    chunks.try_for_each(|(rows, choices)| {
+        progress.check()?;
         Arch::new().dispatch(|| {
-            let mut choices = Vec::with_capacity(rows.len());
-            for row in rows {
-                let mut best = None;
+            for (row, choice) in rows.iter().zip(choices) {
                 let mut most = 0.0;
                 for (k, (line, squares)) in lines.iter().zip(&squares).enumerate() {
                     let (x, explained) = row.fit(line, squares);
                     if explained - row.spare > most {
                         most = explained - row.spare;
-                        best = Some((k, x, most));
+                        *choice = Some((k, x, most));
                     }
                 }
-                choices.push(best);
             }
-            choices
-        })
-    };
-    rows.par_chunks(SIGNALS).flat_map_iter(choose).collect()
+        });
+        Ok::<(), crate::Error>(())
+    })?;
+    Ok(choices)
 }
 
 /// Which atoms repeat another: of two whose absolute cosine exceeds `max_coherence` the one used less, of
@@ -389,4 +402,64 @@ pub fn duplicates(
         }
     }
     Ok(repeats)
+}
+
+#[cfg(test)]
+mod tests {
+    use surfabet_base::Silent;
+
+    use super::*;
+    use crate::coded::Coded;
+    use crate::signals::Signals;
+
+    const N: usize = 4;
+
+    /// 20 signals along each of the first three axes, coded over the diagonal of the first two and the third twice.
+    fn stalled(weights: Option<&[f32]>) -> Swaps {
+        let mut values = vec![0.0; 60 * N];
+        let mut codes = SparseCodes::default();
+        let half = 0.5f32.sqrt();
+        for i in 0..60u8 {
+            let (axis, x) = (usize::from(i % 3), f32::from(i) + 1.0);
+            values[usize::from(i) * N + axis] = x;
+            if axis < 2 {
+                codes.push(&[0], &[half * x]);
+            } else {
+                codes.push(&[1 + u32::from(i % 2)], &[x]);
+            }
+        }
+        let atoms = vec![half, half, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let dictionary = Dictionary::normalized(N, atoms).unwrap();
+        let signals = Signals::new(N, &values, weights).unwrap();
+        let coded = Coded::new(&dictionary, &signals, codes);
+        let state = State {
+            dictionary: &dictionary,
+            codes: &coded.codes,
+            residuals: &coded.residuals,
+            weights,
+            errors: &coded.errors,
+            budgets: &[0.0; 60],
+            max_atoms: 1,
+            max_coherence: 0.9,
+        };
+        assert_eq!(swaps(&state, 0, true, &Silent).unwrap().count, 0);
+        // The residuals lie along the other diagonal; taking it up would cost as much as it gains.
+        assert_eq!(swaps(&state, 9, false, &Silent).unwrap().count, 0);
+        swaps(&state, 9, true, &Silent).unwrap()
+    }
+
+    #[test]
+    fn an_atom_for_two_lines_is_split_where_another_is_there_twice() {
+        // The last axis is not observed.
+        let mask: Vec<f32> = (0..60 * N).map(|v| if v % N == 3 { 0.0 } else { 1.0 }).collect();
+        for weights in [None, Some(&mask[..])] {
+            let Swaps { successors, count } = stalled(weights);
+            assert_eq!(count, 1);
+            let (places, mut lines): (Vec<usize>, Vec<Vec<f32>>) = successors.into_iter().unzip();
+            assert_eq!(places, [1, 0]);
+            lines.sort_by(|a, b| b[0].abs().total_cmp(&a[0].abs()));
+            assert!((lines[0][0].abs() - 1.0).abs() < 1e-6, "{lines:?}");
+            assert!((lines[1][1].abs() - 1.0).abs() < 1e-6, "{lines:?}");
+        }
+    }
 }
