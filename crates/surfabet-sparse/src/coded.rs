@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::codes::{SIGNALS_PER_TASK, SparseCodes};
+use crate::codes::{SIGNALS_PER_TASK, SparseCodes, add_code};
 use crate::dictionary::Dictionary;
 use crate::signals::Signals;
 
@@ -28,12 +28,11 @@ impl Coded {
     pub fn refresh(&mut self, dictionary: &Dictionary, signals: &Signals<'_>) {
         let rows = self.residuals.par_chunks_mut(signals.n_features());
         rows.with_min_len(SIGNALS_PER_TASK).enumerate().for_each(|(i, row)| {
-            row.copy_from_slice(signals.values(i));
+            row.fill(0.0);
             let (atoms, coefficients) = self.codes.code(i);
-            for (&atom, &x) in atoms.iter().zip(coefficients) {
-                for (r, &d) in row.iter_mut().zip(dictionary.atom(atom as usize)) {
-                    *r -= x * d;
-                }
+            add_code(dictionary, atoms, coefficients, row);
+            for (r, &s) in row.iter_mut().zip(signals.values(i)) {
+                *r = s - *r;
             }
         });
         self.measure(signals);
