@@ -179,7 +179,7 @@ def compare(data: Data, peers: list[Peer], iterations: int, seed: int) -> None:
     """Runs and prints surfabet, then every peer beside the run that reaches its objective."""
     from surfabet import sparse
 
-    def learn(iterations: int) -> np.ndarray:
+    def run(iterations: int) -> sparse.Ksvd:
         return sparse.ksvd(
             data.signals,
             weights=data.seen,
@@ -188,7 +188,10 @@ def compare(data: Data, peers: list[Peer], iterations: int, seed: int) -> None:
             iterations=iterations,
             convergence=0,
             random_state=seed,
-        ).dictionary
+        )
+
+    def learn(iterations: int) -> np.ndarray:
+        return run(iterations).dictionary
 
     def judge(dictionary: np.ndarray) -> float:
         codes = sparse.omp(dictionary, data.signals, weights=data.seen, max_atoms=SPARSITY)
@@ -219,6 +222,7 @@ def compare(data: Data, peers: list[Peer], iterations: int, seed: int) -> None:
     print(
         f"  {f'surfabet, {iterations} iterations':36} objective {judge(dictionary):<10.6g}"
         f" {spread(own):>26} s{share(dictionary)}"
+        f"   with its own codes {run(iterations).objective[-1]:.6g}"
     )
     for peer in peers:
         dictionary = timed(peer.learn, peer.seconds)
