@@ -95,7 +95,7 @@ def ksvd(
     convergence: float = 1e-3,
     random_state: int = 0,
     max_coherence: float = 0.9,
-    update_iterations: int = 10,
+    update_iterations: int = 8,
     update_tolerance: float = 1e-4,
     progress: Progress = None,
 ) -> Ksvd:
@@ -126,11 +126,12 @@ def ksvd(
     random_state : int
         Seeds the choice of the signals that become the first atoms.
     max_coherence : float
-        Of two atoms whose absolute cosine exceeds this, one is replaced.
+        Atoms whose absolute cosine exceeds this count as the same: new ones are less alike, and of
+        two that remain one is dropped at the end if the objective stands it.
     update_iterations : int
-        Most alternations in the update of an atom from weighted signals.
+        Most updates of every atom between two codings of the signals.
     update_tolerance : float
-        Least relative gain for another alternation.
+        Least relative decrease of the objective by an update of all atoms for another one.
     progress : None, bool or callable
         None, True for a bar on stderr, or a callable of stage and fraction.
 
@@ -139,6 +140,14 @@ def ksvd(
     Ksvd
         Dictionary (atoms that are in use only), codes, objective of the first dictionary and after
         every iteration, number of atoms replaced and cropped.
+
+    Notes
+    -----
+    Codes of the first dictionary have two fifths of `max_atoms`, those of the next iterations a
+    fifth more each. Atoms that earn little, unused ones and those for which another can stand in,
+    are replaced by directions that the residuals of many signals share and, once the objective
+    falls slowly, by the second of two lines into which the signals of an atom fall. Replacements
+    that raise the objective are undone.
 
     Raises
     ------

@@ -7,16 +7,18 @@
 //!
 //! Results depend on input, options and seed, not on the number of threads.
 
+mod coded;
 mod codes;
 mod dictionary;
 mod error;
+mod initial;
 mod ksvd;
 mod linalg;
 mod omp;
 mod pursuit;
 mod rank_one;
-mod replacement;
 mod signals;
+mod swaps;
 #[cfg(test)]
 mod testing;
 

@@ -6,6 +6,7 @@
 //! and makes that product for a whole block of signals as one matrix product. Signals without weights of their
 //! own take the shared Gram matrix.
 
+use pulp::Arch;
 use rayon::prelude::*;
 use surfabet_base::Progress;
 
@@ -119,13 +120,8 @@ impl<'a> Coder<'a> {
         options: &'a OmpOptions,
         progress: &'a dyn Progress,
     ) -> Result<Self> {
-        let (k, n) = (dictionary.n_atoms(), dictionary.n_features());
-        let mut by_feature = vec![0.0; k * n];
-        for a in 0..k {
-            for (f, &v) in dictionary.atom(a).iter().enumerate() {
-                by_feature[f * k + a] = v;
-            }
-        }
+        let k = dictionary.n_atoms();
+        let by_feature = by_feature(dictionary);
         let squares =
             signals.has_weights().then(|| by_feature.iter().map(|v| v * v).collect::<Vec<f32>>());
         let squared_norms = (0..k)
@@ -141,7 +137,7 @@ impl<'a> Coder<'a> {
             squared_norms,
             gram: Vec::new(),
         };
-        let shares_gram = |i| Pursuit::start(signals, i, 0.0).is_some_and(|p| !p.is_weighted());
+        let shares_gram = |i| Pursuit::start(signals, i, 0.0, 0).is_some_and(|p| !p.is_weighted());
         if coder.most_atoms() > 1 && (0..signals.len()).into_par_iter().any(shares_gram) {
             coder.gram = gram(dictionary, &coder.by_feature, progress)?;
         }
@@ -164,11 +160,13 @@ impl<'a> Coder<'a> {
     }
 
     fn code_block(&self, first: usize, end: usize) -> Result<SparseCodes> {
-        let mut pursuits: Vec<Option<Pursuit>> =
-            (first..end).map(|i| Pursuit::start(self.signals, i, self.options.tolerance)).collect();
+        let mut pursuits: Vec<Option<Pursuit>> = (first..end)
+            .map(|i| Pursuit::start(self.signals, i, self.options.tolerance, self.most_atoms()))
+            .collect();
         if self.most_atoms() > 0 {
             let open = pursuits.iter_mut().filter_map(Option::as_mut).collect();
-            Block::new(self, open)?.run()?;
+            let block = Block::new(self, open)?;
+            Arch::new().dispatch(|| block.run())?;
         }
         let mut codes = SparseCodes::default();
         for pursuit in pursuits {
@@ -181,6 +179,18 @@ impl<'a> Coder<'a> {
     fn check(&self) -> Result<()> {
         Ok(self.progress.check()?)
     }
+}
+
+/// The atoms feature-major: all atoms' values of feature 0, then of feature 1, ...
+pub(crate) fn by_feature(dictionary: &Dictionary) -> Vec<f32> {
+    let (k, n) = (dictionary.n_atoms(), dictionary.n_features());
+    let mut by_feature = vec![0.0; k * n];
+    for a in 0..k {
+        for (f, &v) in dictionary.atom(a).iter().enumerate() {
+            by_feature[f * k + a] = v;
+        }
+    }
+    by_feature
 }
 
 /// `DᵀD`, a block of columns at a time.
@@ -246,6 +256,7 @@ impl<'a, 'b> Block<'a, 'b> {
         Ok(Self { coder, pursuits, correlations, squared_lengths, shares })
     }
 
+    #[inline(always)]
     fn run(mut self) -> Result<()> {
         let (k, n) = (self.coder.dictionary.n_atoms(), self.coder.dictionary.n_features());
         let mut open: Vec<usize> = (0..self.pursuits.len()).collect();
@@ -254,18 +265,23 @@ impl<'a, 'b> Block<'a, 'b> {
         for step in 1..=self.coder.most_atoms() {
             self.coder.check()?;
             columns.clear();
-            open.retain(|&s| {
+            // A loop and not `retain`, whose closure would be compiled for the oldest machine.
+            let mut kept = 0;
+            for at in 0..open.len() {
+                let s = open[at];
                 let chosen = self.choose(s, &mut scores);
                 if !chosen || self.pursuits[s].is_done() || step == self.coder.most_atoms() {
-                    return false;
+                    continue;
                 }
                 if self.pursuits[s].is_weighted() {
                     self.pursuits[s].append_direction(&mut columns);
                 } else {
                     self.share_by_gram(s);
                 }
-                true
-            });
+                open[kept] = s;
+                kept += 1;
+            }
+            open.truncate(kept);
             if open.is_empty() {
                 break;
             }
@@ -290,6 +306,7 @@ impl<'a, 'b> Block<'a, 'b> {
     }
 
     /// Adds the best atom to the support of pursuit `s`; false when none adds anything.
+    #[inline(always)]
     fn choose(&mut self, s: usize, scores: &mut [f32]) -> bool {
         let k = scores.len();
         let pursuit = &mut *self.pursuits[s];
@@ -308,6 +325,7 @@ impl<'a, 'b> Block<'a, 'b> {
 
     /// Appends every atom's share of the newest direction of pursuit `s`, from the shared Gram matrix: the
     /// Gram column of the chosen atom less what the earlier directions explain of it.
+    #[inline(always)]
     fn share_by_gram(&mut self, s: usize) {
         let k = self.coder.dictionary.n_atoms();
         let pursuit = &self.pursuits[s];
@@ -333,6 +351,7 @@ impl<'a, 'b> Block<'a, 'b> {
 }
 
 /// The atom that explains most of the residual, the first of equals; `None` when none explains anything.
+#[inline(always)]
 fn best_atom(
     correlations: &[f32],
     squared_lengths: &[f32],

@@ -35,9 +35,14 @@ pub struct Pursuit {
 }
 
 impl Pursuit {
-    /// The pursuit of signal `i`; `None` when nothing of it is observed, or what is observed is zero or
+    /// The pursuit of signal `i` for a code of at most `max_atoms`; `None` when nothing of it is observed, or what is observed is zero or
     /// within `tolerance` (weighted root mean square) of it.
-    pub fn start(signals: &Signals<'_>, i: usize, tolerance: f32) -> Option<Self> {
+    pub fn start(
+        signals: &Signals<'_>,
+        i: usize,
+        tolerance: f32,
+        max_atoms: usize,
+    ) -> Option<Self> {
         let values = signals.values(i);
         let mut roots = None;
         let mut total_weight = values.len() as f64;
@@ -70,25 +75,28 @@ impl Pursuit {
             residual,
             energy: 1.0,
             enough: enough.max(NOTHING_LEFT),
-            basis: Vec::new(),
-            triangle: Vec::new(),
-            projections: Vec::new(),
-            atoms: Vec::new(),
+            basis: Vec::with_capacity(max_atoms * values.len()),
+            triangle: Vec::with_capacity(max_atoms * (max_atoms + 1) / 2),
+            projections: Vec::with_capacity(max_atoms),
+            atoms: Vec::with_capacity(max_atoms),
             min_squared_length: MIN_SQUARED_LENGTH * mean_weight,
         })
     }
 
     /// True when weights differ within the signal.
+    #[inline(always)]
     pub fn is_weighted(&self) -> bool {
         self.roots.is_some()
     }
 
     /// Least squared length of what an atom adds for it to be chosen.
+    #[inline(always)]
     pub fn min_squared_length(&self) -> f32 {
         self.min_squared_length
     }
 
     /// True when the residual is small enough.
+    #[inline(always)]
     pub fn is_done(&self) -> bool {
         self.energy <= self.enough
     }
@@ -106,62 +114,68 @@ impl Pursuit {
     }
 
     /// The newest direction, weighted once more: its product with the atoms is their share of it.
+    #[inline(always)]
     pub fn append_direction(&self, out: &mut Vec<f32>) {
         let start = self.basis.len() - self.residual.len();
         append_scaled(&self.basis[start..], self.roots.as_deref(), out);
     }
 
     /// The atom chosen last.
+    #[inline(always)]
     pub fn last_atom(&self) -> Option<u32> {
         self.atoms.last().copied()
     }
 
     /// The atom chosen last in the basis: how much of each earlier direction, then of its own.
+    #[inline(always)]
     pub fn last_column(&self) -> &[f64] {
         &self.triangle[self.triangle.len() - self.atoms.len()..]
     }
 
     /// The signal's share of the newest direction.
+    #[inline(always)]
     pub fn last_projection(&self) -> f32 {
         self.projections.last().map_or(0.0, |&y| y as f32)
     }
 
     /// Adds `atom` to the support, or returns false and changes nothing when the support spans it already.
+    #[inline(always)]
     pub fn extend(&mut self, index: usize, atom: &[f32]) -> bool {
         let n = self.residual.len();
-        let mut direction = Vec::with_capacity(n);
-        append_scaled(atom, self.roots.as_deref(), &mut direction);
-        let before = dot(&direction, &direction);
+        let start = self.basis.len();
+        append_scaled(atom, self.roots.as_deref(), &mut self.basis);
+        let (earlier, direction) = self.basis.split_at_mut(start);
+        let before = dot(direction, direction);
         let column = self.triangle.len();
         self.triangle.resize(column + self.atoms.len(), 0.0);
         let mut squared = before;
         // Once leaves an error of the order of what was taken away, so a second time where that was most of it.
         for _ in 0..2 {
-            for (q, share) in self.basis.chunks_exact(n).zip(&mut self.triangle[column..]) {
-                let overlap = dot(q, &direction);
-                add_multiple(&mut direction, -overlap as f32, q);
+            for (q, share) in earlier.chunks_exact(n).zip(&mut self.triangle[column..]) {
+                let overlap = dot(q, direction);
+                add_multiple(direction, -overlap as f32, q);
                 *share += overlap;
             }
-            squared = dot(&direction, &direction);
+            squared = dot(direction, direction);
             if squared > 0.25 * before {
                 break;
             }
         }
         if squared <= f64::from(0.25 * self.min_squared_length) {
             self.triangle.truncate(column);
+            self.basis.truncate(start);
             return false;
         }
         let length = squared.sqrt();
         let inverse = (1.0 / length) as f32;
-        for v in &mut direction {
+        for v in direction.iter_mut() {
             *v *= inverse;
         }
         self.triangle.push(length);
-        let projection = dot(&direction, &self.residual);
-        add_multiple(&mut self.residual, -projection as f32, &direction);
+        let projection = dot(direction, &self.residual);
+        add_multiple(&mut self.residual, -projection as f32, direction);
         self.energy = dot(&self.residual, &self.residual);
         self.projections.push(projection);
-        self.basis.extend_from_slice(&direction);
         // Dictionaries are checked to have fewer than 2^32 atoms.
         self.atoms.push(index as u32);
         true
@@ -184,6 +198,7 @@ impl Pursuit {
     }
 }
 
+#[inline(always)]
 fn append_scaled(values: &[f32], factors: Option<&[f32]>, out: &mut Vec<f32>) {
     match factors {
         None => out.extend_from_slice(values),
@@ -192,6 +207,7 @@ fn append_scaled(values: &[f32], factors: Option<&[f32]>, out: &mut Vec<f32>) {
 }
 
 /// Scalar product; the partial sums of 16 lanes keep it fast and its error small.
+#[inline(always)]
 pub fn dot(a: &[f32], b: &[f32]) -> f64 {
     let (a, a_rest) = a.as_chunks::<16>();
     let (b, b_rest) = b.as_chunks::<16>();
@@ -205,6 +221,7 @@ pub fn dot(a: &[f32], b: &[f32]) -> f64 {
     lanes.iter().map(|&l| f64::from(l)).sum::<f64>() + rest
 }
 
+#[inline(always)]
 fn add_multiple(out: &mut [f32], factor: f32, values: &[f32]) {
     for (o, v) in out.iter_mut().zip(values) {
         *o += factor * v;

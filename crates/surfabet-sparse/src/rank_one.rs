@@ -6,6 +6,7 @@
 //! missing filled in from the present estimate, starts an alternation between the two closed-form halves
 //! `x_i = Σ_j w e d / Σ_j w d²` and `d_j = Σ_i w e x / Σ_i w x²`. Neither stage can raise the error.
 
+use pulp::Arch;
 use rayon::prelude::*;
 use surfabet_base::Progress;
 
@@ -17,182 +18,137 @@ use crate::pursuit::dot;
 /// Signals per partial sum. Fixed, so that sums do not depend on the number of threads.
 const ROWS: usize = 32;
 
+/// Values of a group below which handing work to other threads costs more than it saves.
+const PARALLEL: usize = 1 << 17;
+
 /// Steps of the bidiagonalisation that finds the leading triplet. It starts from the atom as it is and is
 /// repeated in every iteration of K-SVD, so it need not converge to the last digit at once.
 const LANCZOS_STEPS: usize = 8;
 
-/// When the weighted alternation ends.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Convergence {
-    /// Most alternations.
-    pub iterations: usize,
-    /// Least relative gain in explained energy for another one.
-    pub tolerance: f64,
-}
-
-/// The residuals of the signals that use an atom, without that atom's share.
-pub struct Group<'a> {
-    /// Number of values of a signal.
-    pub n_features: usize,
-    /// Residuals, one row per signal.
-    pub residuals: &'a [f32],
-    /// Weights in the same layout, at most 1.
+/// A signal that uses the atom.
+pub struct Member<'a> {
+    /// What its code leaves of the signal.
+    pub residual: &'a mut [f32],
+    /// Weights of its values, at most 1.
     pub weights: Option<&'a [f32]>,
+    /// Coefficient of the atom.
+    pub coefficient: f32,
 }
 
-/// Improves `atom` and its `coefficients` in place; a no-op when neither can be improved.
-pub fn update(
-    group: &Group<'_>,
-    atom: &mut [f32],
-    coefficients: &mut [f32],
-    convergence: &Convergence,
-    progress: &dyn Progress,
-) -> Result<()> {
-    let n = group.n_features;
-    let Some(weights) = group.weights else {
-        let leading = leading_atom(group.residuals, atom, progress)?;
-        coefficients
-            .par_iter_mut()
-            .with_min_len(ROWS)
-            .zip(group.residuals.par_chunks_exact(n))
-            .for_each(|(x, e)| *x = dot(e, &leading) as f32);
-        atom.copy_from_slice(&leading);
-        return Ok(());
-    };
-    let mut filled = group.residuals.to_vec();
-    let weighted = weight_and_fill(&mut filled, weights, atom, coefficients);
-    let problem = Weighted { n, weighted: &weighted, weights };
-    let gain_before = problem.gain(atom, coefficients);
-    let mut best = leading_atom(&filled, atom, progress)?;
-    let mut solved = problem.solve(&best);
-    for _ in 0..convergence.iterations {
-        progress.check()?;
-        let Some(next) = solved.next_atom() else { break };
-        let next_solved = problem.solve(&next);
-        let gained = next_solved.explained - solved.explained;
-        if gained <= 0.0 {
-            break;
-        }
-        (best, solved) = (next, next_solved);
-        if gained <= convergence.tolerance * solved.explained {
-            break;
-        }
-    }
-    if solved.explained >= gain_before {
-        atom.copy_from_slice(&best);
-        coefficients.copy_from_slice(&solved.coefficients);
-    }
-    Ok(())
+/// Improves `atom` for the coefficients of its `members`, then these for the atom, and keeps the residuals in step.
+/// Neither half raises the weighted error but for rounding.
+pub fn update(members: &mut [Member<'_>], atom: &mut [f32]) {
+    let Some(next) = next_atom(members, atom) else { return };
+    let before: &[f32] = atom;
+    over_chunks(members, atom.len(), |chunk| {
+        Arch::new().dispatch(|| solve(chunk, before, &next));
+    });
+    atom.copy_from_slice(&next);
 }
 
-/// Fills `residuals` by `w e + (1 − w) x d`, and returns `w e`.
-///
-/// The unweighted error of the filled residuals bounds the weighted error from above and equals it at the
-/// present estimate, so lowering the one lowers the other.
-fn weight_and_fill(
-    residuals: &mut [f32],
-    weights: &[f32],
-    atom: &[f32],
-    coefficients: &[f32],
-) -> Vec<f32> {
+/// Work on chunks of [`ROWS`] members, on all threads where that pays. Results come in the order of the chunks.
+fn over_chunks<'a, T: Send>(
+    members: &mut [Member<'a>],
+    n: usize,
+    work: impl Fn(&mut [Member<'a>]) -> T + Sync + Send,
+) -> Vec<T> {
+    if members.len() * n < PARALLEL {
+        members.chunks_mut(ROWS).map(work).collect()
+    } else {
+        members.par_chunks_mut(ROWS).with_min_len(4).map(work).collect()
+    }
+}
+
+/// The best atom for the coefficients as they are, `d_j + Σ_i w r x / Σ_i w x²` scaled to norm 1; 0 where no signal
+/// observes it, `None` when that is everywhere.
+fn next_atom(members: &mut [Member<'_>], atom: &[f32]) -> Option<Vec<f32>> {
     let n = atom.len();
-    let mut weighted = vec![0.0; residuals.len()];
-    (residuals.par_chunks_exact_mut(n), weighted.par_chunks_exact_mut(n))
-        .into_par_iter()
-        .with_min_len(ROWS)
-        .zip(weights.par_chunks_exact(n))
-        .zip(coefficients)
-        .for_each(|(((e, we), w), &x)| {
-            for (((e, we), &w), &d) in e.iter_mut().zip(we).zip(w).zip(atom) {
-                *we = w * *e;
-                *e = *we + (1.0 - w) * x * d;
+    let partial = over_chunks(members, n, |chunk| {
+        let (mut numerators, mut denominators) = (vec![0.0f32; n], vec![0.0f32; n]);
+        Arch::new().dispatch(|| {
+            for member in chunk {
+                accumulate(member, &mut numerators, &mut denominators);
             }
         });
-    weighted
-}
-
-/// A masked rank-one problem.
-struct Weighted<'a> {
-    n: usize,
-    /// `w e`
-    weighted: &'a [f32],
-    weights: &'a [f32],
-}
-
-/// The best coefficients for an atom, and sums from which the best atom for them follows.
-struct Solved {
-    coefficients: Vec<f32>,
-    /// Energy explained: what the atom takes off the weighted squared error.
-    explained: f64,
-    /// `Σ_i w e x` per feature.
-    numerators: Vec<f64>,
-    /// `Σ_i w x²` per feature.
-    denominators: Vec<f64>,
-}
-
-impl Weighted<'_> {
-    /// What `x d` takes off the weighted squared error: `Σ 2 x w e d − x² w d²`.
-    fn gain(&self, atom: &[f32], coefficients: &[f32]) -> f64 {
-        let squares: Vec<f32> = atom.iter().map(|d| d * d).collect();
-        let rows = self.weighted.chunks_exact(self.n).zip(self.weights.chunks_exact(self.n));
-        rows.zip(coefficients)
-            .map(|((we, w), &x)| {
-                let x = f64::from(x);
-                x * (2.0 * dot(we, atom) - x * dot(w, &squares))
-            })
-            .sum()
+        (numerators, denominators)
+    });
+    let (mut numerators, mut denominators) = (vec![0.0; n], vec![0.0; n]);
+    for (a, b) in &partial {
+        add(&mut numerators, a);
+        add(&mut denominators, b);
     }
+    if members.iter().all(|m| m.weights.is_none()) {
+        let all = denominators[0];
+        denominators.fill(all);
+    }
+    let largest = denominators.iter().copied().fold(0.0, f64::max);
+    let mut next: Vec<f32> = (atom.iter().zip(numerators).zip(denominators))
+        .map(|((&d, a), b)| if b > 1e-12 * largest { (f64::from(d) + a / b) as f32 } else { 0.0 })
+        .collect();
+    normalize(&mut next).then_some(next)
+}
 
-    fn solve(&self, atom: &[f32]) -> Solved {
-        let n = self.n;
-        let squares: Vec<f32> = atom.iter().map(|d| d * d).collect();
-        let mut coefficients = vec![0.0; self.weighted.len() / n];
-        let partial: Vec<(f64, Vec<f32>, Vec<f32>)> = coefficients
-            .par_chunks_mut(ROWS)
-            .zip(self.weighted.par_chunks(ROWS * n))
-            .zip(self.weights.par_chunks(ROWS * n))
-            .map(|((coefficients, weighted), weights)| {
-                let (mut explained, mut numerators, mut denominators) =
-                    (0.0, vec![0.0f32; n], vec![0.0f32; n]);
-                let rows = weighted.chunks_exact(n).zip(weights.chunks_exact(n));
-                for (x, (we, w)) in coefficients.iter_mut().zip(rows) {
-                    let (share, length) = (dot(we, atom), dot(w, &squares));
-                    // The atom is unobserved here: no coefficient can be told from another.
-                    if length <= 1e-12 {
-                        continue;
-                    }
-                    explained += share * share / length;
-                    *x = (share / length) as f32;
-                    let (x, squared) = (*x, *x * *x);
-                    for (((a, b), we), w) in
-                        numerators.iter_mut().zip(&mut denominators).zip(we).zip(w)
-                    {
-                        *a += x * we;
-                        *b += squared * w;
-                    }
-                }
-                (explained, numerators, denominators)
-            })
-            .collect();
-        let (mut explained, mut numerators, mut denominators) = (0.0, vec![0.0; n], vec![0.0; n]);
-        for (e, a, b) in &partial {
-            explained += e;
-            add(&mut numerators, a);
-            add(&mut denominators, b);
+/// `Σ w r x` and `Σ w x²` per feature.
+#[inline(always)]
+fn accumulate(member: &Member<'_>, numerators: &mut [f32], denominators: &mut [f32]) {
+    let x = member.coefficient;
+    match member.weights {
+        None => {
+            for (a, r) in numerators.iter_mut().zip(&*member.residual) {
+                *a += x * r;
+            }
+            // Without weights all features have the same: one stands for all.
+            denominators[0] += x * x;
         }
-        Solved { coefficients, explained, numerators, denominators }
+        Some(weights) => {
+            let rows = member.residual.iter().zip(weights);
+            for ((a, b), (r, w)) in numerators.iter_mut().zip(denominators).zip(rows) {
+                let wx = w * x;
+                *a += wx * r;
+                *b += wx * x;
+            }
+        }
     }
 }
 
-impl Solved {
-    /// The best atom for these coefficients, 0 where no signal observes it; `None` when that is everywhere.
-    fn next_atom(&self) -> Option<Vec<f32>> {
-        let largest = self.denominators.iter().copied().fold(0.0, f64::max);
-        let ratios = self.numerators.iter().zip(&self.denominators);
-        let mut atom: Vec<f32> =
-            ratios.map(|(a, b)| if *b > 1e-12 * largest { (a / b) as f32 } else { 0.0 }).collect();
-        normalize(&mut atom).then_some(atom)
+/// Best coefficients for the atom `next` in the place of `atom`: `x_i = Σ_j w e d / Σ_j w d²` with `e` the residual
+/// and the share of the atom as it was.
+#[inline(always)]
+fn solve(members: &mut [Member<'_>], atom: &[f32], next: &[f32]) {
+    let overlap = dot(atom, next);
+    let products: Vec<f32> = atom.iter().zip(next).map(|(a, b)| a * b).collect();
+    let squares: Vec<f32> = next.iter().map(|d| d * d).collect();
+    for member in members {
+        let x = member.coefficient;
+        let (share, overlap, length) = match member.weights {
+            None => (dot(member.residual, next), overlap, 1.0),
+            Some(w) => (dot3(w, member.residual, next), dot(w, &products), dot(w, &squares)),
+        };
+        // The atom is unobserved here: no coefficient can be told from another.
+        let solved =
+            if length > 1e-12 { ((share + f64::from(x) * overlap) / length) as f32 } else { 0.0 };
+        for ((r, &before), &after) in member.residual.iter_mut().zip(atom).zip(next) {
+            *r += x * before - solved * after;
+        }
+        member.coefficient = solved;
     }
+}
+
+/// `Σ a b c`, in lanes as [`dot`].
+#[inline(always)]
+pub fn dot3(a: &[f32], b: &[f32], c: &[f32]) -> f64 {
+    let (a, a_rest) = a.as_chunks::<16>();
+    let (b, b_rest) = b.as_chunks::<16>();
+    let (c, c_rest) = c.as_chunks::<16>();
+    let mut lanes = [0.0f32; 16];
+    for ((a, b), c) in a.iter().zip(b).zip(c) {
+        for l in 0..16 {
+            lanes[l] += a[l] * b[l] * c[l];
+        }
+    }
+    let rest = a_rest.iter().zip(b_rest).zip(c_rest);
+    let rest: f64 = rest.map(|((&a, &b), &c)| f64::from(a) * f64::from(b) * f64::from(c)).sum();
+    lanes.iter().map(|&l| f64::from(l)).sum::<f64>() + rest
 }
 
 fn add(sums: &mut [f64], values: &[f32]) {
