@@ -102,32 +102,26 @@ fn zero_unless_finite<const N: usize>(values: &mut [[f32; N]]) -> usize {
     changed
 }
 
-impl PointCloud {
-    /// Checks the columns, drops points that are not finite and counts what it dropped.
-    ///
-    /// # Errors
-    /// [`Error::LengthMismatch`] when a column does not have one value per point,
-    /// [`Error::IndexOutOfRange`] for a viewpoint index without origin, and [`Error::InvalidParameter`] when
-    /// the origin or a viewpoint is not finite, or the name of an extra column is empty, given twice or one of
-    /// [`RESERVED_NAMES`](crate::RESERVED_NAMES).
-    pub fn from_parts(mut parts: CloudParts) -> Result<(Self, DroppedValues)> {
-        let n = parts.positions.len();
-        if parts.origin.iter().any(|c| !c.is_finite()) {
-            return Err(Error::invalid("origin", format!("{:?}", parts.origin), "finite"));
+impl CloudParts {
+    /// Refuses columns of different lengths, and places of sensors that are none.
+    fn check(&self) -> Result<()> {
+        let n = self.positions.len();
+        if self.origin.iter().any(|c| !c.is_finite()) {
+            return Err(Error::invalid("origin", format!("{:?}", self.origin), "finite"));
         }
-        if let Some(colors) = &parts.colors {
+        if let Some(colors) = &self.colors {
             check_len("colors", colors.len(), n)?;
         }
-        if let Some(intensities) = &parts.intensities {
+        if let Some(intensities) = &self.intensities {
             check_len("intensities", intensities.len(), n)?;
         }
-        if let Some(normals) = &parts.normals {
+        if let Some(normals) = &self.normals {
             check_len("normals", normals.len(), n)?;
         }
-        if let Some(ranges) = &parts.ranges {
+        if let Some(ranges) = &self.ranges {
             check_len("ranges", ranges.len(), n)?;
         }
-        if let Some(viewpoints) = &parts.viewpoints {
+        if let Some(viewpoints) = &self.viewpoints {
             check_len("viewpoint index", viewpoints.index.len(), n)?;
             let len = viewpoints.origins.len();
             if let Some(&index) = viewpoints.index.iter().find(|&&i| i as usize >= len) {
@@ -141,39 +135,57 @@ impl PointCloud {
                 return Err(Error::invalid("viewpoint", format!("{o:?}"), "finite"));
             }
         }
-        attribute::check(&parts.extra, n)?;
+        attribute::check(&self.extra, n)
+    }
 
+    /// Drops points whose position is not finite; other values that are not finite become zero.
+    fn drop_what_is_not_finite(&mut self) -> DroppedValues {
         let mut dropped = DroppedValues::default();
         let keep: Vec<bool> =
-            parts.positions.iter().map(|p| p.iter().all(|c| c.is_finite())).collect();
+            self.positions.iter().map(|p| p.iter().all(|c| c.is_finite())).collect();
         dropped.points = keep.iter().filter(|&&k| !k).count();
         if dropped.points > 0 {
-            retain_by(&mut parts.positions, &keep);
-            if let Some(v) = &mut parts.colors {
+            retain_by(&mut self.positions, &keep);
+            if let Some(v) = &mut self.colors {
                 retain_by(v, &keep);
             }
-            if let Some(v) = &mut parts.intensities {
+            if let Some(v) = &mut self.intensities {
                 retain_by(v, &keep);
             }
-            if let Some(v) = &mut parts.normals {
+            if let Some(v) = &mut self.normals {
                 retain_by(v, &keep);
             }
-            if let Some(v) = &mut parts.ranges {
+            if let Some(v) = &mut self.ranges {
                 retain_by(v, &keep);
             }
-            if let Some(v) = &mut parts.viewpoints {
+            if let Some(v) = &mut self.viewpoints {
                 retain_by(&mut v.index, &keep);
             }
-            for (_, column) in &mut parts.extra {
+            for (_, column) in &mut self.extra {
                 column.retain(&keep);
             }
         }
-        if let Some(v) = &mut parts.normals {
+        if let Some(v) = &mut self.normals {
             dropped.attributes += zero_unless_finite(v);
         }
-        for column in [&mut parts.ranges, &mut parts.intensities].into_iter().flatten() {
+        for column in [&mut self.ranges, &mut self.intensities].into_iter().flatten() {
             dropped.attributes += zero_unless_finite(column.as_chunks_mut::<1>().0);
         }
+        dropped
+    }
+}
+
+impl PointCloud {
+    /// Checks the columns, drops points that are not finite and counts what it dropped.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] when a column does not have one value per point,
+    /// [`Error::IndexOutOfRange`] for a viewpoint index without origin, and [`Error::InvalidParameter`] when
+    /// the origin or a viewpoint is not finite, or the name of an extra column is empty, given twice or one of
+    /// [`RESERVED_NAMES`](crate::RESERVED_NAMES).
+    pub fn from_parts(mut parts: CloudParts) -> Result<(Self, DroppedValues)> {
+        parts.check()?;
+        let dropped = parts.drop_what_is_not_finite();
         let CloudParts {
             origin,
             positions,

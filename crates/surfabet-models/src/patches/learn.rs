@@ -94,13 +94,8 @@ pub fn learn(
     let of_gap = AXES_CELL_IN_GAPS * start.survey.layer_gap.unwrap_or(0.0);
     let cell = (AXES_CELL * resolution).max(of_gap) as f32;
     let orientation = stages.run("finding axes", |_| Ok(Orientation::of(cloud, cell)))?;
-    let lattice = Lattice {
-        origin: cloud.origin(),
-        orientation,
-        pixel_size: resolution,
-        levels: options.levels,
-        depth_step,
-    };
+    let (origin, levels) = (cloud.origin(), options.levels);
+    let lattice = Lattice { origin, orientation, pixel_size: resolution, levels, depth_step };
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
         let survey = &start.survey;
@@ -124,15 +119,13 @@ pub fn learn(
     })?;
     let (n_samples, attribute_cells) = (samples.all.len(), attributes.cells.len());
     drop(samples);
-    let mut model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
+    let model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
     // 8. Points beside the patches.
-    model = stages.run("checking the bound", |progress| match options.max_error {
+    let layer_gap = start.survey.layer_gap;
+    let wanted = Completeness { share: options.completeness, tolerance, layer_gap };
+    let model = stages.run("checking the bound", |progress| match options.max_error {
         Some(bound) => with_points_within(model, cloud, bound, progress),
-        None => {
-            let layer_gap = start.survey.layer_gap;
-            let wanted = Completeness { share: options.completeness, tolerance, layer_gap };
-            with_share_of_points(model, cloud, wanted, progress)
-        }
+        None => with_share_of_points(model, cloud, wanted, progress),
     })?;
 
     let figures = PatchesFigures {
@@ -147,7 +140,7 @@ pub fn learn(
     let mut report = PatchesReport {
         stages: stages.finish(),
         figures: Some(figures),
-        levels: levels(&model),
+        levels: of_levels(&model),
         iterations: bytes.len(),
         objectives: vec![("bytes of geometry".into(), bytes)],
         stop_reason: "every sheet has the hierarchy of least cost",
@@ -256,7 +249,7 @@ fn attributes(
 }
 
 /// What the report says of each level.
-fn levels(model: &PatchModel) -> Vec<Named> {
+fn of_levels(model: &PatchModel) -> Vec<Named> {
     let lattice = model.lattice();
     let level = |(l, of): (u32, LevelSize)| {
         let pixel = lattice.pixel_of(l);
