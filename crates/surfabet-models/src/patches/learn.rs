@@ -91,15 +91,20 @@ pub fn learn(
     let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
 
     // 1. Axes of the scene.
-    let of_gap = AXES_CELL_IN_GAPS * start.survey.layer_gap.unwrap_or(0.0);
-    let cell = (AXES_CELL * resolution).max(of_gap) as f32;
-    let orientation = stages.run("finding axes", |_| Ok(Orientation::of(cloud, cell)))?;
-    let (origin, levels) = (cloud.origin(), options.levels);
-    let lattice = Lattice { origin, orientation, pixel_size: resolution, levels, depth_step };
+    let lattice = stages.run("finding axes", |_| {
+        Ok(lattice_of(cloud, resolution, depth_step, start.survey.layer_gap, options))
+    })?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
         let survey = &start.survey;
-        SidedSamples::merge(cloud, orientation, resolution, options.sensor, survey, progress)
+        SidedSamples::merge(
+            cloud,
+            lattice.orientation,
+            resolution,
+            options.sensor,
+            survey,
+            progress,
+        )
     })?;
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| {
@@ -150,6 +155,19 @@ pub fn learn(
     };
     start.report(tolerance, &mut report);
     Ok(model.with_report(report))
+}
+
+/// The lattice along the axes of the scene.
+fn lattice_of(
+    cloud: &PointCloud,
+    pixel_size: f64,
+    depth_step: u32,
+    layer_gap: Option<f64>,
+    options: &PatchesOptions,
+) -> Lattice {
+    let cell = (AXES_CELL * pixel_size).max(AXES_CELL_IN_GAPS * layer_gap.unwrap_or(0.0));
+    let orientation = Orientation::of(cloud, cell as f32);
+    Lattice { origin: cloud.origin(), orientation, pixel_size, levels: options.levels, depth_step }
 }
 
 /// Rounding of depths as the file has it: the one that was given, or the usual one, unless surfaces that lie close behind one
