@@ -86,29 +86,20 @@ pub fn learn(
     let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
     let tolerance = start.tolerance(options.resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
-    let cloud: &PointCloud = &start.cloud;
+    let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
     check_size(cloud, resolution)?;
     let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
-
     // 1. Axes of the scene.
     let lattice = stages.run("finding axes", |_| {
-        Ok(lattice_of(cloud, resolution, depth_step, start.survey.layer_gap, options))
+        Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
     })?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
-        let survey = &start.survey;
-        SidedSamples::merge(
-            cloud,
-            lattice.orientation,
-            resolution,
-            options.sensor,
-            survey,
-            progress,
-        )
+        SidedSamples::merge(cloud, &lattice, options.sensor, survey, progress)
     })?;
     // 3. Sheets.
+    let reach = Reach::of(survey.layer_gap, resolution);
     let sheets = stages.run("growing sheets", |_| {
-        let reach = Reach::of(start.survey.layer_gap, resolution);
         sheets(&samples, resolution as f32, lattice.tile_pixels(), reach)
     })?;
     // 4. to 6. Shapes, least cost, bits.
@@ -126,7 +117,7 @@ pub fn learn(
     drop(samples);
     let model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
     // 8. Points beside the patches.
-    let layer_gap = start.survey.layer_gap;
+    let layer_gap = survey.layer_gap;
     let wanted = Completeness { share: options.completeness, tolerance, layer_gap };
     let model = stages.run("checking the bound", |progress| match options.max_error {
         Some(bound) => with_points_within(model, cloud, bound, progress),
@@ -145,16 +136,23 @@ pub fn learn(
     let mut report = PatchesReport {
         stages: stages.finish(),
         figures: Some(figures),
-        levels: of_levels(&model),
-        iterations: bytes.len(),
-        objectives: vec![("bytes of geometry".into(), bytes)],
-        stop_reason: "every sheet has the hierarchy of least cost",
         attributes: attribute_figures,
         not_kept: lost(cloud, &chosen.names()),
-        ..PatchesReport::default()
+        ..choice_report(&model, bytes)
     };
     start.report(tolerance, &mut report);
     Ok(model.with_report(report))
+}
+
+/// What the report says of the choice of patches; `bytes` are those of the geometry after each round.
+fn choice_report(model: &PatchModel, bytes: Vec<f64>) -> PatchesReport {
+    PatchesReport {
+        levels: of_levels(model),
+        iterations: bytes.len(),
+        objectives: vec![("bytes of geometry".into(), bytes)],
+        stop_reason: "every sheet has the hierarchy of least cost",
+        ..PatchesReport::default()
+    }
 }
 
 /// The lattice along the axes of the scene.

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use crate::error::Result;
-use crate::patches::axes::Orientation;
 use crate::patches::constants::{NORMAL_CELL, NORMAL_CELL_IN_GAPS, SAMPLE_SIZE};
+use crate::patches::model::Lattice;
 use crate::sensor::{Sensor, to_sensor};
 use cells::{CellGroups, cell_of, key};
 use sides::{Neighbours, sides_of};
@@ -44,13 +44,13 @@ impl<'a> SidedSamples<'a> {
     /// Merges the points of `cloud`, of which the survey is known.
     pub fn merge(
         cloud: &'a PointCloud,
-        orientation: Orientation,
-        resolution: f64,
+        lattice: &Lattice,
         sensor: Sensor,
         survey: &Survey,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let to_world = orientation.rotation();
+        let resolution = lattice.pixel_size;
+        let to_world = lattice.orientation.rotation();
         let rows: [[f32; 3]; 3] =
             std::array::from_fn(|a| std::array::from_fn(|k| to_world[k][a] as f32));
         let cell = (SAMPLE_SIZE * resolution) as f32;
