@@ -1,6 +1,6 @@
-//! What a cloud says about itself before anything is learned from it: spacing, noise, layers, extent and outliers.
+//! What a cloud says about itself before anything is learned from it: spacing, noise, layers, scan lines, extent and outliers.
 //!
-//! Defaults follow from these figures. Spacing, noise and layers are medians over a sample of the points, outliers and
+//! Defaults follow from these figures. Spacing, noise, layers and lines are medians over a sample of the points, outliers and
 //! extent are of all points. All depend on the cloud alone.
 //!
 //! | file | what is measured |
@@ -8,9 +8,11 @@
 //! | `sample` | the points that are looked at, and their neighbours |
 //! | `noise` | deviation of neighbouring points from their plane |
 //! | `layers` | distance to a second surface behind the first |
+//! | `lines` | distance between scan lines |
 //! | `outliers` | small groups of points far from all others |
 
 mod layers;
+mod lines;
 mod noise;
 mod outliers;
 mod sample;
@@ -18,6 +20,7 @@ mod sample;
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use layers::layer_gap;
+use lines::line_spacing;
 use noise::Planes;
 use outliers::Outliers;
 use sample::Sample;
@@ -33,6 +36,9 @@ pub struct Survey {
     pub noise: f64,
     /// Where at least a seventh of the points have a second surface close behind theirs: the distance of the two, metres.
     pub layer_gap: Option<f64>,
+    /// Where at least half of the points lie on scan lines that are at least three spacings apart: the median distance
+    /// from a point to the next line, metres.
+    pub line_spacing: Option<f64>,
     /// Lower and upper corner of the box around all points but the outliers, world coordinates, metres; `None` without
     /// points.
     pub bounds: Option<([f64; 3], [f64; 3])>,
@@ -67,9 +73,11 @@ impl Survey {
         let noise = planes.noise;
         let layer_gap = layer_gap(&sample, &planes, spacing);
         progress.check()?;
+        let line_spacing = line_spacing(&sample, spacing);
+        progress.check()?;
         let Outliers { all, strays, bounds } = Outliers::of(cloud, spacing)?;
         progress.check()?;
-        Ok(Self { spacing, noise, layer_gap, bounds, outliers: all, strays })
+        Ok(Self { spacing, noise, layer_gap, line_spacing, bounds, outliers: all, strays })
     }
 
     /// How far a decoded cloud may be from a point and still show it, metres: two spacings, or three standard
@@ -161,6 +169,26 @@ mod tests {
         let gap = survey(both).layer_gap.unwrap();
         assert!((0.026..0.031).contains(&gap), "{gap}");
         assert_eq!(survey(front).layer_gap, None);
+    }
+
+    #[test]
+    fn scan_lines_are_as_far_apart_as_they_are() {
+        // Lines of points 1 cm apart; along and across at random by the noise.
+        let lines = |apart: f32, noise: f32| -> Vec<[f32; 3]> {
+            let at = |i: i32, j: i32| {
+                let moved = [spread(i, j), spread(j, i), spread(i + j, i)].map(|m| m * noise);
+                [0.01 * i as f32 + moved[0], apart * j as f32 + moved[1], moved[2]]
+            };
+            (0..12).flat_map(|j| (0..400).map(move |i| (i, j))).map(|(i, j)| at(i, j)).collect()
+        };
+        for (apart, noise) in [(0.05, 0.0), (0.3, 0.001), (0.3, 0.005), (1.0, 0.005)] {
+            let found = survey(lines(apart, noise)).line_spacing.unwrap();
+            assert!((found / f64::from(apart) - 1.0).abs() < 0.1, "{found} {apart}");
+        }
+        assert_eq!(survey(lines(0.02, 0.0)).line_spacing, None);
+        assert_eq!(survey(lattice(80, 0.01, |_, _| [0.0; 3])).line_spacing, None);
+        let random = |i: i32, j: i32| [spread(i, j), spread(j, i), 0.0].map(|m| 0.02 * m);
+        assert_eq!(survey(lattice(80, 0.01, random)).line_spacing, None);
     }
 
     #[test]

@@ -3,9 +3,10 @@
 use surfabet_geom::{PointCloud, Progress};
 
 use super::coding::rounded;
-use super::fit::{Fit, Iteration};
+use super::fit::{Fit, Iteration, PublishedFit, Trace};
 use super::model::PlaneModel;
 use super::options::PlanesOptions;
+use super::patch::Patch;
 use super::points::{Points, check_weights};
 use crate::contract::SurfaceModel;
 use crate::error::Result;
@@ -79,21 +80,25 @@ pub fn learn(
     let weights = weights.as_deref();
     // Distinct points along a space-filling curve, in a tree of boxes.
     let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
-    // Patches where cells are flat, or at random (II-B, III).
-    let mut fit = stages.run("first patches", |progress| Fit::new(&points, options, progress))?;
-    let first_patches = fit.patches().len();
-    // EMPF, split, EMPF and merge in turn, until distances are stable (II-B).
-    let trace = stages.run("fitting", |progress| fit.run(progress))?;
+    let points = if options.published {
+        // The paper knows neither viewpoints nor scan lines.
+        points.without_facing()
+    } else {
+        points.on_lines(start.survey.line_spacing)
+    };
+    let Fitted { patches, grid_size, smallest_grid_size, first_patches, trace } =
+        fitted(&points, options, &mut stages)?;
     // The integers of the file; labels of the points, colours and intensities of the tiles (III).
-    let model = stages
-        .run("rounding patches", |progress| rounded(cloud, &points, &fit, options, progress))?;
+    let model = stages.run("rounding patches", |progress| {
+        rounded(cloud, &points, &patches, grid_size, options, progress)
+    })?;
     let model = model.with_points_left_out(&start.left_out, n_given);
     let figures = PlanesFigures {
         points: cloud.len(),
         distinct_points: points.len(),
         first_patches,
-        patches: fit.patches().len(),
-        grid_size: fit.grid_size(),
+        patches: patches.len(),
+        grid_size,
         outliers: model.header().n_outliers,
     };
     let present = [model.has_color(), model.has_intensity()];
@@ -114,9 +119,39 @@ pub fn learn(
         not_kept: lost(cloud, &KEPT),
         ..Report::default()
     };
-    if options.min_grid_size.is_none() {
-        start.note("min_grid_size", fit.smallest_grid_size(), GRID_SIZE_REASON.to_owned());
+    if let Some(smallest) = smallest_grid_size {
+        start.note("min_grid_size", smallest, GRID_SIZE_REASON.to_owned());
     }
     start.report(0.0, &mut report);
     Ok(model.with_report(report))
+}
+
+/// What comes out of a fit.
+struct Fitted {
+    patches: Vec<Patch>,
+    grid_size: f64,
+    /// Where it follows from the data.
+    smallest_grid_size: Option<f64>,
+    first_patches: usize,
+    trace: Trace,
+}
+
+/// Fits patches to the points, by the method as printed where the options say so.
+fn fitted(points: &Points, options: &PlanesOptions, stages: &mut Stages<'_>) -> Result<Fitted> {
+    if options.published {
+        let mut fit = stages.run("first patches", |p| PublishedFit::new(points, options, p))?;
+        let first_patches = fit.patches.len();
+        let trace = stages.run("fitting", |progress| fit.run(progress))?;
+        let PublishedFit { patches, grid_size, .. } = fit;
+        return Ok(Fitted { patches, grid_size, smallest_grid_size: None, first_patches, trace });
+    }
+    // Patches where cells are flat, or at random (II-B, III).
+    let mut fit = stages.run("first patches", |progress| Fit::new(points, options, progress))?;
+    let first_patches = fit.patches().len();
+    // EMPF, split, EMPF and merge in turn, until distances are stable (II-B).
+    let trace = stages.run("fitting", |progress| fit.run(progress))?;
+    let (grid_size, smallest) = (fit.grid_size(), fit.smallest_grid_size());
+    let smallest_grid_size = options.min_grid_size.is_none().then_some(smallest);
+    let patches = fit.into_patches();
+    Ok(Fitted { patches, grid_size, smallest_grid_size, first_patches, trace })
 }
