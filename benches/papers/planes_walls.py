@@ -3,21 +3,22 @@
     python benches/papers/planes_walls.py [--noise 1 2 ... 25] [--seeds 20] [--out FOLDER]
                                           [--lengths 450 150 150 450] [--angle 90] [--points 7000]
 
-Points on four walls of height 300, one after the other: two long ones and, between them, a corner of
-two short ones. Every point is moved by Gaussian noise of the standard deviation given along each
+Points on four walls of height 300, one after the other: two long ones and, between them, a corner
+of two short ones. Every point is moved by Gaussian noise of the standard deviation given along each
 axis. `learn_planes` starts from 3 random patches, other ones with every seed, and keeps patches
 whatever they look like (`min_purity=0, min_fill=0, max_bend=inf`): there is nothing but walls here.
 
 A result counts as found if there are exactly four patches, each within 10 degrees of another wall.
 Its error is the sum of the four angles between normals of patches and walls, in degrees. Beside it:
 
-- the Cramer-Rao bound: no unbiased method can have smaller variances. It is that of a mixture of four
-  rectangles blurred by the noise, of which planes, outlines, shares and the noise are unknown, from
-  the scores of 100,000 points; the median sum of errors is that of normal errors with this covariance
+- the Cramer-Rao bound: no unbiased method can have smaller variances. It is that of a mixture of
+  four rectangles blurred by the noise, of which planes, outlines, shares and the noise are unknown,
+  from the scores of 100,000 points; the median sum of errors is that of normal errors with this
+  covariance
 - the least-squares planes of the points of each wall, as if it were known which point is on which
 - the method as printed in the paper (`published=True`) from the same 3 patches
-- classical EM (`fit_planes_em`) from the planes of the same 3 patches, each wall with the plane that
-  most of its points belong to
+- classical EM (`fit_planes_em`) from the planes of the same 3 patches, each wall with the plane
+  that most of its points belong to
 
 Prints a Markdown table of medians over the seeds, and with `--out` draws the plot.
 """

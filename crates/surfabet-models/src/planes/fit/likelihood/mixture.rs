@@ -139,8 +139,7 @@ impl Mixture {
     }
 
     fn sums(&self, points: &[[f64; 3]]) -> Sums {
-        let chunks: Vec<Sums> =
-            points.par_chunks(CHUNK).map(|chunk| self.sums_of(chunk)).collect();
+        let chunks: Vec<Sums> = points.par_chunks(CHUNK).map(|chunk| self.sums_of(chunk)).collect();
         let mut total = self.no_sums();
         for sums in chunks {
             total.log_likelihood += sums.log_likelihood;

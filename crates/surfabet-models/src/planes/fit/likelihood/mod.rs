@@ -17,7 +17,8 @@ use self::search::{around, search};
 use super::merge::close_pairs;
 use crate::error::Result;
 use crate::planes::constants::{
-    FITTED_POINTS, JUDGED_POINTS, LAST_STEPS, LEAST_GAIN, LEAST_PATCH_POINTS, LONG_SIGMAS, MOST_FITTED,
+    FIRST_UNEVEN, FITTED_POINTS, JUDGED_POINTS, LAST_STEPS, LEAST_GAIN, LEAST_PATCH_POINTS,
+    LEAST_SUPPORTING, LONG_SIGMAS, MIXED_SIGMAS, MOST_FITTED, MOST_UNEVEN, MOVE_STEPS,
 };
 use crate::planes::patch::{Frame, Patch};
 use crate::planes::points::Points;
@@ -66,10 +67,7 @@ pub(super) fn refine(
 
 /// Groups of patches that touch, of which one has a short side.
 fn groups(patches: &[Patch], limits: Limits) -> Vec<Vec<u32>> {
-    let short = |patch: &Patch| {
-        let [x, y] = patch.tiles.size();
-        x.min(y) < LONG_SIGMAS * limits.deviation
-    };
+    let short = |patch: &Patch| shortest(patch) < LONG_SIGMAS * limits.deviation;
     let mut parent: Vec<u32> = (0..patches.len() as u32).collect();
     for [a, b] in close_pairs(patches, limits.grid_size) {
         if short(&patches[a as usize]) || short(&patches[b as usize]) {
@@ -87,7 +85,7 @@ fn groups(patches: &[Patch], limits: Limits) -> Vec<Vec<u32>> {
     groups
 }
 
-/// Fits a group of patches; `None` where there is nothing to fit.
+/// Fits a group of patches; `None` where points are not even over their rectangles, before and after.
 fn together(
     points: &Points,
     patches: &[Patch],
@@ -95,6 +93,19 @@ fn together(
     limits: Limits,
     progress: &dyn Progress,
 ) -> Result<Option<Fitted>> {
+    let rectangles: Vec<Rectangle> = group
+        .iter()
+        .filter_map(|&j| {
+            let Patch { moments, whole, .. } = &patches[j as usize];
+            let own: Vec<[f64; 3]> =
+                whole.iter().map(|&i| points.positions[i as usize].map(f64::from)).collect();
+            around(&own, moments, 0..own.len() as u32, limits.deviation)
+                .filter(|r| r.unevenness(own.iter().copied()) <= FIRST_UNEVEN)
+        })
+        .collect();
+    if rectangles.len() < group.len() {
+        return Ok(None);
+    }
     let reach = 2.0 * limits.grid_size;
     let mut blocks: Vec<u32> =
         group.iter().flat_map(|&j| patches[j as usize].blocks(points, reach)).collect();
@@ -110,25 +121,34 @@ fn together(
         .filter(near)
         .map(|i| points.positions[i].map(f64::from))
         .collect();
-    let rectangles: Vec<Rectangle> = group
-        .iter()
-        .filter_map(|&j| {
-            let Patch { moments, whole, .. } = &patches[j as usize];
-            let own: Vec<[f64; 3]> =
-                whole.iter().map(|&i| points.positions[i as usize].map(f64::from)).collect();
-            around(&own, moments, 0..own.len() as u32, limits.deviation)
-        })
-        .collect();
-    if rectangles.is_empty() || set.is_empty() {
+    let supporting: usize = group.iter().map(|&j| patches[j as usize].n_supporting()).sum();
+    if (supporting as f64) < LEAST_SUPPORTING * set.len() as f64 {
         return Ok(None);
     }
     let judged = some(&set, JUDGED_POINTS);
     let start = Mixture::new(rectangles, limits.deviation, 1.0 / volume(&set));
     let least = limits.min_points * judged.len() / set.len();
-    let found = search(&judged, start, limits.deviation, least.max(LEAST_PATCH_POINTS), progress)?;
+    let mut found = start.climb(&judged, MOVE_STEPS, 1.0, progress)?;
+    if group.iter().any(|&j| shortest(&patches[j as usize]) < MIXED_SIGMAS * limits.deviation) {
+        let least = least.max(LEAST_PATCH_POINTS);
+        found = search(&judged, found, limits.deviation, least, progress)?;
+    }
+    let members = found.members(&judged);
+    let even = |(r, of): (&Rectangle, &Vec<u32>)| {
+        r.unevenness(of.iter().map(|&i| judged[i as usize])) <= MOST_UNEVEN
+    };
+    if !found.rectangles.iter().zip(&members).all(even) {
+        return Ok(None);
+    }
     let fitted = found.climb(&some(&set, FITTED_POINTS), LAST_STEPS, LEAST_GAIN, progress)?;
     let rectangles = fitted.rectangles.iter().map(|r| (r.frame, r.half)).collect();
     Ok(Some(Fitted { replaced: group, rectangles }))
+}
+
+/// The shorter side of a patch, metres.
+fn shortest(patch: &Patch) -> f64 {
+    let [x, y] = patch.tiles.size();
+    x.min(y)
 }
 
 /// At most `most` of some points, evenly along their order.

@@ -5,7 +5,10 @@ use surfabet_geom::{Moments, Progress};
 use super::mixture::Mixture;
 use super::rectangle::{PARAMETERS, Rectangle};
 use crate::error::Result;
-use crate::planes::constants::{FLAT_SIGMAS, FOLD_ANGLE, MOST_MOVES, MOVE_STEPS, THICK_SIGMAS};
+use crate::planes::constants::{
+    EXCHANGE_SIGMAS, FIRST_STEPS, FLAT_SIGMAS, FOLD_ANGLE, HOPELESS, LEAST_EXCHANGE, MOST_MOVES,
+    MOVE_STEPS, THICK_SIGMAS,
+};
 use crate::planes::fit::m_step::plane;
 use crate::planes::patch::Frame;
 use crate::vector::{dot, minus};
@@ -26,16 +29,21 @@ pub(super) fn search(
     min_points: usize,
     progress: &dyn Progress,
 ) -> Result<Mixture> {
-    let mut now = start.climb(points, MOVE_STEPS, 1.0, progress)?;
+    let mut now = start;
     // Half the logarithm of the number of points for each parameter (BIC); a rectangle has its weight beside the others.
     let cost = 0.5 * (PARAMETERS as f64 + 1.0) * (points.len() as f64).ln();
     for _ in 0..MOST_MOVES {
         let mut best: Option<(f64, Mixture)> = None;
-        for Move { fewer, mixture } in moves(points, &now, noise, min_points) {
-            let tried = mixture.climb(points, MOVE_STEPS, 1.0, progress)?;
-            let price = if fewer { -cost } else { cost };
-            let gained = tried.log_likelihood - now.log_likelihood - price;
-            if gained > best.as_ref().map_or(0.0, |b| b.0) && (fewer || is_folded(&tried)) {
+        for Move { more, mixture } in moves(points, &now, noise, min_points) {
+            let price = if more == 0.0 { LEAST_EXCHANGE } else { more * cost };
+            let gain = |m: &Mixture| m.log_likelihood - now.log_likelihood - price;
+            let tried = mixture.climb(points, FIRST_STEPS, 1.0, progress)?;
+            if gain(&tried) < -HOPELESS * points.len() as f64 {
+                continue;
+            }
+            let tried = tried.climb(points, MOVE_STEPS, 1.0, progress)?;
+            let gained = gain(&tried);
+            if gained > best.as_ref().map_or(0.0, |b| b.0) && (more < 0.0 || is_folded(&tried)) {
                 best = Some((gained, tried));
             }
         }
@@ -47,13 +55,13 @@ pub(super) fn search(
 
 /// A mixture to be tried.
 struct Move {
-    /// True with one rectangle less than now, false with one more: the two parts of a fold, which are last.
-    fewer: bool,
+    /// By how many rectangles it has more than now: -1, 0 or 1. From 0 on, the last two are the parts of a fold.
+    more: f64,
     mixture: Mixture,
 }
 
 /// What may be better than `now`: a rectangle with few points left out, two in about one plane as one, one that is thicker
-/// than the noise as two.
+/// than the noise as two, two near each other folded elsewhere.
 fn moves(points: &[[f64; 3]], now: &Mixture, noise: f64, min_points: usize) -> Vec<Move> {
     let members = now.members(points);
     let moments: Vec<Moments> = members.iter().map(|m| moments_of(points, m)).collect();
@@ -62,22 +70,29 @@ fn moves(points: &[[f64; 3]], now: &Mixture, noise: f64, min_points: usize) -> V
     let n = now.rectangles.len();
     for a in 0..n {
         if n > 1 && members[a].len() < min_points {
-            found.push(Move { fewer: true, mixture: without(now, &[a], &[]) });
+            found.push(Move { more: -1.0, mixture: without(now, &[a], &[]) });
         }
         for b in a + 1..n {
             let mut both = moments[a];
             both.merge(&moments[b]);
-            if deviation(&both) > FLAT_SIGMAS * now.sigma {
+            let thickness = deviation(&both) / now.sigma;
+            if thickness > EXCHANGE_SIGMAS || !now.rectangles[a].is_near(&now.rectangles[b]) {
                 continue;
             }
-            let set = members[a].iter().chain(&members[b]).copied();
-            if let Some(joined) = around(points, &both, set, now.sigma) {
-                found.push(Move { fewer: true, mixture: without(now, &[a, b], &[joined]) });
+            let set: Vec<u32> = members[a].iter().chain(&members[b]).copied().collect();
+            let Some(joined) = around(points, &both, set.iter().copied(), now.sigma) else {
+                continue;
+            };
+            for parts in folds(points, &joined, &set, now.sigma, min_points) {
+                found.push(Move { more: 0.0, mixture: without(now, &[a, b], &parts) });
+            }
+            if thickness <= FLAT_SIGMAS {
+                found.push(Move { more: -1.0, mixture: without(now, &[a, b], &[joined]) });
             }
         }
         if deviation(&moments[a]) > THICK_SIGMAS * now.sigma.min(noise) {
             for parts in folds(points, &now.rectangles[a], &members[a], now.sigma, min_points) {
-                found.push(Move { fewer: false, mixture: without(now, &[a], &parts) });
+                found.push(Move { more: 1.0, mixture: without(now, &[a], &parts) });
             }
         }
     }
