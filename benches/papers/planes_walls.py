@@ -75,7 +75,10 @@ class Walls:
         by_noise = sum(p * s[:, -1] for p, s in zip(shares, scores, strict=True))
         by_weight = (shares[:3] - (self.lengths / self.lengths.sum())[:3, None]).T
         score = np.column_stack([*by_wall, by_noise, by_weight])
-        covariance = np.linalg.inv(score.T @ score / len(points) * n)
+        # Scaled, since parameters have different units.
+        information = score.T @ score / len(points) * n
+        scale = np.sqrt(np.diag(information))
+        covariance = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
         tilts = np.concatenate([[8 * k, 8 * k + 1] for k in range(4)])
         rng = np.random.default_rng(0)
         errors = rng.multivariate_normal(np.zeros(8), covariance[np.ix_(tilts, tilts)], 20_000)

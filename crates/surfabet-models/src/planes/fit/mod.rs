@@ -312,6 +312,7 @@ impl<'a> Fit<'a> {
         let limits = Limits {
             grid_size: self.grid_size,
             deviation: self.deviation,
+            noise: self.deviation.min(self.smallest_grid_size / SIGMAS_PER_GRID_SIZE),
             min_points: self.min_points,
         };
         let fitted = refine(self.points, &self.patches, limits, progress)?;

@@ -31,6 +31,8 @@ pub(super) struct Limits {
     pub grid_size: f64,
     /// Standard deviation of the points about their patches, metres.
     pub deviation: f64,
+    /// Noise as far as it is known beforehand, metres. The deviation is more where patches lie across several surfaces.
+    pub noise: f64,
     /// Points that a patch needs.
     pub min_points: usize,
 }
@@ -131,7 +133,7 @@ fn together(
     let mut found = start.climb(&judged, MOVE_STEPS, 1.0, progress)?;
     if group.iter().any(|&j| shortest(&patches[j as usize]) < MIXED_SIGMAS * limits.deviation) {
         let least = least.max(LEAST_PATCH_POINTS);
-        found = search(&judged, found, limits.deviation, least, progress)?;
+        found = search(&judged, found, limits.noise, least, progress)?;
     }
     let members = found.members(&judged);
     let even = |(r, of): (&Rectangle, &Vec<u32>)| {
