@@ -80,12 +80,7 @@ pub fn learn(
     let weights = weights.as_deref();
     // Distinct points along a space-filling curve, in a tree of boxes.
     let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
-    let points = if options.published {
-        // The paper knows neither viewpoints nor scan lines.
-        points.without_facing()
-    } else {
-        points.on_lines(start.survey.line_spacing)
-    };
+    let points = as_known(points, options, start.survey.line_spacing);
     let Fitted { patches, grid_size, smallest_grid_size, first_patches, trace } =
         fitted(&points, options, &mut stages)?;
     // The integers of the file; labels of the points, colours and intensities of the tiles (III).
@@ -124,6 +119,11 @@ pub fn learn(
     }
     start.report(0.0, &mut report);
     Ok(model.with_report(report))
+}
+
+/// The points with what the method may know of them: the paper knows neither viewpoints nor scan lines.
+fn as_known(points: Points, options: &PlanesOptions, line_spacing: Option<f64>) -> Points {
+    if options.published { points.without_facing() } else { points.on_lines(line_spacing) }
 }
 
 /// What comes out of a fit.
