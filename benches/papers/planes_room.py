@@ -5,9 +5,11 @@
 
 Rooms are seen by a simulated laser from four places, with range noise. True planes are the flat
 pieces of surface; pieces that are coplanar to a millimetre and within 5 cm of each other (doors of
-a cupboard) are one. A plane with at least a thousandth of all points counts; this is also the least
-that a found plane needs, which is Open3D's own default. A found plane is right if its points and
-those of a true plane overlap by more than half (intersection over union).
+a cupboard) are one. A plane counts if it can be seen: at least 200 points, over a width of at least
+four standard deviations of the noise. The width is that of an even strip with the same variance
+along the shorter of both axes. A found plane is right if its points and those of a true plane
+overlap by more than half (intersection over union). `--min-points` is how many points a plane of
+`learn_planes` needs, its default where that is not given.
 
 Open3D: `estimate_normals` with its default of 30 neighbours, oriented to the sensor, then
 `detect_planar_patches` with its defaults. It gives boxes; a point belongs to the box that it lies
@@ -44,6 +46,8 @@ COLUMNS = [
     "seconds",
 ]
 SHARE = 1e-3
+LEAST_POINTS = 200
+LEAST_SIGMAS = 4.0
 SAME_ANGLE = np.cos(np.radians(1.0))
 SAME_OFFSET = 1e-3
 NEAR = 0.05
@@ -88,8 +92,9 @@ def true_planes(scene: datasets.Scene, truth: datasets.GroundTruth) -> np.ndarra
 class Score:
     """Found planes against true ones."""
 
-    def __init__(self, found: np.ndarray, true: np.ndarray) -> None:
-        least = max(int(SHARE * len(true)), 1)
+    def __init__(
+        self, found: np.ndarray, true: np.ndarray, places: np.ndarray, sigma: float
+    ) -> None:
         pairs, joint = np.unique(np.stack([found, true]), axis=1, return_counts=True)
         of_found = dict(zip(*np.unique(found, return_counts=True), strict=True))
         of_true = dict(zip(*np.unique(true, return_counts=True), strict=True))
@@ -102,13 +107,24 @@ class Score:
             if n / (of_found[f] + of_true[t] - n) > 0.5:
                 right_found.add(f)
                 right_true.add(t)
-        planes = {t for t, n in of_true.items() if t != OUTLIER and n >= least}
+        planes = {
+            t
+            for t, n in of_true.items()
+            if t != OUTLIER
+            and n >= LEAST_POINTS
+            and width(places[true == t]) >= LEAST_SIGMAS * sigma
+        }
         self.found = len(of_found.keys() - {OUTLIER})
         self.true = len(planes)
         self.precision = len(right_found) / max(self.found, 1)
         self.recall = len(right_true & planes) / max(len(planes), 1)
         hit = [t for _, t in best.values() if t in planes]
         self.segments = len(hit) / max(len(set(hit)), 1)
+
+
+def width(points: np.ndarray) -> float:
+    """Width of an even strip with the variance of flat points along the shorter of both axes."""
+    return float(np.sqrt(12 * max(np.linalg.eigvalsh(np.cov(points.T))[1], 0.0)))
 
 
 def fit_error(points: np.ndarray, labels: np.ndarray, sigma: float) -> tuple[float, float]:
@@ -167,13 +183,14 @@ def main() -> None:
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 0.005, 0.01, 0.02, 0.03])
     parser.add_argument("--rooms", type=int, nargs="+", default=[0, 1])
     parser.add_argument("--step", type=float, default=0.5, help="between beams, degrees")
+    parser.add_argument("--min-points", type=int, help="of a plane of learn_planes")
     parser.add_argument("--ransac", action="store_true", help="also RANSAC, which is slow")
     options = parser.parse_args()
 
     def ours(points: np.ndarray, sensors: np.ndarray, sigma: float) -> np.ndarray:
         places, index = np.unique(sensors, axis=0, return_inverse=True)
         cloud = sb.PointCloud(points, viewpoints=places, viewpoint_index=index.ravel())
-        labels = sb.learn_planes(cloud).labels
+        labels = sb.learn_planes(cloud, min_points=options.min_points).labels
         assert labels is not None
         return labels
 
@@ -198,7 +215,7 @@ def main() -> None:
                 began = time.perf_counter()
                 labels = find(points, sensors, noise)
                 seconds = time.perf_counter() - began
-                score = Score(labels, true)
+                score = Score(labels, true, scan.ground_truth.points, noise)
                 near, distance = fit_error(points, labels, max(noise, 1e-3))
                 print_row(
                     room,

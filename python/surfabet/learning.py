@@ -68,6 +68,7 @@ class LearningReport:
             "spacing": self.survey.spacing,
             "noise": self.survey.noise,
             "layer_gap": self.survey.layer_gap,
+            "line_spacing": self.survey.line_spacing,
             "has_facings": self.survey.has_facings,
             "tolerance": self.survey.tolerance,
             "bounds": self.survey.bounds,

@@ -243,6 +243,7 @@ def learn_planes(
     weights: ArrayLike | None = None,
     quality: Literal["small", "balanced", "fine"] = "balanced",
     initial_patches: int = 0,
+    published: bool = False,
     min_grid_size: float | None = None,
     weight_at_grid_size: float = 0.01,
     split_threshold: float = 0.6666666666666666,
@@ -279,6 +280,10 @@ def learn_planes(
     initial_patches
         Number of patches to start from, placed at random. With 0 they are taken from the data:
         cells that are flat. An integer from 0 to 2^20; by default 0.
+    published
+        The method as printed in the paper, from random patches (10 where `initial_patches` is 0),
+        without what was added to it. Options that it does not know, from `merge_tolerance` to
+        `max_bend`, do not count then. True or False; by default False.
     min_grid_size
         Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat
         at this size. A positive number of metres; by default the median spacing of the points, or
@@ -351,6 +356,7 @@ def learn_planes(
     options = {
         "quality": quality,
         "initial_patches": initial_patches,
+        "published": published,
         "min_grid_size": min_grid_size,
         "weight_at_grid_size": weight_at_grid_size,
         "split_threshold": split_threshold,

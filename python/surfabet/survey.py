@@ -30,13 +30,14 @@ def survey(cloud: PointCloud, *, progress: Progress = None) -> Survey:
     Survey
         `spacing`, the median distance of a point to the nearest one at another place; `noise`, the
         median standard deviation of neighbouring points about their plane; `layer_gap`, the
-        distance of surfaces that lie close behind one another, or None; `tolerance`, two spacings
-        or three times the noise where that is more: how far a decoded cloud may be from a point
-        and still show it; `bounds`, the box around all points but the outliers, or None without
-        points; all in metres. `has_facings`: whether it is known which way surfaces face, by
-        viewpoints or by normals that somebody oriented. `outliers` and `strays` are (k,) numbers of points: those of small
-        groups far from all others, and of these the ones that would make the scene many times as
-        large as it is.
+        distance of surfaces that lie close behind one another, or None; `line_spacing`, the
+        distance from a point to the next scan line, or None where points are not on lines;
+        `tolerance`, two spacings or three times the noise where that is more: how far a decoded
+        cloud may be from a point and still show it; `bounds`, the box around all points but the
+        outliers, or None without points; all in metres. `has_facings`: whether it is known which
+        way surfaces face, by viewpoints or by normals that somebody oriented. `outliers` and
+        `strays` are (k,) numbers of points: those of small groups far from all others, and of these
+        the ones that would make the scene many times as large as it is.
 
     Examples
     --------

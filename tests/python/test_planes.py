@@ -207,6 +207,82 @@ def test_viewpoints_and_normals_tell_both_sides_of_a_thin_wall(by):
     assert (np.sign(normals[labels[kept], 1]) == facing[kept]).all()
 
 
+def thin_wall(noise: float, thickness: float = 0.03) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    side = rng.integers(0, 2, 16_000)
+    points = np.column_stack([4 * rng.random(16_000), thickness * side, 2.5 * rng.random(16_000)])
+    points[:, 1] += noise * rng.standard_normal(16_000)
+    return points, side
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.005, 0.0095])
+def test_a_wall_alone_is_two_planes_whose_colours_do_not_mix(noise):
+    points, side = thin_wall(noise)
+    colors = COLORS[side]
+    normals = np.where(side[:, None] == 0, [[0, -1.0, 0]], [[0, 1.0, 0]])
+    known = [
+        {"normals": normals},
+        {"viewpoints": [[2, -3, 1], [2, 3, 1]], "viewpoint_index": side.astype(np.uint16)},
+    ]
+    for more in known:
+        model = sb.learn_planes(sb.PointCloud(points, colors=colors, **more))
+        assert len(model) == 2
+        for k in range(2):
+            own = side[model.labels == k]
+            assert len(own) > 7000
+            assert own.min() == own.max()
+
+
+def test_normals_with_random_signs_do_not_tell_sides():
+    rng = np.random.default_rng(4)
+    points = np.column_stack([flat(10_000)[:, :2], 0.005 * rng.standard_normal(10_000)])
+    signs = rng.choice([-1.0, 1.0], 10_000)
+    cloud = sb.PointCloud(points, normals=signs[:, None] * [[0, 0, 1.0]])
+    assert len(sb.learn_planes(cloud)) == 1
+
+
+def test_one_scan_of_sixteen_rings_gives_whole_planes():
+    rng = np.random.default_rng(5)
+    elevation, azimuth = np.radians(np.meshgrid(np.arange(-15, 16, 2), np.arange(0, 360, 0.3)))
+    flat_part = np.cos(elevation)
+    rays = np.stack(
+        [flat_part * np.cos(azimuth), flat_part * np.sin(azimuth), np.sin(elevation)], axis=-1
+    ).reshape(-1, 3)
+    walls = np.where(rays > 0, [14.0, 7.0, 3.0], [-8.0, -6.0, -1.8])
+    with np.errstate(divide="ignore"):
+        to = np.where(rays == 0, np.inf, walls / rays)
+    face = to.argmin(axis=1)
+    ranges = to.min(axis=1) + 0.02 * rng.standard_normal(len(rays))
+    cloud = sb.PointCloud(rays * ranges[:, None])
+    # Two degrees at 10 m are 0.35 m.
+    assert 0.2 < sb.survey(cloud).line_spacing < 0.6
+    model = sb.learn_planes(cloud)
+    labels = model.labels
+    kept = labels >= 0
+    right = np.abs(model.planes.normals)[labels[kept], face[kept]] > np.cos(np.radians(5))
+    # The six with the most points come first; far pieces of the floor may be planes of their own.
+    assert (right & (labels[kept] < 6)).sum() > 0.9 * len(rays)
+
+
+def test_the_printed_method_keeps_reduced_support_sets(cloud):
+    model = sb.learn_planes(cloud, published=True, initial_patches=8)
+    labels = model.labels
+    kept = labels >= 0
+    heights = np.einsum(
+        "ij,ij->i",
+        cloud.points[kept] - model.planes.centers[labels[kept]],
+        model.planes.normals[labels[kept]],
+    )
+    assert np.abs(heights).max() <= model.grid_size / 2 + 1e-6
+    assert len(model.project(cloud)) == kept.sum() > 0.5 * len(cloud)
+    assert (model.segment(cloud) == labels).all()
+    # The random start decides.
+    other = sb.learn_planes(cloud, published=True, initial_patches=8, random_state=1)
+    assert other.to_bytes() != model.to_bytes()
+    again = sb.learn_planes(cloud, published=True, initial_patches=8)
+    assert again.to_bytes() == model.to_bytes()
+
+
 def read_ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     data = path.read_bytes()
     header, body = data.split(b"end_header\n", 1)
@@ -418,7 +494,7 @@ def test_any_exact_plane_is_found(normal, center, size):
     model = sb.learn_planes(sb.PointCloud(center + a * u + b * np.cross(normal, u)))
     assert len(model) == 1
     assert abs(model.planes.normals[0] @ normal) == pytest.approx(1, abs=1e-4)
-    # Tiles at the rims reach out by half their side. Of a grid of twice the median spacing up to an
+    # Tiles at the rims reach out by half their side. Of a grid of the median spacing up to an
     # eighth of the tiles have too few of so few points, and are holes.
     rims = 4 * size * model.grid_size / 2
     assert 0.875 * size**2 < model.planes.areas[0] < size**2 + rims

@@ -37,6 +37,11 @@ impl PySurvey {
     }
 
     #[getter]
+    fn line_spacing(&self) -> Option<f64> {
+        self.0.line_spacing
+    }
+
+    #[getter]
     fn tolerance(&self) -> f64 {
         self.0.tolerance()
     }

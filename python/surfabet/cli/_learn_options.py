@@ -253,6 +253,10 @@ class LearnOptions:
     """Number of patches to start from, placed at random. An integer from 0 to 2^20; by default
     0."""
 
+    published: Annotated[bool | None, Parameter(group=PLANES)] = None
+    """The method as printed in the paper, from random patches (10 where `initial_patches` is 0),
+    without what was added to it. True or False; by default False."""
+
     min_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
     """Grid size (G, section II-E) that the learned one does not fall below. A positive number of
     metres; by default the median spacing of the points, or three times their noise where that is

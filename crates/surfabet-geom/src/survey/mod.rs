@@ -1,6 +1,6 @@
-//! What a cloud says about itself before anything is learned from it: spacing, noise, layers, extent and outliers.
+//! What a cloud says about itself before anything is learned from it: spacing, noise, layers, scan lines, extent and outliers.
 //!
-//! Defaults follow from these figures. Spacing, noise and layers are medians over a sample of the points, outliers and
+//! Defaults follow from these figures. Spacing, noise, layers and lines are medians over a sample of the points, outliers and
 //! extent are of all points. All depend on the cloud alone.
 //!
 //! | file | what is measured |
@@ -9,10 +9,12 @@
 //! | `facing` | which way surfaces face |
 //! | `noise` | deviation of neighbouring points from their plane |
 //! | `layers` | distance to a second surface behind the first |
+//! | `lines` | distance between scan lines |
 //! | `outliers` | small groups of points far from all others |
 
 mod facing;
 mod layers;
+mod lines;
 mod noise;
 mod outliers;
 mod sample;
@@ -20,6 +22,7 @@ mod sample;
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use layers::layer_gap;
+use lines::line_spacing;
 use noise::Planes;
 use outliers::Outliers;
 use sample::Sample;
@@ -37,6 +40,9 @@ pub struct Survey {
     pub layer_gap: Option<f64>,
     /// Whether it is known which way surfaces face: points have viewpoints, or normals that somebody oriented.
     pub has_facings: bool,
+    /// Where at least half of the points lie on scan lines that are at least three spacings apart: the median distance
+    /// from a point to the next line, metres.
+    pub line_spacing: Option<f64>,
     /// Lower and upper corner of the box around all points but the outliers, world coordinates, metres; `None` without
     /// points.
     pub bounds: Option<([f64; 3], [f64; 3])>,
@@ -71,10 +77,12 @@ impl Survey {
         let noise = planes.noise;
         let layer_gap = layer_gap(&sample, &planes, spacing);
         progress.check()?;
-        let Outliers { all, strays, bounds } = Outliers::of(cloud, spacing)?;
+        let line_spacing = line_spacing(&sample, spacing);
+        progress.check()?;
+        let Outliers { all: outliers, strays, bounds } = Outliers::of(cloud, spacing)?;
         progress.check()?;
         let has_facings = sample.facings.is_some();
-        Ok(Self { spacing, noise, layer_gap, has_facings, bounds, outliers: all, strays })
+        Ok(Self { spacing, noise, layer_gap, line_spacing, has_facings, bounds, outliers, strays })
     }
 
     /// How far a decoded cloud may be from a point and still show it, metres: two spacings, or three standard
@@ -203,6 +211,26 @@ mod tests {
             [0.01 * i as f32, noise[0], 0.2 * row as f32 + 0.1 * noise[1]]
         };
         assert_eq!(survey(rows.map(at).collect()).layer_gap, None);
+    }
+
+    #[test]
+    fn scan_lines_are_as_far_apart_as_they_are() {
+        // Lines of points 1 cm apart; along and across at random by the noise.
+        let lines = |apart: f32, noise: f32| -> Vec<[f32; 3]> {
+            let at = |i: i32, j: i32| {
+                let moved = [spread(i, j), spread(j, i), spread(i + j, i)].map(|m| m * noise);
+                [0.01 * i as f32 + moved[0], apart * j as f32 + moved[1], moved[2]]
+            };
+            (0..12).flat_map(|j| (0..400).map(move |i| (i, j))).map(|(i, j)| at(i, j)).collect()
+        };
+        for (apart, noise) in [(0.05, 0.0), (0.3, 0.001), (0.3, 0.005), (1.0, 0.005)] {
+            let found = survey(lines(apart, noise)).line_spacing.unwrap();
+            assert!((found / f64::from(apart) - 1.0).abs() < 0.1, "{found} {apart}");
+        }
+        assert_eq!(survey(lines(0.02, 0.0)).line_spacing, None);
+        assert_eq!(survey(lattice(80, 0.01, |_, _| [0.0; 3])).line_spacing, None);
+        let random = |i: i32, j: i32| [spread(i, j), spread(j, i), 0.0].map(|m| 0.02 * m);
+        assert_eq!(survey(lattice(80, 0.01, random)).line_spacing, None);
     }
 
     #[test]

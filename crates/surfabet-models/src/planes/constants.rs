@@ -58,6 +58,10 @@ pub(super) const TILE_POINTS: f64 = 4.0;
 /// Doublings of the grid size that a tile may have where points are sparse.
 pub(super) const TILE_DOUBLINGS: usize = 5;
 
+/// On scan lines tiles are doubled while that covers this factor more of the rectangle: lines far apart cover twice as
+/// much, a filled surface no more; between them, the root of two.
+pub(super) const LINE_COVER: f64 = std::f64::consts::SQRT_2;
+
 /// The smallest threshold T: a tile is supported by more points than this.
 pub(super) const LEAST_THRESHOLD: f64 = 1.0;
 
@@ -113,6 +117,67 @@ pub(super) const CLEAR_SIGMAS: f64 = 2.0;
 
 /// Share of a patch's points that has to be left for the others to be left out.
 pub(super) const CLEAR_SHARE: f64 = 0.3;
+
+// Maximum likelihood.
+
+/// A side of a patch is short up to this length, in sigma. Beyond, what noise mixes near the edges is little beside the rest.
+pub(super) const LONG_SIGMAS: f64 = 60.0;
+
+/// A side up to which noise may hide how many surfaces there are, in sigma: EM finds the four walls of experiment I, of which
+/// two are 150 long, up to noise 8.
+pub(super) const MIXED_SIGMAS: f64 = 25.0;
+
+/// Most patches that are fitted together: more are a scene in which corners are few.
+pub(super) const MOST_FITTED: usize = 8;
+
+/// Unevenness of the points over a rectangle up to which the likelihood of even ones is taken: before merges and folds, when
+/// a patch may still lie across a corner, and after.
+pub(super) const FIRST_UNEVEN: f64 = 1.0;
+pub(super) const MOST_UNEVEN: f64 = 0.4;
+
+/// Least share of the points near a group of patches that support one: in clutter the likelihood has nothing to say.
+pub(super) const LEAST_SUPPORTING: f64 = 0.7;
+
+/// Points by which merges and folds are judged, and by which the last fit is made, at most.
+pub(super) const JUDGED_POINTS: usize = 8192;
+pub(super) const FITTED_POINTS: usize = 200_000;
+
+/// Gain of a step below which the last climb ends, in the logarithm of the likelihood: the parameters are then within a
+/// fraction of their standard deviations of the best. And its most steps.
+pub(super) const LEAST_GAIN: f64 = 0.05;
+pub(super) const LAST_STEPS: usize = 30;
+
+/// Standard deviation up to which the points of two rectangles may be one plane, in sigma.
+pub(super) const FLAT_SIGMAS: f64 = 1.6;
+
+/// Standard deviation up to which the points of two rectangles may be a fold elsewhere, in sigma, and what that has to gain
+/// in the logarithm of the likelihood.
+pub(super) const EXCHANGE_SIGMAS: f64 = 4.0;
+pub(super) const LEAST_EXCHANGE: f64 = 2.0;
+
+/// Standard deviation of its points from which a patch may be a fold, in sigma: a fold of 60 degrees of two walls 150 long has
+/// 1.1 at noise 22, and what is none is told by the likelihood.
+pub(super) const THICK_SIGMAS: f64 = 1.0;
+
+/// Least angle of the two planes of a fold, radians: 15 degrees. Bends below are told by EM and its splits.
+pub(super) const FOLD_ANGLE: f64 = 0.2618;
+
+/// Most merges and folds of a group of patches, and steps of climbing after which each is judged.
+pub(super) const MOST_MOVES: usize = 12;
+pub(super) const MOVE_STEPS: usize = 12;
+
+/// Steps of climbing after which a move is given up that is worse by so much per point, in the logarithm of the
+/// likelihood.
+pub(super) const FIRST_STEPS: usize = 4;
+pub(super) const HOPELESS: f64 = 0.01;
+
+// The method as printed.
+
+/// Random patches that it starts from where their number is not given (experiment II), and that it adds at most.
+pub(super) const PUBLISHED_PATCHES: usize = 10;
+
+/// Share of the points in no reduced support set from which patches are added.
+pub(super) const UNSUPPORTED_SHARE: f64 = 0.1;
 
 // Rounding.
 

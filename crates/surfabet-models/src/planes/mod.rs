@@ -17,6 +17,8 @@
 //! | `fit/trim` | rectangles and supported tiles, T | II-A, figures 2 and 3 |
 //! | `fit/split` | two patches of one that is unevenly supported or folded | II-C |
 //! | `fit/merge` | one patch of similar ones | II-D |
+//! | `fit/likelihood` | planes and outlines together where noise mixes surfaces | added |
+//! | `fit/published` | the method as printed, without what was added | II |
 //! | `fit/surface` | no patches through clutter, across corners or along something bent | |
 //! | `coding/round`, `coding/stored` | patches in the integers of the file, labels, colours | III |
 //! | `model` | the result; points of any cloud on its patches | III |

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::coding::{MAX_COORDINATE, StoredPatch};
-use super::fit::{NONE, e_step};
+use super::fit::{NONE, e_step, e_step_everywhere};
 use super::learn::PlanesReport;
 use super::options::MAX_PATCHES;
 use super::patch::Patch;
@@ -88,6 +88,8 @@ pub struct PlaneModel {
     stored: Vec<StoredPatch>,
     patches: Vec<Patch>,
     labels: Option<Vec<u32>>,
+    /// True of a model of the printed method that was just learned: points belong to patches by reduced support sets.
+    reduced: bool,
     report: PlanesReport,
 }
 
@@ -105,8 +107,9 @@ impl PlaneModel {
         stored: Vec<StoredPatch>,
         patches: Vec<Patch>,
         labels: Vec<u32>,
+        reduced: bool,
     ) -> Self {
-        Self { header, stored, patches, labels: Some(labels), report: Report::default() }
+        Self { header, stored, patches, labels: Some(labels), reduced, report: Report::default() }
     }
 
     /// Puts together what a file holds.
@@ -128,7 +131,14 @@ impl PlaneModel {
             return Err(Error::Inconsistent(what));
         }
         let patches = stored.par_iter().map(|patch| patch.restored(&header)).collect();
-        Ok(Self { header, stored, patches, labels: None, report: Report::default() })
+        Ok(Self {
+            header,
+            stored,
+            patches,
+            labels: None,
+            reduced: false,
+            report: Report::default(),
+        })
     }
 
     /// The model of a cloud of `n_points` of which some, by number and ascending, were left out: they are outliers.
@@ -177,13 +187,14 @@ impl PlaneModel {
     }
 
     /// For each point of any cloud the patch that it supports: the closest within the grid size, `u32::MAX` where
-    /// there is none.
+    /// there is none. A model that was just learned by the printed method gives reduced support sets.
     ///
     /// # Errors
     /// [`Error::EmptyCloud`], [`Error::Cancelled`].
     pub fn segment(&self, cloud: &PointCloud, progress: &dyn Progress) -> Result<Vec<u32>> {
         let points = Points::about(cloud, self.header.origin)?;
-        labels(&points, &self.patches, self.header.grid_size, progress)
+        let of = if self.reduced { reduced_labels } else { labels };
+        of(&points, &self.patches, self.header.grid_size, progress)
     }
 
     /// The points of `cloud` that support a patch, moved onto it; the others are left out, as outliers are
@@ -279,6 +290,25 @@ pub(super) fn labels(
     // Which patch a point supports does not depend on S.
     let supports = e_step(points, patches, grid_size, grid_size, progress)?.supports;
     Ok(points.place.iter().map(|&i| supports[i as usize]).collect())
+}
+
+/// For each input point the patch of whose reduced support set (S^r) it is: the closest of all, if the point lies in the
+/// cube of a supported tile; [`NONE`] for outliers.
+pub(super) fn reduced_labels(
+    points: &Points,
+    patches: &[Patch],
+    grid_size: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<u32>> {
+    let supports = e_step_everywhere(points, patches, grid_size, progress)?.supports;
+    let label = |&i: &u32| {
+        let closest = supports[i as usize];
+        let patch = patches.get(closest as usize)?;
+        let [x, y, z] = patch.frame.local(points.positions[i as usize]);
+        let tile = patch.tiles.tile_at([x, y]).filter(|&t| patch.tiles.supported()[t]);
+        (tile.is_some() && z.abs() <= 0.5 * grid_size).then_some(closest)
+    };
+    Ok(points.place.iter().map(|i| label(i).unwrap_or(NONE)).collect())
 }
 
 /// Tiles of all patches, supported or not.

@@ -16,6 +16,9 @@ options! {
         quality: Quality = Quality::Balanced;
         /// Number of patches to start from, placed at random. With 0 they are taken from the data: cells that are flat.
         initial_patches: usize = 0, range = Range::from_to(0.0, MAX_PATCHES as f64);
+        /// The method as printed in the paper, from random patches (10 where `initial_patches` is 0), without what was
+        /// added to it. Options that it does not know, from `merge_tolerance` to `max_bend`, do not count then.
+        published: bool = false;
         /// Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat at this size.
         min_grid_size: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
             none = "the median spacing of the points, or three times their noise where that is more";

@@ -112,6 +112,20 @@ impl Patch {
         (squared <= reach * reach).then(|| squared.sqrt())
     }
 
+    /// Squared distance of a point to the patch's whole rectangle.
+    pub(super) fn least(&self, p: [f32; 3]) -> f64 {
+        let [x, y, z] = self.frame.local(p);
+        let (low, size) = (self.tiles.low(), self.tiles.size());
+        let beside = |a: usize, c: f64| (low[a] - c).max(c - low[a] - size[a]).max(0.0);
+        beside(0, x).powi(2) + beside(1, y).powi(2) + z * z
+    }
+
+    /// Squared distance of a point to the closest supported tile, where it is within `reach`.
+    pub(super) fn squared_distance(&self, p: [f32; 3], reach: f64) -> Option<f64> {
+        let [x, y, z] = self.frame.local(p);
+        Some(self.tiles.squared_distance([x, y], reach)? + z * z)
+    }
+
     /// True when the point was seen from the patch's other side.
     #[inline]
     pub(super) fn turned_away(&self, facing: [f32; 3]) -> bool {

@@ -7,6 +7,7 @@ use surfabet_geom::{Aabb, BoxTree, Moments, PointCloud, boxes_of, morton};
 
 use super::constants::{ORIENTED_SHARE, SPACING_POINTS};
 use crate::error::{Error, Result};
+use crate::vector::dot;
 
 /// Points per leaf of the tree of boxes.
 pub(super) const BLOCK: usize = 64;
@@ -30,6 +31,8 @@ pub struct Points {
     pub(super) cell: f64,
     /// Median spacing of the points, metres.
     pub(super) spacing: f64,
+    /// Median distance between scan lines, metres, where the points lie on such.
+    pub(super) line_spacing: Option<f64>,
     /// Boxes, level by level: leaves of [`BLOCK`] points first, each box above holds two below.
     boxes: BoxTree<Aabb>,
 }
@@ -71,7 +74,7 @@ impl Points {
             .map(|(i, p)| (code(p), p.map(|c| (c + 0.0).to_bits()), i as u32))
             .collect();
         order.par_sort_unstable();
-        let facing = cloud.facing().filter(|f| cloud.viewpoints().is_some() || agree(f, &order));
+        let facing = cloud.facing().filter(|f| cloud.viewpoints().is_some() || oriented(f, &order));
         let mut points = Self {
             origin,
             positions: Vec::with_capacity(order.len()),
@@ -81,6 +84,7 @@ impl Points {
             codes: Vec::with_capacity(order.len()),
             cell,
             spacing: 0.0,
+            line_spacing: None,
             boxes: BoxTree::new(Vec::new()),
         };
         let mut last = None;
@@ -104,6 +108,17 @@ impl Points {
         Ok(points)
     }
 
+    /// The same points, known to lie on scan lines this far apart, metres, or on none.
+    #[must_use]
+    pub fn on_lines(self, line_spacing: Option<f64>) -> Self {
+        Self { line_spacing, ..self }
+    }
+
+    /// The same points without what is known of where they were seen from.
+    pub(super) fn without_facing(self) -> Self {
+        Self { facing: None, ..self }
+    }
+
     /// Number of distinct points.
     pub fn len(&self) -> usize {
         self.positions.len()
@@ -122,6 +137,19 @@ impl Points {
     /// Median spacing of the points, metres.
     pub fn spacing(&self) -> f64 {
         self.spacing
+    }
+
+    /// What is smaller than this may have no points, metres: the spacing of points or of scan lines.
+    pub(super) fn resolution(&self) -> f64 {
+        self.line_spacing.map_or(self.spacing, |lines| lines.max(self.spacing))
+    }
+
+    /// Points that were seen from the side of `normal`, or from nowhere known, and those that were seen from the other.
+    pub(super) fn sides(&self, members: &[u32], normal: [f64; 3]) -> [Vec<u32>; 2] {
+        let Some(facing) = &self.facing else { return [members.to_vec(), Vec::new()] };
+        let (away, towards) =
+            members.iter().partition(|&&i| dot(facing[i as usize].map(f64::from), normal) < 0.0);
+        [towards, away]
     }
 
     /// Largest side of the bounding box, metres.
@@ -238,15 +266,16 @@ pub(super) fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {
     Ok(())
 }
 
-/// True when normals are oriented: those of neighbours along the curve mostly point the same way. Normals that nobody
-/// oriented have random signs.
-fn agree(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
-    let same = order
-        .windows(2)
-        .filter(|pair| {
-            let [a, b] = [pair[0].2, pair[1].2].map(|i| normals[i as usize]);
-            (0..3).map(|k| a[k] * b[k]).sum::<f32>() > 0.0
-        })
-        .count();
-    same as f64 >= ORIENTED_SHARE * (order.len() as f64 - 1.0)
+/// True when normals are oriented: those of neighbours along the curve mostly point the same way, or away from each other
+/// where the neighbour lies behind, as on both sides of a thin wall. Normals that nobody oriented have random signs: half
+/// of the neighbours then agree, and at most half of the others lie behind.
+fn oriented(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
+    let consistent = |pair: &&[(u64, [u32; 3], u32)]| {
+        let [a, b] = [pair[0].2, pair[1].2].map(|i| normals[i as usize]);
+        let [p, q] = [pair[0].1, pair[1].1].map(|bits| bits.map(f32::from_bits));
+        let to: [f32; 3] = std::array::from_fn(|k| q[k] - p[k]);
+        dot(a, b) > 0.0 || (dot(to, a) < 0.0 && dot(to, b) > 0.0)
+    };
+    let n = order.windows(2).filter(consistent).count();
+    n as f64 >= ORIENTED_SHARE * (order.len() as f64 - 1.0)
 }

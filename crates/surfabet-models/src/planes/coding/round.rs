@@ -7,9 +7,9 @@ use super::stored::{MAX_COORDINATE, StoredPatch};
 use crate::color;
 use crate::error::{Error, Result};
 use crate::planes::constants::STEPS_PER_GRID_SIZE;
-use crate::planes::fit::{Fit, NONE};
+use crate::planes::fit::NONE;
 use crate::planes::model::{
-    MAX_EXPONENT, MAX_MODEL_TILES, PlaneModel, PlanesHeader, labels, n_tiles,
+    MAX_EXPONENT, MAX_MODEL_TILES, PlaneModel, PlanesHeader, labels, n_tiles, reduced_labels,
 };
 use crate::planes::options::PlanesOptions;
 use crate::planes::patch::Patch;
@@ -21,13 +21,14 @@ use crate::scalar::ScalarScale;
 pub(in crate::planes) fn rounded(
     cloud: &PointCloud,
     points: &Points,
-    fit: &Fit<'_>,
+    patches: &[Patch],
+    grid_size: f64,
     options: &PlanesOptions,
     progress: &dyn Progress,
 ) -> Result<PlaneModel> {
-    let exponent = exponent(points, fit.grid_size())?;
+    let exponent = exponent(points, grid_size)?;
     // A point or two have no resolution, and their grid size may be below any step.
-    let grid_size = fit.grid_size().max(f64::from(exponent).exp2());
+    let grid_size = grid_size.max(f64::from(exponent).exp2());
     let mut header = PlanesHeader {
         n_points: cloud.len() as u64,
         n_outliers: 0,
@@ -36,14 +37,18 @@ pub(in crate::planes) fn rounded(
         grid_size,
         color_step: cloud.colors().is_some().then_some(options.color_step),
         intensity: None,
-        n_patches: fit.patches().len() as u64,
+        n_patches: patches.len() as u64,
     };
-    let mut order: Vec<&Patch> = fit.patches().iter().collect();
+    let mut order: Vec<&Patch> = patches.iter().collect();
     order.sort_by_key(|p| std::cmp::Reverse(p.n_supporting()));
     let mut stored: Vec<StoredPatch> =
         order.par_iter().map(|patch| StoredPatch::rounded(patch, &header)).collect();
     let patches: Vec<Patch> = stored.par_iter().map(|patch| patch.restored(&header)).collect();
-    let labels = labels(points, &patches, grid_size, progress)?;
+    let labels = if options.published {
+        reduced_labels(points, &patches, grid_size, progress)?
+    } else {
+        labels(points, &patches, grid_size, progress)?
+    };
     header.n_outliers = labels.iter().filter(|&&l| l == NONE).count() as u64;
     if let (Some(step), Some(colors)) = (header.color_step, cloud.colors()) {
         let color = |i: usize| colors[i].map(f64::from);
@@ -71,7 +76,7 @@ pub(in crate::planes) fn rounded(
         let requirement = "larger: the patches would have more than 2^25 tiles";
         return Err(Error::invalid("min_grid_size", grid_size, requirement));
     }
-    Ok(PlaneModel::learned(header, stored, patches, labels))
+    Ok(PlaneModel::learned(header, stored, patches, labels, options.published))
 }
 
 /// Position step as a power of two, at most a 32nd of the grid size.

@@ -96,6 +96,60 @@ pub fn e_step(
     Ok(by_patch(patches.len(), &chunks))
 }
 
+/// Probabilities of all points for all patches, however far, and no mixing weights: eq. 1 as printed; `s` is S. Those that
+/// are zero in double precision are left out.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`] when the caller asks to stop.
+pub(in crate::planes) fn e_step_everywhere(
+    points: &Points,
+    patches: &[Patch],
+    s: f64,
+    progress: &dyn Progress,
+) -> Result<Responsibilities> {
+    let n_blocks = points.n_blocks();
+    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
+        let mut weighed = Weighed::default();
+        for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
+            progress.check()?;
+            for i in points.block(b) {
+                weigh_all(points.positions[i], i as u32, patches, s, &mut weighed);
+            }
+        }
+        Ok(weighed)
+    });
+    let chunks = chunks.collect::<Result<Vec<Weighed>>>()?;
+    Ok(by_patch(patches.len(), &chunks))
+}
+
+/// p_ij of a point for all patches, and the closest.
+fn weigh_all(p: [f32; 3], i: u32, patches: &[Patch], s: f64, to: &mut Weighed) {
+    // The rectangle of a patch is never further than its supported tiles.
+    let mut order: Vec<(f64, u32)> = (0..).zip(patches).map(|(j, q)| (q.least(p), j)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    // Beyond this above the least squared distance, exp(-d^2 / 2 S^2) is below the rounding of a sum of one.
+    let margin = 2.0 * s * s * -f64::EPSILON.ln();
+    let mut closest = (f64::INFINITY, NONE);
+    to.costs.clear();
+    for (least, j) in order {
+        if least > closest.0 + margin {
+            break;
+        }
+        let reach = if closest.1 == NONE { f64::INFINITY } else { (closest.0 + margin).sqrt() };
+        let Some(squared) = patches[j as usize].squared_distance(p, reach) else { continue };
+        to.costs.push((j, squared));
+        if squared < closest.0 {
+            closest = (squared, j);
+        }
+    }
+    let weight = |squared: f64| ((closest.0 - squared) / (2.0 * s * s)).exp();
+    let sum: f64 = to.costs.iter().map(|c| weight(c.1)).sum();
+    let share = |&(j, squared): &(u32, f64)| (j, i, (weight(squared) / sum) as f32);
+    to.entries.extend(to.costs.iter().map(share));
+    to.supports.push(closest.1);
+    to.distances.push(if closest.1 == NONE { 0.0 } else { closest.0.sqrt() as f32 });
+}
+
 /// The right side of eq. 1.
 struct Mixture<'a> {
     patches: &'a [Patch],

@@ -2,8 +2,10 @@
 
 mod e_step;
 mod grid_size;
+mod likelihood;
 mod m_step;
 mod merge;
+mod published;
 mod seed;
 mod split;
 mod surface;
@@ -12,18 +14,20 @@ mod trim;
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-pub(super) use self::e_step::{NONE, e_step};
+pub(super) use self::e_step::{NONE, e_step, e_step_everywhere};
 pub use self::e_step::{Responsibilities, weight_scale};
 use self::grid_size::deviation;
+use self::likelihood::{Limits, refine};
 pub use self::m_step::Regression;
 pub(super) use self::m_step::plane;
 use self::m_step::{clear_m_step, m_step};
 use self::merge::{Rule, close_pairs, merge};
+pub(super) use self::published::PublishedFit;
 pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
 use self::surface::{Surfaces, surfaces};
 pub(super) use self::trim::mean_square;
-use self::trim::trim;
+use self::trim::{trim, trim_to};
 use super::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
     LEAST_SCALE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
@@ -31,6 +35,7 @@ use super::constants::{
 use super::options::PlanesOptions;
 use super::patch::Patch;
 use super::points::Points;
+use super::tiles::Tiles;
 use crate::error::Result;
 use crate::options::Options;
 
@@ -116,6 +121,11 @@ impl<'a> Fit<'a> {
     /// The patches as they are now.
     pub fn patches(&self) -> &[Patch] {
         &self.patches
+    }
+
+    /// The patches at the end.
+    pub(super) fn into_patches(self) -> Vec<Patch> {
+        self.patches
     }
 
     /// The grid size G, metres.
@@ -292,7 +302,42 @@ impl<'a> Fit<'a> {
             let planes = clear_m_step(self.points, &self.patches, &pairs, &last, margin);
             self.trim(&planes, &last);
         }
+        self.fit_together(progress)?;
         self.patches.retain(|p| p.n_supporting() >= self.min_points);
+        Ok(())
+    }
+
+    /// Replaces patches whose sides are short beside the noise by those of the largest likelihood.
+    fn fit_together(&mut self, progress: &dyn Progress) -> Result<()> {
+        let limits = Limits {
+            grid_size: self.grid_size,
+            deviation: self.deviation,
+            noise: self.deviation.min(self.smallest_grid_size / SIGMAS_PER_GRID_SIZE),
+            min_points: self.min_points,
+        };
+        let fitted = refine(self.points, &self.patches, limits, progress)?;
+        let mut replaced = vec![false; self.patches.len()];
+        fitted.iter().flat_map(|f| &f.replaced).for_each(|&j| replaced[j as usize] = true);
+        let mut kept = replaced.iter();
+        self.patches.retain(|_| kept.next() == Some(&false));
+        let n_kept = self.patches.len();
+        for (frame, half) in fitted.iter().flat_map(|f| &f.rectangles) {
+            let low = half.map(|h| -h);
+            let size = half.map(|h| 2.0 * h);
+            let mut tiles = Tiles::new(low, size, self.grid_size);
+            tiles.support(vec![true; tiles.supported().len()]);
+            self.patches.push(Patch::bare(*frame, tiles));
+        }
+        let supports = self.e_step(progress)?.support_sets(self.patches.len());
+        let (points, size) = (self.points, self.grid_size);
+        let bare = self.patches.split_off(n_kept);
+        let trimmed = bare.iter().zip(&supports[n_kept..]);
+        self.patches.par_extend(
+            trimmed
+                .collect::<Vec<_>>()
+                .into_par_iter()
+                .filter_map(|(patch, set)| trim_to(points, patch, set, size)),
+        );
         Ok(())
     }
 

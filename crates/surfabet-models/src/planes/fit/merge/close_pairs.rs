@@ -47,17 +47,18 @@ fn widest_axis(boxes: &[([f64; 3], [f64; 3])]) -> usize {
     (1..3).fold(0, |m, a| if spread(a) > spread(m) { a } else { m })
 }
 
-/// The axis-aligned box of a patch, expanded by G.
-fn expanded(patch: &Patch, grid_size: f64) -> ([f64; 3], [f64; 3]) {
+/// The axis-aligned box of a patch, expanded by G, or by a tile where that is more.
+pub(in crate::planes::fit) fn expanded(patch: &Patch, grid_size: f64) -> ([f64; 3], [f64; 3]) {
     let [low, size] = [patch.tiles.low(), patch.tiles.size()];
+    let margin = grid_size.max(patch.tiles.edge());
     let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
         .map(|at: [f64; 2]| patch.frame.at(std::array::from_fn(|a| low[a] + at[a] * size[a])));
     let of = |pick: fn(f64, f64) -> f64, start: f64| -> [f64; 3] {
         std::array::from_fn(|a| corners.iter().fold(start, |m, c| pick(m, c[a])))
     };
     (
-        of(f64::min, f64::INFINITY).map(|c| c - grid_size),
-        of(f64::max, f64::NEG_INFINITY).map(|c| c + grid_size),
+        of(f64::min, f64::INFINITY).map(|c| c - margin),
+        of(f64::max, f64::NEG_INFINITY).map(|c| c + margin),
     )
 }
 

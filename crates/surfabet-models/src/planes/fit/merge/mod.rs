@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use surfabet_geom::{Moments, Progress};
 
 pub(super) use self::agglomerate::agglomerate;
-pub(super) use self::close_pairs::close_pairs;
+pub(super) use self::close_pairs::{close_pairs, expanded};
 pub(super) use self::rule::{Part, Rule};
 use super::m_step::plane;
 use super::trim::trim;

@@ -1,7 +1,5 @@
 //! The cells of an octree in which points are flat.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 use surfabet_geom::morton::{self, MortonMap};
 use surfabet_geom::{Moments, Progress};
@@ -15,8 +13,8 @@ use crate::planes::points::Points;
 
 /// A flat cell.
 pub(super) struct FlatCell {
-    /// Its points, as a range of those searched.
-    pub range: Range<usize>,
+    /// Its points, ascending.
+    pub members: Vec<u32>,
     /// Lower corner and side in the smallest cells of the curve.
     low: [u64; 3],
     side: u64,
@@ -25,6 +23,11 @@ pub(super) struct FlatCell {
 }
 
 impl FlatCell {
+    fn new(points: &Points, members: Vec<u32>, level: u32, part: Part) -> Self {
+        let cell = morton::decode(points.codes[members[0] as usize] >> (3 * level));
+        Self { members, low: cell.map(|c| c << level), side: 1 << level, part }
+    }
+
     /// True when the cells share a face, an edge or a corner.
     fn touches(&self, other: &Self) -> bool {
         (0..3).all(|a| {
@@ -42,67 +45,70 @@ pub(super) fn flat_cells(
     progress: &dyn Progress,
 ) -> Result<Vec<FlatCell>> {
     let key = |i: u32| points.codes[i as usize] >> (3 * first);
-    let mut ranges = Vec::new();
-    let mut start = 0;
-    for cell in ids.chunk_by(|&a, &b| key(a) == key(b)) {
-        ranges.push(start..start + cell.len());
-        start += cell.len();
-    }
-    let found: Vec<Vec<FlatCell>> = ranges
+    let cells: Vec<&[u32]> = ids.chunk_by(|&a, &b| key(a) == key(b)).collect();
+    let found: Vec<Vec<FlatCell>> = cells
         .into_par_iter()
-        .map(|range| {
+        .map(|members| {
             progress.check()?;
-            Ok(within(points, ids, range, [first, last], noise))
+            Ok(within(points, members, [first, last], noise))
         })
         .collect::<Result<_>>()?;
     Ok(found.into_iter().flatten().collect())
 }
 
-/// The largest flat cells within one of level `first`, down to level `last`. A cell that is not flat is divided in
-/// eight.
-fn within(
-    points: &Points,
-    ids: &[u32],
-    range: Range<usize>,
-    [first, last]: [u32; 2],
-    noise: f64,
-) -> Vec<FlatCell> {
+/// The largest flat cells within one of level `first`, down to level `last`. Points seen from either side of a cell's plane
+/// are cells of their own. What is not flat is divided in eight.
+fn within(points: &Points, all: &[u32], [first, last]: [u32; 2], noise: f64) -> Vec<FlatCell> {
     let mut found = Vec::new();
-    let mut stack = vec![(range, first)];
-    while let Some((range, level)) = stack.pop() {
-        if range.len() < CELL_POINTS {
+    let mut stack = vec![(all.to_vec(), first)];
+    while let Some((members, level)) = stack.pop() {
+        if members.len() < CELL_POINTS {
             continue;
         }
-        let members = &ids[range.clone()];
-        let center = points.positions[members[0] as usize].map(f64::from);
-        let moments = points.moments_about(center, members.iter().map(|&i| (i, 1.0)));
-        let side = points.side(level);
-        if let Some((frame, deviation)) = spanned(&moments, side)
-            && deviation <= FLAT_CELL_SIGMAS * noise
-        {
-            let cell = morton::decode(points.codes[members[0] as usize] >> (3 * level));
-            found.push(FlatCell {
-                range,
-                low: cell.map(|c| c << level),
-                side: 1 << level,
-                part: Part {
-                    moments,
-                    frame,
-                    facing: facing(points, members).unwrap_or_default(),
-                    noise: deviation * deviation,
-                },
-            });
-        } else if level > last {
-            let mut start = range.start;
-            let key = |i: u32| points.codes[i as usize] >> (3 * (level - 1));
-            for child in members.chunk_by(|&a, &b| key(a) == key(b)) {
-                stack.push((start..start + child.len(), level - 1));
-                start += child.len();
+        let mut rest = Vec::new();
+        for side in sides(points, &members, level) {
+            match flat_cell(points, &side, level, noise) {
+                Some(part) => found.push(FlatCell::new(points, side, level, part)),
+                None => rest.extend(side),
             }
         }
+        if level > last {
+            rest.sort_unstable();
+            let key = |i: u32| points.codes[i as usize] >> (3 * (level - 1));
+            let children = rest.chunk_by(|&a, &b| key(a) == key(b));
+            stack.extend(children.map(|child| (child.to_vec(), level - 1)));
+        }
     }
-    found.sort_by_key(|s| s.range.start);
+    found.sort_by_key(|cell| cell.members[0]);
     found
+}
+
+/// The points of a cell by the side of its plane that they were seen from; all where that is unknown.
+fn sides(points: &Points, members: &[u32], level: u32) -> Vec<Vec<u32>> {
+    if points.facing.is_some()
+        && let Some((frame, _)) = spanned(&moments_of(points, members), points.side(level))
+    {
+        return points.sides(members, frame.normal).into();
+    }
+    vec![members.to_vec()]
+}
+
+/// The points of a cell, or of one side of it, if there are enough and they are flat up to the noise.
+fn flat_cell(points: &Points, members: &[u32], level: u32, noise: f64) -> Option<Part> {
+    if members.len() < CELL_POINTS {
+        return None;
+    }
+    let moments = moments_of(points, members);
+    let (frame, deviation) = spanned(&moments, points.side(level))?;
+    let facing = facing(points, members).unwrap_or_default();
+    let part = Part { moments, frame, facing, noise: deviation * deviation };
+    (deviation <= FLAT_CELL_SIGMAS * noise).then_some(part)
+}
+
+/// Moments of some points.
+pub(super) fn moments_of(points: &Points, members: &[u32]) -> Moments {
+    let center = members.first().map_or([0.0; 3], |&i| points.positions[i as usize].map(f64::from));
+    points.moments_about(center, members.iter().map(|&i| (i, 1.0)))
 }
 
 /// The plane of points that fill more than a line of a cell of side `side`, and their standard deviation from it.

@@ -34,9 +34,9 @@ pub(in crate::planes::fit) fn from_data(
     let noise = grid_size / SIGMAS_PER_GRID_SIZE;
     let level_of =
         |side: f64| (side / points.cell).log2().ceil().clamp(0.0, f64::from(morton::BITS)) as u32;
-    let largest = (LARGEST_CELL_SIGMAS * noise).max(LARGEST_CELL_SPACINGS * points.spacing);
+    let largest = (LARGEST_CELL_SIGMAS * noise).max(LARGEST_CELL_SPACINGS * points.resolution());
     let first = level_of(largest);
-    let smallest = (SMALLEST_CELL_SIGMAS * noise).max(SMALLEST_CELL_SPACINGS * points.spacing);
+    let smallest = (SMALLEST_CELL_SIGMAS * noise).max(SMALLEST_CELL_SPACINGS * points.resolution());
     let last = level_of(smallest).min(first);
     let cells = flat_cells(points, ids, [first, last], noise, progress)?;
     let pairs = touching(&cells, 1 << first);
@@ -45,7 +45,7 @@ pub(in crate::planes::fit) fn from_data(
     let into = agglomerate(parts, &pairs, &rule, progress)?;
     let mut groups: Vec<Vec<u32>> = vec![Vec::new(); cells.len()];
     for (cell, to) in cells.iter().zip(into) {
-        groups[to as usize].extend(&ids[cell.range.clone()]);
+        groups[to as usize].extend(&cell.members);
     }
     Ok(groups
         .into_par_iter()

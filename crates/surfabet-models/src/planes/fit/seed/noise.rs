@@ -1,40 +1,53 @@
 //! How far points spread about their surface, before any patch is known.
 
-use surfabet_geom::{Moments, morton};
+use std::ops::Range;
 
-use super::flat_cells::spanned;
+use rayon::prelude::*;
+use surfabet_geom::morton;
+
+use super::flat_cells::{moments_of, spanned};
 use crate::planes::constants::{CELL_POINTS, NOISE_FLATNESS};
 use crate::planes::points::Points;
 
 /// Standard deviation of the points about their planes, metres: the median over the points, in the smallest cells in
-/// which at least half of the points lie in flat cells. `None` when that is so at no size of cells.
+/// which at least half of the points lie in flat cells. `None` when that is so at no size of cells. Where it is known from
+/// where points were seen, those seen from either side of a cell count each about their own plane.
 pub(in crate::planes::fit) fn noise(points: &Points) -> Option<f64> {
-    let mut level = points.level_with(CELL_POINTS);
-    let mut cells: Vec<(u64, Moments)> = points
-        .cells(level)
-        .map(|c| (points.codes[c.start] >> (3 * level), points.moments(c)))
-        .collect();
-    while level < morton::BITS && cells.len() > 1 {
+    for level in points.level_with(CELL_POINTS)..morton::BITS {
+        let cells: Vec<Range<usize>> = points.cells(level).collect();
+        if cells.len() < 2 {
+            break;
+        }
         let side = points.side(level);
-        let mut deviations: Vec<(f64, f64)> = cells
-            .iter()
-            .map(|(_, m)| (spanned(m, side).map_or(f64::INFINITY, |d| d.1), m.weight()))
-            .collect();
+        let mut deviations: Vec<(f64, f64)> =
+            cells.into_par_iter().flat_map_iter(|cell| deviations(points, cell, side)).collect();
         let middle = weighted_median(&mut deviations);
         if middle <= NOISE_FLATNESS * side {
             return Some(middle);
         }
-        cells = cells
-            .chunk_by(|a, b| a.0 >> 3 == b.0 >> 3)
-            .map(|children| {
-                let mut sum = Moments::new();
-                children.iter().for_each(|c| sum.merge(&c.1));
-                (children[0].0 >> 3, sum)
-            })
-            .collect();
-        level += 1;
     }
     None
+}
+
+/// Standard deviation of the points of a cell of side `side` about their plane, infinite where they span none, and their
+/// weight; of each side that they were seen from.
+fn deviations(points: &Points, cell: Range<usize>, side: f64) -> Vec<(f64, f64)> {
+    let moments = points.moments(cell.clone());
+    let Some((frame, deviation)) = spanned(&moments, side) else {
+        return vec![(f64::INFINITY, moments.weight())];
+    };
+    if points.facing.is_none() {
+        return vec![(deviation, moments.weight())];
+    }
+    let members: Vec<u32> = cell.map(|i| i as u32).collect();
+    let sides = points.sides(&members, frame.normal).into_iter().filter(|s| !s.is_empty());
+    sides
+        .map(|members| {
+            let moments = moments_of(points, &members);
+            let deviation = spanned(&moments, side).map_or(f64::INFINITY, |s| s.1);
+            (deviation, moments.weight())
+        })
+        .collect()
 }
 
 /// The weighted median of values with weights: half of the weight is of values up to it.

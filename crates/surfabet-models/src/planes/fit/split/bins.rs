@@ -6,11 +6,11 @@ use crate::planes::points::Points;
 const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Rotations by 0, 45, 90 and 135 degrees.
-pub(super) const DIRECTIONS: [[f64; 2]; 4] =
+pub(in crate::planes::fit) const DIRECTIONS: [[f64; 2]; 4] =
     [[1.0, 0.0], [DIAGONAL, DIAGONAL], [0.0, 1.0], [-DIAGONAL, DIAGONAL]];
 
 /// Strips across the rectangle of a patch, as wide as a tile.
-pub(super) struct Bins {
+pub(in crate::planes::fit) struct Bins {
     direction: [f64; 2],
     low: f64,
     /// Side of a tile, metres.
@@ -56,7 +56,7 @@ impl Bins {
 
 /// Where to cut: along which direction, and at which coordinate of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Cut {
+pub(in crate::planes::fit) struct Cut {
     pub direction: [f64; 2],
     pub at: f64,
 }
@@ -73,7 +73,7 @@ impl Cut {
 }
 
 /// Coordinates of points in the plane of a patch.
-pub(super) fn flat(points: &Points, patch: &Patch, set: &[u32]) -> Vec<[f64; 2]> {
+pub(in crate::planes::fit) fn flat(points: &Points, patch: &Patch, set: &[u32]) -> Vec<[f64; 2]> {
     let local = |i: u32| patch.frame.local(points.positions[i as usize]);
     set.iter().map(|&i| local(i)).map(|[x, y, _]| [x, y]).collect()
 }

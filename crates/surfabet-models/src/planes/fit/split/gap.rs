@@ -13,7 +13,9 @@ use crate::planes::points::Points;
 /// Splits a patch along its emptiest bin over the rotations by 0, 45, 90 and 135 degrees, if that is empty enough.
 pub(super) fn at_gap(points: &Points, patch: &Patch, rule: &SplitRule) -> Option<[Patch; 2]> {
     let local = flat(points, patch, &patch.support);
-    let gaps = DIRECTIONS.iter().filter_map(|&d| emptiest(patch, &local, d, rule.threshold));
+    let weights = weights(points, patch, &local);
+    let of = |&d: &[f64; 2]| emptiest(patch, &local, &weights, d, rule.threshold);
+    let gaps = DIRECTIONS.iter().filter_map(of);
     let (_, cut) = gaps.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let sides = cut.sides(&patch.support, &local, rule.min_points)?;
     // A half without a supported tile would lose its points; the patch stays whole.
@@ -21,37 +23,52 @@ pub(super) fn at_gap(points: &Points, patch: &Patch, rule: &SplitRule) -> Option
     Some([left?, right?])
 }
 
+/// By how much each point counts: one, or on scan lines in tiles larger than G its share of the points of its tile. Bins
+/// then count tiles with points: a line that falls between two bins is no gap.
+fn weights(points: &Points, patch: &Patch, local: &[[f64; 2]]) -> Vec<f64> {
+    if points.line_spacing.is_none() {
+        return vec![1.0; local.len()];
+    }
+    let tiles: Vec<Option<usize>> = local.iter().map(|&p| patch.tiles.tile_at(p)).collect();
+    let mut counts = vec![0_u32; patch.tiles.supported().len()];
+    tiles.iter().flatten().for_each(|&t| counts[t] += 1);
+    tiles.iter().map(|tile| tile.map_or(0.0, |t| f64::from(counts[t]).recip())).collect()
+}
+
 /// The emptiest bin across a direction, if it is empty enough: its points as a share of the mean, and the cut through
 /// its middle.
 ///
-/// With `c_b` the points of bin `b` and `l_b` the length of its strip as a share of the longest, over the inner bins with
+/// With `c_b` the weight of the points of bin `b`, `n_b` their number, and `l_b` the length of its strip as a share of the longest, over the inner bins with
 /// `l_b >= 1/2`,
 ///
 /// ```text
 /// e_b = l_b (sum c / sum l)
-/// min_b c_b / e_b < threshold   and   c_b < e_b - 3 sqrt(e_b)
+/// min_b c_b / e_b < threshold   and   n_b < e_b - 3 sqrt(e_b)  with e_b of n instead of c
 /// ```
 fn emptiest(
     patch: &Patch,
     local: &[[f64; 2]],
+    weights: &[f64],
     direction: [f64; 2],
     threshold: f64,
 ) -> Option<(f64, Cut)> {
     let bins = Bins::new(patch, direction)?;
     let n = bins.n;
-    let mut counts = vec![0_u32; n];
-    for &p in local {
-        counts[bins.of(p)] += 1;
+    let (mut counts, mut weighed) = (vec![0.0; n], vec![0.0; n]);
+    for (&p, weight) in local.iter().zip(weights) {
+        counts[bins.of(p)] += 1.0;
+        weighed[bins.of(p)] += weight;
     }
     let inner: Vec<(usize, f64)> =
         (1..n - 1).map(|b| (b, bins.share(b))).filter(|(_, s)| *s >= FULL_STRIP).collect();
-    let total: f64 = inner.iter().map(|&(b, _)| f64::from(counts[b])).sum();
-    let mean = total / inner.iter().map(|(_, s)| s).sum::<f64>();
+    let lengths: f64 = inner.iter().map(|(_, s)| s).sum();
+    let mean = |of: &[f64]| inner.iter().map(|&(b, _)| of[b]).sum::<f64>() / lengths;
+    let (mean, expected) = (mean(&weighed), mean(&counts));
     let (bin, ratio, expected) = inner
         .iter()
-        .map(|&(b, s)| (b, f64::from(counts[b]) / (mean * s), mean * s))
+        .map(|&(b, s)| (b, weighed[b] / (mean * s), expected * s))
         .min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let chance = f64::from(counts[bin]) > expected - GAP_DEVIATIONS * expected.sqrt();
+    let chance = counts[bin] > expected - GAP_DEVIATIONS * expected.sqrt();
     if ratio.is_nan() || ratio >= threshold || chance {
         return None;
     }

@@ -4,6 +4,7 @@ mod bins;
 mod fold;
 mod gap;
 
+pub(super) use self::bins::{Bins, Cut, DIRECTIONS, flat};
 use self::fold::at_fold;
 use self::gap::at_gap;
 use super::merge::Rule;

@@ -6,9 +6,12 @@ mod support;
 use surfabet_geom::Moments;
 
 use self::rectangle::turned;
+pub(super) use self::rectangle::{bounds, to_principal};
+pub(super) use self::support::count;
 use self::support::{Scatter, in_cube, supported, tiled};
 use crate::planes::patch::{Frame, Patch};
 use crate::planes::points::Points;
+use crate::planes::tiles::Tiles;
 use crate::vector::{dot, minus};
 
 /// Trims a plane to the patch that the points of `set` support, with tiles of side `grid_size` (G) or a power of two
@@ -23,15 +26,54 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
     let mut local: Vec<[f64; 3]> =
         set.iter().map(|&i| frame.local(points.positions[i as usize])).collect();
     let frame = turned(frame, &mut local);
-    let (mut tiles, counts) = tiled(&local, grid_size);
-    let supported = supported(&tiles, &counts);
+    let on_lines = points.line_spacing.is_some();
+    let (mut tiles, counts) = tiled(&local, grid_size, on_lines);
+    // Noise carries no points over the edges of tiles that are large beside it.
+    let rims = !(on_lines && tiles.edge() > grid_size);
+    let supported = supported(&tiles, &counts, rims);
     tiles.support(supported);
+    supported_patch(points, frame, tiles, set, &local, grid_size)
+}
+
+/// As [`trim`], with the plane and the rectangle of `patch` as they are.
+pub(super) fn trim_to(
+    points: &Points,
+    patch: &Patch,
+    set: &[u32],
+    grid_size: f64,
+) -> Option<Patch> {
+    if set.len() < 3 {
+        return None;
+    }
+    let mut frame = patch.frame;
+    if facing(points, set).is_some_and(|f| dot(f, frame.normal) < 0.0) {
+        // The rectangle is even about its middle, so that it stays.
+        frame = frame.flipped();
+    }
+    let local: Vec<[f64; 3]> =
+        set.iter().map(|&i| frame.local(points.positions[i as usize])).collect();
+    let mut tiles = Tiles::new(patch.tiles.low(), patch.tiles.size(), grid_size);
+    let counts = count(&tiles, &local, grid_size);
+    let supported = supported(&tiles, &counts, false);
+    tiles.support(supported);
+    supported_patch(points, frame, tiles, set, &local, grid_size)
+}
+
+/// The patch of a plane, tiles and the points that support it; `None` when no tile is supported.
+pub(super) fn supported_patch(
+    points: &Points,
+    frame: Frame,
+    tiles: Tiles,
+    set: &[u32],
+    local: &[[f64; 3]],
+    grid_size: f64,
+) -> Option<Patch> {
     if tiles.n_supported() == 0 {
         return None;
     }
     let mut support = Vec::new();
-    let mut scatter = Scatter::new(counts.len());
-    for (&i, p) in set.iter().zip(&local) {
+    let mut scatter = Scatter::new(tiles.supported().len());
+    for (&i, p) in set.iter().zip(local) {
         let tile = tiles.tile_at([p[0], p[1]]);
         if let Some(t) = tile.filter(|&t| in_cube(p, grid_size) && tiles.supported()[t]) {
             support.push(i);
@@ -48,7 +90,7 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
         support,
         whole: set.to_vec(),
         moments,
-        facing: facing.unwrap_or_default(),
+        facing: facing(points, set).unwrap_or_default(),
         noise: scatter.within(),
     })
 }

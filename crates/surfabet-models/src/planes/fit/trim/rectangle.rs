@@ -5,19 +5,28 @@ use crate::planes::patch::Frame;
 
 /// Turns the axes of `frame`, and the coordinates `local` of points in it, first to the principal axes of the points
 /// and then to those of a clearly smaller rectangle, if there is one.
-pub(super) fn turned(mut frame: Frame, local: &mut [[f64; 3]]) -> Frame {
-    for direction in [principal, smallest] {
-        let [cosine, sine] = direction(local);
-        frame = frame.turned([cosine, sine]);
-        for p in local.iter_mut() {
-            *p = [cosine * p[0] + sine * p[1], cosine * p[1] - sine * p[0], p[2]];
-        }
+pub(super) fn turned(frame: Frame, local: &mut [[f64; 3]]) -> Frame {
+    let frame = to_principal(frame, local);
+    let angle = smallest(local);
+    turn(frame, local, angle)
+}
+
+/// Turns the axes of `frame`, and the coordinates `local` of points in it, to the principal axes of the points.
+pub(in crate::planes::fit) fn to_principal(frame: Frame, local: &mut [[f64; 3]]) -> Frame {
+    let angle = principal(local);
+    turn(frame, local, angle)
+}
+
+/// Turns the axes of `frame` and the coordinates of points in it by an angle given by its cosine and sine.
+fn turn(frame: Frame, local: &mut [[f64; 3]], [cosine, sine]: [f64; 2]) -> Frame {
+    for p in local.iter_mut() {
+        *p = [cosine * p[0] + sine * p[1], cosine * p[1] - sine * p[0], p[2]];
     }
-    frame
+    frame.turned([cosine, sine])
 }
 
 /// Lower corner and size of the bounding rectangle of points.
-pub(super) fn bounds(local: &[[f64; 3]]) -> ([f64; 2], [f64; 2]) {
+pub(in crate::planes::fit) fn bounds(local: &[[f64; 3]]) -> ([f64; 2], [f64; 2]) {
     let range = |a: usize| {
         local
             .iter()

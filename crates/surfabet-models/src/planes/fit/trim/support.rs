@@ -2,31 +2,46 @@
 
 use super::rectangle::bounds;
 use crate::planes::constants::{
-    LEAST_THRESHOLD, RIM_SHARE, RIM_TILES, TILE_DOUBLINGS, TILE_POINTS,
+    LEAST_THRESHOLD, LINE_COVER, RIM_SHARE, RIM_TILES, TILE_DOUBLINGS, TILE_POINTS,
 };
 use crate::planes::tiles::{MAX_TILES, Tiles};
 
 /// The rectangle of points cut into tiles, and the points in the cube of each. Tiles have the side `grid_size` or a power
-/// of two more, where the rectangle is too large or points are too sparse for tiles of that side.
-pub(super) fn tiled(local: &[[f64; 3]], grid_size: f64) -> (Tiles, Vec<u32>) {
+/// of two more, where the rectangle is too large or points are too sparse for tiles of that side. Points are also too
+/// sparse where they lie on scan lines, and tiles of twice the side cover clearly more of the rectangle.
+pub(super) fn tiled(local: &[[f64; 3]], grid_size: f64, on_lines: bool) -> (Tiles, Vec<u32>) {
     let (low, size) = bounds(local);
     let mut edge = grid_size;
     while (size[0] / edge + 1.0) * (size[1] / edge + 1.0) > MAX_TILES {
         edge *= 2.0;
     }
-    let mut tiles = Tiles::new(low, size, edge);
-    let mut counts = count(&tiles, local, grid_size);
+    let of_edge = |edge: f64| {
+        let tiles = Tiles::new(low, size, edge);
+        let counts = count(&tiles, local, grid_size);
+        (tiles, counts)
+    };
+    let mut now = of_edge(edge);
     for _ in 0..TILE_DOUBLINGS {
-        let held: u32 = counts.iter().sum();
-        let full = counts.iter().filter(|&&c| c > 0).count();
-        if f64::from(held) >= TILE_POINTS * full as f64 || full <= 1 {
+        let held: u32 = now.1.iter().sum();
+        let full = filled(&now.1);
+        let dense = f64::from(held) >= TILE_POINTS * full as f64;
+        if full <= 1 || (dense && !on_lines) {
             break;
         }
         edge *= 2.0;
-        tiles = Tiles::new(low, size, edge);
-        counts = count(&tiles, local, grid_size);
+        let next = of_edge(edge);
+        let cover = |counts: &[u32]| filled(counts) as f64 / counts.len() as f64;
+        if dense && cover(&next.1) < LINE_COVER * cover(&now.1) {
+            break;
+        }
+        now = next;
     }
-    (tiles, counts)
+    now
+}
+
+/// Number of tiles with points.
+fn filled(counts: &[u32]) -> usize {
+    counts.iter().filter(|&&c| c > 0).count()
 }
 
 /// True for a point in the cubes of side `grid_size` around the tiles of the plane.
@@ -35,7 +50,7 @@ pub(super) fn in_cube(p: &[f64; 3], grid_size: f64) -> bool {
 }
 
 /// Number of points in the cube around each tile: `support(t_k)`.
-fn count(tiles: &Tiles, local: &[[f64; 3]], grid_size: f64) -> Vec<u32> {
+pub(in crate::planes::fit) fn count(tiles: &Tiles, local: &[[f64; 3]], grid_size: f64) -> Vec<u32> {
     let mut counts = vec![0; tiles.supported().len()];
     for p in local.iter().filter(|p| in_cube(p, grid_size)) {
         if let Some(t) = tiles.tile_at([p[0], p[1]]) {
@@ -54,8 +69,9 @@ fn count(tiles: &Tiles, local: &[[f64; 3]], grid_size: f64) -> Vec<u32> {
 /// ```
 ///
 /// The paper has the first, without the 1: T is below that unless points are evenly spread, and a single point is no
-/// surface. The second ends patches where surfaces end: noise carries points over the edge, to tiles at the rim.
-pub(super) fn supported(tiles: &Tiles, counts: &[u32]) -> Vec<bool> {
+/// surface. The second, if `rims`, ends patches where surfaces end: noise carries points over the edge, to tiles at the
+/// rim.
+pub(super) fn supported(tiles: &Tiles, counts: &[u32], rims: bool) -> Vec<bool> {
     let filled = || counts.iter().filter(|&&c| c > 0).map(|&c| f64::from(c));
     let n = filled().count() as f64;
     let mean = filled().sum::<f64>() / n;
@@ -66,6 +82,9 @@ pub(super) fn supported(tiles: &Tiles, counts: &[u32]) -> Vec<bool> {
         .map(|t| {
             if f64::from(counts[t]) <= threshold {
                 return false;
+            }
+            if !rims {
+                return true;
             }
             let around = mean_around(counts, [nx, ny], t);
             f64::from(counts[t]) >= RIM_SHARE * around - f64::sqrt(around)

@@ -1,0 +1,227 @@
+//! A mixture of blurred rectangles with one noise, fitted by maximum likelihood.
+//!
+//! ```text
+//! L = sum_i ln(sum_j w_j f_j(a_i; sigma) + w_0 c)
+//! ```
+//!
+//! over points `a_i` and rectangles `j` with the weights `w`, which add up to one; `c` is the density of points anywhere,
+//! even over the box around all. It climbs by scoring: with `s_i` the derivative of the logarithm of point `i`, the step is
+//! `(sum_i s_i s_i^T)^-1 sum_i s_i`, damped as by Levenberg and Marquardt (Berndt, Hall, Hall and Hausman 1974). Weights are
+//! those of EM.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use super::rectangle::{PARAMETERS, Rectangle};
+use crate::error::Result;
+
+/// Points per unit of parallel work; sums over units are added in order.
+const CHUNK: usize = 512;
+
+/// Probabilities below this do not count.
+const LEAST_SHARE: f64 = 1e-6;
+
+/// First damping as a share of the diagonal, its factors after good and bad steps, and where climbing ends.
+const DAMPING: f64 = 1e-2;
+const LESS: f64 = 0.2;
+const MORE: f64 = 8.0;
+const MOST_DAMPING: f64 = 1e6;
+
+/// Most that a step turns a rectangle, radians.
+const MOST_TURN: f64 = 0.3;
+
+/// A mixture and its fit.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Mixture {
+    pub rectangles: Vec<Rectangle>,
+    /// Share of the points of each rectangle.
+    pub weights: Vec<f64>,
+    /// Share of the points that are anywhere.
+    pub rest: f64,
+    /// Standard deviation of the noise along each axis, metres.
+    pub sigma: f64,
+    /// Density of points that are anywhere, per cubic metre.
+    pub anywhere: f64,
+    /// Logarithm of the likelihood.
+    pub log_likelihood: f64,
+}
+
+/// Sums over points.
+struct Sums {
+    log_likelihood: f64,
+    /// Sum of the probabilities of each rectangle, and of the rest.
+    shares: Vec<f64>,
+    gradient: DVector<f64>,
+    information: DMatrix<f64>,
+}
+
+impl Mixture {
+    /// The rectangles with equal densities, before any climbing.
+    pub fn new(rectangles: Vec<Rectangle>, sigma: f64, anywhere: f64) -> Self {
+        let area: f64 = rectangles.iter().map(Rectangle::area).sum();
+        let rest = 0.02;
+        let weights = rectangles.iter().map(|r| (1.0 - rest) * r.area() / area).collect();
+        Self { rectangles, weights, rest, sigma, anywhere, log_likelihood: f64::NEG_INFINITY }
+    }
+
+    /// Number of parameters of the planes, outlines and noise.
+    fn n_parameters(&self) -> usize {
+        PARAMETERS * self.rectangles.len() + 1
+    }
+
+    /// Climbs until a step gains less than `least` in the logarithm of the likelihood, at most `steps` steps.
+    pub fn climb(
+        mut self,
+        points: &[[f64; 3]],
+        steps: usize,
+        least: f64,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let mut damping = DAMPING;
+        let mut sums = self.sums(points);
+        self.log_likelihood = sums.log_likelihood;
+        for _ in 0..steps {
+            progress.check()?;
+            let before = self.log_likelihood;
+            let n = points.len() as f64;
+            let k = self.rectangles.len();
+            let mut next = self.clone();
+            next.weights = sums.shares[..k].iter().map(|s| s / n).collect();
+            next.rest = (sums.shares[k] / n).max(1e-9);
+            loop {
+                let moved = next.stepped(&sums, damping);
+                let tried = moved.as_ref().map(|m| m.sums(points));
+                if let (Some(mut moved), Some(tried)) = (moved, tried)
+                    && tried.log_likelihood > before
+                {
+                    moved.log_likelihood = tried.log_likelihood;
+                    self = moved;
+                    sums = tried;
+                    damping *= LESS;
+                    break;
+                }
+                damping *= MORE;
+                if damping > MOST_DAMPING {
+                    return Ok(self);
+                }
+            }
+            if self.log_likelihood - before < least {
+                break;
+            }
+        }
+        Ok(self)
+    }
+
+    /// The mixture after a damped step; `None` where there is none.
+    fn stepped(&self, sums: &Sums, damping: f64) -> Option<Self> {
+        let mut matrix = sums.information.clone();
+        for i in 0..matrix.nrows() {
+            matrix[(i, i)] += damping * matrix[(i, i)] + f64::MIN_POSITIVE.sqrt();
+        }
+        let step = matrix.cholesky()?.solve(&sums.gradient);
+        if !step.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        let last = step.len() - 1;
+        let sigma = self.sigma * step[last].clamp(-0.5, 0.5).exp();
+        let rectangles = self
+            .rectangles
+            .iter()
+            .enumerate()
+            .map(|(j, rectangle)| {
+                let mut own: [f64; PARAMETERS] = std::array::from_fn(|k| step[PARAMETERS * j + k]);
+                own[..3].iter_mut().for_each(|turn| *turn = turn.clamp(-MOST_TURN, MOST_TURN));
+                rectangle.moved(&own, sigma)
+            })
+            .collect();
+        Some(Self { rectangles, sigma, ..self.clone() })
+    }
+
+    fn sums(&self, points: &[[f64; 3]]) -> Sums {
+        let chunks: Vec<Sums> = points.par_chunks(CHUNK).map(|chunk| self.sums_of(chunk)).collect();
+        let mut total = self.no_sums();
+        for sums in chunks {
+            total.log_likelihood += sums.log_likelihood;
+            total.shares.iter_mut().zip(sums.shares).for_each(|(a, b)| *a += b);
+            total.gradient += sums.gradient;
+            total.information += sums.information;
+        }
+        total
+    }
+
+    fn no_sums(&self) -> Sums {
+        let n = self.n_parameters();
+        Sums {
+            log_likelihood: 0.0,
+            shares: vec![0.0; self.rectangles.len() + 1],
+            gradient: DVector::zeros(n),
+            information: DMatrix::zeros(n, n),
+        }
+    }
+
+    fn sums_of(&self, points: &[[f64; 3]]) -> Sums {
+        let mut sums = self.no_sums();
+        let k = self.rectangles.len();
+        let last = self.n_parameters() - 1;
+        let mut score: Vec<(usize, f64)> = Vec::new();
+        for &p in points {
+            let mut near = Vec::new();
+            let mut density = self.rest * self.anywhere;
+            for (j, rectangle) in self.rectangles.iter().enumerate() {
+                if let Some(scores) = rectangle.scores(p, self.sigma) {
+                    let of = self.weights[j] * scores.log.exp();
+                    density += of;
+                    near.push((j, of, scores));
+                }
+            }
+            sums.log_likelihood += density.ln();
+            sums.shares[k] += self.rest * self.anywhere / density;
+            score.clear();
+            let mut by_sigma = 0.0;
+            for (j, of, scores) in near {
+                let share = of / density;
+                sums.shares[j] += share;
+                if share > LEAST_SHARE {
+                    let by = scores.by.iter().enumerate();
+                    score.extend(by.map(|(i, s)| (PARAMETERS * j + i, share * s)));
+                    // By its logarithm, so that it stays positive.
+                    by_sigma += share * scores.by_sigma * self.sigma;
+                }
+            }
+            score.push((last, by_sigma));
+            for &(a, s) in &score {
+                sums.gradient[a] += s;
+                for &(b, t) in &score {
+                    sums.information[(b, a)] += s * t;
+                }
+            }
+        }
+        sums
+    }
+
+    /// For each rectangle the points of which it is the most probable.
+    pub fn members(&self, points: &[[f64; 3]]) -> Vec<Vec<u32>> {
+        let best: Vec<Option<usize>> = points
+            .par_iter()
+            .map(|&p| {
+                let mut best = (self.rest * self.anywhere, None);
+                for (j, rectangle) in self.rectangles.iter().enumerate() {
+                    let scores = rectangle.scores(p, self.sigma);
+                    let of = scores.map_or(0.0, |s| self.weights[j] * s.log.exp());
+                    if of > best.0 {
+                        best = (of, Some(j));
+                    }
+                }
+                best.1
+            })
+            .collect();
+        let mut members = vec![Vec::new(); self.rectangles.len()];
+        for (i, best) in best.into_iter().enumerate() {
+            if let Some(j) = best {
+                members[j].push(i as u32);
+            }
+        }
+        members
+    }
+}
