@@ -8,7 +8,8 @@ use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::patch::Patch;
 use super::points::{Points, check_weights};
-use crate::contract::SurfaceModel;
+use crate::attribute_error::measure;
+use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::Result;
 use crate::options::Options;
 use crate::report::{AttributeFigures, Report, figures, lost};
@@ -22,6 +23,7 @@ const STAGES: &[(&str, f32)] = &[
     ("first patches", 4.0),
     ("fitting", 92.0),
     ("rounding patches", 2.0),
+    ("measuring attributes", 1.0),
 ];
 
 /// What the file keeps of a cloud beyond positions.
@@ -94,8 +96,7 @@ pub fn learn(
         grid_size,
         outliers: model.header().n_outliers,
     };
-    let present = [model.has_color(), model.has_intensity()];
-    let attributes = AttributeFigures::of_last_streams(&model.price(), present);
+    let attributes = attributes(&model, cloud, &mut stages)?;
     let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
     let mut report = PlanesReport {
         stages: stages.finish(),
@@ -117,6 +118,23 @@ pub fn learn(
     }
     start.report(0.0, &mut report);
     Ok(model.with_report(report))
+}
+
+/// What colours and intensities take, and how far they are off.
+fn attributes(
+    model: &PlaneModel,
+    cloud: &PointCloud,
+    stages: &mut Stages<'_>,
+) -> Result<Vec<AttributeFigures>> {
+    let present = [model.has_color(), model.has_intensity()];
+    let mut attributes = AttributeFigures::of_last_streams(&model.price(), present);
+    if !attributes.is_empty() {
+        stages.run("measuring attributes", |progress| {
+            let decoded = model.decode(DecodeOptions::default(), progress)?;
+            measure(&mut attributes, cloud, &decoded, progress)
+        })?;
+    }
+    Ok(attributes)
 }
 
 /// The points with what the method may know of them: the paper knows neither viewpoints nor scan lines.
