@@ -99,12 +99,16 @@ impl Features {
     /// The model carries attributes beside colour.
     pub const ATTRIBUTES: Self = Self(8);
 
+    /// Points have the attributes of the cell that they lie in.
+    pub const UNBLENDED: Self = Self(16);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 4] = [
+    const KNOWN: [(Self, &'static str, Version); 5] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
         (Self::ATTRIBUTES, "attributes", Version { major: 0, minor: 1 }),
+        (Self::UNBLENDED, "attributes without blending", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.
@@ -114,7 +118,7 @@ impl Features {
 
     /// These features and those of `other`.
     #[must_use]
-    pub fn with(self, other: Self) -> Self {
+    pub const fn with(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 

@@ -46,7 +46,11 @@ impl Layout for GasModel {
         if header.intensity.is_some() { Features::ATTRIBUTES } else { Features::NONE }
     }
 
-    fn code_optional<F: Fields>(fields: &mut F, header: &mut GasHeader) -> Result<()> {
+    fn code_optional<F: Fields>(
+        fields: &mut F,
+        header: &mut GasHeader,
+        _features: Features,
+    ) -> Result<()> {
         code_scale(fields, header.intensity.get_or_insert_default())
     }
 

@@ -50,7 +50,7 @@ const SECTIONS: [StreamSection; FIRST + MAX_ATTRIBUTES] = {
 impl Layout for PatchModel {
     const FAMILY: Family = Family::Patches;
     const FEATURES: Features = Features::LATTICE;
-    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES;
+    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES.with(Features::UNBLENDED);
     const STREAM_SECTIONS: &'static [StreamSection] = &SECTIONS;
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
@@ -81,10 +81,20 @@ impl Layout for PatchModel {
     }
 
     fn optional_features(header: &PatchesHeader) -> Features {
-        if header.attributes.is_empty() { Features::NONE } else { Features::ATTRIBUTES }
+        let of = |is_there: bool, features| if is_there { features } else { Features::NONE };
+        of(!header.attributes.is_empty(), Features::ATTRIBUTES)
+            .with(of(header.unblended, Features::UNBLENDED))
     }
 
-    fn code_optional<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
+    fn code_optional<F: Fields>(
+        fields: &mut F,
+        header: &mut PatchesHeader,
+        features: Features,
+    ) -> Result<()> {
+        header.unblended = features.contains(Features::UNBLENDED);
+        if !features.contains(Features::ATTRIBUTES) {
+            return Ok(());
+        }
         let what = "number of attributes";
         fields.list(what, &mut header.attributes, BYTES_PER_ATTRIBUTE, code_attribute)?;
         match header.attributes.len() <= MAX_ATTRIBUTES {

@@ -43,7 +43,11 @@ impl Layout for PlaneModel {
         if header.intensity.is_some() { Features::ATTRIBUTES } else { Features::NONE }
     }
 
-    fn code_optional<F: Fields>(fields: &mut F, header: &mut PlanesHeader) -> Result<()> {
+    fn code_optional<F: Fields>(
+        fields: &mut F,
+        header: &mut PlanesHeader,
+        _features: Features,
+    ) -> Result<()> {
         code_scale(fields, header.intensity.get_or_insert_default())
     }
 

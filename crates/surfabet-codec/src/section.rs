@@ -79,12 +79,16 @@ pub trait Layout: SurfaceModel<Vocabulary: Vocabulary> {
         Features::NONE
     }
 
-    /// Writes or reads what the header has more in a file with optional features.
+    /// Writes or reads what the header has more in a file with these optional features.
     ///
     /// # Errors
     /// As [`Layout::code_header`].
-    fn code_optional<F: Fields>(fields: &mut F, header: &mut Self::Header) -> Result<()> {
-        let _ = (fields, header);
+    fn code_optional<F: Fields>(
+        fields: &mut F,
+        header: &mut Self::Header,
+        features: Features,
+    ) -> Result<()> {
+        let _ = (fields, header, features);
         Ok(())
     }
 
@@ -225,7 +229,7 @@ fn code_all<M: Layout, F: Fields>(
     M::code_header(fields, header)?;
     match optional == Features::NONE {
         true => Ok(()),
-        false => M::code_optional(fields, header),
+        false => M::code_optional(fields, header, optional),
     }
 }
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress};
 
-use super::attributes::cells::attribute_cells;
+use super::attributes::cells::{attribute_cells, sides_of_cells};
 use super::attributes::chosen::{Chosen, Fields};
 use super::attributes::targets::Targets;
 use super::axes::Orientation;
@@ -111,7 +111,8 @@ pub fn learn(
     drop(sheets);
     // 7. Colour and other attributes.
     let (attributes, attribute_figures) = stages.run("adding attributes", |_| {
-        attributes(&chosen, &samples, &lattice, &geometry.leaves, options)
+        let is_layered = survey.layer_gap.is_some();
+        attributes(&chosen, &samples, &lattice, &geometry.leaves, is_layered, options)
     })?;
     let (n_samples, attribute_cells) = (samples.all.len(), attributes.cells.len());
     drop(samples);
@@ -246,12 +247,14 @@ fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
     large().map(|r| f64::from(r.n)).sum::<f64>() / large().count() as f64
 }
 
-/// The attributes of least cost on the cells around the patches, with what each takes and misses.
+/// The attributes of least cost on the cells around the patches, with what each takes and misses; `unblended`: a point has
+/// those of its own cell.
 fn attributes(
     chosen: &Chosen<'_>,
     samples: &SidedSamples<'_>,
     lattice: &Lattice,
     leaves: &[Leaf],
+    unblended: bool,
     options: &PatchesOptions,
 ) -> Result<(Attributes, Vec<AttributeFigures>)> {
     if chosen.is_empty() {
@@ -259,9 +262,14 @@ fn attributes(
     }
     // A learned model has no more cells than its samples call for; the limit is for files.
     let cells = attribute_cells(lattice, leaves, u64::MAX).unwrap_or_default();
-    let targets = Targets::new(samples, &cells, lattice.pixel_size as f32);
+    // Elsewhere surfaces of two sides meet, and all cells may share what is known.
+    let sides = match unblended {
+        true => sides_of_cells(lattice, leaves, &cells),
+        false => vec![u8::MAX; cells.len()],
+    };
+    let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
     let Fields { color, others, figures } = chosen.fields(&cells, &targets, options)?;
-    Ok((Attributes { cells, color, others }, figures))
+    Ok((Attributes { cells, color, others, unblended }, figures))
 }
 
 /// What the report says of each level.

@@ -196,6 +196,9 @@ pub struct PatchesHeader {
     pub max_error: Option<f64>,
     /// Intensities and other attributes beside colour.
     pub attributes: Vec<AttributeHeader>,
+    /// A point has the attributes of the cell that it lies in, instead of a mean of those around it: where surfaces lie close
+    /// behind one another, the mean would be of both.
+    pub unblended: bool,
 }
 
 /// Attributes on the cells around the surface.
@@ -206,6 +209,8 @@ pub(super) struct Attributes {
     pub color: Option<ColorField>,
     /// Those beside colour.
     pub others: Vec<AttributeField>,
+    /// See [`PatchesHeader::unblended`].
+    pub unblended: bool,
 }
 
 /// The streams of a model.
@@ -286,6 +291,7 @@ impl PatchModel {
             extra_size: self.extra_size,
             max_error: self.max_error,
             attributes: self.attributes.others.iter().map(AttributeField::header).collect(),
+            unblended: self.attributes.unblended,
         }
     }
 
@@ -296,7 +302,7 @@ impl PatchModel {
     pub(super) fn write<C: Coder>(&self, streams: Streams<'_, C>) -> Result<(), C::Error> {
         let mut models = GeometryModels::default();
         code_geometry(streams.geometry, &mut models, self.lattice, &self.sheets, usize::MAX)?;
-        let Attributes { cells, color, others } = &self.attributes;
+        let Attributes { cells, color, others, .. } = &self.attributes;
         if let Some(field) = color {
             field.write(streams.color, cells)?;
         }
@@ -449,7 +455,7 @@ impl Attributes {
         let fields = header.attributes.iter().zip(others);
         let others = fields.map(|(header, coder)| AttributeField::read(coder, &cells, header));
         let others = others.collect::<Result<_, _>>()?;
-        Ok(Self { cells, color, others })
+        Ok(Self { cells, color, others, unblended: header.unblended })
     }
 }
 

@@ -30,27 +30,48 @@ pub(in crate::patches) fn attribute_cells(
         return None;
     }
     let bases = Basis::of_levels(lattice.levels);
-    let of_leaf = |leaf: &Leaf| {
-        let [d, u, v] = axes_of(leaf.side);
-        let half = i64::from(leaf.patch.thickness);
-        let mut keys = Vec::new();
-        for ([column, row], depth) in leaf.depths(lattice, &bases) {
-            let low = (depth - half).div_euclid(CELL);
-            let high = (depth + half - i64::from(half > 0)).div_euclid(CELL);
-            let mut at = [0; 3];
-            at[u] = leaf.corner[0] + column;
-            at[v] = leaf.corner[1] + row;
-            for depth in low..=high {
-                at[d] = depth.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
-                keys.push(cell_key(at));
-            }
-        }
-        keys
-    };
+    let of_leaf = |leaf: &Leaf| cells_of(leaf, lattice, &bases);
     let mut keys: Vec<u64> = leaves.par_iter().flat_map_iter(of_leaf).collect();
     keys.par_sort_unstable();
     keys.dedup();
     Some(keys)
+}
+
+/// The sides of the patches that pass through each of the sorted `cells`: bit `s` for side `s`.
+pub(in crate::patches) fn sides_of_cells(
+    lattice: &Lattice,
+    leaves: &[Leaf],
+    cells: &[u64],
+) -> Vec<u8> {
+    let bases = Basis::of_levels(lattice.levels);
+    let mut sides = vec![0; cells.len()];
+    for leaf in leaves {
+        for key in cells_of(leaf, lattice, &bases) {
+            if let Ok(i) = cells.binary_search(&key) {
+                sides[i] |= 1 << leaf.side;
+            }
+        }
+    }
+    sides
+}
+
+/// Keys of the cells that the surface of a patch passes through, with its thickness.
+fn cells_of(leaf: &Leaf, lattice: &Lattice, bases: &[Basis]) -> Vec<u64> {
+    let [d, u, v] = axes_of(leaf.side);
+    let half = i64::from(leaf.patch.thickness);
+    let mut keys = Vec::new();
+    for ([column, row], depth) in leaf.depths(lattice, bases) {
+        let low = (depth - half).div_euclid(CELL);
+        let high = (depth + half - i64::from(half > 0)).div_euclid(CELL);
+        let mut at = [0; 3];
+        at[u] = leaf.corner[0] + column;
+        at[v] = leaf.corner[1] + row;
+        for depth in low..=high {
+            at[d] = depth.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+            keys.push(cell_key(at));
+        }
+    }
+    keys
 }
 
 /// Side of a cell, in steps of thickness.

@@ -12,16 +12,21 @@ pub(in crate::patches) struct Targets<'a> {
     /// Sorted keys.
     cells: &'a [u64],
     places: MortonMap<u32>,
+    /// Bits of the sides that each cell belongs to; cells of different sides have nothing to do with one another.
+    sides: Vec<u8>,
     owners: Vec<Option<u32>>,
 }
 
 impl<'a> Targets<'a> {
-    /// For sorted `cells`, which are `size` metres wide.
-    pub fn new(samples: &'a SidedSamples<'a>, cells: &'a [u64], size: f32) -> Self {
+    /// For sorted `cells`, which are `size` metres wide, and bits of the sides that each belongs to: a sample counts for
+    /// cells of its own side.
+    pub fn new(samples: &'a SidedSamples<'a>, cells: &'a [u64], sides: Vec<u8>, size: f32) -> Self {
         let places = index(cells);
-        let owner = |s: &Sample| owner(&places, s.position, size);
-        let owners = samples.all.par_iter().map(owner).collect();
-        Self { samples, cells, places, owners }
+        let owner = |(s, &side): (&Sample, &u8)| {
+            owner(&places, s.position, size, |cell| sides[cell as usize] >> side & 1 != 0)
+        };
+        let owners = samples.all.par_iter().zip(&samples.sides).map(owner).collect();
+        Self { samples, cells, places, sides, owners }
     }
 
     /// Mean over the samples of each cell, of the weighted means of `value` over their points. Points whose value is not
@@ -86,12 +91,14 @@ impl<'a> Targets<'a> {
         known: &mut [Option<T>],
         join: impl Fn(&[T]) -> T + Sync,
     ) {
-        let beside = |key: u64, known: &[Option<T>]| {
+        let beside = |i: usize, known: &[Option<T>]| {
+            let key = self.cells[i];
             let mut values = Vec::with_capacity(6);
             for axis in 0..3 {
                 for up in [false, true] {
-                    let near = self.places.get(&step(key, axis, up));
-                    values.extend(near.and_then(|&j| known[j as usize]));
+                    let near = self.places.get(&step(key, axis, up)).copied();
+                    let near = near.filter(|&j| self.sides[i] & self.sides[j as usize] != 0);
+                    values.extend(near.and_then(|j| known[j as usize]));
                 }
             }
             (!values.is_empty()).then(|| join(&values))
@@ -100,7 +107,7 @@ impl<'a> Targets<'a> {
             let found: Vec<(usize, T)> = (0..self.cells.len())
                 .into_par_iter()
                 .filter(|&i| known[i].is_none())
-                .filter_map(|i| Some((i, beside(self.cells[i], known)?)))
+                .filter_map(|i| Some((i, beside(i, known)?)))
                 .collect();
             if found.is_empty() {
                 return;
@@ -120,11 +127,17 @@ fn mode(n: usize, labels: impl Iterator<Item = u8>) -> u8 {
     most.unwrap_or(0) as u8
 }
 
-/// The cell that a position lies in, or of the 26 around it the one whose middle is nearest.
-fn owner(places: &MortonMap<u32>, position: [f32; 3], size: f32) -> Option<u32> {
+/// The cell that a position lies in, or of the 26 around it the one whose middle is nearest; of those that are `allowed`.
+fn owner(
+    places: &MortonMap<u32>,
+    position: [f32; 3],
+    size: f32,
+    allowed: impl Fn(u32) -> bool,
+) -> Option<u32> {
     let scaled = position.map(|c| c / size);
     let own = cell_key(scaled.map(|c| c.floor() as i32));
-    if let Some(&i) = places.get(&own) {
+    let place = |key: &u64| places.get(key).copied().filter(|&cell| allowed(cell));
+    if let Some(i) = place(&own) {
         return Some(i);
     }
     let part = scaled.map(|c| c - c.floor() - 0.5);
@@ -140,7 +153,7 @@ fn owner(places: &MortonMap<u32>, position: [f32; 3], size: f32) -> Option<u32> 
             }
             squared += (offset - part[axis]).powi(2);
         }
-        if let Some(&i) = places.get(&key)
+        if let Some(i) = place(&key)
             && best.is_none_or(|b| squared < b.0)
         {
             best = Some((squared, i));

@@ -75,7 +75,7 @@ impl<'a> Sampler<'a> {
 
     /// The attributes at `positions` (pixels), as parts of a cloud without positions. Colours and scalars are trilinear
     /// between the middles of the eight cells around, over those that there are; a label is that of the one which counts
-    /// most. Off every patch the nearest cell counts.
+    /// most. Without blending the cell that holds the position counts. Off every patch the nearest cell does.
     pub fn at(&self, positions: &[[f32; 3]], progress: &dyn Progress) -> Result<CloudParts> {
         let Attributes { color, others, .. } = self.attributes;
         if color.is_none() && others.is_empty() {
@@ -124,6 +124,9 @@ impl<'a> Sampler<'a> {
     /// The cells around a position (pixels): of the eight between whose middles it is those that there are; without any the
     /// nearest of all.
     fn around(&self, position: [f32; 3], cache: &mut CornerCache) -> Weighted {
+        if self.attributes.unblended {
+            return self.own(position);
+        }
         let shifted = position.map(|c| c - 0.5);
         let low = shifted.map(f32::floor);
         let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a]);
@@ -140,6 +143,16 @@ impl<'a> Sampler<'a> {
             if let Some(nearest) = self.nearest(position) {
                 found.push(nearest, 1.0);
             }
+        }
+        found
+    }
+
+    /// The cell that holds a position (pixels), or without one the nearest.
+    fn own(&self, position: [f32; 3]) -> Weighted {
+        let mut found = Weighted::NONE;
+        let own = self.places.get(&cell_key(position.map(|c| c.floor() as i32))).copied();
+        if let Some(cell) = own.or_else(|| self.nearest(position)) {
+            found.push(cell, 1.0);
         }
         found
     }
