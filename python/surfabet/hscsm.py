@@ -44,7 +44,7 @@ class PatchLevel:
     depth_entries: int
     """Entries of the depth dictionary."""
     color_entries: int
-    """Entries of the colour dictionary; 0 without colour."""
+    """Entries of the dictionary of colours, or of intensities as grey; 0 without both."""
     set_pixels: int
     """Pixels that are set, over all patches."""
     area: float
@@ -64,7 +64,7 @@ class SparseColumns:
     atoms: NDArray[np.int64]
     """Entries of the concatenated dictionary (`HscsmDictionary.concatenated`)."""
     coefficients: NDArray[np.float64]
-    """Metres for depth, 0..255 for colour."""
+    """Metres for depth, 0..255 for colour and grey."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +84,12 @@ class Patches:
     depth_means: NDArray[np.float64]
     """Mean depth along the normal, (m,), metres."""
     color_means: NDArray[np.float64] | None
-    """Mean luma, orange and green chroma, (m, 3); None without colour."""
+    """Mean luma, orange and green chroma of colours, or of intensities as grey, (m, 3); None
+    without both."""
     depth: SparseColumns
     """Codes of depth."""
     color: SparseColumns | None
-    """Codes of colour; None without."""
+    """Codes of colour, or of intensities as grey; None without both."""
 
     def __len__(self) -> int:
         return len(self.level)
@@ -125,7 +126,7 @@ class HscsmDictionary:
     @property
     def color(self) -> tuple[NDArray[np.float32], ...] | None:
         """Entries for colour of each level, unit norm, (k, 3 * n * n) with planes of red, green and
-        blue; None without colour."""
+        blue; None when learned from a cloud without colours and intensities."""
         found = self._core.entries("color")
         return None if found is None else tuple(found)
 
@@ -165,7 +166,7 @@ class HscsmDictionary:
         Parameters
         ----------
         cloud
-            The scan; with colours only if the dictionary has colour.
+            The scan; with colours or intensities only if the dictionary has colour.
         max_depth_deviation
             Largest standard deviation of depth in a pixel (rho_max_depth). What deviates more goes
             to the level below; the lowest level takes all. A positive number of metres; by default
@@ -209,7 +210,8 @@ class HscsmDictionary:
         Raises
         ------
         InvalidInputError
-            As `learn_hscsm`, and for a cloud with colours when the dictionary has none.
+            As `learn_hscsm`, and for a cloud with colours or intensities when the dictionary has no
+            entries for them.
         """
         options = {
             "max_depth_deviation": max_depth_deviation,
@@ -257,6 +259,17 @@ class HscsmModel(Model[_core.HscsmModel]):
         return tuple(PatchLevel(*level) for level in self._core.levels)
 
     @property
+    def has_intensity(self) -> bool:
+        """Whether the model carries intensities, which it does in the place of colours."""
+        return self.intensity_limits is not None
+
+    @property
+    def intensity_limits(self) -> tuple[float, float] | None:
+        """The intensities that grey levels 0 and 255 stand for, in the sensor's own unit; None
+        without intensities."""
+        return self._core.intensity_limits
+
+    @property
     def centers(self) -> NDArray[np.float64]:
         """World position of every patch, level by level, (m, 3), metres."""
         return self._core.centers
@@ -273,7 +286,8 @@ class HscsmModel(Model[_core.HscsmModel]):
     def means(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float64]:
         """Mean of each patch of a level.
 
-        (m, 1) metres along the normal for depth; (m, 3) luma, orange and green chroma for colour.
+        (m, 1) metres along the normal for depth; (m, 3) luma, orange and green chroma for colour,
+        which intensities are as grey.
         """
         return self._core.means(level, channel)
 
@@ -295,7 +309,7 @@ class HscsmModel(Model[_core.HscsmModel]):
         poses[:, :3, :3] = self.axes.transpose(0, 2, 1)
         poses[:, :3, 3] = self.centers
         poses[:, 3, 3] = 1
-        color = self.has_color
+        color = self.has_color or self.has_intensity
         return Patches(
             poses=poses,
             level=np.repeat(np.arange(len(levels)), counts),
@@ -328,15 +342,16 @@ class HscsmModel(Model[_core.HscsmModel]):
         """Sparse codes of the patches of a level as columns `(offsets, entries, coefficients)`.
 
         Patch i uses `entries[offsets[i]:offsets[i + 1]]` times the coefficients at the same places;
-        metres for depth, 0..255 for colour.
+        metres for depth, 0..255 for colour and grey.
         """
         return self._core.codes(level, channel)
 
     def __repr__(self) -> str:
+        shades = "colour" if self.has_color else "intensity"
         levels = "; ".join(
             f"{level.patches} patches of {level.pixels} x {level.pixels} pixels of "
             f"{level.pixel_size:g} m over {level.depth_entries} depth"
-            + (f" and {level.color_entries} colour" if level.color_entries else "")
+            + (f" and {level.color_entries} {shades}" if level.color_entries else "")
             + " entries"
             for level in self.levels
         )
@@ -369,13 +384,17 @@ def learn_hscsm(
     """Learns hierarchical sparse-coded surface patches, as published; one level is SCSM.
 
     Patches have free poses, fixed thresholds pass them from level to level, and their depth and
-    colour are sparse codes over learned dictionaries, which can describe other clouds.
+    colour are sparse codes over learned dictionaries, which can describe other clouds. Intensities
+    of a cloud without colours take the place of colours.
 
     Parameters
     ----------
     cloud
-        The scan. Colours are kept when present; ranges weight the points by the depth error of
-        their sensor; viewpoints tell the two sides of a thin wall apart.
+        The scan. Colours are kept when present, else intensities: as grey, of which black and white
+        are the least and the largest intensity without the outer thousandth of the points at each
+        end, which are clamped. A point without a finite intensity has that of the nearest with one.
+        Ranges weight the points by the depth error of their sensor; viewpoints tell the two sides
+        of a thin wall apart.
     quality
         Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it,
         'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.

@@ -136,12 +136,15 @@ class Fields:
                 return value
 
 
-def sections(data: bytes) -> dict[str, bytes]:
+ATTRIBUTES = 1 << 3
+
+
+def sections(data: bytes, features: int = 0) -> dict[str, bytes]:
     """1"""
     assert data[:5] == b"\x89SFB\x01"
     assert data[7] == 2
     fields = Fields(data, 8)
-    assert fields.varint() == 0
+    assert fields.varint() == features
     table = []
     for _ in range(fields.varint()):
         tag = fields.bytes(4).decode()
@@ -153,7 +156,9 @@ def sections(data: bytes) -> dict[str, bytes]:
     return found
 
 
-def read_meta(data: bytes) -> tuple[list[float], int, list[dict[str, Any]]]:
+def read_meta(
+    data: bytes, features: int = 0
+) -> tuple[list[float], int, list[dict[str, Any]], tuple[float, ...]]:
     """4.1"""
     fields = Fields(data)
     origin = [fields.f64() for _ in range(3)]
@@ -165,8 +170,9 @@ def read_meta(data: bytes) -> tuple[list[float], int, list[dict[str, Any]]]:
         level["m"], level["depth"] = fields.varint(), fields.varint()
         level["color"] = fields.varint() - 1
         levels.append(level)
+    limits = tuple(fields.f64() for _ in range(2 if features == ATTRIBUTES else 0))
     assert fields.at == len(data)
-    return origin, n_points, levels
+    return origin, n_points, levels, limits
 
 
 def read_cells(stream: Stream, octree: Any, height: int) -> list[tuple[int, int, int]]:
@@ -284,7 +290,7 @@ def read_channel(
     return np.array(means), offsets, atoms, values
 
 
-def bumpy_cloud(colors: bool) -> sb.PointCloud:
+def bumpy_cloud(shades: str) -> sb.PointCloud:
     """A wavy wall and a sphere, coarse enough to read in Python."""
     rng = np.random.default_rng(5)
     u, v = rng.uniform(-1, 1, (2, 8000))
@@ -293,21 +299,32 @@ def bumpy_cloud(colors: bool) -> sb.PointCloud:
     ball = 0.3 * ball / np.linalg.norm(ball, axis=1, keepdims=True) + [0.1, 0.2, 0.8]
     points = np.concatenate([wall, ball]) + np.array([500_000.0, 5_000_000.0, 100.0])
     rgb = np.clip(128 + 90 * np.sin(15 * (points - points[0])), 0, 255).astype(np.uint8)
-    return sb.PointCloud(points, colors=rgb if colors else None)
+    if shades == "intensities":
+        return sb.PointCloud(points, intensities=rgb[:, 1] / np.float32(100) - 2)
+    return sb.PointCloud(points, colors=rgb if shades == "colors" else None)
 
 
-@pytest.mark.parametrize(("colors", "n"), [(True, 8), (False, 5)])
-def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: int) -> None:
+@pytest.mark.parametrize(("shades", "n"), [("colors", 8), ("nothing", 5), ("intensities", 6)])
+def test_a_reader_written_from_the_page_finds_the_same_model(shades: str, n: int) -> None:
+    cloud = bumpy_cloud(shades)
     model = sb.learn_hscsm(
-        bumpy_cloud(colors),
+        cloud,
         resolution=0.03,
         patch_pixels=n,
         depth_atoms=20,
         depth_tolerance=0.002,
     )
-    found = sections(model.to_bytes())
+    features = ATTRIBUTES if shades == "intensities" else 0
+    found = sections(model.to_bytes(), features)
     assert list(found) == ["META", "POSE", "MASK", "DICT", "DPTH", "COLR"]
-    origin, n_points, levels = read_meta(found["META"])
+    origin, n_points, levels, limits = read_meta(found["META"], features)
+    if cloud.intensities is None:
+        assert model.intensity_limits is None
+    else:
+        assert limits == model.intensity_limits
+        values = np.sort(cloud.intensities.astype(np.float64))
+        aside = len(values) // 1000
+        assert limits == (values[aside], values[-1 - aside])
     assert n_points == model.n_points
     np.testing.assert_array_equal(origin, model.origin)
     (level,) = levels
@@ -323,7 +340,7 @@ def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: in
 
     dictionaries = Stream(found["DICT"])
     channels = [("depth", "DPTH", 1, level["depth"], steps[1], steps[2])]
-    if colors:
+    if shades != "nothing":
         channels.append(("color", "COLR", 3, level["color"], steps[3], steps[4]))
     else:
         assert level["color"] == -1
@@ -341,8 +358,9 @@ def test_a_reader_written_from_the_page_finds_the_same_model(colors: bool, n: in
         assert len(set(atoms)) > 10
 
 
-def test_pixels_become_points_as_the_page_says() -> None:
-    model = sb.learn_hscsm(bumpy_cloud(True), resolution=0.03)
+@pytest.mark.parametrize("shades", ["colors", "intensities"])
+def test_pixels_become_points_as_the_page_says(shades: str) -> None:
+    model = sb.learn_hscsm(bumpy_cloud(shades), resolution=0.03)
     decoded = model.decode(resolution=0.03, normals=False)
     n, mask = 8, model.masks().reshape(len(model), -1)
 
@@ -365,6 +383,14 @@ def test_pixels_become_points_as_the_page_says() -> None:
     points = model.centers[:, None] + offset[0][:, None] * x + offset[1][:, None] * yy
     points = points + depth[:, :, None] * z
     np.testing.assert_allclose(decoded.points, points[mask], atol=1e-5)
-    expected = np.clip(np.rint(color.transpose(0, 2, 1)[mask]), 0, 255)
+    expected = color.transpose(0, 2, 1)[mask]
+    if model.intensity_limits is not None:
+        low, high = model.intensity_limits
+        grey = np.clip(expected.mean(axis=1), 0, 255)
+        np.testing.assert_allclose(
+            decoded.intensities, low + (high - low) * grey / 255, atol=1e-5 * (high - low)
+        )
+        assert decoded.colors is None
+        return
     assert decoded.colors is not None
-    assert np.abs(expected - decoded.colors).max() <= 1
+    assert np.abs(np.clip(np.rint(expected), 0, 255) - decoded.colors).max() <= 1

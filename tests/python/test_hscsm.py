@@ -178,6 +178,112 @@ def test_a_second_scene_needs_no_dictionary(levelled):
         colorless.dictionary.describe(other)
 
 
+GREY_TOLERANCE = 7.0
+
+
+def wave(x: np.ndarray) -> np.ndarray:
+    """Intensities of a unit of their own: 4000 from least to largest, one wave of 0.4 m."""
+    return (1500 + 2000 * np.sin(2 * np.pi * x / 0.4)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def grey_cloud() -> sb.PointCloud:
+    points = scene(40_000).points
+    return sb.PointCloud(points, intensities=wave(points[:, 0]), extra={"ring": points[:, 1]})
+
+
+@pytest.fixture(scope="module")
+def grey_model(grey_cloud: sb.PointCloud) -> sb.HscsmModel:
+    return sb.learn_hscsm(grey_cloud, resolution=PIXEL, iterations=3)
+
+
+def test_intensities_take_the_place_of_colours(grey_cloud, grey_model):
+    assert not grey_model.has_color
+    assert grey_model.has_intensity
+    assert grey_model.info["intensity"] is True
+    assert grey_model.info["colour"] is False
+    assert "intensity entries" in repr(grey_model)
+    assert grey_model.report.not_kept == ("ring",)
+    low, high = grey_model.intensity_limits
+    values = np.sort(grey_cloud.intensities)
+    assert (low, high) == (values[40], values[-41])
+    again = sb.from_bytes(grey_model.to_bytes())
+    assert again == grey_model
+    assert again.intensity_limits == (low, high)
+    decoded = again.decode()
+    assert decoded.attributes == ["intensities"]
+    assert decoded.intensities.dtype == np.float32
+    assert decoded.intensities.min() >= low
+    assert decoded.intensities.max() <= high
+    patches = grey_model.patches
+    assert patches.color_means.shape == (len(grey_model), 3)
+    np.testing.assert_array_equal(patches.color_means[:, 1:], 0)
+
+
+def test_the_error_of_intensities_is_that_of_rounding_pixels_and_atoms(grey_cloud, grey_model):
+    decoded = grey_model.decode()
+    low, high = grey_model.intensity_limits
+    # Codes end at the tolerance, and their rounding adds half of it at most. A pixel shows the mean
+    # of its points, which is half a pixel from its middle at most, where a wave is this steep.
+    coded = GREY_TOLERANCE * np.sqrt(1.25) / 255 * (high - low)
+    per_pixel = 2000 * 2 * np.pi / 0.4 * PIXEL
+    error = decoded.intensities - wave(decoded.points[:, 0])
+    bound = coded + per_pixel * 0.5
+    assert np.sqrt(np.mean(error**2)) < bound < 0.4 * np.std(grey_cloud.intensities)
+    (figures,) = grey_model.report.attributes
+    assert (figures.name, figures.equal) == ("intensities", None)
+    assert 0 < figures.rmse < bound
+    fine = sb.learn_hscsm(grey_cloud, resolution=PIXEL, iterations=3, color_tolerance=1.0)
+    (better,) = fine.report.attributes
+    assert better.rmse < figures.rmse
+    assert better.bytes > figures.bytes
+
+
+def test_intensities_take_fewer_bytes_than_they_have(grey_cloud, grey_model):
+    plain = sb.PointCloud(grey_cloud.points)
+    without = sb.learn_hscsm(plain, resolution=PIXEL, iterations=3)
+    assert without.intensity_limits is None
+    assert without.report.attributes == ()
+    added = len(grey_model.to_bytes()) - len(without.to_bytes())
+    (figures,) = grey_model.report.attributes
+    # A byte per point is what grey levels take without a model.
+    assert figures.bytes < added < len(grey_cloud)
+
+
+def test_the_section_of_intensities_is_named(grey_model, tmp_path):
+    grey_model.save(tmp_path / "a.sfb")
+    sections = sb.inspect(tmp_path / "a.sfb").sections
+    (figures,) = grey_model.report.attributes
+    assert abs(sections["intensity"] - figures.bytes) < 2 + 0.005 * figures.bytes
+    assert "colour" not in sections
+
+
+def test_colours_go_before_intensities(cloud):
+    both = sb.PointCloud(cloud.points, colors=cloud.colors, intensities=np.ones(len(cloud)))
+    model = sb.learn_hscsm(both, resolution=0.03, iterations=1)
+    assert model.has_color
+    assert not model.has_intensity
+    assert model.report.not_kept == ("intensities",)
+    assert [of.name for of in model.report.attributes] == ["colors"]
+    coloured = sb.PointCloud(cloud.points, colors=cloud.colors)
+    assert model == sb.learn_hscsm(coloured, resolution=0.03, iterations=1)
+
+
+def test_a_dictionary_describes_other_intensities(grey_cloud, grey_model):
+    n = 10_000
+    other = sb.PointCloud(grey_cloud.points[:n], intensities=grey_cloud.intensities[:n] / 4000)
+    shared = grey_model.dictionary.describe(other)
+    low, high = shared.intensity_limits
+    assert shared.dictionary == grey_model.dictionary
+    assert (low, high) == tuple(np.sort(other.intensities)[[10, -11]])
+    again = sb.from_bytes(shared.to_bytes(), vocabulary=grey_model.dictionary)
+    error = again.decode().intensities - wave(again.decode().points[:, 0]) / 4000
+    assert np.sqrt(np.mean(error**2)) < 0.1
+    plain = sb.learn_hscsm(sb.PointCloud(other.points), resolution=0.02, iterations=1)
+    with pytest.raises(InvalidInputError, match="the cloud has intensities, the dictionary has"):
+        plain.dictionary.describe(other)
+
+
 def test_a_frame_of_structured_light_is_kept_within_its_resolution(tmp_path):
     """Twin of the test below."""
     write_organised_pcd(tmp_path / "frame.pcd", kinect_frame(), width=240)

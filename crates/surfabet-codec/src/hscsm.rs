@@ -1,4 +1,4 @@
-//! The file of HSCSM: header, poses, masks, dictionaries or their hash, depth and colour of all levels.
+//! The file of HSCSM: header, poses, masks, dictionaries or their hash, depth and colour or intensity of all levels.
 
 use surfabet_models::hscsm::{
     HscsmDictionary, HscsmHeader, HscsmModel, LevelHeader, MAX_ENTRIES, MAX_SPARSITY,
@@ -30,6 +30,7 @@ const COLOR: usize = 4;
 impl Layout for HscsmModel {
     const FAMILY: Family = Family::Patches;
     const FEATURES: Features = Features::NONE;
+    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES;
     const STREAM_SECTIONS: &'static [StreamSection] = &[
         StreamSection::new(b"POSE", "poses"),
         StreamSection::new(b"MASK", "masks"),
@@ -48,6 +49,28 @@ impl Layout for HscsmModel {
             false => {
                 Err(fields.corrupt(format!("{} levels, not up to {MAX_LEVELS}", levels.len())))
             }
+        }
+    }
+
+    fn optional_features(header: &HscsmHeader) -> Features {
+        if header.intensity.is_some() { Features::ATTRIBUTES } else { Features::NONE }
+    }
+
+    fn code_optional<F: Fields>(
+        fields: &mut F,
+        header: &mut HscsmHeader,
+        _features: Features,
+    ) -> Result<()> {
+        let limits = header.intensity.get_or_insert_default();
+        fields.f64(&mut limits.low)?;
+        fields.f64(&mut limits.high)?;
+        limits.check().map_err(|what| fields.corrupt(what))
+    }
+
+    fn section_content(header: &HscsmHeader, stream: usize) -> String {
+        match (stream, header.intensity) {
+            (COLOR, Some(_)) => "intensity".to_owned(),
+            _ => Self::STREAM_SECTIONS[stream].content.to_owned(),
         }
     }
 

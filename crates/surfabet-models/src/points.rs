@@ -10,6 +10,7 @@ use crate::error::Result;
 pub(crate) struct Points {
     pub positions: Vec<[f32; 3]>,
     pub colors: Vec<[u8; 3]>,
+    pub intensities: Vec<f32>,
     pub normals: Vec<[f32; 3]>,
 }
 
@@ -35,6 +36,7 @@ impl Points {
             let points = points?;
             self.positions.extend(points.positions);
             self.colors.extend(points.colors);
+            self.intensities.extend(points.intensities);
             self.normals.extend(points.normals);
         }
         Ok(())

@@ -119,6 +119,12 @@ impl PyHscsmModel {
             .collect()
     }
 
+    /// Intensities of grey levels 0 and 255; `None` without intensities.
+    #[getter]
+    fn intensity_limits(&self) -> Option<(f64, f64)> {
+        self.model.intensity().map(|limits| (limits.low, limits.high))
+    }
+
     /// Means of one channel of the patches of one level: (m, 1) metres, or (m, 3) luma, orange, green chroma.
     fn means<'py>(
         &self,
@@ -226,7 +232,7 @@ impl PyHscsmModel {
             "depth" => Ok((&level.depth, level.steps.depth_code)),
             "color" => match &level.color {
                 Some(color) => Ok((color, level.steps.color_code)),
-                None => Err(invalid_input("this model has no colour")),
+                None => Err(invalid_input("this model has neither colour nor intensity")),
             },
             other => Err(unknown_channel(other)),
         }

@@ -45,6 +45,11 @@ fn small_file<M: Scene>() -> Vec<u8> {
     small::<M>().to_bytes().unwrap()
 }
 
+/// A file of the features of the small scene's, with these sections.
+fn like_small<M: Scene>(sections: &[(Tag, Vec<u8>)]) -> Vec<u8> {
+    put_together::<M>(M::optional_features(&small::<M>().header()), sections)
+}
+
 /// Ways to decode that differ in every option.
 fn decodings<M: Scene>() -> Vec<DecodeOptions> {
     let base = DecodeOptions::default();
@@ -183,7 +188,7 @@ pub fn damage_behind_valid_checksums_is_refused_or_harmless<M: Scene>() {
     let with = |at: usize, bytes: Vec<u8>| {
         let mut damaged = all.clone();
         damaged[at].1 = bytes;
-        assert_refused_or_usable::<M>(&put_together::<M>(&damaged));
+        assert_refused_or_usable::<M>(&like_small::<M>(&damaged));
     };
     for (at, (_, bytes)) in all.iter().enumerate() {
         for bit in 0..8 * bytes.len() {
@@ -208,7 +213,7 @@ pub fn random_sections_are_refused_or_harmless<M: Scene>() {
             .zip(replaced)
             .map(|((tag, bytes), new)| (*tag, new.unwrap_or_else(|| bytes.clone())))
             .collect();
-        assert_refused_or_usable::<M>(&put_together::<M>(&forged));
+        assert_refused_or_usable::<M>(&like_small::<M>(&forged));
     });
 }
 
@@ -380,7 +385,7 @@ pub fn hostile_headers_are_refused_by_name<M: Scene>() {
     let file = |forged: (usize, Value)| {
         let mut forged_sections = all.clone();
         forged_sections[0].1 = Forger::header(small::<M>(), Some(forged)).0;
-        put_together::<M>(&forged_sections)
+        like_small::<M>(&forged_sections)
     };
     for (at, field) in fields.iter().enumerate() {
         for (value, name) in field.refused() {
@@ -405,7 +410,7 @@ pub fn trailing_bytes_are_refused_everywhere<M: Scene>() {
         let mut longer = all.clone();
         // More than the decoder reads ahead.
         longer[at].1.extend([1; 16]);
-        let error = codec_error::<M>(&put_together::<M>(&longer));
+        let error = codec_error::<M>(&like_small::<M>(&longer));
         let named = matches!(error, CodecError::TrailingBytes { section, .. } if section == *tag);
         assert!(named, "{tag}: {error:?}");
     }
@@ -417,13 +422,13 @@ pub fn sections_are_those_of_the_method<M: Scene>() {
     for (at, (tag, _)) in all.iter().enumerate() {
         let mut fewer = all.clone();
         fewer.remove(at);
-        let error = codec_error::<M>(&put_together::<M>(&fewer));
+        let error = codec_error::<M>(&like_small::<M>(&fewer));
         assert_eq!(error, CodecError::MissingSection { section: *tag });
     }
     let with = |tag: &[u8; 4]| {
         let mut more = all.clone();
         more.push((Tag::new(tag), vec![1, 2, 3]));
-        put_together::<M>(&more)
+        like_small::<M>(&more)
     };
     let error = codec_error::<M>(&with(b"WHAT"));
     assert!(

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use surfabet::{Container, Layout, Limits, Model};
-use surfabet_codec::{ContainerWriter, Tag};
+use surfabet_codec::{ContainerWriter, Features, Tag};
 
 /// What a reader of untrusted files would allow.
 pub const LIMITS: Limits = Limits { max_items: 1_000_000, max_bytes: 64 << 20 };
@@ -46,9 +46,9 @@ pub fn sections(file: &[u8]) -> Vec<(Tag, Vec<u8>)> {
 }
 
 /// A file of the method `M` with these sections and valid checksums, so that only the content can be refused. It says that
-/// it needs all features that a file of the method may need, as those of the small scenes do.
-pub fn put_together<M: Layout>(sections: &[(Tag, Vec<u8>)]) -> Vec<u8> {
-    let writer = ContainerWriter::new(M::FAMILY, M::FEATURES.with(M::OPTIONAL_FEATURES));
+/// it needs the `optional` features beside those that every file of the method needs.
+pub fn put_together<M: Layout>(optional: Features, sections: &[(Tag, Vec<u8>)]) -> Vec<u8> {
+    let writer = ContainerWriter::new(M::FAMILY, M::FEATURES.with(optional));
     sections.iter().fold(writer, |w, (tag, bytes)| w.section(*tag, bytes.clone())).finish().unwrap()
 }
 

@@ -547,6 +547,133 @@ fn colors_come_back() {
     assert!(decode(&learn(&cloud(sphere(0.1, 500))), None).colors().is_none());
 }
 
+/// Half a step of the stored mean, and of a full code the root mean square error that ends coding and that of its rounding
+/// (the steps are such that the latter is at most half of the tolerance); all in grey levels.
+fn grey_bound(options: &HscsmOptions) -> f64 {
+    let tolerance = options.color_tolerance;
+    (tolerance * tolerance * 1.25).sqrt()
+}
+
+fn with_intensities(positions: Vec<Point>, of: impl Fn(&Point) -> f32) -> PointCloud {
+    let intensities = Some(positions.iter().map(of).collect());
+    let parts = CloudParts { positions, intensities, ..CloudParts::default() };
+    PointCloud::from_parts(parts).unwrap().0
+}
+
+#[test]
+fn intensities_come_back_in_the_place_of_colors() {
+    // One wave of 0.3 m along x, in a unit of its own: amplitude 2000 about -500.
+    let wave = |x: f32| -500.0 + 2000.0 * (std::f32::consts::TAU * x / 0.3).sin();
+    let flat = rectangle([0.0; 3], [0.6, 0.0, 0.0], [0.0, 0.6, 0.0]);
+    let input = with_intensities(flat.points(0.004), |p| wave(p[0]));
+    let options = HscsmOptions { color_sparsity: 32, ..options() };
+    let model = hscsm::learn(&input, &options, &Silent).unwrap();
+    assert!(model.has_intensity() && !model.has_color());
+    let limits = model.intensity().unwrap();
+    assert!((limits.low + 2500.0).abs() < 1.0 && (limits.high - 1500.0).abs() < 1.0, "{limits:?}");
+    let report = model.report();
+    assert!(report.not_kept.is_empty(), "{:?}", report.not_kept);
+    let [figures] = &report.attributes[..] else { panic!("{:?}", report.attributes) };
+    assert_eq!(figures.name, "intensities");
+
+    let again: HscsmModel = read(&model.to_bytes().unwrap()).unwrap();
+    assert_eq!(again, model);
+    assert_eq!(again.intensity(), Some(limits));
+    let decoded = decode(&again, None);
+    assert!(decoded.colors().is_none());
+    let found = decoded.intensities().unwrap();
+    let rms = root_mean_square(
+        decoded.positions().iter().zip(found).map(|(p, v)| f64::from(v - wave(p[0]))),
+    );
+    // Beside it, points of the outer half of a patch's outermost pixels, an eighth of all, have the intensity a quarter of a
+    // pixel further in: off by a root mean square of 0.09 of what the wave changes over a pixel at most, TAU / 30 of its
+    // amplitude.
+    let bound = grey_bound(&options) / 255.0 * 4000.0 + 0.1 * std::f64::consts::TAU / 30.0 * 2000.0;
+    assert!(rms < bound, "{rms} of {bound}");
+    let reported = figures.rmse.unwrap();
+    assert!(reported > 0.0 && reported < bound + 0.5 * std::f64::consts::TAU / 30.0 * 2000.0);
+}
+
+#[test]
+fn grey_intensities_are_coded_as_grey_colors_are() {
+    // Intensities 0 to 255 have the images of the same colours, and so the same streams.
+    let flat = rectangle([0.0; 3], [0.4, 0.0, 0.0], [0.0, 0.4, 0.0]);
+    let grey = |p: &Point| (127.5 + 127.6 * (40.0 * p[0]).sin() * (30.0 * p[1]).cos()) as u8;
+    let positions = flat.points(0.004);
+    let colors = Some(positions.iter().map(|p| [grey(p); 3]).collect());
+    let parts = CloudParts { positions: positions.clone(), colors, ..CloudParts::default() };
+    let colored = learn(&PointCloud::from_parts(parts).unwrap().0);
+    let input = with_intensities(positions, |p| f32::from(grey(p)));
+    let model = learn(&input);
+    let limits = model.intensity().unwrap();
+    assert_eq!((limits.low, limits.high), (0.0, 255.0));
+    assert_eq!(model.levels(), colored.levels());
+    // The dictionary of one describes the other.
+    let described = hscsm::describe(&input, &options(), &colored.dictionary(), &Silent).unwrap();
+    assert_eq!(described.levels(), model.levels());
+    assert_eq!(described.intensity(), Some(limits));
+}
+
+#[test]
+fn colors_go_before_intensities() {
+    let input = colored_scene();
+    let both =
+        CloudParts { intensities: Some(vec![3.0; input.len()]), ..input.clone().into_parts() };
+    let model = learn(&PointCloud::from_parts(both).unwrap().0);
+    assert!(model.has_color() && !model.has_intensity());
+    assert_eq!(model.report().not_kept, ["intensities"]);
+    assert_eq!(model.report().attributes[0].name, "colors");
+    assert_eq!(model.to_bytes().unwrap(), learn(&input).to_bytes().unwrap());
+}
+
+#[test]
+fn strange_intensities_are_kept_or_told() {
+    let points = || tilted().points(0.004);
+    let all = |value: f32| with_intensities(points(), |_| value);
+    for value in [0.0, -7.5, f32::MAX, f32::MIN, 1e-40] {
+        let model = learn(&all(value));
+        assert_eq!(model.levels()[0].color.as_ref().unwrap().codes.atoms.len(), 0);
+        assert!(decode(&model, None).intensities().unwrap().iter().all(|v| *v == value), "{value}");
+    }
+    // From the least to the largest number there is, half of the points each.
+    let halves = with_intensities(points(), |p| if p[0] < 0.6 { f32::MIN } else { f32::MAX });
+    let decoded = decode(&learn(&halves), None);
+    for (p, v) in decoded.positions().iter().zip(decoded.intensities().unwrap()) {
+        let beyond = f64::from(p[0] - 0.6);
+        assert!(v.is_finite());
+        assert!(beyond.abs() < 0.1 || (f64::from(*v) * beyond) > 0.0, "{p:?} {v}");
+    }
+    for value in [f32::NAN, f32::INFINITY] {
+        let model = learn(&all(value));
+        assert!(!model.has_intensity() && !model.has_color());
+        assert_eq!(model.report().not_kept, ["intensities"]);
+        assert_eq!(decode(&model, None).intensities(), None);
+    }
+    // Every third point without an intensity.
+    let some = {
+        let mut parts = all(5.0).into_parts();
+        let values = parts.intensities.iter_mut().flatten();
+        values.step_by(3).for_each(|v| *v = f32::NAN);
+        PointCloud::from_parts(parts).unwrap().0
+    };
+    assert!(decode(&learn(&some), None).intensities().unwrap().iter().all(|v| *v == 5.0));
+}
+
+#[test]
+fn a_frozen_dictionary_takes_the_limits_of_each_cloud() {
+    let flat = rectangle([0.0; 3], [0.4, 0.0, 0.0], [0.0, 0.4, 0.0]);
+    let scene = |scale: f32| with_intensities(flat.points(0.004), |p| scale * (40.0 * p[0]).sin());
+    let first = learn(&scene(1.0));
+    let dictionary = first.dictionary();
+    let model = hscsm::describe(&scene(1024.0), &options(), &dictionary, &Silent).unwrap();
+    let (own, given) = (model.intensity().unwrap(), first.intensity().unwrap());
+    assert_eq!((own.low, own.high), (1024.0 * given.low, 1024.0 * given.high));
+    assert_eq!(model.levels(), first.levels());
+    let without = learn(&points_of(&[flat], 0.004)).dictionary();
+    let error = hscsm::describe(&scene(1.0), &options(), &without, &Silent).unwrap_err();
+    assert!(error.to_string().contains("the cloud has intensities"), "{error}");
+}
+
 #[test]
 fn nothing_is_refused_by_name() {
     let error = hscsm::learn(&cloud(Vec::new()), &options(), &Silent).unwrap_err();

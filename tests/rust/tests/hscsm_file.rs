@@ -6,10 +6,10 @@ use surfabet::hscsm::{self, order};
 use surfabet::{HscsmModel, Save};
 use surfabet_codec::bytes::ByteWriter;
 use surfabet_codec::models::{SInt, UInt};
-use surfabet_codec::{Encoder, Error, Tag};
+use surfabet_codec::{Encoder, Error, Features, Tag};
 use surfabet_geom::morton::encode_wide;
 use surfabet_models::hscsm::{
-    Channel, Codes, HscsmModelParts, Level, PatchPose, QuantizedDictionary, Steps,
+    Channel, Codes, HscsmModelParts, IntensityLimits, Level, PatchPose, QuantizedDictionary, Steps,
 };
 use surfabet_tests::contract::assert_usable;
 use surfabet_tests::files::{codec_error, put_together, read, sections};
@@ -17,7 +17,7 @@ use surfabet_tests::files::{codec_error, put_together, read, sections};
 const TAGS: [&[u8; 4]; 6] = [b"META", b"POSE", b"MASK", b"DICT", b"DPTH", b"COLR"];
 
 /// The header section, field by field as in `docs/format.md`, for one level.
-#[derive(Clone)]
+#[derive(Clone, Copy)]
 struct Meta {
     levels: u64,
     pixel_size: f64,
@@ -26,6 +26,8 @@ struct Meta {
     patches: u64,
     depth_atoms: u64,
     color_atoms: u64,
+    /// Low and high limit, with the feature "attributes".
+    intensity: Option<[f64; 2]>,
 }
 
 impl Meta {
@@ -42,7 +44,14 @@ impl Meta {
             out.varint(self.depth_atoms);
             out.varint(self.color_atoms);
         }
+        self.intensity.iter().flatten().for_each(|&limit| out.f64(limit));
         out.finish()
+    }
+
+    /// A file of these sections with the features of this header.
+    fn file(&self, sections: &[(Tag, Vec<u8>)]) -> Vec<u8> {
+        let features = self.intensity.map_or(Features::NONE, |_| Features::ATTRIBUTES);
+        put_together::<HscsmModel>(features, sections)
     }
 }
 
@@ -54,6 +63,7 @@ const SOUND: Meta = Meta {
     patches: 1,
     depth_atoms: 0,
     color_atoms: 0,
+    intensity: None,
 };
 
 /// A file of nothing but a header: empty streams decode as zeros, which are sound for one plain patch.
@@ -61,7 +71,7 @@ fn bare(meta: &Meta) -> Vec<u8> {
     let empty = |tag: &&[u8; 4]| (Tag::new(tag), Vec::new());
     let mut all: Vec<_> = TAGS.iter().map(empty).collect();
     all[0].1 = meta.bytes();
-    put_together::<HscsmModel>(&all)
+    meta.file(&all)
 }
 
 #[test]
@@ -98,6 +108,34 @@ fn headers_that_promise_too_much_are_refused_by_name() {
 }
 
 #[test]
+fn limits_of_no_intensities_are_refused_by_name() {
+    let grey = Meta { color_atoms: 1, intensity: Some([-2.0, 6.0]), ..SOUND };
+    let model: HscsmModel = read(&bare(&grey)).unwrap();
+    assert_eq!(model.intensity(), Some(IntensityLimits { low: -2.0, high: 6.0 }));
+    assert!(model.has_intensity() && !model.has_color());
+    assert_eq!(model.to_bytes().unwrap(), bare(&grey));
+
+    for limits in [[6.0, -2.0], [0.0, 1e39], [-f64::MAX, f64::MAX]] {
+        let error = codec_error::<HscsmModel>(&bare(&Meta { intensity: Some(limits), ..grey }));
+        assert!(error.to_string().contains("intensities from"), "{limits:?}: {error}");
+    }
+    for limits in [[f64::NAN, 1.0], [0.0, f64::NAN], [0.0, f64::INFINITY]] {
+        let error = codec_error::<HscsmModel>(&bare(&Meta { intensity: Some(limits), ..grey }));
+        assert!(matches!(error, Error::Corrupt { .. }), "{limits:?}: {error:?}");
+    }
+    // Without images there is nothing that the limits are of.
+    let error = codec_error::<HscsmModel>(&bare(&Meta { color_atoms: 0, ..grey }));
+    assert!(error.to_string().contains("a level without images"), "{error}");
+    // Limits without the feature, and the feature without limits.
+    let all = sections(&bare(&grey));
+    let error = codec_error::<HscsmModel>(&SOUND.file(&all));
+    assert!(matches!(error, Error::TrailingBytes { .. }), "{error:?}");
+    let all = sections(&bare(&Meta { intensity: None, ..grey }));
+    let error = codec_error::<HscsmModel>(&grey.file(&all));
+    assert!(matches!(error, Error::Truncated { .. }), "{error:?}");
+}
+
+#[test]
 fn codes_beyond_the_dictionary_are_refused() {
     // A mean of zero, then a code of three entries, where the dictionary has none.
     let mut stream = Encoder::new();
@@ -105,7 +143,7 @@ fn codes_beyond_the_dictionary_are_refused() {
     stream.uint(&mut UInt::new(), 3);
     let mut all = sections(&bare(&SOUND));
     all.iter_mut().find(|(t, _)| *t == Tag::new(b"DPTH")).unwrap().1 = stream.finish();
-    let error = codec_error::<HscsmModel>(&put_together::<HscsmModel>(&all));
+    let error = codec_error::<HscsmModel>(&SOUND.file(&all));
     assert!(
         matches!(&error, Error::Corrupt { section, .. } if *section == Tag::new(b"DPTH")),
         "{error:?}"
@@ -124,15 +162,16 @@ proptest! {
         atoms in prop::array::uniform2(0_u64..20),
         pixel_size in prop_oneof![Just(0.01), Just(1e-300), Just(1e300), 0.001..1.0],
         step in prop_oneof![Just(0.0025), Just(1e-300), Just(1e300), 0.0001..1.0],
+        intensity in prop::option::of(Just([-1e30, f64::from(f32::MAX)])),
     ) {
         let [depth_atoms, color_atoms] = atoms;
         let meta =
-            Meta { patches, pixels, depth_atoms, color_atoms, pixel_size, step, ..SOUND };
+            Meta { patches, pixels, depth_atoms, color_atoms, pixel_size, step, intensity, ..SOUND };
         let mut all = sections(&bare(&meta));
         for (section, stream) in all[1..].iter_mut().zip(streams) {
             section.1 = stream;
         }
-        if let Ok(model) = read::<HscsmModel>(&put_together::<HscsmModel>(&all)) {
+        if let Ok(model) = read::<HscsmModel>(&meta.file(&all)) {
             assert_usable(&model);
         }
     }
@@ -219,8 +258,14 @@ proptest! {
         levels in prop::collection::vec(level(), 0..4),
         origin in prop::array::uniform3(-1e7..1e7),
         n_points: u64,
+        low in -1e9..0.0,
+        high in prop::option::of(0.0..1e9),
     ) {
-        let parts = HscsmModelParts { origin, n_points, levels, shares_vocabulary: false };
+        let has_images = levels.iter().all(|level| level.color.is_some());
+        let limits = high.map(|high| IntensityLimits { low, high });
+        let intensity = limits.filter(|_| has_images);
+        let shares_vocabulary = false;
+        let parts = HscsmModelParts { origin, n_points, levels, intensity, shares_vocabulary };
         let model = HscsmModel::from_parts(parts).unwrap();
         let bytes = model.to_bytes().unwrap();
         prop_assert_eq!(read::<HscsmModel>(&bytes).unwrap(), model);

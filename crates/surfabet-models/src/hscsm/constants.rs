@@ -17,6 +17,10 @@ pub(super) const SAMPLE_SIZE: f64 = 0.5;
 /// the pose is rounded.
 pub(super) const POSITION_STEP: f64 = 0.25;
 
+/// Share of the intensities that is clamped at each end, where they take the place of colours: retroreflectors are tens
+/// of times as bright as anything else, and would leave a few grey levels to all of it.
+pub(super) const CLAMPED_SHARE: f64 = 0.001;
+
 // What a level accepts.
 
 /// Share of a patch's pixels that must be left above the lowest level when those that deviate too much are masked

@@ -49,6 +49,7 @@ impl SurfaceModel for HscsmModel {
         let mut summary = Summary::default()
             .with("levels", self.levels().len())
             .with("colour", self.has_color())
+            .with("intensity", self.has_intensity())
             .with("patches", self.len());
         let entries = |channel: &Channel| channel.dictionary.n_atoms();
         for (j, level) in self.levels().iter().enumerate() {

@@ -6,6 +6,7 @@
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use super::frame::Frame;
+use super::intensity::IntensityLimits;
 use super::model::{Channel, HscsmModel, Level};
 use crate::color::to_rgb;
 use crate::contract::DecodeOptions;
@@ -22,19 +23,10 @@ impl HscsmModel {
         let finest = self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min);
         options.expect_thin()?;
         let resolution = options.spacing(0.5 * finest)?;
-        let bound: f64 = self
-            .levels()
-            .iter()
-            .map(|l| {
-                let per_side = l.pixel_size / sampling(l, resolution).spacing.min(l.pixel_size);
-                let set = l.masks.iter().filter(|&&m| m != 0).count() as f64;
-                set * per_side * per_side
-            })
-            .sum();
-        check_points(resolution, bound, options.max_points)?;
+        check_points(resolution, self.points_at(resolution), options.max_points)?;
         let mut all = Points::default();
         for level in self.levels() {
-            let decoder = LevelDecoder::new(level, resolution, options.normals);
+            let decoder = LevelDecoder::new(level, self.intensity(), resolution, options.normals);
             let patches: Vec<usize> = (0..level.len()).collect();
             all.extend(&patches, BLOCK, progress, |patches, points| {
                 patches.iter().for_each(|&i| decoder.decode(i, points));
@@ -44,11 +36,21 @@ impl HscsmModel {
         let parts = CloudParts {
             origin: self.origin(),
             colors: self.has_color().then_some(all.colors),
+            intensities: self.has_intensity().then_some(all.intensities),
             normals: options.normals.then_some(all.normals),
             positions: all.positions,
             ..CloudParts::default()
         };
         Ok(PointCloud::from_parts(parts)?.0)
+    }
+
+    /// Most points that are decoded at a spacing of `resolution` metres.
+    pub(super) fn points_at(&self, resolution: f64) -> f64 {
+        let of_level = |l: &Level| {
+            let per_side = l.pixel_size / sampling(l, resolution).spacing.min(l.pixel_size);
+            l.set_pixels() as f64 * per_side * per_side
+        };
+        self.levels().iter().map(of_level).sum()
     }
 }
 
@@ -82,6 +84,8 @@ struct LevelDecoder<'a> {
     sampling: Sampling,
     depth_atoms: Vec<f32>,
     color_atoms: Vec<f32>,
+    /// Of intensities, which the colour images then are.
+    limits: Option<IntensityLimits>,
     normals: bool,
 }
 
@@ -106,12 +110,18 @@ fn add_code(channel: &Channel, atoms: &[f32], step: f64, i: usize, image: &mut [
 }
 
 impl<'a> LevelDecoder<'a> {
-    fn new(level: &'a Level, resolution: f64, normals: bool) -> Self {
+    fn new(
+        level: &'a Level,
+        limits: Option<IntensityLimits>,
+        resolution: f64,
+        normals: bool,
+    ) -> Self {
         Self {
             level,
             sampling: sampling(level, resolution),
             depth_atoms: level.depth.dictionary.atoms(),
             color_atoms: level.color.as_ref().map(|c| c.dictionary.atoms()).unwrap_or_default(),
+            limits,
             normals,
         }
     }
@@ -183,10 +193,13 @@ impl<'a> LevelDecoder<'a> {
         points.positions.push(frame.to_world(local));
         if !pixels.color.is_empty() {
             let area = pixels.n * pixels.n;
-            points.colors.push(std::array::from_fn(|c| {
+            let rgb: [f32; 3] =
+                std::array::from_fn(|c| corners.mean(&pixels.color[c * area..(c + 1) * area]));
+            match self.limits {
+                Some(limits) => points.intensities.push(limits.intensity(rgb)),
                 // A cast from float to u8 saturates at 0 and 255.
-                corners.mean(&pixels.color[c * area..(c + 1) * area]).round() as u8
-            }));
+                None => points.colors.push(rgb.map(|c| c.round() as u8)),
+            }
         }
         if self.normals {
             let slope = corners.slope(pixels);

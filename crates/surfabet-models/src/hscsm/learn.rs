@@ -6,16 +6,19 @@ use super::channels::dictionary::{HscsmDictionary, LevelDictionary};
 use super::channels::images::project;
 use super::channels::means::{LevelTask, learn_color, learn_depth};
 use super::constants::{GATE_DEVIATIONS, LEFT_PIXELS, POSITION_STEP, SPACINGS_PER_PIXEL};
+use super::intensity::{IntensityLimits, Shades};
 use super::model::{HscsmModel, HscsmModelParts, Level, MAX_POSITION, Steps};
 use super::options::HscsmOptions;
 use super::order::{steps_per_cell, storing_order};
 use super::placement::{OwnedPatch, PixelGrid, Rules, place};
 use super::report::{HscsmReport, LearnedLevel, LevelFigures, report};
 use super::samples::Samples;
+use crate::attribute_error::measure;
+use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
-use crate::report::lost;
+use crate::report::{AttributeFigures, lost};
 use crate::stages::Stages;
 use crate::start::{Leave, Start};
 
@@ -27,7 +30,11 @@ const STAGES: &[(&str, f32)] = &[
     ("projecting patches", 0.05),
     ("learning depth", 0.2),
     ("learning colour", 0.25),
+    ("measuring attributes", 0.1),
 ];
+
+/// Points of a set pixel that are decoded half a pixel apart.
+const POINTS_PER_PIXEL: f64 = 4.0;
 
 /// Learns surface patches from a cloud: SCSM with one level, HSCSM with several.
 ///
@@ -50,7 +57,7 @@ pub fn learn(
 ///
 /// # Errors
 /// As [`learn`]; [`Error::Inconsistent`] when `options` are of another hierarchy than the dictionary, or the cloud
-/// has colours and the dictionary none.
+/// has colours or intensities and the dictionary none.
 pub fn describe(
     cloud: &PointCloud,
     options: &HscsmOptions,
@@ -61,11 +68,16 @@ pub fn describe(
     let own = dictionary.options().resolution;
     let options = &HscsmOptions { resolution: options.resolution.or(own), ..options.clone() };
     dictionary.check(options)?;
-    if cloud.colors().is_some() && dictionary.levels.iter().any(|l| l.color.is_none()) {
-        return Err(Error::Inconsistent(
-            "the cloud has colours, the dictionary has none; learn it from a cloud with colours"
-                .to_owned(),
-        ));
+    let what = match (cloud.colors(), IntensityLimits::in_place_of_colors(cloud)) {
+        (Some(_), _) => Some("colours"),
+        (None, limits) => limits.map(|_| "intensities"),
+    };
+    if let Some(what) = what
+        && dictionary.levels.iter().any(|l| l.color.is_none())
+    {
+        return Err(Error::Inconsistent(format!(
+            "the cloud has {what}, the dictionary has none; learn it from a cloud with {what}"
+        )));
     }
     run(cloud, options, Some(dictionary), progress)
 }
@@ -89,8 +101,11 @@ fn run(
     check_extent(extent, resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
 
     // The sub-sampled cloud P' (III-A).
-    let samples =
-        stages.run("merging points", |progress| Samples::merge(cloud, options, progress))?;
+    let limits = IntensityLimits::in_place_of_colors(cloud);
+    let samples = stages.run("merging points", |progress| {
+        let shades = Shades::of(cloud, limits, progress)?;
+        Samples::merge(cloud, &shades, options, progress)
+    })?;
     // The hierarchy H, coarsest level first: each describes what it can of the samples that are left.
     let mut owned = vec![false; samples.len()];
     let mut levels = Vec::with_capacity(options.levels as usize);
@@ -101,22 +116,57 @@ fn run(
     }
 
     let mut report = HscsmReport {
-        stages: stages.finish(),
         stop_reason: match frozen {
             None => "every point is covered and the dictionaries are learned",
             Some(_) => "every point is covered",
         },
-        not_kept: lost(cloud, &["colors"]),
+        not_kept: lost(cloud, &[limits.map_or("colors", |_| "intensities")]),
         ..report(cloud.len(), samples.len(), &levels)
     };
     let parts = HscsmModelParts {
         origin: cloud.origin(),
         n_points: cloud.len() as u64,
         levels: levels.into_iter().map(|l| l.level).collect(),
+        intensity: limits,
         shares_vocabulary: frozen.is_some(),
     };
     start.report(tolerance, &mut report);
-    Ok(HscsmModel::from_parts(parts)?.with_report(report))
+    let model = HscsmModel::from_parts(parts)?;
+    report.attributes = attributes(&model, cloud, &mut stages)?;
+    report.stages = stages.finish();
+    Ok(model.with_report(report))
+}
+
+/// What colours or intensities take, and how far they are off where the points of `cloud` are.
+fn attributes(
+    model: &HscsmModel,
+    cloud: &PointCloud,
+    stages: &mut Stages<'_>,
+) -> Result<Vec<AttributeFigures>> {
+    let name = match (model.has_color(), model.has_intensity()) {
+        (true, _) => "colors",
+        (_, true) => "intensities",
+        _ => return Ok(Vec::new()),
+    };
+    // Half a pixel, but wide pixels of a hierarchy must not become many times as many points as were given.
+    let most = POINTS_PER_PIXEL * cloud.len() as f64;
+    let mut spacing = 0.5 * model.levels().last().map_or(1.0, |l| l.pixel_size);
+    while model.points_at(spacing) > most {
+        spacing *= 2.0;
+    }
+    stages.run("measuring attributes", |progress| {
+        let bytes = model.price().last().copied().unwrap_or_default();
+        let mut figures =
+            vec![AttributeFigures { name: name.to_owned(), bytes, rmse: None, equal: None }];
+        let options = DecodeOptions {
+            resolution: Some(spacing),
+            max_points: u64::MAX,
+            ..DecodeOptions::default()
+        };
+        let decoded = model.decode(options, progress)?;
+        measure(&mut figures, cloud, &decoded, progress)?;
+        Ok(figures)
+    })
 }
 
 fn level_task<'a>(

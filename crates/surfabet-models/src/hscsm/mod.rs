@@ -9,6 +9,7 @@
 //! | `options`, `constants` | what to learn | |
 //! | `learn` | the list of steps | |
 //! | `samples` | points merged to half a pixel, with their moments | III-A, the sub-sampled cloud P' |
+//! | `intensity` | intensities in the place of colours that are not there | |
 //! | `frame` | pose of a patch: normal and two global axes | III-A |
 //! | `placement` | where patches go, and which patch owns which sample | III-A |
 //! | `order` | patches along a space-filling curve | |
@@ -25,6 +26,7 @@ mod constants;
 mod contract;
 mod decode;
 mod frame;
+mod intensity;
 mod learn;
 mod model;
 mod options;
@@ -35,6 +37,7 @@ mod samples;
 
 pub use channels::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 pub use frame::{Frame, PatchPose};
+pub use intensity::IntensityLimits;
 pub use learn::{describe, learn};
 pub use model::{
     Channel, Codes, HscsmHeader, HscsmModel, HscsmModelParts, Level, LevelHeader, MAX_ENTRIES,

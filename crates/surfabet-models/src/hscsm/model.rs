@@ -10,6 +10,7 @@ use surfabet_geom::octahedral;
 use super::channels::dictionary::{HscsmDictionary, LevelDictionary, QuantizedDictionary};
 use super::coding::{Streams, code_hscsm};
 use super::frame::{NORMAL_BITS, PatchPose};
+use super::intensity::IntensityLimits;
 use super::order;
 use super::report::HscsmReport;
 use crate::error::{Error, Result};
@@ -123,7 +124,7 @@ pub struct Level {
     pub masks: Vec<u8>,
     /// Depth along the normal.
     pub depth: Channel,
-    /// Red, green and blue, where the cloud had colours.
+    /// Red, green and blue, where the cloud had colours, or grey of its intensities.
     pub color: Option<Channel>,
 }
 
@@ -211,7 +212,7 @@ pub struct LevelHeader {
     pub n_patches: usize,
     /// Entries of the depth dictionary.
     pub depth_atoms: usize,
-    /// Entries of the colour dictionary, where there are colours.
+    /// Entries of the colour dictionary, where there are colours or intensities.
     pub color_atoms: Option<usize>,
 }
 
@@ -261,6 +262,8 @@ pub struct HscsmHeader {
     pub n_points: u64,
     /// The levels, coarsest first.
     pub levels: Vec<LevelHeader>,
+    /// What grey stands for, where the colour images are intensities.
+    pub intensity: Option<IntensityLimits>,
 }
 
 impl HscsmHeader {
@@ -270,7 +273,20 @@ impl HscsmHeader {
         for (j, level) in self.levels.iter().enumerate() {
             level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
         }
-        Ok(())
+        check_intensity(self.intensity, self.levels.iter().map(|l| l.color_atoms.is_some()))
+    }
+}
+
+/// Checks the limits of intensities; `has_images`: whether each level has colour images, which then show them.
+fn check_intensity(
+    limits: Option<IntensityLimits>,
+    mut has_images: impl Iterator<Item = bool>,
+) -> Result<()> {
+    let Some(limits) = limits else { return Ok(()) };
+    limits.check().map_err(Error::Inconsistent)?;
+    match has_images.all(|has| has) {
+        true => Ok(()),
+        false => Err(Error::Inconsistent("intensities, and a level without images".to_owned())),
     }
 }
 
@@ -290,6 +306,8 @@ pub struct HscsmModelParts {
     pub n_points: u64,
     /// The hierarchy H, coarsest level first.
     pub levels: Vec<Level>,
+    /// What grey stands for, where the colour images are intensities.
+    pub intensity: Option<IntensityLimits>,
     /// True when the dictionaries are those of another model, which a file then refers to.
     pub shares_vocabulary: bool,
 }
@@ -311,6 +329,7 @@ impl HscsmModel {
         for (j, level) in parts.levels.iter().enumerate() {
             level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
         }
+        check_intensity(parts.intensity, parts.levels.iter().map(|l| l.color.is_some()))?;
         Ok(Self { parts, report: Beside::default() })
     }
 
@@ -325,6 +344,7 @@ impl HscsmModel {
             origin: self.origin(),
             n_points: self.n_points(),
             levels: self.levels().iter().map(Level::header).collect(),
+            intensity: self.intensity(),
         }
     }
 
@@ -353,6 +373,7 @@ impl HscsmModel {
             origin: header.origin,
             n_points: header.n_points,
             levels: code_hscsm(streams, header, shared, None)?,
+            intensity: header.intensity,
             shares_vocabulary: shared.is_some(),
         };
         Self::from_parts(parts).map_err(|e| streams.poses.corrupt(e.to_string()))
@@ -401,7 +422,17 @@ impl HscsmModel {
 
     /// True when the patches carry colour.
     pub fn has_color(&self) -> bool {
-        self.parts.levels.iter().any(|l| l.color.is_some())
+        !self.has_intensity() && self.parts.levels.iter().any(|l| l.color.is_some())
+    }
+
+    /// True when the patches carry intensities, in the place of colours.
+    pub fn has_intensity(&self) -> bool {
+        self.parts.intensity.is_some()
+    }
+
+    /// The intensities that grey levels 0 and 255 stand for; `None` without intensities.
+    pub fn intensity(&self) -> Option<IntensityLimits> {
+        self.parts.intensity
     }
 
     /// How the model was learned; empty for a model read from a file.

@@ -125,7 +125,7 @@ pub struct LevelDictionary {
     pub pixels: u32,
     /// Entries for depth.
     pub depth: QuantizedDictionary,
-    /// Entries for colour, where the cloud that was learned from had colours.
+    /// Entries for colour, where the cloud that was learned from had colours or intensities.
     pub color: Option<QuantizedDictionary>,
 }
 

@@ -14,6 +14,7 @@ use surfabet_geom::{PointCloud, Progress};
 use crate::error::Result;
 use crate::groups::Groups;
 use crate::hscsm::constants::SAMPLE_SIZE;
+use crate::hscsm::intensity::Shades;
 use crate::hscsm::options::HscsmOptions;
 use crate::sensor::to_sensor;
 use crate::vector::{dot, unit};
@@ -32,7 +33,7 @@ pub(in crate::hscsm) struct Sample {
     pub covariance: [f32; 6],
     /// Sum of the points' weights.
     pub weight: f32,
-    /// Weighted mean colour, 0 to 255; zero without colours.
+    /// Weighted mean colour, 0 to 255, or grey of the intensities; zero without both.
     pub color: [f32; 3],
     /// Weighted variance of the points' colours, mean of the three channels.
     pub color_variance: f32,
@@ -48,6 +49,7 @@ pub(in crate::hscsm) struct Samples {
     pub cell: f32,
     /// Halvings from the finest cells to these, so that keys have `3 * (21 - halvings)` bits.
     pub halvings: u32,
+    /// True with colours, or grey of intensities.
     pub has_color: bool,
     pub has_views: bool,
 }
@@ -171,11 +173,12 @@ impl Samples {
         }
     }
 
-    /// Merges the points of `cloud`, each weighted by what its sensor's depth error makes of its range.
+    /// Merges the points of `cloud`, whose colours are `shades`, each weighted by what its sensor's depth error makes of its range.
     ///
     /// The cloud must span less than 2^21 cells; [`learn`](super::learn) checks its extent before.
     pub fn merge(
         cloud: &PointCloud,
+        shades: &Shades<'_>,
         options: &HscsmOptions,
         progress: &dyn Progress,
     ) -> Result<Self> {
@@ -183,7 +186,7 @@ impl Samples {
             all: Vec::new(),
             cell: (SAMPLE_SIZE * options.resolution()) as f32,
             halvings: 0,
-            has_color: cloud.colors().is_some(),
+            has_color: shades.are_there(),
             has_views: cloud.viewpoints().is_some(),
         };
         let lattice = merged.lattice(0);
@@ -200,7 +203,7 @@ impl Samples {
                 position: positions[i],
                 covariance: [0.0; 6],
                 weight: options.sensor.weight_of(cloud, i),
-                color: cloud.colors().map_or([0.0; 3], |c| c[i].map(f32::from)),
+                color: shades.of_point(i),
                 color_variance: 0.0,
                 view: to_sensor(cloud, i),
             }
