@@ -289,8 +289,9 @@ impl Forger {
         let mut forger = Self { bytes: ByteWriter::new(), fields: Vec::new(), forged };
         let mut header = model.header();
         M::code_header(&mut forger, &mut header).unwrap();
-        if M::optional_features(&header) != Features::NONE {
-            M::code_optional(&mut forger, &mut header).unwrap();
+        let optional = M::optional_features(&header);
+        if optional != Features::NONE {
+            M::code_optional(&mut forger, &mut header, optional).unwrap();
         }
         (forger.bytes.finish(), forger.fields)
     }
