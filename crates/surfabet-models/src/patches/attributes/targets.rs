@@ -85,16 +85,18 @@ impl<'a> Targets<'a> {
         sum / n.max(1.0)
     }
 
-    /// Gives cells without a value what `join` makes of those of the six beside them that have one, round after round.
+    /// Gives cells without a value what `join` makes of those of the six beside them that have one, round after round: first
+    /// along the surface, where a cell's sides tell what is along it, then in all directions.
     fn spread<T: Copy + Send + Sync>(
         &self,
         known: &mut [Option<T>],
         join: impl Fn(&[T]) -> T + Sync,
     ) {
-        let beside = |i: usize, known: &[Option<T>]| {
+        let beside = |i: usize, known: &[Option<T>], any_axis: bool| {
             let key = self.cells[i];
             let mut values = Vec::with_capacity(6);
-            for axis in 0..3 {
+            let is_along = |axis: &usize| self.sides[i] >> (2 * axis) & 0b11 == 0;
+            for axis in (0..3).filter(|axis| any_axis || is_along(axis)) {
                 for up in [false, true] {
                     let near = self.places.get(&step(key, axis, up)).copied();
                     let near = near.filter(|&j| self.sides[i] & self.sides[j as usize] != 0);
@@ -103,17 +105,21 @@ impl<'a> Targets<'a> {
             }
             (!values.is_empty()).then(|| join(&values))
         };
+        let mut any_axis = false;
         loop {
             let found: Vec<(usize, T)> = (0..self.cells.len())
                 .into_par_iter()
                 .filter(|&i| known[i].is_none())
-                .filter_map(|i| Some((i, beside(i, known)?)))
+                .filter_map(|i| Some((i, beside(i, known, any_axis)?)))
                 .collect();
-            if found.is_empty() {
-                return;
-            }
-            for (i, value) in found {
-                known[i] = Some(value);
+            match (found.is_empty(), any_axis) {
+                (true, true) => return,
+                (true, false) => any_axis = true,
+                (false, _) => {
+                    for (i, value) in found {
+                        known[i] = Some(value);
+                    }
+                }
             }
         }
     }
