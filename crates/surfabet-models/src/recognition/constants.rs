@@ -6,7 +6,8 @@
 
 // Surfaces.
 
-/// Distance of raw samples over the spacing of those that are kept: so dense that no cube on the surface is skipped.
+/// Distance of raw samples over the spacing of those that are kept: a little less than `sqrt(1 / 2)`, so that neighbours
+/// across a diagonal are less than the side of a cube apart, and no cube on the surface is skipped.
 pub(super) const RAW_SPACING: f64 = 0.7;
 
 /// Samples up to this many spacings apart can belong to one piece: one skipped cube does not cut it.
