@@ -9,7 +9,8 @@ use crate::quality::Quality;
 use crate::report::Report;
 use crate::stages::Stages;
 
-/// Side of a pixel in standard deviations of the noise, where that is more: finer pixels show noise, not the surface.
+/// Side of a pixel in standard deviations of the noise, where that is more: finer pixels show noise, not the surface. On
+/// flat walls half takes 14 times the bytes and is farther from the true walls (`docs/benchmarks/constants.md`).
 const DEVIATIONS_PER_PIXEL: f64 = 1.25;
 
 /// Pixels between two surfaces that lie close behind one another: one between theirs stays empty, so that neither

@@ -12,7 +12,7 @@ pub(super) const RADIUS_IN_SPACINGS: f64 = 4.0;
 /// hours.
 pub(super) const RADII_PER_SCENE: f64 = 300.0;
 
-/// For a scene without any length, metres: the paper's.
+/// For a scene without any length, metres: the paper's, though any would do.
 pub(super) const ANY_RADIUS: f64 = 0.1;
 
 /// Side of a pixel of the range image (III-C) in angles between beams, alpha: scanners differ in both directions, and a
