@@ -9,7 +9,8 @@ use crate::quality::Quality;
 use crate::report::Report;
 use crate::stages::Stages;
 
-/// Side of a pixel in standard deviations of the noise, where that is more: finer pixels show noise, not the surface.
+/// Side of a pixel in standard deviations of the noise, where that is more: finer pixels show noise, not the surface. On
+/// flat walls half takes 14 times the bytes and is farther from the true walls (`docs/benchmarks/constants.md`).
 const DEVIATIONS_PER_PIXEL: f64 = 1.25;
 
 /// Pixels between two surfaces that lie close behind one another: one between theirs stays empty, so that neither
@@ -24,14 +25,16 @@ const LEAST_SPACINGS_PER_PIXEL: f64 = 2.0;
 /// a pixel may be wider than the gap.
 const LEAST_PIXELS_PER_GAP: f64 = 1.25;
 
-/// Pixels along the diagonal of a scene, at most, far below the limits of files.
+/// Pixels along the diagonal of a scene, at most, far below the limits of files: positions about the middle in 32 bits
+/// still resolve a hundredth of such a pixel.
 const MOST_PIXELS: f64 = 200_000.0;
 
-/// A length for clouds that have none: of one point, or with all points at one place. Metres.
+/// A length for clouds that have none: of one point, or with all points at one place. Metres; any would do.
 const ANY_LENGTH: f64 = 0.01;
 
 /// The tolerance in pixels that were asked for, where it is more than that of the survey: who asks for coarse pixels does
-/// not want each point of the scan. Of points that are decoded half a pixel apart one is always as near as this.
+/// not want each point of the scan. Of points that are decoded half a pixel apart one is always as near as this, and for
+/// the three spacings that the pixels of patches have by themselves it is the survey's two.
 const TOLERANCE_PER_PIXEL: f64 = 2.0 / 3.0;
 
 /// An option that was not given, and what the data made of it.

@@ -13,16 +13,19 @@ use crate::vector::dot;
 /// Points that are looked at, at most. Medians of as many are exact to about two percent.
 const MAX_SAMPLED: usize = 4096;
 
-/// Points in the tree, about: of larger clouds some blocks of space are taken, whole.
+/// Points in the tree, about: of larger clouds some blocks of space are taken, whole. It bounds the time of building the
+/// tree, and leaves a hundred points about each that is looked at.
 const TREE_POINTS: usize = 400_000;
 
-/// Points that show where the blocks may lie.
+/// Points that show where the blocks may lie: quartiles of as many are exact to a few percent, and only the size of blocks
+/// depends on them.
 const PROBES: usize = 4096;
 
-/// Blocks of space along the middle half of the points.
+/// Blocks of space along the middle half of the points: of a room of ten million points, some 48 blocks long, one in 25 is
+/// taken, hundreds in all.
 const BLOCKS: f32 = 24.0;
 
-/// Neighbours among which one at another place is looked for: as many points may be at one place.
+/// Neighbours among which one at another place is looked for: up to eight points may be at one place besides.
 const MOST_DUPLICATES: usize = 9;
 
 /// Some points with the neighbours of each.

@@ -5,14 +5,16 @@
 // The radius of words, where it is not given.
 
 /// In spacings: about fifty points of a surface, twice as many as a descriptor has pixels within its circle. The paper's
-/// 0.1 m is as many spacings of its scans.
+/// 0.1 m is as many spacings of its scans. Half takes 2.5 times the bytes of a laser scan with 1.5 in place of 4.0 percent
+/// outliers, double less than half of them with 9.4.
 pub(super) const RADIUS_IN_SPACINGS: f64 = 4.0;
 
 /// In parts of the scene's diagonal: a word is tried at every radius' distance, so that finer words of dense scans take
-/// hours.
+/// hours. With twice as many a scan of a hall takes 1.9 times the bytes with 6 in place of 14 percent outliers, with half as
+/// many half the bytes with 37.
 pub(super) const RADII_PER_SCENE: f64 = 300.0;
 
-/// For a scene without any length, metres: the paper's.
+/// For a scene without any length, metres: the paper's, though any would do.
 pub(super) const ANY_RADIUS: f64 = 0.1;
 
 /// Side of a pixel of the range image (III-C) in angles between beams, alpha: scanners differ in both directions, and a
