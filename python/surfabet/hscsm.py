@@ -392,7 +392,7 @@ def learn_hscsm(
     cloud
         The scan. Colours are kept when present, else intensities: as grey, of which black and white
         are the least and the largest intensity without the outer thousandth of the points at each
-        end, which are clamped. A point without a finite intensity has that of the nearest with one.
+        end, which are clamped.
         Ranges weight the points by the depth error of their sensor; viewpoints tell the two sides
         of a thin wall apart.
     quality

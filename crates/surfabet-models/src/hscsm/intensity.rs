@@ -1,9 +1,8 @@
 //! Intensities in the place of colours: grey between two limits, for clouds without colours.
 
-use surfabet_geom::{KdTree, PointCloud, Progress};
+use surfabet_geom::PointCloud;
 
 use super::constants::CLAMPED_SHARE;
-use crate::error::Result;
 
 /// Largest grey level.
 const WHITE: f64 = 255.0;
@@ -83,29 +82,12 @@ pub(super) enum Shades<'a> {
 }
 
 impl<'a> Shades<'a> {
-    /// The colours of the cloud, else its intensities between these limits. Points without a finite intensity have
-    /// that of the nearest point with one.
-    pub fn of(
-        cloud: &'a PointCloud,
-        limits: Option<IntensityLimits>,
-        progress: &dyn Progress,
-    ) -> Result<Self> {
+    /// The colours of the cloud, else its intensities between these limits.
+    pub fn of(cloud: &'a PointCloud, limits: Option<IntensityLimits>) -> Self {
         let (Some(limits), Some(values)) = (limits, cloud.intensities()) else {
-            return Ok(cloud.colors().map_or(Self::Nothing, Self::Colors));
+            return cloud.colors().map_or(Self::Nothing, Self::Colors);
         };
-        let mut greys: Vec<f32> = values.iter().map(|&v| limits.grey(v)).collect();
-        let (known, missing): (Vec<usize>, Vec<usize>) =
-            (0..values.len()).partition(|&i| values[i].is_finite());
-        if !missing.is_empty() {
-            let at = |points: &[usize]| -> Vec<[f32; 3]> {
-                points.iter().map(|&i| cloud.positions()[i]).collect()
-            };
-            let nearest = KdTree::new(&at(&known))?.nearest_batch(&at(&missing), progress)?;
-            for (&i, near) in missing.iter().zip(&nearest) {
-                greys[i] = greys[known[near.index()]];
-            }
-        }
-        Ok(Self::Greys(greys))
+        Self::Greys(values.iter().map(|&v| limits.grey(v)).collect())
     }
 
     /// True when the patches have colour images.
@@ -126,7 +108,6 @@ impl<'a> Shades<'a> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use surfabet_geom::{CloudParts, Silent};
 
     use super::*;
 
@@ -181,20 +162,5 @@ mod tests {
         for (low, high) in [(1.0, 0.5), (f64::NAN, 1.0), (0.0, f64::INFINITY), (-1e300, 1e300)] {
             assert!(IntensityLimits { low, high }.check().is_err(), "{low} {high}");
         }
-    }
-
-    #[test]
-    fn missing_intensities_are_those_of_the_nearest_point() {
-        let x = [0.0, 0.1, 0.9, 1.0];
-        let parts = CloudParts {
-            positions: x.map(|x| [x, 0.0, 0.0]).into(),
-            intensities: Some(vec![10.0, f32::NAN, f32::INFINITY, 20.0]),
-            ..CloudParts::default()
-        };
-        let cloud = PointCloud::from_parts(parts).unwrap().0;
-        let limits = IntensityLimits::in_place_of_colors(&cloud);
-        let shades = Shades::of(&cloud, limits, &Silent).unwrap();
-        let greys: Vec<f32> = (0..4).map(|i| shades.of_point(i)[0]).collect();
-        assert_eq!(greys, [0.0, 0.0, 255.0, 255.0]);
     }
 }

@@ -103,7 +103,7 @@ fn run(
     // The sub-sampled cloud P' (III-A).
     let limits = IntensityLimits::in_place_of_colors(cloud);
     let samples = stages.run("merging points", |progress| {
-        let shades = Shades::of(cloud, limits, progress)?;
+        let shades = Shades::of(cloud, limits);
         Samples::merge(cloud, &shades, options, progress)
     })?;
     // The hierarchy H, coarsest level first: each describes what it can of the samples that are left.
