@@ -101,10 +101,9 @@ def compress(
             )
         result.report = learned.report
         scene = _scene(input_, cloud, learning, learned)
-        with whole_file(output) as temporary:
-            with _timed(result, "write"):
-                progress(f"write {output.name}", 0.0)
-                result.n_bytes = learned.save(temporary, note=result.note())
+        with whole_file(output) as temporary, _timed(result, "write"):
+            progress(f"write {output.name}", 0.0)
+            result.n_bytes = learned.save(temporary, note=result.note())
         _warn_of_losses(output, learned)
         if evaluate:
             _evaluate(result, output, scene, words, progress)
