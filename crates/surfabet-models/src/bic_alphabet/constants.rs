@@ -6,7 +6,7 @@
 
 /// In spacings: about fifty points of a surface, twice as many as a descriptor has pixels within its circle. The paper's
 /// 0.1 m is as many spacings of its scans. Half takes 2.5 times the bytes of a laser scan with 1.5 in place of 4.0 percent
-/// outliers, double less than half of them with 9.4.
+/// outliers, double less than half of the bytes with 9.4.
 pub(super) const RADIUS_IN_SPACINGS: f64 = 4.0;
 
 /// In parts of the scene's diagonal: a word is tried at every radius' distance, so that finer words of dense scans take
