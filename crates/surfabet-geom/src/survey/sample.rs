@@ -61,12 +61,8 @@ impl Sample {
     }
 
     /// What `measure` gives of the points that are looked at, by number, where it gives anything.
-    pub fn measure<T: Send>(&self, measure: impl Fn(usize) -> Option<T> + Sync) -> Vec<T> {
-        (0..self.positions.len())
-            .into_par_iter()
-            .step_by(self.step)
-            .filter_map(|i| measure(i))
-            .collect()
+    pub fn measure<T: Send>(&self, measure: impl Fn(usize) -> Option<T> + Send + Sync) -> Vec<T> {
+        (0..self.positions.len()).into_par_iter().step_by(self.step).filter_map(measure).collect()
     }
 
     /// Median distance of a point to the nearest one at another place, metres; zero where there is none.
