@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import peer_codecs as peers
 from peer_bench import load
-from peer_codecs import Coded, cpu_seconds, number
+from peer_codecs import GPCC_GEOMETRY, Coded, cpu_seconds, number
 
 import surfabet as sb
 
@@ -38,12 +38,7 @@ _FINENESS = 1.01
 """Steps are found to this factor."""
 # Those of `GpccSetting` for an octree, without attributes.
 _OCTREE = {
-    "mergeDuplicatedPoints": 1,
-    "partitionMethod": 0,
-    "enforceLevelLimits": 0,
-    "neighbourAvailBoundaryLog2": 8,
-    "intra_pred_max_node_size_log2": 6,
-    "planarEnabled": 1,
+    **GPCC_GEOMETRY,
     "maxNumQtBtBeforeOt": 4,
     "trisoupNodeSizeLog2": 0,
     "disableAttributeCoding": 1,

@@ -41,6 +41,17 @@ class Coded:
     decoded: sb.PointCloud
 
 
+GPCC_GEOMETRY = {
+    "mergeDuplicatedPoints": 1,
+    "partitionMethod": 0,
+    "enforceLevelLimits": 0,
+    "neighbourAvailBoundaryLog2": 8,
+    "intra_pred_max_node_size_log2": 6,
+    "planarEnabled": 1,
+}
+"""Options of G-PCC's geometry that the octree and trisoup share."""
+
+
 @dataclass(frozen=True)
 class GpccSetting:
     """Options of G-PCC's test model: octree where `node_log2` is 0, else trisoup."""
@@ -68,12 +79,7 @@ class GpccSetting:
         common = {
             # The input is in millimetres. All digits, as it becomes a fraction of small integers.
             "positionQuantizationScale": f"{1e-3 / self.step:.17g}",
-            "mergeDuplicatedPoints": 1,
-            "partitionMethod": 0,
-            "enforceLevelLimits": 0,
-            "neighbourAvailBoundaryLog2": 8,
-            "intra_pred_max_node_size_log2": 6,
-            "planarEnabled": 1,
+            **GPCC_GEOMETRY,
             "trisoupNodeSizeLog2": self.node_log2,
         }
         if self.node_log2:
