@@ -100,3 +100,38 @@ def rotating_scan(
     reach[robot] = rng.uniform(0.2, 0.45, robot.sum())
     points = (rays * reach[:, None]).astype(np.float32)
     return np.concatenate([points, points[: len(points) // 2]])
+
+
+HALL = np.array([[-8.0, -6.0, -1.8], [14.0, 7.0, 3.0]])
+"""Lower and upper corner of the hall of `ring_scan`, metres; the sensor is at the origin."""
+HALL_WINDOW = np.array([[-1.5, -0.8], [1.5, 1.2]])
+"""Lower and upper y and z of its window, in the wall x = 14."""
+
+
+def ring_scan(
+    rings: int = 16, step: float = 0.3, noise: float = 0.02, seed: int = 5, turned: float = 0.3
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """One turn of a laser scanner in an empty hall with a window that gives no echo.
+
+    `rings` lines over 30 degrees, `step` degrees between the points of one, and `noise` metres
+    along the rays. Gives the points, (n, 3), turned about z by `turned` radians, and the turn,
+    (3, 3): `points @ turn` is along the axes of the hall.
+    """
+    rng = np.random.default_rng(seed)
+    elevation, azimuth = np.radians(
+        np.meshgrid(np.linspace(-15, 15, rings), np.arange(0.1, 360, step))
+    )
+    level = np.cos(elevation)
+    rays = np.stack(
+        [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1
+    ).reshape(-1, 3)
+    to = np.where(rays > 0, HALL[1], HALL[0]) / rays
+    face = to.argmin(axis=1)
+    ranges = to.min(axis=1)
+    hits = rays * ranges[:, None]
+    in_window = (hits[:, 1:] > HALL_WINDOW[0]) & (hits[:, 1:] < HALL_WINDOW[1])
+    seen = ~((face == 0) & (rays[:, 0] > 0) & in_window.all(axis=1))
+    noisy = ranges + noise * rng.standard_normal(len(rays))
+    c, s = np.cos(turned), np.sin(turned)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return (rays * noisy[:, None])[seen] @ turn.T, turn

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import surfabet as sb
+from generated import HALL, HALL_WINDOW, ring_scan
 from surfabet.cli import main
 
 RNG = np.random.default_rng
@@ -278,3 +279,35 @@ def test_the_command_line_counts_outliers_under_its_own_option(
     assert "keep_outliers" not in err
     # The error is that of the scene, not of the point.
     assert " m (pooled" not in out.splitlines()[-1].split("rmse")[1].split(",")[0].replace("mm", "")
+
+
+@pytest.mark.parametrize(("rings", "step"), [(16, 0.3), (32, 0.2), (64, 0.2)])
+def test_noise_of_scan_lines_is_that_of_the_ranges(rings: int, step: float):
+    for noise in (0.005, 0.02):
+        found = sb.survey(sb.PointCloud(ring_scan(rings, step, noise)[0]))
+        # Rays meet walls and floor aslant: across these it is less than along the ray.
+        assert 0.5 * noise < found.noise < 1.1 * noise
+        assert found.layer_gap is None
+
+
+@pytest.mark.parametrize("learn", [sb.learn_patches, sb.learn_hscsm])
+@pytest.mark.parametrize(("rings", "step"), [(16, 0.3), (32, 0.2), (64, 0.2)])
+def test_lines_are_bridged_and_real_gaps_are_not(
+    learn: Callable[..., sb.PatchModel | sb.HscsmModel], rings: int, step: float
+):
+    points, turn = ring_scan(rings, step)
+    model = learn(sb.PointCloud(points))
+    pixel, _ = model.report.chosen["resolution"]
+    decoded = model.decode().points @ turn
+    on_wall = decoded[np.abs(decoded[:, 0] - HALL[1, 0]) < 0.3][:, 1:]
+    # A pixel at the rim of the window reaches into it by less than its side.
+    in_window = (on_wall > HALL_WINDOW[0] + pixel) & (on_wall < HALL_WINDOW[1] - pixel)
+    assert not in_window.all(axis=1).any()
+    if isinstance(model, sb.HscsmModel):
+        return  # has pixels where points are
+    # The opposite wall is nearer. Lines are bridged there: points are at most a pixel apart.
+    opposite = decoded[(np.abs(decoded[:, 0] - HALL[0, 0]) < 0.3) & (np.abs(decoded[:, 1]) < 1)]
+    heights = np.sort(opposite[np.abs(opposite[:, 2]) < 1, 2])
+    assert np.diff(heights).max() < 1.01 * pixel
+    if rings == 16:
+        assert np.radians(30 / (rings - 1)) * -HALL[0, 0] > 2 * pixel

@@ -56,6 +56,20 @@ impl PySurvey {
         self.0.outliers.clone().into_pyarray(py)
     }
 
+    fn __repr__(&self) -> String {
+        let survey = &self.0;
+        let or_none =
+            |length: Option<f64>| length.map_or("None".to_owned(), |l| format!("{l:.3e}"));
+        format!(
+            "Survey(spacing={:.3e}, noise={:.3e}, layer_gap={}, line_spacing={}, outliers={})",
+            survey.spacing,
+            survey.noise,
+            or_none(survey.layer_gap),
+            or_none(survey.line_spacing),
+            survey.outliers.len()
+        )
+    }
+
     #[getter]
     fn strays<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         self.0.strays.clone().into_pyarray(py)

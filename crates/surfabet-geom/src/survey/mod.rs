@@ -214,6 +214,29 @@ mod tests {
     }
 
     #[test]
+    fn noise_of_scan_lines_is_that_across_the_surface() {
+        // A wall of rows 15 cm apart. Noise along the rays, level with the rows: none of it is across the planes of the
+        // rows.
+        let random = |i: i32, j: i32| {
+            let mixed = ((i * 7919 + j) as u32).wrapping_mul(0x9e37_79b1);
+            f64::from(mixed ^ (mixed >> 15)) / f64::from(u32::MAX) * 2.0 - 1.0
+        };
+        let at = |i: i32, row: i32| {
+            let position = [0.02 * f64::from(i), 0.02 * random(i, row), 0.15 * f64::from(row)];
+            position.map(|c| c as f32)
+        };
+        let rows: Vec<[f32; 3]> =
+            (0..40).flat_map(|row| (0..400).map(move |i| at(i, row))).collect();
+        // The standard deviation of an even distribution.
+        let noise = 0.02 / 3.0_f64.sqrt();
+        let found = survey(rows.clone()).noise;
+        assert!((found / noise - 1.0).abs() < 0.15, "{found} {noise}");
+        // Points that stand there three times are no nearer to their plane.
+        let thrice = survey(rows.into_iter().flat_map(|p| [p; 3]).collect());
+        assert_eq!(thrice.noise, found);
+    }
+
+    #[test]
     fn scan_lines_are_as_far_apart_as_they_are() {
         // Lines of points 1 cm apart; along and across at random by the noise.
         let lines = |apart: f32, noise: f32| -> Vec<[f32; 3]> {

@@ -25,10 +25,7 @@ const PROBES: usize = 4096;
 /// taken, hundreds in all.
 const BLOCKS: f32 = 24.0;
 
-/// Neighbours among which one at another place is looked for: up to eight points may be at one place besides.
-const MOST_DUPLICATES: usize = 9;
-
-/// Some points with the neighbours of each.
+/// Some points, one per place, with the neighbours of each.
 pub(super) struct Sample {
     pub positions: Vec<[f32; 3]>,
     /// The direction that the surface faces at each point, where that is known; about unit length.
@@ -53,7 +50,7 @@ impl Sample {
 
     /// The numbers of the positions that are chosen, and their sample without facings.
     fn chosen_of(positions: &[[f32; 3]]) -> Result<(Vec<usize>, Self)> {
-        let chosen = some_blocks(positions);
+        let chosen = one_per_place(some_blocks(positions), positions);
         let positions: Vec<[f32; 3]> = chosen.iter().map(|&i| positions[i]).collect();
         let tree = KdTree::new(&positions)?;
         let step = positions.len().div_ceil(MAX_SAMPLED).max(1);
@@ -65,13 +62,12 @@ impl Sample {
         (0..self.positions.len()).into_par_iter().step_by(self.step).filter_map(measure).collect()
     }
 
-    /// Median distance of a point to the nearest one at another place, metres; zero where there is none.
+    /// Median distance of a point to the nearest other one, metres; zero where there is none.
     pub fn spacing(&self) -> f64 {
         median(self.measure(|i| {
             let mut near = Vec::new();
-            self.tree.k_nearest(self.positions[i], MOST_DUPLICATES, &mut near);
-            let apart = near.iter().map(|n| n.squared_distance()).find(|&d| d > 0.0)?;
-            Some(f64::from(apart).sqrt())
+            self.tree.k_nearest(self.positions[i], 2, &mut near);
+            Some(f64::from(near.get(1)?.squared_distance()).sqrt())
         }))
     }
 
@@ -110,6 +106,18 @@ fn some_blocks(positions: &[[f32; 3]]) -> Vec<usize> {
     let some: Vec<usize> = (0..positions.len()).into_par_iter().filter(is_chosen).collect();
     // Where nearly all points are in one block, it may not be among the chosen ones.
     if some.len() < TREE_POINTS / 8 { (0..positions.len()).collect() } else { some }
+}
+
+/// Of the points at one place the first: scans that were merged, or stored once per return, hold some twice, and as
+/// neighbours of one another these would hide the noise.
+fn one_per_place(chosen: Vec<usize>, positions: &[[f32; 3]]) -> Vec<usize> {
+    // Zero is one place, whatever its sign.
+    let place = |i: usize| positions[i].map(|c| (c + 0.0).to_bits());
+    let mut by_place: Vec<usize> = chosen;
+    by_place.par_sort_unstable_by_key(|&i| (place(i), i));
+    by_place.dedup_by_key(|i| place(*i));
+    by_place.par_sort_unstable();
+    by_place
 }
 
 /// Side of a block, metres: a part of the box that holds the middle half of the points along each axis.
