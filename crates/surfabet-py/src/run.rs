@@ -60,15 +60,34 @@ where
     E: IntoPyErr + Send,
 {
     let monitor = Monitor { cancelled: AtomicBool::new(false), latest: Mutex::new(None) };
+    let mut work = Some(work);
+    let mut outcome = None;
+    watch(py, &monitor, callback.as_ref(), &mut || {
+        outcome = work.take().map(|work| work(&monitor));
+    })?;
+    match outcome {
+        Some(Ok(value)) => monitor.poll(callback.as_ref()).map(|()| value),
+        Some(Err(error)) => Err(error.into_py_err()),
+        None => Err(internal("a worker thread ended early")),
+    }
+}
+
+/// The part of [`run`] that is the same for every result, and so is compiled once: runs `work` on a thread of its own,
+/// passes on what `monitor` learns meanwhile, and raises what `callback`, a signal handler or a panic raises.
+fn watch(
+    py: Python<'_>,
+    monitor: &Monitor,
+    callback: Option<&Py<PyAny>>,
+    work: &mut (dyn FnMut() + Send),
+) -> PyResult<()> {
     let pool = POOL.read().unwrap_or_else(PoisonError::into_inner).clone();
     py.detach(|| {
         std::thread::scope(|scope| {
             let (done, is_done) = mpsc::channel();
-            let monitor = &monitor;
             let worker = scope.spawn(move || {
                 let result = std::panic::catch_unwind(AssertUnwindSafe(|| match pool {
-                    Some(pool) => pool.install(|| work(monitor)),
-                    None => work(monitor),
+                    Some(pool) => pool.install(work),
+                    None => work(),
                 }));
                 // The receiver lives until this thread is joined.
                 let _ = done.send(());
@@ -77,7 +96,7 @@ where
             let mut interrupted = None;
             while is_done.recv_timeout(POLL).is_err() {
                 if interrupted.is_none()
-                    && let Err(error) = monitor.poll(callback.as_ref())
+                    && let Err(error) = monitor.poll(callback)
                 {
                     interrupted = Some(error);
                     monitor.cancelled.store(true, Ordering::Relaxed);
@@ -87,18 +106,14 @@ where
             if let Some(error) = interrupted {
                 return Err(error);
             }
-            match outcome {
-                Ok(Ok(value)) => monitor.poll(callback.as_ref()).map(|()| value),
-                Ok(Err(error)) => Err(error.into_py_err()),
-                Err(panic) => {
-                    let message = panic
-                        .downcast_ref::<String>()
-                        .map(String::as_str)
-                        .or_else(|| panic.downcast_ref::<&str>().copied())
-                        .unwrap_or("a worker thread ended early");
-                    Err(internal(message))
-                }
-            }
+            outcome.map_err(|panic| {
+                let message = panic
+                    .downcast_ref::<String>()
+                    .map(String::as_str)
+                    .or_else(|| panic.downcast_ref::<&str>().copied())
+                    .unwrap_or("a worker thread ended early");
+                internal(message)
+            })
         })
     })
 }
