@@ -14,6 +14,9 @@ const PROBES: usize = 100_000;
 /// By how much the share of the probes must be larger than the share that is asked for.
 const PROBE_MARGIN: f64 = 0.001;
 
+/// Points whose neighbours are looked for at once: a neighbour takes as much memory as the point.
+const BATCH: usize = 1 << 16;
+
 /// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured.
 ///
 /// # Errors
@@ -116,9 +119,13 @@ fn far_points(
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 3]>> {
     let Some(tree) = decoded else { return Ok(positions.to_vec()) };
-    let nearest = tree.nearest_batch(positions, progress)?;
     let is_far = |n: &surfabet_geom::Neighbor| f64::from(n.squared_distance()).sqrt() > limit;
-    Ok(positions.iter().zip(&nearest).filter(|(_, n)| is_far(n)).map(|(&p, _)| p).collect())
+    let mut far = Vec::new();
+    for batch in positions.chunks(BATCH) {
+        let nearest = tree.nearest_batch(batch, progress)?;
+        far.extend(batch.iter().zip(&nearest).filter(|(_, n)| is_far(n)).map(|(&p, _)| p));
+    }
+    Ok(far)
 }
 
 /// Cells of the lattice's frame that hold points.

@@ -216,6 +216,8 @@ fn choose(
             step: lattice.depth_step as f32 / DEPTH_STEPS as f32,
             lattice,
         };
+        // A scattered cloud has trees as large as itself: not two rounds of them at once.
+        drop(std::mem::take(&mut chosen));
         let trees = trees(&choice, sheets, progress)?;
         let mut price = Price::default();
         models = GeometryModels::default();

@@ -61,8 +61,8 @@ pub enum Square {
     /// No surface.
     #[default]
     Empty,
-    /// One patch.
-    Patch(LatticePatch),
+    /// One patch; boxed, since most squares of a scattered cloud are empty.
+    Patch(Box<LatticePatch>),
     /// Four squares of the next level: left to right, then the next row.
     Split(Box<[Square; 4]>),
 }

@@ -175,6 +175,7 @@ impl Choice<'_> {
         fill_holes(&mut inside, mask & !measured, at, pixels.density);
         let shape = self.shape(&inside, at);
         cost += shape.cost;
-        Chosen { square: Square::Patch(LatticePatch { mask, ..shape.patch }), cost }
+        let patch = LatticePatch { mask, ..shape.patch };
+        Chosen { square: Square::Patch(Box::new(patch)), cost }
     }
 }

@@ -185,7 +185,7 @@ impl<C: Coder> Walk<'_, C> {
             }
         }
         let given = match given {
-            Some(Square::Patch(patch)) => *patch,
+            Some(Square::Patch(patch)) => **patch,
             _ => LatticePatch::default(),
         };
         let patch = self.patch(&place, beside, &prediction, &given)?;
@@ -194,7 +194,7 @@ impl<C: Coder> Walk<'_, C> {
         }
         let SquarePlace { side, level, corner, sheet, .. } = place;
         self.around.add(SheetLeaf { leaf: Leaf { side, level, corner, patch }, sheet });
-        Ok(Square::Patch(patch))
+        Ok(Square::Patch(Box::new(patch)))
     }
 
     /// The four squares that a square is split in.
