@@ -28,7 +28,8 @@ def survey(cloud: PointCloud, *, progress: Progress = None) -> Survey:
     Returns
     -------
     Survey
-        `spacing`, the median distance of a point to the nearest one at another place; `noise`, the
+        `spacing`, the median distance of a point to the nearest one at another place, or
+        `rounding`, the step that coordinates were rounded to, where that is more; `noise`, the
         median standard deviation of neighbouring points about their plane; `layer_gap`, the
         distance of surfaces that lie close behind one another, or None; `line_spacing`, the
         distance from a point to the next scan line, or None where points are not on lines;

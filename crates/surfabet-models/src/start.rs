@@ -177,9 +177,14 @@ fn pixel(survey: &Survey, quality: Quality, spacings: f64) -> (f64, String) {
             ),
         )
     } else {
+        let what = if survey.rounding > 0.0 {
+            "times the rounding of coordinates,"
+        } else {
+            "spacings of"
+        };
         (
             scale * of_spacing,
-            format!("{} spacings of {} m", scale * spacings, significant(survey.spacing)),
+            format!("{} {what} {} m", scale * spacings, significant(survey.spacing)),
         )
     };
     if let Some(gap) = survey.layer_gap {

@@ -22,6 +22,11 @@ impl PySurvey {
     }
 
     #[getter]
+    fn rounding(&self) -> f64 {
+        self.0.rounding
+    }
+
+    #[getter]
     fn noise(&self) -> f64 {
         self.0.noise
     }

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `sample` | the points that are looked at, and their neighbours |
 //! | `facing` | which way surfaces face |
+//! | `rounding` | coordinates that are multiples of a step |
 //! | `noise` | deviation of neighbouring points from their plane |
 //! | `layers` | distance to a second surface behind the first |
 //! | `lines` | distance between scan lines |
@@ -17,6 +18,7 @@ mod layers;
 mod lines;
 mod noise;
 mod outliers;
+mod rounding;
 mod sample;
 
 use crate::cloud::PointCloud;
@@ -25,14 +27,19 @@ use layers::layer_gap;
 use lines::line_spacing;
 use noise::Planes;
 use outliers::Outliers;
+use rounding::rounding;
 use sample::Sample;
 use surfabet_base::Progress;
 
 /// Figures of a cloud.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Survey {
-    /// Median distance of a point to the nearest one at another place, metres; zero where all points are at one place.
+    /// Median distance of a point to the nearest one at another place, metres; the rounding where that is more. Zero where
+    /// all points are at one place.
     pub spacing: f64,
+    /// Largest step that the coordinates of all points along an axis are multiples of, metres, where it is larger than the
+    /// distance of neighbours: there is nothing between the steps; else zero.
+    pub rounding: f64,
     /// Median standard deviation of neighbouring points about their plane, metres: the noise of a thin scan, the
     /// thickness of a fused one.
     pub noise: f64,
@@ -71,7 +78,11 @@ impl Survey {
         }
         let sample = Sample::of(cloud)?;
         progress.check()?;
-        let spacing = sample.spacing();
+        let nearest = sample.spacing();
+        let step = rounding(&sample.positions);
+        // A thousandth more is the same length in single precision: points of a lattice are a step apart.
+        let rounding = if step > 1.001 * nearest { step } else { 0.0 };
+        let spacing = nearest.max(rounding);
         let planes = Planes::about(&sample);
         progress.check()?;
         let noise = planes.noise;
@@ -82,7 +93,17 @@ impl Survey {
         let Outliers { all: outliers, strays, bounds } = Outliers::of(cloud, spacing)?;
         progress.check()?;
         let has_facings = sample.facings.is_some();
-        Ok(Self { spacing, noise, layer_gap, line_spacing, has_facings, bounds, outliers, strays })
+        Ok(Self {
+            spacing,
+            rounding,
+            noise,
+            layer_gap,
+            line_spacing,
+            has_facings,
+            bounds,
+            outliers,
+            strays,
+        })
     }
 
     /// How far a decoded cloud may be from a point and still show it, metres: two spacings, or three standard
@@ -149,6 +170,26 @@ mod tests {
         assert_eq!(found.layer_gap, None);
         assert_eq!(found.outliers, []);
         assert!((found.tolerance() - 2.0 * found.spacing).abs() < 1e-12);
+    }
+
+    #[test]
+    fn coordinates_that_were_rounded_are_no_closer_than_their_step() {
+        // Rows 2 cm apart whose points are rounded to 50 cm along one axis, as far from zero as single precision does it.
+        let rounded = |step: f32| {
+            let at = |i: i32| i as f32 * 0.037 + 0.01 * spread(i, 0);
+            let along = move |i: i32| (at(i) / step).round() * step;
+            let row = |j: i32| (0..3000).map(move |i| [along(i), 0.02 * j as f32, 0.0]);
+            survey((0..4).flat_map(row).collect())
+        };
+        let found = rounded(0.5);
+        assert_eq!((found.rounding, found.spacing), (0.5, 0.5));
+        // A step below the distance of neighbours says nothing.
+        let found = rounded(0.001);
+        assert_eq!(found.rounding, 0.0);
+        assert!((found.spacing - 0.02).abs() < 1e-6);
+        // Neither do the few heights of flat floors, nor points of a lattice.
+        assert_eq!(survey(lattice(80, 0.01, |i, _| [0.0, 0.0, (i % 5) as f32])).rounding, 0.0);
+        assert_eq!(survey(lattice(80, 0.01, |_, _| [0.0; 3])).rounding, 0.0);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Points beside the patches: for the input that is far from what the patches decode to.
 
 use rayon::prelude::*;
-use surfabet_geom::{KdTree, PointCloud, Progress};
+use surfabet_geom::{Aabb, KdTree, PointCloud, Progress};
 
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
@@ -14,8 +14,15 @@ const PROBES: usize = 100_000;
 /// By how much the share of the probes must be larger than the share that is asked for.
 const PROBE_MARGIN: f64 = 0.001;
 
-/// Points whose neighbours are looked for at once: a neighbour takes as much memory as the point.
-const BATCH: usize = 1 << 16;
+/// Parts in which a model is decoded, at most: all points of a part and their tree are in memory at once, and every point of
+/// the input is held against the box of each part.
+const PARTS: usize = 16;
+
+/// Patches of such a part, at least.
+const LEAST_PATCHES: usize = 64;
+
+/// Points that one task looks for neighbours of.
+const BATCH: usize = 1 << 12;
 
 /// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured.
 ///
@@ -28,8 +35,7 @@ pub(super) fn with_points_within(
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
     let limit = limit(cloud, bound)?;
-    let decoded = as_measured(&model, progress)?;
-    let far = far_points(&decoded, cloud.positions(), limit, progress)?;
+    let far = far_points(&model, cloud.positions(), limit, progress)?;
     let cells = Cells::of(&model, &far, limit);
     let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
     Ok(model.with_extra(keys, cells.size, Some(bound)))
@@ -63,17 +69,16 @@ pub(super) fn with_share_of_points(
         return Ok(model);
     }
     let limit = limit(cloud, bound)?;
-    let decoded = as_measured(&model, progress)?;
     let positions = cloud.positions();
     let step = positions.len().div_ceil(PROBES);
     if step > 1 {
         let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
-        let far = far_points(&decoded, &probes, limit, progress)?;
+        let far = far_points(&model, &probes, limit, progress)?;
         if 1.0 - far.len() as f64 / probes.len() as f64 >= share + PROBE_MARGIN {
             return Ok(model);
         }
     }
-    let far = far_points(&decoded, positions, limit, progress)?;
+    let far = far_points(&model, positions, limit, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
     let Cells { mut counted, size } =
@@ -105,25 +110,33 @@ fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
     Ok(limit)
 }
 
-/// What the patches decode to as measured; `None` when that is nothing.
-fn as_measured(model: &PatchModel, progress: &dyn Progress) -> Result<Option<KdTree>> {
-    let decoded = model.positions_as_measured(progress)?;
-    if decoded.is_empty() { Ok(None) } else { Ok(Some(KdTree::new(&decoded)?)) }
-}
-
-/// The `positions` that are further than `limit` from all decoded ones.
+/// The `positions` that are further than `limit` from all that the patches decode to as measured.
 fn far_points(
-    decoded: &Option<KdTree>,
+    model: &PatchModel,
     positions: &[[f32; 3]],
     limit: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 3]>> {
-    let Some(tree) = decoded else { return Ok(positions.to_vec()) };
-    let is_far = |n: &surfabet_geom::Neighbor| f64::from(n.squared_distance()).sqrt() > limit;
-    let mut far = Vec::new();
-    for batch in positions.chunks(BATCH) {
-        let nearest = tree.nearest_batch(batch, progress)?;
-        far.extend(batch.iter().zip(&nearest).filter(|(_, n)| is_far(n)).map(|(&p, _)| p));
+    let mut far: Vec<[f32; 3]> = positions.to_vec();
+    let patches = model.len().div_ceil(PARTS).max(LEAST_PATCHES);
+    for part in model.leaves().chunks(patches) {
+        let decoded = model.positions_as_measured(part, progress)?;
+        // Patches decode to at least a point each.
+        let Some(bounds) = Aabb::of(decoded.iter().copied()) else { continue };
+        let tree = KdTree::new(&decoded)?;
+        drop(decoded);
+        let is_near = |squared: f32| f64::from(squared).sqrt() <= limit;
+        let is_far = |p: &&[f32; 3]| {
+            let nearest = || tree.nearest(**p).is_some_and(|n| is_near(n.squared_distance()));
+            !(is_near(bounds.squared_distance(**p)) && nearest())
+        };
+        let of_batch = |batch: &[[f32; 3]]| {
+            progress.check()?;
+            Ok(batch.iter().filter(is_far).copied().collect())
+        };
+        let batches: Vec<Vec<[f32; 3]>> =
+            far.par_chunks(BATCH).map(of_batch).collect::<Result<_>>()?;
+        far = batches.concat();
     }
     Ok(far)
 }

@@ -4,6 +4,8 @@ mod attributes;
 mod fragments;
 mod nearest;
 
+use std::borrow::Borrow;
+
 use rayon::prelude::*;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
@@ -58,24 +60,27 @@ impl PatchModel {
         Ok(PointCloud::from_parts(parts)?.0)
     }
 
-    /// The positions of the model as measured, at the spacing that it was made for, metres about the origin.
+    /// What some patches of the model decode to as measured, at the spacing that it was made for, metres about the origin.
     ///
     /// # Errors
     /// As [`PatchModel::decode`].
-    pub(super) fn positions_as_measured(&self, progress: &dyn Progress) -> Result<Vec<[f32; 3]>> {
+    pub(super) fn positions_as_measured(
+        &self,
+        patches: &[Leaf],
+        progress: &dyn Progress,
+    ) -> Result<Vec<[f32; 3]>> {
         let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
-        let surface = self.surface(options, progress)?;
-        Ok(Rotation::of(self.lattice()).of_positions(surface.points.positions))
+        let decoder = Decoder::new(self, options)?;
+        decoder.check_points(patches.iter(), 0.0)?;
+        let mut points = Points::default();
+        decoder.add(patches, &mut points, progress)?;
+        Ok(Rotation::of(self.lattice()).of_positions(points.positions))
     }
 
     /// Points of the patches, and those beside them, in the frame of the lattice.
     fn surface(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<Surface<'_>> {
-        let pixel = self.lattice().pixel_size;
-        let resolution = options.spacing(0.5 * pixel)?;
-        let spacing = resolution / pixel;
-        let n_points = bound(self, spacing, options.as_measured) + self.header().n_extra as f64;
-        check_points(resolution, n_points, options.max_points)?;
-        let decoder = Decoder::new(self, spacing, options);
+        let decoder = Decoder::new(self, options)?;
+        decoder.check_points(self.leaves().iter(), self.header().n_extra as f64)?;
         let mut points = Points::default();
         // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = if options.as_measured {
@@ -85,10 +90,9 @@ impl PatchModel {
         };
         let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
         let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
-        points.extend(&kept, BLOCK, progress, |leaves, points| {
-            leaves.iter().for_each(|leaf| decoder.leaf(leaf, points));
-        })?;
-        let beside = self.points().into_iter().map(|p| p.map(|c| c / pixel as f32));
+        decoder.add(&kept, &mut points, progress)?;
+        let pixel = self.lattice().pixel_size as f32;
+        let beside = self.points().into_iter().map(|p| p.map(|c| c / pixel));
         let first_beside = points.positions.len();
         points.positions.extend(beside);
         Ok(Surface { points, first_beside, kept })
@@ -122,9 +126,9 @@ impl Rotation {
     }
 
     /// Positions in pixels as metres about the origin.
-    fn of_positions(&self, positions: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
-        let moved = |p: [f32; 3]| self.of_direction(p.map(|c| c * self.pixel));
-        positions.into_par_iter().map(moved).collect()
+    fn of_positions(&self, mut positions: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
+        positions.par_iter_mut().for_each(|p| *p = self.of_direction(p.map(|c| c * self.pixel)));
+        positions
     }
 }
 
@@ -132,6 +136,8 @@ struct Decoder<'a> {
     model: &'a PatchModel,
     /// Samples per side of a patch, and the values of all shapes' factors there, per level.
     grids: Vec<Grid>,
+    /// Spacing, metres.
+    resolution: f64,
     /// Spacing, pixels.
     spacing: f64,
     options: DecodeOptions,
@@ -147,17 +153,6 @@ fn layers(leaf: &Leaf, spacing: f64, as_measured: bool) -> f64 {
 /// exact in binary.
 fn samples(patch_width: i32, spacing: f64) -> f64 {
     (f64::from(patch_width) / spacing - 1e-9).ceil().max(1.0)
-}
-
-/// Most points that all patches give; spacing in pixels.
-fn bound(model: &PatchModel, spacing: f64, as_measured: bool) -> f64 {
-    let of = |leaf: &Leaf| {
-        let per_side = samples(model.lattice().patch_width(leaf.level), spacing);
-        let per_pixel = (per_side / f64::from(PATCH_PIXELS)).ceil();
-        let set = f64::from(leaf.patch.mask.count_ones());
-        set * per_pixel * per_pixel * layers(leaf, spacing, as_measured)
-    };
-    model.leaves().iter().map(of).sum()
 }
 
 /// The samples along a side of the patches of a level.
@@ -189,11 +184,37 @@ impl Grid {
 }
 
 impl<'a> Decoder<'a> {
-    fn new(model: &'a PatchModel, spacing: f64, options: DecodeOptions) -> Self {
+    fn new(model: &'a PatchModel, options: DecodeOptions) -> Result<Self> {
         let lattice = model.lattice();
+        let resolution = options.spacing(0.5 * lattice.pixel_size)?;
+        let spacing = resolution / lattice.pixel_size;
         let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
         let grids = widths.map(|width| Grid::new(width, spacing)).collect();
-        Self { model, grids, spacing, options }
+        Ok(Self { model, grids, resolution, spacing, options })
+    }
+
+    /// Checks that what some patches give, and `more` points, are no more than may be decoded.
+    fn check_points<'b>(&self, patches: impl Iterator<Item = &'b Leaf>, more: f64) -> Result<()> {
+        let most = |leaf: &Leaf| {
+            let width = self.model.lattice().patch_width(leaf.level);
+            let per_pixel = (samples(width, self.spacing) / f64::from(PATCH_PIXELS)).ceil();
+            let layers = layers(leaf, self.spacing, self.options.as_measured);
+            f64::from(leaf.patch.mask.count_ones()) * per_pixel * per_pixel * layers
+        };
+        let n_points = patches.map(most).sum::<f64>() + more;
+        check_points(self.resolution, n_points, self.options.max_points)
+    }
+
+    /// Adds what some patches give.
+    fn add<L: Borrow<Leaf> + Sync>(
+        &self,
+        patches: &[L],
+        points: &mut Points,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        points.extend(patches, BLOCK, progress, |patches, points| {
+            patches.iter().for_each(|patch| self.leaf(patch.borrow(), points));
+        })
     }
 
     fn layers(&self, leaf: &Leaf) -> usize {
