@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -317,6 +319,39 @@ def test_images_of_another_kind(tmp_path: Path) -> None:
     Image.fromarray(color_image(0)).save(folder / "frame-000000.depth.png")
     with pytest.raises(sb.FormatError, match=r"depth\.png: the image has mode RGB"):
         sb.read(folder)
+
+
+def png_of_16_bits(image: NDArray[np.uint8]) -> bytes:
+    """A PNG file of 16 bits per channel: `image`, (h, w, 3) or (h, w), and more."""
+    height, width = image.shape[:2]
+    values = np.minimum(image.astype(np.uint32) * 257 + 1, 65535).astype(">u2")
+    rows = b"".join(b"\0" + row.tobytes() for row in values)
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return (
+            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+        )
+
+    kind = 2 if image.ndim == 3 else 0
+    header = struct.pack(">IIBBBBB", width, height, 16, kind, 0, 0, 0)
+    parts = chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(rows)), chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+@pytest.mark.parametrize("grey", [False, True])
+def test_colors_of_16_bits_keep_8_and_say_so(tmp_path: Path, grey: bool) -> None:
+    folder = make_frames(tmp_path)
+    usual = sb.read(folder).colors
+    images = [color_image(i)[..., 0] if grey else color_image(i) for i in range(len(POSES))]
+    for i, image in enumerate(images):
+        (folder / f"frame-{i:06d}.color.png").write_bytes(png_of_16_bits(image))
+    with pytest.warns(
+        sb.IncompleteReadWarning, match="left aside: what colours have beyond 8 bits"
+    ):
+        colors = sb.read(folder).colors
+    assert usual is not None
+    assert colors is not None
+    np.testing.assert_array_equal(colors, usual[:, [0, 0, 0]] if grey else usual)
 
 
 def test_truncated_images(tmp_path: Path) -> None:

@@ -50,6 +50,8 @@ _UNIT_TOLERANCE = 0.05
 # Steps of 8 bits; more than the rounding of single precision, less than a step of 16 bits.
 _SAME_COLOR = 1e-3
 
+DEEP_COLORS = "what colours have beyond 8 bits per channel"
+"""What clouds do not keep of deeper colours, for messages."""
 
 # Longer than any descriptor of points in use (640 values); what is longer is padding or an image.
 MOST_VALUES = 1024
@@ -126,7 +128,7 @@ def note_rounded(values: Column, colors: NDArray[np.uint8], full: float, notes: 
         one = np.zeros(256)
         one[color] = value
         if (np.abs(one[color] - value) > _SAME_COLOR * full / 255).any():
-            notes.aside("what colours have beyond 8 bits per channel")
+            notes.aside(DEEP_COLORS)
             return
 
 

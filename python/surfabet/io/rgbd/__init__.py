@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet._core import LARGEST_UNSHIFTED, PointCloud, get_num_threads
-from surfabet.errors import DroppedPointsWarning, InvalidInputError
-from surfabet.io._columns import build_cloud
-from surfabet.io._files import format_error, warn
+from surfabet.errors import InvalidInputError
+from surfabet.io._columns import DEEP_COLORS, build_cloud
+from surfabet.io._files import format_error
+from surfabet.io._notes import Notes
 from surfabet.io.rgbd import _open3d, _scannet, _seven_scenes, _tum
 from surfabet.io.rgbd._frames import Camera, Frame, Listing, check_intrinsics
+from surfabet.io.rgbd._images import has_deep_colors
 from surfabet.io.rgbd._projector import Points, Projector
 
 DEFAULT_DEPTH_LIMITS = (0.3, 4.0)
@@ -256,8 +258,12 @@ def read_rgbd(
         clouds = _separate(frames, projector, tally)
     # Limits that were asked for leave out what was asked for.
     beyond = tally.losses(limits) if depth_limits is None else None
-    if losses := "; ".join(filter(None, (lost, beyond))):
-        warn(f"{folder}: {losses}", DroppedPointsWarning)
+    notes = Notes(folder)
+    for loss in filter(None, (lost, beyond)):
+        notes.points(loss)
+    if any(frame.color is not None and has_deep_colors(frame.color) for frame in frames):
+        notes.aside(DEEP_COLORS)
+    notes.warn()
     return clouds
 
 

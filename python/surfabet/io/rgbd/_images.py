@@ -19,6 +19,9 @@ _COLOR_SUFFIXES = (".jpg", ".jpeg", ".png")
 _LARGEST_SIDE = 1 << 13
 _DEPTH_MODES = ("I;16", "I;16L", "I;16B", "I", "L", "F")
 _COLOR_MODES = ("RGB", "RGBA", "L", "P")
+_DEEP_GREY_MODES = ("I;16", "I;16B")
+# A PNG file: signature, length and name of the first chunk, width, height; bits per channel.
+_PNG_SIGNATURE, _PNG_BITS_AT = b"\x89PNG\r\n\x1a\n", 24
 _PFM_HEADER = re.compile(rb"Pf\s+(\d{1,5})\s+(\d{1,5})\s+(-?[0-9.eE+-]{1,20})\s")
 
 
@@ -40,7 +43,7 @@ def _check_size(path: Path, width: int, height: int) -> None:
 
 
 def _by_pillow(
-    pillow: Any, path: Path, modes: tuple[str, ...], convert: str | None
+    pillow: Any, path: Path, modes: tuple[str, ...], convert: Callable[[Any], NDArray[Any]]
 ) -> NDArray[Any]:
     with pillow.open(path) as image:
         _check_size(path, *image.size)
@@ -48,7 +51,7 @@ def _by_pillow(
             raise format_error(
                 path, f"the image has mode {image.mode}; expected {' or '.join(modes)}"
             )
-        return np.asarray(image.convert(convert) if convert else image)
+        return convert(image)
 
 
 def _from_pfm(path: Path) -> NDArray[Any]:
@@ -97,9 +100,28 @@ def load_depth(pillow: Any, path: Path) -> NDArray[Any]:
             return _decoded(path, lambda: _from_pfm(path))
         case ".npy":
             return _decoded(path, lambda: _from_npy(path))
-    return _decoded(path, lambda: _by_pillow(pillow, path, _DEPTH_MODES, None))
+    return _decoded(path, lambda: _by_pillow(pillow, path, _DEPTH_MODES, np.asarray))
 
 
 def load_color(pillow: Any, path: Path) -> NDArray[np.uint8]:
-    """A colour image, (height, width, 3)."""
-    return _decoded(path, lambda: _by_pillow(pillow, path, _COLOR_MODES, "RGB"))
+    """A colour image, (height, width, 3); of more than 8 bits per channel the highest 8."""
+    modes = _COLOR_MODES + _DEEP_GREY_MODES
+    return _decoded(path, lambda: _by_pillow(pillow, path, modes, _rgb))
+
+
+def _rgb(image: Any) -> NDArray[np.uint8]:
+    """Red, green and blue of an image that is open."""
+    if image.mode in _DEEP_GREY_MODES:
+        grey = np.asarray(image) >> 8
+        return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
+    return np.asarray(image.convert("RGB"))
+
+
+def has_deep_colors(path: Path) -> bool:
+    """Whether a colour image is a PNG file of more than 8 bits per channel."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_PNG_BITS_AT + 1)
+    except OSError:
+        return False
+    return head.startswith(_PNG_SIGNATURE) and len(head) > _PNG_BITS_AT and head[-1] > 8
