@@ -42,6 +42,7 @@ from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, lea
 from surfabet.io import read, write
 from surfabet.learning import AttributeFigures, LearningReport
 from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
+from surfabet.navigation import NavigationGraph
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
 from surfabet.planes import (
     PlaneFit,
@@ -78,6 +79,7 @@ __all__ = [
     "LearningReport",
     "LostAttributeWarning",
     "MissingDependencyError",
+    "NavigationGraph",
     "Neurons",
     "NormalEstimate",
     "Occurrences",

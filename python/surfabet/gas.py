@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from typing import Literal, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.model import Model
+from surfabet.navigation import NavigationGraph, as_vector
 
 __all__ = ["GasModel", "Neurons", "learn_gas"]
 
@@ -181,6 +182,56 @@ class GasModel(Model[_core.GasModel]):
     def geodesic_distance(self, source: int, target: int) -> float:
         """Length of the shortest way along edges between two neurons, metres, or infinity."""
         return float(self.geodesic_distances(source)[target])
+
+    def navigation(
+        self,
+        *,
+        radius: float = 0.25,
+        height: float = 1.0,
+        max_step: float = 0.05,
+        max_slope: float = 15.0,
+        up: ArrayLike = (0.0, 0.0, 1.0),
+        progress: Progress = None,
+    ) -> NavigationGraph:
+        """Where a robot can stand on this map, and the ways between these places.
+
+        Points of the neurons' discs, a sixth of the robot's radius apart, are such places where the
+        ground is flat enough and nothing is in the upright cylinder of the robot above. Two that
+        lie side by side, or across a gap in the ground of less than half the radius, are joined
+        where the robot can move straight from one to the other. The same on any number of threads.
+
+        After `update` with another scan, make the graph anew: it takes a fraction of the time of
+        the update.
+
+        Parameters
+        ----------
+        radius, height
+            The cylinder that holds the robot, metres.
+        max_step
+            The largest step that it takes, metres; what is lower is no obstacle.
+        max_slope
+            The steepest ground that it drives on, degrees.
+        up
+            The direction against gravity, (3,), of any length.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Raises
+        ------
+        InvalidInputError
+            For sizes that are not positive, a step as high as the robot, a slope of 80 degrees and
+            more, or a robot that is tiny on this map.
+        """
+        with progress_callback(progress) as callback:
+            graph = self._core.navigation(
+                radius=radius,
+                height=height,
+                max_step=max_step,
+                max_slope=max_slope,
+                up=as_vector("up", up),
+                progress=callback,
+            )
+        return NavigationGraph(graph.positions(), graph.neurons(), graph.edges(), graph)
 
     @property
     def neurons(self) -> Neurons:

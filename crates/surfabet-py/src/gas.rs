@@ -6,6 +6,7 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use surfabet::gas::{NavigationGraph, Robot};
 use surfabet::{GasModel, gas};
 
 use crate::cloud::PyPointCloud;
@@ -75,10 +76,7 @@ impl PyGasModel {
 
     /// Positions in the world, (n, 3).
     fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let (model, origin) = (&self.model, self.model.origin());
-        let positions = model.positions();
-        Array2::from_shape_fn((positions.len(), 3), |(i, a)| origin[a] + f64::from(positions[i][a]))
-            .into_pyarray(py)
+        world_positions(py, &self.model.positions(), self.model.origin())
     }
 
     /// Unit normals, (n, 3), zero where unknown.
@@ -115,8 +113,7 @@ impl PyGasModel {
 
     /// Pairs of neurons, (m, 2).
     fn edges<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
-        let edges = self.model.edges();
-        Array2::from_shape_fn((edges.len(), 2), |(i, end)| edges[i][end]).into_pyarray(py)
+        pairs(py, self.model.edges())
     }
 
     /// Triangles, (t, 3).
@@ -139,9 +136,78 @@ impl PyGasModel {
         let distances = py.detach(|| self.model.geodesic_distances(source));
         Ok(distances.map_err(IntoPyErr::into_py_err)?.into_pyarray(py))
     }
+
+    #[pyo3(signature = (*, radius, height, max_step, max_slope, up, progress))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn navigation(
+        &self,
+        py: Python<'_>,
+        radius: f64,
+        height: f64,
+        max_step: f64,
+        max_slope: f64,
+        up: [f64; 3],
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyNavigationGraph> {
+        let robot = Robot { radius, height, max_step, max_slope };
+        let graph = run(py, progress, |monitor| self.model.navigation(robot, up, monitor))?;
+        Ok(PyNavigationGraph(graph))
+    }
+}
+
+/// Where a robot can stand on a gas; documented in `surfabet.navigation`.
+#[pyclass(name = "NavigationGraph", module = "surfabet._core", frozen)]
+pub struct PyNavigationGraph(NavigationGraph);
+
+#[pymethods]
+impl PyNavigationGraph {
+    /// Neuron of every node, (n,).
+    fn neurons<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.0.neurons().to_vec().into_pyarray(py)
+    }
+
+    /// Ground under the nodes in the world, (n, 3).
+    fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        world_positions(py, self.0.positions(), self.0.origin())
+    }
+
+    /// Pairs of nodes, (m, 2).
+    fn edges<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
+        pairs(py, self.0.edges())
+    }
+
+    /// Component of every node, (n,).
+    fn components<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.0.components().into_pyarray(py)
+    }
+
+    /// Nodes along the shortest path, (k,), where there is one.
+    fn path<'py>(
+        &self,
+        py: Python<'py>,
+        start: [f64; 3],
+        goal: [f64; 3],
+    ) -> PyResult<Option<Bound<'py, PyArray1<u32>>>> {
+        let path = py.detach(|| self.0.path(start, goal)).map_err(IntoPyErr::into_py_err)?;
+        Ok(path.map(|nodes| nodes.into_pyarray(py)))
+    }
+}
+
+fn world_positions<'py>(
+    py: Python<'py>,
+    positions: &[[f32; 3]],
+    origin: [f64; 3],
+) -> Bound<'py, PyArray2<f64>> {
+    Array2::from_shape_fn((positions.len(), 3), |(i, a)| origin[a] + f64::from(positions[i][a]))
+        .into_pyarray(py)
+}
+
+fn pairs<'py>(py: Python<'py>, pairs: &[[u32; 2]]) -> Bound<'py, PyArray2<u32>> {
+    Array2::from_shape_fn((pairs.len(), 2), |(i, end)| pairs[i][end]).into_pyarray(py)
 }
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyGasModel>()?;
+    module.add_class::<PyNavigationGraph>()?;
     module.add_function(wrap_pyfunction!(learn_gas, module)?)
 }

@@ -18,6 +18,7 @@
 //! | `model`, `coding` | the result, in the integers that a file stores | |
 //! | `decode` | back to a cloud at any spacing | future work |
 //! | `surface` | triangles, components, distances along the surface | |
+//! | `navigation` | where a robot can stand, and its ways | future work |
 //! | `update` | the same with another scan, from the neurons that there are | |
 //! | `adjacency` | the neighbours of every neuron | |
 //! | `contract` | what every model can do | |
@@ -32,6 +33,7 @@ mod describe;
 mod finish;
 mod learn;
 mod model;
+mod navigation;
 mod network;
 mod options;
 mod surface;
@@ -41,6 +43,7 @@ mod winners;
 pub use finish::{GasFigures, GasReport};
 pub use learn::learn;
 pub use model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT, NORMAL_BITS, Neuron};
+pub use navigation::{NavigationGraph, Robot};
 pub use network::{Graph, Network, Rates};
 pub use options::{GasOptions, MAX_NEURONS, Search};
 pub use winners::{BruteForce, Index, Winner, Winners};

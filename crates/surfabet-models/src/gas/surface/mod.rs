@@ -3,7 +3,7 @@
 //! | file | computes |
 //! |---|---|
 //! | `mesh` | triangles |
-//! | `topology` | connected components, distances along the edges |
+//! | `topology` | connected components, shortest paths along the edges |
 
 mod mesh;
-mod topology;
+pub(super) mod topology;
