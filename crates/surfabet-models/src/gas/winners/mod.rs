@@ -4,12 +4,15 @@
 //! |---|---|
 //! | `index` | a k-d tree that follows the neurons |
 //! | `brute_force` | the distances to all neurons, to compare with |
+//! | `nearby` | lists of those around each neuron, once the neurons stay where they are |
 
 mod brute_force;
 mod index;
+mod nearby;
 
 pub use brute_force::BruteForce;
 pub use index::Index;
+pub(super) use nearby::{Groups, Nearby};
 
 /// A neuron found. Orders by distance, then by id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
