@@ -21,7 +21,8 @@ pub struct Winner {
 }
 
 impl Winner {
-    const NONE: Self = Self { key: (f32::INFINITY.to_bits() as u64) << 32 | u32::MAX as u64 };
+    /// No neuron yet: behind all that there are.
+    pub(super) const NONE: Self = Self { key: (f32::INFINITY.to_bits() as u64) << 32 | u32::MAX as u64 };
 
     #[inline(always)]
     fn new(squared_distance: f32, id: u32) -> Self {
