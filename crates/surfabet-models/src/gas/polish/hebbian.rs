@@ -88,7 +88,6 @@ mod tests {
 
     use surfabet_geom::Silent;
 
-    use super::super::super::distance;
     use super::super::super::ordered::Ordered;
     use super::super::polish;
 
@@ -112,10 +111,12 @@ mod tests {
             let mut wins = [0_u32; 64];
             for &p in &points {
                 let mut ids: Vec<u32> = (0..64).collect();
-                ids.sort_by(|&a, &b| {
-                    let to = |i: u32| distance(p, neurons[i as usize]);
-                    to(a).total_cmp(&to(b))
-                });
+                // Rounded as everywhere, so that ties are the same.
+                let to = |i: &u32| {
+                    let d: [f32; 3] = std::array::from_fn(|a| neurons[*i as usize][a] - p[a]);
+                    (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]
+                };
+                ids.sort_by(|a, b| to(a).total_cmp(&to(b)));
                 wins[ids[0] as usize] += 1;
                 *pairs.entry([ids[0].min(ids[1]), ids[0].max(ids[1])]).or_default() += 1;
             }

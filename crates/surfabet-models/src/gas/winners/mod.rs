@@ -22,7 +22,8 @@ pub struct Winner {
 
 impl Winner {
     /// No neuron yet: behind all that there are.
-    pub(super) const NONE: Self = Self { key: (f32::INFINITY.to_bits() as u64) << 32 | u32::MAX as u64 };
+    pub(super) const NONE: Self =
+        Self { key: (f32::INFINITY.to_bits() as u64) << 32 | u32::MAX as u64 };
 
     #[inline(always)]
     fn new(squared_distance: f32, id: u32) -> Self {
