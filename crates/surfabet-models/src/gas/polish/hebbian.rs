@@ -1,9 +1,10 @@
 //! Edges by competitive Hebbian learning over all points at once: each point joins its two nearest neurons.
 //!
 //! While a network grows an edge ages with every win of one of its ends, is refreshed whenever both are the nearest, and goes
-//! when it is too old. Of neurons that stay where they are an edge is refreshed after `(n_a + n_b) / n_ab` such wins on
-//! average, where n_a and n_b points have either end as the nearest neuron and n_ab have both as their two nearest. It is
-//! kept where that is not above the largest age.
+//! when it is too old. Of neurons that stay where they are, n_a and n_b points have either end as the nearest neuron and n_ab
+//! have both as their two nearest: a win refreshes the edge with the probability `p = n_ab / (n_a + n_b)`, and it is there
+//! unless as many wins as the largest age did not, `1 - (1 - p)^max_age` of the time. It is kept where that is half of it
+//! at least.
 
 use rayon::prelude::*;
 
@@ -47,12 +48,12 @@ pub(super) fn edges(
             }
         }
     }
+    // The least p: 1 - 2^(-1 / max_age).
+    let least = -(-std::f64::consts::LN_2 / f64::from(max_age)).exp_m1();
     let is_kept = |(k, link): &(usize, Link)| {
         let [a, b] = link.ends.map(|end| end as usize);
         let wins = weights[a] + weights[b];
-        wins <= link.weight * f64::from(max_age)
-            || strongest[a] == Some(*k)
-            || strongest[b] == Some(*k)
+        link.weight >= least * wins || strongest[a] == Some(*k) || strongest[b] == Some(*k)
     };
     let kept = links.into_iter().enumerate().filter(is_kept);
     let mut edges: Vec<[u32; 2]> = kept.map(|(_, link)| link.ends).collect();
@@ -122,7 +123,9 @@ mod tests {
             }
             let strongest = |i: u32| pairs.iter().filter(|p| p.0.contains(&i)).map(|p| p.1).max();
             for (ends, n) in &pairs {
-                let is_young = wins[ends[0] as usize] + wins[ends[1] as usize] <= n * max_age;
+                let share =
+                    f64::from(*n) / f64::from(wins[ends[0] as usize] + wins[ends[1] as usize]);
+                let is_young = 1.0 - (1.0 - share).powi(max_age as i32) >= 0.5;
                 let is_strongest = ends.iter().any(|&i| strongest(i) == Some(n));
                 let found = graph.edges.binary_search(ends).is_ok();
                 assert!(!is_young || found, "{ends:?}");

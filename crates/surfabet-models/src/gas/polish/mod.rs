@@ -107,7 +107,7 @@ pub(super) struct Polished {
 }
 
 /// Polishes the network with neurons at `positions`, at least two, in `rounds` rounds over sets of points, each with the
-/// weight of its points; an edge is kept where its mean age is not above `max_age`.
+/// weight of its points; an edge is kept where it would mostly be there with a largest age of `max_age`.
 ///
 /// The result does not depend on the number of threads.
 ///
@@ -125,16 +125,20 @@ pub(super) fn polish(
     let mut samples: Vec<Sample<'_>> = sets.iter().map(|&set| Sample::new(set, step)).collect();
     let mut is_of_all = step == 1;
     let mut trace = Vec::new();
-    for done in 0..rounds {
+    // After the last round once more, for the edges.
+    let nearby = loop {
+        let done = trace.len() as u32;
         progress.update("polishing", done as f32 / (rounds + 1) as f32);
         if !is_of_all && done + ROUNDS_OF_ALL >= rounds {
             samples = sets.iter().map(|&set| Sample::new(set, 1)).collect();
             is_of_all = true;
         }
-        assign(&positions, &mut samples, progress)?;
+        let nearby = assign(&positions, &mut samples, progress)?;
+        if done == rounds {
+            break nearby;
+        }
         trace.push(move_once(&mut positions, &samples, done < rounds / 2));
-    }
-    let nearby = assign(&positions, &mut samples, progress)?;
+    };
     let cells = Cells::new(positions.len(), &samples);
     let edges = hebbian::edges(&positions, &cells, &nearby, max_age);
     Ok(Polished { graph: Graph { positions, edges }, trace })
