@@ -49,7 +49,7 @@ pub(super) fn edges(
         }
     }
     // The least p: 1 - 2^(-1 / max_age).
-    let least = -(-std::f64::consts::LN_2 / f64::from(max_age)).exp_m1();
+    let least = -libm::expm1(-std::f64::consts::LN_2 / f64::from(max_age));
     let is_kept = |(k, link): &(usize, Link)| {
         let [a, b] = link.ends.map(|end| end as usize);
         let wins = weights[a] + weights[b];
