@@ -1,121 +1,235 @@
-"""Registration on raw, voxel-grid and GNG clouds (Morell et al., last table, in today's terms).
+"""Registration on raw, voxel-grid and GNG clouds (Morell et al., last table).
 
-    python benches/papers/gas_registration.py [--pairs 5] [--seeds 3]
+    python benches/papers/gas_registration.py --pcl PREFIX [--pairs 20] [--seeds 3]
+        [--scans hall rooms] [--counts 5000 10000 20000]
 
-Pairs of overlapping real RGB-D frames of the kitchen with known poses. Of each frame: the raw cloud
-(every fourth row and column of pixels), and the voxel grid's means and the neurons of a gas, in
-equal number. Keypoints are Open3D's ISS, or all points; descriptors FPFH; the transformation comes
-from RANSAC over matched descriptors, without refinement. The error is the root mean squared
-distance between the source's points under the estimated and under the known transformation, in
-metres: median and quartiles over pairs and seeds. Prints a Markdown table.
+Pairs of scans with known poses: neighbours of the drive through a hall (`multi_scan`), and of
+simulated LiDAR scans of furnished rooms, each turned at random about the vertical. Of each scan: the
+raw points, and the voxel grid's means and the neurons of a gas, in equal number. Keypoints and
+descriptors are PCL's (ISS, Harris3D, SIFT3D; FPFH, SHOT, PFH), with the same radii for all clouds,
+computed by `pcl_features.cpp`, which is compiled against PCL 1.13 under PREFIX (`libpcl-dev`).
+Descriptors are matched to each other's nearest, and the transformation comes from RANSAC (Open3D)
+without refinement, three times with different seeds. The error is the root mean squared distance
+between the source's raw points under the estimated and under the known transformation: median in
+metres over all pairs and seeds, those that fail included as infinite, and share of successes, below
+the limit of the scans. Prints a Markdown table.
 """
 
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from gas_scans import DATA
+from scipy.spatial import cKDTree
 
 import surfabet as sb
+from surfabet import datasets
 
-try:
-    import open3d as o3d
-except ImportError as error:
-    sys.exit(f"{error}; pip install open3d")
-
-COUNTS = [5000, 10_000]
-RADIUS = 0.15
-"""Of the descriptors, metres; normals come from within half of it."""
+DETECTORS = ["ISS", "Harris3D", "SIFT3D"]
+DESCRIPTORS = ["FPFH", "SHOT", "PFH"]
+LIBRARIES = "features keypoints search kdtree octree filters sample_consensus common".split()
 
 
-def frame(number: int) -> tuple[sb.PointCloud, np.ndarray]:
-    """A frame in camera coordinates and its pose, camera to world."""
-    folder = DATA / "rgbd_room"
-    pose = np.loadtxt(folder / f"frame-{number:06d}.pose.txt")
-    fx, _, cx, _, fy, cy = np.loadtxt(folder / "camera-intrinsics.txt").ravel()[:6]
-    image = o3d.io.read_image(str(folder / f"frame-{number:06d}.depth.png"))
-    depth = np.asarray(image).astype(np.float64)[::4, ::4] / 1000
-    v, u = np.nonzero((depth > 0.3) & (depth < 4))
-    z = depth[v, u]
-    points = np.stack([(4 * u - cx) * z / fx, (4 * v - cy) * z / fy, z], axis=1)
-    return sb.PointCloud(points), pose
+@dataclass
+class Pair:
+    source: np.ndarray
+    target: np.ndarray
+    known: np.ndarray
+    """Source to target, 4 by 4."""
 
 
-def describe(points: np.ndarray, keypoints: bool) -> tuple[o3d.geometry.PointCloud, object]:
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=RADIUS / 2, max_nn=30))
-    cloud.orient_normals_towards_camera_location(np.zeros(3))
-    search = o3d.geometry.KDTreeSearchParamHybrid(radius=RADIUS, max_nn=200)
-    features = o3d.pipelines.registration.compute_fpfh_feature(cloud, search)
-    if not keypoints:
-        return cloud, features
-    found = o3d.geometry.keypoint.compute_iss_keypoints(cloud)
-    tree = o3d.geometry.KDTreeFlann(cloud)
-    chosen = [tree.search_knn_vector_3d(p, 1)[1][0] for p in found.points]
-    picked = o3d.pipelines.registration.Feature()
-    picked.data = np.asarray(features.data)[:, chosen]
-    return cloud.select_by_index(chosen), picked
+@dataclass
+class Kind:
+    """Scans of one kind: radii of detectors and descriptors and limit of success, metres."""
+
+    detector: float
+    descriptor: float
+    limit: float
+
+
+KINDS = {"hall": Kind(0.5, 1.0, 0.5), "rooms": Kind(0.15, 0.3, 0.15)}
+Described = list[tuple[np.ndarray, list[np.ndarray]]]
+"""For each detector the keypoints, and for each descriptor a row per keypoint."""
+
+
+def hall_pairs(n: int) -> Iterator[Pair]:
+    folder = DATA / "multi_scan"
+    rows = np.loadtxt(folder / "alidarPose.csv", delimiter=",", usecols=range(4))
+    poses = rows.reshape(-1, 4, 4).copy()
+    # The last element is a time stamp.
+    poses[:, 3] = [0, 0, 0, 1]
+    numbers = sorted(int(path.stem[4:]) for path in folder.glob("full*.pcd"))
+    apart = [(a, b) for a, b in zip(numbers, numbers[1:], strict=False) if b - a <= 4]
+    for a, b in apart[:n]:
+        source, target = (
+            points[(np.abs(points) > 0).any(axis=1)]
+            for points in (sb.read(folder / f"full{k}.pcd").points for k in (a, b))
+        )
+        yield Pair(source, target, np.linalg.inv(poses[b]) @ poses[a])
+
+
+def room_pairs(n: int) -> Iterator[Pair]:
+    for seed in range(n):
+        room = datasets.make_room(seed=100 + seed)
+        scan = datasets.scan_lidar(
+            room, n_scans=2, elevation_step=1.0, azimuth_step=0.75, random_state=seed
+        )
+        views = scan.cloud.viewpoints
+        turn = np.random.default_rng(seed).uniform(0, 2 * np.pi, 2)
+        points, moves = [], []
+        for k in range(2):
+            c, s = np.cos(turn[k]), np.sin(turn[k])
+            move = np.eye(4)
+            move[:3, :3] = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
+            move[:3, 3] = -move[:3, :3] @ views[k]
+            own = scan.cloud.points[scan.cloud.viewpoint_index == k]
+            points.append(own @ move[:3, :3].T + move[:3, 3])
+            moves.append(move)
+        yield Pair(points[0], points[1], moves[1] @ np.linalg.inv(moves[0]))
+
+
+PAIRS = {"hall": hall_pairs, "rooms": room_pairs}
+
+
+def compiled(prefix: Path, folder: Path) -> Path:
+    """The program that asks PCL."""
+    program = folder / "pcl_features"
+    libraries = prefix / "lib" / "x86_64-linux-gnu"
+    command = ["g++", "-O2", "-w", f"-I{prefix}/include/pcl-1.13", f"-I{prefix}/include/eigen3"]
+    command += [f"-I{prefix}/include", str(Path(__file__).parent / "pcl_features.cpp")]
+    command += ["-o", str(program), f"-L{libraries}", f"-Wl,-rpath,{libraries}"]
+    command += [f"-lpcl_{name}" for name in LIBRARIES] + ["-lflann_cpp", "-llz4"]
+    subprocess.run(command, check=True)
+    return program
+
+
+def described(program: Path, points: np.ndarray, kind: Kind, folder: Path) -> Described:
+    cloud, out = folder / "cloud.f32", folder / "found.f32"
+    points.astype(np.float32).tofile(cloud)
+    arguments = [str(program), str(cloud), str(out), str(kind.detector), str(kind.descriptor)]
+    subprocess.run(arguments, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    values = np.fromfile(out, np.float32)
+    at = 0
+
+    def take(shape: tuple[int, ...]) -> np.ndarray:
+        nonlocal at
+        size = int(np.prod(shape))
+        at += size
+        return values[at - size : at].reshape(shape)
+
+    found: Described = []
+    for _ in DETECTORS:
+        n = int(take((1,))[0])
+        keypoints = take((n, 3)).astype(np.float64)
+        found.append((keypoints, [take((n, int(take((1,))[0]))) for _ in DESCRIPTORS]))
+    return found
+
+
+def matches(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Pairs of rows that are each other's nearest."""
+    known = [np.flatnonzero(np.isfinite(rows).all(axis=1)) for rows in (one, other)]
+    a, b = one[known[0]], other[known[1]]
+    if min(len(a), len(b)) < 3:
+        return np.empty((0, 2), np.int32)
+    forth, back = cKDTree(b).query(a)[1], cKDTree(a).query(b)[1]
+    mutual = np.flatnonzero(back[forth] == np.arange(len(a)))
+    return np.stack([known[0][mutual], known[1][forth[mutual]]], axis=1).astype(np.int32)
 
 
 def deviation(
-    source: np.ndarray, target: np.ndarray, known: np.ndarray, keypoints: bool, seed: int
+    pair: Pair, source: np.ndarray, target: np.ndarray, joined: np.ndarray, reach: float, seed: int
 ) -> float:
-    o3d.utility.random.seed(seed)
-    (a, of_a), (b, of_b) = (describe(points, keypoints) for points in (source, target))
-    if min(len(a.points), len(b.points)) < 4:
-        return float("nan")
+    """Root mean squared distance between the estimated and the known place of the source."""
+    import open3d as o3d
+
+    if len(joined) < 4:
+        return float("inf")
     pipeline = o3d.pipelines.registration
-    result = pipeline.registration_ransac_based_on_feature_matching(
-        a, b, of_a, of_b, True, 0.06, pipeline.TransformationEstimationPointToPoint(False), 3,
+    a, b = (
+        o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in (source, target)
+    )
+    o3d.utility.random.seed(seed)
+    result = pipeline.registration_ransac_based_on_correspondence(
+        a, b, o3d.utility.Vector2iVector(joined), reach,
+        pipeline.TransformationEstimationPointToPoint(False), 3,
         [pipeline.CorrespondenceCheckerBasedOnEdgeLength(0.9)],
-        pipeline.RANSACConvergenceCriteria(50_000, 0.999),
+        pipeline.RANSACConvergenceCriteria(20_000, 0.999),
     )  # fmt: skip
-    estimated = np.asarray(result.transformation)
-    off = source @ (estimated - known)[:3, :3].T + (estimated - known)[:3, 3]
-    return float(np.sqrt((off**2).sum(axis=1).mean()))
+    off = np.asarray(result.transformation) - pair.known
+    moved = pair.source @ off[:3, :3].T + off[:3, 3]
+    return float(np.sqrt((moved**2).sum(axis=1).mean()))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--pairs", type=int, default=5)
-    parser.add_argument("--seeds", type=int, default=3)
-    options = parser.parse_args()
-    numbers = [180 * i for i in range(options.pairs)]
-    frames = [(frame(n), frame(n + 20)) for n in numbers]
-    known = [np.linalg.inv(second[1]) @ first[1] for first, second in frames]
+def measure(name: str, program: Path, folder: Path, options: argparse.Namespace) -> None:
+    kind = KINDS[name]
     reducers = {
         "GNG": lambda cloud, n: sb.learn_gas(cloud, n_neurons=n).neurons.positions,
         "voxel grid": lambda cloud, n: sb.voxel_downsample(cloud, count=n).points,
     }
-    columns = [(name, count) for name in reducers for count in COUNTS]
-    clouds: dict[tuple[str, int], list[tuple[np.ndarray, np.ndarray]]] = {
-        (name, count): [
-            (reducers[name](first[0], count), reducers[name](second[0], count))
-            for first, second in frames
-        ]
-        for name, count in columns
-    }
-    columns.append(("raw", 0))
-    clouds["raw", 0] = [(first[0].points, second[0].points) for first, second in frames]
-    print(f"{options.pairs} pairs, {options.seeds} seeds; median [quartiles] in m\n")
-    titles = [f"{name}, {count:,}" if count else name for name, count in columns]
-    print("| keypoints | " + " | ".join(titles) + " |")
-    print("|" + "---|" * (len(columns) + 1))
-    for keypoints in (True, False):
-        cells = []
-        for column in columns:
-            errors = [
-                deviation(source, target, to, keypoints, seed)
-                for (source, target), to in zip(clouds[column], known, strict=True)
-                for seed in range(options.seeds)
+    columns = [(method, count) for method in reducers for count in options.counts] + [("raw", 0)]
+    errors: dict[tuple[int, int, tuple[str, int]], list[float]] = {}
+    pairs = list(PAIRS[name](options.pairs))
+    for number, pair in enumerate(pairs):
+        print(f"{name} {number + 1} of {len(pairs)}", file=sys.stderr, flush=True)
+        for method, count in columns:
+            both = [
+                described(
+                    program,
+                    reducers[method](sb.PointCloud(points), count) if count else points,
+                    kind,
+                    folder,
+                )
+                for points in (pair.source, pair.target)
             ]
-            low, middle, high = np.nanpercentile(errors, [25, 50, 75])
-            lost = int(np.isnan(errors).sum())
-            note = f", {lost} without keypoints" if lost else ""
-            cells.append(f"{middle:.3f} [{low:.3f}, {high:.3f}]{note}")
-        print(f"| {'ISS' if keypoints else 'all'} | " + " | ".join(cells) + " |", flush=True)
+            for i, ((source, of_source), (target, of_target)) in enumerate(
+                zip(*both, strict=True)
+            ):
+                for j in range(len(DESCRIPTORS)):
+                    joined = matches(of_source[j], of_target[j])
+                    errors.setdefault((i, j, (method, count)), []).extend(
+                        deviation(pair, source, target, joined, kind.limit, seed)
+                        for seed in range(options.seeds)
+                    )
+    size = int(np.median([len(points) for pair in pairs for points in (pair.source, pair.target)]))
+    print(f"\n**{name}: {len(pairs)} pairs of {size:,} points, {options.seeds} seeds**\n")
+    titles = [f"{method}, {count:,}" if count else method for method, count in columns]
+    print("| keypoints | descriptor | " + " | ".join(titles) + " |")
+    print("|" + "---|" * (len(titles) + 2))
+    for i, detector in enumerate(DETECTORS):
+        for j, descriptor in enumerate(DESCRIPTORS):
+            cells = []
+            for column in columns:
+                found = np.array(errors[i, j, column])
+                successes = 100 * (found < kind.limit).mean()
+                cells.append(f"{np.median(found):.3f}, {successes:.0f} %")
+            print(f"| {detector} | {descriptor} | " + " | ".join(cells) + " |")
+    means = []
+    for column in columns:
+        found = np.concatenate([errors[i, j, column] for i in range(3) for j in range(3)])
+        means.append(f"{np.median(found):.3f}, {100 * (found < kind.limit).mean():.0f} %")
+    print("| all | all | " + " | ".join(means) + " |", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--pcl", type=Path, default=Path("/usr"), help="prefix of PCL")
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--counts", type=int, nargs="+", default=[5000, 10_000, 20_000])
+    parser.add_argument("--scans", nargs="+", default=list(PAIRS))
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        program = compiled(options.pcl, folder)
+        for scans in options.scans:
+            measure(scans, program, folder, options)
 
 
 if __name__ == "__main__":

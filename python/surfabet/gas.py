@@ -70,7 +70,9 @@ class GasModel(Model[_core.GasModel]):
         cloud: PointCloud,
         n_neurons: int | None = None,
         *,
-        patterns: int = 300,
+        published: bool = False,
+        patterns: int | None = None,
+        polish: int = 10,
         epsilon_w: float = 0.2,
         epsilon_n: float = 0.006,
         alpha: float = 0.5,
@@ -97,9 +99,17 @@ class GasModel(Model[_core.GasModel]):
         n_neurons
             Number of neurons afterwards; by default the space that both occupy gets as many per
             volume as this model has.
+        published
+            The method as printed, without what was added to it: 300 `patterns` and a `beta` of
+            0.005 where they are not given, and no `polish`. True or False; by default False.
         patterns
             Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
-            default 300.
+            default 20, or 300 where no `polish` follows or growth ends by `target_error`.
+        polish
+            Rounds of k-means over all points after growth (none of the published steps). Each moves
+            every neuron to the mean of its points, those of the first half also neurons that are
+            hardly needed to where errors are large; then edges are learned anew. With 0 the network
+            stays as it has grown. An integer from 0 to 10000; by default 10.
         epsilon_w
             Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b). A
             number above 0 and at most 1; by default 0.2.
@@ -114,7 +124,7 @@ class GasModel(Model[_core.GasModel]):
             0.005 is for 100 neurons; with it a network of thousands remembers the errors of the
             last few hundred signals only, most neurons having had none of them. A number from 0 to
             0.5; by default 0.5 divided by the number of neurons, the same memory per neuron for any
-            number.
+            number; 0.005 in the published method.
         max_age
             Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50.
         target_error
@@ -144,7 +154,9 @@ class GasModel(Model[_core.GasModel]):
             For an empty scan, fewer neurons than this model has, or options outside their range.
         """
         options = {
+            "published": published,
             "patterns": patterns,
+            "polish": polish,
             "epsilon_w": epsilon_w,
             "epsilon_n": epsilon_n,
             "alpha": alpha,
@@ -273,7 +285,9 @@ def learn_gas(
     *,
     quality: Literal["small", "balanced", "fine"] = "balanced",
     n_neurons: int | None = None,
-    patterns: int = 300,
+    published: bool = False,
+    patterns: int | None = None,
+    polish: int = 10,
     epsilon_w: float = 0.2,
     epsilon_n: float = 0.006,
     alpha: float = 0.5,
@@ -305,9 +319,17 @@ def learn_gas(
         Number of neurons at which the network stops growing. More than the points have places are
         not made. An integer from 2 to 2^26; by default one for each cell that holds points, its
         side twice the tolerance: two spacings, or three standard deviations of the noise.
+    published
+        The method as printed, without what was added to it: 300 `patterns` and a `beta` of 0.005
+        where they are not given, and no `polish`. True or False; by default False.
     patterns
         Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
-        default 300.
+        default 20, or 300 where no `polish` follows or growth ends by `target_error`.
+    polish
+        Rounds of k-means over all points after growth (none of the published steps). Each moves
+        every neuron to the mean of its points, those of the first half also neurons that are hardly
+        needed to where errors are large; then edges are learned anew. With 0 the network stays as
+        it has grown. An integer from 0 to 10000; by default 10.
     epsilon_w
         Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b). A number
         above 0 and at most 1; by default 0.2.
@@ -321,7 +343,8 @@ def learn_gas(
         Share of every error that is forgotten with each signal (beta, 1 - d). The published 0.005
         is for 100 neurons; with it a network of thousands remembers the errors of the last few
         hundred signals only, most neurons having had none of them. A number from 0 to 0.5; by
-        default 0.5 divided by the number of neurons, the same memory per neuron for any number.
+        default 0.5 divided by the number of neurons, the same memory per neuron for any number;
+        0.005 in the published method.
     max_age
         Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50.
     target_error
@@ -368,7 +391,9 @@ def learn_gas(
     options = {
         "quality": quality,
         "n_neurons": n_neurons,
+        "published": published,
         "patterns": patterns,
+        "polish": polish,
         "epsilon_w": epsilon_w,
         "epsilon_n": epsilon_n,
         "alpha": alpha,

@@ -168,8 +168,24 @@ def test_both_searches_give_the_same_bytes(cloud):
     assert sb.learn_gas(cloud, n_neurons=200, patterns=50, random_state=6).to_bytes() != expected
 
 
+def test_published(cloud):
+    published = sb.learn_gas(cloud, n_neurons=300, published=True)
+    grown = sb.learn_gas(cloud, n_neurons=300, patterns=300, beta=0.005, polish=0)
+    assert published.to_bytes() == grown.to_bytes()
+    polished = sb.learn_gas(cloud, n_neurons=300)
+    assert len(polished) == 300
+    assert polished.mean_error < published.mean_error
+    assert len(polished.report.objectives["mean distance in the polish"]) == 10
+    # Every neuron is joined, and most of those that are the two nearest to a point are so.
+    pairs = np.sort(cKDTree(polished.neurons.positions).query(cloud.points, 2)[1], axis=1)
+    edges = {tuple(edge) for edge in polished.edges.tolist()}
+    assert np.mean([tuple(pair) in edges for pair in pairs.tolist()]) > 0.95
+    assert len(np.unique(polished.edges)) == 300
+
+
 def test_stops(cloud):
-    by_error = sb.learn_gas(cloud, n_neurons=5000, target_error=0.08)
+    # Without the polish, which comes after growth.
+    by_error = sb.learn_gas(cloud, n_neurons=5000, target_error=0.08, polish=0)
     # It ends with the first 4096 signals whose mean is small enough. Meanwhile 14 neurons came, and
     # errors go with the root of the area that a neuron has: the network is half of these signals
     # further than their mean, which the one before was not small enough for. The mean of so many is

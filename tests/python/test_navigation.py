@@ -17,15 +17,13 @@ ROBOT = {"radius": 0.2, "height": 1.0, "max_step": 0.05, "max_slope": 15.0}
 
 def sheet(low: list[float], high: list[float], spacing: float = 0.02) -> NDArray[np.float64]:
     """Points of a rectangle along two axes, (n, 3)."""
-    sides = [
-        np.arange(a, b + 1e-9, spacing) if b > a else np.array([a])
-        for a, b in zip(low, high, strict=True)
-    ]
+    ends = zip(low, high, strict=True)
+    sides = [np.arange(a, b + 1e-9, spacing) for a, b in ends]
     return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def floor_with_wall(door: float, lintel: float = 2.0) -> NDArray[np.float64]:
-    """A floor of 4 x 4 m and a wall across it at x = 2 with a door in its middle, up to `lintel`."""
+    """A floor of 4 x 4 m, a wall across it at x = 2, and in it a door up to `lintel`."""
     half = 0.5 * door
     return np.concatenate(
         [

@@ -112,6 +112,12 @@ class LearnOptions:
     bic-alphabet an integer of at least 1; by default 8. For planes an integer of at least 3; by
     default a thousandth of all points, at least 30."""
 
+    published: Annotated[bool | None, Parameter(group=SHARED)] = None
+    """planes: The method as printed in the paper, from random patches (10 where `initial_patches`
+    is 0), without what was added to it. gas: The method as printed, without what was added to it:
+    300 `patterns` and a `beta` of 0.005 where they are not given, and no `polish`. True or False;
+    by default False."""
+
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
     spacing. A positive number of metres; by default no bound."""
@@ -253,10 +259,6 @@ class LearnOptions:
     """Number of patches to start from, placed at random. An integer from 0 to 2^20; by default
     0."""
 
-    published: Annotated[bool | None, Parameter(group=PLANES)] = None
-    """The method as printed in the paper, from random patches (10 where `initial_patches` is 0),
-    without what was added to it. True or False; by default False."""
-
     min_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
     """Grid size (G, section II-E) that the learned one does not fall below. A positive number of
     metres; by default the median spacing of the points, or three times their noise where that is
@@ -308,7 +310,11 @@ class LearnOptions:
 
     patterns: Annotated[int | None, Parameter(group=GAS)] = None
     """Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
-    default 300."""
+    default 20, or 300 where no `polish` follows or growth ends by `target_error`."""
+
+    polish: Annotated[int | None, Parameter(group=GAS)] = None
+    """Rounds of k-means over all points after growth (none of the published steps). An integer from
+    0 to 10000; by default 10."""
 
     epsilon_w: Annotated[float | None, Parameter(group=GAS)] = None
     """Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b). A number
@@ -324,8 +330,8 @@ class LearnOptions:
 
     beta: Annotated[float | None, Parameter(group=GAS)] = None
     """Share of every error that is forgotten with each signal (beta, 1 - d). A number from 0 to
-    0.5; by default 0.5 divided by the number of neurons, the same memory per neuron for any
-    number."""
+    0.5; by default 0.5 divided by the number of neurons, the same memory per neuron for any number;
+    0.005 in the published method."""
 
     max_age: Annotated[int | None, Parameter(group=GAS)] = None
     """Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50."""

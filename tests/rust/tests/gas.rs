@@ -15,7 +15,7 @@ fn plain(points: Vec<[f32; 3]>) -> PointCloud {
 }
 
 fn options(n_neurons: usize) -> GasOptions {
-    GasOptions { n_neurons: Some(n_neurons), patterns: 100, ..GasOptions::default() }
+    GasOptions { n_neurons: Some(n_neurons), patterns: Some(100), ..GasOptions::default() }
 }
 
 fn learn(cloud: &PointCloud, options: &GasOptions) -> GasModel {
@@ -69,7 +69,7 @@ fn many_tasks_give_the_same_on_any_number_of_threads() {
 #[test]
 fn it_adapts_better_than_a_voxel_grid_of_as_many() {
     let cloud = sphere(40_000, false, 2);
-    let model = learn(&cloud, &GasOptions { patterns: 300, ..options(500) });
+    let model = learn(&cloud, &GasOptions { patterns: Some(300), ..options(500) });
     let (mut low, mut high) = (0.01, 1.0);
     for _ in 0..30 {
         let size = 0.5 * (low + high);
@@ -83,6 +83,46 @@ fn it_adapts_better_than_a_voxel_grid_of_as_many() {
         (mean_distance(&cloud, &model.positions()), mean_distance(&cloud, means.positions()));
     assert!(ours < theirs, "{ours} {theirs}");
     assert!((ours / model.mean_error() - 1.0).abs() < 1e-4, "{ours} {}", model.mean_error());
+}
+
+#[test]
+fn the_published_method_is_growth_alone_with_its_own_numbers() {
+    let cloud = sphere(5000, true, 13);
+    let published = GasOptions { n_neurons: Some(150), published: true, ..GasOptions::default() };
+    let spelled_out = GasOptions {
+        n_neurons: Some(150),
+        patterns: Some(300),
+        beta: Some(0.005),
+        polish: 0,
+        ..GasOptions::default()
+    };
+    let model = learn(&cloud, &published);
+    assert_eq!(bytes(&model), bytes(&learn(&cloud, &spelled_out)));
+    assert_eq!(model.report().iterations, 300 * 150);
+    assert_eq!(model.report().objectives.len(), 1);
+    // What is given holds in the published method too.
+    let few = learn(&cloud, &GasOptions { patterns: Some(50), ..published });
+    assert_eq!(few.report().iterations, 50 * 150);
+}
+
+#[test]
+fn the_polish_comes_near_to_the_best_there_is() {
+    // Of all networks of n neurons on a surface hexagons have the least mean distance, 0.377 times the root of a cell's
+    // area (L. Fejes Toth, 1953). From a tenth of the published signals the polish comes within 4 percent of them, growth
+    // alone does not with all.
+    let (cloud, other) = (sphere(60_000, false, 15), sphere(60_000, false, 16));
+    let n = 600;
+    let hexagons = 0.377 * (4.0 * std::f64::consts::PI / n as f64).sqrt();
+    let default = GasOptions { n_neurons: Some(n), ..GasOptions::default() };
+    let ratio = |options: &GasOptions| {
+        let model = learn(&cloud, options);
+        assert_eq!(model.len(), n);
+        mean_distance(&other, &model.positions()) / hexagons
+    };
+    let polished = ratio(&default);
+    assert!((0.995..1.04).contains(&polished), "{polished}");
+    let grown = ratio(&GasOptions { published: true, ..default });
+    assert!(grown > 1.04, "{grown}");
 }
 
 #[test]
@@ -112,7 +152,7 @@ fn two_spheres_apart_are_two_components_without_a_way_between() {
     let mut parts = sphere(5000, false, 4).into_parts();
     parts.positions.iter_mut().step_by(2).for_each(|p| p[0] += 10.0);
     let cloud = PointCloud::from_parts(parts).unwrap().0;
-    let model = learn(&cloud, &GasOptions { patterns: 300, ..options(300) });
+    let model = learn(&cloud, &GasOptions { patterns: Some(300), ..options(300) });
     let components = model.components();
     assert_eq!(components.iter().max(), Some(&1));
     let distances = model.geodesic_distances(0).unwrap();
@@ -143,7 +183,7 @@ fn normals_point_to_the_sensor_or_all_to_one_side() {
 #[test]
 fn the_mesh_is_consistently_oriented_and_closes_over_a_sphere() {
     let cloud = sphere(50_000, true, 6);
-    let model = learn(&cloud, &GasOptions { patterns: 300, ..options(500) });
+    let model = learn(&cloud, &GasOptions { patterns: Some(300), ..options(500) });
     let mesh = model.mesh();
     let mut sides: Vec<[u32; 2]> =
         mesh.iter().flat_map(|&[i, j, k]| [[i, j], [j, k], [k, i]]).collect();
@@ -238,7 +278,7 @@ fn an_update_learns_the_new_scan_and_keeps_the_old_one() {
     parts.positions.iter_mut().for_each(|p| p[0] += 1.5);
     parts.viewpoints.as_mut().unwrap().origins[0] = [1.5, 0.0, 0.0];
     let second = PointCloud::from_parts(parts).unwrap().0;
-    let base = GasOptions { patterns: 300, ..options(400) };
+    let base = GasOptions { patterns: Some(300), ..options(400) };
     let model = learn(&first, &base);
     let about = |c: &PointCloud, m: &GasModel| {
         let shifted = plain(c.positions_about(m.origin()));
@@ -264,7 +304,9 @@ fn an_update_learns_the_new_scan_and_keeps_the_old_one() {
 #[test]
 fn growth_ends_by_error_and_by_passes() {
     let cloud = sphere(20_000, false, 11);
-    let by_error = learn(&cloud, &GasOptions { target_error: Some(0.1), ..options(5000) });
+    // Without the polish, which comes after it.
+    let grown = GasOptions { polish: 0, ..options(5000) };
+    let by_error = learn(&cloud, &GasOptions { target_error: Some(0.1), ..grown });
     // It ends with the first 4096 signals whose mean is small enough. Meanwhile 41 neurons came, and errors go with the
     // root of the area that a neuron has: the network is half of these signals further than their mean, which the one
     // before was not small enough for. The mean of so many is off by half a percent.

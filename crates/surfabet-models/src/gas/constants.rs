@@ -44,6 +44,13 @@ pub(super) const MOST_RECALLED: f64 = 2e6;
 /// is. Half and double changed the mean error of an updated room by 0.3 percent.
 pub(super) const SETTLING: u64 = 30;
 
+/// Points per neuron that the rounds of the polish look at, but for the last ones: every so many along a curve through all
+/// points, so that each neuron has about its share.
+pub(super) const POLISH_SAMPLE: usize = 32;
+
+/// Rounds at the end of the polish that look at all points: the second moves neurons little more.
+pub(super) const ROUNDS_OF_ALL: u32 = 2;
+
 /// Neurons per unit of parallel work when they are described, some milliseconds; results do not depend on it.
 pub(super) const NEURONS_PER_TASK: usize = 256;
 

@@ -8,6 +8,8 @@ use super::learn::KEPT;
 use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
 use super::network::{Graph, Grown};
 use super::options::GasOptions;
+use super::ordered::Ordered;
+use super::polish::{Polished, polish};
 use crate::attribute_error::measure;
 use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::{Error, Result};
@@ -35,7 +37,7 @@ figures! {
     }
 }
 
-/// Rounds the positions of a grown network, and describes its neurons by the points of `observed`, as the last of
+/// Polishes a grown network by the points of `observed`, rounds its positions, and describes its neurons, as the last of
 /// `stages`.
 pub(super) fn finish(
     grown: Grown,
@@ -46,7 +48,16 @@ pub(super) fn finish(
     start: &Start<'_>,
     mut stages: Stages<'_>,
 ) -> Result<GasModel> {
-    let Graph { positions, edges } = grown.graph;
+    let mut trace = Vec::new();
+    let mut graph = grown.graph;
+    if options.polish() > 0 {
+        let sets: Vec<(&Ordered, f64)> = observed.iter().map(|of| (of.points, of.weight)).collect();
+        let polished = stages.run("polishing", |progress| {
+            polish(graph.positions, &sets, options.polish(), options.max_age, progress)
+        })?;
+        Polished { graph, trace } = polished;
+    }
+    let Graph { positions, edges } = graph;
     let exponent = step_exponent(&positions, &edges, options)?;
     let step = f64::from(exponent).exp2();
     let rounded: Vec<[i32; 3]> =
@@ -72,7 +83,14 @@ pub(super) fn finish(
     let mut report = GasReport {
         figures: Some(figures),
         levels: Vec::new(),
-        objectives: vec![("mean distance of signals".into(), grown.trace)],
+        objectives: [
+            ("mean distance of signals", grown.trace),
+            ("mean distance in the polish", trace),
+        ]
+        .into_iter()
+        .filter(|(_, values)| !values.is_empty())
+        .map(|(name, values)| (name.into(), values))
+        .collect(),
         iterations: grown.signals as usize,
         stop_reason: grown.stop_reason,
         not_kept: lost(&start.cloud, &KEPT),

@@ -10,6 +10,7 @@ use super::finish::finish;
 use super::model::GasModel;
 use super::network::{Graph, Signals, Stop, grow};
 use super::options::{GasOptions, MAX_NEURONS};
+use super::ordered::Ordered;
 use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::quality::Quality;
@@ -19,9 +20,10 @@ use crate::start::{Leave, Start, significant};
 /// The stages and their shares of the progress: the time of each in per cent, on a Kinect frame.
 pub(super) const STAGES: &[(&str, f32)] = &[
     ("measuring the cloud", 5.0),
-    ("growing", 84.0),
-    ("describing neurons", 10.0),
-    ("measuring attributes", 1.0),
+    ("growing", 40.0),
+    ("polishing", 35.0),
+    ("describing neurons", 15.0),
+    ("measuring attributes", 5.0),
 ];
 
 /// What a gas keeps beyond positions.
@@ -55,12 +57,18 @@ pub fn learn(
     let mut signals = Signals::new(&[(&positions, 1.0)], options.random_state);
     let first = signals.two_places().ok_or(Error::EmptyCloud)?;
     let pair = Graph { positions: first.to_vec(), edges: Vec::new() };
-    let grown = stages.run("growing", |progress| {
-        grow(&pair, signals, options, stop(options, positions.len()), progress)
+    let stop = stop(options, positions.len());
+    // Meanwhile another thread orders the points.
+    let (grown, ordered) = stages.run("growing", |progress| {
+        let (grown, ordered) = rayon::join(
+            || grow(&pair, signals, options, stop, progress),
+            || Ordered::new(&positions),
+        );
+        Ok((grown?, ordered))
     })?;
-    // Colours, intensities, normals and sizes of the neurons, and everything rounded.
+    // The polish; colours, intensities, normals and sizes of the neurons, and everything rounded.
     let observed = Observed {
-        points: &positions,
+        points: &ordered,
         colors: cloud.colors(),
         intensities: cloud.intensities(),
         facing: cloud.facing(),
@@ -73,7 +81,7 @@ pub fn learn(
 fn stop(options: &GasOptions, n_points: usize) -> Stop {
     let planned = match options.passes {
         Some(passes) => (passes * n_points as f64).ceil() as u64,
-        None => options.n_neurons() as u64 * u64::from(options.patterns),
+        None => options.n_neurons() as u64 * u64::from(options.patterns()),
     };
     Stop {
         n_neurons: options.n_neurons(),
@@ -88,7 +96,15 @@ fn stop(options: &GasOptions, n_points: usize) -> Stop {
 fn chosen_size(start: &mut Start<'_>, options: &GasOptions) -> Result<GasOptions> {
     let positions = start.cloud.positions();
     // Zero is one place, whatever its sign.
-    let places = count_distinct(positions.len(), |i| positions[i].map(|c| (c + 0.0).to_bits()));
+    let place = |i: usize| positions[i].map(|c| (c + 0.0).to_bits());
+    // Of a number of neurons that is given only whether there are as many places matters, and the first points tell that.
+    let enough = options.n_neurons.unwrap_or(MAX_NEURONS).max(2);
+    let mut looked_at = (enough.saturating_mul(2)).min(positions.len());
+    let mut places = count_distinct(looked_at, place);
+    while places < enough && looked_at < positions.len() {
+        looked_at = (4 * looked_at).min(positions.len());
+        places = count_distinct(looked_at, place);
+    }
     if places < 2 {
         return Err(Error::TooFewPlaces { neurons: options.n_neurons.unwrap_or(2), places });
     }

@@ -14,6 +14,8 @@
 //! | `network/accumulated` | errors that decay, and the largest | steps 5, 9, 10 |
 //! | `network` | the ten steps | 1995, section 2 |
 //! | `network/growth` | from signal to signal until there is enough | stopping criterion |
+//! | `ordered` | the points along a space-filling curve | |
+//! | `polish` | k-means from the grown network, and its edges | ours, not in published mode |
 //! | `finish`, `describe` | positions rounded; colour, normal, number of points, radius and thickness of every neuron | future work |
 //! | `model`, `coding` | the result, in the integers that a file stores | |
 //! | `decode` | back to a cloud at any spacing | future work |
@@ -36,6 +38,8 @@ mod model;
 mod navigation;
 mod network;
 mod options;
+mod ordered;
+mod polish;
 mod surface;
 mod update;
 mod winners;

@@ -20,6 +20,15 @@ choices!(Search { Indexed = "indexed", BruteForce = "brute-force" });
 /// Memory of errors by default, in signals per neuron: the published decay of 0.005 is for networks of 100 neurons.
 const BETA_PER_NEURON: f64 = 0.5;
 
+/// The published decay (Fritzke 1995).
+const PUBLISHED_BETA: f64 = 0.005;
+
+/// Signals per inserted neuron by default where nothing follows growth: within the paper's 250 to 500.
+const PATTERNS: u32 = 300;
+
+/// The same where the polish follows, which moves neurons to their places anyhow.
+const PATTERNS_BEFORE_POLISH: u32 = 20;
+
 options! {
     /// Options of [`learn`](super::learn), with the paper's symbols; defaults are those of Fritzke (1995).
     pub struct GasOptions {
@@ -29,8 +38,16 @@ options! {
         /// Number of neurons at which the network stops growing. More than the points have places are not made.
         n_neurons: Option<usize> = None, range = Range::from_to(2.0, MAX_NEURONS as f64),
             none = "one for each cell that holds points, its side twice the tolerance: two spacings, or three standard deviations of the noise";
+        /// The method as printed, without what was added to it: 300 `patterns` and a `beta` of 0.005 where they are not
+        /// given, and no `polish`.
+        published: bool = false, another_scene = true;
         /// Signals per inserted neuron (lambda, the paper's patterns).
-        patterns: u32 = 300, range = Range::at_least(1.0), another_scene = true;
+        patterns: Option<u32> = None, range = Range::at_least(1.0),
+            none = "20, or 300 where no `polish` follows or growth ends by `target_error`", another_scene = true;
+        /// Rounds of k-means over all points after growth (none of the published steps). Each moves every neuron to the mean
+        /// of its points, those of the first half also neurons that are hardly needed to where errors are large; then
+        /// edges are learned anew. With 0 the network stays as it has grown.
+        polish: u32 = 10, range = Range::from_to(0.0, 10_000.0), another_scene = true;
         /// Share of the way to the signal that the winner moves (epsilon_w, also epsilon_b).
         epsilon_w: f64 = 0.2, range = Range::above_to(0.0, 1.0), another_scene = true;
         /// Share of the way to the signal that the winner's neighbours move (epsilon_n).
@@ -41,7 +58,8 @@ options! {
         /// neurons; with it a network of thousands remembers the errors of the last few hundred signals only, most
         /// neurons having had none of them.
         beta: Option<f64> = None, range = Range::from_to(0.0, 0.5),
-            none = "0.5 divided by the number of neurons, the same memory per neuron for any number",
+            none = "0.5 divided by the number of neurons, the same memory per neuron for any number; 0.005 in the published \
+                    method",
             another_scene = true;
         /// Age above which an edge is removed (a_max).
         max_age: u32 = 50, range = Range::from_to(1.0, 1_073_741_824.0), another_scene = true;
@@ -75,8 +93,20 @@ impl GasOptions {
         self.n_neurons.unwrap_or(2)
     }
 
+    /// Rounds of the polish in force.
+    pub fn polish(&self) -> u32 {
+        if self.published { 0 } else { self.polish }
+    }
+
+    /// The signals per neuron in force.
+    pub fn patterns(&self) -> u32 {
+        let is_short = self.polish() > 0 && self.target_error.is_none();
+        self.patterns.unwrap_or(if is_short { PATTERNS_BEFORE_POLISH } else { PATTERNS })
+    }
+
     /// The decay in force.
     pub fn beta(&self) -> f64 {
-        self.beta.unwrap_or_else(|| (BETA_PER_NEURON / self.n_neurons() as f64).min(0.5))
+        let by_size = || (BETA_PER_NEURON / self.n_neurons() as f64).min(0.5);
+        self.beta.unwrap_or_else(|| if self.published { PUBLISHED_BETA } else { by_size() })
     }
 }

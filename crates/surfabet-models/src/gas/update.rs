@@ -13,6 +13,7 @@ use super::learn::STAGES;
 use super::model::GasModel;
 use super::network::{Graph, Signals, Stop, grow};
 use super::options::{GasOptions, MAX_NEURONS};
+use super::ordered::Ordered;
 use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::spread::across;
@@ -64,7 +65,7 @@ impl GasModel {
         let sets = [(&recalled.positions[..], old), (&positions[..], positions.len() as f64)];
         let signals = Signals::new(&sets, options.random_state);
         let graph = Graph { positions: self.positions(), edges: self.edges.clone() };
-        let planned = (n - self.len()) as u64 * u64::from(options.patterns) + SETTLING * n as u64;
+        let planned = (n - self.len()) as u64 * u64::from(options.patterns()) + SETTLING * n as u64;
         let stop = Stop {
             n_neurons: n,
             target_error: options.target_error,
@@ -73,7 +74,8 @@ impl GasModel {
         };
         let grown =
             stages.run("growing", |progress| grow(&graph, signals, &options, stop, progress))?;
-        // Colours, intensities, normals and sizes of the neurons, and everything rounded.
+        // The polish; colours, intensities, normals and sizes of the neurons, and everything rounded.
+        let ordered = [Ordered::new(&recalled.positions), Ordered::new(&positions)];
         let colors: Option<Vec<[u8; 3]>> = self
             .colors()
             .map(|colors| recalled.neurons.iter().map(|&i| colors[i as usize]).collect());
@@ -82,14 +84,14 @@ impl GasModel {
             .map(|values| recalled.neurons.iter().map(|&i| values[i as usize]).collect());
         let observed = [
             Observed {
-                points: &recalled.positions,
+                points: &ordered[0],
                 colors: colors.as_deref(),
                 intensities: intensities.as_deref(),
                 facing: Some(recalled.normals),
                 weight: old / recalled.positions.len() as f64,
             },
             Observed {
-                points: &positions,
+                points: &ordered[1],
                 colors: cloud.colors(),
                 intensities: cloud.intensities(),
                 facing: cloud.facing(),

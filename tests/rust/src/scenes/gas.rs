@@ -43,7 +43,8 @@ impl Scene for GasModel {
     }
 
     fn learn(cloud: &PointCloud, progress: &dyn Progress) -> Result<Self> {
-        let options = GasOptions { n_neurons: Some(60), patterns: 100, ..GasOptions::default() };
+        let options =
+            GasOptions { n_neurons: Some(60), patterns: Some(100), ..GasOptions::default() };
         gas::learn(cloud, &options, progress)
     }
 

@@ -1,19 +1,22 @@
 //! Statistics of the points nearest to a neuron: number, colour, intensity, normal, radius and thickness.
 
 use rayon::prelude::*;
-use surfabet_geom::{KdTree, Moments, Progress};
+use surfabet_geom::{Moments, Progress};
 
 use super::orient::orient;
 use crate::error::Result;
 use crate::gas::adjacency::Adjacency;
 use crate::gas::constants::NEURONS_PER_TASK;
+use crate::gas::ordered::Ordered;
+use crate::gas::winners::{Groups, Nearby};
 
 /// Colour of neurons of a coloured map without a colour of their own.
 const GREY: [f32; 3] = [127.0; 3];
 
 /// Points to describe, all with the same weight.
 pub(in crate::gas) struct Observed<'a> {
-    pub points: &'a [[f32; 3]],
+    /// The values of the others are in the order of the input.
+    pub points: &'a Ordered,
     pub colors: Option<&'a [[u8; 3]]>,
     pub intensities: Option<&'a [f32]>,
     /// Direction to the viewpoint of each point, or its known normal; zero where unknown.
@@ -76,10 +79,10 @@ pub(in crate::gas) fn describe(
     sets: &[Observed<'_>],
     progress: &dyn Progress,
 ) -> Result<Statistics> {
-    let tree = KdTree::new(positions)?;
+    let nearby = Nearby::new(positions, progress)?;
     let mut sums = vec![PointSums::default(); positions.len()];
     for set in sets {
-        gather(&mut sums, &tree, set, progress)?;
+        gather(&mut sums, &nearby, set, progress)?;
     }
     progress.check()?;
     let counts: Vec<f64> = sums.iter().map(|of| of.moments.weight()).collect();
@@ -162,33 +165,18 @@ fn mean_intensity(sums: &[PointSums]) -> f32 {
 /// Adds the points of a set to the sums of their nearest neurons, in the order of the points.
 fn gather(
     sums: &mut [PointSums],
-    tree: &KdTree,
+    nearby: &Nearby,
     set: &Observed<'_>,
     progress: &dyn Progress,
 ) -> Result<()> {
-    if set.points.is_empty() {
-        return Ok(());
-    }
-    let nearest = tree.nearest_batch(set.points, progress)?;
-    let mut starts = vec![0_usize; sums.len() + 1];
-    for n in &nearest {
-        starts[n.index() + 1] += 1;
-    }
-    for i in 0..sums.len() {
-        starts[i + 1] += starts[i];
-    }
-    let mut next = starts.clone();
-    let mut order = vec![0_u32; nearest.len()];
-    for (i, n) in nearest.iter().enumerate() {
-        order[next[n.index()]] = i as u32;
-        next[n.index()] += 1;
-    }
+    let winners = nearby.assigned(&set.points.points, progress)?;
+    let groups = Groups::new(sums.len(), &winners);
     progress.check()?;
     sums.par_iter_mut().with_min_len(NEURONS_PER_TASK).enumerate().for_each(|(i, of)| {
-        let members = &order[starts[i]..starts[i + 1]];
-        for m in members.iter().map(|&m| m as usize) {
-            of.moments.add(set.points[m].map(f64::from), set.weight);
-            of.distance += set.weight * f64::from(nearest[m].squared_distance().sqrt());
+        for m in groups.of(i) {
+            of.moments.add(set.points.points[m].map(f64::from), set.weight);
+            of.distance += set.weight * f64::from(winners[m][0].squared_distance()).sqrt();
+            let m = set.points.source[m] as usize;
             if let Some(colors) = set.colors {
                 (0..3).for_each(|c| of.color[c] += set.weight * f64::from(colors[m][c]));
                 of.colored += set.weight;

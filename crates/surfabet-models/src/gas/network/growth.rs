@@ -66,7 +66,7 @@ pub(in crate::gas) fn grow(
         // Step 1.
         let mut network = Network::new(winners, options.into(), &start.positions);
         network.join(&start.edges);
-        present_signals(network, signals, options.patterns, stop, progress)
+        present_signals(network, signals, options.patterns(), stop, progress)
     }
     match options.search {
         Search::Indexed => with(Index::new(), start, signals, options, stop, progress),

@@ -4,12 +4,15 @@
 //! |---|---|
 //! | `index` | a k-d tree that follows the neurons |
 //! | `brute_force` | the distances to all neurons, to compare with |
+//! | `nearby` | lists of those around each neuron, once the neurons stay where they are |
 
 mod brute_force;
 mod index;
+mod nearby;
 
 pub use brute_force::BruteForce;
 pub use index::Index;
+pub(super) use nearby::{Groups, Nearby};
 
 /// A neuron found. Orders by distance, then by id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -18,7 +21,9 @@ pub struct Winner {
 }
 
 impl Winner {
-    const NONE: Self = Self { key: (f32::INFINITY.to_bits() as u64) << 32 | u32::MAX as u64 };
+    /// No neuron yet: behind all that there are.
+    pub(super) const NONE: Self =
+        Self { key: (f32::INFINITY.to_bits() as u64) << 32 | u32::MAX as u64 };
 
     #[inline(always)]
     fn new(squared_distance: f32, id: u32) -> Self {

@@ -1,0 +1,209 @@
+// Keypoints and descriptors of PCL for gas_registration.py, which compiles and runs this program.
+//
+//     pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS
+//
+// CLOUD holds x, y, z in metres as 32-bit floats; the sensor is at the origin. OUT gets, for the detectors ISS, Harris3D and
+// SIFT3D (on curvature) in this order, the number of keypoints, their positions, and for the descriptors FPFH, SHOT and
+// PFH the width and a row per keypoint; all as 32-bit floats. Normals come from within half of DESCRIPTOR_RADIUS, at
+// least ten neighbours.
+
+#include <pcl/features/fpfh.h>
+#include <pcl/features/normal_3d.h>
+#include <pcl/features/pfh.h>
+#include <pcl/features/shot.h>
+#include <pcl/keypoints/harris_3d.h>
+#include <pcl/keypoints/iss_3d.h>
+#include <pcl/keypoints/sift_keypoint.h>
+#include <pcl/point_types.h>
+#include <pcl/search/kdtree.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <random>
+#include <vector>
+
+using Point = pcl::PointXYZ;
+using Cloud = pcl::PointCloud<Point>;
+using Normals = pcl::PointCloud<pcl::Normal>;
+using Tree = pcl::search::KdTree<Point>;
+
+namespace {
+
+// More keypoints are thinned to this number at random: descriptors take the time.
+constexpr std::size_t kMost = 400;
+
+struct Scene {
+    Cloud::Ptr cloud{new Cloud};
+    Normals::Ptr normals{new Normals};
+    Tree::Ptr tree{new Tree};
+    double detector_radius = 0, descriptor_radius = 0;
+};
+
+Cloud::Ptr read(const char *path) {
+    std::ifstream file(path, std::ios::binary);
+    Cloud::Ptr cloud(new Cloud);
+    float p[3];
+    while (file.read(reinterpret_cast<char *>(p), sizeof p)) {
+        cloud->push_back(Point(p[0], p[1], p[2]));
+    }
+    return cloud;
+}
+
+// Normals towards the origin, from within a radius or from ten neighbours where those are more.
+void estimate_normals(Scene &scene) {
+    pcl::NormalEstimation<Point, pcl::Normal> estimation;
+    std::vector<int> near;
+    std::vector<float> squares;
+    scene.normals->resize(scene.cloud->size());
+    for (std::size_t i = 0; i < scene.cloud->size(); ++i) {
+        const Point &p = (*scene.cloud)[i];
+        if (scene.tree->radiusSearch(p, scene.descriptor_radius / 2, near, squares) < 10) {
+            scene.tree->nearestKSearch(p, 10, near, squares);
+        }
+        pcl::Normal &n = (*scene.normals)[i];
+        if (!estimation.computePointNormal(*scene.cloud, near, n.normal_x, n.normal_y, n.normal_z, n.curvature)) {
+            n.normal_x = n.normal_y = n.curvature = 0;
+            n.normal_z = 1;
+        }
+        pcl::flipNormalTowardsViewpoint(p, 0.f, 0.f, 0.f, n.normal_x, n.normal_y, n.normal_z);
+    }
+}
+
+Cloud::Ptr iss(const Scene &scene) {
+    pcl::ISSKeypoint3D<Point, Point> detector;
+    Cloud::Ptr found(new Cloud);
+    detector.setSearchMethod(scene.tree);
+    detector.setSalientRadius(scene.detector_radius);
+    detector.setNonMaxRadius(scene.detector_radius * 2 / 3);
+    detector.setThreshold21(0.975);
+    detector.setThreshold32(0.975);
+    detector.setMinNeighbors(5);
+    detector.setInputCloud(scene.cloud);
+    detector.compute(*found);
+    return found;
+}
+
+Cloud::Ptr harris(const Scene &scene) {
+    pcl::HarrisKeypoint3D<Point, pcl::PointXYZI> detector;
+    pcl::PointCloud<pcl::PointXYZI> found;
+    detector.setSearchMethod(scene.tree);
+    detector.setNonMaxSupression(true);
+    detector.setRefine(false);
+    detector.setRadius(scene.detector_radius);
+    detector.setThreshold(1e-4F);
+    detector.setNormals(scene.normals);
+    detector.setInputCloud(scene.cloud);
+    detector.compute(found);
+    Cloud::Ptr points(new Cloud);
+    for (const auto &p : found) {
+        points->push_back(Point(p.x, p.y, p.z));
+    }
+    return points;
+}
+
+Cloud::Ptr sift(const Scene &scene) {
+    pcl::PointCloud<pcl::PointNormal>::Ptr with_normals(new pcl::PointCloud<pcl::PointNormal>);
+    for (std::size_t i = 0; i < scene.cloud->size(); ++i) {
+        pcl::PointNormal p;
+        p.getVector3fMap() = (*scene.cloud)[i].getVector3fMap();
+        p.getNormalVector3fMap() = (*scene.normals)[i].getNormalVector3fMap();
+        p.curvature = (*scene.normals)[i].curvature;
+        with_normals->push_back(p);
+    }
+    pcl::SIFTKeypoint<pcl::PointNormal, pcl::PointWithScale> detector;
+    pcl::PointCloud<pcl::PointWithScale> found;
+    pcl::search::KdTree<pcl::PointNormal>::Ptr tree(new pcl::search::KdTree<pcl::PointNormal>);
+    detector.setSearchMethod(tree);
+    detector.setScales(static_cast<float>(scene.detector_radius) / 2, 3, 4);
+    detector.setMinimumContrast(0.001F);
+    detector.setInputCloud(with_normals);
+    detector.compute(found);
+    Cloud::Ptr points(new Cloud);
+    for (const auto &p : found) {
+        points->push_back(Point(p.x, p.y, p.z));
+    }
+    return points;
+}
+
+void thin(Cloud &keypoints) {
+    if (keypoints.size() > kMost) {
+        std::mt19937 random(0);
+        std::shuffle(keypoints.begin(), keypoints.end(), random);
+        keypoints.resize(kMost);
+    }
+}
+
+template <typename Descriptor, typename Estimation>
+std::vector<std::vector<float>> described(const Scene &scene, const Cloud::Ptr &keypoints, int width,
+                                          const float *(*values)(const Descriptor &)) {
+    Estimation estimation;
+    pcl::PointCloud<Descriptor> found;
+    estimation.setInputCloud(keypoints);
+    estimation.setSearchSurface(scene.cloud);
+    estimation.setInputNormals(scene.normals);
+    estimation.setSearchMethod(scene.tree);
+    estimation.setRadiusSearch(scene.descriptor_radius);
+    if (!keypoints->empty()) {
+        estimation.compute(found);
+    }
+    std::vector<std::vector<float>> rows;
+    for (const auto &descriptor : found) {
+        rows.emplace_back(values(descriptor), values(descriptor) + width);
+    }
+    return rows;
+}
+
+void write(std::ofstream &out, float value) { out.write(reinterpret_cast<const char *>(&value), sizeof value); }
+
+void write(std::ofstream &out, const std::vector<std::vector<float>> &rows, int width) {
+    write(out, static_cast<float>(width));
+    for (const auto &row : rows) {
+        for (float value : row) {
+            write(out, value);
+        }
+    }
+}
+
+}  // namespace
+
+int main(int argc, char **argv) {
+    if (argc != 5) {
+        std::cerr << "usage: pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS\n";
+        return 2;
+    }
+    Scene scene;
+    scene.cloud = read(argv[1]);
+    scene.detector_radius = std::atof(argv[3]);
+    scene.descriptor_radius = std::atof(argv[4]);
+    scene.tree->setInputCloud(scene.cloud);
+    estimate_normals(scene);
+    std::ofstream out(argv[2], std::ios::binary);
+    for (auto *detect : {iss, harris, sift}) {
+        Cloud::Ptr keypoints = detect(scene);
+        thin(*keypoints);
+        write(out, static_cast<float>(keypoints->size()));
+        for (const auto &p : *keypoints) {
+            for (float value : {p.x, p.y, p.z}) {
+                write(out, value);
+            }
+        }
+        using Fpfh = pcl::FPFHSignature33;
+        using Shot = pcl::SHOT352;
+        using Pfh = pcl::PFHSignature125;
+        write(out,
+              described<Fpfh, pcl::FPFHEstimation<Point, pcl::Normal, Fpfh>>(
+                  scene, keypoints, 33, [](const Fpfh &d) -> const float * { return d.histogram; }),
+              33);
+        write(out,
+              described<Shot, pcl::SHOTEstimation<Point, pcl::Normal, Shot>>(
+                  scene, keypoints, 352, [](const Shot &d) -> const float * { return d.descriptor; }),
+              352);
+        write(out,
+              described<Pfh, pcl::PFHEstimation<Point, pcl::Normal, Pfh>>(
+                  scene, keypoints, 125, [](const Pfh &d) -> const float * { return d.histogram; }),
+              125);
+    }
+    return out.good() ? 0 : 1;
+}

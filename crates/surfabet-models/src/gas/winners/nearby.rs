@@ -1,0 +1,244 @@
+//! The two nearest of neurons that stay where they are, for points of which one lies near the next.
+//!
+//! Every neuron has a list of those around it, in columns, and the distance beyond which all others are. A search goes from
+//! neuron to neuron, each time to the nearest to the point in the list, until that is the neuron whose list it is. With
+//! distances d1 and d2 of the point to the two nearest in this list, a neuron that is not in it is at least `reach - d1` from
+//! the point: where `d1 + d2` is below the reach, these two are the nearest of all. Elsewhere a k-d tree is asked. So the
+//! result is exact, ties included, wherever the search starts.
+
+use rayon::prelude::*;
+use surfabet_geom::{KdTree, Progress};
+
+use super::{Best, Winner};
+use crate::error::Result;
+
+/// Neurons of a list: on a surface three rings around the first, of which the outer one is rarely needed.
+const LANES: usize = 16;
+
+/// Lists after which a search that started too far away goes to the tree.
+const MOST_STEPS: usize = 6;
+
+/// Share of the reach that is relied upon: the rest is far more than the rounding of three distances.
+const SAFE: f32 = 1.0 - 1e-5;
+
+/// Points per unit of parallel work, some milliseconds; results do not depend on it.
+const POINTS_PER_TASK: usize = 4096;
+
+/// A neuron, in the first lane, and those around it, nearest first.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+struct List {
+    /// Columns; unused lanes are at infinity.
+    position: [[f32; LANES]; 3],
+    id: [u32; LANES],
+    /// No other neuron is nearer to the first than this, metres.
+    reach: f32,
+}
+
+impl List {
+    #[inline(always)]
+    fn two_nearest(&self, query: [f32; 3]) -> [Winner; 2] {
+        let distances: [f32; LANES] = std::array::from_fn(|lane| {
+            let d: [f32; 3] = std::array::from_fn(|axis| self.position[axis][lane] - query[axis]);
+            (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]
+        });
+        let mut best = Best([Winner::NONE; 2]);
+        best.offer(Winner::new(distances[0], self.id[0]));
+        best.offer(Winner::new(distances[1], self.id[1]));
+        let limit = best.limit();
+        let mut near = 0_u32;
+        for (lane, &distance) in distances.iter().enumerate() {
+            near |= u32::from(distance <= limit) << lane;
+        }
+        // The first two lanes are in already.
+        near &= !3;
+        while near != 0 {
+            let lane = near.trailing_zeros() as usize;
+            near &= near - 1;
+            best.offer(Winner::new(distances[lane], self.id[lane]));
+        }
+        best.0
+    }
+}
+
+/// Neurons that stay where they are, at least two.
+pub(in crate::gas) struct Nearby {
+    lists: Vec<List>,
+    tree: KdTree,
+}
+
+impl Nearby {
+    /// Of neurons at finite `positions`.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
+    pub fn new(positions: &[[f32; 3]], progress: &dyn Progress) -> Result<Self> {
+        let tree = KdTree::new(positions)?;
+        let width = LANES.min(positions.len());
+        let rows = tree.k_nearest_batch(positions, LANES, progress)?;
+        let lists = rows.par_chunks_exact(width).enumerate().map(|(own, row)| {
+            let mut list = List {
+                position: [[f32::INFINITY; LANES]; 3],
+                id: [u32::MAX; LANES],
+                reach: f32::INFINITY,
+            };
+            // Where more neurons than a list holds are at its place, a neuron may be missing in its own row.
+            let others = row.iter().map(|n| n.index()).filter(|&i| i != own);
+            for (lane, i) in std::iter::once(own).chain(others).take(width).enumerate() {
+                (0..3).for_each(|a| list.position[a][lane] = positions[i][a]);
+                list.id[lane] = i as u32;
+            }
+            if width < positions.len() {
+                list.reach = row[width - 1].squared_distance().sqrt();
+            }
+            list
+        });
+        let lists = lists.collect();
+        Ok(Self { lists, tree })
+    }
+
+    /// The two nearest neurons to a finite `query`, of equally near ones those with the smaller numbers; `near` is a
+    /// neuron to start from.
+    #[inline]
+    pub fn two_nearest(&self, query: [f32; 3], near: u32) -> [Winner; 2] {
+        let mut at = near;
+        for _ in 0..MOST_STEPS {
+            let list = &self.lists[at as usize];
+            let best = list.two_nearest(query);
+            if best[0].id() == at {
+                let [d1, d2] = best.map(|winner| winner.squared_distance().sqrt());
+                if d1 + d2 < SAFE * list.reach {
+                    return best;
+                }
+                break;
+            }
+            at = best[0].id();
+        }
+        let mut found = Vec::with_capacity(2);
+        self.tree.k_nearest(query, 2, &mut found);
+        std::array::from_fn(|k| Winner::new(found[k].squared_distance(), found[k].index() as u32))
+    }
+
+    /// The two nearest neurons to each of `points`, which lie near each other as they follow; `winners` has the neurons to
+    /// start from, and gets those that are found.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
+    pub fn assign(
+        &self,
+        points: &[[f32; 3]],
+        winners: &mut [[Winner; 2]],
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let tasks = points.par_chunks(POINTS_PER_TASK);
+        tasks.zip(winners.par_chunks_mut(POINTS_PER_TASK)).try_for_each(|(points, winners)| {
+            let mut last = 0;
+            for (&point, winners) in points.iter().zip(winners) {
+                let near = if winners[0] == Winner::NONE { last } else { winners[0].id() };
+                *winners = self.two_nearest(point, near);
+                last = winners[0].id();
+            }
+            Ok(progress.check()?)
+        })
+    }
+
+    /// As [`assign`](Self::assign), where nothing is known of the points yet.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
+    pub fn assigned(
+        &self,
+        points: &[[f32; 3]],
+        progress: &dyn Progress,
+    ) -> Result<Vec<[Winner; 2]>> {
+        let mut winners = vec![[Winner::NONE; 2]; points.len()];
+        self.assign(points, &mut winners, progress)?;
+        Ok(winners)
+    }
+}
+
+/// Points by the neuron that they are nearest to.
+pub(in crate::gas) struct Groups {
+    starts: Vec<u32>,
+    order: Vec<u32>,
+}
+
+impl Groups {
+    /// Of `n` neurons.
+    pub fn new(n: usize, winners: &[[Winner; 2]]) -> Self {
+        let mut starts = vec![0_u32; n + 1];
+        for of in winners {
+            starts[of[0].id() as usize + 1] += 1;
+        }
+        for i in 0..n {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        let mut order = vec![0_u32; winners.len()];
+        for (i, of) in winners.iter().enumerate() {
+            let place = &mut next[of[0].id() as usize];
+            order[*place as usize] = i as u32;
+            *place += 1;
+        }
+        Self { starts, order }
+    }
+
+    /// Points of neuron `i`, ascending.
+    pub fn of(&self, i: usize) -> impl Iterator<Item = usize> + '_ {
+        self.order[self.starts[i] as usize..self.starts[i + 1] as usize].iter().map(|&p| p as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use surfabet_geom::Silent;
+
+    use super::super::{BruteForce, Winners};
+    use super::*;
+
+    /// Coordinates on a coarse grid tie often; others hardly ever.
+    fn position() -> impl Strategy<Value = [f32; 3]> {
+        prop::array::uniform3(prop_oneof![(-2_i8..2).prop_map(f32::from), -3.0_f32..3.0])
+    }
+
+    proptest! {
+        #[test]
+        fn finds_what_brute_force_finds_from_anywhere(
+            neurons in prop::collection::vec(position(), 2..200),
+            queries in prop::collection::vec((position(), any::<u32>()), 1..40),
+        ) {
+            let nearby = Nearby::new(&neurons, &Silent).unwrap();
+            let mut brute = BruteForce::default();
+            for (id, &p) in (0..).zip(&neurons) {
+                brute.insert(id, p);
+            }
+            for &(query, near) in &queries {
+                let found = nearby.two_nearest(query, near % neurons.len() as u32);
+                prop_assert_eq!(found, brute.two_nearest(query));
+            }
+            let points: Vec<[f32; 3]> = queries.iter().map(|q| q.0).collect();
+            let winners = nearby.assigned(&points, &Silent).unwrap();
+            let groups = Groups::new(neurons.len(), &winners);
+            let mut seen = 0;
+            for id in 0..neurons.len() {
+                for i in groups.of(id) {
+                    prop_assert_eq!(brute.two_nearest(points[i])[0].id() as usize, id);
+                    seen += 1;
+                }
+            }
+            prop_assert_eq!(seen, points.len());
+        }
+    }
+
+    #[test]
+    fn more_neurons_at_one_place_than_a_list_holds() {
+        let mut neurons = vec![[1.0; 3]; 40];
+        neurons.push([0.0; 3]);
+        let nearby = Nearby::new(&neurons, &Silent).unwrap();
+        for near in [0, 39, 40] {
+            assert_eq!(nearby.two_nearest([0.9; 3], near).map(Winner::id), [0, 1]);
+            assert_eq!(nearby.two_nearest([0.1; 3], near).map(Winner::id), [40, 0]);
+        }
+    }
+}
