@@ -105,10 +105,21 @@ pub(super) const CHANGED_RADIUS: f32 = 1.5;
 
 // Dictionaries.
 
+/// Most entries of a dictionary where it is not given.
+pub(super) const DEPTH_ATOMS: u32 = 128;
+
+/// As [`DEPTH_ATOMS`], for colour.
+pub(super) const COLOR_ATOMS: u32 = 256;
+
+/// Entries of the dictionaries of the paper's rooms (Table I); its single frame has 100 and 200.
+pub(super) const PUBLISHED_DEPTH_ATOMS: u32 = 500;
+
+/// As [`PUBLISHED_DEPTH_ATOMS`], for colour.
+pub(super) const PUBLISHED_COLOR_ATOMS: u32 = 3500;
+
 /// Step of a stored dictionary value. Entries have unit norm, so the values of an 8 x 8 patch are about an eighth: this
 /// keeps each to a few percent, well below what the codes' own quantisation does.
 pub(super) const ENTRY_STEP: f32 = 1.0 / 64.0;
 
-/// wK-SVD learns from at most this many patches, those with most energy: bounds the time. Half changes the
-/// bytes of the room by 0.1 percent, double nothing.
-pub(super) const MAX_TRAINING_SIGNALS: usize = 6000;
+/// The same of values of 16 bits: a hundredth of a percent of them.
+pub(super) const WIDE_ENTRY_STEP: f32 = ENTRY_STEP / 256.0;
