@@ -149,7 +149,7 @@ class HscsmDictionary:
         cloud: PointCloud,
         *,
         max_depth_deviation: float | None = None,
-        max_color_deviation: float = 60.0,
+        max_color_deviation: float = 20.0,
         min_coverage: float = 0.9,
         placement: Literal["greedy", "subsampled"] = "greedy",
         depth_sparsity: int = 6,
@@ -180,7 +180,7 @@ class HscsmDictionary:
             lowest.
         max_color_deviation
             Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
-            channels. A positive number of grey levels; by default 60.
+            channels. A positive number of grey levels; by default 20.
         min_coverage
             Least fraction of its pixels that a patch covers. The level below describes what covers
             less. A number above 0 and at most 1; by default 0.9.
@@ -401,7 +401,7 @@ def learn_hscsm(
     patch_pixels: int = 8,
     levels: int = 3,
     max_depth_deviation: float | None = None,
-    max_color_deviation: float = 60.0,
+    max_color_deviation: float = 20.0,
     min_coverage: float = 0.9,
     placement: Literal["greedy", "subsampled"] = "greedy",
     depth_atoms: int | None = None,
@@ -461,7 +461,7 @@ def learn_hscsm(
         `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the lowest.
     max_color_deviation
         Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
-        channels. A positive number of grey levels; by default 60.
+        channels. A positive number of grey levels; by default 20.
     min_coverage
         Least fraction of its pixels that a patch covers. The level below describes what covers
         less. A number above 0 and at most 1; by default 0.9.
@@ -470,11 +470,11 @@ def learn_hscsm(
         neighbours; 'subsampled' takes a patch per cube, as SCSM does, to compare with. 'greedy' or
         'subsampled'; by default greedy.
     depth_atoms
-        Most entries of the depth dictionary of each level. Those that no patch uses are dropped. An
-        integer from 1 to 65535; by default 128, or 500 with `published`.
+        Most entries of a depth dictionary. Those that no patch uses are dropped. An integer from 1
+        to 65535; by default one for each 80 patches, 16 to 128; 500 with `published`.
     color_atoms
-        Most entries of the colour dictionary of each level. Those that no patch uses are dropped.
-        An integer from 1 to 65535; by default 256, or 3500 with `published`.
+        Most entries of a colour dictionary. Those that no patch uses are dropped. An integer from 1
+        to 65535; by default one for each 40 patches, 32 to 256; 3500 with `published`.
     depth_sparsity
         Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from 1
         to 64; by default 6.

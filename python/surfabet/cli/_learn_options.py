@@ -161,7 +161,7 @@ class LearnOptions:
 
     max_color_deviation: Annotated[float | None, Parameter(group=HSCSM)] = None
     """Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
-    channels. A positive number of grey levels; by default 60."""
+    channels. A positive number of grey levels; by default 20."""
 
     min_coverage: Annotated[float | None, Parameter(group=HSCSM)] = None
     """Least fraction of its pixels that a patch covers. A number above 0 and at most 1; by default
@@ -171,12 +171,12 @@ class LearnOptions:
     """How places of patches are chosen. 'greedy' or 'subsampled'; by default greedy."""
 
     depth_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
-    """Most entries of the depth dictionary of each level. An integer from 1 to 65535; by default
-    128, or 500 with `published`."""
+    """Most entries of a depth dictionary. An integer from 1 to 65535; by default one for each 80
+    patches, 16 to 128; 500 with `published`."""
 
     color_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
-    """Most entries of the colour dictionary of each level. An integer from 1 to 65535; by default
-    256, or 3500 with `published`."""
+    """Most entries of a colour dictionary. An integer from 1 to 65535; by default one for each 40
+    patches, 32 to 256; 3500 with `published`."""
 
     depth_sparsity: Annotated[int | None, Parameter(group=HSCSM)] = None
     """Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from 1 to

@@ -1,7 +1,8 @@
 //! What to learn.
 
 use super::constants::{
-    COLOR_ATOMS, DEPTH_ATOMS, MAX_PIXEL_OFFSET, PUBLISHED_COLOR_ATOMS, PUBLISHED_DEPTH_ATOMS,
+    MAX_COLOR_ATOMS, MAX_COLOR_DEVIATION, MAX_DEPTH_ATOMS, MAX_PIXEL_OFFSET,
+    PATCHES_PER_COLOR_ATOM, PATCHES_PER_DEPTH_ATOM, PUBLISHED_COLOR_ATOMS, PUBLISHED_DEPTH_ATOMS,
 };
 use super::model::MAX_SPARSITY;
 use crate::options::{Range, choices, options};
@@ -43,16 +44,16 @@ options! {
             none = "`resolution` / sqrt(3), at which every level accepts sheets as thick as those of the lowest",
             another_scene = true;
         /// Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the channels.
-        max_color_deviation: f64 = 60.0, range = Range::POSITIVE, unit = "grey levels", another_scene = true;
+        max_color_deviation: f64 = MAX_COLOR_DEVIATION, range = Range::POSITIVE, unit = "grey levels", another_scene = true;
         /// Least fraction of its pixels that a patch covers. The level below describes what covers less.
         min_coverage: f64 = 0.9, range = Range::above_to(0.0, 1.0), another_scene = true;
         /// How places of patches are chosen. 'greedy' takes the best coverage first, then aligned neighbours;
         /// 'subsampled' takes a patch per cube, as SCSM does, to compare with.
         placement: Placement = Placement::Greedy, another_scene = true;
-        /// Most entries of the depth dictionary of each level. Those that no patch uses are dropped.
-        depth_atoms: Option<u32> = None, range = Range::from_to(1.0, 65_535.0), none = "128, or 500 with `published`";
-        /// Most entries of the colour dictionary of each level. Those that no patch uses are dropped.
-        color_atoms: Option<u32> = None, range = Range::from_to(1.0, 65_535.0), none = "256, or 3500 with `published`";
+        /// Most entries of a depth dictionary. Those that no patch uses are dropped.
+        depth_atoms: Option<u32> = None, range = Range::from_to(1.0, 65_535.0), none = "one for each 80 patches, 16 to 128; 500 with `published`";
+        /// Most entries of a colour dictionary. Those that no patch uses are dropped.
+        color_atoms: Option<u32> = None, range = Range::from_to(1.0, 65_535.0), none = "one for each 40 patches, 32 to 256; 3500 with `published`";
         /// Most dictionary entries that describe the depth of one patch (k, eq. 1).
         depth_sparsity: u32 = 6, range = Range::from_to(1.0, MAX_SPARSITY as f64), another_scene = true;
         /// Most dictionary entries that describe the colour of one patch (k, eq. 1).
@@ -121,14 +122,18 @@ impl HscsmOptions {
         }
     }
 
-    /// Most entries of a depth dictionary in force.
-    pub fn depth_atoms(&self) -> usize {
-        self.depth_atoms.unwrap_or(DEPTH_ATOMS) as usize
+    /// Most entries of the depth dictionary of `n_patches` patches.
+    pub(super) fn depth_atoms(&self, n_patches: usize) -> usize {
+        let of_patches =
+            (n_patches / PATCHES_PER_DEPTH_ATOM).clamp(MAX_DEPTH_ATOMS / 8, MAX_DEPTH_ATOMS);
+        self.depth_atoms.map_or(of_patches, |n| n as usize)
     }
 
-    /// Most entries of a colour dictionary in force.
-    pub fn color_atoms(&self) -> usize {
-        self.color_atoms.unwrap_or(COLOR_ATOMS) as usize
+    /// Most entries of the colour dictionary of `n_patches` patches.
+    pub(super) fn color_atoms(&self, n_patches: usize) -> usize {
+        let of_patches =
+            (n_patches / PATCHES_PER_COLOR_ATOM).clamp(MAX_COLOR_ATOMS / 8, MAX_COLOR_ATOMS);
+        self.color_atoms.map_or(of_patches, |n| n as usize)
     }
 
     /// Side of a pixel of the lowest level in force, metres. Learning chooses it before anything asks.
@@ -176,6 +181,23 @@ impl HscsmOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn dictionaries_grow_with_the_patches_unless_they_are_given() {
+        let options = HscsmOptions::default();
+        assert_eq!(
+            [0, 1280, 4000, 10_240, 100_000].map(|n| options.depth_atoms(n)),
+            [16, 16, 50, 128, 128]
+        );
+        assert_eq!(
+            [0, 1280, 4000, 10_240, 100_000].map(|n| options.color_atoms(n)),
+            [32, 32, 100, 256, 256]
+        );
+        let published = HscsmOptions { published: true, ..options.clone() }.in_force();
+        assert_eq!((published.depth_atoms(10), published.color_atoms(10)), (500, 3500));
+        let given = HscsmOptions { depth_atoms: Some(7), ..options };
+        assert_eq!((given.depth_atoms(0), given.depth_atoms(100_000)), (7, 7));
+    }
 
     #[test]
     fn sizes_double_and_tolerances_halve_from_level_to_level_above() {

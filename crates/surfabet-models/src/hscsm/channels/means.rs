@@ -44,6 +44,13 @@ pub(in crate::hscsm) struct ChannelImages<'a> {
     frozen: Option<&'a QuantizedDictionary>,
 }
 
+impl ChannelImages<'_> {
+    /// Number of patches.
+    fn n_patches(&self) -> usize {
+        self.values.len() / self.n_features
+    }
+}
+
 /// Means of depth, and what remains without them.
 pub(in crate::hscsm) fn depth_images<'a>(
     images: &Images,
@@ -130,9 +137,10 @@ pub(in crate::hscsm) fn learn_depth(
     options: &HscsmOptions,
     progress: &dyn Progress,
 ) -> Result<(Vec<Channel>, Option<Learning>)> {
+    let n_patches = levels.iter().map(ChannelImages::n_patches).sum();
     let channel = ChannelOptions {
         name: "learning depth",
-        n_atoms: options.depth_atoms(),
+        n_atoms: options.depth_atoms(n_patches),
         sparsity: options.depth_sparsity as usize,
         ..channel_options(options)
     };
@@ -145,9 +153,10 @@ pub(in crate::hscsm) fn learn_color(
     options: &HscsmOptions,
     progress: &dyn Progress,
 ) -> Result<(Vec<Channel>, Option<Learning>)> {
+    let n_patches = levels.iter().map(ChannelImages::n_patches).sum();
     let channel = ChannelOptions {
         name: "learning colour",
-        n_atoms: options.color_atoms(),
+        n_atoms: options.color_atoms(n_patches),
         sparsity: options.color_sparsity as usize,
         ..channel_options(options)
     };
