@@ -46,9 +46,9 @@ class PatchLevel:
     color_entries: int
     """Entries of the dictionary of colours, or of intensities as grey; 0 without both."""
     set_pixels: int
-    """Pixels that are set, over all patches."""
+    """Mask pixels that are set, over all patches."""
     area: float
-    """Area of these pixels, square metres."""
+    """Area of these mask pixels, square metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +80,12 @@ class Patches:
     pixel_size: NDArray[np.float64]
     """Side of its pixels, (m,), metres."""
     masks: tuple[NDArray[np.bool_], ...]
-    """Set pixels of the patches of each level, (patches, n, n)."""
+    """Set mask pixels of the patches of each level, (patches, n, n). n is the pixels per side of a
+    patch, or with fine masks twice as much per level above the lowest."""
     depth_means: NDArray[np.float64]
     """Mean depth along the normal, (m,), metres."""
     color_means: NDArray[np.float64] | None
-    """Mean luma, orange and green chroma of colours, or of intensities as grey, (m, 3); None
+    """Mean luma, orange and green chroma of colours, (m, 3), or grey of intensities, (m, 1); None
     without both."""
     depth: SparseColumns
     """Codes of depth."""
@@ -126,7 +127,7 @@ class HscsmDictionary:
     @property
     def color(self) -> tuple[NDArray[np.float32], ...] | None:
         """Entries for colour of each level, unit norm, (k, 3 * n * n) with planes of red, green and
-        blue; None when learned from a cloud without colours and intensities."""
+        blue, or (k, n * n) for intensities; None when learned from a cloud without both."""
         found = self._core.entries("color")
         return None if found is None else tuple(found)
 
@@ -148,13 +149,18 @@ class HscsmDictionary:
         cloud: PointCloud,
         *,
         max_depth_deviation: float | None = None,
-        max_color_deviation: float = 60.0,
+        max_color_deviation: float = 20.0,
         min_coverage: float = 0.9,
         placement: Literal["greedy", "subsampled"] = "greedy",
         depth_sparsity: int = 6,
         color_sparsity: int = 12,
         depth_tolerance: float | None = None,
         color_tolerance: float = 7.0,
+        fine_masks: bool = True,
+        growth_gate: bool = True,
+        max_pixel_offset: float = 0.2,
+        means_apart: bool = True,
+        disjoint: bool = True,
         sensor: Literal["structured-light", "constant"] = "structured-light",
         keep_outliers: bool = False,
         progress: Progress = None,
@@ -174,7 +180,7 @@ class HscsmDictionary:
             lowest.
         max_color_deviation
             Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
-            channels. A positive number of grey levels; by default 60.
+            channels. A positive number of grey levels; by default 20.
         min_coverage
             Least fraction of its pixels that a patch covers. The level below describes what covers
             less. A number above 0 and at most 1; by default 0.9.
@@ -196,10 +202,29 @@ class HscsmDictionary:
             Root mean square error at which coding of a patch's colour ends, on the lowest level. It
             is halved from level to level likewise. A number above 0 and at most 255 grey levels; by
             default 7.
+        fine_masks
+            Bitmasks of all levels have pixels of the lowest one: coarse patches then have the gaps
+            and rims of the scan. Otherwise a bitmask has the pixels of its patch, as printed. True
+            or False; by default True.
+        growth_gate
+            A patch takes the samples that growth from its middle reaches in steps of depth up to a
+            gate: a pixel at the lowest level. Otherwise it takes all in its cube, as printed. True
+            or False; by default True.
+        max_pixel_offset
+            Pixels that the mean place of a pixel's samples may be off its centre above the lowest
+            level, where bitmasks are not fine. With infinity there is no such rule, as printed. A
+            number above 0 pixels; by default 0.2.
+        means_apart
+            Means of each patch are coded apart, those of colour as luma and chroma. Otherwise they
+            are part of the sparse codes, as printed. True or False; by default True.
+        disjoint
+            A sample belongs to one patch. Otherwise a patch shows all samples in its cube that its
+            level has to describe, and patches overlap, as printed. True or False; by default True.
         sensor
             How the error of a range measurement grows with the range. 'structured-light' is with
-            its square, as for Kinects. Without ranges all points weigh the same. 'structured-light'
-            or 'constant'; by default structured-light.
+            its square, as for Kinects. Ranges are those of the cloud, or distances to its
+            viewpoints; without both all points weigh the same. 'structured-light' or 'constant'; by
+            default structured-light.
         keep_outliers
             Keeps points that are far from all others. Otherwise those of which a few would make the
             scene many times as large as it is are left out, and counted in the report. True or
@@ -222,6 +247,11 @@ class HscsmDictionary:
             "color_sparsity": color_sparsity,
             "depth_tolerance": depth_tolerance,
             "color_tolerance": color_tolerance,
+            "fine_masks": fine_masks,
+            "growth_gate": growth_gate,
+            "max_pixel_offset": max_pixel_offset,
+            "means_apart": means_apart,
+            "disjoint": disjoint,
             "sensor": sensor,
             "keep_outliers": keep_outliers,
         }
@@ -280,14 +310,18 @@ class HscsmModel(Model[_core.HscsmModel]):
         return self._core.axes
 
     def masks(self, level: int = 0) -> NDArray[np.bool_]:
-        """Which pixels of the patches of a level are set, (m, n, n)."""
+        """Which mask pixels of the patches of a level are set, (m, n, n).
+
+        n is the pixels per side of a patch, or with fine masks the number of pixels of the lowest
+        level along it.
+        """
         return self._core.masks(level)
 
     def means(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float64]:
         """Mean of each patch of a level.
 
         (m, 1) metres along the normal for depth; (m, 3) luma, orange and green chroma for colour,
-        which intensities are as grey.
+        or (m, 1) grey of intensities.
         """
         return self._core.means(level, channel)
 
@@ -362,20 +396,29 @@ def learn_hscsm(
     cloud: PointCloud,
     *,
     quality: Literal["small", "balanced", "fine"] = "balanced",
+    published: bool = False,
     resolution: float | None = None,
     patch_pixels: int = 8,
-    levels: int = 1,
+    levels: int = 3,
     max_depth_deviation: float | None = None,
-    max_color_deviation: float = 60.0,
+    max_color_deviation: float = 20.0,
     min_coverage: float = 0.9,
     placement: Literal["greedy", "subsampled"] = "greedy",
-    depth_atoms: int = 128,
-    color_atoms: int = 256,
+    depth_atoms: int | None = None,
+    color_atoms: int | None = None,
     depth_sparsity: int = 6,
     color_sparsity: int = 12,
     depth_tolerance: float | None = None,
     color_tolerance: float = 7.0,
     iterations: int = 8,
+    fine_masks: bool = True,
+    one_dictionary: bool = True,
+    growth_gate: bool = True,
+    max_pixel_offset: float = 0.2,
+    means_apart: bool = True,
+    small_atoms: bool = True,
+    disjoint: bool = True,
+    max_training_signals: int = 6000,
     sensor: Literal["structured-light", "constant"] = "structured-light",
     keep_outliers: bool = False,
     random_state: int = 0,
@@ -398,6 +441,10 @@ def learn_hscsm(
     quality
         Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it,
         'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
+    published
+        The method as printed in the paper, without what was added to it: the options from
+        `fine_masks` to `max_training_signals` do not count then, and the dictionaries have the
+        paper's sizes where none are given. True or False; by default False.
     resolution
         Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost. A
         positive number of metres; by default from the data: two and a half spacings of the points,
@@ -407,14 +454,14 @@ def learn_hscsm(
         2 to 32; by default 8.
     levels
         Levels of the hierarchy; one is SCSM. Pixels of each are twice as wide as those of the level
-        below it. An integer from 1 to 8; by default 1.
+        below it. An integer from 1 to 8; by default 3.
     max_depth_deviation
         Largest standard deviation of depth in a pixel (rho_max_depth). What deviates more goes to
         the level below; the lowest level takes all. A positive number of metres; by default
         `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the lowest.
     max_color_deviation
         Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
-        channels. A positive number of grey levels; by default 60.
+        channels. A positive number of grey levels; by default 20.
     min_coverage
         Least fraction of its pixels that a patch covers. The level below describes what covers
         less. A number above 0 and at most 1; by default 0.9.
@@ -423,11 +470,11 @@ def learn_hscsm(
         neighbours; 'subsampled' takes a patch per cube, as SCSM does, to compare with. 'greedy' or
         'subsampled'; by default greedy.
     depth_atoms
-        Most entries of the depth dictionary of each level. Those that no patch uses are dropped. An
-        integer from 1 to 65535; by default 128.
+        Most entries of a depth dictionary. Those that no patch uses are dropped. An integer from 1
+        to 65535; by default one for each 80 patches, 16 to 128; 500 with `published`.
     color_atoms
-        Most entries of the colour dictionary of each level. Those that no patch uses are dropped.
-        An integer from 1 to 65535; by default 256.
+        Most entries of a colour dictionary. Those that no patch uses are dropped. An integer from 1
+        to 65535; by default one for each 40 patches, 32 to 256; 3500 with `published`.
     depth_sparsity
         Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from 1
         to 64; by default 6.
@@ -444,10 +491,39 @@ def learn_hscsm(
         default 7.
     iterations
         Most iterations of weighted K-SVD per dictionary. An integer from 1 to 1000; by default 8.
+    fine_masks
+        Bitmasks of all levels have pixels of the lowest one: coarse patches then have the gaps and
+        rims of the scan. Otherwise a bitmask has the pixels of its patch, as printed. True or
+        False; by default True.
+    one_dictionary
+        All levels have one dictionary per channel, learned from what all of them have to code, in
+        tolerances of their level. Otherwise each level learns its own, as printed. True or False;
+        by default True.
+    growth_gate
+        A patch takes the samples that growth from its middle reaches in steps of depth up to a
+        gate: a pixel at the lowest level. Otherwise it takes all in its cube, as printed. True or
+        False; by default True.
+    max_pixel_offset
+        Pixels that the mean place of a pixel's samples may be off its centre above the lowest
+        level, where bitmasks are not fine. With infinity there is no such rule, as printed. A
+        number above 0 pixels; by default 0.2.
+    means_apart
+        Means of each patch are coded apart, those of colour as luma and chroma. Otherwise they are
+        part of the sparse codes, as printed. True or False; by default True.
+    small_atoms
+        Entries of dictionaries are rounded to 8 bits. Otherwise to 16, which stand for the paper's
+        real numbers. True or False; by default True.
+    disjoint
+        A sample belongs to one patch. Otherwise a patch shows all samples in its cube that its
+        level has to describe, and patches overlap, as printed. True or False; by default True.
+    max_training_signals
+        Most patches that a dictionary is learned from, those with most energy. An integer of at
+        least 1; by default 6000.
     sensor
         How the error of a range measurement grows with the range. 'structured-light' is with its
-        square, as for Kinects. Without ranges all points weigh the same. 'structured-light' or
-        'constant'; by default structured-light.
+        square, as for Kinects. Ranges are those of the cloud, or distances to its viewpoints;
+        without both all points weigh the same. 'structured-light' or 'constant'; by default
+        structured-light.
     keep_outliers
         Keeps points that are far from all others. Otherwise those of which a few would make the
         scene many times as large as it is are left out, and counted in the report. True or False;
@@ -479,6 +555,7 @@ def learn_hscsm(
     """
     options = {
         "quality": quality,
+        "published": published,
         "resolution": resolution,
         "patch_pixels": patch_pixels,
         "levels": levels,
@@ -493,6 +570,14 @@ def learn_hscsm(
         "depth_tolerance": depth_tolerance,
         "color_tolerance": color_tolerance,
         "iterations": iterations,
+        "fine_masks": fine_masks,
+        "one_dictionary": one_dictionary,
+        "growth_gate": growth_gate,
+        "max_pixel_offset": max_pixel_offset,
+        "means_apart": means_apart,
+        "small_atoms": small_atoms,
+        "disjoint": disjoint,
+        "max_training_signals": max_training_signals,
         "sensor": sensor,
         "keep_outliers": keep_outliers,
         "random_state": random_state,

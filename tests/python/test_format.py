@@ -137,6 +137,7 @@ class Fields:
 
 
 ATTRIBUTES = 1 << 3
+HIERARCHY = 1 << 5
 
 
 def sections(data: bytes, features: int = 0) -> dict[str, bytes]:
@@ -158,7 +159,7 @@ def sections(data: bytes, features: int = 0) -> dict[str, bytes]:
 
 def read_meta(
     data: bytes, features: int = 0
-) -> tuple[list[float], int, list[dict[str, Any]], tuple[float, ...]]:
+) -> tuple[list[float], int, list[dict[str, Any]], int, tuple[float, ...]]:
     """4.1"""
     fields = Fields(data)
     origin = [fields.f64() for _ in range(3)]
@@ -169,10 +170,17 @@ def read_meta(
         level["steps"] = [fields.f64() for _ in range(5)]
         level["m"], level["depth"] = fields.varint(), fields.varint()
         level["color"] = fields.varint() - 1
+        level["g"] = 0
         levels.append(level)
-    limits = tuple(fields.f64() for _ in range(2 if features == ATTRIBUTES else 0))
+    kind = 0
+    if features & HIERARCHY:
+        kind = fields.varint()
+        for level in levels:
+            level["g"] = fields.varint()
+            assert fields.varint() == level["m"] * (level["n"] << level["g"]) ** 2
+    limits = tuple(fields.f64() for _ in range(2 if features & ATTRIBUTES else 0))
     assert fields.at == len(data)
-    return origin, n_points, levels, limits
+    return origin, n_points, levels, kind, limits
 
 
 def read_cells(stream: Stream, octree: Any, height: int) -> list[tuple[int, int, int]]:
@@ -235,16 +243,28 @@ def frame(pose: tuple[list[int], list[int]], step: float) -> tuple[Any, Any]:
 
 def read_masks(stream: Stream, level: dict[str, Any]) -> Any:
     """4.3"""
-    n = level["n"]
+    g = level["g"]
+    n = level["n"] << g
     full, pixels = Bit(), [Bit(1023) for _ in range(256)]
+    some, all_ = [Bit() for _ in range(9)], [Bit() for _ in range(9)]
     masks = np.zeros((level["m"], n, n), bool)
     near = [(0, -1), (-1, 0), (-1, -1), (-1, 1), (0, -2), (-2, 0)]
     for mask in masks:
         if stream.bit(full):
             mask[:] = True
             continue
+        blocks = np.full((level["n"], level["n"]), 1)
+        for row, column in np.ndindex(blocks.shape if g else (0, 0)):
+            left = blocks[row, column - 1] if column else 0
+            above = blocks[row - 1, column] if row else 0
+            k = 3 * left + above
+            blocks[row, column] = stream.bit(some[k]) and 1 + stream.bit(all_[k])
         for row in range(n):
             for column in range(n):
+                block = blocks[row >> g, column >> g]
+                if block != 1:
+                    mask[row, column] = block == 2
+                    continue
                 index = 2 * (column == 0) + (row == 0)
                 for dy, dx in near:
                     y, x = row + dy, column + dx
@@ -310,14 +330,16 @@ def test_a_reader_written_from_the_page_finds_the_same_model(shades: str, n: int
     model = sb.learn_hscsm(
         cloud,
         resolution=0.03,
+        levels=1,
         patch_pixels=n,
         depth_atoms=20,
         depth_tolerance=0.002,
     )
-    features = ATTRIBUTES if shades == "intensities" else 0
+    features = ATTRIBUTES | HIERARCHY if shades == "intensities" else 0
     found = sections(model.to_bytes(), features)
     assert list(found) == ["META", "POSE", "MASK", "DICT", "DPTH", "COLR"]
-    origin, n_points, levels, limits = read_meta(found["META"], features)
+    origin, n_points, levels, kind, limits = read_meta(found["META"], features)
+    assert kind == (4 if shades == "intensities" else 0)
     if cloud.intensities is None:
         assert model.intensity_limits is None
     else:
@@ -341,7 +363,8 @@ def test_a_reader_written_from_the_page_finds_the_same_model(shades: str, n: int
     dictionaries = Stream(found["DICT"])
     channels = [("depth", "DPTH", 1, level["depth"], steps[1], steps[2])]
     if shades != "nothing":
-        channels.append(("color", "COLR", 3, level["color"], steps[3], steps[4]))
+        planes = 1 if shades == "intensities" else 3
+        channels.append(("color", "COLR", planes, level["color"], steps[3], steps[4]))
     else:
         assert level["color"] == -1
         assert found["COLR"] == b""
@@ -358,9 +381,34 @@ def test_a_reader_written_from_the_page_finds_the_same_model(shades: str, n: int
         assert len(set(atoms)) > 10
 
 
+def test_a_reader_written_from_the_page_finds_the_levels_of_a_hierarchy() -> None:
+    cloud = bumpy_cloud("colors")
+    model = sb.learn_hscsm(cloud, resolution=0.02, levels=3, depth_atoms=8, color_atoms=8)
+    found = sections(model.to_bytes(), HIERARCHY)
+    _, _, levels, kind, _ = read_meta(found["META"], HIERARCHY)
+    assert kind == 1
+    assert [level["g"] for level in levels] == [2, 1, 0]
+    assert sum(level["m"] > 0 for level in levels) > 1
+    poses, masks, depth = (Stream(found[tag]) for tag in ("POSE", "MASK", "DPTH"))
+    dictionaries = Stream(found["DICT"])
+    entries = read_dictionary(dictionaries, levels[0]["depth"], 1, 8)
+    for j, level in enumerate(levels):
+        frames = [frame(pose, level["steps"][0]) for pose in read_poses(poses, level)]
+        centers = model.patches.poses[model.patches.level == j, :3, 3]
+        np.testing.assert_allclose([f[0] for f in frames] + model.origin, centers, atol=1e-6)
+        np.testing.assert_array_equal(read_masks(masks, level), model.masks(j))
+        np.testing.assert_allclose(entries, model.dictionary.depth[j], atol=1e-6)
+        means, _, atoms, _ = read_channel(depth, level["m"], len(entries), 1)
+        np.testing.assert_allclose(means * level["steps"][1], model.means(j), rtol=1e-9)
+        np.testing.assert_array_equal(atoms, model.codes(j)[1])
+    # What follows in the stream is the one dictionary of colours, and then nothing.
+    read_dictionary(dictionaries, levels[0]["color"], 3, 8)
+    assert dictionaries.next >= len(dictionaries.data)
+
+
 @pytest.mark.parametrize("shades", ["colors", "intensities"])
 def test_pixels_become_points_as_the_page_says(shades: str) -> None:
-    model = sb.learn_hscsm(bumpy_cloud(shades), resolution=0.03)
+    model = sb.learn_hscsm(bumpy_cloud(shades), resolution=0.03, levels=1)
     decoded = model.decode(resolution=0.03, normals=False)
     n, mask = 8, model.masks().reshape(len(model), -1)
 
@@ -373,10 +421,12 @@ def test_pixels_become_points_as_the_page_says(shades: str) -> None:
         return image
 
     depth = images("depth", np.repeat(model.means(), n * n, axis=1))
-    y, co, cg = model.means(0, "color").T
-    t = y - cg / 2
-    rgb = np.stack([t - co / 2 + co, cg + t, t - co / 2], axis=1)
-    color = images("color", np.repeat(rgb, n * n, axis=1)).reshape(len(model), 3, n * n)
+    means = model.means(0, "color")
+    if shades == "colors":
+        y, co, cg = means.T
+        t = y - cg / 2
+        means = np.stack([t - co / 2 + co, cg + t, t - co / 2], axis=1)
+    color = images("color", np.repeat(means, n * n, axis=1)).reshape(len(model), -1, n * n)
     row, column = np.divmod(np.arange(n * n), n)
     offset = np.stack([column - 3.5, row - 3.5]) * 0.03
     x, yy, z = model.axes[:, None, 0], model.axes[:, None, 1], model.axes[:, None, 2]

@@ -28,7 +28,7 @@ def cloud() -> sb.PointCloud:
 
 @pytest.fixture(scope="module")
 def model(cloud: sb.PointCloud) -> sb.HscsmModel:
-    return sb.learn_hscsm(cloud, resolution=PIXEL, iterations=3)
+    return sb.learn_hscsm(cloud, resolution=PIXEL, levels=1, iterations=3)
 
 
 def test_arrays_have_their_shapes(cloud, model):
@@ -130,12 +130,14 @@ def test_a_hierarchy_owns_every_sample_once(cloud, levelled):
         assert figures["patches"] == level.patches
         assert figures["set pixels"] == level.set_pixels
         assert figures["area"] == pytest.approx(level.area)
-        assert level.area == pytest.approx(level.set_pixels * level.pixel_size**2)
+        # Masks of all levels have the pixels of the lowest.
+        assert level.area == pytest.approx(level.set_pixels * PIXEL**2)
         assert figures["depth dictionary entries"] == level.depth_entries
     again = sb.from_bytes(levelled.to_bytes())
     np.testing.assert_array_equal(again.decode().points, levelled.decode().points)
     far = sb.KdTree(again.decode()).query(cloud.points)[0]
-    # An upper level sets what is on average off its pixel's centre by at most a quarter.
+    # Every point lies in a set mask pixel, half a diagonal from its middle at most, and no further
+    # from its sheet than growth, coding and the slope within a coarse pixel allow.
     assert far.max() < 0.04
 
 
@@ -158,7 +160,8 @@ def test_patches_are_arrays_over_all_levels(levelled):
         level_of_code = np.repeat(patches.level, np.diff(codes.offsets))
         assert (codes.atoms >= starts[level_of_code]).all()
         assert (codes.atoms < starts[level_of_code + 1]).all()
-        assert set(codes.atoms) == set(range(starts[-1]))
+        # All levels have one dictionary, and each entry is used by one of them.
+        assert set(codes.atoms % starts[1]) == set(range(starts[1]))
 
 
 def test_a_second_scene_needs_no_dictionary(levelled):
@@ -194,7 +197,7 @@ def grey_cloud() -> sb.PointCloud:
 
 @pytest.fixture(scope="module")
 def grey_model(grey_cloud: sb.PointCloud) -> sb.HscsmModel:
-    return sb.learn_hscsm(grey_cloud, resolution=PIXEL, iterations=3)
+    return sb.learn_hscsm(grey_cloud, resolution=PIXEL, levels=1, iterations=3)
 
 
 def test_intensities_take_the_place_of_colours(grey_cloud, grey_model):
@@ -216,8 +219,10 @@ def test_intensities_take_the_place_of_colours(grey_cloud, grey_model):
     assert decoded.intensities.min() >= low
     assert decoded.intensities.max() <= high
     patches = grey_model.patches
-    assert patches.color_means.shape == (len(grey_model), 3)
-    np.testing.assert_array_equal(patches.color_means[:, 1:], 0)
+    # Grey has one plane, not three of the same.
+    assert patches.color_means.shape == (len(grey_model), 1)
+    n = grey_model.levels[0].pixels
+    assert grey_model.dictionary.color[0].shape[1] == n * n
 
 
 def test_the_error_of_intensities_is_that_of_rounding_pixels_and_atoms(grey_cloud, grey_model):
@@ -233,7 +238,8 @@ def test_the_error_of_intensities_is_that_of_rounding_pixels_and_atoms(grey_clou
     (figures,) = grey_model.report.attributes
     assert (figures.name, figures.equal) == ("intensities", None)
     assert 0 < figures.rmse < bound
-    fine = sb.learn_hscsm(grey_cloud, resolution=PIXEL, iterations=3, color_tolerance=1.0)
+    options = {"resolution": PIXEL, "levels": 1, "iterations": 3}
+    fine = sb.learn_hscsm(grey_cloud, **options, color_tolerance=1.0)
     (better,) = fine.report.attributes
     assert better.rmse < figures.rmse
     assert better.bytes > figures.bytes
@@ -241,7 +247,7 @@ def test_the_error_of_intensities_is_that_of_rounding_pixels_and_atoms(grey_clou
 
 def test_intensities_take_fewer_bytes_than_they_have(grey_cloud, grey_model):
     plain = sb.PointCloud(grey_cloud.points)
-    without = sb.learn_hscsm(plain, resolution=PIXEL, iterations=3)
+    without = sb.learn_hscsm(plain, resolution=PIXEL, levels=1, iterations=3)
     assert without.intensity_limits is None
     assert without.report.attributes == ()
     added = len(grey_model.to_bytes()) - len(without.to_bytes())

@@ -102,13 +102,17 @@ impl Features {
     /// Points have the attributes of the cell that they lie in.
     pub const UNBLENDED: Self = Self(16);
 
+    /// Levels of a hierarchy have finer bitmasks than images, or one dictionary in common.
+    pub const HIERARCHY: Self = Self(32);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 5] = [
+    const KNOWN: [(Self, &'static str, Version); 6] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
         (Self::ATTRIBUTES, "attributes", Version { major: 0, minor: 1 }),
         (Self::UNBLENDED, "attributes without blending", Version { major: 0, minor: 1 }),
+        (Self::HIERARCHY, "hierarchy in common", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

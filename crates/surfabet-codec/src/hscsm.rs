@@ -1,8 +1,8 @@
 //! The file of HSCSM: header, poses, masks, dictionaries or their hash, depth and colour or intensity of all levels.
 
 use surfabet_models::hscsm::{
-    HscsmDictionary, HscsmHeader, HscsmModel, LevelHeader, MAX_ENTRIES, MAX_SPARSITY,
-    QuantizedDictionary,
+    HscsmDictionary, HscsmHeader, HscsmModel, LevelHeader, MAX_ENTRIES, MAX_MASK_SCALE,
+    MAX_SPARSITY, QuantizedDictionary,
 };
 
 use crate::bytes::ByteWriter;
@@ -30,7 +30,7 @@ const COLOR: usize = 4;
 impl Layout for HscsmModel {
     const FAMILY: Family = Family::Patches;
     const FEATURES: Features = Features::NONE;
-    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES;
+    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES.with(Features::HIERARCHY);
     const STREAM_SECTIONS: &'static [StreamSection] = &[
         StreamSection::new(b"POSE", "poses"),
         StreamSection::new(b"MASK", "masks"),
@@ -53,14 +53,24 @@ impl Layout for HscsmModel {
     }
 
     fn optional_features(header: &HscsmHeader) -> Features {
-        if header.intensity.is_some() { Features::ATTRIBUTES } else { Features::NONE }
+        let fine = header.levels.iter().any(|l| l.mask_scale > 1);
+        let in_common = header.one_dictionary || header.wide_atoms || header.one_plane || fine;
+        let of = |has: bool, feature| if has { feature } else { Features::NONE };
+        of(header.intensity.is_some(), Features::ATTRIBUTES)
+            .with(of(in_common, Features::HIERARCHY))
     }
 
     fn code_optional<F: Fields>(
         fields: &mut F,
         header: &mut HscsmHeader,
-        _features: Features,
+        features: Features,
     ) -> Result<()> {
+        if features.contains(Features::HIERARCHY) {
+            code_hierarchy(fields, header)?;
+        }
+        if !features.contains(Features::ATTRIBUTES) {
+            return Ok(());
+        }
         let limits = header.intensity.get_or_insert_default();
         fields.f64(&mut limits.low)?;
         fields.f64(&mut limits.high)?;
@@ -76,17 +86,23 @@ impl Layout for HscsmModel {
 
     /// Every patch takes a decision or more of each stream, and so does every value of a dictionary.
     fn promises(header: &HscsmHeader) -> Vec<Promise> {
-        let of_level = |level: &LevelHeader| {
+        let planes = header.color_planes() as u64;
+        let of_level = |(j, level): (usize, &LevelHeader)| {
             let count = level.n_patches as u64;
             let patches = |stream| Promise { stream, what: "number of patches", count };
-            let entries = level.depth_atoms as u64 + 3 * level.color_atoms.unwrap_or(0) as u64;
+            let stored = j == 0 || !header.one_dictionary;
+            let entries = if !stored {
+                0
+            } else {
+                level.depth_atoms as u64 + planes * level.color_atoms.unwrap_or(0) as u64
+            };
             let values = entries * level.area() as u64;
             let what = "values of a dictionary";
             let dictionary = Promise { stream: DICTIONARIES, what, count: values };
             let color = level.color_atoms.map(|_| patches(COLOR));
             [patches(POSES), patches(MASKS), patches(DEPTH), dictionary].into_iter().chain(color)
         };
-        header.levels.iter().flat_map(of_level).collect()
+        header.levels.iter().enumerate().flat_map(of_level).collect()
     }
 }
 
@@ -94,8 +110,13 @@ impl Vocabulary for HscsmDictionary {
     /// Its content is written out in `docs/format.md`.
     fn content_hash(&self) -> ContentHash {
         let mut out = ByteWriter::new();
+        let bytes = if self.is_wide() { 2 } else { 1 };
         let mut entries = |dictionary: &QuantizedDictionary| -> Vec<u8> {
-            dictionary.values().iter().map(|v| v.to_le_bytes()[0]).collect()
+            dictionary
+                .values()
+                .iter()
+                .flat_map(|v| v.to_le_bytes().into_iter().take(bytes))
+                .collect()
         };
         out.varint(self.levels.len() as u64);
         for level in &self.levels {
@@ -110,7 +131,32 @@ impl Vocabulary for HscsmDictionary {
     }
 }
 
+/// What the feature "hierarchy in common" adds to the header.
+fn code_hierarchy<F: Fields>(fields: &mut F, header: &mut HscsmHeader) -> Result<()> {
+    let mut dictionaries = u32::from(header.one_dictionary)
+        + 2 * u32::from(header.wide_atoms)
+        + 4 * u32::from(header.one_plane);
+    fields.bounded("kind of dictionaries", &mut dictionaries, 7)?;
+    header.one_dictionary = dictionaries & 1 == 1;
+    header.wide_atoms = dictionaries & 2 == 2;
+    header.one_plane = dictionaries & 4 == 4;
+    for level in &mut header.levels {
+        let mut doublings = level.mask_scale.ilog2();
+        fields.bounded("doublings of a bitmask", &mut doublings, MAX_MASK_SCALE.ilog2())?;
+        level.mask_scale = 1 << doublings;
+        // Said again, for a reader to hold against its limits now that it is known how large they are.
+        let mut pixels = (level.n_patches as u64).saturating_mul(level.mask_area() as u64);
+        let expected = pixels;
+        fields.count("number of mask pixels", &mut pixels, 1)?;
+        if pixels != expected {
+            return Err(fields.corrupt(format!("{pixels} mask pixels, not {expected}")));
+        }
+    }
+    Ok(())
+}
+
 fn code_level<F: Fields>(fields: &mut F, level: &mut LevelHeader) -> Result<()> {
+    level.mask_scale = level.mask_scale.max(1);
     fields.f64(&mut level.pixel_size)?;
     fields.bounded("pixels per side of a patch", &mut level.pixels, 32)?;
     if level.pixels < 2 {

@@ -125,7 +125,8 @@ impl PyHscsmModel {
         self.model.intensity().map(|limits| (limits.low, limits.high))
     }
 
-    /// Means of one channel of the patches of one level: (m, 1) metres, or (m, 3) luma, orange, green chroma.
+    /// Means of one channel of the patches of one level: (m, 1) metres, or (m, 3) luma, orange, green chroma,
+    /// or (m, 1) grey.
     fn means<'py>(
         &self,
         py: Python<'py>,
@@ -136,7 +137,7 @@ impl PyHscsmModel {
         let (data, _) = self.channel(level, channel)?;
         let step = if channel == "depth" { of.steps.depth_mean } else { of.steps.color_mean };
         let means: Vec<f64> = data.means.iter().map(|&m| f64::from(m) * step).collect();
-        let planes = if channel == "depth" { 1 } else { 3 };
+        let planes = if channel == "depth" { 1 } else { of.color_planes() };
         means.into_pyarray(py).reshape([of.len(), planes])
     }
 
@@ -173,10 +174,10 @@ impl PyHscsmModel {
         axes.into_pyarray(py).reshape([self.model.len(), 3, 3])
     }
 
-    /// Bitmasks of the patches of one level, (m, n, n).
+    /// Bitmasks of the patches of one level, (m, n, n), with n mask pixels per side of a patch.
     fn masks<'py>(&self, py: Python<'py>, level: usize) -> PyResult<Bound<'py, PyArray3<bool>>> {
         let level = self.level(level)?;
-        let n = level.pixels as usize;
+        let n = (level.pixels * level.mask_scale) as usize;
         let masks = Array3::from_shape_fn((level.len(), n, n), |(i, row, column)| {
             level.mask(i)[row * n + column] != 0
         });

@@ -43,7 +43,7 @@ class LearnOptions:
 
     levels: Annotated[int | None, Parameter(group=SHARED)] = None
     """patches: Levels of the hierarchy. hscsm: Levels of the hierarchy; one is SCSM. For patches an
-    integer from 1 to 4; by default 2. For hscsm an integer from 1 to 8; by default 1."""
+    integer from 1 to 4; by default 2. For hscsm an integer from 1 to 8; by default 3."""
 
     rounds: Annotated[int | None, Parameter(group=SHARED)] = None
     """patches: Rounds of choosing patches. alphabet: Rounds of covering the scene. For patches an
@@ -71,6 +71,12 @@ class LearnOptions:
     keep_outliers: Annotated[bool | None, Parameter(group=SHARED)] = None
     """patches, hscsm, alphabet, bic-alphabet, planes, gas: Keeps points that are far from all
     others. True or False; by default False."""
+
+    published: Annotated[bool | None, Parameter(group=SHARED)] = None
+    """hscsm: The method as printed in the paper, without what was added to it: the options from
+    `fine_masks` to `max_training_signals` do not count then, and the dictionaries have the paper's
+    sizes where none are given. planes: The method as printed in the paper, from random patches (10
+    where `initial_patches` is 0), without what was added to it. True or False; by default False."""
 
     iterations: Annotated[int | None, Parameter(group=SHARED)] = None
     """hscsm: Most iterations of weighted K-SVD per dictionary. bic-alphabet: Most candidate words
@@ -161,7 +167,7 @@ class LearnOptions:
 
     max_color_deviation: Annotated[float | None, Parameter(group=HSCSM)] = None
     """Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
-    channels. A positive number of grey levels; by default 60."""
+    channels. A positive number of grey levels; by default 20."""
 
     min_coverage: Annotated[float | None, Parameter(group=HSCSM)] = None
     """Least fraction of its pixels that a patch covers. A number above 0 and at most 1; by default
@@ -171,12 +177,12 @@ class LearnOptions:
     """How places of patches are chosen. 'greedy' or 'subsampled'; by default greedy."""
 
     depth_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
-    """Most entries of the depth dictionary of each level. An integer from 1 to 65535; by default
-    128."""
+    """Most entries of a depth dictionary. An integer from 1 to 65535; by default one for each 80
+    patches, 16 to 128; 500 with `published`."""
 
     color_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
-    """Most entries of the colour dictionary of each level. An integer from 1 to 65535; by default
-    256."""
+    """Most entries of a colour dictionary. An integer from 1 to 65535; by default one for each 40
+    patches, 32 to 256; 3500 with `published`."""
 
     depth_sparsity: Annotated[int | None, Parameter(group=HSCSM)] = None
     """Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from 1 to
@@ -193,6 +199,36 @@ class LearnOptions:
     color_tolerance: Annotated[float | None, Parameter(group=HSCSM)] = None
     """Root mean square error at which coding of a patch's colour ends, on the lowest level. A
     number above 0 and at most 255 grey levels; by default 7."""
+
+    fine_masks: Annotated[bool | None, Parameter(group=HSCSM)] = None
+    """Bitmasks of all levels have pixels of the lowest one: coarse patches then have the gaps and
+    rims of the scan. True or False; by default True."""
+
+    one_dictionary: Annotated[bool | None, Parameter(group=HSCSM)] = None
+    """All levels have one dictionary per channel, learned from what all of them have to code, in
+    tolerances of their level. True or False; by default True."""
+
+    growth_gate: Annotated[bool | None, Parameter(group=HSCSM)] = None
+    """A patch takes the samples that growth from its middle reaches in steps of depth up to a gate:
+    a pixel at the lowest level. True or False; by default True."""
+
+    max_pixel_offset: Annotated[float | None, Parameter(group=HSCSM)] = None
+    """Pixels that the mean place of a pixel's samples may be off its centre above the lowest level,
+    where bitmasks are not fine. A number above 0 pixels; by default 0.2."""
+
+    means_apart: Annotated[bool | None, Parameter(group=HSCSM)] = None
+    """Means of each patch are coded apart, those of colour as luma and chroma. True or False; by
+    default True."""
+
+    small_atoms: Annotated[bool | None, Parameter(group=HSCSM)] = None
+    """Entries of dictionaries are rounded to 8 bits. True or False; by default True."""
+
+    disjoint: Annotated[bool | None, Parameter(group=HSCSM)] = None
+    """A sample belongs to one patch. True or False; by default True."""
+
+    max_training_signals: Annotated[int | None, Parameter(group=HSCSM)] = None
+    """Most patches that a dictionary is learned from, those with most energy. An integer of at
+    least 1; by default 6000."""
 
     scales: Annotated[int | None, Parameter(group=ALPHABET)] = None
     """Number of radii, each twice the one before. An integer from 1 to 8; by default 4."""

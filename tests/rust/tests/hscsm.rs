@@ -115,7 +115,7 @@ fn sphere(radius: f32, count: usize) -> Vec<Point> {
 }
 
 fn options() -> HscsmOptions {
-    HscsmOptions { resolution: Some(PIXEL), iterations: 3, ..HscsmOptions::default() }
+    HscsmOptions { resolution: Some(PIXEL), levels: 1, iterations: 3, ..HscsmOptions::default() }
 }
 
 fn learn(cloud: &PointCloud) -> HscsmModel {
@@ -596,22 +596,131 @@ fn intensities_come_back_in_the_place_of_colors() {
 
 #[test]
 fn grey_intensities_are_coded_as_grey_colors_are() {
-    // Intensities 0 to 255 have the images of the same colours, and so the same streams.
+    // Intensities 0 to 255 have the images of the same colours, in one plane instead of three.
     let flat = rectangle([0.0; 3], [0.4, 0.0, 0.0], [0.0, 0.4, 0.0]);
     let grey = |p: &Point| (127.5 + 160.0 * (40.0 * p[0]).sin() * (30.0 * p[1]).cos()) as u8;
     let positions = flat.points(0.004);
     let colors = Some(positions.iter().map(|p| [grey(p); 3]).collect());
     let parts = CloudParts { positions: positions.clone(), colors, ..CloudParts::default() };
-    let colored = learn(&PointCloud::from_parts(parts).unwrap().0);
+    let colored_input = PointCloud::from_parts(parts).unwrap().0;
+    let colored = learn(&colored_input);
     let input = with_intensities(positions, |p| f32::from(grey(p)));
     let model = learn(&input);
     let limits = model.intensity().unwrap();
     assert_eq!((limits.low, limits.high), (0.0, 255.0));
-    assert_eq!(model.levels(), colored.levels());
-    // The dictionary of one describes the other.
+    let (own, three) = (&model.levels()[0], &colored.levels()[0]);
+    assert_eq!((own.color_planes(), three.color_planes()), (1, 3));
+    assert_eq!((&own.poses, &own.masks, &own.depth), (&three.poses, &three.masks, &three.depth));
+    let luma: Vec<i32> =
+        three.color.iter().flat_map(|c| c.means.iter().step_by(3)).copied().collect();
+    assert_eq!(own.color.as_ref().map(|c| &c.means), Some(&luma));
+    assert_eq!(read::<HscsmModel>(&model.to_bytes().unwrap()).unwrap(), model);
+    // The dictionary of colours describes intensities, with the same codes; that of intensities describes no colours.
     let described = hscsm::describe(&input, &options(), &colored.dictionary(), &Silent).unwrap();
-    assert_eq!(described.levels(), model.levels());
+    assert_eq!(described.levels(), colored.levels());
     assert_eq!(described.intensity(), Some(limits));
+    let error =
+        hscsm::describe(&colored_input, &options(), &model.dictionary(), &Silent).unwrap_err();
+    assert!(error.to_string().contains("learned from intensities"), "{error}");
+}
+
+/// A plate whose points lie on every other line of a lattice of half a pixel, so that fine masks have gaps.
+#[test]
+fn fine_masks_keep_the_gaps_of_a_scan() {
+    let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
+    // A point in the middle of every second column of pixels.
+    let points: Vec<Point> = flat
+        .points(PIXEL as f32)
+        .into_iter()
+        .filter(|p| (p[0] / PIXEL as f32) as i32 % 2 == 0)
+        .collect();
+    let input = cloud(points);
+    let coarse = HscsmOptions { min_coverage: 0.4, ..with_levels(3) };
+    let area = |options: &HscsmOptions| {
+        let model = hscsm::learn(&input, options, &Silent).unwrap();
+        assert!(model.levels()[0].len() > 4);
+        let far = nearest(decode(&model, None).positions(), input.positions());
+        (model.levels().iter().map(|l| l.covered_area()).sum::<f64>(), largest(far))
+    };
+    let (fine, near) = area(&coarse);
+    let (filled, far) = area(&HscsmOptions {
+        fine_masks: false,
+        max_pixel_offset: f64::INFINITY,
+        ..coarse.clone()
+    });
+    // Half of the plate has points. A mask pixel of a column has its point within its diagonal.
+    assert!((fine / (0.5 * 0.64 * 0.64) - 1.0).abs() < 0.15, "{fine}");
+    assert!(near <= 2.0_f64.sqrt() * PIXEL, "{near}");
+    assert!(filled > 1.8 * fine, "{filled} {fine}");
+    assert!(far >= near, "{far} {near}");
+}
+
+#[test]
+fn levels_with_one_dictionary_store_it_once() {
+    let input = colored_scene();
+    let of = |one_dictionary| {
+        let options = HscsmOptions { one_dictionary, ..with_levels(3) };
+        hscsm::learn(&input, &options, &Silent).unwrap()
+    };
+    let (one, each) = (of(true), of(false));
+    assert!(one.one_dictionary() && !each.one_dictionary());
+    let dictionary = one.dictionary();
+    assert!(dictionary.levels.iter().all(|l| l.depth == dictionary.levels[0].depth));
+    assert!(dictionary.levels.iter().all(|l| l.color == dictionary.levels[0].color));
+    // The same patches, whatever codes them.
+    for (a, b) in one.levels().iter().zip(each.levels()) {
+        assert_eq!((&a.poses, &a.masks), (&b.poses, &b.masks));
+    }
+    let bytes = one.to_bytes().unwrap();
+    assert_eq!(read::<HscsmModel>(&bytes).unwrap(), one);
+    // Another scene is described with it as with any other.
+    let second = hscsm::describe(&input, &with_levels(3), &dictionary, &Silent).unwrap();
+    assert_eq!(second.levels(), one.levels());
+}
+
+#[test]
+fn the_published_method_is_free_of_what_was_added() {
+    let input = colored_scene();
+    let published = HscsmOptions { published: true, ..with_levels(2) };
+    let model = hscsm::learn(&input, &published, &Silent).unwrap();
+    assert!(!model.one_dictionary());
+    for level in model.levels() {
+        assert_eq!(level.mask_scale, 1);
+        assert!(level.depth.means.iter().all(|&m| m == 0));
+        assert!(level.color.as_ref().unwrap().means.iter().all(|&m| m == 0));
+        assert!(level.depth.dictionary.n_atoms() <= 500);
+    }
+    assert!(model.dictionary().is_wide());
+    assert_eq!(read::<HscsmModel>(&model.to_bytes().unwrap()).unwrap(), model);
+    assert_covered(&input, &model);
+    // It is what its switches are one by one.
+    let switches = HscsmOptions {
+        depth_atoms: Some(500),
+        color_atoms: Some(3500),
+        fine_masks: false,
+        one_dictionary: false,
+        growth_gate: false,
+        max_pixel_offset: f64::INFINITY,
+        means_apart: false,
+        small_atoms: false,
+        disjoint: false,
+        max_training_signals: 1_000_000,
+        ..with_levels(2)
+    };
+    assert_eq!(hscsm::learn(&input, &switches, &Silent).unwrap(), model);
+}
+
+#[test]
+fn patches_that_overlap_show_what_others_own() {
+    let input = points_of(&[tilted()], 0.0025);
+    let set = |disjoint| {
+        let options = HscsmOptions { disjoint, placement: Placement::Subsampled, ..options() };
+        let model = hscsm::learn(&input, &options, &Silent).unwrap();
+        let figures = model.report().figures.unwrap();
+        assert_eq!(figures.samples, figures.samples_covered);
+        model.levels()[0].set_pixels()
+    };
+    assert!(set(false) > set(true), "{} {}", set(false), set(true));
 }
 
 #[test]

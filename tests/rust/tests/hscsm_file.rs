@@ -199,9 +199,10 @@ fn codes(patches: usize, n_atoms: usize) -> impl Strategy<Value = Codes> {
 }
 
 fn channel(patches: usize, area: usize, planes: usize) -> impl Strategy<Value = Channel> {
-    (0_usize..6).prop_flat_map(move |n_atoms| {
+    (0_usize..6, any::<bool>()).prop_flat_map(move |(n_atoms, wide)| {
+        let range = if wide { i16::MIN..=i16::MAX } else { -128..=127 };
         let features = area * planes;
-        let values = prop::collection::vec(prop_oneof![-9_i8..10, any::<i8>()], n_atoms * features)
+        let values = prop::collection::vec(prop_oneof![-9_i16..10, range], n_atoms * features)
             .prop_map(move |mut values| {
                 // No entry may be all zero.
                 values
@@ -224,11 +225,21 @@ fn level() -> impl Strategy<Value = Level> {
     let coordinate = prop_oneof![4 => -300..300, 1 => -far..=far];
     let pose = (prop::array::uniform3(coordinate), prop::array::uniform2(-63_i16..=63))
         .prop_map(|(position, normal)| PatchPose { position, normal });
-    (2_u32..7, prop::collection::vec(pose, 0..12), 0.001..1.0).prop_flat_map(
-        |(pixels, poses, pixel_size)| {
+    let size = (2_u32..7, 0_u32..3);
+    (size, prop::collection::vec(pose, 0..12), 0.001..1.0).prop_flat_map(
+        |((pixels, doublings), poses, pixel_size)| {
+            let mask_scale = 1 << doublings;
             let (area, n) = ((pixels * pixels) as usize, poses.len());
             let color = prop::option::of(channel(n, area, 3));
-            let masks = prop::collection::vec(0_u8..2, n * area);
+            let mask_area = area * (mask_scale * mask_scale) as usize;
+            // Some pixels with all, some with none of their mask pixels.
+            let mask = prop::collection::vec(prop_oneof![Just(0_u8), Just(1), 0_u8..2], 1..9)
+                .prop_map(move |v: Vec<u8>| -> Vec<u8> {
+                    (0..mask_area).map(|i| v[i * v.len() / mask_area]).collect()
+                });
+            let mask = prop_oneof![mask, prop::collection::vec(0_u8..2, mask_area)];
+            let masks =
+                prop::collection::vec(mask, n).prop_map(|masks: Vec<Vec<u8>>| masks.concat());
             (masks, channel(n, area, 1), color).prop_map(move |(masks, depth, color)| {
                 let position = 0.25 * pixel_size;
                 let mut poses = poses.clone();
@@ -244,7 +255,7 @@ fn level() -> impl Strategy<Value = Level> {
                     color_mean: 5.0,
                     color_code: 50.0,
                 };
-                Level { pixel_size, pixels, steps, poses, masks, depth, color }
+                Level { pixel_size, pixels, steps, mask_scale, poses, masks, depth, color }
             })
         },
     )
@@ -264,10 +275,25 @@ proptest! {
         let has_images = levels.iter().all(|level| level.color.is_some());
         let limits = high.map(|high| IntensityLimits { low, high });
         let intensity = limits.filter(|_| has_images);
-        let shares_vocabulary = false;
-        let parts = HscsmModelParts { origin, n_points, levels, intensity, shares_vocabulary };
-        let model = HscsmModel::from_parts(parts).unwrap();
+        let parts = HscsmModelParts {
+            origin,
+            n_points,
+            levels,
+            intensity,
+            shares_vocabulary: false,
+            one_dictionary: false,
+        };
+        let model = HscsmModel::from_parts(parts.clone()).unwrap();
         let bytes = model.to_bytes().unwrap();
         prop_assert_eq!(read::<HscsmModel>(&bytes).unwrap(), model);
+
+        // The first level three times, with its dictionaries stored once.
+        let levels = parts.levels.first().map(|level| vec![level.clone(); 3]).unwrap_or_default();
+        let of = |one_dictionary| HscsmModelParts { levels: levels.clone(), one_dictionary, ..parts.clone() };
+        let [once, thrice] = [true, false].map(|one| HscsmModel::from_parts(of(one)).unwrap());
+        let [bytes, more] = [&once, &thrice].map(|model| model.to_bytes().unwrap());
+        prop_assert_eq!(read::<HscsmModel>(&bytes).unwrap(), once);
+        // The section by itself is not longer; what says so in the header is at most 16 bytes.
+        prop_assert!(bytes.len() <= more.len() + 16);
     }
 }

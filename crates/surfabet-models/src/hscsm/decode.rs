@@ -20,7 +20,7 @@ impl HscsmModel {
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
     /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        let finest = self.levels().iter().map(|l| l.pixel_size).fold(f64::INFINITY, f64::min);
+        let finest = self.levels().iter().map(Level::mask_pixel).fold(f64::INFINITY, f64::min);
         options.expect_thin()?;
         let resolution = options.spacing(0.5 * finest)?;
         check_points(resolution, self.points_at(resolution), options.max_points)?;
@@ -47,7 +47,7 @@ impl HscsmModel {
     /// Most points that are decoded at a spacing of `resolution` metres.
     pub(super) fn points_at(&self, resolution: f64) -> f64 {
         let of_level = |l: &Level| {
-            let per_side = l.pixel_size / sampling(l, resolution).spacing.min(l.pixel_size);
+            let per_side = l.mask_pixel() / sampling(l, resolution).spacing.min(l.mask_pixel());
             l.set_pixels() as f64 * per_side * per_side
         };
         self.levels().iter().map(of_level).sum()
@@ -59,19 +59,20 @@ const BLOCK: usize = 64;
 
 /// How a level is sampled at a given resolution.
 struct Sampling {
-    /// Distance of the samples, metres; divides the pixel or the patch evenly.
+    /// Distance of the samples, metres; divides the mask pixel or the patch evenly.
     spacing: f64,
-    /// Samples per side of a pixel; zero when the spacing is coarser than a pixel.
+    /// Samples per side of a mask pixel; zero when the spacing is coarser than one.
     per_pixel: usize,
-    /// Cells per side of a patch when the spacing is coarser than a pixel.
+    /// Cells per side of a patch when the spacing is coarser than a mask pixel.
     per_patch: usize,
 }
 
 fn sampling(level: &Level, resolution: f64) -> Sampling {
+    let pixel = level.mask_pixel();
     // The small slack keeps 0.01 / 0.005 at two samples although neither is exact in binary.
-    let per_pixel = (level.pixel_size / resolution - 1e-9).ceil().max(1.0);
-    if resolution <= level.pixel_size * (1.0 + 1e-9) {
-        let spacing = level.pixel_size / per_pixel;
+    let per_pixel = (pixel / resolution - 1e-9).ceil().max(1.0);
+    if resolution <= pixel * (1.0 + 1e-9) {
+        let spacing = pixel / per_pixel;
         return Sampling { spacing, per_pixel: per_pixel as usize, per_patch: 0 };
     }
     let size = level.pixel_size * f64::from(level.pixels);
@@ -90,12 +91,24 @@ struct LevelDecoder<'a> {
 }
 
 /// Depth and colour of one patch at its pixels.
-struct Pixels<'a> {
+struct Pixels {
     n: usize,
-    mask: &'a [u8],
+    /// True where a pixel has a set mask pixel.
+    set: Vec<bool>,
     depth: Vec<f32>,
-    /// Planes of red, green and blue; empty without colour.
+    /// Planes of red, green and blue, or one of grey; empty without colour.
     color: Vec<f32>,
+}
+
+/// Which of the `n` x `n` pixels of a patch have a set mask pixel.
+fn set_pixels(mask: &[u8], n: usize, scale: usize) -> Vec<bool> {
+    let mut set = vec![false; n * n];
+    for (row, line) in mask.chunks(n * scale).enumerate() {
+        for (column, _) in line.iter().enumerate().filter(|(_, m)| **m != 0) {
+            set[row / scale * n + column / scale] = true;
+        }
+    }
+    set
 }
 
 /// Adds Σ λ d over the entries of patch `i` (eq. 3) to `image`.
@@ -127,7 +140,7 @@ impl<'a> LevelDecoder<'a> {
     }
 
     /// Depth and colour images of patch `i` (eq. 2).
-    fn pixels(&self, i: usize) -> Pixels<'a> {
+    fn pixels(&self, i: usize) -> Pixels {
         let level = self.level;
         let area = level.area();
         let mean = (f64::from(level.depth.means[i]) * level.steps.depth_mean) as f32;
@@ -135,34 +148,41 @@ impl<'a> LevelDecoder<'a> {
         add_code(&level.depth, &self.depth_atoms, level.steps.depth_code, i, &mut depth);
         let mut color = Vec::new();
         if let Some(channel) = &level.color {
-            let means: [f32; 3] = std::array::from_fn(|c| {
-                (f64::from(channel.means[3 * i + c]) * level.steps.color_mean) as f32
-            });
-            for mean in to_rgb(means) {
-                color.resize(color.len() + area, mean);
+            let planes = level.color_planes();
+            let mean = |c: usize| {
+                (f64::from(channel.means[planes * i + c]) * level.steps.color_mean) as f32
+            };
+            if planes == 1 {
+                color.resize(area, mean(0));
+            } else {
+                for mean in to_rgb([mean(0), mean(1), mean(2)]) {
+                    color.resize(color.len() + area, mean);
+                }
             }
             add_code(channel, &self.color_atoms, level.steps.color_code, i, &mut color);
         }
-        Pixels { n: level.pixels as usize, mask: level.mask(i), depth, color }
+        let set = set_pixels(level.mask(i), level.pixels as usize, level.mask_scale as usize);
+        Pixels { n: level.pixels as usize, set, depth, color }
     }
 
     fn decode(&self, i: usize, points: &mut Points) {
         let pixels = self.pixels(i);
-        let n = pixels.n;
+        let scale = self.level.mask_scale as usize;
+        let n = pixels.n * scale;
         let frame = self.level.poses[i].frame(self.level.steps.position as f32);
+        // Pixel coordinates of mask coordinates.
+        let of_mask = |at: f32| (at + 0.5) / scale as f32 - 0.5;
+        let mask = self.level.mask(i);
+        let set = (0..n * n).filter(|&p| mask[p] != 0);
         if self.sampling.per_pixel > 0 {
             let m = self.sampling.per_pixel;
-            for pixel in (0..n * n).filter(|&p| pixels.mask[p] != 0) {
+            let at = |whole: usize, part: usize| {
+                of_mask(whole as f32 + (part as f32 + 0.5) / m as f32 - 0.5)
+            };
+            for pixel in set {
                 for sub in 0..m * m {
-                    let at = |whole: usize, part: usize| {
-                        whole as f32 + (part as f32 + 0.5) / m as f32 - 0.5
-                    };
-                    self.emit(
-                        &pixels,
-                        &frame,
-                        [at(pixel % n, sub % m), at(pixel / n, sub / m)],
-                        points,
-                    );
+                    let at = [at(pixel % n, sub % m), at(pixel / n, sub / m)];
+                    self.emit(&pixels, &frame, at, points);
                 }
             }
         } else {
@@ -170,7 +190,7 @@ impl<'a> LevelDecoder<'a> {
             let cells = self.sampling.per_patch;
             let cell_of = |c: usize| (c * cells / n).min(cells - 1);
             let mut sums = vec![([0.0_f32; 2], 0.0_f32); cells * cells];
-            for pixel in (0..n * n).filter(|&p| pixels.mask[p] != 0) {
+            for pixel in set {
                 let (column, row) = (pixel % n, pixel / n);
                 let sum = &mut sums[cell_of(row) * cells + cell_of(column)];
                 sum.0[0] += column as f32;
@@ -178,13 +198,13 @@ impl<'a> LevelDecoder<'a> {
                 sum.1 += 1.0;
             }
             for (sum, count) in sums.iter().filter(|(_, count)| *count > 0.0) {
-                self.emit(&pixels, &frame, sum.map(|s| s / count), points);
+                self.emit(&pixels, &frame, sum.map(|s| of_mask(s / count)), points);
             }
         }
     }
 
     /// One point at pixel coordinates `at` (0 is the centre of the first pixel).
-    fn emit(&self, pixels: &Pixels<'_>, frame: &Frame, at: [f32; 2], points: &mut Points) {
+    fn emit(&self, pixels: &Pixels, frame: &Frame, at: [f32; 2], points: &mut Points) {
         let corners = Corners::around(pixels, at);
         let depth = corners.mean(&pixels.depth);
         let pixel = self.level.pixel_size as f32;
@@ -193,8 +213,12 @@ impl<'a> LevelDecoder<'a> {
         points.positions.push(frame.to_world(local));
         if !pixels.color.is_empty() {
             let area = pixels.n * pixels.n;
-            let rgb: [f32; 3] =
-                std::array::from_fn(|c| corners.mean(&pixels.color[c * area..(c + 1) * area]));
+            // The one plane of grey stands for all three.
+            let last = pixels.color.len() / area - 1;
+            let rgb: [f32; 3] = std::array::from_fn(|c| {
+                let plane = c.min(last) * area;
+                corners.mean(&pixels.color[plane..plane + area])
+            });
             match self.limits {
                 Some(limits) => points.intensities.push(limits.intensity(rgb)),
                 // A cast from float to u8 saturates at 0 and 255.
@@ -219,7 +243,7 @@ struct Corners {
 }
 
 impl Corners {
-    fn around(pixels: &Pixels<'_>, at: [f32; 2]) -> Self {
+    fn around(pixels: &Pixels, at: [f32; 2]) -> Self {
         let n = pixels.n;
         let last = (n - 1) as f32;
         let clamped = at.map(|c| c.clamp(0.0, last));
@@ -233,7 +257,7 @@ impl Corners {
             let wx = if dx == 1 { part[0] } else { 1.0 - part[0] };
             let wy = if dy == 1 { part[1] } else { 1.0 - part[1] };
             corners.pixels[k] = pixel;
-            corners.weights[k] = if pixels.mask[pixel] != 0 { wx * wy } else { 0.0 };
+            corners.weights[k] = if pixels.set[pixel] { wx * wy } else { 0.0 };
             total += corners.weights[k];
         }
         if total > 0.0 {
@@ -244,7 +268,7 @@ impl Corners {
                 let (dx, dy) = ((p % n) as f32 - at[0], (p / n) as f32 - at[1]);
                 dx * dx + dy * dy
             };
-            let set = (0..n * n).filter(|&p| pixels.mask[p] != 0);
+            let set = (0..n * n).filter(|&p| pixels.set[p]);
             if let Some(nearest) = set.min_by(|&a, &b| distance(a).total_cmp(&distance(b))) {
                 corners.pixels[0] = nearest;
                 corners.weights = [1.0, 0.0, 0.0, 0.0];
@@ -258,11 +282,11 @@ impl Corners {
     }
 
     /// Change of depth per pixel along columns and rows, from the set pixels alone.
-    fn slope(&self, pixels: &Pixels<'_>) -> [f32; 2] {
+    fn slope(&self, pixels: &Pixels) -> [f32; 2] {
         let n = pixels.n;
         let value = |x: usize, y: usize| {
             let pixel = y * n + x;
-            (pixels.mask[pixel] != 0).then(|| pixels.depth[pixel])
+            (pixels.set[pixel]).then(|| pixels.depth[pixel])
         };
         let difference = |a: Option<f32>, b: Option<f32>| Some(b? - a?);
         let [x, y] = self.low;

@@ -3,8 +3,8 @@
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
 use super::channels::dictionary::{HscsmDictionary, LevelDictionary};
-use super::channels::images::project;
-use super::channels::means::{LevelTask, learn_color, learn_depth};
+use super::channels::images::{Images, project};
+use super::channels::means::{LevelTask, color_images, depth_images, learn_color, learn_depth};
 use super::constants::{GATE_DEVIATIONS, LEFT_PIXELS, POSITION_STEP, SPACINGS_PER_PIXEL};
 use super::intensity::{IntensityLimits, Shades};
 use super::model::{HscsmModel, HscsmModelParts, Level, MAX_POSITION, Steps};
@@ -65,6 +65,7 @@ pub fn describe(
     progress: &dyn Progress,
 ) -> Result<HscsmModel> {
     options.check()?;
+    let options = &options.in_force();
     let own = dictionary.options().resolution;
     let options = &HscsmOptions { resolution: options.resolution.or(own), ..options.clone() };
     dictionary.check(options)?;
@@ -79,6 +80,13 @@ pub fn describe(
             "the cloud has {what}, the dictionary has none; learn it from a cloud with {what}"
         )));
     }
+    let area = (options.patch_pixels * options.patch_pixels) as usize;
+    if cloud.colors().is_some() && dictionary.color_planes(area) == Some(1) {
+        return Err(Error::Inconsistent(
+            "the cloud has colours, the dictionary was learned from intensities; learn it from a cloud with colours"
+                .to_owned(),
+        ));
+    }
     run(cloud, options, Some(dictionary), progress)
 }
 
@@ -89,6 +97,7 @@ fn run(
     progress: &dyn Progress,
 ) -> Result<HscsmModel> {
     options.check()?;
+    let options = &options.in_force();
     let mut stages = Stages::new(STAGES, progress);
     // What the data say of the options that are not given.
     let (quality, keep) = (options.quality, options.keep_outliers);
@@ -108,11 +117,27 @@ fn run(
     })?;
     // The hierarchy H, coarsest level first: each describes what it can of the samples that are left.
     let mut owned = vec![false; samples.len()];
-    let mut levels = Vec::with_capacity(options.levels as usize);
+    // Grey of intensities has one plane, unless it is to be coded in dictionaries of colours.
+    let area = (options.patch_pixels * options.patch_pixels) as usize;
+    let grey = usize::from(limits.is_some());
+    let planes = frozen.and_then(|d| d.color_planes(area)).unwrap_or(3 - 2 * grey);
+    let mut placed = Vec::with_capacity(options.levels as usize);
     for j in 0..options.levels {
         let frozen = frozen.and_then(|d| d.levels.get(j as usize));
-        let task = level_task(options, j, frozen);
-        levels.push(learn_level(&samples, &mut owned, &task, &mut stages)?);
+        let task = level_task(options, j, planes, frozen);
+        placed.push(place_level(&samples, &mut owned, task, &mut stages)?);
+    }
+    // Dictionaries and sparse codes c of both channels (III-B), of all levels together or one by one.
+    let one_dictionary =
+        frozen.map_or(options.levels > 1 && options.one_dictionary, HscsmDictionary::is_one);
+    let mut levels = Vec::with_capacity(placed.len());
+    if one_dictionary {
+        levels = learn_levels(placed, options, 1, &mut stages)?;
+    } else {
+        let rounds = placed.len();
+        for level in placed {
+            levels.extend(learn_levels(vec![level], options, rounds, &mut stages)?);
+        }
     }
 
     let mut report = HscsmReport {
@@ -121,7 +146,7 @@ fn run(
             Some(_) => "every point is covered",
         },
         not_kept: lost(cloud, &[limits.map_or("colors", |_| "intensities")]),
-        ..report(cloud.len(), samples.len(), &levels)
+        ..report(cloud.len(), samples.len(), &levels, one_dictionary)
     };
     let parts = HscsmModelParts {
         origin: cloud.origin(),
@@ -129,6 +154,7 @@ fn run(
         levels: levels.into_iter().map(|l| l.level).collect(),
         intensity: limits,
         shares_vocabulary: frozen.is_some(),
+        one_dictionary,
     };
     start.report(tolerance, &mut report);
     let model = HscsmModel::from_parts(parts)?;
@@ -150,7 +176,7 @@ fn attributes(
     };
     // Half a pixel, but wide pixels of a hierarchy must not become many times as many points as were given.
     let most = POINTS_PER_PIXEL * cloud.len() as f64;
-    let mut spacing = 0.5 * model.levels().last().map_or(1.0, |l| l.pixel_size);
+    let mut spacing = 0.5 * model.levels().last().map_or(1.0, Level::mask_pixel);
     while model.points_at(spacing) > most {
         spacing *= 2.0;
     }
@@ -172,20 +198,31 @@ fn attributes(
 fn level_task<'a>(
     options: &'a HscsmOptions,
     level: u32,
+    planes: usize,
     frozen: Option<&'a LevelDictionary>,
 ) -> LevelTask<'a> {
     let area = (options.patch_pixels * options.patch_pixels) as usize;
-    LevelTask { options, level, area, steps: steps(options, level), frozen }
+    LevelTask { options, level, area, planes, steps: steps(options, level, planes), frozen }
 }
 
-/// Describes what a level can of the samples that are not `owned` yet; the others go down.
-fn learn_level(
+/// Patches of a level, and their images.
+struct PlacedLevel<'a> {
+    task: LevelTask<'a>,
+    patches: Vec<OwnedPatch>,
+    images: Images,
+    mask_scale: u32,
+    /// Mean distance of neighbouring patches, metres.
+    distance: Option<f64>,
+}
+
+/// Places what a level can describe of the samples that are not `owned` yet; the others go down.
+fn place_level<'a>(
     samples: &Samples,
     owned: &mut Vec<bool>,
-    task: &LevelTask<'_>,
+    task: LevelTask<'a>,
     stages: &mut Stages<'_>,
-) -> Result<LearnedLevel> {
-    let LevelTask { options, level: j, .. } = *task;
+) -> Result<PlacedLevel<'a>> {
+    let LevelTask { options, level: j, .. } = task;
     let n_levels = options.levels as usize;
     let pixel_size = options.pixel_size(j);
     let grid = PixelGrid {
@@ -196,60 +233,87 @@ fn learn_level(
     // Poses T, and which patch owns which samples (III-A).
     let (patches, distance) = stages.run_round("placing patches", n_levels, |progress| {
         let (doublings, rules) = (options.doublings(j), rules(options, j));
-        let patches = place(samples, owned, doublings, grid, rules, options.placement, progress)?;
+        let patches = place(samples, owned, doublings, grid, rules, options, progress)?;
         let patches = in_storing_order(patches, pixel_size, options.patch_pixels);
         let distance = neighbour_distance(&patches, grid, progress)?;
         Ok((patches, distance))
     })?;
     // Depth and colour images, bitmasks b (III, figure 2).
-    let images = stages
-        .run_round("projecting patches", n_levels, |_| Ok(project(samples, &patches, grid)))?;
-    // Dictionaries and sparse codes c of both channels (III-B).
-    let (depth, depth_learning) = stages
-        .run_round("learning depth", n_levels, |progress| learn_depth(&images, task, progress))?;
-    let (color, color_learning) = match &images.color {
-        None => (None, None),
-        Some(colors) => {
-            let (color, learning) = stages.run_round("learning colour", n_levels, |progress| {
-                learn_color(colors, &images, task, progress)
-            })?;
-            (Some(color), learning)
-        }
-    };
-    let level = Level {
-        pixel_size,
-        pixels: options.patch_pixels,
-        steps: task.steps,
-        poses: patches.iter().map(|p| p.pose).collect(),
-        masks: images.mask,
-        depth,
-        color,
-    };
-    let figures = LevelFigures::new(&level, &patches, distance);
-    Ok(LearnedLevel { level, figures, depth: depth_learning, color: color_learning })
+    let mask_scale = options.mask_scale(j);
+    let images = stages.run_round("projecting patches", n_levels, |_| {
+        Ok(project(samples, &patches, grid, mask_scale, task.planes))
+    })?;
+    Ok(PlacedLevel { task, patches, images, mask_scale, distance })
+}
+
+/// Learns dictionaries for these levels together, and codes their patches in them.
+fn learn_levels(
+    placed: Vec<PlacedLevel<'_>>,
+    options: &HscsmOptions,
+    rounds: usize,
+    stages: &mut Stages<'_>,
+) -> Result<Vec<LearnedLevel>> {
+    let (depths, mut depth_learning) = stages.run_round("learning depth", rounds, |progress| {
+        let images = placed.iter().map(|p| depth_images(&p.images, &p.task)).collect();
+        learn_depth(images, options, progress)
+    })?;
+    let color_images: Vec<_> = (placed.iter())
+        .filter_map(|p| Some(color_images(p.images.color.as_ref()?, &p.images, &p.task)))
+        .collect();
+    let (mut colors, mut color_learning) = (vec![None; placed.len()], None);
+    if !color_images.is_empty() {
+        let (learned, learning) = stages.run_round("learning colour", rounds, |progress| {
+            learn_color(color_images, options, progress)
+        })?;
+        // A cloud has colours or not, and with it all levels.
+        colors = learned.into_iter().map(Some).collect();
+        color_learning = learning;
+    }
+    let levels = placed.into_iter().zip(depths).zip(colors).map(|((placed, depth), color)| {
+        let level = Level {
+            pixel_size: options.pixel_size(placed.task.level),
+            pixels: options.patch_pixels,
+            steps: placed.task.steps,
+            mask_scale: placed.mask_scale,
+            poses: placed.patches.iter().map(|p| p.pose).collect(),
+            masks: placed.images.bitmask,
+            depth,
+            color,
+        };
+        let figures = LevelFigures::new(&level, &placed.patches, placed.distance);
+        // Of several levels the first tells how all were learned.
+        let (depth, color) = (depth_learning.take(), color_learning.take());
+        LearnedLevel { level, figures, depth, color }
+    });
+    Ok(levels.collect())
 }
 
 /// What level `j` accepts; the lowest takes all.
 fn rules(options: &HscsmOptions, j: u32) -> Rules {
     let pixel = options.pixel_size(j);
+    // All of a cube is within its side.
+    let whole = options.patch_size(j);
+    let gate = |gate: f64| if options.growth_gate { gate as f32 } else { whole as f32 };
     if options.doublings(j) == 0 {
         return Rules {
-            gate: pixel as f32,
+            gate: gate(pixel),
             min_covered: 0,
             min_pixels: 0,
             max_depth_variance: f64::INFINITY,
             max_color_variance: f64::INFINITY,
+            max_pixel_offset: f64::INFINITY,
         };
     }
     let area = f64::from(options.patch_pixels * options.patch_pixels);
     let pixels = |share: f64| ((share * area).ceil() as usize).max(1);
     let rho = options.max_depth_deviation();
     Rules {
-        gate: (GATE_DEVIATIONS * rho) as f32,
+        gate: gate(GATE_DEVIATIONS * rho),
         min_covered: pixels(options.min_coverage),
         min_pixels: pixels(LEFT_PIXELS.min(options.min_coverage)),
         max_depth_variance: rho * rho,
         max_color_variance: options.max_color_deviation * options.max_color_deviation,
+        max_pixel_offset: if options.fine_masks { f64::INFINITY } else { options.max_pixel_offset },
     }
 }
 
@@ -282,7 +346,7 @@ fn in_storing_order(patches: Vec<OwnedPatch>, pixel_size: f64, pixels: u32) -> V
 /// Rounding to a step q makes a squared error of q^2 / 12 per coefficient, so that k of them, spread over n values, make
 /// a mean squared error of k q^2 / (12 n). With `q = tolerance sqrt(3 n / k)` that is a quarter of the squared tolerance:
 /// rounding all coefficients of a full code costs half of the tolerance.
-fn steps(options: &HscsmOptions, j: u32) -> Steps {
+fn steps(options: &HscsmOptions, j: u32, planes: usize) -> Steps {
     let code_step = |tolerance: f64, n_features: f64, sparsity: u32| {
         tolerance * (3.0 * n_features / f64::from(sparsity)).sqrt()
     };
@@ -294,6 +358,6 @@ fn steps(options: &HscsmOptions, j: u32) -> Steps {
         depth_mean: depth_tolerance,
         depth_code: code_step(depth_tolerance, area, options.depth_sparsity),
         color_mean: 0.5 * color_tolerance,
-        color_code: code_step(color_tolerance, 3.0 * area, options.color_sparsity),
+        color_code: code_step(color_tolerance, planes as f64 * area, options.color_sparsity),
     }
 }

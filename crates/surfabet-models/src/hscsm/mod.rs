@@ -41,7 +41,7 @@ pub use intensity::IntensityLimits;
 pub use learn::{describe, learn};
 pub use model::{
     Channel, Codes, HscsmHeader, HscsmModel, HscsmModelParts, Level, LevelHeader, MAX_ENTRIES,
-    MAX_POSITION, MAX_SPARSITY, Steps,
+    MAX_MASK_SCALE, MAX_POSITION, MAX_SPARSITY, Steps,
 };
 pub use options::{HscsmOptions, MAX_LEVELS, Placement};
 pub use report::{HscsmFigures, HscsmReport};

@@ -25,6 +25,15 @@ pub const MAX_SPARSITY: usize = 64;
 /// Most entries of a dictionary.
 pub const MAX_ENTRIES: usize = 1 << 16;
 
+/// Most mask pixels per side of a pixel, for [`super::MAX_LEVELS`] levels.
+pub const MAX_MASK_SCALE: u32 = 1 << 7;
+
+/// Mask pixels of a patch of `pixels` x `pixels` pixels.
+pub(super) fn mask_area(pixels: u32, mask_scale: u32) -> usize {
+    let side = (pixels * mask_scale) as usize;
+    side * side
+}
+
 /// What the integers of a level are multiplied with.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Steps {
@@ -87,7 +96,7 @@ impl Codes {
 pub struct Channel {
     /// Entries shared by all patches of the level.
     pub dictionary: QuantizedDictionary,
-    /// Mean of each patch in steps: one value for depth; luma, orange and green chroma for colour.
+    /// Mean of each patch in steps: one value for depth; luma, orange and green chroma for colour, or grey.
     pub means: Vec<i32>,
     /// Sparse code of what remains.
     pub codes: Codes,
@@ -120,7 +129,9 @@ pub struct Level {
     pub steps: Steps,
     /// Pose T of each patch.
     pub poses: Vec<PatchPose>,
-    /// Bitmask b of each patch, row-major, 1 where a pixel is set; one byte per pixel.
+    /// Mask pixels per side of a pixel: 1, or a power of two where bitmasks are finer than images.
+    pub mask_scale: u32,
+    /// Bitmask b of each patch, row-major, 1 where a mask pixel is set; one byte per mask pixel.
     pub masks: Vec<u8>,
     /// Depth along the normal.
     pub depth: Channel,
@@ -144,19 +155,37 @@ impl Level {
         (self.pixels * self.pixels) as usize
     }
 
-    /// Bitmask of patch `i`.
-    pub fn mask(&self, i: usize) -> &[u8] {
-        &self.masks[i * self.area()..(i + 1) * self.area()]
+    /// Side of a mask pixel, metres.
+    pub fn mask_pixel(&self) -> f64 {
+        self.pixel_size / f64::from(self.mask_scale)
     }
 
-    /// Number of set pixels.
+    /// Bitmask of patch `i`.
+    pub fn mask(&self, i: usize) -> &[u8] {
+        let area = mask_area(self.pixels, self.mask_scale);
+        &self.masks[i * area..(i + 1) * area]
+    }
+
+    /// Number of set mask pixels.
     pub fn set_pixels(&self) -> usize {
         self.masks.iter().filter(|&&m| m != 0).count()
     }
 
-    /// Area that set pixels cover, square metres of their patches' planes.
+    /// Area that set mask pixels cover, square metres of their patches' planes.
     pub fn covered_area(&self) -> f64 {
-        self.set_pixels() as f64 * self.pixel_size * self.pixel_size
+        self.set_pixels() as f64 * self.mask_pixel() * self.mask_pixel()
+    }
+
+    /// Planes of a colour image: three, or one of grey.
+    pub fn color_planes(&self) -> usize {
+        let grey = |c: &Channel| c.dictionary.n_features() == self.area();
+        if self.color.as_ref().is_some_and(grey) { 1 } else { 3 }
+    }
+
+    /// True when a value of its dictionaries has more than 8 bits.
+    fn has_wide_atoms(&self) -> bool {
+        let color = self.color.as_ref().is_some_and(|c| c.dictionary.is_wide());
+        self.depth.dictionary.is_wide() || color
     }
 
     /// What the file says of this level before its streams.
@@ -165,6 +194,7 @@ impl Level {
             pixel_size: self.pixel_size,
             pixels: self.pixels,
             steps: self.steps,
+            mask_scale: self.mask_scale,
             n_patches: self.len(),
             depth_atoms: self.depth.dictionary.n_atoms(),
             color_atoms: self.color.as_ref().map(|c| c.dictionary.n_atoms()),
@@ -175,7 +205,7 @@ impl Level {
         let header = self.header();
         header.check()?;
         let (n, area) = (self.len(), self.area());
-        if self.masks.len() != n * area {
+        if self.masks.len() != n * mask_area(self.pixels, self.mask_scale) {
             return Err(format!("{} mask pixels for {n} patches", self.masks.len()));
         }
         if let Some(p) = self
@@ -195,7 +225,7 @@ impl Level {
             return Err("patches are not in the Morton order of their cells".to_owned());
         }
         self.depth.check("depth", n, area, 1)?;
-        self.color.as_ref().map_or(Ok(()), |c| c.check("colour", n, area, 3))
+        self.color.as_ref().map_or(Ok(()), |c| c.check("colour", n, area, self.color_planes()))
     }
 }
 
@@ -208,6 +238,8 @@ pub struct LevelHeader {
     pub pixels: u32,
     /// Quantiser steps.
     pub steps: Steps,
+    /// Mask pixels per side of a pixel.
+    pub mask_scale: u32,
     /// Number of patches.
     pub n_patches: usize,
     /// Entries of the depth dictionary.
@@ -220,6 +252,11 @@ impl LevelHeader {
     /// Pixels of a patch.
     pub fn area(&self) -> usize {
         (self.pixels * self.pixels) as usize
+    }
+
+    /// Mask pixels of a patch.
+    pub fn mask_area(&self) -> usize {
+        mask_area(self.pixels, self.mask_scale)
     }
 
     /// Position steps per side of the cells that order the patches.
@@ -245,6 +282,12 @@ impl LevelHeader {
         if !(2..=32).contains(&self.pixels) {
             return Err(format!("patches of {} pixels per side, not 2 to 32", self.pixels));
         }
+        if !self.mask_scale.is_power_of_two() || self.mask_scale > MAX_MASK_SCALE {
+            let scale = self.mask_scale;
+            return Err(format!(
+                "{scale} mask pixels per pixel, no power of two up to {MAX_MASK_SCALE}"
+            ));
+        }
         let most = self.depth_atoms.max(self.color_atoms.unwrap_or(0));
         if most > MAX_ENTRIES {
             return Err(format!("a dictionary of {most} entries, more than {MAX_ENTRIES}"));
@@ -264,12 +307,27 @@ pub struct HscsmHeader {
     pub levels: Vec<LevelHeader>,
     /// What grey stands for, where the colour images are intensities.
     pub intensity: Option<IntensityLimits>,
+    /// True when all levels have the same dictionaries, which a file then holds once.
+    pub one_dictionary: bool,
+    /// True when values of dictionaries have up to 16 bits instead of 8.
+    pub wide_atoms: bool,
+    /// True when colour images have one plane, of grey.
+    pub one_plane: bool,
 }
 
 impl HscsmHeader {
+    /// Planes of a colour image.
+    pub fn color_planes(&self) -> usize {
+        if self.one_plane { 1 } else { 3 }
+    }
+
     /// Checks that all numbers are in their domains.
     fn check(&self) -> Result<()> {
         check_origin(self.origin)?;
+        let sizes = |l: &LevelHeader| (l.pixels, l.depth_atoms, l.color_atoms);
+        if self.one_dictionary && self.levels.windows(2).any(|w| sizes(&w[0]) != sizes(&w[1])) {
+            return Err(Error::Inconsistent("one dictionary, and levels that differ".to_owned()));
+        }
         for (j, level) in self.levels.iter().enumerate() {
             level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
         }
@@ -310,6 +368,8 @@ pub struct HscsmModelParts {
     pub intensity: Option<IntensityLimits>,
     /// True when the dictionaries are those of another model, which a file then refers to.
     pub shares_vocabulary: bool,
+    /// True when all levels have the same dictionaries, which a file then holds once.
+    pub one_dictionary: bool,
 }
 
 /// A cloud as sparse-coded surface patches; immutable.
@@ -330,6 +390,22 @@ impl HscsmModel {
             level.check().map_err(|e| Error::Inconsistent(format!("level {j}: {e}")))?;
         }
         check_intensity(parts.intensity, parts.levels.iter().map(|l| l.color.is_some()))?;
+        let planes = parts.levels.first().map_or(3, Level::color_planes);
+        if parts.levels.iter().any(|l| l.color_planes() != planes) {
+            return Err(Error::Inconsistent("levels of one and of three planes".to_owned()));
+        }
+        if planes == 1 && parts.intensity.is_none() {
+            return Err(Error::Inconsistent("colours of one plane".to_owned()));
+        }
+        let entries = |l: &Level| {
+            let color = l.color.as_ref().map(|c| c.dictionary.clone());
+            (l.pixels, l.depth.dictionary.clone(), color)
+        };
+        let differ = |w: &[Level]| entries(&w[0]) != entries(&w[1]);
+        if parts.one_dictionary && parts.levels.windows(2).any(differ) {
+            let what = "one dictionary for all levels, and levels that have another";
+            return Err(Error::Inconsistent(what.to_owned()));
+        }
         Ok(Self { parts, report: Beside::default() })
     }
 
@@ -345,6 +421,9 @@ impl HscsmModel {
             n_points: self.n_points(),
             levels: self.levels().iter().map(Level::header).collect(),
             intensity: self.intensity(),
+            one_dictionary: self.one_dictionary(),
+            one_plane: self.one_plane(),
+            wide_atoms: self.levels().iter().any(Level::has_wide_atoms),
         }
     }
 
@@ -375,6 +454,7 @@ impl HscsmModel {
             levels: code_hscsm(streams, header, shared, None)?,
             intensity: header.intensity,
             shares_vocabulary: shared.is_some(),
+            one_dictionary: header.one_dictionary,
         };
         Self::from_parts(parts).map_err(|e| streams.poses.corrupt(e.to_string()))
     }
@@ -397,6 +477,16 @@ impl HscsmModel {
     /// True when the dictionaries are those of another model, which a file then refers to.
     pub fn shares_vocabulary(&self) -> bool {
         self.parts.shares_vocabulary
+    }
+
+    /// True when all levels have the same dictionaries, which a file then holds once.
+    pub fn one_dictionary(&self) -> bool {
+        self.parts.one_dictionary
+    }
+
+    /// True when colour images have one plane, of grey.
+    fn one_plane(&self) -> bool {
+        self.levels().first().is_some_and(|l| l.color_planes() == 1)
     }
 
     /// The dictionaries of all levels.

@@ -65,7 +65,7 @@ impl LevelFigures {
         let set_pixels = level.set_pixels();
         Self {
             pixel_size: level.pixel_size,
-            samples_covered: patches.iter().map(|p| p.members.len()).sum(),
+            samples_covered: patches.iter().map(|p| p.owned).sum(),
             patches: level.len(),
             set_pixels,
             area: level.covered_area(),
@@ -89,8 +89,13 @@ pub(super) struct LearnedLevel {
 
 impl HscsmFigures {
     /// Of all levels of a model of `points` points, merged to `samples`.
-    fn new(points: usize, samples: usize, levels: &[LearnedLevel]) -> Self {
+    fn new(points: usize, samples: usize, levels: &[LearnedLevel], one_dictionary: bool) -> Self {
         let sum = |of: fn(&LevelFigures) -> usize| levels.iter().map(|l| of(&l.figures)).sum();
+        // Levels with one dictionary have its entries in common.
+        let entries = |of: fn(&LevelFigures) -> usize| match (one_dictionary, levels.first()) {
+            (true, Some(first)) => of(&first.figures),
+            _ => sum(of),
+        };
         let cropped = |of: fn(&LearnedLevel) -> &Option<Learning>| {
             levels.iter().filter_map(|l| of(l).as_ref()).map(|l| l.cropped).reduce(|a, b| a + b)
         };
@@ -101,8 +106,8 @@ impl HscsmFigures {
             patches: sum(|l| l.patches),
             set_pixels: sum(|l| l.set_pixels),
             area: levels.iter().map(|l| l.figures.area).sum(),
-            depth_entries: sum(|l| l.depth_entries),
-            color_entries: sum(|l| l.color_entries),
+            depth_entries: entries(|l| l.depth_entries),
+            color_entries: entries(|l| l.color_entries),
             depth_cropped: cropped(|l| &l.depth),
             color_cropped: cropped(|l| &l.color),
         }
@@ -110,9 +115,14 @@ impl HscsmFigures {
 }
 
 /// The report of a run over `points` points, merged to `samples`, as far as it follows from the levels.
-pub(super) fn report(points: usize, samples: usize, levels: &[LearnedLevel]) -> HscsmReport {
+pub(super) fn report(
+    points: usize,
+    samples: usize,
+    levels: &[LearnedLevel],
+    one_dictionary: bool,
+) -> HscsmReport {
     let mut report = HscsmReport {
-        figures: Some(HscsmFigures::new(points, samples, levels)),
+        figures: Some(HscsmFigures::new(points, samples, levels, one_dictionary)),
         levels: levels.iter().map(|l| l.figures.named()).collect(),
         ..HscsmReport::default()
     };
@@ -120,7 +130,7 @@ pub(super) fn report(points: usize, samples: usize, levels: &[LearnedLevel]) -> 
         let channels = [("learning depth", &level.depth), ("learning colour", &level.color)];
         for (channel, learning) in channels {
             let Some(learning) = learning else { continue };
-            let name = if levels.len() == 1 {
+            let name = if levels.len() == 1 || one_dictionary {
                 channel.to_owned()
             } else {
                 format!("{channel}, level {j}")

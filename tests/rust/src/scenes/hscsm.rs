@@ -10,8 +10,8 @@ fn options() -> HscsmOptions {
     HscsmOptions {
         resolution: Some(0.02),
         patch_pixels: 6,
-        depth_atoms: 4,
-        color_atoms: 4,
+        depth_atoms: Some(4),
+        color_atoms: Some(4),
         iterations: 2,
         ..HscsmOptions::default()
     }

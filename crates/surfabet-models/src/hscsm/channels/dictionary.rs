@@ -4,15 +4,15 @@ use surfabet_geom::Progress;
 use surfabet_sparse::{Dictionary, KsvdOptions, OmpOptions, Signals, SparseCodes, ksvd, omp};
 
 use crate::error::{Error, Result};
-use crate::hscsm::constants::{ENTRY_STEP, MAX_TRAINING_SIGNALS};
+use crate::hscsm::constants::{ENTRY_STEP, WIDE_ENTRY_STEP};
 use crate::hscsm::model::{Codes, MAX_ENTRIES};
 use crate::hscsm::options::HscsmOptions;
 
-/// Dictionary entries in 8-bit integers. An entry stands for its integers scaled to unit norm.
+/// Dictionary entries in integers, of 8 or of 16 bits. An entry stands for its integers scaled to unit norm.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct QuantizedDictionary {
     n_features: usize,
-    values: Vec<i8>,
+    values: Vec<i16>,
 }
 
 impl QuantizedDictionary {
@@ -21,7 +21,7 @@ impl QuantizedDictionary {
     /// # Errors
     /// [`Error::Inconsistent`] when the values do not divide into entries, there are more than 65 536 entries,
     /// or one is all zero.
-    pub fn new(n_features: usize, values: Vec<i8>) -> Result<Self> {
+    pub fn new(n_features: usize, values: Vec<i16>) -> Result<Self> {
         if n_features == 0 || !values.len().is_multiple_of(n_features) {
             return Err(Error::Inconsistent(format!(
                 "{} dictionary values do not divide into entries of {n_features}",
@@ -51,8 +51,13 @@ impl QuantizedDictionary {
     }
 
     /// All values, entry after entry.
-    pub fn values(&self) -> &[i8] {
+    pub fn values(&self) -> &[i16] {
         &self.values
+    }
+
+    /// True when a value has more than 8 bits.
+    pub fn is_wide(&self) -> bool {
+        self.values.iter().any(|&v| i8::try_from(v).is_err())
     }
 
     /// The entries that the integers stand for, scaled to unit norm, entry after entry.
@@ -67,15 +72,14 @@ impl QuantizedDictionary {
     }
 
     /// The nearest storable dictionary; entries that vanish are left out.
-    fn quantize(dictionary: &Dictionary) -> Self {
+    fn quantize(dictionary: &Dictionary, small: bool) -> Self {
         let n_features = dictionary.n_features();
         let mut values = Vec::with_capacity(dictionary.n_atoms() * n_features);
         for k in 0..dictionary.n_atoms() {
-            let entry: Vec<i8> = dictionary
-                .atom(k)
-                .iter()
-                .map(|v| (v / ENTRY_STEP).round().clamp(-127.0, 127.0) as i8)
-                .collect();
+            let (step, most) =
+                if small { (ENTRY_STEP, 127.0) } else { (WIDE_ENTRY_STEP, 32_767.0) };
+            let round = |v: &f32| (v / step).round().clamp(-most, most) as i16;
+            let entry: Vec<i16> = dictionary.atom(k).iter().map(round).collect();
             if entry.iter().any(|&v| v != 0) {
                 values.extend(entry);
             }
@@ -95,6 +99,10 @@ pub(in crate::hscsm) struct ChannelOptions<'a> {
     pub tolerance: f32,
     pub code_step: f32,
     pub iterations: usize,
+    /// Most signals that a dictionary is learned from.
+    pub training_signals: usize,
+    /// Whether entries are rounded to 8 bits.
+    pub small_atoms: bool,
     pub random_state: u64,
 }
 
@@ -150,6 +158,27 @@ impl HscsmDictionary {
             },
             None => default,
         }
+    }
+
+    /// Planes of colour images of `area` pixels; `None` without colour.
+    pub(in crate::hscsm) fn color_planes(&self, area: usize) -> Option<usize> {
+        self.levels.first()?.color.as_ref().map(|c| c.n_features() / area)
+    }
+
+    /// True when a value of an entry has more than 8 bits.
+    pub fn is_wide(&self) -> bool {
+        let of = |l: &LevelDictionary| {
+            l.depth.is_wide() || l.color.as_ref().is_some_and(QuantizedDictionary::is_wide)
+        };
+        self.levels.iter().any(of)
+    }
+
+    /// True when there are several levels, and all have the same dictionaries.
+    pub(in crate::hscsm) fn is_one(&self) -> bool {
+        let same = |w: &[LevelDictionary]| {
+            (w[0].pixels, &w[0].depth, &w[0].color) == (w[1].pixels, &w[1].depth, &w[1].color)
+        };
+        self.levels.len() > 1 && self.levels.windows(2).all(same)
     }
 
     /// Refuses options of another hierarchy.
@@ -218,13 +247,13 @@ impl<'a> ChannelSignals<'a> {
         (pick(self.values), pick(self.weights))
     }
 
-    /// Those that a dictionary is learned from, at most [`MAX_TRAINING_SIGNALS`].
-    fn training(&self) -> Vec<usize> {
+    /// Those that a dictionary is learned from, at most `most`: those with most energy.
+    fn training(&self, most: usize) -> Vec<usize> {
         let mut training = self.coded.clone();
-        if training.len() > MAX_TRAINING_SIGNALS {
+        if training.len() > most {
             let energy = &self.energy;
             training.sort_by(|&a, &b| energy[b].total_cmp(&energy[a]).then(a.cmp(&b)));
-            training.truncate(MAX_TRAINING_SIGNALS);
+            training.truncate(most);
             training.sort_unstable();
         }
         training
@@ -278,7 +307,7 @@ pub(in crate::hscsm) fn learn_channel(
         let dictionary = QuantizedDictionary { n_features, values: Vec::new() };
         return Ok(Coded { dictionary, codes: signals.empty_codes(), learning: None });
     }
-    let (values, weights) = signals.gather(&signals.training());
+    let (values, weights) = signals.gather(&signals.training(options.training_signals));
     let training = Signals::new(n_features, &values, Some(&weights))?;
     let ksvd_options = KsvdOptions {
         n_atoms: options.n_atoms,
@@ -291,7 +320,7 @@ pub(in crate::hscsm) fn learn_channel(
     let learned = ksvd(&training, &ksvd_options, progress, &mut |step| {
         progress.update(options.name, step.iteration as f32 / options.iterations as f32);
     })?;
-    let dictionary = QuantizedDictionary::quantize(&learned.dictionary);
+    let dictionary = QuantizedDictionary::quantize(&learned.dictionary, options.small_atoms);
     let codes = signals.code(&dictionary, options, progress)?;
     let (used, codes) = crop(&dictionary, &codes);
     let cropped = learned.cropped + learned.dictionary.n_atoms() - used.n_atoms();

@@ -13,60 +13,64 @@ use crate::hscsm::samples::Samples;
 pub(in crate::hscsm) struct Images {
     /// Metres along the normal.
     pub depth: Vec<f32>,
-    /// All of red, then green, then blue of a patch, 0 to 255.
+    /// All of red, then green, then blue of a patch, or its one plane of grey, 0 to 255.
     pub color: Option<Vec<f32>>,
     /// 1 where a pixel is set.
     pub mask: Vec<u8>,
+    /// The bitmask: 1 where a mask pixel is set. Finer than the images where there are several mask pixels per pixel.
+    pub bitmask: Vec<u8>,
 }
 
-/// Projects the samples of each patch into its frame.
+/// Projects the samples of each patch into its frame, with `mask_scale` mask pixels per side of a pixel and colour
+/// images of `planes` planes.
 pub(in crate::hscsm) fn project(
     samples: &Samples,
     placed: &[OwnedPatch],
     grid: PixelGrid,
+    mask_scale: u32,
+    planes: usize,
 ) -> Images {
     let area = grid.n * grid.n;
-    let mut images = Images {
-        depth: vec![0.0; placed.len() * area],
-        color: samples.has_color.then(|| vec![0.0; placed.len() * area * 3]),
-        mask: vec![0; placed.len() * area],
+    let scale = mask_scale as usize;
+    let fine = PixelGrid { pixel: grid.pixel / mask_scale as f32, n: grid.n * scale, ..grid };
+    let one = |patch: &OwnedPatch| {
+        let frame = patch.pose.frame(grid.position_step);
+        let mut sums = vec![[0.0_f64; 5]; area];
+        let mut bitmask = vec![0; fine.area()];
+        for &i in &patch.members {
+            let sample = &samples.all[i as usize];
+            let local = frame.to_local(sample.position);
+            let at = fine.pixel_of(local);
+            bitmask[at] = 1;
+            let w = f64::from(sample.weight);
+            let sum = &mut sums[at / fine.n / scale * grid.n + at % fine.n / scale];
+            sum[0] += w;
+            sum[1] += w * f64::from(local[2]);
+            (0..3).for_each(|c| sum[2 + c] += w * f64::from(sample.color[c]));
+        }
+        // Zero where a pixel is not set.
+        let mean =
+            |sum: &[f64; 5], i: usize| if sum[0] > 0.0 { (sum[i] / sum[0]) as f32 } else { 0.0 };
+        let plane = |i: usize| sums.iter().map(move |sum| mean(sum, i));
+        let color =
+            if samples.has_color { (2..2 + planes).flat_map(plane).collect() } else { Vec::new() };
+        let mask: Vec<u8> = sums.iter().map(|sum| u8::from(sum[0] > 0.0)).collect();
+        (plane(1).collect::<Vec<f32>>(), color, mask, bitmask)
     };
-    let one =
-        |patch: &OwnedPatch, depth: &mut [f32], mask: &mut [u8], color: Option<&mut [f32]>| {
-            let frame = patch.pose.frame(grid.position_step);
-            let mut sums = vec![[0.0_f64; 5]; area];
-            for &i in &patch.members {
-                let sample = &samples.all[i as usize];
-                let local = frame.to_local(sample.position);
-                let w = f64::from(sample.weight);
-                let sum = &mut sums[grid.pixel_of(local)];
-                sum[0] += w;
-                sum[1] += w * f64::from(local[2]);
-                (0..3).for_each(|c| sum[2 + c] += w * f64::from(sample.color[c]));
-            }
-            for (pixel, sum) in sums.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
-                mask[pixel] = 1;
-                depth[pixel] = (sum[1] / sum[0]) as f32;
-            }
-            if let Some(color) = color {
-                for (pixel, sum) in sums.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
-                    (0..3).for_each(|c| color[c * area + pixel] = (sum[2 + c] / sum[0]) as f32);
-                }
-            }
-        };
-    let planes = (images.depth.par_chunks_mut(area), images.mask.par_chunks_mut(area));
-    match &mut images.color {
-        Some(color) => placed
-            .par_iter()
-            .zip(planes.0)
-            .zip(planes.1)
-            .zip(color.par_chunks_mut(3 * area))
-            .for_each(|(((patch, depth), mask), color)| one(patch, depth, mask, Some(color))),
-        None => placed
-            .par_iter()
-            .zip(planes.0)
-            .zip(planes.1)
-            .for_each(|((patch, depth), mask)| one(patch, depth, mask, None)),
+    let all: Vec<(Vec<f32>, Vec<f32>, Vec<u8>, Vec<u8>)> = placed.par_iter().map(one).collect();
+    let mut images = Images {
+        depth: Vec::with_capacity(placed.len() * area),
+        color: samples.has_color.then(|| Vec::with_capacity(placed.len() * area * planes)),
+        mask: Vec::with_capacity(placed.len() * area),
+        bitmask: Vec::with_capacity(placed.len() * fine.area()),
+    };
+    for (depth, color, mask, bitmask) in all {
+        images.depth.extend(depth);
+        if let Some(planes) = &mut images.color {
+            planes.extend(color);
+        }
+        images.mask.extend(mask);
+        images.bitmask.extend(bitmask);
     }
     images
 }

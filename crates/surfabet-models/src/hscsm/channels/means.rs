@@ -7,12 +7,13 @@ use rayon::prelude::*;
 use surfabet_geom::Progress;
 
 use super::dictionary::{
-    ChannelOptions, ChannelSignals, Coded, Learning, LevelDictionary, learn_channel,
+    ChannelOptions, ChannelSignals, Coded, Learning, LevelDictionary, QuantizedDictionary,
+    learn_channel,
 };
 use super::images::Images;
 use crate::color::{to_rgb, to_ycocg};
 use crate::error::Result;
-use crate::hscsm::model::{Channel, Steps};
+use crate::hscsm::model::{Channel, Codes, Steps};
 use crate::hscsm::options::HscsmOptions;
 
 /// What is learned of the channels of a level.
@@ -22,94 +23,209 @@ pub(in crate::hscsm) struct LevelTask<'a> {
     pub level: u32,
     /// Pixels of a patch.
     pub area: usize,
+    /// Planes of a colour image: three, or one of grey.
+    pub planes: usize,
     pub steps: Steps,
     /// The dictionaries to code in; `None`: learn them.
     pub frozen: Option<&'a LevelDictionary>,
 }
 
-/// Means, dictionary and codes of depth.
-pub(in crate::hscsm) fn learn_depth(
+/// One channel of a level before it is coded: means, and images without them.
+pub(in crate::hscsm) struct ChannelImages<'a> {
+    n_features: usize,
+    /// Patch after patch, means removed.
+    values: Vec<f32>,
+    /// 1 where a pixel is set, else 0.
+    weights: Vec<f32>,
+    means: Vec<i32>,
+    tolerance: f32,
+    code_step: f32,
+    /// The dictionary to code in; `None`: learn one.
+    frozen: Option<&'a QuantizedDictionary>,
+}
+
+impl ChannelImages<'_> {
+    /// Number of patches.
+    fn n_patches(&self) -> usize {
+        self.values.len() / self.n_features
+    }
+}
+
+/// Means of depth, and what remains without them.
+pub(in crate::hscsm) fn depth_images<'a>(
     images: &Images,
-    level: &LevelTask<'_>,
-    progress: &dyn Progress,
-) -> Result<(Channel, Option<Learning>)> {
+    level: &LevelTask<'a>,
+) -> ChannelImages<'a> {
     let LevelTask { options, area, steps, frozen, .. } = *level;
-    let weights: Vec<f32> = images.mask.iter().map(|&m| f32::from(m)).collect();
-    let mut rest = images.depth.clone();
-    let means = (rest.par_chunks_mut(area).zip(images.mask.par_chunks(area)))
+    let mut values = images.depth.clone();
+    let means = (values.par_chunks_mut(area).zip(images.mask.par_chunks(area)))
         .map(|(values, mask)| {
+            if !options.means_apart {
+                return 0;
+            }
             let mean = masked_mean(values, mask) / steps.depth_mean;
             let stored = mean.round() as i32;
             subtract(values, mask, (f64::from(stored) * steps.depth_mean) as f32);
             stored
         })
         .collect();
-    let channel = ChannelOptions {
-        name: "learning depth",
-        frozen: frozen.map(|f| &f.depth),
-        n_atoms: options.depth_atoms as usize,
-        sparsity: options.depth_sparsity as usize,
+    ChannelImages {
+        n_features: area,
+        values,
+        weights: images.mask.iter().map(|&m| f32::from(m)).collect(),
+        means,
         tolerance: options.depth_tolerance(level.level) as f32,
         code_step: steps.depth_code as f32,
-        iterations: options.iterations as usize,
-        random_state: options.random_state,
-    };
-    learn_residuals(area, &rest, &weights, &channel, means, progress)
+        frozen: frozen.map(|f| &f.depth),
+    }
 }
 
-/// Means, dictionary and codes of colours, of the planes red, green and blue.
-pub(in crate::hscsm) fn learn_color(
+/// Means of colours, of the planes red, green and blue or of the one plane of grey, and what remains without them.
+pub(in crate::hscsm) fn color_images<'a>(
     colors: &[f32],
     images: &Images,
-    level: &LevelTask<'_>,
-    progress: &dyn Progress,
-) -> Result<(Channel, Option<Learning>)> {
-    let LevelTask { options, area, steps, frozen, .. } = *level;
-    let weights: Vec<f32> = images
-        .mask
-        .chunks(area)
-        .flat_map(|mask| mask.iter().chain(mask).chain(mask))
-        .map(|&m| f32::from(m))
-        .collect();
-    let mut rest = colors.to_vec();
-    let means: Vec<[i32; 3]> = (rest.par_chunks_mut(3 * area).zip(images.mask.par_chunks(area)))
-        .map(|(values, mask)| {
-            let rgb: [f32; 3] = std::array::from_fn(|c| {
-                masked_mean(&values[c * area..(c + 1) * area], mask) as f32
-            });
-            let stored = to_ycocg(rgb).map(|c| (f64::from(c) / steps.color_mean).round() as i32);
-            let decoded = stored.map(|c| (f64::from(c) * steps.color_mean) as f32);
-            for (c, mean) in to_rgb(decoded).into_iter().enumerate() {
-                subtract(&mut values[c * area..(c + 1) * area], mask, mean);
-            }
-            stored
-        })
-        .collect();
-    let channel = ChannelOptions {
-        name: "learning colour",
-        frozen: frozen.and_then(|f| f.color.as_ref()),
-        n_atoms: options.color_atoms as usize,
-        sparsity: options.color_sparsity as usize,
+    level: &LevelTask<'a>,
+) -> ChannelImages<'a> {
+    let LevelTask { options, area, planes, steps, frozen, .. } = *level;
+    let weight = |mask: &[u8]| mask.repeat(planes).into_iter().map(f32::from).collect::<Vec<f32>>();
+    let weights = images.mask.chunks(area).flat_map(weight).collect();
+    let mut values = colors.to_vec();
+    let means: Vec<Vec<i32>> =
+        (values.par_chunks_mut(planes * area).zip(images.mask.par_chunks(area)))
+            .map(|(values, mask)| match options.means_apart {
+                true => subtract_color(values, mask, steps.color_mean),
+                false => vec![0; planes],
+            })
+            .collect();
+    ChannelImages {
+        n_features: planes * area,
+        values,
+        weights,
+        means: means.concat(),
         tolerance: options.color_tolerance(level.level) as f32,
         code_step: steps.color_code as f32,
-        iterations: options.iterations as usize,
-        random_state: options.random_state,
-    };
-    learn_residuals(3 * area, &rest, &weights, &channel, means.into_flattened(), progress)
+        frozen: frozen.and_then(|f| f.color.as_ref()),
+    }
 }
 
-/// The channel with these means: dictionary and codes of `values`, patch after patch, from which they are removed.
-fn learn_residuals(
-    n_features: usize,
-    values: &[f32],
-    weights: &[f32],
-    options: &ChannelOptions<'_>,
-    means: Vec<i32>,
+/// Subtracts the rounded means of the planes, of luma, orange and green chroma or of grey, and returns them in steps.
+fn subtract_color(values: &mut [f32], mask: &[u8], step: f64) -> Vec<i32> {
+    let area = mask.len();
+    let means: Vec<f32> = values.chunks(area).map(|v| masked_mean(v, mask) as f32).collect();
+    let round = |c: f32| (f64::from(c) / step).round() as i32;
+    let decoded = |c: i32| (f64::from(c) * step) as f32;
+    let (stored, rounded) = match <[f32; 3]>::try_from(means.as_slice()) {
+        Ok(rgb) => {
+            let stored = to_ycocg(rgb).map(round);
+            (stored.to_vec(), to_rgb(stored.map(decoded)).to_vec())
+        }
+        Err(_) => {
+            let stored: Vec<i32> = means.into_iter().map(round).collect();
+            let rounded = stored.iter().copied().map(decoded).collect();
+            (stored, rounded)
+        }
+    };
+    for (plane, mean) in values.chunks_mut(area).zip(rounded) {
+        subtract(plane, mask, mean);
+    }
+    stored
+}
+
+/// Dictionary and codes of depth, of one level or of several with one dictionary.
+pub(in crate::hscsm) fn learn_depth(
+    levels: Vec<ChannelImages<'_>>,
+    options: &HscsmOptions,
     progress: &dyn Progress,
-) -> Result<(Channel, Option<Learning>)> {
-    let signals = ChannelSignals::new(n_features, values, weights, options.tolerance);
-    let Coded { dictionary, codes, learning } = learn_channel(&signals, options, progress)?;
-    Ok((Channel { dictionary, means, codes }, learning))
+) -> Result<(Vec<Channel>, Option<Learning>)> {
+    let n_patches = levels.iter().map(ChannelImages::n_patches).sum();
+    let channel = ChannelOptions {
+        name: "learning depth",
+        n_atoms: options.depth_atoms(n_patches),
+        sparsity: options.depth_sparsity as usize,
+        ..channel_options(options)
+    };
+    learn_together(levels, &channel, progress)
+}
+
+/// Dictionary and codes of colour, of one level or of several with one dictionary.
+pub(in crate::hscsm) fn learn_color(
+    levels: Vec<ChannelImages<'_>>,
+    options: &HscsmOptions,
+    progress: &dyn Progress,
+) -> Result<(Vec<Channel>, Option<Learning>)> {
+    let n_patches = levels.iter().map(ChannelImages::n_patches).sum();
+    let channel = ChannelOptions {
+        name: "learning colour",
+        n_atoms: options.color_atoms(n_patches),
+        sparsity: options.color_sparsity as usize,
+        ..channel_options(options)
+    };
+    learn_together(levels, &channel, progress)
+}
+
+/// What both channels have in common.
+fn channel_options<'a>(options: &HscsmOptions) -> ChannelOptions<'a> {
+    ChannelOptions {
+        name: "",
+        frozen: None,
+        n_atoms: 0,
+        sparsity: 0,
+        tolerance: 1.0,
+        code_step: 1.0,
+        iterations: options.iterations as usize,
+        training_signals: options.max_training_signals,
+        small_atoms: options.small_atoms,
+        random_state: options.random_state,
+    }
+}
+
+/// The channel of each level, with one dictionary for all: learned from what all have left without their means, in
+/// tolerances of their level, so that all levels count alike.
+fn learn_together<'a>(
+    levels: Vec<ChannelImages<'a>>,
+    options: &ChannelOptions<'a>,
+    progress: &dyn Progress,
+) -> Result<(Vec<Channel>, Option<Learning>)> {
+    let Some(last) = levels.last() else { return Ok((Vec::new(), None)) };
+    let n_features = last.n_features;
+    // A level by itself stays in its unit.
+    let alone = levels.len() == 1;
+    let options = ChannelOptions {
+        frozen: last.frozen,
+        tolerance: if alone { last.tolerance } else { 1.0 },
+        code_step: if alone { last.code_step } else { last.code_step / last.tolerance },
+        ..options.clone()
+    };
+    let (mut values, mut weights, mut means) = (Vec::new(), Vec::new(), Vec::new());
+    for level in levels {
+        let scale = if alone { 1.0 } else { 1.0 / level.tolerance };
+        values.extend(level.values.iter().map(|v| v * scale));
+        weights.extend(level.weights);
+        means.push((level.means, level.values.len() / n_features));
+    }
+    let signals = ChannelSignals::new(n_features, &values, &weights, options.tolerance);
+    let Coded { dictionary, codes, learning } = learn_channel(&signals, &options, progress)?;
+    let mut from = 0;
+    let channels = means
+        .into_iter()
+        .map(|(means, n_patches)| {
+            let codes = patches_of(&codes, from, n_patches);
+            from += n_patches;
+            Channel { dictionary: dictionary.clone(), means, codes }
+        })
+        .collect();
+    Ok((channels, learning))
+}
+
+/// The codes of `count` patches, from the patch `from` on.
+fn patches_of(codes: &Codes, from: usize, count: usize) -> Codes {
+    let offsets = &codes.offsets[from..=from + count];
+    let (low, high) = (offsets[0] as usize, offsets[count] as usize);
+    Codes {
+        offsets: offsets.iter().map(|o| o - offsets[0]).collect(),
+        atoms: codes.atoms[low..high].to_vec(),
+        coefficients: codes.coefficients[low..high].to_vec(),
+    }
 }
 
 /// Mean of the set pixels.

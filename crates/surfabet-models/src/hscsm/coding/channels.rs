@@ -6,24 +6,29 @@ use crate::hscsm::channels::dictionary::QuantizedDictionary;
 use crate::hscsm::model::{Channel, Codes, MAX_SPARSITY};
 
 /// Values of dictionary entries, by the sum of the values to the left and above.
-struct EntryModels(Vec<SInt>);
+struct EntryModels {
+    models: Vec<SInt>,
+    /// Bits of a value beyond 8, which sums do not count.
+    shift: u32,
+}
 
 impl EntryModels {
     /// Sums beyond this share a model.
     const REACH: i32 = 12;
 
-    fn new() -> Self {
-        Self(vec![SInt::new(); 2 * Self::REACH as usize + 1])
+    fn new(wide: bool) -> Self {
+        let models = vec![SInt::new(); 2 * Self::REACH as usize + 1];
+        Self { models, shift: if wide { 8 } else { 0 } }
     }
 
     /// The model of the value after those in `before`, in an entry of planes of `side` x `side` values.
-    fn at(&mut self, before: &[i8], side: usize) -> &mut SInt {
+    fn at(&mut self, before: &[i16], side: usize) -> &mut SInt {
         let at = before.len();
         let left = if at.is_multiple_of(side) { 0 } else { i32::from(before[at - 1]) };
         let in_plane = at % (side * side);
         let above = if in_plane >= side { i32::from(before[at - side]) } else { 0 };
-        let context = (left + above).clamp(-Self::REACH, Self::REACH) + Self::REACH;
-        &mut self.0[context as usize]
+        let context = ((left + above) >> self.shift).clamp(-Self::REACH, Self::REACH) + Self::REACH;
+        &mut self.models[context as usize]
     }
 }
 
@@ -37,23 +42,27 @@ fn plane_side(n_features: usize) -> usize {
 /// write, entry after entry.
 ///
 /// # Errors
-/// Those of the coder; values beyond 8 bits, entries that are all zero.
+/// Those of the coder; values beyond 8 bits, or 16 where `wide`, entries that are all zero.
 pub(super) fn code_dictionary<C: Coder>(
     coder: &mut C,
     n_features: usize,
     n_atoms: usize,
-    given: Option<&[i8]>,
+    wide: bool,
+    given: Option<&[i16]>,
 ) -> Result<QuantizedDictionary, C::Error> {
     let side = plane_side(n_features);
-    let mut models = EntryModels::new();
+    let mut models = EntryModels::new(wide);
     let mut values = Vec::new();
     for _ in 0..n_atoms {
         let from = values.len();
         for _ in 0..n_features {
             let value = given.map_or(0, |given| i32::from(given[values.len()]));
             let value = coder.sint(models.at(&values[from..], side), value)?;
-            let value = i8::try_from(value)
-                .map_err(|_| coder.corrupt(format!("a dictionary value of {value}")))?;
+            let fits = wide || i8::try_from(value).is_ok();
+            let value = i16::try_from(value)
+                .ok()
+                .filter(|_| fits)
+                .ok_or_else(|| coder.corrupt(format!("a dictionary value of {value}")))?;
             values.push(value);
         }
     }

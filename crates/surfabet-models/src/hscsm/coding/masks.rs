@@ -32,7 +32,86 @@ impl MaskModels {
     }
 }
 
-/// Writes, reads or prices the bitmasks of one level, patch after patch, one byte per pixel; `given` is what to
+/// Models of the blocks of mask pixels that make up a pixel, where bitmasks are finer than images.
+struct BlockModels {
+    /// Whether a block has a set pixel, and whether it has all, by what the blocks left and above have.
+    any: Vec<Bit>,
+    all: Vec<Bit>,
+}
+
+/// What a block has: no set pixel, some, all.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Block {
+    Empty,
+    Mixed,
+    Full,
+}
+
+impl BlockModels {
+    fn new() -> Self {
+        Self { any: vec![Bit::new(); 9], all: vec![Bit::new(); 9] }
+    }
+
+    /// Writes, reads or prices the block after those in `before`, row-major, in rows of `n`.
+    fn code<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        before: &[Block],
+        n: usize,
+        given: Block,
+    ) -> Result<Block, C::Error> {
+        let at = before.len();
+        let left = if at.is_multiple_of(n) { Block::Empty } else { before[at - 1] };
+        let above = if at < n { Block::Empty } else { before[at - n] };
+        let context = left as usize * 3 + above as usize;
+        if !coder.bit(&mut self.any[context], given != Block::Empty)? {
+            return Ok(Block::Empty);
+        }
+        let all = coder.bit(&mut self.all[context], given == Block::Full)?;
+        Ok(if all { Block::Full } else { Block::Mixed })
+    }
+}
+
+/// Writes, reads or prices the bitmask of a patch of `n` x `n` blocks of `scale` x `scale` mask pixels, not all set.
+fn code_fine_mask<C: Coder>(
+    coder: &mut C,
+    pixels: &mut MaskModels,
+    blocks: &mut BlockModels,
+    (n, scale): (usize, usize),
+    given: &[u8],
+) -> Result<Vec<u8>, C::Error> {
+    let side = n * scale;
+    let block_of = |at: usize| at / side / scale * n + at % side / scale;
+    let mut counts = vec![0; n * n];
+    for (at, _) in given.iter().enumerate().filter(|(_, m)| **m != 0) {
+        counts[block_of(at)] += 1;
+    }
+    let mut states = Vec::with_capacity(n * n);
+    for count in counts {
+        let given = match count {
+            0 => Block::Empty,
+            count if count == scale * scale => Block::Full,
+            _ => Block::Mixed,
+        };
+        let state = blocks.code(coder, &states, n, given)?;
+        states.push(state);
+    }
+    let mut mask = Vec::with_capacity(side * side);
+    for at in 0..side * side {
+        let set = match states[block_of(at)] {
+            Block::Empty => false,
+            Block::Full => true,
+            Block::Mixed => {
+                let set = given.get(at).is_some_and(|&m| m != 0);
+                coder.bit(pixels.at(&mask, side), set)?
+            }
+        };
+        mask.push(u8::from(set));
+    }
+    Ok(mask)
+}
+
+/// Writes, reads or prices the bitmasks of one level, patch after patch, one byte per mask pixel; `given` is what to
 /// write, and empty when reading.
 ///
 /// # Errors
@@ -42,8 +121,9 @@ pub(super) fn code_masks<C: Coder>(
     level: &LevelHeader,
     given: &[u8],
 ) -> Result<Vec<u8>, C::Error> {
-    let (area, side) = (level.area(), level.pixels as usize);
-    let mut models = MaskModels::new();
+    let (area, scale) = (level.mask_area(), level.mask_scale as usize);
+    let n = level.pixels as usize;
+    let (mut models, mut blocks) = (MaskModels::new(), BlockModels::new());
     let mut masks = Vec::new();
     for _ in 0..level.n_patches {
         let from = masks.len();
@@ -52,9 +132,13 @@ pub(super) fn code_masks<C: Coder>(
             masks.resize(from + area, 1);
             continue;
         }
+        if scale > 1 {
+            masks.extend(code_fine_mask(coder, &mut models, &mut blocks, (n, scale), given)?);
+            continue;
+        }
         for at in 0..area {
             let set = given.get(at).is_some_and(|&m| m != 0);
-            let set = coder.bit(models.at(&masks[from..], side), set)?;
+            let set = coder.bit(models.at(&masks[from..], n), set)?;
             masks.push(u8::from(set));
         }
     }

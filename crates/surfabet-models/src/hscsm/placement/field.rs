@@ -23,6 +23,8 @@ const MAX_AREA: usize = 32 * 32;
 pub(super) struct Ownership {
     /// By sample.
     pub owned: Vec<bool>,
+    /// By sample, whether levels above own it: what this level may not show. `None` where patches do not overlap.
+    pub above: Option<Vec<bool>>,
     /// By point.
     pub free: Vec<u32>,
 }
@@ -80,10 +82,12 @@ impl<'a> Field<'a> {
     }
 
     /// Counts the samples of each point that the levels above have left, given which are `owned`.
-    pub fn ownership(&self, owned: Vec<bool>) -> Ownership {
+    /// Patches that are not `disjoint` show what others of the level own.
+    pub fn ownership(&self, owned: Vec<bool>, disjoint: bool) -> Ownership {
         let left = |k: usize| self.children.of(k).iter().filter(|&&i| !owned[i as usize]).count();
         let free = (0..self.points.len()).map(|k| left(k) as u32).collect();
-        Ownership { owned, free }
+        let above = (!disjoint).then(|| owned.clone());
+        Ownership { owned, above, free }
     }
 
     /// True when `s` was seen from the side that `normal` points to, or nothing is known of it.

@@ -36,7 +36,7 @@ use crate::hscsm::constants::{
     TILING_COVERAGE,
 };
 use crate::hscsm::frame::{Frame, PatchPose};
-use crate::hscsm::options::Placement;
+use crate::hscsm::options::{HscsmOptions, Placement};
 use crate::hscsm::samples::Samples;
 use crate::vector::{add_scaled, dot, minus};
 use field::{Field, Ownership, Scratch};
@@ -47,7 +47,10 @@ use trial::Trial;
 #[derive(Debug, Clone)]
 pub(in crate::hscsm) struct OwnedPatch {
     pub pose: PatchPose,
+    /// Samples that it shows.
     pub members: Vec<u32>,
+    /// How many of them it owns: all, unless patches overlap.
+    pub owned: usize,
 }
 
 /// A position next to a placed patch.
@@ -92,12 +95,13 @@ pub(in crate::hscsm) fn place(
     doublings: u32,
     grid: PixelGrid,
     rules: Rules,
-    placement: Placement,
+    options: &HscsmOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<OwnedPatch>> {
+    let placement = options.placement;
     let field = Field::new(samples, doublings, grid, rules);
     progress.check()?;
-    let ownership = field.ownership(std::mem::take(owned));
+    let ownership = field.ownership(std::mem::take(owned), options.disjoint);
     let stale = vec![true; field.points.len()];
     let to_do = ownership.owned.iter().filter(|o| !**o).count();
     let normals = vec![None; field.points.len()];
@@ -312,13 +316,15 @@ impl Placer<'_> {
             return Outcome::Refused;
         }
         let owned = &self.ownership.owned;
-        let before = trial.members.len();
+        let shown: Vec<u32> = trial.members.iter().map(|m| m.0).collect();
         trial.members.retain(|m| !owned[m.0 as usize]);
-        if trial.members.len() < before {
+        if trial.members.len() < shown.len() {
             let mut pixels: Vec<u16> = trial.members.iter().map(|m| m.1).collect();
             pixels.dedup();
             let left = pixels.len();
-            if left < needed.max(1) || (left as f32) < KEPT_PIXELS * trial.set_pixels as f32 {
+            let kept = self.ownership.above.is_some()
+                || (left as f32) >= KEPT_PIXELS * trial.set_pixels as f32;
+            if left < needed.max(1) || !kept {
                 return Outcome::Overtaken;
             }
         }
@@ -338,8 +344,12 @@ impl Placer<'_> {
                 }
             }
         }
-        let members = trial.members.iter().map(|m| m.0).collect();
-        self.placed.push(OwnedPatch { pose: trial.pose, members });
+        let owned = trial.members.len();
+        let members = match self.ownership.above {
+            Some(_) => shown,
+            None => trial.members.iter().map(|m| m.0).collect(),
+        };
+        self.placed.push(OwnedPatch { pose: trial.pose, members, owned });
         Outcome::Placed
     }
 

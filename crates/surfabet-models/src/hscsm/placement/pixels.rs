@@ -1,6 +1,5 @@
 //! The pixel grid of a patch, and the pixels that a level accepts.
 
-use crate::hscsm::constants::MAX_PIXEL_OFFSET;
 use crate::hscsm::samples::Sample;
 
 /// Pixel grid of a patch.
@@ -47,6 +46,8 @@ pub(in crate::hscsm) struct Rules {
     pub max_depth_variance: f64,
     /// Largest variance of colour in a pixel (rho_max_rgb squared).
     pub max_color_variance: f64,
+    /// Pixels that the mean place of a pixel's samples is off its centre, at most.
+    pub max_pixel_offset: f64,
 }
 
 /// Weighted sums over the samples of a pixel.
@@ -122,9 +123,9 @@ impl Rules {
         let side = f64::from(grid.pixel);
         let off =
             |sum: f64, index: usize| (sum / sums.count - (index as f64 - half) * side).abs() / side;
-        self.max_depth_variance == f64::INFINITY
+        self.is_open()
             || self.is_steady(sums)
-                && off(sums.place[0], pixel % grid.n) <= MAX_PIXEL_OFFSET
-                && off(sums.place[1], pixel / grid.n) <= MAX_PIXEL_OFFSET
+                && off(sums.place[0], pixel % grid.n) <= self.max_pixel_offset
+                && off(sums.place[1], pixel / grid.n) <= self.max_pixel_offset
     }
 }

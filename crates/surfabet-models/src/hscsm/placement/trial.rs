@@ -80,10 +80,11 @@ impl Field<'_> {
         let low = std::array::from_fn(|a| frame.center[a] - reach[a]);
         let high = std::array::from_fn(|a| frame.center[a] + reach[a]);
         self.cells.in_box(low, high, |range| {
-            for k in range.filter(|&k| ownership.free[k] > 0) {
+            let taken = ownership.above.as_ref().unwrap_or(&ownership.owned);
+            for k in range.filter(|&k| ownership.above.is_some() || ownership.free[k] > 0) {
                 for &i in self.children.of(k) {
                     let s = &self.samples.all[i as usize];
-                    if ownership.owned[i as usize] {
+                    if taken[i as usize] {
                         continue;
                     }
                     let local = frame.to_local(s.position);

@@ -17,7 +17,7 @@ use crate::hscsm::constants::SAMPLE_SIZE;
 use crate::hscsm::intensity::Shades;
 use crate::hscsm::options::HscsmOptions;
 use crate::sensor::to_sensor;
-use crate::vector::{dot, unit};
+use crate::vector::{dot, minus, unit};
 
 /// Cells that one task merges.
 const BLOCK: usize = 1 << 12;
@@ -202,7 +202,7 @@ impl Samples {
                 key: 0,
                 position: positions[i],
                 covariance: [0.0; 6],
-                weight: options.sensor.weight_of(cloud, i),
+                weight: weight(cloud, options, i),
                 color: shades.of_point(i),
                 color_variance: 0.0,
                 view: to_sensor(cloud, i),
@@ -263,6 +263,18 @@ impl Samples {
         }
         let CellLattice { cell, halvings } = self.lattice(doublings);
         (Self { all, cell, halvings, ..*self }, groups)
+    }
+}
+
+/// Weight of point `i` of `cloud`, from its range or else from its distance to where it was seen from; 1 where both are
+/// unknown.
+fn weight(cloud: &PointCloud, options: &HscsmOptions, i: usize) -> f32 {
+    match cloud.local_viewpoint(i) {
+        Some(seen_from) if cloud.ranges().is_none() => {
+            let ray = minus(seen_from, cloud.positions()[i]);
+            options.sensor.weight(dot(ray, ray).sqrt())
+        }
+        _ => options.sensor.weight_of(cloud, i),
     }
 }
 
