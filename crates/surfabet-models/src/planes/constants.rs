@@ -10,9 +10,6 @@
 /// Points per cell in which the spacing of the points is estimated, on average.
 pub(super) const SPACING_POINTS: usize = 8;
 
-/// Share of neighbours along the curve with normals to the same side from which normals count as oriented.
-pub(super) const ORIENTED_SHARE: f64 = 0.85;
-
 // First patches.
 
 /// Sides of the largest and smallest cells in which flat parts are searched, in sigma and in spacings of the points;
