@@ -255,7 +255,7 @@ def learn_planes(
     min_points: int | None = None,
     min_purity: float = 0.85,
     min_fill: float = 0.6,
-    max_bend: float = 1.55,
+    max_bend: float = 1.1,
     color_step: int = 8,
     attribute_step: float = 0.125,
     keep_outliers: bool = False,
@@ -323,7 +323,7 @@ def learn_planes(
     max_bend
         Largest ratio of the standard deviation of points about their patch to that about the mean
         of their tile. Patches that are bent or lie across a corner have more; with infinity they
-        are kept. A number of at least 1; by default 1.55.
+        are kept. A number of at least 1; by default 1.1.
     color_step
         Rounding of the colours of tiles. An integer from 1 to 64 grey levels; by default 8.
     attribute_step

@@ -41,5 +41,5 @@ pub use pose::Pose;
 pub use range_image::{Projection, RangeImage};
 pub use reduce::{farthest_points, octree_with, random_points, voxel_grid_with};
 pub use surfabet_base::{Cancelled, InvalidParameter, Part, Progress, Silent};
-pub use survey::{Survey, estimate_noise};
+pub use survey::{Survey, estimate_noise, has_facings};
 pub use voxel_grid::VoxelGrid;

@@ -337,7 +337,7 @@ class LearnOptions:
 
     max_bend: Annotated[float | None, Parameter(group=PLANES)] = None
     """Largest ratio of the standard deviation of points about their patch to that about the mean of
-    their tile. A number of at least 1; by default 1.55."""
+    their tile. A number of at least 1; by default 1.1."""
 
     n_neurons: Annotated[int | None, Parameter(group=GAS)] = None
     """Number of neurons at which the network stops growing. An integer from 2 to 2^26; by default

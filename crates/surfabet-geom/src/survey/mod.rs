@@ -23,6 +23,7 @@ mod sample;
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
+pub use facing::has_facings;
 use layers::layer_gap;
 use lines::line_spacing;
 use noise::Planes;

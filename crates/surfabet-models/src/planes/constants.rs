@@ -10,9 +10,6 @@
 /// Points per cell in which the spacing of the points is estimated, on average.
 pub(super) const SPACING_POINTS: usize = 8;
 
-/// Share of neighbours along the curve with normals to the same side from which normals count as oriented.
-pub(super) const ORIENTED_SHARE: f64 = 0.85;
-
 // First patches.
 
 /// Sides of the largest and smallest cells in which flat parts are searched, in sigma and in spacings of the points;
@@ -27,6 +24,11 @@ pub(super) const CELL_POINTS: usize = 10;
 
 /// A cell is flat up to this standard deviation about its plane, in sigma.
 pub(super) const FLAT_CELL_SIGMAS: f64 = 1.5;
+
+/// Deviations of chi squared from which the means of a cell's eighths are no plane, and the noise that is assumed at least, in
+/// sigma: surfaces that are exact in the data still bend.
+pub(super) const STEP_DEVIATIONS: f64 = 3.0;
+pub(super) const LEAST_STEP_NOISE: f64 = 0.5;
 
 /// Variance along the second axis that a cell's points need, as a share of the squared side: a filled square has a
 /// twelfth, a line of points none.
@@ -78,10 +80,18 @@ pub(super) const TURNS: f64 = 30.0;
 /// Strips of a rectangle whose outermost points stand for all points in that search.
 pub(super) const RIM_STRIPS: usize = 128;
 
+// Merge.
+
+/// What the mean square of a part of few points may be above that of its noise by chance, times their number, in squared sigma.
+pub(super) const CHANCE: f64 = 4.0;
+
 // Split.
 
 /// Bins whose strip of the rectangle is shorter than this share of the longest are partial and do not count.
 pub(super) const FULL_STRIP: f64 = 0.5;
+
+/// Places at which a bin is tried, per width of a bin.
+pub(super) const BIN_STEPS: f64 = 4.0;
 
 /// Standard deviations of the count by which a bin has to fall below the mean, so that chance does not split.
 pub(super) const GAP_DEVIATIONS: f64 = 3.0;
@@ -100,6 +110,9 @@ pub(super) const SPLIT_DEPTH: u32 = 12;
 /// Points that a patch needs by default: one in so many, and at least this number.
 pub(super) const POINTS_PER_PATCH_POINT: usize = 1000;
 pub(super) const LEAST_PATCH_POINTS: usize = 30;
+
+/// Share of these that a patch needs before the end of the fit.
+pub(super) const PART_SHARE: f64 = 0.25;
 
 /// A patch with this many times the points that it needs is kept, whatever its purity, fill and bend: no heap of things
 /// is that large, and a floor around furniture or a wall with pictures must not get lost.

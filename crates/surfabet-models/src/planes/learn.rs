@@ -1,6 +1,6 @@
 //! From a cloud to planes, step by step.
 
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::{PointCloud, Progress, Survey};
 
 use super::coding::rounded;
 use super::fit::{Fit, Iteration, PublishedFit, Trace};
@@ -80,7 +80,7 @@ pub fn learn(
     let weights = weights.as_deref();
     // Distinct points along a space-filling curve, in a tree of boxes.
     let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
-    let points = as_known(points, options, start.survey.line_spacing);
+    let points = if options.published { points } else { as_known(points, cloud, &start.survey) };
     let Fitted { patches, grid_size, smallest_grid_size, first_patches, trace } =
         fitted(&points, options, &mut stages)?;
     // The integers of the file; labels of the points, colours and intensities of the tiles (III).
@@ -137,9 +137,10 @@ fn attributes(
     Ok(attributes)
 }
 
-/// The points with what the method may know of them: the paper knows neither viewpoints nor scan lines.
-fn as_known(points: Points, options: &PlanesOptions, line_spacing: Option<f64>) -> Points {
-    if options.published { points.without_facing() } else { points.on_lines(line_spacing) }
+/// The points with what the survey knows of them: where they were seen from, and scan lines. The paper knows neither.
+fn as_known(points: Points, cloud: &PointCloud, survey: &Survey) -> Points {
+    let points = if survey.has_facings { points.facing_as(cloud) } else { points };
+    points.on_lines(survey.line_spacing)
 }
 
 /// What comes out of a fit.

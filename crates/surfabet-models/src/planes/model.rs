@@ -1,7 +1,7 @@
 //! The model: patches as integers and as numbers, and points of any cloud on them.
 
 use rayon::prelude::*;
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::{PointCloud, Progress, has_facings};
 
 use super::coding::{MAX_COORDINATE, StoredPatch};
 use super::fit::{NONE, e_step, e_step_everywhere};
@@ -193,6 +193,7 @@ impl PlaneModel {
     /// [`Error::EmptyCloud`], [`Error::Cancelled`].
     pub fn segment(&self, cloud: &PointCloud, progress: &dyn Progress) -> Result<Vec<u32>> {
         let points = Points::about(cloud, self.header.origin)?;
+        let points = if has_facings(cloud)? { points.facing_as(cloud) } else { points };
         let of = if self.reduced { reduced_labels } else { labels };
         of(&points, &self.patches, self.header.grid_size, progress)
     }

@@ -50,7 +50,7 @@ options! {
         min_fill: f64 = 0.6, range = Range::from_to(0.0, 1.0);
         /// Largest ratio of the standard deviation of points about their patch to that about the mean of their tile.
         /// Patches that are bent or lie across a corner have more; with infinity they are kept.
-        max_bend: f64 = 1.55, range = Range::at_least(1.0);
+        max_bend: f64 = 1.1, range = Range::at_least(1.0);
         /// Rounding of the colours of tiles.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels";
         /// Rounding of the mean intensities of tiles, as a share of their standard deviation.

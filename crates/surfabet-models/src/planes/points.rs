@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 use surfabet_geom::{Aabb, BoxTree, Moments, PointCloud, boxes_of, morton};
 
-use super::constants::{ORIENTED_SHARE, SPACING_POINTS};
+use super::constants::SPACING_POINTS;
 use crate::error::{Error, Result};
 use crate::vector::dot;
 
@@ -38,7 +38,8 @@ pub struct Points {
 }
 
 impl Points {
-    /// Sorts the points of a cloud; `weights` are by how much each counts, one if `None`.
+    /// Sorts the points of a cloud; `weights` are by how much each counts, one if `None`. Where each was seen from is not
+    /// known: see [`Points::facing_as`].
     ///
     /// # Errors
     /// [`Error::EmptyCloud`]; [`Error::InvalidParameter`] for weights that are not one per point, finite and not
@@ -74,12 +75,11 @@ impl Points {
             .map(|(i, p)| (code(p), p.map(|c| (c + 0.0).to_bits()), i as u32))
             .collect();
         order.par_sort_unstable();
-        let facing = cloud.facing().filter(|f| cloud.viewpoints().is_some() || oriented(f, &order));
         let mut points = Self {
             origin,
             positions: Vec::with_capacity(order.len()),
             weights: Vec::with_capacity(order.len()),
-            facing: facing.is_some().then(|| Vec::with_capacity(order.len())),
+            facing: None,
             place: vec![0; order.len()],
             codes: Vec::with_capacity(order.len()),
             cell,
@@ -95,9 +95,6 @@ impl Points {
                 points.positions.push(bits.map(f32::from_bits));
                 points.weights.push(0.0);
                 points.codes.push(code);
-                if let (Some(to), Some(from)) = (&mut points.facing, &facing) {
-                    to.push(from[i as usize]);
-                }
             }
             let at = points.positions.len() - 1;
             points.weights[at] += weight;
@@ -108,15 +105,24 @@ impl Points {
         Ok(points)
     }
 
+    /// The same points of `cloud`, with the side that each was seen from; of several at one place the first counts. Only for
+    /// clouds of which it is known which way surfaces face ([`surfabet_geom::has_facings`]).
+    #[must_use]
+    pub fn facing_as(mut self, cloud: &PointCloud) -> Self {
+        self.facing = cloud.facing().map(|of| {
+            let mut facing = vec![[0.0; 3]; self.len()];
+            for (&at, &direction) in self.place.iter().zip(&of).rev() {
+                facing[at as usize] = direction;
+            }
+            facing
+        });
+        self
+    }
+
     /// The same points, known to lie on scan lines this far apart, metres, or on none.
     #[must_use]
     pub fn on_lines(self, line_spacing: Option<f64>) -> Self {
         Self { line_spacing, ..self }
-    }
-
-    /// The same points without what is known of where they were seen from.
-    pub(super) fn without_facing(self) -> Self {
-        Self { facing: None, ..self }
     }
 
     /// Number of distinct points.
@@ -264,18 +270,4 @@ pub(super) fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {
         return Err(Error::invalid("weights", "0 everywhere", "positive for some point"));
     }
     Ok(())
-}
-
-/// True when normals are oriented: those of neighbours along the curve mostly point the same way, or away from each other
-/// where the neighbour lies behind, as on both sides of a thin wall. Normals that nobody oriented have random signs: half
-/// of the neighbours then agree, and at most half of the others lie behind.
-fn oriented(normals: &[[f32; 3]], order: &[(u64, [u32; 3], u32)]) -> bool {
-    let consistent = |pair: &&[(u64, [u32; 3], u32)]| {
-        let [a, b] = [pair[0].2, pair[1].2].map(|i| normals[i as usize]);
-        let [p, q] = [pair[0].1, pair[1].1].map(|bits| bits.map(f32::from_bits));
-        let to: [f32; 3] = std::array::from_fn(|k| q[k] - p[k]);
-        dot(a, b) > 0.0 || (dot(to, a) < 0.0 && dot(to, b) > 0.0)
-    };
-    let n = order.windows(2).filter(consistent).count();
-    n as f64 >= ORIENTED_SHARE * (order.len() as f64 - 1.0)
 }

@@ -30,7 +30,7 @@ pub(super) use self::trim::mean_square;
 use self::trim::{trim, trim_to};
 use super::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
-    LEAST_SCALE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
+    LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
 use super::patch::Patch;
@@ -138,6 +138,13 @@ impl<'a> Fit<'a> {
         self.min_points
     }
 
+    /// Number of points that a patch needs as long as the fit goes on: what is to be left out in the end has to be split off
+    /// before, and cells at the rims of a surface hold points of others too.
+    fn part_points(&self) -> usize {
+        let part = (PART_SHARE * self.min_points as f64) as usize;
+        part.max(LEAST_PATCH_POINTS.min(self.min_points))
+    }
+
     /// Iterates until the fit is stable and no flat points are left without a patch, then removes what is no surface.
     ///
     /// # Errors
@@ -234,7 +241,7 @@ impl<'a> Fit<'a> {
         let points = self.points;
         let rule = SplitRule {
             threshold: self.options.split_threshold,
-            min_points: self.min_points,
+            min_points: self.part_points(),
             noise: self.smallest_grid_size / SIGMAS_PER_GRID_SIZE,
             merge: self.merge_rule(),
         };
@@ -272,7 +279,7 @@ impl<'a> Fit<'a> {
             &free,
             self.grid_size,
             self.options.merge_tolerance,
-            self.min_points,
+            self.part_points(),
             progress,
         )?;
         let n = added.len();
@@ -297,7 +304,7 @@ impl<'a> Fit<'a> {
         self.em(progress)?;
         for _ in 0..CLEAR_PASSES {
             let last = self.e_step(progress)?;
-            let pairs = close_pairs(&self.patches, self.grid_size);
+            let pairs = close_pairs(self.points, &self.patches, self.grid_size);
             let margin = CLEAR_SIGMAS * self.deviation.min(self.grid_size / SIGMAS_PER_GRID_SIZE);
             let planes = clear_m_step(self.points, &self.patches, &pairs, &last, margin);
             self.trim(&planes, &last);

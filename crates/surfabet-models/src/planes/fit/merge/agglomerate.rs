@@ -36,93 +36,93 @@ type Candidate = Reverse<(Cost, [u32; 2], [u32; 2])>;
 
 /// Joins neighbouring parts, those first whose union is flattest, until no pair is left that `rule` allows. Gives
 /// the part that each has become, numbered by its first member.
+///
+/// The cost of a pair of which one part has grown since is computed again when its turn comes, not after every join: a wall
+/// of thousands of cells has hundreds of neighbours. Pairs that the rule did not allow get another turn at the end.
 pub(in crate::planes::fit) fn agglomerate(
     parts: Vec<Part>,
     pairs: &[[u32; 2]],
     rule: &Rule,
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
-    let mut clusters = Clusters::new(parts, pairs, rule);
+    let mut clusters = Clusters::new(parts, rule);
     let mut tested = 0;
-    while let Some(Reverse((_, pair, versions))) = clusters.queue.pop() {
-        tested += 1;
-        if tested % PAIRS_PER_CHECK == 0 {
-            progress.check()?;
+    loop {
+        let mut queue = clusters.queue(pairs);
+        let mut joined = false;
+        while let Some(Reverse((_, pair, versions))) = queue.pop() {
+            tested += 1;
+            if tested % PAIRS_PER_CHECK == 0 {
+                progress.check()?;
+            }
+            let now = clusters.now(pair);
+            if now == pair && clusters.versions(pair) == versions {
+                clusters.join(pair);
+                joined = true;
+            } else if let Some(candidate) = clusters.candidate(now) {
+                queue.push(candidate);
+            }
         }
-        if clusters.is_current(pair, versions) {
-            clusters.join(pair);
+        if !joined {
+            return Ok(clusters.roots());
         }
     }
-    Ok(clusters.roots())
 }
 
-/// Parts that have been joined so far, and the pairs that may be joined next.
+/// Parts that have been joined so far.
 struct Clusters<'a> {
     rule: &'a Rule,
     /// The union of all members, for the part that stands for them.
     parts: Vec<Part>,
-    /// Parts that were neighbours of a member; some have been joined to others since.
-    neighbors: Vec<Vec<u32>>,
     /// The part that each was joined to, itself while it stands for its members.
     into: Vec<u32>,
     /// How often each part has grown.
     version: Vec<u32>,
-    /// Pairs that `rule` allows, the flattest union first.
-    queue: BinaryHeap<Candidate>,
 }
 
 impl<'a> Clusters<'a> {
-    fn new(parts: Vec<Part>, pairs: &[[u32; 2]], rule: &'a Rule) -> Self {
+    fn new(parts: Vec<Part>, rule: &'a Rule) -> Self {
         let n = parts.len();
-        let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); n];
-        for &[a, b] in pairs {
-            neighbors[a as usize].push(b);
-            neighbors[b as usize].push(a);
+        Self { rule, parts, into: (0..n as u32).collect(), version: vec![0; n] }
+    }
+
+    /// The parts that stand for those of a pair now, the first before the second.
+    fn now(&mut self, [a, b]: [u32; 2]) -> [u32; 2] {
+        let [a, b] = [root(&mut self.into, a), root(&mut self.into, b)];
+        [a.min(b), a.max(b)]
+    }
+
+    fn versions(&self, pair: [u32; 2]) -> [u32; 2] {
+        pair.map(|part| self.version[part as usize])
+    }
+
+    /// A pair of parts that stand for their members with its cost, if it may be joined.
+    fn candidate(&self, [a, b]: [u32; 2]) -> Option<Candidate> {
+        if a == b {
+            return None;
         }
-        let costs: Vec<Option<f64>> = pairs
-            .par_iter()
-            .map(|&[a, b]| parts[a as usize].joined(&parts[b as usize], rule).map(|j| j.0))
-            .collect();
-        let queue = pairs
-            .iter()
-            .zip(costs)
-            .filter_map(|(&pair, cost)| Some(Reverse((Cost(cost?), pair, [0, 0]))))
-            .collect();
-        let into = (0..n as u32).collect();
-        Self { rule, parts, neighbors, into, version: vec![0; n], queue }
+        let (cost, _) = self.parts[a as usize].joined(&self.parts[b as usize], self.rule)?;
+        Some(Reverse((Cost(cost), [a, b], self.versions([a, b]))))
     }
 
-    /// True when both parts still stand for themselves and neither has grown since the pair's cost was computed.
-    fn is_current(&self, [a, b]: [u32; 2], versions: [u32; 2]) -> bool {
-        let [i, j] = [a as usize, b as usize];
-        self.into[i] == a && self.into[j] == b && [self.version[i], self.version[j]] == versions
+    /// All pairs that may be joined.
+    fn queue(&mut self, pairs: &[[u32; 2]]) -> BinaryHeap<Candidate> {
+        let mut now: Vec<[u32; 2]> = pairs.iter().map(|&pair| self.now(pair)).collect();
+        now.sort_unstable();
+        now.dedup();
+        let clusters = &*self;
+        let candidates: Vec<Candidate> =
+            now.into_par_iter().filter_map(|pair| clusters.candidate(pair)).collect();
+        candidates.into()
     }
 
-    /// Joins the second part of a pair to the first, and queues the union with its neighbours.
+    /// Joins the second part of a pair to the first.
     fn join(&mut self, [a, b]: [u32; 2]) {
         let [i, j] = [a as usize, b as usize];
         let Some((_, joined)) = self.parts[i].joined(&self.parts[j], self.rule) else { return };
         self.parts[i] = joined;
         self.version[i] += 1;
         self.into[j] = a;
-        let mut around = std::mem::take(&mut self.neighbors[i]);
-        around.append(&mut self.neighbors[j]);
-        for c in &mut around {
-            *c = root(&mut self.into, *c);
-        }
-        around.sort_unstable();
-        around.dedup();
-        around.retain(|&c| c != a);
-        for &c in &around {
-            let k = c as usize;
-            self.neighbors[k].push(a);
-            if let Some((cost, _)) = self.parts[i].joined(&self.parts[k], self.rule) {
-                let [first, second] = [a.min(c), a.max(c)];
-                let versions = [first, second].map(|part| self.version[part as usize]);
-                self.queue.push(Reverse((Cost(cost), [first, second], versions)));
-            }
-        }
-        self.neighbors[i] = around;
     }
 
     /// The part that stands for each.

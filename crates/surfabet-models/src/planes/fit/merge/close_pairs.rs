@@ -3,10 +3,16 @@
 use rayon::prelude::*;
 
 use crate::planes::patch::Patch;
+use crate::planes::points::Points;
 use crate::vector::{dot, minus};
 
 /// Pairs of patches of which supported tiles come within G of each other, both expanded by G.
-pub(in crate::planes::fit) fn close_pairs(patches: &[Patch], grid_size: f64) -> Vec<[u32; 2]> {
+pub(in crate::planes::fit) fn close_pairs(
+    points: &Points,
+    patches: &[Patch],
+    grid_size: f64,
+) -> Vec<[u32; 2]> {
+    let on_lines = points.line_spacing.is_some();
     let boxes: Vec<([f64; 3], [f64; 3])> = patches.iter().map(|p| expanded(p, grid_size)).collect();
     // Along the axis on which the boxes overlap least, sorted by their lower ends.
     let axis = widest_axis(&boxes);
@@ -27,7 +33,9 @@ pub(in crate::planes::fit) fn close_pairs(patches: &[Patch], grid_size: f64) -> 
                 .iter()
                 .take_while(|&&b| boxes[b as usize].0[axis] <= end)
                 .filter(|&&b| overlap(a, b))
-                .filter(|&&b| close(&patches[a as usize], &patches[b as usize], grid_size))
+                .filter(|&&b| {
+                    close(&patches[a as usize], &patches[b as usize], grid_size, on_lines)
+                })
                 .map(|&b| [a.min(b), a.max(b)])
                 .collect::<Vec<_>>()
         })
@@ -62,11 +70,16 @@ pub(in crate::planes::fit) fn expanded(patch: &Patch, grid_size: f64) -> ([f64; 
     )
 }
 
-/// True when a supported tile of one is within G, both expanded by G, of one of the other.
-fn close(a: &Patch, b: &Patch, grid_size: f64) -> bool {
+/// True when points of one come within G of points of the other, both expanded by G, or within a tile where points are so sparse
+/// that tiles are larger. Points end somewhere in their outermost tiles, on average half a tile from the end of one of both:
+/// so much nearer the tiles have to be. On scan lines, between which there is nothing, up to two tiles may lie between.
+fn close(a: &Patch, b: &Patch, grid_size: f64, on_lines: bool) -> bool {
     let (few, many) = if a.tiles.n_supported() <= b.tiles.n_supported() { (a, b) } else { (b, a) };
     let nx = few.tiles.shape()[0];
-    let reach = 2.0 * grid_size.max(0.5 * (few.tiles.edge() + many.tiles.edge()));
+    let edge = 0.5 * (few.tiles.edge() + many.tiles.edge());
+    let (reach, inside) = if on_lines { (2.0 * edge, 0.0) } else { (edge, 0.5 * edge) };
+    let reach = reach.max(2.0 * grid_size);
+    let beside = reach - inside;
     few.tiles.supported().iter().enumerate().filter(|(_, s)| **s).any(|(t, _)| {
         let (low, high) = few.tiles.bounds(t % nx, t / nx);
         let middle = few.frame.at(std::array::from_fn(|k| 0.5 * (low[k] + high[k])));
@@ -79,7 +92,7 @@ fn close(a: &Patch, b: &Patch, grid_size: f64) -> bool {
             return false;
         }
         let at = [dot(d, many.frame.u), dot(d, many.frame.v)];
-        let margin = [many.frame.u, many.frame.v].map(|axis| extent(axis) + reach);
+        let margin = [many.frame.u, many.frame.v].map(|axis| extent(axis) + beside);
         many.tiles.any_in(
             std::array::from_fn(|k| at[k] - margin[k]),
             std::array::from_fn(|k| at[k] + margin[k]),

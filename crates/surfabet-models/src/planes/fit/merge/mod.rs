@@ -24,7 +24,7 @@ pub(super) fn merge(
     progress: &dyn Progress,
 ) -> Result<Vec<Patch>> {
     let grid_size = rule.distance;
-    let pairs = close_pairs(&patches, grid_size);
+    let pairs = close_pairs(points, &patches, grid_size);
     let parts = patches.iter().map(Part::of).collect();
     let into = agglomerate(parts, &pairs, rule, progress)?;
     let mut groups: Vec<Vec<Patch>> = patches.iter().map(|_| Vec::new()).collect();

@@ -2,6 +2,7 @@
 
 use surfabet_geom::Moments;
 
+use crate::planes::constants::CHANCE;
 use crate::planes::fit::m_step::plane;
 use crate::planes::fit::trim::mean_square;
 use crate::planes::patch::{Frame, Patch};
@@ -10,6 +11,8 @@ use crate::vector::dot;
 /// A set of points and its plane, as merging sees them.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::planes::fit) struct Part {
+    /// Number of points.
+    pub n: usize,
     pub moments: Moments,
     pub frame: Frame,
     /// Sum of the sides that the points were seen from.
@@ -33,6 +36,7 @@ impl Part {
     /// The whole support of a patch.
     pub fn of(patch: &Patch) -> Self {
         Self {
+            n: patch.whole.len(),
             moments: patch.moments,
             frame: patch.frame,
             facing: patch.facing,
@@ -46,10 +50,10 @@ impl Part {
     ///
     /// ```text
     /// min(d(A, e_B), d(B, e_A)) < G
-    /// d(X, e_AB) <= tolerance max(noise_X, G / 3)   for X = A and X = B
+    /// d(X, e_AB)^2 <= (tolerance^2 + 4 / n_X) max(noise_X, G / 3)^2   for X = A and X = B
     /// ```
     ///
-    /// The paper has the first, of mean distances. Points known to be seen from opposite sides of the common plane do not
+    /// with the number `n_X` of their points. The paper has the first, of mean distances. Points known to be seen from opposite sides of the common plane do not
     /// merge.
     pub fn joined(&self, other: &Self, rule: &Rule) -> Option<(f64, Self)> {
         let apart =
@@ -64,14 +68,17 @@ impl Part {
             return None;
         }
         let fits = |part: &Self| {
-            let allowed = rule.tolerance * part.noise.sqrt().max(rule.deviation);
-            mean_square(&part.moments, &frame) <= allowed * allowed
+            let variance = part.noise.max(rule.deviation * rule.deviation);
+            let chance = CHANCE / part.n as f64;
+            let allowed = rule.tolerance * rule.tolerance + chance;
+            mean_square(&part.moments, &frame) <= allowed * variance
         };
         if !(fits(self) && fits(other)) {
             return None;
         }
         let share = other.moments.weight() / moments.weight();
         let joined = Self {
+            n: self.n + other.n,
             moments,
             frame,
             facing: std::array::from_fn(|a| self.facing[a] + other.facing[a]),

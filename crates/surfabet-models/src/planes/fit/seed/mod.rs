@@ -37,7 +37,8 @@ pub(in crate::planes::fit) fn from_data(
     let largest = (LARGEST_CELL_SIGMAS * noise).max(LARGEST_CELL_SPACINGS * points.resolution());
     let first = level_of(largest);
     let smallest = (SMALLEST_CELL_SIGMAS * noise).max(SMALLEST_CELL_SPACINGS * points.resolution());
-    let last = level_of(smallest).min(first);
+    // The level whose side is nearest to it.
+    let last = level_of(smallest * std::f64::consts::FRAC_1_SQRT_2).min(first);
     let cells = flat_cells(points, ids, [first, last], noise, progress)?;
     let pairs = touching(&cells, 1 << first);
     let parts = cells.iter().map(|cell| cell.part.clone()).collect();

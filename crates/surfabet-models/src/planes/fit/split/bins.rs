@@ -38,18 +38,34 @@ impl Bins {
 
     /// The bin of a position in the plane of the patch.
     pub fn of(&self, p: [f64; 2]) -> usize {
-        let bin = ((along(self.direction, p) - self.low) / self.width).max(0.0) as usize;
-        bin.min(self.n - 1)
+        self.part_of(p, 1)
+    }
+
+    /// The part of a bin of a position in the plane of the patch, where each bin has this number of parts.
+    pub fn part_of(&self, p: [f64; 2], parts: usize) -> usize {
+        let off = along(self.direction, p) - self.low;
+        let part = (off * parts as f64 / self.width).max(0.0) as usize;
+        part.min(self.n * parts - 1)
     }
 
     /// Coordinate along the direction at which a bin starts.
     pub fn edge(&self, bin: usize) -> f64 {
-        self.low + self.width * bin as f64
+        self.edge_at(bin as f64)
+    }
+
+    /// Coordinate along the direction so many widths from the start of the first bin.
+    pub fn edge_at(&self, widths: f64) -> f64 {
+        self.low + self.width * widths
     }
 
     /// Length of the line across the rectangle in the middle of a bin, as a share of the longest.
     pub fn share(&self, bin: usize) -> f64 {
-        let off = (self.width * (bin as f64 + 0.5) - self.reach).abs();
+        self.share_at(bin as f64)
+    }
+
+    /// As [`Bins::share`], of a bin that starts so many widths from the first.
+    pub fn share_at(&self, start: f64) -> f64 {
+        let off = (self.width * (start + 0.5) - self.reach).abs();
         if off <= self.flat { 1.0 } else { (self.reach - off) / (self.reach - self.flat) }
     }
 }

@@ -5,7 +5,7 @@
 
 use super::SplitRule;
 use super::bins::{Bins, Cut, DIRECTIONS, flat};
-use crate::planes::constants::{FULL_STRIP, GAP_DEVIATIONS};
+use crate::planes::constants::{BIN_STEPS, FULL_STRIP, GAP_DEVIATIONS};
 use crate::planes::fit::trim::trim;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
@@ -14,7 +14,8 @@ use crate::planes::points::Points;
 pub(super) fn at_gap(points: &Points, patch: &Patch, rule: &SplitRule) -> Option<[Patch; 2]> {
     let local = flat(points, patch, &patch.support);
     let weights = weights(points, patch, &local);
-    let of = |&d: &[f64; 2]| emptiest(patch, &local, &weights, d, rule.threshold);
+    let steps = if points.line_spacing.is_some() { 1.0 } else { BIN_STEPS };
+    let of = |&d: &[f64; 2]| emptiest(patch, &local, &weights, d, [rule.threshold, steps]);
     let gaps = DIRECTIONS.iter().filter_map(of);
     let (_, cut) = gaps.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let sides = cut.sides(&patch.support, &local, rule.min_points)?;
@@ -36,7 +37,8 @@ fn weights(points: &Points, patch: &Patch, local: &[[f64; 2]]) -> Vec<f64> {
 }
 
 /// The emptiest bin across a direction, if it is empty enough: its points as a share of the mean, and the cut through
-/// its middle.
+/// its middle. Bins start at every quarter of their width, so that a gap as wide as one is seen wherever it lies; on scan
+/// lines, where bins hold whole tiles, at every width.
 ///
 /// With `c_b` the weight of the points of bin `b`, `n_b` their number, and `l_b` the length of its strip as a share of the longest, over the inner bins with
 /// `l_b >= 1/2`,
@@ -50,28 +52,37 @@ fn emptiest(
     local: &[[f64; 2]],
     weights: &[f64],
     direction: [f64; 2],
-    threshold: f64,
+    [threshold, steps]: [f64; 2],
 ) -> Option<(f64, Cut)> {
     let bins = Bins::new(patch, direction)?;
-    let n = bins.n;
-    let (mut counts, mut weighed) = (vec![0.0; n], vec![0.0; n]);
+    let parts = steps as usize;
+    // Sums before each part of a bin.
+    let (mut counts, mut weighed) = (vec![0.0; bins.n * parts + 1], vec![0.0; bins.n * parts + 1]);
     for (&p, weight) in local.iter().zip(weights) {
-        counts[bins.of(p)] += 1.0;
-        weighed[bins.of(p)] += weight;
+        let part = bins.part_of(p, parts);
+        counts[part + 1] += 1.0;
+        weighed[part + 1] += weight;
     }
-    let inner: Vec<(usize, f64)> =
-        (1..n - 1).map(|b| (b, bins.share(b))).filter(|(_, s)| *s >= FULL_STRIP).collect();
+    for part in 1..counts.len() {
+        counts[part] += counts[part - 1];
+        weighed[part] += weighed[part - 1];
+    }
+    let of = |sums: &[f64], first: usize| sums[first + parts] - sums[first];
+    let inner: Vec<(usize, f64)> = (parts..=(bins.n - 2) * parts)
+        .map(|first| (first, bins.share_at(first as f64 / steps)))
+        .filter(|(_, s)| *s >= FULL_STRIP)
+        .collect();
     let lengths: f64 = inner.iter().map(|(_, s)| s).sum();
-    let mean = |of: &[f64]| inner.iter().map(|&(b, _)| of[b]).sum::<f64>() / lengths;
+    let mean = |sums: &[f64]| inner.iter().map(|&(b, _)| of(sums, b)).sum::<f64>() / lengths;
     let (mean, expected) = (mean(&weighed), mean(&counts));
-    let (bin, ratio, expected) = inner
+    let (first, ratio, expected) = inner
         .iter()
-        .map(|&(b, s)| (b, weighed[b] / (mean * s), expected * s))
+        .map(|&(b, s)| (b, of(&weighed, b) / (mean * s), expected * s))
         .min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let chance = counts[bin] > expected - GAP_DEVIATIONS * expected.sqrt();
+    let chance = of(&counts, first) > expected - GAP_DEVIATIONS * expected.sqrt();
     if ratio.is_nan() || ratio >= threshold || chance {
         return None;
     }
-    let at = bins.edge(bin) + 0.5 * bins.width;
+    let at = bins.edge_at(first as f64 / steps + 0.5);
     Some((ratio, Cut { direction, at }))
 }

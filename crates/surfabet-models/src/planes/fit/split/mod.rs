@@ -98,6 +98,14 @@ mod tests {
         assert!(sizes[0] > 3500);
     }
 
+    /// Of both bins that it touches seven tenths are left.
+    #[test]
+    fn a_gap_between_two_bins_splits() {
+        let sizes = parts(|x, _| !(0.97..1.03).contains(&x), |_| 0.0);
+        assert_eq!(sizes.len(), 2);
+        assert!(sizes[0] > 3700);
+    }
+
     #[test]
     fn a_gap_on_the_diagonal_splits() {
         let sizes = parts(|x, y| !(1.4..1.7).contains(&(x + y)), |_| 0.0);

@@ -75,9 +75,11 @@ pub(super) fn supported_patch(
     let mut scatter = Scatter::new(tiles.supported().len());
     for (&i, p) in set.iter().zip(local) {
         let tile = tiles.tile_at([p[0], p[1]]);
-        if let Some(t) = tile.filter(|&t| in_cube(p, grid_size) && tiles.supported()[t]) {
-            support.push(i);
+        if let Some(t) = tile.filter(|&t| tiles.supported()[t]) {
             scatter.add(t, f64::from(points.weights[i as usize]), p[2]);
+            if in_cube(p, grid_size) {
+                support.push(i);
+            }
         }
     }
     let moments = points.moments_about(frame.center, set.iter().map(|&i| (i, 1.0)));
