@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
 from surfabet.model import Model
 
 __all__ = ["BicAlphabet", "BicAlphabetModel", "learn_bic_alphabet"]
@@ -48,6 +49,21 @@ class BicAlphabet:
     def descriptors(self) -> NDArray[np.float32]:
         """Local range images of the words, (n, pixels, pixels), metres; NaN where empty."""
         return self._core.descriptors()
+
+    def first(self, n: int) -> BicAlphabet:
+        """The alphabet of the `n` words that were accepted first, or of all where there are fewer.
+
+        That is what learning had after some of its iterations; describe a cloud with it to see what
+        the other words add.
+
+        Raises
+        ------
+        InvalidInputError
+            `n` is not positive.
+        """
+        if n < 1:
+            raise InvalidInputError(f"n is {n}, but an alphabet has at least 1 word")
+        return BicAlphabet(self._core.first(n))
 
     def describe(
         self,
