@@ -60,7 +60,7 @@ options! {
         reduce: bool = true, another_scene = true;
         /// How far the logarithm of the likelihood may fall with each occurrence that is removed (section III-D). The
         /// likelihood is then that without the factor 1/M (eq. 9), which rewards fewer decoded points.
-        reduce_tolerance: Option<f64> = Some(10.0), range = Range::NOT_NEGATIVE, unit = "nats",
+        reduce_tolerance: Option<f64> = Some(3.0), range = Range::NOT_NEGATIVE, unit = "nats",
             none = "not at all, and the factor 1/M counts", another_scene = true;
         /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
         /// large as it is are left out, and counted in the report.

@@ -202,7 +202,7 @@ mod tests {
             words in words(),
             chosen in prop::collection::vec(any::<prop::sample::Index>(), 60),
             steps in prop::collection::vec(
-                (prop::collection::btree_set(any::<prop::sample::Index>(), 0..12), any::<bool>()),
+                (prop::collection::vec(any::<prop::sample::Index>(), 0..12), any::<bool>()),
                 1..4,
             ),
         ) {
