@@ -64,9 +64,78 @@ def street() -> sb.PointCloud:
 
 
 def distinct(cloud: sb.PointCloud, min_range: float) -> NDArray[np.float32]:
-    """Points away from their sensor, each once."""
+    """Points away from their sensor, each once; all where no sensor is known."""
     points = np.asarray(cloud.points, np.float32)
-    assert cloud.viewpoints is not None
+    if cloud.viewpoints is None:
+        return np.unique(points, axis=0)
     assert cloud.viewpoint_index is not None
     away = np.linalg.norm(cloud.points - cloud.viewpoints[cloud.viewpoint_index], axis=1)
     return np.unique(points[away >= min_range], axis=0)
+
+
+def sparsified(points: NDArray[np.float32], epsilon: float) -> NDArray[np.float32]:
+    """Points of which no two are nearer than epsilon and each other is near one (eq. 3).
+
+    Which they are is drawn. In each round the points whose number is the lowest within epsilon are
+    kept, and their neighbours are dropped.
+    """
+    starts, distances, near = sb.KdTree(points).query_radius(points, epsilon)
+    near = np.where(distances < epsilon, near, np.repeat(np.arange(len(points)), np.diff(starts)))
+    number = np.random.default_rng(0).permutation(len(points)).astype(np.int64)
+    drawn = number.copy()
+    kept = np.zeros(len(points), bool)
+    while (number < len(points)).any():
+        lowest = np.minimum.reduceat(number[near], starts[:-1])
+        new = (number < len(points)) & (lowest == number)
+        kept |= new
+        number[np.unique(near[np.repeat(new, np.diff(starts))])] = len(points)
+    return points[kept][np.argsort(drawn[kept])]
+
+
+def octree_cells(file: bytes) -> tuple[NDArray[np.int64], float]:
+    """Lowest corner of every occupied cell of an OctoMap (`.bt`) in cells, and their side, metres.
+
+    After the header a node has two bytes: two bits for each of its eight children, 1 a free leaf,
+    2 an occupied one, 3 a node, whose own bytes follow, first child first. A leaf above the lowest
+    of 16 levels stands for all cells below it.
+    """
+    head, _, body = file.partition(b"data\n")
+    side = float(next(line for line in head.split(b"\n") if line.startswith(b"res")).split()[1])
+    leaves = []
+    at = 0
+    nodes = [(0, 0, 0, 16)]
+    while nodes:
+        x, y, z, level = nodes.pop()
+        bits = int.from_bytes(body[at : at + 2], "little")
+        at += 2
+        half = 1 << (level - 1)
+        inner = []
+        for child in range(8):
+            kind = bits >> 2 * child & 3
+            corner = (
+                x + half * (child & 1),
+                y + half * (child >> 1 & 1),
+                z + half * (child >> 2 & 1),
+            )
+            if kind == 2:
+                leaves.append((*corner, half))
+            elif kind == 3:
+                inner.append((*corner, level - 1))
+        nodes.extend(reversed(inner))
+    assert at == len(body), "bytes are left"
+    found = np.array(leaves, np.int64)
+    cells = []
+    for size in np.unique(found[:, 3]):
+        corners = found[found[:, 3] == size, :3]
+        inside = np.stack(np.meshgrid(*[np.arange(size)] * 3), axis=-1).reshape(-1, 3)
+        cells.append((corners[:, None] + inside).reshape(-1, 3))
+    return np.concatenate(cells) - (1 << 15), side
+
+
+def corridor() -> sb.PointCloud:
+    """The map of building 079, the paper's corridor, as the middles of the octree's cells.
+
+    Where the sensor stood is not known.
+    """
+    cells, side = octree_cells((DATA / "octomap" / "geb079.bt").read_bytes())
+    return sb.PointCloud(((cells + 0.5) * side).astype(np.float32))

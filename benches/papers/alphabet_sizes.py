@@ -2,11 +2,14 @@
 
     python benches/papers/alphabet_sizes.py [--out FOLDER] [--only curve|rebuild|scans]
 
-"curve": one laser scan of a room at several qualities, beside planes alone, Draco, voxels and a
-plain range-image codec: bytes of whole files against inliers and outliers at lambda 3 (eq. 13).
+"curve": one laser scan of a room with everything estimated from it, and at several qualities,
+beside planes alone, words of another place, Draco, voxels, a range-image codec, and range images
+that are decimated, interpolated and coded arithmetically: bytes of whole files against inliers and
+outliers at lambda 3 (eq. 13).
 "rebuild" (IV-B): a second scan of the room by the words of the first, whose bytes do not count.
-"scans": bytes of a hall's map against the number of scans in it; three of the six stand at one
-place, so that revisits show.
+"scans": bytes of a hall's map against the number of scans in it, with inliers and outliers at
+lambda 3 and the resolution of the first scan; three of the six stand at one place, so that
+revisits show.
 With --out, curve and scans are drawn there.
 """
 
@@ -14,7 +17,9 @@ from __future__ import annotations
 
 import argparse
 import lzma
+import math
 import time
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any
@@ -36,6 +41,8 @@ OPTIONS: dict[str, Any] = {
 NAMES = ("", "bytes", "inliers", "outliers", "seconds")
 REGISTRATION_ERROR = 0.02
 """Metres: the hall's scans lie a few centimetres apart where they meet."""
+MAX_JUMP = 0.2
+"""Ratio of ranges, less one, between pixels of one surface."""
 Row = tuple[str, int, float, float]
 
 
@@ -106,6 +113,91 @@ def range_image(points: NDArray[np.float32]) -> tuple[bytes, sb.PointCloud]:
     return data, sb.PointCloud(np.column_stack(xyz))
 
 
+def code_length(symbols: NDArray[np.int64], contexts: NDArray[np.int64]) -> float:
+    """Bits of an adaptive arithmetic coder: by context, as Krichevsky and Trofimov estimate."""
+    values = np.unique(symbols, return_inverse=True)[1]
+    half = 0.5 * (values.max() + 1)
+    bits = 0.0
+    for context in np.unique(contexts):
+        counts = np.bincount(values[contexts == context])
+        bits += math.lgamma(counts.sum() + half) - math.lgamma(half)
+        bits -= sum(math.lgamma(n + 0.5) - math.lgamma(0.5) for n in counts[counts > 0])
+    return bits / math.log(2)
+
+
+def neighbors(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Left, lower and lower left neighbour of every pixel, 0 beyond the rim."""
+    padded = np.pad(image, ((1, 0), (1, 0)))
+    return padded[:-1, 1:], padded[1:, :-1], padded[:-1, :-1]
+
+
+def decimated_range_image(
+    points: NDArray[np.float32], factor: int, levels_per_sigma: float
+) -> tuple[int, sb.PointCloud]:
+    """Every factor-th pixel of the scanner's grid, and the others interpolated between them.
+
+    A pixel is the median of its block, where half of that has points. Its level is coded as the
+    difference from the plane through its coded neighbours, in contexts of their differences, and
+    whether it is there in contexts of theirs. No file is written: the length is that of an adaptive
+    arithmetic coder, with 16 bytes for a header.
+    """
+    ranges = np.linalg.norm(points, axis=1)
+    azimuth = np.arctan2(points[:, 1], points[:, 0])
+    elevation = np.arcsin(points[:, 2] / ranges)
+    steps = np.radians((1.2, ROOM_RESOLUTION))
+    low = np.array((-np.pi, elevation.min()))
+    at = np.floor((np.column_stack([azimuth, elevation]) - low) / steps).astype(int)
+    n_across, n_up = -(-(at.max(axis=0) + 1) // factor)
+    grid = np.full((n_across * factor, n_up * factor), np.nan)
+    grid[at[:, 0], at[:, 1]] = np.log(ranges)
+    blocks = grid.reshape(n_across, factor, n_up, factor).swapaxes(1, 2).reshape(n_across, n_up, -1)
+    known = (~np.isnan(blocks)).mean(axis=2) >= 0.5
+    step = SIGMA.sigma_scale * np.tan(np.radians(SIGMA.angular_resolution) / 2) / levels_per_sigma
+    with warnings.catch_warnings():
+        # Blocks without points.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        medians = np.nanmedian(blocks, axis=2)
+    level = np.where(known, np.round(np.nan_to_num(medians) / step), 0).astype(np.int64)
+    level -= np.where(known, level[known].min() - 1, 0)
+
+    left, below, corner = neighbors(level)
+    plane = np.median(np.stack([left, below, left + below - corner]), axis=0).astype(np.int64)
+    # Where a neighbour is not there, the other one predicts.
+    plane = np.where(left == 0, below, np.where(below == 0, left, plane))
+    difference = np.where(known, level - plane, 0)
+    size = sum(np.abs(d) for d in neighbors(difference)[:2])
+    bits = code_length(difference[known], np.digitize(size, (1, 2, 4, 9))[known])
+    of_mask = sum(k * w for k, w in zip(neighbors(known.astype(np.int64)), (1, 2, 4), strict=True))
+    bits += code_length(known.astype(np.int64).reshape(-1), of_mask.reshape(-1))
+
+    # Four pixels about each of the full grid; the nearest one where they do not belong together.
+    full = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape), indexing="ij"), axis=-1)
+    place = (full + 0.5) / factor - 0.5
+    first = np.floor(place).astype(int)
+    share = place - first
+    values, weights = [], []
+    for across in (0, 1):
+        for up in (0, 1):
+            # The image closes around the scanner.
+            i = (first[..., 0] + across) % n_across
+            j = np.clip(first[..., 1] + up, 0, n_up - 1)
+            values.append(np.where(known[i, j], level[i, j] * step, np.nan))
+            weight = np.abs(1 - across - share[..., 0]) * np.abs(1 - up - share[..., 1])
+            weights.append(weight)
+    corners, weight = np.stack(values), np.stack(weights)
+    spread = corners.max(axis=0) - corners.min(axis=0)
+    mixed = (corners * weight).sum(axis=0)
+    nearest = np.take_along_axis(corners, weight.argmax(axis=0)[None], axis=0)[0]
+    found = np.where(spread <= MAX_JUMP, mixed, nearest)
+    lowest = np.round(np.nanmin(medians[known]) / step) - 1
+    filled = ~np.isnan(found)
+    decoded = np.exp(found[filled] + lowest * step)
+    angles = (full[filled] + 0.5) * steps + low
+    flat = decoded * np.cos(angles[:, 1])
+    xyz = (flat * np.cos(angles[:, 0]), flat * np.sin(angles[:, 0]), decoded * np.sin(angles[:, 1]))
+    return 16 + math.ceil(bits / 8), sb.PointCloud(np.column_stack(xyz).astype(np.float32))
+
+
 def curve() -> list[Row]:
     print("\n### One scan of a room\n")
     scan = room(1)
@@ -113,6 +205,14 @@ def curve() -> list[Row]:
     reference = at_origin(points)
     print_header(*NAMES)
     rows = []
+    for quality in ("small", "balanced", "fine"):
+        model, seconds = timed(
+            lambda quality=quality: sb.learn_alphabet(scan, min_range=MIN_RANGE, quality=quality)
+        )
+        assert isinstance(model.sigma, sb.RangeSigma)
+        alpha = model.sigma.angular_resolution
+        name = f"words, all estimated (alpha {alpha:.3f} degrees), {quality}"
+        rows.append(row(name, reference, model.decode(), len(model.to_bytes()), seconds))
     for bits in (2.0, 4.0, 7.0, 12.0, 24.0):
         options: dict[str, Any] = {**OPTIONS, "inlier_bits": bits}
         model, seconds = timed(
@@ -127,6 +227,13 @@ def curve() -> list[Row]:
         )
         decoded, size = model.decode(), len(model.to_bytes())
         rows.append(row(f"planes alone, {bits:g} bits", reference, decoded, size, seconds))
+    elsewhere = sb.learn_alphabet(hall(1), radius=0.1, min_range=MIN_RANGE).alphabet
+    for bits in (4.0, 7.0):
+        model, seconds = timed(
+            lambda bits=bits: elsewhere.describe(scan, **OPTIONS, inlier_bits=bits)
+        )
+        name = f"words of a hall, not counted, {bits:g} bits"
+        rows.append(row(name, reference, model.decode(), len(model.to_bytes()), seconds))
     for bits in (8, 9, 10):
         if (found := draco(points, bits)) is None:
             print_row("Draco: not installed", "", "", "", "")
@@ -137,6 +244,10 @@ def curve() -> list[Row]:
         rows.append(row(f"voxel centres {size:g} m, zlib", reference, decoded, len(data), 0.0))
     data, decoded = range_image(points)
     rows.append(row("range image, LZMA", reference, decoded, len(data), 0.0))
+    for factor, levels in ((2, 1.0), (3, 1.0), (3, 2.0), (4, 1.0), (5, 1.0)):
+        length, decoded = decimated_range_image(points, factor, levels)
+        name = f"range image, every {factor}th pixel, {levels:g} levels per sigma"
+        rows.append(row(name, reference, decoded, length, 0.0))
     return rows
 
 
@@ -162,7 +273,8 @@ def rebuild() -> None:
 
 def scans() -> list[tuple[int, int, int]]:
     print("\n### A hall, scan by scan\n")
-    print_header("scans", "points", "bytes", "bytes per scan", "words", "occurrences", "seconds")
+    names = ("bytes", "bytes per scan", "words", "occurrences", "inliers", "outliers", "seconds")
+    print_header("scans", "points", *names)
     found = []
     # One tolerance for all, or the scans' errors against each other would make it wider and wider.
     alone = sb.learn_alphabet(hall(1), radius=0.1).sigma
@@ -176,7 +288,9 @@ def scans() -> list[tuple[int, int, int]]:
         model, seconds = timed(lambda cloud=cloud: sb.learn_alphabet(cloud, radius=0.1, **options))
         size = len(model.to_bytes())
         counts = len(model.alphabet), len(model)
-        print_row(n, f"{len(cloud):,}", f"{size:,}", size // n, *counts, f"{seconds:.1f}")
+        quality = sb.evaluate(cloud, model.decode(), sigma=alone, normal_neighbors=None)
+        shares = f"{quality.inliers:.1%}", f"{quality.outliers:.1%}"
+        print_row(n, f"{len(cloud):,}", f"{size:,}", size // n, *counts, *shares, f"{seconds:.1f}")
         found.append((n, len(cloud), size))
     return found
 

@@ -1,17 +1,27 @@
 """Table I of the alphabet paper (Ruhnke, Steder, Grisetti, Burgard, ICRA 2010) on our scans.
 
-    python benches/papers/bic_alphabet_table.py [--out FOLDER] [--only indoor|multi|outdoor|rebuild]
-                                            [--iterations 500] [--threads 2]
+    python benches/papers/bic_alphabet_table.py [--only TOPIC] [--out FOLDER] [--iterations 500]
+                                            [--seeds 0] [--threads 2]
 
-Prints the table's rows in Markdown for the paper's own method, at radius 0.1 and 0.25 m and lambda
-3, before and after the reduction of occurrences (III-D): one scan of a room, six registered scans
-of a hall with corridors, and three scans of a street, which are not registered and stand 400 m
-apart here. Rates are against 12 bytes per distinct point that is farther from the sensor than the
-least range; a word's point takes 12 bytes and an occurrence 28, as in the paper; the rate with
-zlib is that of both after zlib. The last column is a real file of the same model.
-"rebuild" (IV-B) describes a second scan of the room with the alphabet of the first.
-With --out, the plots of figures 4b and 6 are written there: BIC against iterations, and
-occurrences per word.
+Prints rows as those of the table, in Markdown. As in the paper the rate is against the sparsified
+original: the distinct points farther from the sensor than the least range, thinned so that they
+keep epsilon as the decoded ones do (eq. 3), at 12 bytes each; a word's point takes 12 bytes and an
+occurrence 28. The rate with zlib is that of both after zlib. The row after the reduction of
+occurrences (III-D), the paper's last step, is the paper's; that before it stands above. The last
+column is a real file of the same model. Topics:
+
+    indoor      one scan of a room, at radius 0.1 and 0.25 m
+    multi       six registered scans of a hall with corridors
+    outdoor     three scans of a street, which are not registered and stand 400 m apart here
+    corridor    the map of the paper's corridor (building 079) as an octree of 8 cm
+    rebuild     IV-B: a second scan of the room with the alphabet of the first
+    lambda      the room at sigma_scale 1, 2 and 3
+    reduction   III-D by the likelihood with the factor 1/M, without it, and with a tolerance
+    words       words, points per word and candidates by radius and number of candidates
+    figures     figures 4 to 7, into the folder --out
+
+Without --only the first five are printed. With --out, the plots of figures 4b and 6 of each are
+written there too.
 """
 
 from __future__ import annotations
@@ -19,24 +29,40 @@ from __future__ import annotations
 import argparse
 import time
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from alphabet_scans import ROOM_RESOLUTION, distinct, hall, room, street
+from alphabet_scans import ROOM_RESOLUTION, corridor, distinct, hall, room, sparsified, street
+from bic_alphabet_figures import figures, plot
 from paper_bench import check_data, print_header, print_row
 
 import surfabet as sb
 
 RADII = (0.1, 0.25)
-NAMES = ("alphabet", "occurrences", "rate", "rate (zlib)", "inliers", "outliers", "seconds")
+NAMES = (
+    "data",
+    "radius",
+    "alphabet",
+    "occurrences",
+    "rate",
+    "rate (zlib)",
+    "inliers",
+    "outliers",
+    "CPU seconds",
+    "file (bytes)",
+)
+ROOM: dict[str, Any] = {"min_range": 0.5, "angular_resolution": ROOM_RESOLUTION}
+TOLERANCES = (None, 0.0, 2.0, 5.0, 10.0, 20.0)
 
 
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, help="folder for the plots")
-    parser.add_argument("--only", choices=["indoor", "multi", "outdoor", "rebuild"])
+    parser.add_argument("--only", choices=[*TABLE, *TOPICS])
     parser.add_argument("--iterations", type=int, default=500)
+    parser.add_argument("--seeds", type=int, nargs="*", default=[0])
     parser.add_argument("--threads", type=int, default=2)
     return parser.parse_args()
 
@@ -61,6 +87,45 @@ def paper_file(model: sb.BicAlphabetModel) -> bytes:
     return b"".join(points) + six.tobytes() + model.words.tobytes()
 
 
+class Original:
+    """What the rates of a cloud are against: its bytes, and those after zlib."""
+
+    def __init__(self, cloud: sb.PointCloud, min_range: float, epsilon: float) -> None:
+        raw = sparsified(distinct(cloud, min_range), epsilon)
+        self.points = len(raw)
+        self.bytes = raw.nbytes
+        self.zlib = len(zlib.compress(raw.tobytes(), 9))
+
+    def rates(self, model: sb.BicAlphabetModel) -> tuple[str, str]:
+        stored = paper_file(model)
+        packed = len(zlib.compress(stored, 9))
+        return f"{100 * len(stored) / self.bytes:.1f} %", f"{100 * packed / self.zlib:.1f} %"
+
+
+def print_model(
+    name: str, model: sb.BicAlphabetModel, original: Original, suffix: str, seconds: float
+) -> None:
+    """The row of a model, whose figures are those of its report with the suffix."""
+    found = model.report.figures
+    print_row(
+        name,
+        f"{model.alphabet.radius:g} m",
+        len(model.alphabet),
+        f"{len(model):,}",
+        *original.rates(model),
+        f"{100 * found['inliers' + suffix]:.1f} %",
+        f"{100 * found['outliers' + suffix]:.1f} %",
+        f"{seconds:.1f}",
+        f"{len(model.to_bytes()):,}",
+    )
+
+
+def of_scene(chosen: dict[str, Any]) -> dict[str, Any]:
+    """Those of the options that describe a scene, not words."""
+    of_words = ("radius", "iterations", "max_rejections", "min_points")
+    return {option: value for option, value in chosen.items() if option not in of_words}
+
+
 def rows(
     name: str,
     cloud: sb.PointCloud,
@@ -71,102 +136,146 @@ def rows(
 
     With an alphabet nothing is learned: the cloud is described in its words.
     """
-    raw = distinct(cloud, chosen["min_range"])
-    raw_zlib = len(zlib.compress(raw.tobytes(), 9))
-    of_words = ("radius", "iterations")
-    described = {option: value for option, value in chosen.items() if option not in of_words}
-    began = time.perf_counter()
+    began = time.process_time()
     if alphabet is None:
         model = sb.learn_bic_alphabet(cloud, **chosen)
     else:
-        model = alphabet.describe(cloud, **described)
-    seconds = time.perf_counter() - began
+        model = alphabet.describe(cloud, **of_scene(chosen))
+    seconds = time.process_time() - began
     # Describing the cloud in its own words gives the model as it was before III-D.
-    full = model.alphabet.describe(cloud, **described, reduce=False)
-    report = model.report
-    spent = seconds - report.stages["removing occurrences"]
-    for of, label, suffix, time_spent in (
-        (full, name, "", spent),
-        (model, f"{name}, III-D", " reduced", seconds),
-    ):
-        stored = paper_file(of)
-        print_row(
-            label,
-            f"{model.alphabet.radius:g} m",
-            len(of.alphabet),
-            f"{len(of):,}",
-            f"{100 * len(stored) / raw.nbytes:.1f} %",
-            f"{100 * len(zlib.compress(stored, 9)) / raw_zlib:.1f} %",
-            f"{100 * report.figures['inliers' + suffix]:.1f} %",
-            f"{100 * report.figures['outliers' + suffix]:.1f} %",
-            f"{time_spent:.1f}",
-            f"{len(of.to_bytes()):,}",
-        )
+    full = model.alphabet.describe(cloud, **of_scene(chosen) | {"reduce": False})
+    original = Original(cloud, chosen["min_range"], model._core.epsilon)
+    print_model(f"{name}, before III-D", full, original, "", seconds)
+    print_model(name, model, original, " reduced", seconds)
     return model
 
 
-def plot(out: Path, name: str, model: sb.BicAlphabetModel, title: str) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-    from matplotlib.ticker import MaxNLocator
-
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
-    trace = np.array(model.report.objectives["bic"])
-    axes[0].plot(np.arange(1, len(trace) + 1), trace / 1e3)
-    axes[0].set(xlabel="iteration", ylabel="BIC (thousands)", title=title)
-    counts = np.sort(model.counts)[::-1]
-    axes[1].bar(np.arange(1, len(counts) + 1), counts)
-    axes[1].set(xlabel="word", ylabel="occurrences", title=f"{len(counts)} words")
-    axes[1].xaxis.set_major_locator(MaxNLocator(integer=True))
-    out.mkdir(parents=True, exist_ok=True)
-    figure.savefig(out / f"{name}.png", dpi=110)
-    plt.close(figure)
-
-
-def table(args: argparse.Namespace) -> None:
-    sets = [
-        ("indoor", "room, 1 scan", lambda: room(1), {"angular_resolution": ROOM_RESOLUTION}),
-        ("multi", "hall, 6 scans", hall, {}),
-        ("outdoor", "street, 3 scans", street, {}),
-    ]
-    print_header("data", "radius", *NAMES, "file (bytes)")
-    for key, name, read, changes in sets:
-        if args.only not in (None, key):
-            continue
-        cloud = read()
-        # The robot's own body, or the car's roof.
-        least = {"indoor": 0.5, "multi": 0.5, "outdoor": 2.5}[key]
-        for radius in RADII:
-            chosen = {"radius": radius, "min_range": least, "iterations": args.iterations} | changes
-            model = rows(name, cloud, chosen)
+def table(
+    args: argparse.Namespace, name: str, read: Callable[[], sb.PointCloud], least: float
+) -> None:
+    cloud = read()
+    for radius in RADII:
+        for seed in args.seeds:
+            chosen = {
+                "radius": radius,
+                "min_range": least,
+                "iterations": args.iterations,
+                "random_state": seed,
+            }
+            if name.startswith("room"):
+                chosen["angular_resolution"] = ROOM_RESOLUTION
+            shown = f"{name}, seed {seed}" if len(args.seeds) > 1 else name
+            model = rows(shown, cloud, chosen)
             if args.out:
-                file = f"bic_alphabet_{key}_{round(100 * radius)}cm"
+                file = f"bic_alphabet_{name.split()[0].strip(',')}_{round(100 * radius)}cm"
                 plot(args.out, file, model, f"{name}, radius {radius:g} m")
+
+
+def corridor_map(args: argparse.Namespace) -> None:
+    """The paper's corridor as the cells of an octree: at 0.1 m a word has five of them."""
+    cloud = corridor()
+    for radius in (0.25, 0.4):
+        chosen = {"radius": radius, "min_range": 0.0, "iterations": args.iterations}
+        model = rows("corridor 079, octree of 8 cm", cloud, chosen)
+        if args.out:
+            file = f"bic_alphabet_corridor_{round(100 * radius)}cm"
+            plot(args.out, file, model, f"corridor 079, radius {radius:g} m")
 
 
 def rebuild(args: argparse.Namespace) -> None:
     """Scene rebuilding (IV-B): the second scan in the words of the first."""
-    chosen = {
-        "min_range": 0.5,
-        "angular_resolution": ROOM_RESOLUTION,
-        "iterations": args.iterations,
-    }
-    alphabet = sb.learn_bic_alphabet(room(1), **chosen).alphabet
-    print_header("data", "radius", *NAMES, "file (bytes)")
-    rows("room, scan 2 in the words of scan 1", room(2), chosen, alphabet)
+    alphabet = sb.learn_bic_alphabet(
+        room(1), radius=0.1, iterations=args.iterations, **ROOM
+    ).alphabet
+    rows("room, scan 2 in the words of scan 1", room(2), ROOM, alphabet)
+    few = alphabet.first(10)
+    rows("the same in the first 10 words", room(2), ROOM, few)
+
+
+def lambdas(args: argparse.Namespace) -> None:
+    print_header("lambda", *NAMES)
+    for scale in (1.0, 2.0, 3.0):
+        chosen = {"radius": 0.1, "iterations": args.iterations, "sigma_scale": scale, **ROOM}
+        rows(f"{scale:g} | room", room(1), chosen)
+
+
+def reduction(args: argparse.Namespace) -> None:
+    """III-D after several criteria, on the same words."""
+    scenes = [("room 1", room(1), ROOM), ("hall, scan 1", hall(1), {"min_range": 0.5})]
+    print_header("tolerance (nats)", *NAMES)
+    for name, cloud, options in scenes:
+        chosen = {"radius": 0.1, "iterations": args.iterations, **options}
+        alphabet = sb.learn_bic_alphabet(cloud, **chosen, reduce=False).alphabet
+        for tolerance in TOLERANCES:
+            began = time.process_time()
+            model = alphabet.describe(cloud, **of_scene(chosen), reduce_tolerance=tolerance)
+            seconds = time.process_time() - began
+            original = Original(cloud, chosen["min_range"], model._core.epsilon)
+            label = "factor 1/M" if tolerance is None else f"{tolerance:g}"
+            print_model(f"{label} | {name}", model, original, " reduced", seconds)
+
+
+def words(args: argparse.Namespace) -> None:
+    """How many words are chosen, of how many points, and how many points a candidate has."""
+    cloud = room(1)
+    print_header("radius", "candidates", "words", "points per word", "points of a place", "BIC")
+    for radius, iterations, least in (
+        (0.05, 500, 8),
+        (0.1, 500, 8),
+        (0.1, 3000, 8),
+        (0.1, 3000, 1),
+        (0.15, 500, 8),
+        (0.25, 500, 8),
+    ):
+        model = sb.learn_bic_alphabet(
+            cloud,
+            radius=radius,
+            iterations=iterations,
+            max_rejections=iterations,
+            min_points=least,
+            reduce=False,
+            **ROOM,
+        )
+        sizes = [len(p) for p in model.alphabet.points]
+        tree = sb.KdTree(distinct(cloud, ROOM["min_range"]))
+        starts, _, _ = tree.query_radius(model.poses[:, :3, 3].astype(np.float32), radius)
+        print_row(
+            f"{radius:g} m",
+            f"{model.report.iterations}, of {least} points or more",
+            len(sizes),
+            f"{min(sizes)} / {np.median(sizes):.0f} / {max(sizes)}",
+            f"{np.median(np.diff(starts)):.0f}",
+            f"{model.report.figures['bic']:,.0f}",
+        )
+
+
+TABLE: dict[str, Callable[[argparse.Namespace], None]] = {
+    "indoor": lambda args: table(args, "room, 1 scan", lambda: room(1), 0.5),
+    "multi": lambda args: table(args, "hall, 6 scans", hall, 0.5),
+    # The car's roof.
+    "outdoor": lambda args: table(args, "street, 3 scans", street, 2.5),
+    "corridor": corridor_map,
+    "rebuild": rebuild,
+}
+TOPICS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "lambda": lambdas,
+    "reduction": reduction,
+    "words": words,
+    "figures": lambda args: figures(args.out or Path("."), args.iterations),
+}
 
 
 def main() -> None:
     args = parse()
     check_data()
     sb.set_num_threads(args.threads)
-    if args.only != "rebuild":
-        table(args)
-    if args.only in (None, "rebuild"):
-        print()
-        rebuild(args)
+    if args.only in TOPICS:
+        TOPICS[args.only](args)
+        return
+    print_header(*NAMES)
+    for topic, print_rows in TABLE.items():
+        if args.only in (None, topic):
+            print_rows(args)
 
 
 if __name__ == "__main__":

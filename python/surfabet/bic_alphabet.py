@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
 from surfabet.model import Model
 
 __all__ = ["BicAlphabet", "BicAlphabetModel", "learn_bic_alphabet"]
@@ -49,6 +50,21 @@ class BicAlphabet:
         """Local range images of the words, (n, pixels, pixels), metres; NaN where empty."""
         return self._core.descriptors()
 
+    def first(self, n: int) -> BicAlphabet:
+        """The alphabet of the `n` words that were accepted first, or of all where there are fewer.
+
+        That is what learning had after some of its iterations; describe a cloud with it to see what
+        the other words add.
+
+        Raises
+        ------
+        InvalidInputError
+            `n` is not positive.
+        """
+        if n < 1:
+            raise InvalidInputError(f"n is {n}, but an alphabet has at least 1 word")
+        return BicAlphabet(self._core.first(n))
+
     def describe(
         self,
         cloud: PointCloud,
@@ -65,6 +81,7 @@ class BicAlphabet:
         empty_penalty: float = 0.5,
         floor: float = 3.0,
         reduce: bool = True,
+        reduce_tolerance: float | None = 3.0,
         keep_outliers: bool = False,
         random_state: int = 0,
         progress: Progress = None,
@@ -118,6 +135,11 @@ class BicAlphabet:
         reduce
             Removes occurrences without which the likelihood does not fall (section III-D). True or
             False; by default True.
+        reduce_tolerance
+            How far the logarithm of the likelihood may fall with each occurrence that is removed
+            (section III-D). The likelihood is then that without the factor 1/M (eq. 9), which
+            rewards fewer decoded points. 0 or a positive number of nats; by default 3. None: not
+            at all, and the factor 1/M counts.
         keep_outliers
             Keeps points that are far from all others. Otherwise those of which a few would make the
             scene many times as large as it is are left out, and counted in the report. True or
@@ -146,6 +168,7 @@ class BicAlphabet:
             "empty_penalty": empty_penalty,
             "floor": floor,
             "reduce": reduce,
+            "reduce_tolerance": reduce_tolerance,
             "keep_outliers": keep_outliers,
             "random_state": random_state,
         }
@@ -217,8 +240,9 @@ def learn_bic_alphabet(
     floor: float = 3.0,
     min_points: int = 8,
     iterations: int = 500,
-    max_rejections: int = 500,
+    max_rejections: int = 100,
     reduce: bool = True,
+    reduce_tolerance: float | None = 3.0,
     keep_outliers: bool = False,
     random_state: int = 0,
     progress: Progress = None,
@@ -290,10 +314,15 @@ def learn_bic_alphabet(
         Most candidate words that are tried. An integer of at least 1; by default 500.
     max_rejections
         Learning ends after this many candidates in a row that did not lower the BIC. An integer of
-        at least 1; by default 500.
+        at least 1; by default 100.
     reduce
         Removes occurrences without which the likelihood does not fall (section III-D). True or
         False; by default True.
+    reduce_tolerance
+        How far the logarithm of the likelihood may fall with each occurrence that is removed
+        (section III-D). The likelihood is then that without the factor 1/M (eq. 9), which rewards
+        fewer decoded points. 0 or a positive number of nats; by default 3. None: not at all, and
+        the factor 1/M counts.
     keep_outliers
         Keeps points that are far from all others. Otherwise those of which a few would make the
         scene many times as large as it is are left out, and counted in the report. True or False;
@@ -334,6 +363,7 @@ def learn_bic_alphabet(
         "iterations": iterations,
         "max_rejections": max_rejections,
         "reduce": reduce,
+        "reduce_tolerance": reduce_tolerance,
         "keep_outliers": keep_outliers,
         "random_state": random_state,
     }

@@ -37,6 +37,11 @@ impl PyBicAlphabet {
         wrap(slf.py(), model)
     }
 
+    /// The words that were accepted first.
+    fn first(&self, n: usize) -> Self {
+        Self { alphabet: self.alphabet.first(n) }
+    }
+
     #[getter]
     fn radius(&self) -> f64 {
         self.alphabet.radius()

@@ -285,11 +285,15 @@ class LearnOptions:
 
     max_rejections: Annotated[int | None, Parameter(group=BIC_ALPHABET)] = None
     """Learning ends after this many candidates in a row that did not lower the BIC. An integer of
-    at least 1; by default 500."""
+    at least 1; by default 100."""
 
     reduce: Annotated[bool | None, Parameter(group=BIC_ALPHABET)] = None
     """Removes occurrences without which the likelihood does not fall (section III-D). True or
     False; by default True."""
+
+    reduce_tolerance: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
+    """How far the logarithm of the likelihood may fall with each occurrence that is removed
+    (section III-D). 0 or a positive number of nats; by default 3."""
 
     initial_patches: Annotated[int | None, Parameter(group=PLANES)] = None
     """Number of patches to start from, placed at random. An integer from 0 to 2^20; by default

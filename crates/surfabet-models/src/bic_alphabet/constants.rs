@@ -40,6 +40,10 @@ pub(super) const INTEREST_SPACING: f32 = 0.5;
 /// more outliers. One seed of one scan; 0.7 stays.
 pub(super) const BANDWIDTH: f32 = 0.7;
 
+/// Points so many bandwidths below the highest one about a pixel are hidden by it: twice, so that a slope of 45 degrees
+/// counts on both sides of the pixel's middle.
+pub(super) const VISIBLE_DEPTH: f32 = 2.0;
+
 /// Largest distance of an occurrence's points from its middle, in radii: a word's points lie within one radius before
 /// each coordinate is rounded to 1/64 of it, by at most `sqrt(3) / 128` = 0.014 in all. 1.015 and 1.06
 /// give the same file.
@@ -52,6 +56,14 @@ pub(super) const CANDIDATES_PER_THREAD: usize = 4;
 /// Decoded points whose Gaussians are summed in 32 bits before they are added: no more than 2^10, since each is at most
 /// 2^22. Results do not depend on it. Columns of so many points stay in the first-level cache.
 pub(super) const POINTS_PER_SCATTER: usize = 64;
+
+/// Points of an occurrence whose share in the sums of a block is kept in 32 bits: no more than 2^10, since each is at most
+/// 2^22. Results do not depend on it.
+pub(super) const MAX_SHARED_POINTS: usize = 1000;
+
+/// Blocks that occurrences may reach, all together, up to which the share of each is kept: 128 MB at most. Results do not
+/// depend on it.
+pub(super) const MAX_SHARED_BLOCKS: usize = 1 << 22;
 
 /// Features per unit of parallel work when the blocks near them are searched, some milliseconds; results do not depend on it.
 pub(super) const FEATURES_PER_SEARCH: usize = 512;

@@ -32,16 +32,14 @@ impl BicAlphabetModel {
         let frames: Vec<Frame> =
             self.poses().iter().map(|p| p.frame(alphabet.upright(), radius)).collect();
         progress.check()?;
-        let sparsified = rebuild(&frames, self.words(), &stamps, epsilon as f32);
-        let mut kept: Vec<_> = sparsified.kept().collect();
         // Occurrence after occurrence, the middle of each first.
-        kept.sort_unstable_by_key(|p| (p.owner, p.rank));
+        let kept = rebuild(self.poses(), &frames, self.words(), &stamps, epsilon as f32, progress)?;
         let parts = CloudParts {
             origin: self.origin(),
             normals: options
                 .normals
-                .then(|| kept.iter().map(|p| frames[p.owner as usize].rows[2]).collect()),
-            positions: kept.into_iter().map(|p| p.position).collect(),
+                .then(|| kept.iter().map(|&(o, _)| frames[o as usize].rows[2]).collect()),
+            positions: kept.into_iter().map(|(_, position)| position).collect(),
             ..CloudParts::default()
         };
         Ok(PointCloud::from_parts(parts)?.0)

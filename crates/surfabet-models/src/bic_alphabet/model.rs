@@ -104,6 +104,13 @@ impl BicAlphabet {
         Ok(Self { shape, words })
     }
 
+    /// The alphabet of the `n` words that were accepted first, or of all where there are fewer: what learning had after
+    /// some of its iterations.
+    #[must_use]
+    pub fn first(&self, n: usize) -> Self {
+        Self { shape: self.shape, words: self.words.iter().take(n).cloned().collect() }
+    }
+
     pub(super) fn learned(words: Vec<BicWord>, options: &BicAlphabetOptions) -> Result<Self> {
         let BicAlphabetOptions { descriptor_pixels, upright, .. } = *options;
         let radius = options.radius();

@@ -55,9 +55,13 @@ options! {
         /// Most candidate words that are tried.
         iterations: u32 = 500, range = Range::at_least(1.0);
         /// Learning ends after this many candidates in a row that did not lower the BIC.
-        max_rejections: u32 = 500, range = Range::at_least(1.0);
+        max_rejections: u32 = 100, range = Range::at_least(1.0);
         /// Removes occurrences without which the likelihood does not fall (section III-D).
         reduce: bool = true, another_scene = true;
+        /// How far the logarithm of the likelihood may fall with each occurrence that is removed (section III-D). The
+        /// likelihood is then that without the factor 1/M (eq. 9), which rewards fewer decoded points.
+        reduce_tolerance: Option<f64> = Some(3.0), range = Range::NOT_NEGATIVE, unit = "nats",
+            none = "not at all, and the factor 1/M counts", another_scene = true;
         /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
         /// large as it is are left out, and counted in the report.
         keep_outliers: bool = false, another_scene = true;

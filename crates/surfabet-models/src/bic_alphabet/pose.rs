@@ -112,6 +112,15 @@ impl BicPose {
         }
     }
 
+    /// The lower goes first where occurrences are thinned (eq. 3): numbers as good as drawn, so that whatever changes
+    /// one occurrence is carried on by few others, and that follow from the pose, so that a decoder has them too.
+    pub(super) fn precedence(&self) -> u64 {
+        let [x, y, z] = self.position.map(i64::from);
+        let [u, v] = self.normal.map(i64::from);
+        let numbers = [x, y, z, u, v, i64::from(self.roll)];
+        numbers.into_iter().fold(0, |hash, number| mix(hash ^ number as u64))
+    }
+
     /// The cell of one radius that the pose lies in.
     pub(super) fn cell(&self) -> [i32; 3] {
         self.position.map(|c| c.div_euclid(CELL))

@@ -49,29 +49,6 @@ impl BicWord {
         Self { points, descriptor: descriptor.to_vec() }
     }
 
-    /// The points of this word that sparsification (eq. 3) can keep, by rank: a point is left out when one nearer to the
-    /// middle, where the pose is most certain, lies within `epsilon`.
-    pub(super) fn thinned(&self, radius: f64, epsilon: f64) -> Vec<u16> {
-        let squared = |d: [i32; 3]| d.iter().map(|c| c * c).sum::<i32>();
-        let mut order: Vec<u16> =
-            (0..self.points.len().min(MAX_WORD_POINTS)).map(|k| k as u16).collect();
-        let at = |k: u16| self.points[usize::from(k)].map(i32::from);
-        order.sort_unstable_by_key(|&k| (squared(at(k)), k));
-        let least = (epsilon / point_step(radius)).powi(2);
-        let mut kept: Vec<u16> = Vec::new();
-        for k in order {
-            let p = at(k);
-            let clear = kept.iter().all(|&o| {
-                let q = at(o);
-                f64::from(squared(std::array::from_fn(|a| p[a] - q[a]))) >= least
-            });
-            if clear {
-                kept.push(k);
-            }
-        }
-        kept
-    }
-
     /// Squared distance of a point from the word's middle, in squared steps.
     pub(super) fn squared_steps(&self, k: u16) -> u16 {
         // At most 3 * 128^2 = 49 152.
@@ -114,18 +91,6 @@ mod tests {
                 let nearest =
                     scene.positions.iter().map(|p| distance(*p, placed)).fold(f64::MAX, f64::min);
                 prop_assert!(nearest <= 0.5 * step * 3.0_f64.sqrt() + 1e-6);
-            }
-            let kept = word.thinned(0.1, 0.02);
-            let at = |k: u16| word.points[usize::from(k)].map(|c| f64::from(c) * step);
-            let apart = |a: u16, b: u16| {
-                let (a, b) = (at(a), at(b));
-                (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
-            };
-            for (i, &k) in kept.iter().enumerate() {
-                prop_assert!(kept[..i].iter().all(|&o| apart(k, o) >= 0.02 - 1e-12));
-            }
-            for k in 0..word.points.len() as u16 {
-                prop_assert!(kept.iter().any(|&o| o == k || apart(k, o) < 0.02));
             }
         }
     }

@@ -29,7 +29,8 @@ pub struct Deviation {
     /// resolution is farther than sigma from every sample in more than a fifth of the cases.
     pub sigma_scale: f64,
     /// Alpha, the angle between neighbouring beams, radians; estimated when not given, as the median over points of
-    /// the side of the square that each has for itself among its eight neighbours from the same viewpoint.
+    /// the angle to the eighth neighbour among the beams from the same viewpoint, over the root of two. That is the
+    /// angle of a square lattice, and of one with two angles their root mean square, or less where rows are far apart.
     pub angular_resolution: Option<f64>,
     /// Standard deviation of a measured point about its surface, metres; estimated when not given, as the median
     /// deviation of neighbouring points from their plane ([`surfabet_geom::Survey::noise`]).
@@ -74,23 +75,38 @@ impl Scene {
         Ok(())
     }
 
-    /// Median of `atan(spacing / range)` over the points of the viewpoint that saw most.
+    /// Median angle between neighbouring beams over the points of the viewpoint that saw most.
+    ///
+    /// Where viewpoints are known it is that between directions, which the slant of a surface does not widen; else
+    /// `atan(spacing / range)` stands for it.
     fn estimated_resolution(&self) -> Result<f64> {
-        let mut seen: Vec<u32> = (0..self.len() as u32).collect();
-        if !self.viewpoints.is_empty() {
-            let from = |i: u32| self.viewpoints[i as usize].map(f32::to_bits);
-            seen.sort_by_key(|&i| (from(i), i));
-            let groups = seen.chunk_by(|&i, &j| from(i) == from(j));
-            seen = groups.max_by_key(|g| g.len()).map(<[u32]>::to_vec).unwrap_or_default();
-            seen.sort_unstable();
+        if self.viewpoints.is_empty() {
+            let tree = KdTree::new(&self.positions)?;
+            let angles = sampled(self.len(), |i| {
+                let range = f64::from(self.ranges[i]);
+                let spacing = spacing(&self.positions, &tree, i).filter(|_| range > 0.0);
+                spacing.map(|d| (d / range).atan())
+            });
+            return Ok(median(angles).unwrap_or(LONE_POINT_RESOLUTION));
         }
-        let positions: Vec<[f32; 3]> = seen.iter().map(|&i| self.positions[i as usize]).collect();
-        let tree = KdTree::new(&positions)?;
-        let angles = sampled(positions.len(), |i| {
-            let range = f64::from(self.ranges[seen[i] as usize]);
-            spacing(&positions, &tree, i).filter(|_| range > 0.0).map(|d| (d / range).atan())
-        });
+        let mut seen: Vec<u32> = (0..self.len() as u32).collect();
+        let from = |i: u32| self.viewpoints[i as usize].map(f32::to_bits);
+        seen.sort_by_key(|&i| (from(i), i));
+        let groups = seen.chunk_by(|&i, &j| from(i) == from(j));
+        let mut seen = groups.max_by_key(|g| g.len()).map(<[u32]>::to_vec).unwrap_or_default();
+        seen.sort_unstable();
+        let directions: Vec<[f32; 3]> = seen.iter().filter_map(|&i| self.direction(i)).collect();
+        let tree = KdTree::new(&directions)?;
+        let angles = sampled(directions.len(), |i| beam_angle(&directions, &tree, i));
         Ok(median(angles).unwrap_or(LONE_POINT_RESOLUTION))
+    }
+
+    /// The unit vector from the sensor to a point; `None` for a point at the sensor.
+    fn direction(&self, i: u32) -> Option<[f32; 3]> {
+        let (p, v) = (self.positions[i as usize], self.viewpoints[i as usize]);
+        let d: [f64; 3] = std::array::from_fn(|a| f64::from(p[a]) - f64::from(v[a]));
+        let length = d.iter().map(|c| c * c).sum::<f64>().sqrt();
+        (length > 0.0).then(|| d.map(|c| (c / length) as f32))
     }
 }
 
@@ -107,6 +123,17 @@ fn spacing(positions: &[[f32; 3]], tree: &KdTree, i: usize) -> Option<f64> {
     let last = near.last().filter(|_| near.len() > 1)?;
     let squares = (near.len() - 1) as f64;
     Some((std::f64::consts::PI * f64::from(last.squared_distance()) / squares).sqrt())
+}
+
+/// Angle between direction `i` and its neighbours: in a square lattice the eighth neighbour is at the corner, the root of
+/// two sides away, and in one of two sides at the root of the sum of their squares.
+fn beam_angle(directions: &[[f32; 3]], tree: &KdTree, i: usize) -> Option<f64> {
+    let mut near = Vec::new();
+    tree.k_nearest(directions[i], SPACING_NEIGHBORS + 1, &mut near);
+    let corner = near.last().filter(|_| near.len() > 1)?;
+    let chord = f64::from(corner.squared_distance()).sqrt();
+    Some(2.0 * (0.5 * chord).min(1.0).asin() / std::f64::consts::SQRT_2)
+        .filter(|&angle| angle > 0.0)
 }
 
 /// The middle of the sorted values, of an even number the upper one; `None` of none.

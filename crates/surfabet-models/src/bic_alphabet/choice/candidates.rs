@@ -54,7 +54,7 @@ pub(in crate::bic_alphabet) fn choose_words(
         next += rejected;
         match accepted {
             Some((k, bic)) => {
-                best.accept(scene, scene.word(batch[k]), &trials[k]);
+                best.accept(scene, scene.word(batch[k]), &mut trials[k]);
                 bics.push(bic);
                 next += 1;
                 rejections = 0;

@@ -4,9 +4,9 @@ use surfabet_geom::{KdTree, PointCloud};
 
 use crate::bic_alphabet::constants::OCCURRENCE_RADIUS;
 use crate::bic_alphabet::features::{Descriptors, Features, penalty_steps};
-use crate::bic_alphabet::likelihood::{Likelihood, ReachableBlocks};
+use crate::bic_alphabet::likelihood::{Likelihood, ReachableBlocks, Shares};
 use crate::bic_alphabet::options::BicAlphabetOptions;
-use crate::bic_alphabet::rebuild::Stamp;
+use crate::bic_alphabet::rebuild::{Neighbors, Places, Stamp};
 use crate::bic_alphabet::words::BicWord;
 use crate::error::Result;
 use crate::scans::Scene;
@@ -22,6 +22,8 @@ pub(in crate::bic_alphabet) struct PreparedScene<'a> {
     pub likelihood: Likelihood,
     /// Blocks of the likelihood by feature.
     pub reachable: ReachableBlocks,
+    /// Features whose occurrences may come within epsilon of each other.
+    neighbors: Neighbors,
 }
 
 impl<'a> PreparedScene<'a> {
@@ -50,13 +52,15 @@ impl<'a> PreparedScene<'a> {
         let descriptors = stages.run("describing features", |progress| {
             Descriptors::new(&scene, &tree, &features, options, progress)
         })?;
-        let (likelihood, reachable) = stages.run("preparing the likelihood", |_| {
+        let (likelihood, reachable, neighbors) = stages.run("preparing the likelihood", |_| {
             let likelihood = Likelihood::new(&scene, options.floor);
             let radius = OCCURRENCE_RADIUS * options.radius() as f32;
-            let reachable = likelihood.reachable(&features.frames, radius);
-            Ok((likelihood, reachable))
+            let Features { poses, frames, .. } = &features;
+            let reachable = likelihood.reachable(frames, radius);
+            let neighbors = Neighbors::new(poses, frames, radius, options.epsilon() as f32)?;
+            Ok((likelihood, reachable, neighbors))
         })?;
-        Ok(Self { options, scene, tree, features, descriptors, likelihood, reachable })
+        Ok(Self { options, scene, tree, features, descriptors, likelihood, reachable, neighbors })
     }
 
     /// The word at a feature (eq. 1), with the feature's descriptor.
@@ -73,9 +77,15 @@ impl<'a> PreparedScene<'a> {
         Stamp::new(word, self.options.radius(), self.options.epsilon())
     }
 
-    /// Least distance of decoded points, metres.
-    pub fn epsilon(&self) -> f32 {
-        self.options.epsilon() as f32
+    /// Where occurrences may stand.
+    pub fn places(&self) -> Places<'_> {
+        let (frames, neighbors) = (&self.features.frames, &self.neighbors);
+        Places { frames, neighbors, epsilon: self.options.epsilon() as f32 }
+    }
+
+    /// The shares of occurrences in the sums of the likelihood, of which none has points.
+    pub fn empty_shares(&self) -> Shares {
+        Shares::new(&self.likelihood, &self.reachable, self.features.len())
     }
 
     /// The difference that a pixel empty in one of two descriptors counts as, in height steps.

@@ -22,7 +22,7 @@ pub(in crate::bic_alphabet) fn fidelity(
     progress: &dyn Progress,
 ) -> Result<Fidelity> {
     let scene = &prepared.scene;
-    let decoded: Vec<[f32; 3]> = sparsified.kept().map(|p| p.position).collect();
+    let decoded: Vec<[f32; 3]> = sparsified.kept().collect();
     if decoded.is_empty() {
         return Ok(Fidelity { inliers: 0.0, outliers: 0.0 });
     }

@@ -3,13 +3,17 @@
 //! The patch is orthographic, upright, and covers the inscribed circle of a square of two radii; a pixel holds the
 //! height of the surface above the feature's plane. The paper interpolates a range image; here a pixel is a weighted
 //! mean of the points about it, with a bandwidth that follows their spacing, since a feature far away has only a few.
+//!
+//! Only what is visible along the normal counts: no point that a sensor behind the feature's plane saw, such as the
+//! other side of a wall, and of the points about a pixel none far below the highest.
 
 use rayon::prelude::*;
 use surfabet_geom::{KdTree, Progress};
 
 use super::Features;
-use crate::bic_alphabet::constants::{BANDWIDTH, FEATURES_PER_TASK};
+use crate::bic_alphabet::constants::{BANDWIDTH, FEATURES_PER_TASK, VISIBLE_DEPTH};
 use crate::bic_alphabet::options::BicAlphabetOptions;
+use crate::bic_alphabet::pose::Frame;
 use crate::error::Result;
 use crate::scans::Scene;
 
@@ -41,6 +45,7 @@ impl Descriptors {
         let pixels = centers.len();
         let mut values = vec![EMPTY; features.len() * pixels];
         let mut counts = vec![0; features.len()];
+        let squared_radius = (options.radius() * options.radius()) as f32;
         (
             values.par_chunks_mut(FEATURES_PER_TASK * pixels),
             counts.par_chunks_mut(FEATURES_PER_TASK),
@@ -54,10 +59,13 @@ impl Descriptors {
                     let frame = &features.frames[chunk * FEATURES_PER_TASK + k];
                     let near = &mut sampler.near;
                     tree.within(frame.origin, sampler.reach, near);
-                    let points = near.iter().map(|n| frame.local(scene.positions[n.index()]));
+                    let of_word = near.iter().filter(|n| n.squared_distance() < squared_radius);
+                    *count = of_word.count() as u32;
+                    let faces =
+                        near.iter().map(|n| n.index()).filter(|&i| is_front(scene, frame, i));
                     sampler.points.clear();
-                    sampler.points.extend(points);
-                    *count = sampler.describe(row);
+                    sampler.points.extend(faces.map(|i| frame.local(scene.positions[i])));
+                    sampler.describe(row);
                 }
                 Ok(())
             })?;
@@ -71,6 +79,13 @@ impl Descriptors {
             self.values.chunks_exact(self.pixels).map(|d| descriptor_distance(d, to, penalty)),
         );
     }
+}
+
+/// True unless point `i` was seen from behind the plane through it along a frame's normal.
+fn is_front(scene: &Scene, frame: &Frame, i: usize) -> bool {
+    let Some(&viewpoint) = scene.viewpoints.get(i) else { return true };
+    let (p, normal) = (scene.positions[i], frame.rows[2]);
+    (0..3).map(|a| (viewpoint[a] - p[a]) * normal[a]).sum::<f32>() > 0.0
 }
 
 /// `|a - b|^2` in squared height steps; a pixel empty in one of both counts as a difference of `penalty` steps, one
@@ -116,11 +131,12 @@ impl<'a> Sampler<'a> {
         Self { centers, radius, cell, reach: radius + cell, near: Vec::new(), points: Vec::new() }
     }
 
-    /// Fills a row of pixels from `points`, and counts the points within the radius.
+    /// Fills a row of pixels from `points`.
     ///
     /// The height at `(u, v)` is `sum w h / sum w` over the points at `(x, y)` with height h, with the weight
-    /// `w = (1 - d^2 / b^2)^2` at a distance d below the bandwidth b.
-    fn describe(&self, row: &mut [i8]) -> u32 {
+    /// `w = (1 - d^2 / b^2)^2` at a distance d below the bandwidth b, as far as h is not [`VISIBLE_DEPTH`] bandwidths
+    /// below the highest of them.
+    fn describe(&self, row: &mut [i8]) {
         let square = |p: &[f32; 3]| p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
         let count = self.points.iter().filter(|p| square(p) < self.radius * self.radius).count();
         let spacing = self.radius * (std::f32::consts::PI / count.max(1) as f32).sqrt();
@@ -128,12 +144,16 @@ impl<'a> Sampler<'a> {
         let narrow = 1.0 / (bandwidth * bandwidth);
         let scale = HEIGHTS as f32 / self.radius;
         for (pixel, [u, v]) in row.iter_mut().zip(self.centers) {
-            let (mut sum, mut weights) = (0.0_f32, 0.0_f32);
-            for p in &self.points {
+            let near = self.points.iter().filter_map(|p| {
                 let (du, dv) = (p[0] - u, p[1] - v);
                 let t = 1.0 - (du * du + dv * dv) * narrow;
-                let weight = if t > 0.0 { t * t } else { 0.0 };
-                sum += weight * p[2];
+                (t > 0.0).then_some((t * t, p[2]))
+            });
+            let highest = near.clone().map(|(_, h)| h).fold(f32::NEG_INFINITY, f32::max);
+            let hidden = highest - VISIBLE_DEPTH * bandwidth;
+            let (mut sum, mut weights) = (0.0_f32, 0.0_f32);
+            for (weight, h) in near.filter(|(_, h)| *h >= hidden) {
+                sum += weight * h;
                 weights += weight;
             }
             if weights > 0.0 {
@@ -141,13 +161,15 @@ impl<'a> Sampler<'a> {
                 *pixel = height.clamp(-HEIGHTS as f32, HEIGHTS as f32) as i8;
             }
         }
-        count as u32
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use surfabet_geom::{CloudParts, PointCloud, Silent, Viewpoints};
+
     use super::*;
+    use crate::scans::Deviation;
 
     fn describe(points: Vec<[f32; 3]>) -> Vec<i8> {
         let options = BicAlphabetOptions { radius: Some(0.1), ..BicAlphabetOptions::default() };
@@ -182,6 +204,28 @@ mod tests {
             if u.abs() > 0.03 {
                 assert_eq!(*h, if u > 0.0 { 32 } else { 0 });
             }
+        }
+    }
+
+    #[test]
+    fn what_a_surface_hides_does_not_count() {
+        let top = grid(|u, v| Some(0.1 * u - 0.3 * v));
+        let below = grid(|_, _| Some(-0.08));
+        assert_eq!(describe([top.clone(), below].concat()), describe(top.clone()));
+        // Nor does its other side, which another sensor saw.
+        let back: Vec<[f32; 3]> = top.iter().map(|p| [p[0], p[1], p[2] - 0.01]).collect();
+        let frame =
+            Frame { origin: [0.0; 3], rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
+        let viewpoints = Viewpoints {
+            origins: vec![[0.0, 0.0, 2.0], [0.0, 0.0, -2.0]],
+            index: [vec![0; top.len()], vec![1; back.len()]].concat(),
+        };
+        let positions = [top, back].concat();
+        let parts = CloudParts { positions, viewpoints: Some(viewpoints), ..CloudParts::default() };
+        let (cloud, _) = PointCloud::from_parts(parts).unwrap();
+        let scene = Scene::new(&cloud, Deviation::default(), 0.0, &Silent).unwrap();
+        for i in 0..scene.len() {
+            assert_eq!(is_front(&scene, &frame, i), scene.viewpoints[i][2] > 0.0);
         }
     }
 

@@ -23,6 +23,9 @@
 //! `exp(-floor^2 / 2)`: as if one decoded point lay at `floor` sigma (option `floor`; not in the paper).
 
 mod kernel;
+mod shares;
+
+pub(super) use shares::Shares;
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -85,6 +88,11 @@ pub(super) struct ReachableBlocks {
 }
 
 impl ReachableBlocks {
+    /// Number of blocks of all features.
+    pub fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
     /// The blocks of one feature.
     #[inline]
     pub fn of(&self, feature: u32) -> &[u32] {

@@ -1,160 +1,240 @@
-//! Sparsification (eq. 3): decoded points keep a distance of epsilon.
-//!
-//! `R^ = { r_i in R : |r_i - r_j| >= epsilon for all r_j in R^ }`. The paper leaves open which points that is, and with
-//! an order along the list of occurrences a change at its start would run through all of it. Here every point has a
-//! rank of its own: points nearer to the middle of their word come first (their pose is most certain there), then those
-//! of earlier occurrences. A point is kept unless one that comes before it is kept within epsilon. So a change reaches
-//! only as far as chains of neighbours in ascending rank, a few points, and the result depends on the set of points
-//! alone.
+//! The kept points of all occurrences (eq. 3).
 
-use super::change::{Change, Mark};
-use super::grid::{CellsAround, KeptGrid, PointGrid};
-use super::stamp::PlacedPoint;
+use surfabet_geom::Progress;
 
-/// Every occurrence's points, and which of them are kept.
+use super::NO_WORD;
+use super::change::Change;
+use super::grid::KeptGrid;
+use super::neighbors::{Neighbors, order};
+use super::stamp::Stamp;
+use super::thin::{KeptPoint, Thinner};
+use crate::bic_alphabet::constants::OCCURRENCES_PER_CHECK;
+use crate::bic_alphabet::pose::{BicPose, Frame};
+use crate::error::Result;
+
+/// Where occurrences may stand.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::bic_alphabet) struct Places<'a> {
+    pub frames: &'a [Frame],
+    pub neighbors: &'a Neighbors,
+    /// Least distance of decoded points, metres.
+    pub epsilon: f32,
+}
+
+/// The words at all places, and which of their points are kept.
 #[derive(Debug, Clone)]
 pub(in crate::bic_alphabet) struct Sparsified {
-    pub(super) grid: PointGrid,
-    pub(super) is_kept: Vec<bool>,
-    /// Points of occurrences that were removed.
-    pub(super) is_removed: Vec<bool>,
-    /// Points of owner o are `owned[owner_starts[o]..owner_starts[o + 1]]`, as numbers in the grid.
-    owner_starts: Vec<u32>,
-    owned: Vec<u32>,
+    pub(super) stamps: Vec<Stamp>,
+    /// By place; [`NO_WORD`] where there is none.
+    pub(super) words: Vec<u32>,
+    /// By place.
+    pub(super) kept: Vec<Vec<KeptPoint>>,
+    count: usize,
 }
 
 impl Sparsified {
-    /// Sparsifies `points`, whose owners are below `owners`, in the order of their ranks.
-    pub fn new(points: &[PlacedPoint], owners: usize, epsilon: f32) -> Self {
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        order.sort_unstable_by_key(|&i| points[i as usize].rank);
-        let mut before = KeptGrid::default();
-        before.reset(points.len(), epsilon);
-        let mut is_kept = vec![false; points.len()];
-        for i in order {
-            let position = points[i as usize].position;
-            if before.is_clear(&CellsAround::new(position, epsilon), position) {
-                before.insert(position);
-                is_kept[i as usize] = true;
+    /// Nothing at any of so many places.
+    pub fn empty(places: usize) -> Self {
+        let kept = vec![Vec::new(); places];
+        Self { stamps: Vec::new(), words: vec![NO_WORD; places], kept, count: 0 }
+    }
+
+    /// `stamps[words[p]]` at every place p.
+    pub fn new(places: Places<'_>, words: &[u32], stamps: Vec<Stamp>) -> Self {
+        let mut sparsified = Self { stamps, words: words.to_vec(), ..Self::empty(words.len()) };
+        let mut thinner = Thinner::default();
+        for &place in &places.neighbors.order {
+            let mut kept = Vec::new();
+            let word = sparsified.words[place as usize];
+            let of = |n: u32| sparsified.kept[n as usize].as_slice();
+            if let Some(stamp) = sparsified.stamps.get(word as usize) {
+                thin_place(places, place, stamp, of, &mut thinner, &mut kept);
             }
+            sparsified.count += kept.len();
+            sparsified.kept[place as usize] = kept;
         }
-        Self::from_kept(points, &is_kept, owners, epsilon)
+        sparsified
     }
 
-    /// Points of which it is known which are kept.
-    fn from_kept(points: &[PlacedPoint], is_kept: &[bool], owners: usize, epsilon: f32) -> Self {
-        let (grid, order) = PointGrid::new(points, is_kept, epsilon);
-        let is_kept = order.into_iter().map(|i| is_kept[i as usize]).collect();
-        let mut owner_starts = vec![0_u32; owners + 1];
-        for p in &grid.points {
-            owner_starts[p.owner as usize + 1] += 1;
-        }
-        for o in 0..owners {
-            owner_starts[o + 1] += owner_starts[o];
-        }
-        let mut next = owner_starts.clone();
-        let mut owned = vec![0; grid.points.len()];
-        for (i, p) in grid.points.iter().enumerate() {
-            let at = &mut next[p.owner as usize];
-            owned[*at as usize] = i as u32;
-            *at += 1;
-        }
-        let is_removed = vec![false; grid.points.len()];
-        Self { grid, is_kept, is_removed, owner_starts, owned }
+    /// The kept points, R^ of eq. 3, place after place.
+    pub fn kept(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.kept.iter().flatten().map(|p| p.position)
     }
 
-    /// Points of an owner, as numbers in the grid.
-    pub(super) fn owned_by(&self, owner: u32) -> &[u32] {
-        let [from, to] = [owner, owner + 1].map(|o| self.owner_starts[o as usize] as usize);
-        &self.owned[from..to]
-    }
-
-    /// The kept points, R^ of eq. 3.
-    pub fn kept(&self) -> impl Iterator<Item = &PlacedPoint> {
-        self.grid.points.iter().zip(&self.is_kept).filter(|(_, kept)| **kept).map(|(p, _)| p)
+    /// The kept points by place.
+    pub fn by_place(&self) -> impl Iterator<Item = (u32, &[KeptPoint])> {
+        (0..).zip(self.kept.iter().map(Vec::as_slice))
     }
 
     /// Number of kept points, M.
     pub fn count(&self) -> usize {
-        self.is_kept.iter().filter(|&&kept| kept).count()
+        self.count
     }
 
-    /// Applies a change without added points in place.
-    pub fn remove(&mut self, change: &Change) {
-        for (i, mark) in change.marked() {
-            match mark {
-                Mark::Removed => (self.is_removed[i], self.is_kept[i]) = (true, false),
-                Mark::Kept => {
-                    self.is_kept[i] = true;
-                    self.grid.mark_kept(i);
-                }
-                Mark::Dropped => self.is_kept[i] = false,
-                Mark::Unseen | Mark::Queued => {}
+    /// Applies a change. A new word's stamp becomes the last.
+    pub fn apply(&mut self, change: &mut Change) {
+        let word = match change.stamp.take() {
+            Some(stamp) => {
+                self.stamps.push(stamp);
+                self.stamps.len() as u32 - 1
             }
+            None => NO_WORD,
+        };
+        for &place in &change.places {
+            self.words[place as usize] = word;
+        }
+        for (place, kept) in change.decided() {
+            let of = &mut self.kept[place as usize];
+            self.count = self.count + kept.len() - of.len();
+            of.clear();
+            of.extend_from_slice(kept);
         }
     }
+}
 
-    /// The state after a change.
-    pub fn changed(&self, change: &Change, epsilon: f32) -> Self {
-        let owners = self.owner_starts.len() - 1;
-        let n = self.grid.points.len() + change.added.len();
-        let (mut points, mut is_kept) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for (i, p) in self.grid.points.iter().enumerate() {
-            let mark = change.mark(i);
-            if mark != Mark::Removed && !self.is_removed[i] {
-                points.push(*p);
-                is_kept.push(mark.is_kept(self.is_kept[i]));
-            }
-        }
-        points.extend_from_slice(&change.added);
-        is_kept.extend_from_slice(change.added_kept());
-        Self::from_kept(&points, &is_kept, owners, epsilon)
+/// Appends the points of a word at `place` that are kept, given those of the neighbours before it.
+pub(super) fn thin_place<'a>(
+    places: Places<'_>,
+    place: u32,
+    stamp: &Stamp,
+    kept: impl Fn(u32) -> &'a [KeptPoint],
+    thinner: &mut Thinner,
+    out: &mut Vec<KeptPoint>,
+) {
+    let frame = &places.frames[place as usize];
+    // A thousandth more, so that rounding leaves out none that counts.
+    let reach = 1.001 * (stamp.reach + places.epsilon);
+    thinner.clear();
+    for &neighbor in places.neighbors.before(place) {
+        thinner.push_near(kept(neighbor), frame.origin, reach);
     }
+    thinner.keep(stamp, frame, places.epsilon, out);
+}
+
+/// Eq. 2 and 3 at once: the kept points of occurrences, given the pose, frame and word of each, with the occurrence that
+/// each belongs to, occurrence after occurrence.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub(in crate::bic_alphabet) fn rebuild(
+    poses: &[BicPose],
+    frames: &[Frame],
+    words: &[u32],
+    stamps: &[Stamp],
+    epsilon: f32,
+    progress: &dyn Progress,
+) -> Result<Vec<(u32, [f32; 3])>> {
+    let largest = stamps.iter().map(|stamp| stamp.reach).fold(0.0, f32::max);
+    // A thousandth more, so that rounding leaves out none that counts.
+    let mut grid = KeptGrid::new(1.001 * (largest + epsilon));
+    let mut kept: Vec<(u32, Vec<KeptPoint>)> = Vec::with_capacity(poses.len());
+    let mut thinner = Thinner::default();
+    for (k, place) in order(poses).into_iter().enumerate() {
+        if k % OCCURRENCES_PER_CHECK == 0 {
+            progress.check()?;
+        }
+        let mut points = Vec::new();
+        let frame = &frames[place as usize];
+        if let Some(stamp) = stamps.get(words[place as usize] as usize) {
+            thinner.clear();
+            grid.visit_near(frame.origin, |p| thinner.push(p));
+            thinner.keep(stamp, frame, epsilon, &mut points);
+            points.iter().for_each(|p| grid.insert(p.position));
+        }
+        kept.push((place, points));
+    }
+    kept.sort_unstable_by_key(|(place, _)| *place);
+    let of_place = |(place, points): (u32, Vec<KeptPoint>)| {
+        points.into_iter().map(move |p| (place, p.position))
+    };
+    Ok(kept.into_iter().flat_map(of_place).collect())
 }
 
 #[cfg(test)]
 pub(super) mod tests {
     use proptest::prelude::*;
+    use surfabet_geom::Silent;
 
     use super::*;
+    use crate::bic_alphabet::words::BicWord;
+    use crate::scans::Upright;
 
-    pub const EPSILON: f32 = 0.2;
+    pub const RADIUS: f64 = 0.2;
+    pub const EPSILON: f32 = 0.07;
 
-    /// Points of up to 40 owners in a cube of one metre.
-    pub fn points() -> impl Strategy<Value = Vec<PlacedPoint>> {
-        let one = (prop::array::uniform3(0.0_f32..1.0), 0_u32..40, any::<u32>());
-        prop::collection::vec(one, 0..200).prop_map(|all| {
-            let place = |(i, (position, owner, rank)): (u64, ([f32; 3], u32, u32))| PlacedPoint {
-                position,
-                owner,
-                rank: u64::from(rank) << 32 | i,
+    /// Poses in a cube of one metre with their frames, in ascending order.
+    pub fn poses() -> impl Strategy<Value = (Vec<BicPose>, Vec<Frame>)> {
+        let one = (prop::array::uniform3(0.0_f32..1.0), prop::array::uniform3(-1.0_f32..1.0));
+        prop::collection::vec(one, 1..60).prop_map(|all| {
+            let quantize = |(at, normal): &([f32; 3], [f32; 3])| {
+                BicPose::quantize(*at, *normal, [0.0; 3], Upright::WorldX, RADIUS).unwrap()
             };
-            (0..).zip(all).map(place).collect()
+            let mut poses: Vec<BicPose> = all.iter().map(quantize).collect();
+            poses.sort_unstable();
+            poses.dedup();
+            let frames = poses.iter().map(|p| p.frame(Upright::WorldX, RADIUS)).collect();
+            (poses, frames)
         })
     }
 
-    fn squared(a: &PlacedPoint, b: &PlacedPoint) -> f32 {
-        let d: [f32; 3] = std::array::from_fn(|i| a.position[i] - b.position[i]);
-        d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    /// A few words of up to 60 points within the radius.
+    pub fn words() -> impl Strategy<Value = Vec<BicWord>> {
+        let points = prop::collection::vec(prop::array::uniform3(-36_i8..37), 1..60);
+        let word = points.prop_map(|mut points| {
+            points.sort_unstable();
+            BicWord { points, descriptor: Vec::new() }
+        });
+        prop::collection::vec(word, 1..4)
     }
 
-    pub fn kept_ranks(sparsified: &Sparsified) -> Vec<u64> {
-        let mut ranks: Vec<u64> = sparsified.kept().map(|p| p.rank).collect();
-        ranks.sort_unstable();
-        ranks
+    pub fn stamp(word: &BicWord) -> Stamp {
+        Stamp::new(word, RADIUS, f64::from(EPSILON))
+    }
+
+    pub fn neighbors(poses: &[BicPose], frames: &[Frame]) -> Neighbors {
+        Neighbors::new(poses, frames, RADIUS as f32, EPSILON).unwrap()
+    }
+
+    fn squared(a: [f32; 3], b: [f32; 3]) -> f32 {
+        let d: [f32; 3] = std::array::from_fn(|i| a[i] - b[i]);
+        d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     }
 
     proptest! {
         #[test]
-        fn kept_points_are_apart_and_the_others_are_near_one_before_them(points in points()) {
-            let sparsified = Sparsified::new(&points, 40, EPSILON);
-            let near = |p: &PlacedPoint| {
-                let others = sparsified.kept().filter(|o| o.rank < p.rank);
-                others.map(|o| squared(o, p)).fold(f32::INFINITY, f32::min)
-            };
-            for (p, kept) in sparsified.grid.points.iter().zip(&sparsified.is_kept) {
-                prop_assert_eq!(*kept, near(p) >= EPSILON * EPSILON);
+        fn kept_points_are_apart_and_each_other_point_is_near_one_before_it(
+            (poses, frames) in poses(),
+            words in words(),
+            chosen in prop::collection::vec(any::<prop::sample::Index>(), 60),
+        ) {
+            let stamps: Vec<Stamp> = words.iter().map(stamp).collect();
+            let ids: Vec<u32> =
+                (0..poses.len()).map(|p| chosen[p].index(words.len() + 1) as u32).collect();
+            let neighbors = neighbors(&poses, &frames);
+            let places = Places { frames: &frames, neighbors: &neighbors, epsilon: EPSILON };
+            let sparsified = Sparsified::new(places, &ids, stamps.clone());
+            // Eq. 3 by a plain loop over all points.
+            let mut kept: Vec<[f32; 3]> = Vec::new();
+            for place in order(&poses) {
+                let Some(stamp) = stamps.get(ids[place as usize] as usize) else { continue };
+                for &point in &stamp.points {
+                    let p = frames[place as usize].place(point);
+                    if kept.iter().all(|&q| squared(p, q) >= EPSILON * EPSILON) {
+                        kept.push(p);
+                    }
+                }
             }
+            let by_turn = neighbors.order.iter().flat_map(|&p| &sparsified.kept[p as usize]);
+            let found: Vec<[f32; 3]> = by_turn.map(|p| p.position).collect();
+            prop_assert_eq!(&found, &kept);
+            prop_assert_eq!(sparsified.count(), kept.len());
+            // At once, as a decoder does it.
+            let decoded = rebuild(&poses, &frames, &ids, &stamps, EPSILON, &Silent).unwrap();
+            let in_order: Vec<(u32, [f32; 3])> = sparsified
+                .by_place()
+                .flat_map(|(place, kept)| kept.iter().map(move |p| (place, p.position)))
+                .collect();
+            prop_assert_eq!(decoded, in_order);
         }
     }
 }

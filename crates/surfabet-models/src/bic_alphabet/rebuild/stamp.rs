@@ -1,55 +1,56 @@
-//! The points of a word at its poses (eq. 2), with the rank that decides which of two near points is kept.
+//! The points of a word, from its middle outwards.
 
-use crate::bic_alphabet::pose::Frame;
-use crate::bic_alphabet::words::{BicWord, point_step};
+use crate::bic_alphabet::words::{BicWord, MAX_WORD_POINTS, point_step};
 
-/// A point of an occurrence, in the scene.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::bic_alphabet) struct PlacedPoint {
-    pub position: [f32; 3],
-    /// Squared distance from the word's middle (16 bits), occurrence (32 bits), number in the word (16 bits). Smaller
-    /// comes first; no two points have the same.
-    pub rank: u64,
-    /// The feature or occurrence that it belongs to.
-    pub owner: u32,
-}
+/// Earlier points of a word, within epsilon of one of its points, that are remembered: about as many as fit about it.
+const BLOCKERS: usize = 4;
 
-/// A word ready to be placed: its points that may appear (see [`BicWord::thinned`]) in metres, with what they
-/// contribute to the rank.
+/// Points from the middle on that are looked at for them, which bounds the time that a dense word takes.
+const LOOKED_AT: usize = 256;
+
+/// No earlier point.
+pub(super) const NO_POINT: u16 = u16::MAX;
+
+/// A word ready to be placed: its points in metres, those nearer to the middle, where the pose is most certain, first.
 #[derive(Debug, Clone)]
 pub(in crate::bic_alphabet) struct Stamp {
-    points: Vec<([f32; 3], u64)>,
+    pub(super) points: Vec<[f32; 3]>,
+    /// For each point some before it that, when kept, leave it out wherever the word stands.
+    pub(super) blockers: Vec<[u16; BLOCKERS]>,
+    /// Largest distance of a point from the middle, metres.
+    pub(super) reach: f32,
 }
 
 impl Stamp {
+    /// The points of `word` that are to keep a distance of `epsilon` metres.
     pub fn new(word: &BicWord, radius: f64, epsilon: f64) -> Self {
         let step = point_step(radius);
-        let metres = |k: u16| word.points[usize::from(k)].map(|c| (f64::from(c) * step) as f32);
-        let kept = word.thinned(radius, epsilon);
-        let points = kept
-            .into_iter()
-            .map(|k| (metres(k), u64::from(word.squared_steps(k)) << 48 | u64::from(k)))
-            .collect();
-        Self { points }
+        let count = word.points.len().min(MAX_WORD_POINTS);
+        let mut order: Vec<u16> = (0..count).map(|k| k as u16).collect();
+        order.sort_unstable_by_key(|&k| (word.squared_steps(k), k));
+        let ordered: Vec<[i32; 3]> =
+            order.iter().map(|&k| word.points[usize::from(k)].map(i32::from)).collect();
+        let points = ordered.iter().map(|p| p.map(|c| (f64::from(c) * step) as f32)).collect();
+        // A thousandth less than epsilon, so that the rounding of positions in the scene does not matter.
+        let limit = (0.999 * epsilon / step).powi(2);
+        let blockers = (0..count).map(|k| blockers(&ordered, k, limit)).collect();
+        let last = order.last().map_or(0, |&k| word.squared_steps(k));
+        Self { points, blockers, reach: (f64::from(last).sqrt() * step) as f32 }
     }
 
     /// Number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
+}
 
-    /// Appends `T_j s` (eq. 2) for the frames `T_j` of `owners`, which ascend, in the order of the ranks.
-    pub fn place(&self, frames: &[Frame], owners: &[u32], out: &mut Vec<PlacedPoint>) {
-        out.reserve(self.len() * owners.len());
-        for same_distance in self.points.chunk_by(|a, b| a.1 >> 48 == b.1 >> 48) {
-            for &owner in owners {
-                let frame = &frames[owner as usize];
-                out.extend(same_distance.iter().map(|&(q, rank)| PlacedPoint {
-                    position: frame.place(q),
-                    rank: rank | u64::from(owner) << 16,
-                    owner,
-                }));
-            }
-        }
+/// The first points before the `k`-th whose squared distance from it is below `limit`.
+fn blockers(points: &[[i32; 3]], k: usize, limit: f64) -> [u16; BLOCKERS] {
+    let squared = |p: &[i32; 3]| (0..3).map(|a| (p[a] - points[k][a]).pow(2)).sum::<i32>();
+    let mut found = [NO_POINT; BLOCKERS];
+    let near = (0..k.min(LOOKED_AT)).filter(|&j| f64::from(squared(&points[j])) < limit);
+    for (of, j) in found.iter_mut().zip(near) {
+        *of = j as u16;
     }
+    found
 }
