@@ -5,10 +5,10 @@
 
 At equal counts: the gas, default and published, and Lloyd's algorithm over all points from several
 starts by k-means++ (scikit-learn's, greedy, on a sample of 40 points per centre), each until the
-squared error falls by less than 1e-4 of itself or for 100 rounds. Of the starts the least counts, by
-mean and by root mean square each. Errors are in millimetres, over the points learned from and over
-the other half. Nearest centres come from SciPy's tree, so that nothing of surfabet is in the bound.
-Prints a Markdown table with the CPU seconds of each.
+squared error falls by less than 1e-4 of itself or for 100 rounds. Of the starts the least counts,
+by mean and by root mean square each. Errors are in millimetres, over the points learned from and
+over the other half. Nearest centres come from SciPy's tree, so that nothing of surfabet is in the
+bound. Prints a Markdown table with the CPU seconds of each.
 """
 
 from __future__ import annotations
@@ -53,6 +53,18 @@ def lloyd(points: np.ndarray, n: int, seed: int) -> np.ndarray:
     return centers
 
 
+def row(
+    first: str, both: tuple[sb.PointCloud, sb.PointCloud], found: list[np.ndarray], began: float
+) -> np.ndarray:
+    """Prints the least errors of some sets of centres over both halves, and gives them."""
+    used = cpu_seconds() - began
+    scores = [[errors(half.points, centers) for half in both] for centers in found]
+    least = np.min(np.array(scores), axis=0).ravel()
+    cells = " | ".join(f"{error:.3f}" for error in least)
+    print(f"{first} | {cells} | {used:.1f} |", flush=True)
+    return least
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--clouds", nargs="+", default=["table", "objects", "fragment 0"])
@@ -63,28 +75,21 @@ def main() -> None:
     print("| cloud | count | method | mean | rms | mean, other half | rms, other half | CPU s |")
     print("|---|---|---|---|---|---|---|---|", flush=True)
     for name in options.clouds:
-        one, other = halves(CLOUDS[name](), 0)
+        both = halves(CLOUDS[name](), 0)
+        one = both[0]
         for count, restarts in zip(options.counts, options.restarts, strict=True):
             if count > len(one) // 5:
                 continue
-
-            def row(method: str, found: list[np.ndarray], began: float) -> np.ndarray:
-                used = cpu_seconds() - began
-                scores = [[errors(half.points, c) for half in (one, other)] for c in found]
-                least = np.min(np.array(scores), axis=0).ravel()
-                cells = " | ".join(f"{error:.3f}" for error in least)
-                print(f"| {name} | {count:,} | {method} | {cells} | {used:.1f} |", flush=True)
-                return least
-
+            first = f"| {name} | {count:,}"
             began = cpu_seconds()
             starts = [lloyd(one.points, count, seed) for seed in range(restarts)]
-            bound = row(f"k-means, least of {restarts} starts", starts, began)
+            bound = row(f"{first} | k-means, least of {restarts} starts", both, starts, began)
             for method, published in (("gas", False), ("gas, published", True)):
                 began = cpu_seconds()
                 model = sb.learn_gas(one, n_neurons=count, published=published)
-                found = row(method, [model.neurons.positions], began)
+                found = row(f"{first} | {method}", both, [model.neurons.positions], began)
                 ratios = " | ".join(f"{ratio:.3f}" for ratio in found / bound)
-                print(f"| {name} | {count:,} | {method} / k-means | {ratios} | |", flush=True)
+                print(f"{first} | {method} / k-means | {ratios} | |", flush=True)
 
 
 if __name__ == "__main__":

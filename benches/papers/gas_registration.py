@@ -4,8 +4,8 @@
         [--scans hall rooms] [--counts 5000 10000 20000]
 
 Pairs of scans with known poses: neighbours of the drive through a hall (`multi_scan`), and of
-simulated LiDAR scans of furnished rooms, each turned at random about the vertical. Of each scan: the
-raw points, and the voxel grid's means and the neurons of a gas, in equal number. Keypoints and
+simulated LiDAR scans of furnished rooms, each turned at random about the vertical. Of each scan:
+the raw points, and the voxel grid's means and the neurons of a gas, in equal number. Keypoints and
 descriptors are PCL's (ISS, Harris3D, SIFT3D; FPFH, SHOT, PFH), with the same radii for all clouds,
 computed by `pcl_features.cpp`, which is compiled against PCL 1.13 under PREFIX (`libpcl-dev`).
 Descriptors are matched to each other's nearest, and the transformation comes from RANSAC (Open3D)
@@ -18,6 +18,7 @@ the limit of the scans. Prints a Markdown table.
 from __future__ import annotations
 
 import argparse
+import itertools
 import subprocess
 import sys
 import tempfile
@@ -34,7 +35,8 @@ from surfabet import datasets
 
 DETECTORS = ["ISS", "Harris3D", "SIFT3D"]
 DESCRIPTORS = ["FPFH", "SHOT", "PFH"]
-LIBRARIES = "features keypoints search kdtree octree filters sample_consensus common".split()
+LIBRARIES = ["features", "keypoints", "search", "kdtree", "octree", "filters"]
+LIBRARIES += ["sample_consensus", "common"]
 
 
 @dataclass
@@ -66,7 +68,7 @@ def hall_pairs(n: int) -> Iterator[Pair]:
     # The last element is a time stamp.
     poses[:, 3] = [0, 0, 0, 1]
     numbers = sorted(int(path.stem[4:]) for path in folder.glob("full*.pcd"))
-    apart = [(a, b) for a, b in zip(numbers, numbers[1:], strict=False) if b - a <= 4]
+    apart = [(a, b) for a, b in itertools.pairwise(numbers) if b - a <= 4]
     for a, b in apart[:n]:
         source, target = (
             points[(np.abs(points) > 0).any(axis=1)]
@@ -188,9 +190,7 @@ def measure(name: str, program: Path, folder: Path, options: argparse.Namespace)
                 )
                 for points in (pair.source, pair.target)
             ]
-            for i, ((source, of_source), (target, of_target)) in enumerate(
-                zip(*both, strict=True)
-            ):
+            for i, ((source, of_source), (target, of_target)) in enumerate(zip(*both, strict=True)):
                 for j in range(len(DESCRIPTORS)):
                     joined = matches(of_source[j], of_target[j])
                     errors.setdefault((i, j, (method, count)), []).extend(
