@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -26,6 +27,10 @@ MARGIN = 8
 ENTRIES = 64
 
 
+# One level, SCSM, with dictionaries of the sizes that the page states.
+ONE: dict[str, Any] = {"levels": 1, "depth_atoms": 128, "color_atoms": 256}
+
+
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "pictures")
     folder.mkdir(parents=True, exist_ok=True)
@@ -34,7 +39,7 @@ def main() -> None:
     camera = report.choose_camera(cloud)
     comparison(folder / "demo.png", cloud)
     for resolution in (0.04, 0.02, 0.01):
-        model = sb.learn_hscsm(cloud, resolution=resolution)
+        model = sb.learn_hscsm(cloud, resolution=resolution, **ONE)
         decoded = model.decode()
         print_figures(scan, model, decoded)
     # The last one, at 1 cm, is drawn.
@@ -42,7 +47,7 @@ def main() -> None:
     save(folder / "room.png", beside(views), colors=80)
 
     exact = datasets.simulated_room(n_poses=18, noise=0, pose_error=0)
-    model = sb.learn_hscsm(exact.cloud)
+    model = sb.learn_hscsm(exact.cloud, **ONE)
     decoded = model.decode()
     print_figures(exact, model, decoded)
     views = [

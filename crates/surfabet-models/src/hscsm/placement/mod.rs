@@ -322,9 +322,13 @@ impl Placer<'_> {
             let mut pixels: Vec<u16> = trial.members.iter().map(|m| m.1).collect();
             pixels.dedup();
             let left = pixels.len();
-            let kept = self.ownership.above.is_some()
-                || (left as f32) >= KEPT_PIXELS * trial.set_pixels as f32;
-            if left < needed.max(1) || !kept {
+            let enough = left >= needed.max(1);
+            // A patch that overlaps others was tried with what they own: another trial would be the same.
+            if self.ownership.above.is_some() {
+                if !enough {
+                    return Outcome::Refused;
+                }
+            } else if !enough || (left as f32) < KEPT_PIXELS * trial.set_pixels as f32 {
                 return Outcome::Overtaken;
             }
         }
