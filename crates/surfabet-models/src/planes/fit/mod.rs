@@ -304,7 +304,7 @@ impl<'a> Fit<'a> {
         self.em(progress)?;
         for _ in 0..CLEAR_PASSES {
             let last = self.e_step(progress)?;
-            let pairs = close_pairs(self.points, &self.patches, self.grid_size);
+            let pairs = close_pairs(&self.patches, self.grid_size, true);
             let margin = CLEAR_SIGMAS * self.deviation.min(self.grid_size / SIGMAS_PER_GRID_SIZE);
             let planes = clear_m_step(self.points, &self.patches, &pairs, &last, margin);
             self.trim(&planes, &last);

@@ -58,7 +58,7 @@ pub(super) fn refine(
     if points.line_spacing.is_some() {
         return Ok(found);
     }
-    for group in groups(points, patches, limits) {
+    for group in groups(patches, limits) {
         progress.check()?;
         if let Some(fitted) = together(points, patches, group, limits, progress)? {
             found.push(fitted);
@@ -68,10 +68,10 @@ pub(super) fn refine(
 }
 
 /// Groups of patches that touch, of which one has a short side.
-fn groups(points: &Points, patches: &[Patch], limits: Limits) -> Vec<Vec<u32>> {
+fn groups(patches: &[Patch], limits: Limits) -> Vec<Vec<u32>> {
     let short = |patch: &Patch| shortest(patch) < LONG_SIGMAS * limits.deviation;
     let mut parent: Vec<u32> = (0..patches.len() as u32).collect();
-    for [a, b] in close_pairs(points, patches, limits.grid_size) {
+    for [a, b] in close_pairs(patches, limits.grid_size, true) {
         if short(&patches[a as usize]) || short(&patches[b as usize]) {
             let (a, b) = (root(&mut parent, a), root(&mut parent, b));
             parent[a.max(b) as usize] = a.min(b);

@@ -3,16 +3,15 @@
 use rayon::prelude::*;
 
 use crate::planes::patch::Patch;
-use crate::planes::points::Points;
 use crate::vector::{dot, minus};
 
-/// Pairs of patches of which supported tiles come within G of each other, both expanded by G.
+/// Pairs of patches of which supported tiles come within G of each other, both expanded by G; `widely` also where tiles that are
+/// larger than G leave more between them.
 pub(in crate::planes::fit) fn close_pairs(
-    points: &Points,
     patches: &[Patch],
     grid_size: f64,
+    widely: bool,
 ) -> Vec<[u32; 2]> {
-    let on_lines = points.line_spacing.is_some();
     let boxes: Vec<([f64; 3], [f64; 3])> = patches.iter().map(|p| expanded(p, grid_size)).collect();
     // Along the axis on which the boxes overlap least, sorted by their lower ends.
     let axis = widest_axis(&boxes);
@@ -33,9 +32,7 @@ pub(in crate::planes::fit) fn close_pairs(
                 .iter()
                 .take_while(|&&b| boxes[b as usize].0[axis] <= end)
                 .filter(|&&b| overlap(a, b))
-                .filter(|&&b| {
-                    close(&patches[a as usize], &patches[b as usize], grid_size, on_lines)
-                })
+                .filter(|&&b| close(&patches[a as usize], &patches[b as usize], grid_size, widely))
                 .map(|&b| [a.min(b), a.max(b)])
                 .collect::<Vec<_>>()
         })
@@ -72,12 +69,12 @@ pub(in crate::planes::fit) fn expanded(patch: &Patch, grid_size: f64) -> ([f64; 
 
 /// True when points of one come within G of points of the other, both expanded by G, or within a tile where points are so sparse
 /// that tiles are larger. Points end somewhere in their outermost tiles, on average half a tile from the end of one of both:
-/// so much nearer the tiles have to be. On scan lines, between which there is nothing, up to two tiles may lie between.
-fn close(a: &Patch, b: &Patch, grid_size: f64, on_lines: bool) -> bool {
+/// so much nearer the tiles have to be. `widely` up to two tiles may lie between.
+fn close(a: &Patch, b: &Patch, grid_size: f64, widely: bool) -> bool {
     let (few, many) = if a.tiles.n_supported() <= b.tiles.n_supported() { (a, b) } else { (b, a) };
     let nx = few.tiles.shape()[0];
     let edge = 0.5 * (few.tiles.edge() + many.tiles.edge());
-    let (reach, inside) = if on_lines { (2.0 * edge, 0.0) } else { (edge, 0.5 * edge) };
+    let (reach, inside) = if widely { (2.0 * edge, 0.0) } else { (edge, 0.5 * edge) };
     let reach = reach.max(2.0 * grid_size);
     let beside = reach - inside;
     few.tiles.supported().iter().enumerate().filter(|(_, s)| **s).any(|(t, _)| {

@@ -24,7 +24,8 @@ pub(super) fn merge(
     progress: &dyn Progress,
 ) -> Result<Vec<Patch>> {
     let grid_size = rule.distance;
-    let pairs = close_pairs(points, &patches, grid_size);
+    // Between scan lines there is nothing.
+    let pairs = close_pairs(&patches, grid_size, points.line_spacing.is_some());
     let parts = patches.iter().map(Part::of).collect();
     let into = agglomerate(parts, &pairs, rule, progress)?;
     let mut groups: Vec<Vec<Patch>> = patches.iter().map(|_| Vec::new()).collect();
