@@ -6,11 +6,11 @@
 The room is seen by a simulated depth camera with exact depths; Gaussian noise of the standard
 deviation given is added to every point along all axes. Scored are the same points of the true
 surface for all clouds, drawn evenly by area (one of the exact points per cell of 2 cm, then at
-random). At each the normal is that of the plane through all points of a cloud within one radius, the same for
-raw, voxel grid and neurons: the median distance to the twelfth nearest of the voxel grid's means.
-Where fewer than three are within it, the three nearest are taken. Last, the normal that the model
-stores with the nearest neuron. The error is the angle between both lines in degrees: mean, and
-share above 15 degrees. Prints a Markdown table.
+random). At each the normal is that of the plane through all points of a cloud within one radius,
+the same for raw, voxel grid and neurons: the median distance to the twelfth nearest of the voxel
+grid's means. Where fewer than three are within it, the three nearest are taken. Last, the normal
+that the model stores with the nearest neuron. The error is the angle between both lines in degrees:
+mean, and share above 15 degrees. Prints a Markdown table.
 """
 
 from __future__ import annotations
