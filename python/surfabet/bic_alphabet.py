@@ -138,8 +138,8 @@ class BicAlphabet:
         reduce_tolerance
             How far the logarithm of the likelihood may fall with each occurrence that is removed
             (section III-D). The likelihood is then that without the factor 1/M (eq. 9), which
-            rewards fewer decoded points. 0 or a positive number of nats; by default 3. None: not
-            at all, and the factor 1/M counts.
+            rewards fewer decoded points. 0 or a positive number of nats; by default 3. None: not at
+            all, and the factor 1/M counts.
         keep_outliers
             Keeps points that are far from all others. Otherwise those of which a few would make the
             scene many times as large as it is are left out, and counted in the report. True or

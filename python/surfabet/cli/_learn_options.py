@@ -76,7 +76,9 @@ class LearnOptions:
     """hscsm: The method as printed in the paper, without what was added to it: the options from
     `fine_masks` to `max_training_signals` do not count then, and the dictionaries have the paper's
     sizes where none are given. planes: The method as printed in the paper, from random patches (10
-    where `initial_patches` is 0), without what was added to it. True or False; by default False."""
+    where `initial_patches` is 0), without what was added to it. gas: The method as printed, without
+    what was added to it: 300 `patterns` and a `beta` of 0.005 where they are not given, and no
+    `polish`. True or False; by default False."""
 
     iterations: Annotated[int | None, Parameter(group=SHARED)] = None
     """hscsm: Most iterations of weighted K-SVD per dictionary. bic-alphabet: Most candidate words
@@ -117,12 +119,6 @@ class LearnOptions:
     """bic-alphabet: Least number of points of a word. planes: Points that a patch needs. For
     bic-alphabet an integer of at least 1; by default 8. For planes an integer of at least 3; by
     default a thousandth of all points, at least 30."""
-
-    published: Annotated[bool | None, Parameter(group=SHARED)] = None
-    """planes: The method as printed in the paper, from random patches (10 where `initial_patches`
-    is 0), without what was added to it. gas: The method as printed, without what was added to it:
-    300 `patterns` and a `beta` of 0.005 where they are not given, and no `polish`. True or False;
-    by default False."""
 
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
