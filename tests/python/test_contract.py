@@ -411,7 +411,9 @@ def test_a_vocabulary_describes_another_scene(
     assert type(described) is method.of
     assert described.n_points == len(other)
     data = described.to_bytes()
-    assert len(data) < len(method.model(other).to_bytes())
+    # A reference, a hash of 16 bytes in a section, stands for the words, of which so small a scene
+    # may need only two.
+    assert len(data) < len(method.model(other).to_bytes()) + 32
     assert getattr(described, str(method.vocabulary)).hash == words.hash
     path, first = tmp_path / "second.sfb", tmp_path / "first.sfb"
     described.save(path)

@@ -66,7 +66,10 @@ impl<'a> Stages<'a> {
         debug_assert!(share.is_some(), "the table of stages has no {name:?}");
         let end = self.done + share.unwrap_or(0.0) / rounds as f32;
         let total: f32 = self.table.iter().map(|stage| stage.1).sum();
-        let part = Part::named(self.progress, name, self.done / total..end / total);
+        // Parts of shares need not add up to the whole exactly.
+        let share_of_all = |done: f32| (done / total).min(1.0);
+        let range = share_of_all(self.done)..share_of_all(end);
+        let part = Part::named(self.progress, name, range);
         part.check()?;
         part.update(name, 0.0);
         let start = Instant::now();

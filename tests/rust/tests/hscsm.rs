@@ -373,8 +373,8 @@ fn a_smooth_surface_needs_the_coarsest_level_only_and_clutter_the_finest() {
     let flat = rectangle([0.0; 3], [0.64, 0.0, 0.0], [0.0, 0.64, 0.0]);
     let smooth = hscsm::learn(&points_of(&[flat], 0.0025), &with_levels(3), &Silent).unwrap();
     let area: Vec<f64> = smooth.levels().iter().map(|l| l.covered_area()).collect();
-    // All of it, to the last square of 16 cm; what its rim leaves is finer.
-    assert!((area[0] - 0.64 * 0.64).abs() < 1e-6, "{area:?}");
+    // All of it, but for a rim of at most a finest pixel, which masks of such pixels leave to the lowest level.
+    assert!((0.63 * 0.63 - 1e-6..0.64 * 0.64 + 1e-6).contains(&area[0]), "{area:?}");
     assert!(area[1] + area[2] < 0.1 * area[0], "{area:?}");
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let rubble: Vec<Rectangle> = (0..1600)

@@ -70,8 +70,7 @@ impl PatchModel {
         progress: &dyn Progress,
     ) -> Result<Vec<[f32; 3]>> {
         let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
-        let decoder = Decoder::new(self, options)?;
-        decoder.check_points(patches.iter(), 0.0)?;
+        let decoder = Decoder::new(self, patches, 0, options)?;
         let mut points = Points::default();
         decoder.add(patches, &mut points, progress)?;
         Ok(Rotation::of(self.lattice()).of_positions(points.positions))
@@ -79,8 +78,7 @@ impl PatchModel {
 
     /// Points of the patches, and those beside them, in the frame of the lattice.
     fn surface(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<Surface<'_>> {
-        let decoder = Decoder::new(self, options)?;
-        decoder.check_points(self.leaves().iter(), self.header().n_extra as f64)?;
+        let decoder = Decoder::new(self, self.leaves(), self.header().n_extra, options)?;
         let mut points = Points::default();
         // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = if options.as_measured {
@@ -136,8 +134,6 @@ struct Decoder<'a> {
     model: &'a PatchModel,
     /// Samples per side of a patch, and the values of all shapes' factors there, per level.
     grids: Vec<Grid>,
-    /// Spacing, metres.
-    resolution: f64,
     /// Spacing, pixels.
     spacing: f64,
     options: DecodeOptions,
@@ -184,25 +180,28 @@ impl Grid {
 }
 
 impl<'a> Decoder<'a> {
-    fn new(model: &'a PatchModel, options: DecodeOptions) -> Result<Self> {
+    /// For some patches and `more` points beside them, unless these are more points than may be decoded: a tiny spacing
+    /// makes large grids.
+    fn new<'b>(
+        model: &'a PatchModel,
+        patches: impl IntoIterator<Item = &'b Leaf>,
+        more: u64,
+        options: DecodeOptions,
+    ) -> Result<Self> {
         let lattice = model.lattice();
         let resolution = options.spacing(0.5 * lattice.pixel_size)?;
         let spacing = resolution / lattice.pixel_size;
-        let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
-        let grids = widths.map(|width| Grid::new(width, spacing)).collect();
-        Ok(Self { model, grids, resolution, spacing, options })
-    }
-
-    /// Checks that what some patches give, and `more` points, are no more than may be decoded.
-    fn check_points<'b>(&self, patches: impl Iterator<Item = &'b Leaf>, more: f64) -> Result<()> {
         let most = |leaf: &Leaf| {
-            let width = self.model.lattice().patch_width(leaf.level);
-            let per_pixel = (samples(width, self.spacing) / f64::from(PATCH_PIXELS)).ceil();
-            let layers = layers(leaf, self.spacing, self.options.as_measured);
+            let width = lattice.patch_width(leaf.level);
+            let per_pixel = (samples(width, spacing) / f64::from(PATCH_PIXELS)).ceil();
+            let layers = layers(leaf, spacing, options.as_measured);
             f64::from(leaf.patch.mask.count_ones()) * per_pixel * per_pixel * layers
         };
-        let n_points = patches.map(most).sum::<f64>() + more;
-        check_points(self.resolution, n_points, self.options.max_points)
+        let n_points = patches.into_iter().map(most).sum::<f64>() + more as f64;
+        check_points(resolution, n_points, options.max_points)?;
+        let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
+        let grids = widths.map(|width| Grid::new(width, spacing)).collect();
+        Ok(Self { model, grids, spacing, options })
     }
 
     /// Adds what some patches give.
