@@ -138,7 +138,6 @@ impl PyGasModel {
     }
 
     #[pyo3(signature = (*, radius, height, max_step, max_slope, up, progress))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn navigation(
         &self,
         py: Python<'_>,

@@ -41,8 +41,8 @@ impl Thinner {
             let room = self.len + LANES;
             self.near.iter_mut().for_each(|column| column.resize(room, f32::INFINITY));
         }
-        for a in 0..3 {
-            self.near[a][self.len] = position[a];
+        for (column, c) in self.near.iter_mut().zip(position) {
+            column[self.len] = c;
         }
         self.len += 1;
     }

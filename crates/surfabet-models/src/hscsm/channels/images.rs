@@ -52,25 +52,27 @@ pub(in crate::hscsm) fn project(
         let mean =
             |sum: &[f64; 5], i: usize| if sum[0] > 0.0 { (sum[i] / sum[0]) as f32 } else { 0.0 };
         let plane = |i: usize| sums.iter().map(move |sum| mean(sum, i));
-        let color =
-            if samples.has_color { (2..2 + planes).flat_map(plane).collect() } else { Vec::new() };
-        let mask: Vec<u8> = sums.iter().map(|sum| u8::from(sum[0] > 0.0)).collect();
-        (plane(1).collect::<Vec<f32>>(), color, mask, bitmask)
+        Images {
+            depth: plane(1).collect(),
+            color: samples.has_color.then(|| (2..2 + planes).flat_map(plane).collect()),
+            mask: sums.iter().map(|sum| u8::from(sum[0] > 0.0)).collect(),
+            bitmask,
+        }
     };
-    let all: Vec<(Vec<f32>, Vec<f32>, Vec<u8>, Vec<u8>)> = placed.par_iter().map(one).collect();
+    let all: Vec<Images> = placed.par_iter().map(one).collect();
     let mut images = Images {
         depth: Vec::with_capacity(placed.len() * area),
         color: samples.has_color.then(|| Vec::with_capacity(placed.len() * area * planes)),
         mask: Vec::with_capacity(placed.len() * area),
         bitmask: Vec::with_capacity(placed.len() * fine.area()),
     };
-    for (depth, color, mask, bitmask) in all {
-        images.depth.extend(depth);
-        if let Some(planes) = &mut images.color {
-            planes.extend(color);
+    for of_patch in all {
+        images.depth.extend(of_patch.depth);
+        if let (Some(all), Some(color)) = (&mut images.color, of_patch.color) {
+            all.extend(color);
         }
-        images.mask.extend(mask);
-        images.bitmask.extend(bitmask);
+        images.mask.extend(of_patch.mask);
+        images.bitmask.extend(of_patch.bitmask);
     }
     images
 }
