@@ -21,6 +21,7 @@ import math
 import time
 import warnings
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -87,14 +88,30 @@ def voxels(points: NDArray[np.float32], size: float) -> tuple[bytes, sb.PointClo
     return data, sb.PointCloud((cells + 0.5) * size)
 
 
-def range_image(points: NDArray[np.float32]) -> tuple[bytes, sb.PointCloud]:
-    """Ranges on the scanner's own grid, predicted from the left and from below, then LZMA."""
+def on_scanner_grid(
+    points: NDArray[np.float32],
+) -> tuple[NDArray[Any], NDArray[Any], Callable[[NDArray[Any]], NDArray[Any]]]:
+    """Ranges, pixels of the scanner's own grid, and what gives azimuth and elevation of pixels."""
     ranges = np.linalg.norm(points, axis=1)
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     elevation = np.arcsin(points[:, 2] / ranges)
     steps = np.radians((1.2, ROOM_RESOLUTION))
     low = np.array((-np.pi, elevation.min()))
     at = np.floor((np.column_stack([azimuth, elevation]) - low) / steps).astype(int)
+    return ranges, at, lambda pixels: (pixels + 0.5) * steps + low
+
+
+def points_at(ranges: NDArray[Any], angles: NDArray[Any]) -> NDArray[Any]:
+    """Points, (n, 3), by range and by azimuth and elevation, (n, 2)."""
+    azimuth, elevation = angles.T
+    flat = ranges * np.cos(elevation)
+    xyz = flat * np.cos(azimuth), flat * np.sin(azimuth), ranges * np.sin(elevation)
+    return np.column_stack(xyz)
+
+
+def range_image(points: NDArray[np.float32]) -> tuple[bytes, sb.PointCloud]:
+    """Ranges on the scanner's own grid, predicted from the left and from below, then LZMA."""
+    ranges, at, angles_of = on_scanner_grid(points)
     shape = at.max(axis=0) + 1
     # A step of the logarithm as wide as sigma: the error stays within half of it.
     step = 1.4 * SIGMA.sigma_scale * np.tan(np.radians(SIGMA.angular_resolution) / 2)
@@ -106,11 +123,8 @@ def range_image(points: NDArray[np.float32]) -> tuple[bytes, sb.PointCloud]:
     predicted = np.median(np.stack([left, below, left + below - corner]), axis=0).astype(int)
     data = lzma.compress((levels - predicted).astype(np.int16).tobytes(), preset=9)
     filled = np.argwhere(levels > 0)
-    angles = (filled + 0.5) * steps + low
     decoded = np.exp((levels[levels > 0] - 128) * step)
-    flat = decoded * np.cos(angles[:, 1])
-    xyz = (flat * np.cos(angles[:, 0]), flat * np.sin(angles[:, 0]), decoded * np.sin(angles[:, 1]))
-    return data, sb.PointCloud(np.column_stack(xyz))
+    return data, sb.PointCloud(points_at(decoded, angles_of(filled)))
 
 
 def code_length(symbols: NDArray[np.int64], contexts: NDArray[np.int64]) -> float:
@@ -141,12 +155,7 @@ def decimated_range_image(
     whether it is there in contexts of theirs. No file is written: the length is that of an adaptive
     arithmetic coder, with 16 bytes for a header.
     """
-    ranges = np.linalg.norm(points, axis=1)
-    azimuth = np.arctan2(points[:, 1], points[:, 0])
-    elevation = np.arcsin(points[:, 2] / ranges)
-    steps = np.radians((1.2, ROOM_RESOLUTION))
-    low = np.array((-np.pi, elevation.min()))
-    at = np.floor((np.column_stack([azimuth, elevation]) - low) / steps).astype(int)
+    ranges, at, angles_of = on_scanner_grid(points)
     n_across, n_up = -(-(at.max(axis=0) + 1) // factor)
     grid = np.full((n_across * factor, n_up * factor), np.nan)
     grid[at[:, 0], at[:, 1]] = np.log(ranges)
@@ -192,10 +201,8 @@ def decimated_range_image(
     lowest = np.round(np.nanmin(medians[known]) / step) - 1
     filled = ~np.isnan(found)
     decoded = np.exp(found[filled] + lowest * step)
-    angles = (full[filled] + 0.5) * steps + low
-    flat = decoded * np.cos(angles[:, 1])
-    xyz = (flat * np.cos(angles[:, 0]), flat * np.sin(angles[:, 0]), decoded * np.sin(angles[:, 1]))
-    return 16 + math.ceil(bits / 8), sb.PointCloud(np.column_stack(xyz).astype(np.float32))
+    cloud = sb.PointCloud(points_at(decoded, angles_of(full[filled])).astype(np.float32))
+    return 16 + math.ceil(bits / 8), cloud
 
 
 def curve() -> list[Row]:
