@@ -2,24 +2,47 @@
 
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
+use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::Result;
 use crate::report::AttributeFigures;
+use crate::stages::Stages;
 
 /// Points that are compared, about: of as many the root mean square is exact to about a percent.
 const COMPARED: usize = 20_000;
+
+/// The `figures` with their errors: those of the model's cloud, decoded with `options`. Without any, nothing is decoded.
+///
+/// # Errors
+/// Those of decoding.
+pub(crate) fn measured<M: SurfaceModel>(
+    model: &M,
+    mut figures: Vec<AttributeFigures>,
+    options: DecodeOptions,
+    cloud: &PointCloud,
+    stages: &mut Stages<'_>,
+) -> Result<Vec<AttributeFigures>> {
+    if figures.is_empty() {
+        return Ok(figures);
+    }
+    stages.run("measuring attributes", |progress| {
+        let decoded = model.decode(options, progress)?;
+        measure(&mut figures, cloud, &decoded, progress)?;
+        Ok(figures)
+    })
+}
 
 /// Notes in `figures` by how much colours and intensities of `cloud` differ from those of the nearest point of the
 /// `decoded` cloud, for points in even steps through the cloud.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub(crate) fn measure(
+fn measure(
     figures: &mut [AttributeFigures],
     cloud: &PointCloud,
     decoded: &PointCloud,
     progress: &dyn Progress,
 ) -> Result<()> {
-    if figures.is_empty() || decoded.is_empty() {
+    if decoded.is_empty() {
         return Ok(());
     }
     let tree = KdTree::new(&decoded.positions_about(cloud.origin()))?;

@@ -10,7 +10,7 @@ use super::network::{Graph, Grown};
 use super::options::GasOptions;
 use super::ordered::Ordered;
 use super::polish::{Polished, polish};
-use crate::attribute_error::measure;
+use crate::attribute_error::measured;
 use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::{Error, Result};
 use crate::report::{AttributeFigures, Report, figures, lost};
@@ -109,11 +109,9 @@ pub(super) fn finish(
     };
     let mut model = GasModel::new(header, &rounded, &edges, &statistics, report)?;
     let present = [model.has_color(), model.has_intensity()];
-    let mut attributes = AttributeFigures::of_last_streams(&model.price(), present);
-    stages.run("measuring attributes", |progress| {
-        let decoded = model.decode(DecodeOptions::default(), progress)?;
-        measure(&mut attributes, &start.cloud, &decoded, progress)
-    })?;
+    let attributes = AttributeFigures::of_last_streams(&model.price(), present);
+    let options = DecodeOptions::default();
+    let attributes = measured(&model, attributes, options, &start.cloud, &mut stages)?;
     let report = model.report_mut();
     (report.attributes, report.stages) = (attributes, stages.finish());
     Ok(model)

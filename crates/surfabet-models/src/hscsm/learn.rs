@@ -13,7 +13,7 @@ use super::order::{steps_per_cell, storing_order};
 use super::placement::{OwnedPatch, PixelGrid, Rules, place};
 use super::report::{HscsmReport, LearnedLevel, LevelFigures, report};
 use super::samples::Samples;
-use crate::attribute_error::measure;
+use crate::attribute_error::measured;
 use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::{Error, Result};
 use crate::extent::{check_extent, reach};
@@ -180,19 +180,14 @@ fn attributes(
     while model.points_at(spacing) > most {
         spacing *= 2.0;
     }
-    stages.run("measuring attributes", |progress| {
-        let bytes = model.price().last().copied().unwrap_or_default();
-        let mut figures =
-            vec![AttributeFigures { name: name.to_owned(), bytes, rmse: None, equal: None }];
-        let options = DecodeOptions {
-            resolution: Some(spacing),
-            max_points: u64::MAX,
-            ..DecodeOptions::default()
-        };
-        let decoded = model.decode(options, progress)?;
-        measure(&mut figures, cloud, &decoded, progress)?;
-        Ok(figures)
-    })
+    let bytes = model.price().last().copied().unwrap_or_default();
+    let figures = vec![AttributeFigures { name: name.to_owned(), bytes, rmse: None, equal: None }];
+    let options = DecodeOptions {
+        resolution: Some(spacing),
+        max_points: u64::MAX,
+        ..DecodeOptions::default()
+    };
+    measured(model, figures, options, cloud, stages)
 }
 
 fn level_task<'a>(

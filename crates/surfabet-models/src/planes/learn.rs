@@ -8,7 +8,7 @@ use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::patch::Patch;
 use super::points::{Points, check_weights};
-use crate::attribute_error::measure;
+use crate::attribute_error::measured;
 use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::Result;
 use crate::options::Options;
@@ -127,14 +127,8 @@ fn attributes(
     stages: &mut Stages<'_>,
 ) -> Result<Vec<AttributeFigures>> {
     let present = [model.has_color(), model.has_intensity()];
-    let mut attributes = AttributeFigures::of_last_streams(&model.price(), present);
-    if !attributes.is_empty() {
-        stages.run("measuring attributes", |progress| {
-            let decoded = model.decode(DecodeOptions::default(), progress)?;
-            measure(&mut attributes, cloud, &decoded, progress)
-        })?;
-    }
-    Ok(attributes)
+    let attributes = AttributeFigures::of_last_streams(&model.price(), present);
+    measured(model, attributes, DecodeOptions::default(), cloud, stages)
 }
 
 /// The points with what the survey knows of them: where they were seen from, and scan lines. The paper knows neither.

@@ -90,7 +90,8 @@ impl GasModel {
     }
 }
 
-/// The pairs of nodes that lie side by side, or across a narrow gap, between which the robot can move; the smaller number first, ascending.
+/// The pairs of nodes that lie side by side, or across a narrow gap, between which the robot can move; the smaller number
+/// first, ascending.
 fn ways(
     positions: &[[f32; 3]],
     tree: &KdTree,
@@ -101,9 +102,13 @@ fn ways(
     let sides = tree.within_batch(positions, stride, progress)?;
     let is_at_border = |node: usize| sides.get(node).len() < LEAST_INSIDE;
     let of_node = |node: usize| {
-        let mut near = Vec::new();
-        let reach = if is_at_border(node) { clearance.across_gap() as f32 } else { stride };
-        tree.within(positions[node], reach, &mut near);
+        let mut further = Vec::new();
+        let near = if is_at_border(node) {
+            tree.within(positions[node], clearance.across_gap() as f32, &mut further);
+            &further
+        } else {
+            sides.get(node)
+        };
         let is_beside = |n: &&Neighbor| {
             n.squared_distance() <= stride * stride
                 || is_at_border(n.index())
