@@ -27,17 +27,18 @@ pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
 use self::surface::{Surfaces, surfaces};
 pub(super) use self::trim::mean_square;
-use self::trim::{trim, trim_to};
+use self::trim::{facing, trim, trim_to};
 use super::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
     LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
-use super::patch::Patch;
+use super::patch::{Frame, Patch};
 use super::points::Points;
 use super::tiles::Tiles;
 use crate::error::Result;
 use crate::options::Options;
+use crate::vector::dot;
 
 /// The state of a fit, to be moved on step by step.
 #[derive(Debug, Clone)]
@@ -323,17 +324,17 @@ impl<'a> Fit<'a> {
             min_points: self.min_points,
         };
         let fitted = refine(self.points, &self.patches, limits, progress)?;
+        let near: Vec<Vec<u32>> = fitted.iter().map(|f| self.support_of(&f.replaced)).collect();
         let mut replaced = vec![false; self.patches.len()];
         fitted.iter().flat_map(|f| &f.replaced).for_each(|&j| replaced[j as usize] = true);
         let mut kept = replaced.iter();
         self.patches.retain(|_| kept.next() == Some(&false));
         let n_kept = self.patches.len();
-        for (frame, half) in fitted.iter().flat_map(|f| &f.rectangles) {
-            let low = half.map(|h| -h);
-            let size = half.map(|h| 2.0 * h);
-            let mut tiles = Tiles::new(low, size, self.grid_size);
-            tiles.support(vec![true; tiles.supported().len()]);
-            self.patches.push(Patch::bare(*frame, tiles));
+        for (f, near) in fitted.iter().zip(&near) {
+            for &(frame, half) in &f.rectangles {
+                let patch = self.facing_as(self.rectangle(frame, half), near);
+                self.patches.push(patch);
+            }
         }
         let supports = self.e_step(progress)?.support_sets(self.patches.len());
         let (points, size) = (self.points, self.grid_size);
@@ -346,6 +347,32 @@ impl<'a> Fit<'a> {
                 .filter_map(|(patch, set)| trim_to(points, patch, set, size)),
         );
         Ok(())
+    }
+
+    /// A whole rectangle about the middle of `frame`, with half its sides.
+    fn rectangle(&self, frame: Frame, half: [f64; 2]) -> Patch {
+        let mut tiles = Tiles::new(half.map(|h| -h), half.map(|h| 2.0 * h), self.grid_size);
+        tiles.support(vec![true; tiles.supported().len()]);
+        Patch::bare(frame, tiles)
+    }
+
+    /// The points that support these patches.
+    fn support_of(&self, patches: &[u32]) -> Vec<u32> {
+        patches.iter().flat_map(|&j| &self.patches[j as usize].whole).copied().collect()
+    }
+
+    /// A rectangle with its normal to the side that the points of `near` within G of it were seen from.
+    fn facing_as(&self, patch: Patch, near: &[u32]) -> Patch {
+        let of = |&&i: &&u32| {
+            patch.distance(self.points.positions[i as usize], self.grid_size).is_some()
+        };
+        let own: Vec<u32> = near.iter().filter(of).copied().collect();
+        match facing(self.points, &own) {
+            Some(seen) if dot(seen, patch.frame.normal) < 0.0 => {
+                Patch { frame: patch.frame.flipped(), ..patch }
+            }
+            _ => patch,
+        }
     }
 
     /// The first G of patches placed at random: 3 times the root mean square distance of the points to the closest.
