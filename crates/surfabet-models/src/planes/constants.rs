@@ -37,6 +37,16 @@ pub(super) const CELL_SPREAD: f64 = 0.01;
 /// The noise is estimated where cells are flat to this share of their side; in smaller cells noise is all there is.
 pub(super) const NOISE_FLATNESS: f64 = 0.1;
 
+/// Levels by which cells are larger where patches are added to those of the first: surfaces seen at a small angle have points four
+/// times as far apart as most.
+pub(super) const COARSER_LEVELS: u32 = 2;
+
+/// Noise is along the rays if the deviations of cells then spread by this factor less, the least cosine that they are divided by,
+/// and the least factor of the noise at any angle: rounding and the width of the beam are left along a surface.
+pub(super) const INCIDENCE_GAIN: f64 = 0.8;
+pub(super) const LEAST_COSINE: f64 = 0.1;
+pub(super) const LEAST_NOISE_FACTOR: f64 = 0.5;
+
 /// Side of a random patch as a share of the scene's, and tiles along it.
 pub(super) const RANDOM_SIDE: f64 = 0.5;
 pub(super) const RANDOM_TILES: f64 = 8.0;

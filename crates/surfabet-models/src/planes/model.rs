@@ -289,7 +289,7 @@ pub(super) fn labels(
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
     // Which patch a point supports does not depend on S.
-    let supports = e_step(points, patches, grid_size, grid_size, progress)?.supports;
+    let supports = e_step(points, patches, grid_size, grid_size, None, progress)?.supports;
     Ok(points.place.iter().map(|&i| supports[i as usize]).collect())
 }
 

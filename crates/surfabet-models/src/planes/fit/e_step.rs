@@ -3,9 +3,12 @@
 //! With `d_ij` the distance of point `i` to the closest supported tile of patch `j`,
 //!
 //! ```text
-//! p_ij ~ w_j exp(-d_ij^2 / (2 S^2)),   sum_j p_ij = 1      (eq. 1)
-//! S = G / sqrt(-2 ln W)                                    (eq. 2)
+//! p_ij ~ w_j / f_j exp(-d_ij^2 / (2 f_j^2 S^2)),   sum_j p_ij = 1      (eq. 1)
+//! S = G / sqrt(-2 ln W)                                                (eq. 2)
 //! ```
+//!
+//! `f_j` is the factor of the noise at the angle at which the patch was seen ([`Incidence`](super::incidence::Incidence)), one where that is
+//! unknown and in the paper.
 //!
 //! The mixing weight `w_j`, the number of points per area of patch `j`, is not in the paper: it weighs patches alike. Without
 //! it a patch right through a noisy wall lives on the points that happen to lie far from the wall; it has few points for
@@ -68,7 +71,8 @@ pub fn weight_scale(grid_size: f64, weight_at_grid_size: f64) -> f64 {
     grid_size / (-2.0 * weight_at_grid_size.ln()).sqrt()
 }
 
-/// Probabilities of all points for the patches within reach, which is the grid size G; `s` is S.
+/// Probabilities of all points for the patches within reach, which is the grid size G, or f_j G where that is more; `s` is S
+/// and `factors` are f_j, none for one.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`] when the caller asks to stop.
@@ -77,10 +81,11 @@ pub fn e_step(
     patches: &[Patch],
     grid_size: f64,
     s: f64,
+    factors: Option<&[f64]>,
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
-    let near = candidates(points, patches, grid_size);
-    let mixture = Mixture::new(patches, grid_size, s);
+    let mixture = Mixture::new(patches, grid_size, s, factors);
+    let near = candidates(points, patches, &mixture.reach);
     let n_blocks = points.n_blocks();
     let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
         progress.check()?;
@@ -153,10 +158,11 @@ fn weigh_all(p: [f32; 3], i: u32, patches: &[Patch], s: f64, to: &mut Weighed) {
 /// The right side of eq. 1.
 struct Mixture<'a> {
     patches: &'a [Patch],
-    grid_size: f64,
-    /// -1 / (2 S^2).
-    exponent: f64,
-    /// 2 S^2 ln w_j for each patch: the mixing weight in the unit of a squared distance.
+    /// Largest distance of a point from each patch.
+    reach: Vec<f64>,
+    /// 1 / (2 f_j^2 S^2) for each patch.
+    exponent: Vec<f64>,
+    /// ln w_j / f_j for each patch.
     prior: Vec<f64>,
 }
 
@@ -167,20 +173,22 @@ struct Weighed {
     entries: Vec<(u32, u32, f32)>,
     supports: Vec<u32>,
     distances: Vec<f32>,
-    /// Patch and d_ij^2 - 2 S^2 ln w_j of the point at hand.
+    /// Patch and -ln p_ij of the point at hand, up to a constant.
     costs: Vec<(u32, f64)>,
 }
 
 impl<'a> Mixture<'a> {
-    fn new(patches: &'a [Patch], grid_size: f64, s: f64) -> Self {
+    fn new(patches: &'a [Patch], grid_size: f64, s: f64, factors: Option<&[f64]>) -> Self {
+        let factor = |j: usize| factors.map_or(1.0, |f| f[j]);
         // Patches placed at random have no points yet: all w_j are 1 then.
         let known = patches.iter().all(|p| p.density > 0.0);
-        let prior = |p: &Patch| if known { 2.0 * s * s * p.density.ln() } else { 0.0 };
+        let density = |p: &Patch| if known { p.density } else { 1.0 };
+        let each = || patches.iter().enumerate();
         Self {
             patches,
-            grid_size,
-            exponent: -1.0 / (2.0 * s * s),
-            prior: patches.iter().map(prior).collect(),
+            reach: each().map(|(j, _)| grid_size * factor(j).max(1.0)).collect(),
+            exponent: each().map(|(j, _)| 0.5 / (factor(j) * s).powi(2)).collect(),
+            prior: each().map(|(j, p)| (density(p) / factor(j)).ln()).collect(),
         }
     }
 
@@ -190,13 +198,13 @@ impl<'a> Mixture<'a> {
         let mut closest = (f64::INFINITY, NONE, 0.0);
         for &j in near {
             let patch = &self.patches[j as usize];
-            let Some(d) = patch.distance(points.positions[i], self.grid_size) else {
+            let Some(d) = patch.distance(points.positions[i], self.reach[j as usize]) else {
                 continue;
             };
             if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
                 continue;
             }
-            let cost = d * d - self.prior[j as usize];
+            let cost = self.exponent[j as usize] * d * d - self.prior[j as usize];
             to.costs.push((j, cost));
             // Of several the first.
             if cost < closest.0 {
@@ -204,7 +212,7 @@ impl<'a> Mixture<'a> {
             }
         }
         // The least cost is subtracted first, so that a point far from all patches still counts for one.
-        let weight = |cost: f64| (self.exponent * (cost - closest.0)).exp();
+        let weight = |cost: f64| (closest.0 - cost).exp();
         let sum: f64 = to.costs.iter().map(|c| weight(c.1)).sum();
         let share = |&(j, cost): &(u32, f64)| (j, i as u32, (weight(cost) / sum) as f32);
         to.entries.extend(to.costs.iter().map(share));
@@ -248,10 +256,10 @@ impl Candidates {
     }
 }
 
-/// The patches of which a supported tile may be within `reach` of a point of each block (counting sort).
-fn candidates(points: &Points, patches: &[Patch], reach: f64) -> Candidates {
+/// The patches of which a supported tile may be within its `reach` of a point of each block (counting sort).
+fn candidates(points: &Points, patches: &[Patch], reach: &[f64]) -> Candidates {
     let blocks: Vec<Vec<u32>> =
-        patches.par_iter().map(|patch| patch.blocks(points, reach)).collect();
+        patches.par_iter().zip(reach).map(|(patch, &reach)| patch.blocks(points, reach)).collect();
     let mut starts = vec![0; points.n_blocks() + 1];
     for &b in blocks.iter().flatten() {
         starts[b as usize + 1] += 1;
@@ -301,7 +309,7 @@ mod tests {
             patch.density = 1.0 + j as f64;
         }
         let (g, s) = (0.2, 0.07);
-        let found = e_step(&points, &patches, g, s, &Silent).unwrap();
+        let found = e_step(&points, &patches, g, s, None, &Silent).unwrap();
         let mut wanted: Vec<Vec<(u32, f64)>> = vec![Vec::new(); patches.len()];
         for (i, &p) in points.positions.iter().enumerate() {
             let weights: Vec<(usize, f64)> = patches

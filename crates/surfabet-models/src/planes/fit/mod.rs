@@ -2,6 +2,7 @@
 
 mod e_step;
 mod grid_size;
+mod incidence;
 mod likelihood;
 mod m_step;
 mod merge;
@@ -17,11 +18,12 @@ use surfabet_geom::Progress;
 pub(super) use self::e_step::{NONE, e_step, e_step_everywhere};
 pub use self::e_step::{Responsibilities, weight_scale};
 use self::grid_size::deviation;
+use self::incidence::Incidence;
 use self::likelihood::{Limits, refine};
 pub use self::m_step::Regression;
 pub(super) use self::m_step::plane;
 use self::m_step::{clear_m_step, m_step};
-use self::merge::{Rule, close_pairs, merge};
+use self::merge::{Part, Rule, close_pairs, merge};
 pub(super) use self::published::PublishedFit;
 pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
@@ -29,7 +31,7 @@ use self::surface::{Surfaces, surfaces};
 pub(super) use self::trim::mean_square;
 use self::trim::{facing, trim, trim_to};
 use super::constants::{
-    CLEAR_PASSES, CLEAR_SIGMAS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
+    CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
     LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
@@ -50,6 +52,8 @@ pub struct Fit<'a> {
     grid_size: f64,
     /// Standard deviation of the distances, metres.
     deviation: f64,
+    /// How the noise depends on the angle at which surfaces were seen.
+    incidence: Incidence,
     patches: Vec<Patch>,
 }
 
@@ -89,7 +93,7 @@ impl<'a> Fit<'a> {
         let noise = seed::noise(points);
         // Without this bound EM may lay several patches into the thickness of one noisy surface: each fits its slice
         // well, G shrinks to the slice, and no two merge.
-        let known = noise.map_or(0.0, |n| LEAST_GRID_SIZE_SIGMAS * n);
+        let known = noise.map_or(0.0, |n| LEAST_GRID_SIZE_SIGMAS * n.0);
         let by_data = options.quality.scale() * points.spacing().max(known);
         let smallest = options.min_grid_size.unwrap_or(by_data);
         let by_default = (points.len() / POINTS_PER_PATCH_POINT).max(LEAST_PATCH_POINTS);
@@ -100,16 +104,17 @@ impl<'a> Fit<'a> {
             smallest_grid_size: smallest,
             grid_size: smallest,
             deviation: 0.0,
+            incidence: noise.map_or(Incidence::EVEN, |n| n.1),
             patches: Vec::new(),
         };
         if options.initial_patches > 0 {
             fit.patches = random(points, options.initial_patches, options.random_state);
             fit.grid_size = fit.first_grid_size().max(smallest);
             fit.deviation = fit.grid_size / SIGMAS_PER_GRID_SIZE;
-        } else if let Some(noise) = noise {
+        } else if let Some((noise, _)) = noise {
             fit.grid_size = (SIGMAS_PER_GRID_SIZE * noise).max(smallest);
             fit.deviation = noise;
-            fit.add_patches(progress)?;
+            fit.add_patches(0, progress)?;
         }
         Ok(fit)
     }
@@ -164,7 +169,7 @@ impl<'a> Fit<'a> {
             iterations.push(now);
             let mut done = is_stable && complete;
             if !done && (is_stable || (i + 1) % self.options.new_patches_every == 0) {
-                let added = self.add_patches(progress)?;
+                let added = self.add_patches(COARSER_LEVELS, progress)?;
                 complete = is_stable;
                 done = is_stable && added == 0;
             }
@@ -213,7 +218,14 @@ impl<'a> Fit<'a> {
         // Where G is bounded from below, S still follows from the distances as they are.
         let own = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.grid_size * LEAST_SCALE);
         let s = weight_scale(own.min(self.grid_size), self.options.weight_at_grid_size);
-        e_step(self.points, &self.patches, self.grid_size, s, progress)
+        let factors = self.noise_factors();
+        e_step(self.points, &self.patches, self.grid_size, s, Some(&factors), progress)
+    }
+
+    /// By how much the noise of each patch is above the median, for the angle at which it was seen.
+    fn noise_factors(&self) -> Vec<f64> {
+        let of = |patch: &Patch| Part::of(patch).noise_factor(&patch.frame, self.incidence);
+        self.patches.iter().map(of).collect()
     }
 
     /// M-step: the new planes.
@@ -267,19 +279,20 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
-    /// Adds patches where points are flat and support none (section II-B). Gives their number.
+    /// Adds patches where points are flat and support none (section II-B), in cells up to `coarser` levels larger than the
+    /// noise and the spacing of the points ask for. Gives their number.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn add_patches(&mut self, progress: &dyn Progress) -> Result<usize> {
+    pub fn add_patches(&mut self, coarser: u32, progress: &dyn Progress) -> Result<usize> {
         let supports = self.e_step(progress)?.supports;
         let free: Vec<u32> =
             (0..).zip(&supports).filter(|(_, s)| **s == NONE).map(|f| f.0).collect();
         let added = seed::from_data(
             self.points,
             &free,
-            self.grid_size,
-            self.options.merge_tolerance,
+            &self.merge_rule(),
+            coarser,
             self.part_points(),
             progress,
         )?;
@@ -395,6 +408,7 @@ impl<'a> Fit<'a> {
         Rule {
             distance: self.grid_size,
             deviation: self.grid_size / SIGMAS_PER_GRID_SIZE,
+            incidence: self.incidence,
             tolerance: self.options.merge_tolerance,
         }
     }

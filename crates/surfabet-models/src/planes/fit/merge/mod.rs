@@ -55,8 +55,10 @@ mod tests {
     use surfabet_geom::{PointCloud, Silent};
 
     use super::*;
+    use crate::planes::fit::incidence::Incidence;
 
-    const RULE: Rule = Rule { distance: 0.06, deviation: 0.02, tolerance: 1.25 };
+    const RULE: Rule =
+        Rule { distance: 0.06, deviation: 0.02, incidence: Incidence::EVEN, tolerance: 1.25 };
 
     /// Number of patches that remain of two of 1 m x 1 m; `second` moves a point of the unit square to the second.
     fn merged(rule: &Rule, second: impl Fn(f64, f64, f64) -> [f64; 3]) -> usize {

@@ -3,6 +3,7 @@
 use surfabet_geom::Moments;
 
 use crate::planes::constants::CHANCE;
+use crate::planes::fit::incidence::Incidence;
 use crate::planes::fit::m_step::plane;
 use crate::planes::fit::trim::mean_square;
 use crate::planes::patch::{Frame, Patch};
@@ -28,6 +29,8 @@ pub(in crate::planes::fit) struct Rule {
     pub distance: f64,
     /// Standard deviation that every part may have, metres.
     pub deviation: f64,
+    /// How that depends on the angle at which a part was seen.
+    pub incidence: Incidence,
     /// Factor of the deviation of a part about its own plane that is allowed about the common one.
     pub tolerance: f64,
 }
@@ -44,16 +47,24 @@ impl Part {
         }
     }
 
+    /// By how much its noise across a plane is above the median, for the angle at which its points were seen.
+    pub fn noise_factor(&self, frame: &Frame, incidence: Incidence) -> f64 {
+        if self.n == 0 {
+            return 1.0;
+        }
+        incidence.factor(dot(self.facing, frame.normal).abs() / self.n as f64)
+    }
+
     /// The union with another part and the mean square distance of its points from their plane, if `rule` allows.
     ///
     /// With `d(X, e)` the root mean square distance of the points of `X` from the plane `e`, both of these have to hold:
     ///
     /// ```text
     /// min(d(A, e_B), d(B, e_A)) < G
-    /// d(X, e_AB)^2 <= (tolerance^2 + 4 / n_X) max(noise_X, G / 3)^2   for X = A and X = B
+    /// d(X, e_AB)^2 <= (tolerance^2 + 4 / n_X) max(noise_X, f_X G / 3)^2   for X = A and X = B
     /// ```
     ///
-    /// with the number `n_X` of their points. The paper has the first, of mean distances. Points known to be seen from opposite sides of the common plane do not
+    /// with the factor `f_X` of the noise at the angle at which `X` was seen and the number `n_X` of their points. The paper has the first, of mean distances. Points known to be seen from opposite sides of the common plane do not
     /// merge.
     pub fn joined(&self, other: &Self, rule: &Rule) -> Option<(f64, Self)> {
         let apart =
@@ -68,7 +79,8 @@ impl Part {
             return None;
         }
         let fits = |part: &Self| {
-            let variance = part.noise.max(rule.deviation * rule.deviation);
+            let deviation = rule.deviation * part.noise_factor(&frame, rule.incidence);
+            let variance = part.noise.max(deviation * deviation);
             let chance = CHANCE / part.n as f64;
             let allowed = rule.tolerance * rule.tolerance + chance;
             mean_square(&part.moments, &frame) <= allowed * variance

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::planes::constants::{
     CELL_POINTS, CELL_SPREAD, FLAT_CELL_SIGMAS, LEAST_STEP_NOISE, STEP_DEVIATIONS,
 };
-use crate::planes::fit::merge::Part;
+use crate::planes::fit::merge::{Part, Rule};
 use crate::planes::fit::trim::facing;
 use crate::planes::patch::Frame;
 use crate::planes::points::Points;
@@ -43,7 +43,7 @@ pub(super) fn flat_cells(
     points: &Points,
     ids: &[u32],
     [first, last]: [u32; 2],
-    noise: f64,
+    rule: &Rule,
     progress: &dyn Progress,
 ) -> Result<Vec<FlatCell>> {
     let key = |i: u32| points.codes[i as usize] >> (3 * first);
@@ -52,7 +52,7 @@ pub(super) fn flat_cells(
         .into_par_iter()
         .map(|members| {
             progress.check()?;
-            Ok(within(points, members, [first, last], noise))
+            Ok(within(points, members, [first, last], rule))
         })
         .collect::<Result<_>>()?;
     Ok(found.into_iter().flatten().collect())
@@ -60,7 +60,7 @@ pub(super) fn flat_cells(
 
 /// The largest flat cells within one of level `first`, down to level `last`. Points seen from either side of a cell's plane
 /// are cells of their own. What is not flat is divided in eight.
-fn within(points: &Points, all: &[u32], [first, last]: [u32; 2], noise: f64) -> Vec<FlatCell> {
+fn within(points: &Points, all: &[u32], [first, last]: [u32; 2], rule: &Rule) -> Vec<FlatCell> {
     let mut found = Vec::new();
     let mut stack = vec![(all.to_vec(), first)];
     while let Some((members, level)) = stack.pop() {
@@ -69,7 +69,7 @@ fn within(points: &Points, all: &[u32], [first, last]: [u32; 2], noise: f64) -> 
         }
         let mut rest = Vec::new();
         for side in sides(points, &members, level) {
-            match flat_cell(points, &side, level, noise) {
+            match flat_cell(points, &side, level, rule) {
                 Some(part) => found.push(FlatCell::new(points, side, level, part)),
                 None => rest.extend(side),
             }
@@ -96,7 +96,7 @@ fn sides(points: &Points, members: &[u32], level: u32) -> Vec<Vec<u32>> {
 }
 
 /// The points of a cell, or of one side of it, if there are enough and they are flat up to the noise.
-fn flat_cell(points: &Points, members: &[u32], level: u32, noise: f64) -> Option<Part> {
+fn flat_cell(points: &Points, members: &[u32], level: u32, rule: &Rule) -> Option<Part> {
     if members.len() < CELL_POINTS {
         return None;
     }
@@ -104,6 +104,7 @@ fn flat_cell(points: &Points, members: &[u32], level: u32, noise: f64) -> Option
     let (frame, deviation) = spanned(&moments, points.side(level))?;
     let facing = facing(points, members).unwrap_or_default();
     let part = Part { n: members.len(), moments, frame, facing, noise: deviation * deviation };
+    let noise = rule.deviation * part.noise_factor(&frame, rule.incidence);
     let flat =
         deviation <= FLAT_CELL_SIGMAS * noise && !stepped(points, members, level, &frame, noise);
     flat.then_some(part)

@@ -15,35 +15,35 @@ use super::merge::{Rule, agglomerate};
 use super::trim::trim;
 use crate::error::Result;
 use crate::planes::constants::{
-    LARGEST_CELL_SIGMAS, LARGEST_CELL_SPACINGS, SIGMAS_PER_GRID_SIZE, SMALLEST_CELL_SIGMAS,
+    LARGEST_CELL_SIGMAS, LARGEST_CELL_SPACINGS, SMALLEST_CELL_SIGMAS,
     SMALLEST_CELL_SPACINGS,
 };
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 
 /// Patches where the points `ids`, ascending, are flat: cells of an octree that are flat up to the noise, which is G/3,
-/// joined with their neighbours where both are in one plane. Those with fewer than `min_points` are left out.
+/// joined with their neighbours where both are in one plane by `rule`. Cells are up to so many levels larger as `coarser`
+/// says. Those with fewer than `min_points` are left out.
 pub(in crate::planes::fit) fn from_data(
     points: &Points,
     ids: &[u32],
-    grid_size: f64,
-    tolerance: f64,
+    rule: &Rule,
+    coarser: u32,
     min_points: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<Patch>> {
-    let noise = grid_size / SIGMAS_PER_GRID_SIZE;
+    let noise = rule.deviation;
     let level_of =
         |side: f64| (side / points.cell).log2().ceil().clamp(0.0, f64::from(morton::BITS)) as u32;
     let largest = (LARGEST_CELL_SIGMAS * noise).max(LARGEST_CELL_SPACINGS * points.resolution());
-    let first = level_of(largest);
+    let first = (level_of(largest) + coarser).min(morton::BITS);
     let smallest = (SMALLEST_CELL_SIGMAS * noise).max(SMALLEST_CELL_SPACINGS * points.resolution());
     // The level whose side is nearest to it.
     let last = level_of(smallest * std::f64::consts::FRAC_1_SQRT_2).min(first);
-    let cells = flat_cells(points, ids, [first, last], noise, progress)?;
+    let cells = flat_cells(points, ids, [first, last], rule, progress)?;
     let pairs = touching(&cells, 1 << first);
     let parts = cells.iter().map(|cell| cell.part.clone()).collect();
-    let rule = Rule { distance: grid_size, deviation: noise, tolerance };
-    let into = agglomerate(parts, &pairs, &rule, progress)?;
+    let into = agglomerate(parts, &pairs, rule, progress)?;
     let mut groups: Vec<Vec<u32>> = vec![Vec::new(); cells.len()];
     for (cell, to) in cells.iter().zip(into) {
         groups[to as usize].extend(&cell.members);
@@ -55,7 +55,7 @@ pub(in crate::planes::fit) fn from_data(
             set.sort_unstable();
             let center = points.positions[set[0] as usize].map(f64::from);
             let moments = points.moments_about(center, set.iter().map(|&i| (i, 1.0)));
-            trim(points, plane(&moments)?, &set, grid_size)
+            trim(points, plane(&moments)?, &set, rule.distance)
         })
         .collect())
 }

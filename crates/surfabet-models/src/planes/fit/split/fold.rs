@@ -17,7 +17,8 @@ use crate::planes::points::Points;
 /// part about the part's own plane.
 pub(super) fn at_fold(points: &Points, patch: &Patch, rule: &SplitRule) -> Option<[Patch; 2]> {
     let own = mean_square(&patch.moments, &patch.frame);
-    if own <= (FOLD_SIGMAS * rule.noise).powi(2) {
+    let factor = Part::of(patch).noise_factor(&patch.frame, rule.merge.incidence);
+    if own <= (FOLD_SIGMAS * rule.noise * factor).powi(2) {
         return None;
     }
     let local = flat(points, patch, &patch.whole);
