@@ -253,9 +253,7 @@ def learn_planes(
     max_iterations: int = 30,
     tolerance: float = 0.01,
     min_points: int | None = None,
-    min_purity: float = 0.85,
-    min_fill: float = 0.6,
-    max_bend: float = 1.1,
+    min_probability: float = 0.6,
     color_step: int = 8,
     attribute_step: float = 0.125,
     keep_outliers: bool = False,
@@ -283,7 +281,7 @@ def learn_planes(
     published
         The method as printed in the paper, from random patches (10 where `initial_patches` is 0),
         without what was added to it. Options that it does not know, from `merge_tolerance` to
-        `max_bend`, do not count then. True or False; by default False.
+        `min_probability`, do not count then. True or False; by default False.
     min_grid_size
         Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat
         at this size. A positive number of metres; by default the median spacing of the points, or
@@ -310,20 +308,14 @@ def learn_planes(
         Learning ends when the mean distance of points to their patches and the share of points that
         support one change by less than this share. A positive number; by default 0.01.
     min_points
-        Points that a patch needs. An integer of at least 3; by default a thousandth of all points,
+        Points that a patch needs. An integer of at least 3; by default one in 4000 of all points,
         at least 30.
-    min_purity
-        Least share of the points before and behind a patch, up to the grid size, that support it.
-        Patches in the middle of clutter have less; with 0 they are kept. Patches with 20 times
-        `min_points` are kept whatever this option, `min_fill` and `max_bend` are. A number from 0
-        to 1; by default 0.85.
-    min_fill
-        Least share of a patch's rectangle that its supported tiles cover. With 0 all are kept. A
-        number from 0 to 1; by default 0.6.
-    max_bend
-        Largest ratio of the standard deviation of points about their patch to that about the mean
-        of their tile. Patches that are bent or lie across a corner have more; with infinity they
-        are kept. A number of at least 1; by default 1.1.
+    min_probability
+        Least probability that a patch is one surface, from what the likelihood loses without it,
+        how its points spread about its plane, how much of its rectangle is filled, and its length.
+        Patches in the middle of clutter, across a corner or along something bent have less; with 0
+        all are kept. Patches with 20 times `min_points` are kept whatever it is. A number from 0 to
+        1; by default 0.6.
     color_step
         Rounding of the colours of tiles. An integer from 1 to 64 grey levels; by default 8.
     attribute_step
@@ -366,9 +358,7 @@ def learn_planes(
         "max_iterations": max_iterations,
         "tolerance": tolerance,
         "min_points": min_points,
-        "min_purity": min_purity,
-        "min_fill": min_fill,
-        "max_bend": max_bend,
+        "min_probability": min_probability,
         "color_step": color_step,
         "attribute_step": attribute_step,
         "keep_outliers": keep_outliers,

@@ -118,7 +118,7 @@ class LearnOptions:
     min_points: Annotated[int | None, Parameter(group=SHARED)] = None
     """bic-alphabet: Least number of points of a word. planes: Points that a patch needs. For
     bic-alphabet an integer of at least 1; by default 8. For planes an integer of at least 3; by
-    default a thousandth of all points, at least 30."""
+    default one in 4000 of all points, at least 30."""
 
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
@@ -327,17 +327,10 @@ class LearnOptions:
     """Learning ends when the mean distance of points to their patches and the share of points that
     support one change by less than this share. A positive number; by default 0.01."""
 
-    min_purity: Annotated[float | None, Parameter(group=PLANES)] = None
-    """Least share of the points before and behind a patch, up to the grid size, that support it. A
-    number from 0 to 1; by default 0.85."""
-
-    min_fill: Annotated[float | None, Parameter(group=PLANES)] = None
-    """Least share of a patch's rectangle that its supported tiles cover. A number from 0 to 1; by
-    default 0.6."""
-
-    max_bend: Annotated[float | None, Parameter(group=PLANES)] = None
-    """Largest ratio of the standard deviation of points about their patch to that about the mean of
-    their tile. A number of at least 1; by default 1.1."""
+    min_probability: Annotated[float | None, Parameter(group=PLANES)] = None
+    """Least probability that a patch is one surface, from what the likelihood loses without it, how
+    its points spread about its plane, how much of its rectangle is filled, and its length. A number
+    from 0 to 1; by default 0.6."""
 
     n_neurons: Annotated[int | None, Parameter(group=GAS)] = None
     """Number of neurons at which the network stops growing. An integer from 2 to 2^26; by default

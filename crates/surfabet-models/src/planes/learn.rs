@@ -245,9 +245,7 @@ mod tests {
     fn walls_only(random_state: u64, published: bool) -> PlanesOptions {
         PlanesOptions {
             initial_patches: 3,
-            min_purity: 0.0,
-            min_fill: 0.0,
-            max_bend: f64::INFINITY,
+            min_probability: 0.0,
             random_state,
             published,
             ..PlanesOptions::default()

@@ -17,7 +17,7 @@ options! {
         /// Number of patches to start from, placed at random. With 0 they are taken from the data: cells that are flat.
         initial_patches: usize = 0, range = Range::from_to(0.0, MAX_PATCHES as f64);
         /// The method as printed in the paper, from random patches (10 where `initial_patches` is 0), without what was
-        /// added to it. Options that it does not know, from `merge_tolerance` to `max_bend`, do not count then.
+        /// added to it. Options that it does not know, from `merge_tolerance` to `min_probability`, do not count then.
         published: bool = false;
         /// Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat at this size.
         min_grid_size: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
@@ -41,16 +41,11 @@ options! {
         tolerance: f64 = 0.01, range = Range::POSITIVE;
         /// Points that a patch needs.
         min_points: Option<usize> = None, range = Range::at_least(3.0),
-            none = "a thousandth of all points, at least 30";
-        /// Least share of the points before and behind a patch, up to the grid size, that support it. Patches in the
-        /// middle of clutter have less; with 0 they are kept. Patches with 20 times `min_points` are kept whatever this
-        /// option, `min_fill` and `max_bend` are.
-        min_purity: f64 = 0.85, range = Range::from_to(0.0, 1.0);
-        /// Least share of a patch's rectangle that its supported tiles cover. With 0 all are kept.
-        min_fill: f64 = 0.6, range = Range::from_to(0.0, 1.0);
-        /// Largest ratio of the standard deviation of points about their patch to that about the mean of their tile.
-        /// Patches that are bent or lie across a corner have more; with infinity they are kept.
-        max_bend: f64 = 1.1, range = Range::at_least(1.0);
+            none = "one in 4000 of all points, at least 30";
+        /// Least probability that a patch is one surface, from what the likelihood loses without it, how its points spread
+        /// about its plane, how much of its rectangle is filled, and its length. Patches in the middle of clutter, across a corner or along
+        /// something bent have less; with 0 all are kept. Patches with 20 times `min_points` are kept whatever it is.
+        min_probability: f64 = 0.6, range = Range::from_to(0.0, 1.0);
         /// Rounding of the colours of tiles.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels";
         /// Rounding of the mean intensities of tiles, as a share of their standard deviation.

@@ -7,6 +7,7 @@ mod likelihood;
 mod m_step;
 mod merge;
 mod published;
+mod removal;
 mod seed;
 mod split;
 mod surface;
@@ -27,11 +28,12 @@ use self::merge::{Part, Rule, close_pairs, merge};
 pub(super) use self::published::PublishedFit;
 pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
-use self::surface::{Surfaces, surfaces};
+use self::removal::{removals, superfluous};
+use self::surface::probabilities;
 pub(super) use self::trim::mean_square;
 use self::trim::{facing, trim, trim_to};
 use super::constants::{
-    CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_PATCH_POINTS,
+    CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE, LEAST_PATCH_POINTS,
     LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
@@ -52,6 +54,8 @@ pub struct Fit<'a> {
     grid_size: f64,
     /// Standard deviation of the distances, metres.
     deviation: f64,
+    /// Standard deviation of the points across their surfaces, before any patch is known, metres; zero where it is not.
+    noise: f64,
     /// How the noise depends on the angle at which surfaces were seen.
     incidence: Incidence,
     patches: Vec<Patch>,
@@ -104,6 +108,7 @@ impl<'a> Fit<'a> {
             smallest_grid_size: smallest,
             grid_size: smallest,
             deviation: 0.0,
+            noise: noise.map_or(0.0, |n| n.0),
             incidence: noise.map_or(Incidence::EVEN, |n| n.1),
             patches: Vec::new(),
         };
@@ -190,6 +195,7 @@ impl<'a> Fit<'a> {
         self.em(progress)?;
         self.split(progress)?;
         let last = self.em(progress)?;
+        self.remove_superfluous(progress)?;
         self.merge(progress)?;
         let (mean_distance, supporting) = last.fit();
         let (patches, grid_size) = (self.patches.len(), self.grid_size);
@@ -269,6 +275,22 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
+    /// Removes patches that the others explain as well.
+    fn remove_superfluous(&mut self, progress: &dyn Progress) -> Result<()> {
+        let last = self.e_step(progress)?;
+        let removed = superfluous(&removals(&last, self.patches.len(), progress)?);
+        let mut kept = vec![true; self.patches.len()];
+        removed.iter().for_each(|&j| kept[j as usize] = false);
+        self.keep(&kept);
+        Ok(())
+    }
+
+    /// Keeps the patches for which that is said.
+    fn keep(&mut self, kept: &[bool]) {
+        let mut kept = kept.iter();
+        self.patches.retain(|_| kept.next() == Some(&true));
+    }
+
     /// Merges similar patches (section II-D).
     ///
     /// # Errors
@@ -307,14 +329,7 @@ impl<'a> Fit<'a> {
     /// [`crate::Error::Cancelled`].
     pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
         self.patches.retain(|p| p.n_supporting() >= self.min_points);
-        let patches = std::mem::take(&mut self.patches);
-        let wanted = Surfaces {
-            min_purity: self.options.min_purity,
-            min_fill: self.options.min_fill,
-            large: LARGE_PATCH * self.min_points,
-            max_bend: self.options.max_bend,
-        };
-        self.patches = surfaces(self.points, patches, self.grid_size, wanted, progress)?;
+        self.keep_surfaces(progress)?;
         self.em(progress)?;
         for _ in 0..CLEAR_PASSES {
             let last = self.e_step(progress)?;
@@ -325,6 +340,25 @@ impl<'a> Fit<'a> {
         }
         self.fit_together(progress)?;
         self.patches.retain(|p| p.n_supporting() >= self.min_points);
+        Ok(())
+    }
+
+    /// Removes patches that are probably no surface.
+    fn keep_surfaces(&mut self, progress: &dyn Progress) -> Result<()> {
+        let last = self.e_step(progress)?;
+        let removals = removals(&last, self.patches.len(), progress)?;
+        let noise = self.noise.max(LEAST_NOISE * self.grid_size);
+        let noise: Vec<f64> = self.noise_factors().into_iter().map(|f| f * noise).collect();
+        let probabilities =
+            probabilities(self.points, &self.patches, &removals, &noise, progress)?;
+        let large = LARGE_PATCH * self.min_points;
+        let kept: Vec<bool> = self
+            .patches
+            .iter()
+            .zip(probabilities)
+            .map(|(patch, p)| p >= self.options.min_probability || patch.n_supporting() >= large)
+            .collect();
+        self.keep(&kept);
         Ok(())
     }
 
@@ -340,8 +374,7 @@ impl<'a> Fit<'a> {
         let near: Vec<Vec<u32>> = fitted.iter().map(|f| self.support_of(&f.replaced)).collect();
         let mut replaced = vec![false; self.patches.len()];
         fitted.iter().flat_map(|f| &f.replaced).for_each(|&j| replaced[j as usize] = true);
-        let mut kept = replaced.iter();
-        self.patches.retain(|_| kept.next() == Some(&false));
+        self.keep(&replaced.iter().map(|r| !r).collect::<Vec<_>>());
         let n_kept = self.patches.len();
         for (f, near) in fitted.iter().zip(&near) {
             for &(frame, half) in &f.rectangles {

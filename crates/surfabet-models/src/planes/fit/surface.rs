@@ -1,85 +1,121 @@
-//! Patches that are no surface: through the middle of clutter, across a corner, along something bent.
+//! Patches that are no surface: through the middle of clutter, across a corner, along something bent, between two surfaces.
+//!
+//! No single figure tells them apart. A logistic regression weighs six that each say something; what it learned from is
+//! in docs/benchmarks/planes.md.
 
 use rayon::prelude::*;
 use surfabet_geom::Progress;
 
-use super::e_step::NONE;
+use super::removal::Removal;
 use crate::error::Result;
-use crate::planes::constants::LEAST_BEND_NOISE;
+use crate::planes::constants::{
+    CERTAINTY_WEIGHT, FILL_WEIGHT, GAIN_WEIGHT, KURTOSIS_WEIGHT, LEAST_FIGURE, LENGTH_WEIGHT,
+    NORMAL_KURTOSIS, SPREAD_WEIGHT, SURFACE_OFFSET,
+};
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 
-/// The conditions under which a patch is kept.
+/// What tells a surface from other patches.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Surfaces {
-    /// Least share of the points around it that support it.
-    pub min_purity: f64,
-    /// Least share of its rectangle that supported tiles cover.
-    pub min_fill: f64,
-    /// Largest ratio of the standard deviation of its points about its plane to that about their tiles' means.
-    pub max_bend: f64,
-    /// Number of points from which a patch is kept without the other conditions.
-    pub large: usize,
+struct Evidence {
+    /// What the likelihood loses without it, per point: something between two surfaces is explained by both.
+    gain: f64,
+    /// Standard deviation of its points about its plane, in that of the noise: a bent surface has more, one of several layers that
+    /// are none has less.
+    spread: f64,
+    /// Fourth moment of these distances by the square of the second: 3 for normal noise, less where a patch cuts a slice
+    /// out of something thick, whose sides are sharp.
+    kurtosis: f64,
+    /// Share of its rectangle that supported tiles cover: most surfaces are rectangles.
+    fill: f64,
+    /// Mean probability of the points that support it.
+    certainty: f64,
+    /// Its longer side, in standard deviations of the noise.
+    length: f64,
 }
 
-/// The patches that are surfaces, in their order:
-///
-/// ```text
-/// own >= min_purity all,  area >= min_fill width height,  deviation <= max_bend noise
-/// ```
-///
-/// Before and behind a surface is empty space. A plane through a heap of things, which has points everywhere, has many
-/// that support it by chance; but as many others are next to it. So patches are tested from the one with most points
-/// down: `own` are the points over its supported tiles, up to the grid size before and behind them, that support it, and
-/// `all` those that support no patch that was kept. Points seen from the other side do not count.
-pub(super) fn surfaces(
-    points: &Points,
-    patches: Vec<Patch>,
-    grid_size: f64,
-    wanted: Surfaces,
-    progress: &dyn Progress,
-) -> Result<Vec<Patch>> {
-    let mut of = vec![NONE; points.len()];
-    for (j, patch) in patches.iter().enumerate() {
-        patch.whole.iter().for_each(|&i| of[i as usize] = j as u32);
-    }
-    let around: Vec<Vec<(u32, u32)>> = patches
-        .par_iter()
-        .map(|patch| {
-            progress.check()?;
-            Ok(around(points, patch, grid_size, &of))
-        })
-        .collect::<Result<_>>()?;
-    let mut order: Vec<usize> = (0..patches.len()).collect();
-    order.sort_by_key(|&j| (std::cmp::Reverse(patches[j].n_supporting()), j));
-    let mut kept = vec![false; patches.len()];
-    for j in order {
-        let patch = &patches[j];
+impl Evidence {
+    /// Of a patch, with the standard deviation of the noise at the angle at which it was seen.
+    fn of(points: &Points, patch: &Patch, removal: &Removal, noise: f64) -> Self {
+        let (mut second, mut fourth) = (0.0, 0.0);
+        for &i in &patch.whole {
+            let square = patch.frame.local(points.positions[i as usize])[2].powi(2);
+            second += square;
+            fourth += square * square;
+        }
+        let n = patch.whole.len() as f64;
         let [x, y] = patch.tiles.size();
-        let filled = patch.tiles.area() >= wanted.min_fill * x * y;
-        let noise = patch.noise.max(LEAST_BEND_NOISE * grid_size);
-        let bent = patch.standard_deviation > wanted.max_bend * noise;
-        let others = around[j].iter().filter(|(k, _)| *k == NONE || !kept[*k as usize]);
-        let all: u32 = others.map(|(_, n)| n).sum();
-        let own: u32 = around[j].iter().filter(|(k, _)| *k == j as u32).map(|(_, n)| n).sum();
-        let pure = f64::from(own) >= wanted.min_purity * f64::from(all);
-        kept[j] = patch.n_supporting() >= wanted.large || (filled && pure && !bent);
+        let exact = second <= 0.0;
+        Self {
+            gain: removal.loss / removal.mass,
+            spread: patch.standard_deviation / noise,
+            kurtosis: if exact { NORMAL_KURTOSIS } else { n * fourth / (second * second) },
+            fill: patch.tiles.area() / (x * y),
+            certainty: removal.mass / n,
+            length: x.max(y) / noise,
+        }
     }
-    Ok(patches.into_iter().zip(kept).filter_map(|(patch, kept)| kept.then_some(patch)).collect())
+
+    /// The probability that a patch with this evidence is one surface: `1 / (1 + exp(-b - sum_k c_k ln x_k))`.
+    fn probability(&self) -> f64 {
+        let weighed = [
+            (GAIN_WEIGHT, self.gain),
+            (SPREAD_WEIGHT, self.spread),
+            (KURTOSIS_WEIGHT, self.kurtosis),
+            (FILL_WEIGHT, self.fill),
+            (CERTAINTY_WEIGHT, self.certainty),
+            (LENGTH_WEIGHT, self.length),
+        ];
+        let sum: f64 = weighed.iter().map(|(c, x)| c * x.max(LEAST_FIGURE).ln()).sum();
+        1.0 / (1.0 + (-SURFACE_OFFSET - sum).exp())
+    }
 }
 
-/// The patches that the points over supported tiles support, up to `depth` before and behind them, with the number of
-/// points of each.
-fn around(points: &Points, patch: &Patch, depth: f64, of: &[u32]) -> Vec<(u32, u32)> {
-    let over = |i: &usize| {
-        let [x, y, z] = patch.frame.local(points.positions[*i]);
-        z.abs() <= depth
-            && patch.tiles.tile_at([x, y]).is_some_and(|t| patch.tiles.supported()[t])
-            && !points.facing.as_ref().is_some_and(|f| patch.turned_away(f[*i]))
-    };
-    let blocks = patch.blocks(points, depth);
-    let near = blocks.into_iter().flat_map(|b| points.block(b as usize).filter(over));
-    let mut labels: Vec<u32> = near.map(|i| of[i]).collect();
-    labels.sort_unstable();
-    labels.chunk_by(|a, b| a == b).map(|run| (run[0], run.len() as u32)).collect()
+/// The probability of each patch that it is one surface; `noise` is the standard deviation of the points across each.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(super) fn probabilities(
+    points: &Points,
+    patches: &[Patch],
+    removals: &[Removal],
+    noise: &[f64],
+    progress: &dyn Progress,
+) -> Result<Vec<f64>> {
+    (0..patches.len())
+        .into_par_iter()
+        .map(|j| {
+            progress.check()?;
+            Ok(Evidence::of(points, &patches[j], &removals[j], noise[j]).probability())
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of normal noise, a filled rectangle, its points on nothing else.
+    const SURFACE: Evidence =
+        Evidence { gain: 3.0, spread: 1.0, kurtosis: 3.0, fill: 0.8, certainty: 0.95, length: 100.0 };
+
+    #[test]
+    fn what_looks_like_a_surface_is_probably_one() {
+        assert!(SURFACE.probability() > 0.9);
+    }
+
+    #[test]
+    fn each_sign_of_something_else_lowers_the_probability() {
+        let signs = [
+            Evidence { gain: 0.5, ..SURFACE },
+            Evidence { spread: 1.5, ..SURFACE },
+            Evidence { kurtosis: 1.8, ..SURFACE },
+            Evidence { fill: 0.3, ..SURFACE },
+            Evidence { length: 5.0, ..SURFACE },
+        ];
+        for sign in signs {
+            assert!(sign.probability() < SURFACE.probability(), "{sign:?}");
+        }
+        assert!(Evidence { gain: 0.5, spread: 1.5, kurtosis: 1.8, ..SURFACE }.probability() < 0.1);
+    }
 }

@@ -1,0 +1,148 @@
+//! What the likelihood loses without a patch, and the patches that the others explain as well.
+//!
+//! Where two surfaces are less than some standard deviations apart, EM may lay a third patch between both, which lives on the
+//! tails of their noise. Each has its share of the points, and no two of them merge. The likelihood tells: without the one
+//! in between, the other two grow denser and explain its points about as well.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use surfabet_geom::Progress;
+
+use super::e_step::Responsibilities;
+use crate::error::Result;
+use crate::planes::constants::{OUTLIER_COST, REMOVED_GAIN, REMOVED_PARAMETERS};
+
+/// What comes of removing a patch.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Removal {
+    /// By how much the logarithm of the likelihood falls.
+    pub loss: f64,
+    /// Expected number of its points, `m_j = sum_i p_ij`.
+    pub mass: f64,
+    /// The patches that get its points.
+    neighbors: Vec<u32>,
+}
+
+impl Removal {
+    /// The loss beyond what the parameters of a patch and a misfit of the noise gain by themselves.
+    fn excess(&self) -> f64 {
+        let parameters = 0.5 * REMOVED_PARAMETERS * self.mass.max(1.0).ln();
+        self.loss - parameters - REMOVED_GAIN * self.mass
+    }
+}
+
+/// What comes of removing each of `n` patches, the others kept.
+///
+/// Removing patch `j` moves to patch `k`
+///
+/// ```text
+/// moved_k = sum_i p_ij p_ik / (1 - p_ij + o p_ij),   r_k = 1 + moved_k / m_k
+/// ```
+///
+/// with `o` the likelihood of a point far from all patches, relative to that on its patch. The logarithm of the likelihood
+/// of points that are a Poisson process falls by
+///
+/// ```text
+/// -sum_i ln(sum_(k != j) p_ik r_k + o p_ij) - sum_k (m_k - sum_i p_ik) ln r_k - (m_j - sum_k moved_k)
+/// ```
+///
+/// with sums over the points `i` of patch `j`.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(super) fn removals(
+    last: &Responsibilities,
+    n: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<Removal>> {
+    let of_point = ByPoint::new(last, n);
+    let mass = |j: usize| last.of(j).iter().map(|e| f64::from(e.1)).sum();
+    let mass: Vec<f64> = (0..n).map(mass).collect();
+    (0..n)
+        .into_par_iter()
+        .map(|j| {
+            progress.check()?;
+            Ok(removal(last, &of_point, &mass, j as u32))
+        })
+        .collect()
+}
+
+/// The patches that the others explain as well, ascending; of neighbours only the one that costs least.
+pub(super) fn superfluous(removals: &[Removal]) -> Vec<u32> {
+    let excess: Vec<f64> = removals.iter().map(Removal::excess).collect();
+    let mut cheap: Vec<u32> = (0..removals.len() as u32).collect();
+    cheap.retain(|&j| excess[j as usize] < 0.0);
+    cheap.sort_by(|&a, &b| excess[a as usize].total_cmp(&excess[b as usize]).then(a.cmp(&b)));
+    let mut touched = vec![false; removals.len()];
+    cheap.retain(|&j| {
+        let first = !touched[j as usize];
+        if first {
+            touched[j as usize] = true;
+            removals[j as usize].neighbors.iter().for_each(|&k| touched[k as usize] = true);
+        }
+        first
+    });
+    cheap.sort_unstable();
+    cheap
+}
+
+/// What comes of removing patch `j`.
+fn removal(last: &Responsibilities, of_point: &ByPoint, mass: &[f64], j: u32) -> Removal {
+    let outlier = (-OUTLIER_COST).exp();
+    let own = last.of(j as usize);
+    let others = |i: u32| of_point.of(i).iter().filter(|e| e.0 != j);
+    // For each other patch moved_k, and the sum of its p_ik over the points of this one.
+    let mut shared: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+    for &(i, p) in own {
+        let p = f64::from(p);
+        for &(k, q) in others(i) {
+            let q = f64::from(q);
+            let [moved, sum] = shared.entry(k).or_default();
+            *moved += p * q / (1.0 - p + outlier * p);
+            *sum += q;
+        }
+    }
+    let growth = |k: u32| shared.get(&k).map_or(1.0, |s| 1.0 + s[0] / mass[k as usize]);
+    let grown: BTreeMap<u32, f64> = shared.keys().map(|&k| (k, growth(k))).collect();
+    let mut gain = mass[j as usize] - shared.values().map(|s| s[0]).sum::<f64>();
+    for (k, [_, sum]) in &shared {
+        gain += (mass[*k as usize] - sum).max(0.0) * grown[k].ln();
+    }
+    for &(i, p) in own {
+        let explained: f64 = others(i).map(|(k, q)| f64::from(*q) * grown[k]).sum();
+        gain += (explained + outlier * f64::from(p)).max(f64::MIN_POSITIVE).ln();
+    }
+    Removal { loss: -gain, mass: mass[j as usize], neighbors: shared.into_keys().collect() }
+}
+
+/// The patches of each point with their probabilities.
+struct ByPoint {
+    starts: Vec<usize>,
+    entries: Vec<(u32, f32)>,
+}
+
+impl ByPoint {
+    fn new(last: &Responsibilities, n: usize) -> Self {
+        let n_points = last.supports.len();
+        let all = || (0..n).flat_map(|j| last.of(j).iter().map(move |&(i, p)| (j as u32, i, p)));
+        let mut starts = vec![0; n_points + 1];
+        for (_, i, _) in all() {
+            starts[i as usize + 1] += 1;
+        }
+        for i in 0..n_points {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![(0, 0.0); starts[n_points]];
+        for (j, i, p) in all() {
+            entries[next[i as usize]] = (j, p);
+            next[i as usize] += 1;
+        }
+        Self { starts, entries }
+    }
+
+    fn of(&self, i: u32) -> &[(u32, f32)] {
+        &self.entries[self.starts[i as usize]..self.starts[i as usize + 1]]
+    }
+}
