@@ -156,7 +156,7 @@ pub(super) const LEAST_NOISE: f64 = 0.25;
 
 /// A patch with this many times the points that it needs is kept, however improbable: no heap of things is that large, and a
 /// floor around furniture or a wall with pictures must not get lost.
-pub(super) const LARGE_PATCH: usize = 20;
+pub(super) const LARGE_PATCH: usize = 80;
 
 /// Last passes, in which the regression leaves out points near other patches.
 pub(super) const CLEAR_PASSES: usize = 6;
@@ -176,7 +176,8 @@ pub(super) const LONG_SIGMAS: f64 = 60.0;
 /// two are 150 long, up to noise 8.
 pub(super) const MIXED_SIGMAS: f64 = 25.0;
 
-/// Most patches that are fitted together: more are a scene in which corners are few.
+/// Most patches of a scene that are fitted together: more are a scene in which corners are few. In simulated rooms of 50 to 120 patches it
+/// changed no figure and took most of the time.
 pub(super) const MOST_FITTED: usize = 8;
 
 /// Unevenness of the points over a rectangle up to which the likelihood of even ones is taken: before merges and folds, when

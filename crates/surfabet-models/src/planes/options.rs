@@ -44,7 +44,7 @@ options! {
             none = "one in 4000 of all points, at least 30";
         /// Least probability that a patch is one surface, from what the likelihood loses without it, how its points spread
         /// about its plane, how much of its rectangle is filled, and its length. Patches in the middle of clutter, across a corner or along
-        /// something bent have less; with 0 all are kept. Patches with 20 times `min_points` are kept whatever it is.
+        /// something bent have less; with 0 all are kept. Patches with 80 times `min_points` are kept whatever it is.
         min_probability: f64 = 0.6, range = Range::from_to(0.0, 1.0);
         /// Rounding of the colours of tiles.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels";

@@ -23,7 +23,8 @@ impl Incidence {
     pub fn of(cells: &[(f64, f64, f64)]) -> Self {
         let cells: Vec<_> = cells.iter().filter(|c| c.0.is_finite() && c.0 > 0.0).collect();
         let across: Vec<_> = cells.iter().map(|c| (c.0.ln(), c.2)).collect();
-        let along: Vec<_> = cells.iter().map(|c| ((c.0 / c.1.max(LEAST_COSINE)).ln(), c.2)).collect();
+        let along: Vec<_> =
+            cells.iter().map(|c| ((c.0 / c.1.max(LEAST_COSINE)).ln(), c.2)).collect();
         let (median_across, spread_across) = center_and_spread(across);
         let (median_along, spread_along) = center_and_spread(along);
         let clear = spread_along < INCIDENCE_GAIN * spread_across;

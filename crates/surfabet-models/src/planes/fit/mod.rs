@@ -26,15 +26,15 @@ pub(super) use self::m_step::plane;
 use self::m_step::{clear_m_step, m_step};
 use self::merge::{Part, Rule, close_pairs, merge};
 pub(super) use self::published::PublishedFit;
+use self::removal::{removals, superfluous};
 pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
-use self::removal::{removals, superfluous};
 use self::surface::probabilities;
 pub(super) use self::trim::mean_square;
 use self::trim::{facing, trim, trim_to};
 use super::constants::{
-    CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE, LEAST_PATCH_POINTS,
-    LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
+    CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE,
+    LEAST_PATCH_POINTS, LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
 use super::patch::{Frame, Patch};
@@ -349,8 +349,7 @@ impl<'a> Fit<'a> {
         let removals = removals(&last, self.patches.len(), progress)?;
         let noise = self.noise.max(LEAST_NOISE * self.grid_size);
         let noise: Vec<f64> = self.noise_factors().into_iter().map(|f| f * noise).collect();
-        let probabilities =
-            probabilities(self.points, &self.patches, &removals, &noise, progress)?;
+        let probabilities = probabilities(self.points, &self.patches, &removals, &noise, progress)?;
         let large = LARGE_PATCH * self.min_points;
         let kept: Vec<bool> = self
             .patches

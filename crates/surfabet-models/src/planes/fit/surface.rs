@@ -96,8 +96,14 @@ mod tests {
     use super::*;
 
     /// Of normal noise, a filled rectangle, its points on nothing else.
-    const SURFACE: Evidence =
-        Evidence { gain: 3.0, spread: 1.0, kurtosis: 3.0, fill: 0.8, certainty: 0.95, length: 100.0 };
+    const SURFACE: Evidence = Evidence {
+        gain: 3.0,
+        spread: 1.0,
+        kurtosis: 3.0,
+        fill: 0.8,
+        certainty: 0.95,
+        length: 100.0,
+    };
 
     #[test]
     fn what_looks_like_a_surface_is_probably_one() {

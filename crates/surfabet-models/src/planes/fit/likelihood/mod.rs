@@ -54,8 +54,8 @@ pub(super) fn refine(
     progress: &dyn Progress,
 ) -> Result<Vec<Fitted>> {
     let mut found = Vec::new();
-    // Scan lines are not even over a rectangle.
-    if points.line_spacing.is_some() {
+    // Scan lines are not even over a rectangle; and in a scene of many patches corners are few.
+    if points.line_spacing.is_some() || patches.len() > MOST_FITTED {
         return Ok(found);
     }
     for group in groups(patches, limits) {
@@ -81,9 +81,7 @@ fn groups(patches: &[Patch], limits: Limits) -> Vec<Vec<u32>> {
     for j in 0..patches.len() as u32 {
         groups[root(&mut parent, j) as usize].push(j);
     }
-    groups.retain(|group| {
-        group.len() <= MOST_FITTED && group.iter().any(|&j| short(&patches[j as usize]))
-    });
+    groups.retain(|group| group.iter().any(|&j| short(&patches[j as usize])));
     groups
 }
 

@@ -15,8 +15,7 @@ use super::merge::{Rule, agglomerate};
 use super::trim::trim;
 use crate::error::Result;
 use crate::planes::constants::{
-    LARGEST_CELL_SIGMAS, LARGEST_CELL_SPACINGS, SMALLEST_CELL_SIGMAS,
-    SMALLEST_CELL_SPACINGS,
+    LARGEST_CELL_SIGMAS, LARGEST_CELL_SPACINGS, SMALLEST_CELL_SIGMAS, SMALLEST_CELL_SPACINGS,
 };
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;

@@ -29,8 +29,7 @@ pub(in crate::planes::fit) fn noise(points: &Points) -> Option<(f64, Incidence)>
         let middle = weighted_median(&mut deviations);
         if middle <= NOISE_FLATNESS * side {
             // What is not flat is no noise.
-            let flat: Vec<_> =
-                found.into_iter().filter(|c| c.0 <= NOISE_FLATNESS * side).collect();
+            let flat: Vec<_> = found.into_iter().filter(|c| c.0 <= NOISE_FLATNESS * side).collect();
             return Some((middle, Incidence::of(&flat)));
         }
     }

@@ -59,12 +59,7 @@ mod tests {
         threshold: 2.0 / 3.0,
         min_points: 30,
         noise: 0.01,
-        merge: Rule {
-            distance: 0.1,
-            deviation: 0.03,
-            incidence: Incidence::EVEN,
-            tolerance: 1.25,
-        },
+        merge: Rule { distance: 0.1, deviation: 0.03, incidence: Incidence::EVEN, tolerance: 1.25 },
     };
 
     /// Points over 2 m x 1 m at heights that depend on their place, where `keep` says so, as one patch.
