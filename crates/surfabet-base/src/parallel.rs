@@ -160,6 +160,14 @@ pub fn map_range_with<S: Send, R: Send>(
     })
 }
 
+/// As [`map`], of items that `f` takes over.
+pub fn map_owned<T: Send, R: Send>(items: Vec<T>, f: impl Fn(T) -> R + Sync) -> Vec<R> {
+    let mut results = Vec::new();
+    results.resize_with(items.len(), || None);
+    for_each(items.into_iter().zip(&mut results), |_, (item, result)| *result = Some(f(item)));
+    results.into_iter().flatten().collect()
+}
+
 /// As [`map`].
 ///
 /// # Errors
@@ -276,6 +284,11 @@ pub fn sort_keys(keys: &mut [u64]) {
     keys.par_sort_unstable();
 }
 
+/// Sorts keys that take more than 64 bits.
+pub fn sort_wide_keys(keys: &mut [u128]) {
+    keys.par_sort_unstable();
+}
+
 /// Sorts items by key, those of equal keys by number.
 pub fn sort_keyed(items: &mut [(u64, u32)]) {
     items.par_sort_unstable();
@@ -318,6 +331,7 @@ mod tests {
             let wanted: Vec<usize> = (0..n).map(uneven).collect();
             assert_eq!(map_range(n, uneven), wanted);
             assert_eq!(map(&numbers, |&i| uneven(i)), wanted);
+            assert_eq!(map_owned(numbers.clone(), uneven), wanted);
             assert_eq!(try_map(&numbers, |&i| Ok::<_, ()>(uneven(i))), Ok(wanted.clone()));
             let twice_odd: Vec<usize> =
                 (0..n).filter(|i| i % 2 == 1).flat_map(|i| [i, i]).collect();
@@ -421,11 +435,14 @@ mod tests {
             let mut keys: Vec<u64> = (0..n).map(|i| uneven(i) as u64).collect();
             let mut items: Vec<(u64, u32)> = keys.iter().map(|k| (k % 10, *k as u32)).collect();
             let mut numbers: Vec<u32> = items.iter().map(|i| i.1).collect();
+            let mut wide: Vec<u128> = keys.iter().map(|&k| u128::from(k) << 64).collect();
             let (mut k, mut i, mut u) = (keys.clone(), items.clone(), numbers.clone());
             k.sort_unstable();
             i.sort_unstable();
             u.sort_unstable();
             sort_keys(&mut keys);
+            sort_wide_keys(&mut wide);
+            assert!(wide.iter().zip(&k).all(|(w, k)| w >> 64 == u128::from(*k)));
             sort_keyed(&mut items);
             sort_numbers(&mut numbers);
             assert_eq!((&keys, &items, &numbers), (&k, &i, &u));
