@@ -11,7 +11,7 @@
 //! it a patch right through a noisy wall lives on the points that happen to lie far from the wall; it has few points for
 //! its area, and so it loses them.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use crate::error::Result;
@@ -82,7 +82,7 @@ pub fn e_step(
     let near = candidates(points, patches, grid_size);
     let mixture = Mixture::new(patches, grid_size, s);
     let n_blocks = points.n_blocks();
-    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
+    let chunks = parallel::try_map_range(n_blocks.div_ceil(CHUNK), |c| -> Result<Weighed> {
         progress.check()?;
         let mut weighed = Weighed::default();
         for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
@@ -91,8 +91,7 @@ pub fn e_step(
             }
         }
         Ok(weighed)
-    });
-    let chunks = chunks.collect::<Result<Vec<Weighed>>>()?;
+    })?;
     Ok(by_patch(patches.len(), &chunks))
 }
 
@@ -108,7 +107,7 @@ pub(in crate::planes) fn e_step_everywhere(
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
     let n_blocks = points.n_blocks();
-    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
+    let chunks = parallel::try_map_range(n_blocks.div_ceil(CHUNK), |c| -> Result<Weighed> {
         let mut weighed = Weighed::default();
         for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
             progress.check()?;
@@ -117,8 +116,7 @@ pub(in crate::planes) fn e_step_everywhere(
             }
         }
         Ok(weighed)
-    });
-    let chunks = chunks.collect::<Result<Vec<Weighed>>>()?;
+    })?;
     Ok(by_patch(patches.len(), &chunks))
 }
 
@@ -250,8 +248,7 @@ impl Candidates {
 
 /// The patches of which a supported tile may be within `reach` of a point of each block (counting sort).
 fn candidates(points: &Points, patches: &[Patch], reach: f64) -> Candidates {
-    let blocks: Vec<Vec<u32>> =
-        patches.par_iter().map(|patch| patch.blocks(points, reach)).collect();
+    let blocks: Vec<Vec<u32>> = parallel::map(patches, |patch| patch.blocks(points, reach));
     let mut starts = vec![0; points.n_blocks() + 1];
     for &b in blocks.iter().flatten() {
         starts[b as usize + 1] += 1;

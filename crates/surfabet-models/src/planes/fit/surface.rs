@@ -1,6 +1,6 @@
 //! Patches that are no surface: through the middle of clutter, across a corner, along something bent.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::e_step::NONE;
@@ -43,13 +43,10 @@ pub(super) fn surfaces(
     for (j, patch) in patches.iter().enumerate() {
         patch.whole.iter().for_each(|&i| of[i as usize] = j as u32);
     }
-    let around: Vec<Vec<(u32, u32)>> = patches
-        .par_iter()
-        .map(|patch| {
-            progress.check()?;
-            Ok(around(points, patch, grid_size, &of))
-        })
-        .collect::<Result<_>>()?;
+    let around = parallel::try_map(&patches, |patch| -> Result<Vec<(u32, u32)>> {
+        progress.check()?;
+        Ok(around(points, patch, grid_size, &of))
+    })?;
     let mut order: Vec<usize> = (0..patches.len()).collect();
     order.sort_by_key(|&j| (std::cmp::Reverse(patches[j].n_supporting()), j));
     let mut kept = vec![false; patches.len()];
