@@ -1,5 +1,6 @@
-//! What all crates of surfabet share: a wrong parameter, progress and the wish to stop.
+//! What all crates of surfabet share: a wrong parameter, progress and the wish to stop, parallel loops.
 
+pub mod parallel;
 mod parameter;
 mod progress;
 

@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::boxes::Aabb;
 
@@ -168,7 +168,7 @@ pub fn arrange(order: &mut [u32], positions: &[[f32; 3]], leaf: usize) {
 /// The boxes of runs of `leaf` points, at least one.
 pub fn boxes_of(positions: &[[f32; 3]], leaf: usize) -> Vec<Aabb> {
     let of = |run: &[[f32; 3]]| run.iter().fold(Aabb::EMPTY, |b, &p| b.union(Aabb::point(p)));
-    positions.par_chunks(leaf).map(of).collect()
+    parallel::map_chunks(positions, leaf, of)
 }
 
 #[cfg(test)]

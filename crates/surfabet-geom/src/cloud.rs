@@ -1,6 +1,6 @@
 //! The point cloud: local `f32` positions about an `f64` origin, and what the scanner knew of each point.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::attribute::{self, Column, Extra, pick, retain_by};
 use crate::error::{Error, Result};
@@ -383,7 +383,7 @@ impl PointCloud {
         if self.viewpoints.is_none() {
             return self.normals.clone();
         }
-        Some((0..self.len()).into_par_iter().map(|i| self.facing_of(i)).collect())
+        Some(parallel::map_range(self.len(), |i| self.facing_of(i)))
     }
 
     /// Unit vector towards the side that point `i` was seen from, as [`PointCloud::facing`]; zero where unknown.

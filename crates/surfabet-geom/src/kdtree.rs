@@ -14,7 +14,7 @@
 //! distances of points are summed, and every rounding on the way is monotone, so that no box looks farther away
 //! than a point in it.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::error::{Error, Result};
 use surfabet_base::{Meter, Progress};
@@ -271,15 +271,12 @@ impl KdTree {
             return Err(Error::invalid("number of points", points.len(), "below 4294967295"));
         }
         check_finite("point", points)?;
-        let mut entries: Vec<Entry> = points
-            .par_iter()
-            .enumerate()
-            .map(|(i, &position)| Entry { position, index: i as u32 })
-            .collect();
+        let mut entries: Vec<Entry> =
+            parallel::map_range(points.len(), |i| Entry { position: points[i], index: i as u32 });
         let mut halves = vec![[Bounds::EMPTY; 2]; entries.len().div_ceil(LANES)];
         let bounds = Bounds::of(&entries);
         arrange(&mut entries, &mut halves, &bounds);
-        let blocks = entries.par_chunks(LANES).map(Block::new).collect();
+        let blocks = parallel::map_chunks(&entries, LANES, Block::new);
         Ok(Self { len: points.len(), blocks, halves })
     }
 
@@ -350,8 +347,9 @@ impl KdTree {
         let k = k.min(self.len);
         let mut found = vec![Neighbor::NONE; queries.len() * k];
         let meter = Meter::new(progress, "neighbours", queries.len().div_ceil(BATCH));
-        found.par_chunks_mut(BATCH * k).zip(queries.par_chunks(BATCH)).try_for_each(
-            |(rows, queries)| {
+        parallel::try_for_each(
+            found.chunks_mut(BATCH * k).zip(queries.chunks(BATCH)),
+            |_, (rows, queries)| {
                 if k == 1 {
                     for (place, &query) in rows.iter_mut().zip(queries) {
                         let mut collector = Nearest(Neighbor::NONE);
@@ -385,21 +383,18 @@ impl KdTree {
         }
         check_finite("query", queries)?;
         let meter = Meter::new(progress, "neighbours", queries.len().div_ceil(BATCH));
-        let parts: Vec<(Vec<usize>, Vec<Neighbor>)> = queries
-            .par_chunks(BATCH)
-            .map(|queries| {
-                let mut counts = Vec::with_capacity(queries.len());
-                let mut all = Vec::new();
-                let mut found = Vec::new();
-                for &query in queries {
-                    self.within(query, radius, &mut found);
-                    counts.push(found.len());
-                    all.extend_from_slice(&found);
-                }
-                meter.step()?;
-                Ok((counts, all))
-            })
-            .collect::<Result<_>>()?;
+        let parts = parallel::try_map_chunks(queries, BATCH, |queries| -> Result<_> {
+            let mut counts = Vec::with_capacity(queries.len());
+            let mut all = Vec::new();
+            let mut found = Vec::new();
+            for &query in queries {
+                self.within(query, radius, &mut found);
+                counts.push(found.len());
+                all.extend_from_slice(&found);
+            }
+            meter.step()?;
+            Ok((counts, all))
+        })?;
         let mut starts = Vec::with_capacity(queries.len() + 1);
         let mut neighbors = Vec::with_capacity(parts.iter().map(|(_, all)| all.len()).sum());
         let mut end = 0;
@@ -513,10 +508,11 @@ fn arrange(entries: &mut [Entry], halves: &mut [[Bounds; 2]], bounds: &Bounds) {
 }
 
 fn check_finite(name: &'static str, points: &[[f32; 3]]) -> Result<()> {
-    match points.par_iter().find_first(|p| p.iter().any(|c| !c.is_finite())) {
+    let is_wrong = |point: &&[f32; 3]| point.iter().any(|c| !c.is_finite());
+    parallel::try_for_each(points.chunks(BATCH), |_, points| match points.iter().find(is_wrong) {
         None => Ok(()),
         Some(point) => Err(Error::invalid(name, format!("{point:?}"), "finite")),
-    }
+    })
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! point of equally distant ones; sums are in `f64`, in chunks of fixed size, so that results do not depend on
 //! the number of threads.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_base::{Meter, Progress};
 
 use crate::cloud::PointCloud;
@@ -378,8 +378,9 @@ fn fit_normals(
     const BATCH: usize = 1024;
     let mut normals = vec![[0.0; 3]; decoded.len()];
     let meter = Meter::new(progress, "reference planes", decoded.len().div_ceil(BATCH));
-    normals.par_chunks_mut(BATCH).zip(decoded.par_chunks(BATCH)).try_for_each(
-        |(normals, decoded)| {
+    parallel::try_for_each(
+        normals.chunks_mut(BATCH).zip(decoded.chunks(BATCH)),
+        |_, (normals, decoded)| {
             let mut found = Vec::new();
             for (normal, &query) in normals.iter_mut().zip(decoded) {
                 tree.k_nearest(query, k, &mut found);
@@ -484,15 +485,17 @@ fn directed(
 
 /// Sum of `term` over `0..count`, the same for any number of threads.
 fn sum_by(count: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
-    let partial: Vec<f64> = (0..count.div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| (chunk * CHUNK..((chunk + 1) * CHUNK).min(count)).map(&term).sum())
-        .collect();
+    let partial: Vec<f64> = parallel::map_range(count.div_ceil(CHUNK), |chunk| {
+        (chunk * CHUNK..((chunk + 1) * CHUNK).min(count)).map(&term).sum()
+    });
     partial.iter().sum()
 }
 
 fn count_by(count: usize, is: impl Fn(usize) -> bool + Sync) -> usize {
-    (0..count).into_par_iter().with_min_len(CHUNK).filter(|&i| is(i)).count()
+    let counts: Vec<usize> = parallel::map_range(count.div_ceil(CHUNK), |chunk| {
+        (chunk * CHUNK..((chunk + 1) * CHUNK).min(count)).filter(|&i| is(i)).count()
+    });
+    counts.iter().sum()
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! Surface normals and curvature from the neighbours of each point.
 
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use surfabet_base::parallel;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -96,31 +98,28 @@ pub fn estimate_normals(
     let mut normals = vec![[0.0; 3]; positions.len()];
     let mut curvatures = vec![0.0; positions.len()];
     let meter = Meter::new(progress, "normals", positions.len().div_ceil(BATCH));
-    let unknown = normals
-        .par_chunks_mut(BATCH)
-        .zip(curvatures.par_chunks_mut(BATCH))
-        .enumerate()
-        .map(|(chunk, (normals, curvatures))| {
-            let mut found = Vec::new();
-            let mut unknown = 0;
-            for (j, (normal, curvature)) in normals.iter_mut().zip(curvatures).enumerate() {
-                let i = chunk * BATCH + j;
-                let position = positions[i];
-                neighborhood.gather(&tree, position, &mut found);
-                match fit_normal(position, found.iter().map(|n| positions[n.index()])) {
-                    Some((direction, share)) => {
-                        let viewpoint = cloud.local_viewpoint(i);
-                        *normal = orient_normal(direction, position, viewpoint);
-                        *curvature = share as f32;
-                    }
-                    None => unknown += 1,
+    let unknown = AtomicUsize::new(0);
+    let chunks = normals.chunks_mut(BATCH).zip(curvatures.chunks_mut(BATCH));
+    parallel::try_for_each(chunks, |chunk, (normals, curvatures)| {
+        let mut found = Vec::new();
+        for (j, (normal, curvature)) in normals.iter_mut().zip(curvatures).enumerate() {
+            let i = chunk * BATCH + j;
+            let position = positions[i];
+            neighborhood.gather(&tree, position, &mut found);
+            match fit_normal(position, found.iter().map(|n| positions[n.index()])) {
+                Some((direction, share)) => {
+                    let viewpoint = cloud.local_viewpoint(i);
+                    *normal = orient_normal(direction, position, viewpoint);
+                    *curvature = share as f32;
+                }
+                None => {
+                    unknown.fetch_add(1, Ordering::Relaxed);
                 }
             }
-            meter.step()?;
-            Ok(unknown)
-        })
-        .sum::<Result<usize>>()?;
-    Ok(Normals { normals, curvatures, unknown })
+        }
+        meter.step()
+    })?;
+    Ok(Normals { normals, curvatures, unknown: unknown.into_inner() })
 }
 
 /// The normal with the sign that [`estimate_normals`] promises.

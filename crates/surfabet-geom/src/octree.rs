@@ -1,6 +1,6 @@
 //! Octree: the occupied cubes of every level from the bounding cube down, with two representatives each.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -56,19 +56,15 @@ impl Octree {
         };
         let low: [f64; 3] = std::array::from_fn(|a| low[a] - origin[a]);
         let last = (1_u64 << depth) - 1;
-        let mut sorted: Vec<(u64, u32)> = cloud
-            .positions()
-            .par_iter()
-            .enumerate()
-            .map(|(i, p)| {
-                let cell = std::array::from_fn(|a| {
-                    (((f64::from(p[a]) - low[a]) / leaf_size) as u64).min(last)
-                });
-                (code_of(cell), i as u32)
-            })
-            .collect();
+        let mut sorted: Vec<(u64, u32)> = parallel::map_range(cloud.len(), |i| {
+            let p = cloud.positions()[i];
+            let cell = std::array::from_fn(|a| {
+                (((f64::from(p[a]) - low[a]) / leaf_size) as u64).min(last)
+            });
+            (code_of(cell), i as u32)
+        });
         progress.check()?;
-        sorted.par_sort_unstable();
+        parallel::sort_keyed(&mut sorted);
         progress.check()?;
         let (codes, order) = sorted.into_iter().unzip();
         Ok(Self { low, root_size: leaf_size * f64::from(1_u32 << depth), depth, codes, order })

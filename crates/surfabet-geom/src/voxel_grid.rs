@@ -1,6 +1,6 @@
 //! Voxel grid: points by the cube of space that they lie in, and one mean point per cube.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::attribute::{Column, Scalar, heaviest, with_column};
 use crate::cells::wide_cell_of;
@@ -196,7 +196,7 @@ impl VoxelGrid {
     ) -> Result<Vec<T>> {
         let mut values = vec![T::default(); self.len()];
         let meter = Meter::new(progress, "voxel means", values.len().div_ceil(BATCH));
-        values.par_chunks_mut(BATCH).enumerate().try_for_each(|(chunk, values)| {
+        parallel::try_for_each(values.chunks_mut(BATCH), |chunk, values| {
             for (j, place) in values.iter_mut().enumerate() {
                 *place = value(self.members(chunk * BATCH + j));
             }
@@ -223,7 +223,6 @@ fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Res
         let cell = wide_cell_of(cloud.world(i), size);
         std::array::from_fn(|a| (cell[a] - first[a]) as u64)
     };
-    let all = (0..cloud.len()).into_par_iter();
     if bits.iter().sum::<u32>() + index_bits <= 64 {
         let key = |i: usize| {
             let [x, y, z] = offset(i);
@@ -232,42 +231,39 @@ fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Res
             let xyz = xy.checked_shl(bits[2]).unwrap_or(0) | z;
             xyz.checked_shl(index_bits).unwrap_or(0) | i as u64
         };
-        let mut keys: Vec<u64> = all.map(key).collect();
+        let mut keys: Vec<u64> = parallel::map_range(cloud.len(), key);
         progress.check()?;
-        keys.par_sort_unstable();
+        parallel::sort_keys(&mut keys);
         let mask = 1_u64.checked_shl(index_bits).map_or(u64::MAX, |b| b - 1);
-        Ok(keys.par_iter().map(|key| (key & mask) as u32).collect())
+        Ok(parallel::map(&keys, |key| (key & mask) as u32))
     } else {
         let key = |i: usize| {
             let [x, y, z] = offset(i).map(u128::from);
             x << 96 | y << 64 | z << 32 | i as u128
         };
-        let mut keys: Vec<u128> = all.map(key).collect();
+        let mut keys: Vec<u128> = parallel::map_range(cloud.len(), key);
         progress.check()?;
-        keys.par_sort_unstable();
-        Ok(keys.par_iter().map(|&key| key as u32).collect())
+        parallel::sort_wide_keys(&mut keys);
+        Ok(parallel::map(&keys, |&key| key as u32))
     }
 }
 
 /// The cells of points in the order of their cells, each once, and where each starts; at the end the number of points.
 fn runs(order: &[u32], cell_of: impl Fn(u32) -> [i64; 3] + Sync) -> (Vec<[i64; 3]>, Vec<u32>) {
-    let parts: Vec<Vec<(u32, [i64; 3])>> = order
-        .par_chunks(BATCH)
-        .enumerate()
-        .map(|(chunk, points)| {
-            let begin = chunk * BATCH;
-            let mut previous = begin.checked_sub(1).map(|j| cell_of(order[j]));
-            let mut found = Vec::new();
-            for (j, &point) in points.iter().enumerate() {
-                let cell = cell_of(point);
-                if previous != Some(cell) {
-                    found.push(((begin + j) as u32, cell));
-                    previous = Some(cell);
-                }
+    let parts = parallel::map_range(order.len().div_ceil(BATCH), |chunk| {
+        let begin = chunk * BATCH;
+        let points = &order[begin..order.len().min(begin + BATCH)];
+        let mut previous = begin.checked_sub(1).map(|j| cell_of(order[j]));
+        let mut found = Vec::new();
+        for (j, &point) in points.iter().enumerate() {
+            let cell = cell_of(point);
+            if previous != Some(cell) {
+                found.push(((begin + j) as u32, cell));
+                previous = Some(cell);
             }
-            found
-        })
-        .collect();
+        }
+        found
+    });
     let voxels = parts.iter().map(Vec::len).sum();
     let mut cells = Vec::with_capacity(voxels);
     let mut starts = Vec::with_capacity(voxels + 1);

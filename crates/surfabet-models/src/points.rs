@@ -1,6 +1,6 @@
 //! Gathers the decoded points of many tasks in their order.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use crate::error::Result;
@@ -23,17 +23,13 @@ impl Points {
         progress: &dyn Progress,
         make: impl Fn(&[T], &mut Self) + Sync,
     ) -> Result<()> {
-        let made: Vec<Result<Self>> = patches
-            .par_chunks(block)
-            .map(|patches| {
-                progress.check()?;
-                let mut points = Self::default();
-                make(patches, &mut points);
-                Ok(points)
-            })
-            .collect();
+        let made = parallel::try_map_chunks(patches, block, |patches| -> Result<Self> {
+            progress.check()?;
+            let mut points = Self::default();
+            make(patches, &mut points);
+            Ok(points)
+        })?;
         for points in made {
-            let points = points?;
             self.positions.extend(points.positions);
             self.colors.extend(points.colors);
             self.intensities.extend(points.intensities);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use numpy::ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_sim::{
     GroundTruth, Intrinsics, LidarOptions, Pose, PoseError, RgbdFrame, RgbdOptions, RoomOptions,
     Scan, Scene, SurfaceKind,
@@ -306,11 +306,7 @@ impl PyScene {
         let points = arrays::rows3("points", points)?.into_f64();
         let scene = self.scene.clone();
         let distances = run::run(py, None, move |progress| {
-            points
-                .par_iter()
-                .with_min_len(256)
-                .map(|p| progress.check().map(|()| scene.distance(*p)))
-                .collect::<Result<Vec<f64>, _>>()
+            parallel::try_map(&points, |p| progress.check().map(|()| scene.distance(*p)))
                 .map_err(surfabet_geom::Error::from)
         })?;
         Ok(distances.into_pyarray(py))
@@ -332,13 +328,14 @@ impl PyScene {
         let points = arrays::rows3("points", points)?.into_f64();
         let scene = self.scene.clone();
         let found = run::run(py, None, move |progress| {
-            let closest = |(i, p): (usize, &[f64; 3])| {
+            let closest = |i: usize| {
                 progress.check()?;
+                let p = &points[i];
                 scene.closest_point(*p).ok_or_else(|| {
                     surfabet_geom::Error::invalid("points", format!("{p:?} in row {i}"), "finite")
                 })
             };
-            points.par_iter().enumerate().map(closest).collect::<surfabet_geom::Result<Vec<_>>>()
+            parallel::try_map_range(points.len(), closest)
         })?;
         let three = |f: &dyn Fn(&surfabet_sim::ClosestPoint) -> [f64; 3]| {
             let flat: Vec<f64> = found.iter().flat_map(f).collect();
@@ -372,11 +369,11 @@ impl PyScene {
         }
         let scene = self.scene.clone();
         let seen = run::run(py, None, move |progress| {
-            let is_seen = |(p, n): (&[f64; 3], &[f64; 3])| {
+            let is_seen = |i: usize| -> surfabet_geom::Result<bool> {
                 progress.check()?;
-                Ok(viewpoints.iter().any(|v| scene.is_visible(*p, *n, *v)))
+                Ok(viewpoints.iter().any(|v| scene.is_visible(points[i], normals[i], *v)))
             };
-            points.par_iter().zip(&normals).map(is_seen).collect::<surfabet_geom::Result<Vec<_>>>()
+            parallel::try_map_range(points.len(), is_seen)
         })?;
         Ok(seen.into_pyarray(py))
     }

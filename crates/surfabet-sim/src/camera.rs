@@ -2,7 +2,7 @@
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Error, Progress, Result};
 
 use crate::noise::{PoseError, Stream, axial_noise_std, check_within, random_stream};
@@ -234,8 +234,7 @@ fn take(
         }
         Ok(pixels)
     };
-    let rows: Vec<Vec<Pixel>> =
-        (0..camera.height).into_par_iter().map(row).collect::<Result<_>>()?;
+    let rows = parallel::try_map_range(camera.height as usize, |v| row(v as u32))?;
     let mut rng = random_stream(options.seed, index, &Stream::Pose);
     let believed = options.pose_error.believed(frame, &mut rng);
     let measurements: Vec<Measurement> = rows.iter().flatten().filter_map(|p| p.2).collect();

@@ -2,7 +2,7 @@
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Error, Progress, Result};
 
 use crate::camera::{checked_frames, noisy_color};
@@ -134,7 +134,8 @@ fn turn(
     let (elevations, azimuths) = options.angles();
     let origin: [f64; 3] = frame.translation.vector.into();
     let [near, far] = options.range_limits;
-    let column = |(number, azimuth): (usize, &f64)| -> Result<Vec<Measurement>> {
+    let column = |number: usize| -> Result<Vec<Measurement>> {
+        let azimuth = azimuths[number];
         progress.check()?;
         let mut rng = random_stream(options.seed, index, &Stream::Line(number as u32));
         let mut returned = Vec::with_capacity(elevations.len());
@@ -160,8 +161,7 @@ fn turn(
         }
         Ok(returned)
     };
-    let columns: Vec<Vec<Measurement>> =
-        azimuths.par_iter().enumerate().map(column).collect::<Result<_>>()?;
+    let columns = parallel::try_map_range(azimuths.len(), column)?;
     let mut rng = random_stream(options.seed, index, &Stream::Pose);
     let believed = options.pose_error.believed(frame, &mut rng);
     place(&columns.concat(), frame, &believed, true)

@@ -1,6 +1,6 @@
 //! Signals as their codes stand for them.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::codes::{SIGNALS_PER_TASK, SparseCodes, add_code};
 use crate::dictionary::Dictionary;
@@ -26,13 +26,15 @@ impl Coded {
 
     /// Computes residuals and errors from the codes again.
     pub fn refresh(&mut self, dictionary: &Dictionary, signals: &Signals<'_>) {
-        let rows = self.residuals.par_chunks_mut(signals.n_features());
-        rows.with_min_len(SIGNALS_PER_TASK).enumerate().for_each(|(i, row)| {
-            row.fill(0.0);
-            let (atoms, coefficients) = self.codes.code(i);
-            add_code(dictionary, atoms, coefficients, row);
-            for (r, &s) in row.iter_mut().zip(signals.values(i)) {
-                *r = s - *r;
+        let n = signals.n_features();
+        parallel::for_each(self.residuals.chunks_mut(SIGNALS_PER_TASK * n), |task, rows| {
+            for (i, row) in (task * SIGNALS_PER_TASK..).zip(rows.chunks_mut(n)) {
+                row.fill(0.0);
+                let (atoms, coefficients) = self.codes.code(i);
+                add_code(dictionary, atoms, coefficients, row);
+                for (r, &s) in row.iter_mut().zip(signals.values(i)) {
+                    *r = s - *r;
+                }
             }
         });
         self.measure(signals);
@@ -41,14 +43,14 @@ impl Coded {
     /// Computes the errors from the residuals.
     pub fn measure(&mut self, signals: &Signals<'_>) {
         let square = |r: f32| f64::from(r).powi(2);
-        let rows = self.residuals.par_chunks_exact(signals.n_features());
-        rows.with_min_len(SIGNALS_PER_TASK)
-            .enumerate()
-            .map(|(i, row)| match signals.weights(i) {
+        let n = signals.n_features();
+        self.errors = parallel::map_range(signals.len(), |i| {
+            let row = &self.residuals[i * n..(i + 1) * n];
+            match signals.weights(i) {
                 None => row.iter().map(|&r| square(r)).sum(),
                 Some(w) => row.iter().zip(w).map(|(&r, &w)| f64::from(w) * square(r)).sum(),
-            })
-            .collect_into_vec(&mut self.errors);
+            }
+        });
     }
 
     /// Sum of the errors.

@@ -1,6 +1,6 @@
 //! Sparse codes: `X` of HSCSM eq. 1, and back to signals by eq. 3.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
@@ -149,9 +149,11 @@ pub fn reconstruct(dictionary: &Dictionary, codes: &SparseCodes) -> Result<Vec<f
     codes.check(dictionary)?;
     let n = dictionary.n_features();
     let mut out = vec![0.0; codes.len() * n];
-    out.par_chunks_mut(n).with_min_len(SIGNALS_PER_TASK).enumerate().for_each(|(i, row)| {
-        let (atoms, coefficients) = codes.code(i);
-        add_code(dictionary, atoms, coefficients, row);
+    parallel::for_each(out.chunks_mut(SIGNALS_PER_TASK * n), |task, rows| {
+        for (i, row) in (task * SIGNALS_PER_TASK..).zip(rows.chunks_mut(n)) {
+            let (atoms, coefficients) = codes.code(i);
+            add_code(dictionary, atoms, coefficients, row);
+        }
     });
     Ok(out)
 }
@@ -176,7 +178,7 @@ pub fn squared_errors(
         return Err(Error::CodeCount { codes: codes.len(), signals: signals.len() });
     }
     let mut errors = vec![0.0; signals.len()];
-    errors.par_chunks_mut(SIGNALS_PER_TASK).enumerate().for_each(|(task, errors)| {
+    parallel::for_each(errors.chunks_mut(SIGNALS_PER_TASK), |task, errors| {
         let mut row = vec![0.0; signals.n_features()];
         for (i, error) in (task * SIGNALS_PER_TASK..).zip(errors) {
             row.fill(0.0);

@@ -7,8 +7,8 @@
 //! own take the shared Gram matrix.
 
 use pulp::Arch;
-use rayon::prelude::*;
 use surfabet_base::Progress;
+use surfabet_base::parallel;
 
 use crate::codes::SparseCodes;
 use crate::dictionary::Dictionary;
@@ -86,10 +86,10 @@ pub fn omp(
     }
     let coder = Coder::new(dictionary, signals, options, progress)?;
     let size = coder.block_size();
-    let blocks: Vec<SparseCodes> = (0..signals.len().div_ceil(size))
-        .into_par_iter()
-        .map(|block| coder.code_block(block * size, ((block + 1) * size).min(signals.len())))
-        .collect::<Result<_>>()?;
+    let blocks: Vec<SparseCodes> =
+        parallel::try_map_range(signals.len().div_ceil(size), |block| {
+            coder.code_block(block * size, ((block + 1) * size).min(signals.len()))
+        })?;
     let mut codes = SparseCodes::default();
     for block in &blocks {
         codes.append(block);
@@ -138,7 +138,13 @@ impl<'a> Coder<'a> {
             gram: Vec::new(),
         };
         let shares_gram = |i| Pursuit::start(signals, i, 0.0, 0).is_some_and(|p| !p.is_weighted());
-        if coder.most_atoms() > 1 && (0..signals.len()).into_par_iter().any(shares_gram) {
+        if coder.most_atoms() > 1
+            && parallel::try_map_range(
+                signals.len(),
+                |i| if shares_gram(i) { Err(()) } else { Ok(()) },
+            )
+            .is_err()
+        {
             coder.gram = gram(dictionary, &coder.by_feature, progress)?;
         }
         Ok(coder)
@@ -205,12 +211,11 @@ pub(crate) fn gram(
     if k == 0 {
         return Ok(gram);
     }
-    gram.par_chunks_mut(COLUMNS * k).zip(dictionary.atoms().par_chunks(COLUMNS * n)).try_for_each(
-        |(out, atoms)| {
-            product(by_feature, atoms, out, k, n);
-            progress.check()
-        },
-    )?;
+    let chunks = gram.chunks_mut(COLUMNS * k).zip(dictionary.atoms().chunks(COLUMNS * n));
+    parallel::try_for_each(chunks, |_, (out, atoms)| {
+        product(by_feature, atoms, out, k, n);
+        progress.check()
+    })?;
     Ok(gram)
 }
 

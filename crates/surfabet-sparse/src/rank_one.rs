@@ -7,8 +7,8 @@
 //! `x_i = Σ_j w e d / Σ_j w d²` and `d_j = Σ_i w e x / Σ_i w x²`. Neither stage can raise the error.
 
 use pulp::Arch;
-use rayon::prelude::*;
 use surfabet_base::Progress;
+use surfabet_base::parallel;
 
 use crate::dictionary::normalize;
 use crate::error::Result;
@@ -55,7 +55,7 @@ fn over_chunks<'a, T: Send>(
     if members.len() * n < PARALLEL {
         members.chunks_mut(ROWS).map(work).collect()
     } else {
-        members.par_chunks_mut(ROWS).with_min_len(4).map(work).collect()
+        parallel::map_owned(members.chunks_mut(ROWS).collect(), work)
     }
 }
 
@@ -237,23 +237,21 @@ fn orthonormalize(v: &mut [f32], basis: &[Vec<f32>]) -> f64 {
 }
 
 fn times(rows: &[f32], v: &[f32]) -> Vec<f32> {
-    rows.par_chunks_exact(v.len()).with_min_len(ROWS).map(|row| dot(row, v) as f32).collect()
+    parallel::map_chunks(rows, v.len(), |row| dot(row, v) as f32)
 }
 
 fn transposed_times(rows: &[f32], u: &[f32], n: usize) -> Vec<f32> {
-    let partial: Vec<Vec<f32>> = rows
-        .par_chunks(ROWS * n)
-        .zip(u.par_chunks(ROWS))
-        .map(|(rows, u)| {
-            let mut sums = vec![0.0f32; n];
-            for (row, &u) in rows.chunks_exact(n).zip(u) {
-                for (s, &v) in sums.iter_mut().zip(row) {
-                    *s += u * v;
-                }
+    let partial = parallel::map_range(u.len().div_ceil(ROWS), |chunk| {
+        let of_chunk = chunk * ROWS..u.len().min((chunk + 1) * ROWS);
+        let rows = &rows[of_chunk.start * n..of_chunk.end * n];
+        let mut sums = vec![0.0f32; n];
+        for (row, &u) in rows.chunks_exact(n).zip(&u[of_chunk]) {
+            for (s, &v) in sums.iter_mut().zip(row) {
+                *s += u * v;
             }
-            sums
-        })
-        .collect();
+        }
+        sums
+    });
     let mut sums = vec![0.0; n];
     for p in &partial {
         add(&mut sums, p);

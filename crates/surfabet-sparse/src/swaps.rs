@@ -7,8 +7,8 @@
 //! is expected to take off the objective, and takes the place of an atom that is worth less.
 
 use pulp::Arch;
-use rayon::prelude::*;
 use surfabet_base::Progress;
+use surfabet_base::parallel;
 
 use crate::codes::SparseCodes;
 use crate::dictionary::{Dictionary, normalize};
@@ -121,9 +121,8 @@ pub fn swaps(
     if splits {
         let least = worth.losses.iter().copied().fold(f64::INFINITY, f64::min);
         let users = users(state.codes, worth.losses.len());
-        let found: Vec<Option<Offer>> = (users.par_iter().enumerate())
-            .map(|(a, users)| state.split(a, users, least, progress))
-            .collect::<Result<_>>()?;
+        let split = |a: usize| state.split(a, &users[a], least, progress);
+        let found: Vec<Option<Offer>> = parallel::try_map_range(users.len(), split)?;
         offers.extend(found.into_iter().flatten());
     }
     offers.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -358,8 +357,8 @@ fn choose_lines(
 ) -> Result<Vec<Choice>> {
     let squares: Vec<Vec<f32>> = lines.iter().map(|l| l.iter().map(|d| d * d).collect()).collect();
     let mut choices = vec![None; rows.len()];
-    let chunks = rows.par_chunks(SIGNALS).zip(choices.par_chunks_mut(SIGNALS));
-    chunks.try_for_each(|(rows, choices)| {
+    let chunks = rows.chunks(SIGNALS).zip(choices.chunks_mut(SIGNALS));
+    parallel::try_for_each(chunks, |_, (rows, choices)| {
         progress.check()?;
         Arch::new().dispatch(|| {
             for (row, choice) in rows.iter().zip(choices) {

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::cells::{around, cell_of, key, of_key};
 use crate::cloud::PointCloud;
@@ -76,8 +77,8 @@ fn far_points(positions: &[[f32; 3]], side: f32) -> Vec<u32> {
     if n == 0 || n * ONE_OF > positions.len() {
         return Vec::new();
     }
-    let far = |(i, p): (usize, &[f32; 3])| small.contains(&cell_key(p)).then_some(i as u32);
-    positions.par_iter().enumerate().filter_map(far).collect()
+    let far = |i: usize| small.contains(&cell_key(&positions[i])).then_some(i as u32);
+    parallel::gather(positions.len(), |i, found| found.extend(far(i)))
 }
 
 /// Keys of the cells that hold points, ascending, with the number of points in each.
@@ -85,14 +86,12 @@ fn occupied(
     positions: &[[f32; 3]],
     cell_key: impl Fn(&[f32; 3]) -> u64 + Sync,
 ) -> Vec<(u64, usize)> {
-    let mut cells: Vec<(u64, usize)> = positions
-        .par_chunks(BATCH)
-        .flat_map_iter(|points| {
-            let mut keys: Vec<u64> = points.iter().map(&cell_key).collect();
-            keys.sort_unstable();
-            keys.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect::<Vec<_>>()
-        })
-        .collect();
+    let mut cells: Vec<(u64, usize)> = parallel::map_chunks(positions, BATCH, |points| {
+        let mut keys: Vec<u64> = points.iter().map(&cell_key).collect();
+        keys.sort_unstable();
+        keys.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect::<Vec<_>>()
+    })
+    .concat();
     cells.par_sort_unstable();
     cells
         .chunk_by(|a, b| a.0 == b.0)

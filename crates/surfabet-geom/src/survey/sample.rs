@@ -1,6 +1,7 @@
 //! The points that a survey looks at.
 
 use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use super::facing::facings;
 use super::median;
@@ -59,7 +60,9 @@ impl Sample {
 
     /// What `measure` gives of the points that are looked at, by number, where it gives anything.
     pub fn measure<T: Send>(&self, measure: impl Fn(usize) -> Option<T> + Send + Sync) -> Vec<T> {
-        (0..self.positions.len()).into_par_iter().step_by(self.step).filter_map(measure).collect()
+        parallel::gather(self.positions.len().div_ceil(self.step), |k, found| {
+            found.extend(measure(k * self.step));
+        })
     }
 
     /// Median distance of a point to the nearest other one, metres; zero where there is none.
@@ -103,7 +106,8 @@ fn some_blocks(positions: &[[f32; 3]]) -> Vec<usize> {
     let hash = |key: u64| key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
     let is_chosen =
         |&i: &usize| hash(cells::key(cells::cell_of(positions[i], side))).is_multiple_of(one_of);
-    let some: Vec<usize> = (0..positions.len()).into_par_iter().filter(is_chosen).collect();
+    let some: Vec<usize> =
+        parallel::gather(positions.len(), |i, some| some.extend(Some(i).filter(is_chosen)));
     // Where nearly all points are in one block, it may not be among the chosen ones.
     if some.len() < TREE_POINTS / 8 { (0..positions.len()).collect() } else { some }
 }

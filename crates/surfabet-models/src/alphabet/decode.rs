@@ -1,6 +1,6 @@
 //! From words and poses back to a cloud (eq. 2).
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Progress, Viewpoints};
 
 use super::candidates::sample_grid;
@@ -28,13 +28,10 @@ impl AlphabetModel {
         let most: f64 = poses.iter().map(|(pose, _)| grid_of(pose).0.powi(2)).sum();
         let first = poses.first().map_or(0.0, |(pose, _)| grid_of(pose).1 * self.unit());
         check_points(options.resolution.unwrap_or(first), most, options.max_points)?;
-        let points: PointsPerOccurrence = poses
-            .par_iter()
-            .map(|(pose, word)| {
-                progress.check()?;
-                Ok(self.word_points(pose, word, grid_of(pose)))
-            })
-            .collect::<Result<_>>()?;
+        let points: PointsPerOccurrence = parallel::try_map(&poses, |(pose, word)| -> Result<_> {
+            progress.check()?;
+            Ok(self.word_points(pose, word, grid_of(pose)))
+        })?;
         let normals =
             options.normals.then(|| per_point(&points, |k| poses[k].0.rows[2].map(|c| c as f32)));
         let parts = CloudParts {

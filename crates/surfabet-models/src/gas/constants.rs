@@ -51,11 +51,8 @@ pub(super) const POLISH_SAMPLE: usize = 32;
 /// Rounds at the end of the polish that look at all points: the second moves neurons little more.
 pub(super) const ROUNDS_OF_ALL: u32 = 2;
 
-/// Neurons per unit of parallel work when they are described, some milliseconds; results do not depend on it.
-pub(super) const NEURONS_PER_TASK: usize = 256;
-
-/// Neurons and edges per unit of parallel work when they are decoded; results do not depend on it.
-pub(super) const DISCS_PER_TASK: usize = 64;
+/// Neurons that are decoded between two looks at the caller's wish to stop.
+pub(super) const DISCS_PER_CHECK: usize = 64;
 
 /// Radius of a decoded disc in radii of a round disc of the same spread: a neuron's points fill the cell of those nearest
 /// to it. The corners of a hexagon are `sqrt(6 / 5)` = 1.10 such radii from its middle, those of a square

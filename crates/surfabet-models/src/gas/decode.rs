@@ -1,10 +1,10 @@
 //! Back to a cloud: the neurons alone, or their discs filled at any spacing, and edges where discs do not meet.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, KdTree, PointCloud, Progress};
 
 use super::constants::{
-    BLEND_WIDTH, DISC_REACH, DISCS_PER_TASK, LEAST_BLEND_COSINE, POINTS_PER_EDGE,
+    BLEND_WIDTH, DISC_REACH, DISCS_PER_CHECK, LEAST_BLEND_COSINE, POINTS_PER_EDGE,
 };
 use super::distance;
 use super::model::GasModel;
@@ -95,23 +95,14 @@ impl GasModel {
             (0..self.len()).map(squares).sum::<f64>() + self.edges.iter().map(links).sum::<f64>();
         check_points(spacing, most, options.max_points)?;
         let tree = KdTree::new(&self.positions())?;
-        let discs: Vec<Vec<Point>> = (0..self.len())
-            .into_par_iter()
-            .with_min_len(DISCS_PER_TASK)
-            .map(|i| {
-                if i % DISCS_PER_TASK == 0 {
-                    progress.check()?;
-                }
-                Ok(self.disc(i, spacing, options.as_measured, &tree))
-            })
-            .collect::<Result<_>>()?;
+        let discs = parallel::try_map_range(self.len(), |i| -> Result<Vec<Point>> {
+            if i % DISCS_PER_CHECK == 0 {
+                progress.check()?;
+            }
+            Ok(self.disc(i, spacing, options.as_measured, &tree))
+        })?;
         progress.update("decoding", 0.9);
-        let links: Vec<Vec<Point>> = self
-            .edges
-            .par_iter()
-            .with_min_len(DISCS_PER_TASK)
-            .map(|&edge| self.link(edge, spacing))
-            .collect();
+        let links = parallel::map(&self.edges, |&edge| self.link(edge, spacing));
         progress.check()?;
         Ok(discs.into_iter().chain(links).flatten().collect())
     }

@@ -1,6 +1,6 @@
 //! Learning a gas from a cloud.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::cells::cell_of;
 use surfabet_geom::{PointCloud, Progress};
 
@@ -115,7 +115,9 @@ fn chosen_size(start: &mut Start<'_>, options: &GasOptions) -> Result<GasOptions
     };
     let side = tolerances * start.survey.tolerance();
     let wanted = options.n_neurons.unwrap_or_else(|| {
-        let cells = count_distinct(positions.len(), |i| cell_of(positions[i], side as f32));
+        let cells = count_distinct(positions.len(), |i| {
+            cell_of(positions[i], side as f32).map(|c| c as u32)
+        });
         cells.min(MOST_CHOSEN)
     });
     let n_neurons = wanted.clamp(2, places.min(MAX_NEURONS));
@@ -133,9 +135,10 @@ fn chosen_size(start: &mut Start<'_>, options: &GasOptions) -> Result<GasOptions
 }
 
 /// Number of different keys of `count` items.
-fn count_distinct<K: Ord + Send>(count: usize, key: impl Fn(usize) -> K + Send + Sync) -> usize {
-    let mut keys: Vec<K> = (0..count).into_par_iter().map(key).collect();
-    keys.par_sort_unstable();
+fn count_distinct(count: usize, key: impl Fn(usize) -> [u32; 3] + Sync) -> usize {
+    let joined = |i: usize| key(i).into_iter().fold(0, |all, k| all << 32 | u128::from(k));
+    let mut keys: Vec<u128> = parallel::map_range(count, joined);
+    parallel::sort_wide_keys(&mut keys);
     keys.dedup();
     keys.len()
 }

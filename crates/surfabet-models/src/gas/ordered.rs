@@ -1,7 +1,7 @@
 //! Points in the order of a space-filling curve: neighbours in the list are near each other, so that what was found for
 //! one helps the next and stays in the cache.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::morton;
 
 /// Cells along the longest side of the box around the points, as a power of two: three such numbers and the number of a
@@ -28,7 +28,8 @@ impl Ordered {
         }
         let side = (0..3).map(|a| high[a] - low[a]).fold(0.0, f32::max);
         let cells = (1_u32 << CELL_BITS) as f32;
-        let key = |(i, p): (usize, &[f32; 3])| {
+        let key = |i: usize| {
+            let p = points[i];
             let cell = std::array::from_fn(|a| {
                 let share = (p[a] - low[a]) / side * cells;
                 // All at one place: not a number, which becomes cell zero.
@@ -36,10 +37,10 @@ impl Ordered {
             });
             morton::encode(cell) << 32 | i as u64
         };
-        let mut keys: Vec<u64> = points.par_iter().enumerate().map(key).collect();
-        keys.par_sort_unstable();
-        let source: Vec<u32> = keys.into_par_iter().map(|key| key as u32).collect();
-        let points = source.par_iter().map(|&i| points[i as usize]).collect();
+        let mut keys: Vec<u64> = parallel::map_range(points.len(), key);
+        parallel::sort_keys(&mut keys);
+        let source: Vec<u32> = parallel::map(&keys, |&key| key as u32);
+        let points = parallel::map(&source, |&i| points[i as usize]);
         Self { points, source }
     }
 

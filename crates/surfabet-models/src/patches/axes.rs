@@ -4,7 +4,7 @@
 //! meet without gaps. A scene without such directions loses nothing but compactness: any frame is a valid one.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Moments, PointCloud};
 
 use super::constants::{
@@ -101,20 +101,18 @@ fn normals(cloud: &PointCloud, cell: f32) -> Vec<([f64; 3], f64)> {
     let stride = cloud.len().div_ceil(MAX_AXES_POINTS).max(1);
     let points: Vec<[f32; 3]> = cloud.positions().iter().step_by(stride).copied().collect();
     let cells = CellGroups::new(points.len(), |i| key(cell_of(points[i], cell)));
-    (0..cells.len())
-        .into_par_iter()
-        .filter_map(|g| {
-            let members = cells.of(g);
-            let moments = Moments::about(
-                points[members[0] as usize],
-                members.iter().map(|&i| points[i as usize]),
-            );
-            let axes = moments.principal_axes()?;
-            let [thin, middle, _] = axes.variances;
-            (members.len() >= 6 && middle > 0.0).then_some(())?;
-            Some((axes.normal(), members.len() as f64 * (1.0 - (thin / middle).sqrt())))
-        })
-        .collect()
+    let normal = |g: usize| {
+        let members = cells.of(g);
+        let moments = Moments::about(
+            points[members[0] as usize],
+            members.iter().map(|&i| points[i as usize]),
+        );
+        let axes = moments.principal_axes()?;
+        let [thin, middle, _] = axes.variances;
+        (members.len() >= 6 && middle > 0.0).then_some(())?;
+        Some((axes.normal(), members.len() as f64 * (1.0 - (thin / middle).sqrt())))
+    };
+    parallel::gather(cells.len(), |g, normals| normals.extend(normal(g)))
 }
 
 /// The allowed normal with most weight of normals along it, either way.
@@ -125,10 +123,9 @@ fn strongest(
     let stride = normals.len().div_ceil(MAX_AXES_CANDIDATES).max(1);
     let candidates: Vec<[f64; 3]> =
         normals.iter().step_by(stride).map(|n| n.0).filter(|&n| allowed(n)).collect();
-    let votes: Vec<f64> = candidates
-        .par_iter()
-        .map(|c| normals.iter().filter(|(n, _)| dot(*n, *c).abs() >= ALONG_AXIS).map(|n| n.1).sum())
-        .collect();
+    let votes: Vec<f64> = parallel::map(&candidates, |c| {
+        normals.iter().filter(|(n, _)| dot(*n, *c).abs() >= ALONG_AXIS).map(|n| n.1).sum()
+    });
     let best =
         (0..candidates.len()).max_by(|&a, &b| votes[a].total_cmp(&votes[b]).then(b.cmp(&a)))?;
     Some(candidates[best])

@@ -1,6 +1,6 @@
 //! Points beside the patches: for the input that is far from what the patches decode to.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Aabb, KdTree, PointCloud, Progress};
 
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
@@ -130,12 +130,11 @@ fn far_points(
             let nearest = || tree.nearest(**p).is_some_and(|n| is_near(n.squared_distance()));
             !(is_near(bounds.squared_distance(**p)) && nearest())
         };
-        let of_batch = |batch: &[[f32; 3]]| {
+        let of_batch = |batch: &[[f32; 3]]| -> Result<_> {
             progress.check()?;
             Ok(batch.iter().filter(is_far).copied().collect())
         };
-        let batches: Vec<Vec<[f32; 3]>> =
-            far.par_chunks(BATCH).map(of_batch).collect::<Result<_>>()?;
+        let batches: Vec<Vec<[f32; 3]>> = parallel::try_map_chunks(&far, BATCH, of_batch)?;
         far = batches.concat();
     }
     Ok(far)
@@ -159,9 +158,8 @@ impl Cells {
                 (0..3).map(|k| rows[k][a] * f64::from(p[k])).sum::<f64>() as f32
             })
         };
-        let mut keys: Vec<u64> =
-            points.par_iter().map(|&p| extra_key(to_lattice(p), size)).collect();
-        keys.par_sort_unstable();
+        let mut keys: Vec<u64> = parallel::map(points, |&p| extra_key(to_lattice(p), size));
+        parallel::sort_keys(&mut keys);
         let counted = keys.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();
         Self { counted, size }
     }

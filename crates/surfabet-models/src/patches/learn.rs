@@ -1,6 +1,6 @@
 //! The whole way from a cloud to a model.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress};
 
@@ -230,13 +230,13 @@ fn choose(
 
 /// The best hierarchy of every sheet that is not left out.
 fn trees(choice: &Choice<'_>, sheets: &[Sheet], progress: &dyn Progress) -> Result<Vec<SheetTree>> {
-    let of_sheet = |sheet: &Sheet| {
+    let of_sheet = |sheet: &Sheet| -> Result<_> {
         progress.check()?;
         let root = choice.sheet(sheet);
         let tree = SheetTree { side: sheet.side, tile: sheet.tile, root };
         Ok((tree.root != Square::Empty).then_some(tree))
     };
-    let trees: Vec<Option<SheetTree>> = sheets.par_iter().map(of_sheet).collect::<Result<_>>()?;
+    let trees: Vec<Option<SheetTree>> = parallel::try_map(sheets, of_sheet)?;
     Ok(trees.into_iter().flatten().collect())
 }
 

@@ -1,6 +1,6 @@
 //! The model: patches as integers and as numbers, and points of any cloud on them.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress, has_facings};
 
 use super::coding::{MAX_COORDINATE, StoredPatch};
@@ -130,7 +130,7 @@ impl PlaneModel {
             let what = format!("{} tiles, more than {MAX_MODEL_TILES}", n_tiles(&stored));
             return Err(Error::Inconsistent(what));
         }
-        let patches = stored.par_iter().map(|patch| patch.restored(&header)).collect();
+        let patches = parallel::map(&stored, |patch| patch.restored(&header));
         Ok(Self {
             header,
             stored,

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Aabb, BoxTree, Moments, PointCloud, boxes_of, morton};
 
 use super::constants::SPACING_POINTS;
@@ -68,12 +69,10 @@ impl Points {
                 (((f64::from(p[a]) + origin[a] - low[a]) / cell).max(0.0)) as u64
             }))
         };
-        let mut order: Vec<(u64, [u32; 3], u32)> = input
-            .par_iter()
+        let mut order: Vec<(u64, [u32; 3], u32)> = parallel::map_range(input.len(), |i| {
             // Zero is one place, whatever its sign.
-            .enumerate()
-            .map(|(i, p)| (code(p), p.map(|c| (c + 0.0).to_bits()), i as u32))
-            .collect();
+            (code(&input[i]), input[i].map(|c| (c + 0.0).to_bits()), i as u32)
+        });
         order.par_sort_unstable();
         let mut points = Self {
             origin,

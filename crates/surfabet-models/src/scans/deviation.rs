@@ -1,6 +1,6 @@
 //! The deviation that is allowed at each point (eq. 13), and the estimation of what is not given of it.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Progress, estimate_noise};
 
 use super::Scene;
@@ -113,7 +113,7 @@ impl Scene {
 /// The values of `measure` at points spread evenly over `n`, where there are any.
 fn sampled(n: usize, measure: impl Fn(usize) -> Option<f64> + Send + Sync) -> Vec<f64> {
     let step = n.div_ceil(MAX_SAMPLED).max(1);
-    (0..n).into_par_iter().step_by(step).filter_map(measure).collect()
+    parallel::gather(n.div_ceil(step), |k, values| values.extend(measure(k * step)))
 }
 
 /// Side of the square that point `i` has for itself: `sqrt(pi r^2 / k)`, with r the distance of its k-th neighbour.

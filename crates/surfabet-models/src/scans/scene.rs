@@ -1,6 +1,6 @@
 //! The scene that words are learned from: the distinct points of a cloud, each with the deviation allowed there (eq. 13).
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::deviation::{Deviation, LEAST_SIGMA, median};
@@ -125,7 +125,9 @@ impl Scene {
 /// at one position is always the same.
 fn sorted_points(cloud: &PointCloud, min_range: f64, progress: &dyn Progress) -> Result<Vec<u32>> {
     let far = |&i: &u32| range(cloud, i).is_none_or(|r| f64::from(r) >= min_range);
-    let mut order: Vec<u32> = (0..cloud.len() as u32).into_par_iter().filter(far).collect();
+    let mut order: Vec<u32> = parallel::gather(cloud.len(), |i, order| {
+        order.extend(Some(i as u32).filter(far));
+    });
     progress.check()?;
     let attributes = |i: u32| {
         let i = i as usize;
@@ -135,7 +137,7 @@ fn sorted_points(cloud: &PointCloud, min_range: f64, progress: &dyn Progress) ->
         let intensity = cloud.intensities().map_or(0, |v| v[i].to_bits());
         (viewpoint, range, color, intensity)
     };
-    order.par_sort_unstable_by(|&i, &j| {
+    parallel::sort_numbers_by(&mut order, &|i, j| {
         let [a, b] = [i, j].map(|k| position(cloud, k));
         a[0].total_cmp(&b[0])
             .then(a[1].total_cmp(&b[1]))

@@ -1,6 +1,6 @@
 //! Candidate words: centroids of clustered descriptors.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::descriptor::{Descriptor, N_PIXELS};
@@ -47,7 +47,7 @@ fn farthest_first(
     while words.len() <= n {
         progress.check()?;
         let last = Descriptor::of_word(&words[words.len() - 1]);
-        worst.par_iter_mut().zip(descriptors).for_each(|(d, p)| *d = d.min(p.distance(&last)));
+        parallel::for_each_mut(&mut worst, |k, d| *d = d.min(descriptors[k].distance(&last)));
         let far = worst.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)));
         let Some((k, _)) = far.filter(|(_, d)| **d > 0.0) else { break };
         words.push(rounded(descriptors[k].set.map(|s| s > 0.0), descriptors[k].heights));
@@ -63,13 +63,10 @@ fn centroids(
     progress: &dyn Progress,
 ) -> Result<Vec<Word>> {
     let of_words: Vec<Descriptor> = words.iter().map(Descriptor::of_word).collect();
-    let nearest: Vec<usize> = descriptors
-        .par_iter()
-        .map(|p| {
-            progress.check()?;
-            Ok(nearest(p, &of_words))
-        })
-        .collect::<Result<_>>()?;
+    let nearest: Vec<usize> = parallel::try_map(descriptors, |p| -> Result<usize> {
+        progress.check()?;
+        Ok(nearest(p, &of_words))
+    })?;
     let mut sums = vec![([0.0_f32; N_PIXELS], [0.0_f32; N_PIXELS], 0.0_f32); words.len()];
     for (p, &k) in descriptors.iter().zip(&nearest) {
         let (heights, set, all) = &mut sums[k];

@@ -13,7 +13,7 @@ mod coverage;
 mod descriptor;
 mod planes;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 pub(super) use self::clusters::{cluster_words, nearest_words};
@@ -46,31 +46,30 @@ pub(super) fn place_words(
     progress: &dyn Progress,
 ) -> Result<Vec<Candidate>> {
     let descriptors: Vec<Descriptor> = words.iter().map(Descriptor::of_word).collect();
-    let placed: Vec<Vec<Candidate>> = planes
-        .par_iter()
-        .map_init(
-            || (Vec::new(), Vec::<LocalPoint>::new(), WordSamples::new(words)),
-            |(around, points, samples), plane| {
-                progress.check()?;
-                if plane.descriptor.distance(&descriptors[0]) < PLANE_DISTANCE {
-                    return Ok(Vec::new());
-                }
-                let mut fitting = nearest_words(&plane.descriptor, &descriptors, WORDS_PER_PLACE);
-                fitting.retain(|&word| word != 0);
-                if fitting.is_empty() {
-                    return Ok(Vec::new());
-                }
-                let Candidate { placement, pose, .. } = plane.candidate;
-                cells.touched(placement.cell, &pose, around);
-                local_points(scene, &pose, around, points);
-                let with_word = |word: usize| Candidate {
-                    placement: Placement { word: word as u16, ..placement },
-                    pose,
-                    coverage: samples.coverage(word, &pose, spacing, points),
-                };
-                Ok(fitting.into_iter().map(with_word).collect())
-            },
-        )
-        .collect::<Result<_>>()?;
+    let placed = parallel::try_map_range_with(
+        planes.len(),
+        || (Vec::new(), Vec::<LocalPoint>::new(), WordSamples::new(words)),
+        |(around, points, samples), k| -> Result<Vec<Candidate>> {
+            progress.check()?;
+            let plane = &planes[k];
+            if plane.descriptor.distance(&descriptors[0]) < PLANE_DISTANCE {
+                return Ok(Vec::new());
+            }
+            let mut fitting = nearest_words(&plane.descriptor, &descriptors, WORDS_PER_PLACE);
+            fitting.retain(|&word| word != 0);
+            if fitting.is_empty() {
+                return Ok(Vec::new());
+            }
+            let Candidate { placement, pose, .. } = plane.candidate;
+            cells.touched(placement.cell, &pose, around);
+            local_points(scene, &pose, around, points);
+            let with_word = |word: usize| Candidate {
+                placement: Placement { word: word as u16, ..placement },
+                pose,
+                coverage: samples.coverage(word, &pose, spacing, points),
+            };
+            Ok(fitting.into_iter().map(with_word).collect())
+        },
+    )?;
     Ok(placed.into_iter().flatten().collect())
 }

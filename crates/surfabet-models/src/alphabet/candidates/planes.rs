@@ -1,7 +1,7 @@
 //! Planes at every cell of a scale, as poses of integers.
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::{Candidate, Descriptor, WordSamples};
@@ -34,17 +34,14 @@ pub(in crate::alphabet) fn find_planes(
 ) -> Result<Vec<CandidatePlane>> {
     let plane = [Word::plane()];
     let search = PlaneSearch { scene, cells, scale, spacing };
-    let found: Vec<Vec<CandidatePlane>> = (0..cells.len())
-        .into_par_iter()
-        .with_min_len(16)
-        .map_init(
-            || (Buffers::default(), WordSamples::new(&plane)),
-            |(buffers, samples), k| {
-                progress.check()?;
-                Ok(search.planes_of_cell(k, buffers, samples))
-            },
-        )
-        .collect::<Result<_>>()?;
+    let found = parallel::try_map_range_with(
+        cells.len(),
+        || (Buffers::default(), WordSamples::new(&plane)),
+        |(buffers, samples), k| -> Result<Vec<CandidatePlane>> {
+            progress.check()?;
+            Ok(search.planes_of_cell(k, buffers, samples))
+        },
+    )?;
     let mut all: Vec<CandidatePlane> = found.into_iter().flatten().collect();
     all.sort_by_key(|p| p.candidate.placement);
     all.dedup_by_key(|p| p.candidate.placement);

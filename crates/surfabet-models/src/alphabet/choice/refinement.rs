@@ -1,6 +1,6 @@
 //! Refinement: every occurrence is replaced by the best of its variants.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::Choice;
@@ -27,16 +27,14 @@ impl Choice<'_> {
         progress: &dyn Progress,
     ) -> Result<()> {
         let descriptors: Vec<Descriptor> = self.words.iter().map(Descriptor::of_word).collect();
-        let variants: Vec<Vec<Candidate>> = chosen
-            .par_iter()
-            .map_init(
-                || (Buffers::default(), WordSamples::new(&self.words)),
-                |(buffers, samples), c| {
-                    progress.check()?;
-                    Ok(self.variants(c, &descriptors, buffers, samples))
-                },
-            )
-            .collect::<Result<_>>()?;
+        let variants: Vec<Vec<Candidate>> = parallel::try_map_range_with(
+            chosen.len(),
+            || (Buffers::default(), WordSamples::new(&self.words)),
+            |(buffers, samples), k| -> Result<_> {
+                progress.check()?;
+                Ok(self.variants(&chosen[k], &descriptors, buffers, samples))
+            },
+        )?;
         for (c, variants) in chosen.iter_mut().zip(variants) {
             progress.check()?;
             counts.remove(&c.coverage.points);

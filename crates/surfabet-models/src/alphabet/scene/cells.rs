@@ -1,6 +1,6 @@
 //! The points of a scene by the cells of one scale.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::alphabet::lattice::{UNITS, cell_center, sigma};
 use crate::alphabet::placement::WordPose;
@@ -29,12 +29,10 @@ fn key(cell: [i64; 3]) -> u64 {
 impl Cells {
     pub fn new(points: &[[f32; 3]], scale: u32) -> Self {
         let side = (UNITS << scale) as f32;
-        let mut pairs: Vec<(u64, u32)> = points
-            .par_iter()
-            .enumerate()
-            .map(|(i, p)| (key(p.map(|c| (c / side) as i64)), i as u32))
-            .collect();
-        pairs.par_sort_unstable();
+        let mut pairs: Vec<(u64, u32)> = parallel::map_range(points.len(), |i| {
+            (key(points[i].map(|c| (c / side) as i64)), i as u32)
+        });
+        parallel::sort_keyed(&mut pairs);
         let mut keys = Vec::new();
         let mut starts = Vec::new();
         for (i, pair) in pairs.iter().enumerate() {

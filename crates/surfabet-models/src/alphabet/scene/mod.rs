@@ -11,7 +11,7 @@ mod cells;
 mod local_points;
 mod thinning;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 pub(super) use self::cells::Cells;
 use self::cells::KEY_BITS;
@@ -49,11 +49,9 @@ impl LatticeScene {
             scene.positions.iter().map(|p| p[a]).fold(f32::INFINITY, f32::min)
         });
         let origin: [f64; 3] = std::array::from_fn(|a| scene.origin[a] + f64::from(low[a]));
-        let points: Vec<[f32; 3]> = scene
-            .positions
-            .par_iter()
-            .map(|p| std::array::from_fn(|a| ((f64::from(p[a]) - f64::from(low[a])) / unit) as f32))
-            .collect();
+        let points: Vec<[f32; 3]> = parallel::map(&scene.positions, |p| {
+            std::array::from_fn(|a| ((f64::from(p[a]) - f64::from(low[a])) / unit) as f32)
+        });
         let extent = points.iter().flatten().fold(0.0, |m: f32, &c| m.max(c));
         let cells = MAX_CELL.min(1 << KEY_BITS) - 4;
         let limit = f64::from(cells) * radius;
@@ -64,10 +62,9 @@ impl LatticeScene {
         let to_units = |v: [f32; 3]| -> [i64; 3] {
             std::array::from_fn(|a| ((f64::from(v[a]) - f64::from(low[a])) / unit).round() as i64)
         };
-        let mut sensors: Vec<[i64; 3]> =
-            scene.viewpoints.par_iter().map(|&v| to_units(v)).collect();
+        let mut sensors: Vec<[i64; 3]> = parallel::map(&scene.viewpoints, |&v| to_units(v));
         let seen_from = sensors.clone();
-        sensors.par_sort_unstable();
+        sensors.sort_unstable();
         sensors.dedup();
         if sensors.len() > usize::from(u16::MAX) {
             return Err(Error::invalid(
@@ -77,7 +74,7 @@ impl LatticeScene {
             ));
         }
         let index = |s: &[i64; 3]| sensors.binary_search(s).unwrap_or_default() as u16;
-        let views = seen_from.par_iter().map(index).collect();
+        let views = parallel::map(&seen_from, index);
         let rule = sigma_rule(scene, !sensors.is_empty(), unit);
         let sigma = scene.sigma.iter().map(|s| (f64::from(*s) / unit) as f32).collect();
         Ok(Self { origin, radius, points, sigma, normals, views, sensors, rule })

@@ -1,6 +1,6 @@
 //! Candidate words sampled from the scene, each accepted when it lowers the BIC (III, III-A).
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::prepared::PreparedScene;
@@ -93,10 +93,9 @@ fn try_all(
     limit: f64,
     trials: &mut [Trial],
 ) -> Vec<Option<f64>> {
-    candidates
-        .par_iter()
-        .zip(trials)
-        .with_max_len(1)
-        .map(|(&f, trial)| best.try_word(scene, &scene.word(f), limit, trial))
-        .collect()
+    let mut found = vec![None; candidates.len()];
+    parallel::for_each(candidates.iter().zip(trials).zip(&mut found), |_, ((&f, trial), found)| {
+        *found = best.try_word(scene, &scene.word(f), limit, trial);
+    });
+    found
 }

@@ -1,6 +1,6 @@
 //! The word of every feature: that of least descriptor distance (III-C).
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::bic_alphabet::features::{Descriptors, descriptor_distance};
 use crate::bic_alphabet::words::BicWord;
@@ -29,8 +29,8 @@ impl Matching {
             });
             all.min().map_or((u32::MAX, u32::MAX), |(d, id)| (id.0, d))
         };
-        let rows = descriptors.values.par_chunks(descriptors.pixels);
-        let (words, distances) = rows.map(nearest).unzip();
+        let found = parallel::map_chunks(&descriptors.values, descriptors.pixels, nearest);
+        let (words, distances) = found.into_iter().unzip();
         Self { words, distances }
     }
 

@@ -7,7 +7,7 @@
 //! Only what is visible along the normal counts: no point that a sensor behind the feature's plane saw, such as the
 //! other side of a wall, and of the points about a pixel none far below the highest.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Progress};
 
 use super::Features;
@@ -46,13 +46,10 @@ impl Descriptors {
         let mut values = vec![EMPTY; features.len() * pixels];
         let mut counts = vec![0; features.len()];
         let squared_radius = (options.radius() * options.radius()) as f32;
-        (
-            values.par_chunks_mut(FEATURES_PER_TASK * pixels),
-            counts.par_chunks_mut(FEATURES_PER_TASK),
-        )
-            .into_par_iter()
-            .enumerate()
-            .try_for_each(|(chunk, (values, counts))| -> Result<()> {
+        let chunks = values.chunks_mut(FEATURES_PER_TASK * pixels);
+        parallel::try_for_each(
+            chunks.zip(counts.chunks_mut(FEATURES_PER_TASK)),
+            |chunk, (values, counts)| -> Result<()> {
                 progress.check()?;
                 let mut sampler = Sampler::new(&centers, options);
                 for (k, (row, count)) in values.chunks_mut(pixels).zip(counts).enumerate() {
@@ -68,7 +65,8 @@ impl Descriptors {
                     sampler.describe(row);
                 }
                 Ok(())
-            })?;
+            },
+        )?;
         Ok(Self { pixels, values, counts })
     }
 

@@ -1,6 +1,6 @@
 //! Interest points: the local maxima, over place and scale, of the Laplacian of Gaussian on the range image (III-C).
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Pose, Progress, Projection, RangeImage};
 
 use super::laplacian::response;
@@ -68,7 +68,7 @@ fn range_image(
 fn blobs(image: &RangeImage, scales: &[f64], threshold: f32) -> Vec<(f32, u32)> {
     let [rows, columns] = image.shape();
     let responses: Vec<Vec<f32>> =
-        scales.par_iter().map(|&scale| response(image.ranges(), [rows, columns], scale)).collect();
+        parallel::map(scales, |&scale| response(image.ranges(), [rows, columns], scale));
     // Absolute response: bumps and dents alike.
     let strength = |level: usize, row: usize, column: usize| -> f32 {
         responses[level][row * columns + column].abs()
@@ -85,21 +85,16 @@ fn blobs(image: &RangeImage, scales: &[f64], threshold: f32) -> Vec<(f32, u32)> 
             }
         })
     };
-    let mut found: Vec<(f32, u32)> = (0..scales.len() * rows)
-        .into_par_iter()
-        .flat_map_iter(|k| {
-            let (level, row) = (k / rows, k % rows);
-            let is_highest = &is_highest;
-            (0..columns).filter_map(move |column| {
-                let point = image.index()[row * columns + column];
-                let own = strength(level, row, column);
-                let found = point != RangeImage::NO_POINT
-                    && own >= threshold
-                    && is_highest(level, row, column);
-                found.then_some((own, point))
-            })
-        })
-        .collect();
+    let mut found: Vec<(f32, u32)> = parallel::gather(scales.len() * rows, |k, found| {
+        let (level, row) = (k / rows, k % rows);
+        found.extend((0..columns).filter_map(|column| {
+            let point = image.index()[row * columns + column];
+            let own = strength(level, row, column);
+            let found =
+                point != RangeImage::NO_POINT && own >= threshold && is_highest(level, row, column);
+            found.then_some((own, point))
+        }));
+    });
     // A pixel may be highest at two scales that do not touch.
     found.sort_unstable_by(|a, b| a.1.cmp(&b.1).then(b.0.total_cmp(&a.0)));
     found.dedup_by_key(|f| f.1);

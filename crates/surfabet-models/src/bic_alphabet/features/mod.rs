@@ -16,7 +16,7 @@ pub(super) use descriptor::{
     Descriptors, EMPTY, descriptor_distance, penalty_steps, pixel_centers,
 };
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Progress, fit_normal, orient_normal};
 
 use crate::bic_alphabet::constants::{INTEREST_SPACING, POINTS_PER_CHECK};
@@ -47,15 +47,13 @@ impl Features {
     ) -> Result<Self> {
         let (chosen, interest) = spread(scene, tree, options, progress)?;
         progress.check()?;
-        let mut poses: Vec<BicPose> = chosen
-            .par_iter()
-            .map(|&i| pose(scene, tree, i as usize, options))
-            .collect::<Result<_>>()?;
+        let mut poses: Vec<BicPose> =
+            parallel::try_map(&chosen, |&i| pose(scene, tree, i as usize, options))?;
         let low = low_cell(&poses);
         poses.sort_by_cached_key(|p| p.order(low));
         poses.dedup();
         let frame = |pose: &BicPose| pose.frame(options.upright, options.radius());
-        let frames = poses.par_iter().map(frame).collect();
+        let frames = parallel::map(&poses, frame);
         Ok(Self { poses, frames, low, interest })
     }
 

@@ -28,7 +28,7 @@ mod shares;
 pub(super) use shares::Shares;
 
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Aabb, BoxTree, Union, arrange};
 
 use kernel::{KERNEL_BITS, gaussian};
@@ -142,22 +142,19 @@ impl Likelihood {
 
     /// The blocks with a point that may lie within its 3 sigma of a decoded point within `radius` of each frame.
     pub fn reachable(&self, frames: &[Frame], radius: f32) -> ReachableBlocks {
-        let parts: Vec<(Vec<u32>, Vec<u32>)> = frames
-            .par_chunks(FEATURES_PER_SEARCH)
-            .map(|frames| {
-                let (mut counts, mut found) = (Vec::with_capacity(frames.len()), Vec::new());
-                for frame in frames {
-                    let before = found.len();
-                    let near = |block: &Block| {
-                        let limit = radius + block.reach;
-                        block.aabb.squared_distance(frame.origin) <= limit * limit
-                    };
-                    self.blocks.leaves_where(near, &mut found);
-                    counts.push((found.len() - before) as u32);
-                }
-                (counts, found)
-            })
-            .collect();
+        let parts = parallel::map_chunks(frames, FEATURES_PER_SEARCH, |frames| {
+            let (mut counts, mut found) = (Vec::with_capacity(frames.len()), Vec::new());
+            for frame in frames {
+                let before = found.len();
+                let near = |block: &Block| {
+                    let limit = radius + block.reach;
+                    block.aabb.squared_distance(frame.origin) <= limit * limit
+                };
+                self.blocks.leaves_where(near, &mut found);
+                counts.push((found.len() - before) as u32);
+            }
+            (counts, found)
+        });
         let mut starts = vec![0];
         let mut end = 0;
         for count in parts.iter().flat_map(|(counts, _)| counts) {

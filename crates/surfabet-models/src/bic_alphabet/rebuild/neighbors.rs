@@ -1,6 +1,6 @@
 //! Which occurrences may come within epsilon of each other, and which of them goes first.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::KdTree;
 
 use crate::bic_alphabet::constants::FEATURES_PER_SEARCH;
@@ -33,10 +33,9 @@ impl Neighbors {
         let middles: Vec<[f32; 3]> = frames.iter().map(|f| f.origin).collect();
         let tree = KdTree::new(&middles)?;
         let reach = 2.0 * radius + epsilon;
-        let lists: Vec<Vec<(Vec<u32>, usize)>> = (0..poses.len())
-            .into_par_iter()
-            .step_by(FEATURES_PER_SEARCH)
-            .map(|from| {
+        let lists: Vec<Vec<(Vec<u32>, usize)>> =
+            parallel::map_range(poses.len().div_ceil(FEATURES_PER_SEARCH), |chunk| {
+                let from = chunk * FEATURES_PER_SEARCH;
                 let mut near = Vec::new();
                 let until = (from + FEATURES_PER_SEARCH).min(poses.len());
                 let one = |place: usize| {
@@ -51,8 +50,7 @@ impl Neighbors {
                     (list, before)
                 };
                 (from..until).map(one).collect()
-            })
-            .collect();
+            });
         let (mut starts, mut found, mut split) = (vec![0], Vec::new(), Vec::new());
         for (list, before) in lists.into_iter().flatten() {
             split.push(found.len() + before);

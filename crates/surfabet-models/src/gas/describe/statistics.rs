@@ -1,12 +1,11 @@
 //! Statistics of the points nearest to a neuron: number, colour, intensity, normal, radius and thickness.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Moments, Progress};
 
 use super::orient::orient;
 use crate::error::Result;
 use crate::gas::adjacency::Adjacency;
-use crate::gas::constants::NEURONS_PER_TASK;
 use crate::gas::ordered::Ordered;
 use crate::gas::winners::{Groups, Nearby};
 
@@ -89,11 +88,8 @@ pub(in crate::gas) fn describe(
     let total: f64 = counts.iter().sum();
     let mean_distance = sums.iter().map(|of| of.distance).sum::<f64>() / total;
     let normals = normals(positions, adjacency, &sums);
-    let (radii, thicknesses) = (0..positions.len())
-        .into_par_iter()
-        .with_min_len(NEURONS_PER_TASK)
-        .map(|i| spread(&sums[i].moments, normals[i]))
-        .unzip();
+    let spreads = parallel::map_range(sums.len(), |i| spread(&sums[i].moments, normals[i]));
+    let (radii, thicknesses) = spreads.into_iter().unzip();
     Ok(Statistics {
         counts,
         normals: normals.into_iter().map(|n| n.map(|c| c as f32)).collect(),
@@ -110,18 +106,14 @@ pub(in crate::gas) fn describe(
 ///
 /// A neuron's own points are few and about as thick as wide; with those of its neighbours they span a plane.
 fn normals(positions: &[[f32; 3]], adjacency: &Adjacency, sums: &[PointSums]) -> Vec<[f64; 3]> {
-    let mut normals: Vec<[f64; 3]> = (0..positions.len())
-        .into_par_iter()
-        .with_min_len(NEURONS_PER_TASK)
-        .map(|i| {
-            let mut moments = sums[i].moments;
-            for &j in adjacency.of(i) {
-                moments.merge(&sums[j as usize].moments);
-            }
-            let magnitude = positions[i].iter().fold(0.0_f32, |m, c| m.max(c.abs()));
-            moments.plane(f64::from(f32::EPSILON * magnitude)).map_or([0.0; 3], |p| p.normal)
-        })
-        .collect();
+    let mut normals: Vec<[f64; 3]> = parallel::map_range(positions.len(), |i| {
+        let mut moments = sums[i].moments;
+        for &j in adjacency.of(i) {
+            moments.merge(&sums[j as usize].moments);
+        }
+        let magnitude = positions[i].iter().fold(0.0_f32, |m, c| m.max(c.abs()));
+        moments.plane(f64::from(f32::EPSILON * magnitude)).map_or([0.0; 3], |p| p.normal)
+    });
     let facing: Vec<[f64; 3]> = sums.iter().map(|of| of.facing).collect();
     orient(&mut normals, positions, adjacency, &facing);
     normals
@@ -172,7 +164,7 @@ fn gather(
     let winners = nearby.assigned(&set.points.points, progress)?;
     let groups = Groups::new(sums.len(), &winners);
     progress.check()?;
-    sums.par_iter_mut().with_min_len(NEURONS_PER_TASK).enumerate().for_each(|(i, of)| {
+    parallel::for_each_mut(sums, |i, of| {
         for m in groups.of(i) {
             of.moments.add(set.points.points[m].map(f64::from), set.weight);
             of.distance += set.weight * f64::from(winners[m][0].squared_distance()).sqrt();

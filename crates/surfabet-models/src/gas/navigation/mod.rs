@@ -14,7 +14,7 @@
 mod clearance;
 mod robot;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Neighbor, Progress};
 
 use self::clearance::Clearance;
@@ -63,13 +63,17 @@ impl GasModel {
     ) -> Result<NavigationGraph> {
         robot.check()?;
         let clearance = Clearance::of(self, robot, up, progress)?;
-        let standing = clearance.surface().par_chunks(NODES_PER_TASK).map(|surface| {
-            progress.check()?;
-            let stands = |at: [f32; 3]| clearance.is_free(at, at);
-            let ground = surface.iter().filter(|s| clearance.is_level(s.normal));
-            Ok(ground.map(|s| s.position).filter(|&at| stands(at)).collect())
-        });
-        let positions = standing.collect::<Result<Vec<Vec<[f32; 3]>>>>()?.concat();
+        let standing = parallel::try_map_chunks(
+            clearance.surface(),
+            NODES_PER_TASK,
+            |surface| -> Result<Vec<[f32; 3]>> {
+                progress.check()?;
+                let stands = |at: [f32; 3]| clearance.is_free(at, at);
+                let ground = surface.iter().filter(|s| clearance.is_level(s.normal));
+                Ok(ground.map(|s| s.position).filter(|&at| stands(at)).collect())
+            },
+        )?;
+        let positions = standing.concat();
         progress.update("finding places to stand", 1.0);
         let tree = if positions.is_empty() { None } else { Some(KdTree::new(&positions)?) };
         let edges = match &tree {
@@ -121,11 +125,12 @@ fn ways(
         others.into_iter().map(move |other| [node as u32, other as u32])
     };
     let nodes: Vec<usize> = (0..positions.len()).collect();
-    let found = nodes.par_chunks(NODES_PER_TASK).map(|chunk| {
-        progress.check()?;
-        Ok(chunk.iter().copied().flat_map(of_node).collect())
-    });
-    Ok(found.collect::<Result<Vec<Vec<[u32; 2]>>>>()?.concat())
+    let found =
+        parallel::try_map_chunks(&nodes, NODES_PER_TASK, |chunk| -> Result<Vec<[u32; 2]>> {
+            progress.check()?;
+            Ok(chunk.iter().copied().flat_map(of_node).collect())
+        })?;
+    Ok(found.concat())
 }
 
 impl NavigationGraph {

@@ -6,13 +6,13 @@
 //! unless as many wins as the largest age did not, `1 - (1 - p)^max_age` of the time. It is kept where that is half of it
 //! at least.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
-use super::super::constants::NEURONS_PER_TASK;
 use super::super::winners::Nearby;
 use super::Cells;
 
 /// An edge of a neuron to one with a larger number, and the weight of the points that join both.
+#[derive(Clone, Copy)]
 struct Link {
     ends: [u32; 2],
     weight: f64,
@@ -26,14 +26,14 @@ pub(super) fn edges(
     nearby: &Nearby,
     max_age: u32,
 ) -> Vec<[u32; 2]> {
-    let (weights, runs): (Vec<f64>, Vec<Vec<Link>>) = (0..positions.len())
-        .into_par_iter()
-        .with_min_len(NEURONS_PER_TASK)
-        .map(|i| links(cells, i))
-        .unzip();
-    let mut links: Vec<Link> = runs.into_iter().flatten().collect();
+    let (weights, runs): (Vec<f64>, Vec<Vec<Link>>) =
+        parallel::map_range(positions.len(), |i| links(cells, i)).into_iter().unzip();
+    let runs: Vec<Link> = runs.into_iter().flatten().collect();
     // Both directions of an edge follow each other, in a fixed order.
-    links.par_sort_by_key(|link| link.ends);
+    let mut order: Vec<(u64, u32)> =
+        (0..).zip(&runs).map(|(i, link)| (key_of(link.ends), i)).collect();
+    parallel::sort_keyed(&mut order);
+    let mut links: Vec<Link> = order.into_iter().map(|(_, i)| runs[i as usize]).collect();
     links.dedup_by(|later, kept| {
         let is_same = later.ends == kept.ends;
         kept.weight += if is_same { later.weight } else { 0.0 };
@@ -56,16 +56,21 @@ pub(super) fn edges(
         link.weight >= least * wins || strongest[a] == Some(*k) || strongest[b] == Some(*k)
     };
     let kept = links.into_iter().enumerate().filter(is_kept);
-    let mut edges: Vec<[u32; 2]> = kept.map(|(_, link)| link.ends).collect();
+    let mut edges: Vec<u64> = kept.map(|(_, link)| key_of(link.ends)).collect();
     for i in (0..positions.len()).filter(|&i| strongest[i].is_none()) {
         let [first, second] = nearby.two_nearest(positions[i], i as u32).map(|winner| winner.id());
         let other = if first as usize == i { second } else { first };
-        edges.push([other.min(i as u32), other.max(i as u32)]);
+        edges.push(key_of([other.min(i as u32), other.max(i as u32)]));
     }
-    edges.par_sort_unstable();
+    parallel::sort_keys(&mut edges);
     // Two neurons without points may have chosen each other.
     edges.dedup();
-    edges
+    edges.into_iter().map(|key| [(key >> 32) as u32, key as u32]).collect()
+}
+
+/// Keys that sort as the ends do.
+fn key_of([a, b]: [u32; 2]) -> u64 {
+    u64::from(a) << 32 | u64::from(b)
 }
 
 /// The weight of the points of neuron `i`, and its edges to their second nearest.

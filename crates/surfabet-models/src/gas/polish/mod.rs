@@ -15,10 +15,10 @@ mod relocate;
 
 use std::borrow::Cow;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
-use super::constants::{NEURONS_PER_TASK, POLISH_SAMPLE, ROUNDS_OF_ALL};
+use super::constants::{POLISH_SAMPLE, ROUNDS_OF_ALL};
 use super::network::Graph;
 use super::ordered::Ordered;
 use super::winners::{Groups, Nearby, Winner};
@@ -161,12 +161,7 @@ fn assign(
 /// before.
 fn move_once(positions: &mut [[f32; 3]], samples: &[Sample<'_>], and_relocate: bool) -> f64 {
     let points = Cells::new(positions.len(), samples);
-    let cells: Vec<Cell> = positions
-        .par_iter()
-        .with_min_len(NEURONS_PER_TASK)
-        .enumerate()
-        .map(|(i, &position)| points.cell(i, position))
-        .collect();
+    let cells: Vec<Cell> = parallel::map_range(positions.len(), |i| points.cell(i, positions[i]));
     for (position, cell) in positions.iter_mut().zip(&cells) {
         *position = std::array::from_fn(|a| (f64::from(position[a]) + cell.offset[a]) as f32);
     }

@@ -6,7 +6,7 @@
 //! the point: where `d1 + d2` is below the reach, these two are the nearest of all. Elsewhere a k-d tree is asked. So the
 //! result is exact, ties included, wherever the search starts.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Progress};
 
 use super::{Best, Winner};
@@ -76,7 +76,8 @@ impl Nearby {
         let tree = KdTree::new(positions)?;
         let width = LANES.min(positions.len());
         let rows = tree.k_nearest_batch(positions, LANES, progress)?;
-        let lists = rows.par_chunks_exact(width).enumerate().map(|(own, row)| {
+        let list_of = |own: usize| {
+            let row = &rows[own * width..(own + 1) * width];
             let mut list = List {
                 position: [[f32::INFINITY; LANES]; 3],
                 id: [u32::MAX; LANES],
@@ -92,9 +93,8 @@ impl Nearby {
                 list.reach = row[width - 1].squared_distance().sqrt();
             }
             list
-        });
-        let lists = lists.collect();
-        Ok(Self { lists, tree })
+        };
+        Ok(Self { lists: parallel::map_range(positions.len(), list_of), tree })
     }
 
     /// The two nearest neurons to a finite `query`, of equally near ones those with the smaller numbers; `near` is a
@@ -130,8 +130,8 @@ impl Nearby {
         winners: &mut [[Winner; 2]],
         progress: &dyn Progress,
     ) -> Result<()> {
-        let tasks = points.par_chunks(POINTS_PER_TASK);
-        tasks.zip(winners.par_chunks_mut(POINTS_PER_TASK)).try_for_each(|(points, winners)| {
+        let chunks = points.chunks(POINTS_PER_TASK).zip(winners.chunks_mut(POINTS_PER_TASK));
+        parallel::try_for_each(chunks, |_, (points, winners)| {
             let mut last = 0;
             for (&point, winners) in points.iter().zip(winners) {
                 let near = if winners[0] == Winner::NONE { last } else { winners[0].id() };

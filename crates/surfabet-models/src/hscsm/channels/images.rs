@@ -3,7 +3,7 @@
 //! A pixel's depth is the weighted mean distance of its samples from the patch plane along the normal, its
 //! colour their weighted mean colour; its bit is set when the patch owns samples in it.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::hscsm::placement::{OwnedPatch, PixelGrid};
 use crate::hscsm::samples::Samples;
@@ -59,7 +59,7 @@ pub(in crate::hscsm) fn project(
             bitmask,
         }
     };
-    let all: Vec<Images> = placed.par_iter().map(one).collect();
+    let all: Vec<Images> = parallel::map(placed, one);
     let mut images = Images {
         depth: Vec::with_capacity(placed.len() * area),
         color: samples.has_color.then(|| Vec::with_capacity(placed.len() * area * planes)),

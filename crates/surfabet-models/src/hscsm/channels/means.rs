@@ -3,7 +3,7 @@
 //! Means are rounded before they are removed, so that their rounding costs no accuracy: what it leaves is coded with the
 //! rest.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::dictionary::{
@@ -15,6 +15,9 @@ use crate::color::{to_rgb, to_ycocg};
 use crate::error::Result;
 use crate::hscsm::model::{Channel, Codes, Steps};
 use crate::hscsm::options::HscsmOptions;
+
+/// Patches whose means one thread takes off at a time.
+const PATCHES_PER_TASK: usize = 64;
 
 /// What is learned of the channels of a level.
 #[derive(Clone, Copy)]
@@ -58,17 +61,19 @@ pub(in crate::hscsm) fn depth_images<'a>(
 ) -> ChannelImages<'a> {
     let LevelTask { options, area, steps, frozen, .. } = *level;
     let mut values = images.depth.clone();
-    let means = (values.par_chunks_mut(area).zip(images.mask.par_chunks(area)))
-        .map(|(values, mask)| {
-            if !options.means_apart {
-                return 0;
+    let mut means = vec![0; values.len() / area];
+    if options.means_apart {
+        let chunks = values.chunks_mut(PATCHES_PER_TASK * area);
+        let masks = images.mask.chunks(PATCHES_PER_TASK * area);
+        let tasks = chunks.zip(masks).zip(means.chunks_mut(PATCHES_PER_TASK));
+        parallel::for_each(tasks, |_, ((values, masks), means)| {
+            let patches = values.chunks_mut(area).zip(masks.chunks(area)).zip(means);
+            for ((values, mask), stored) in patches {
+                *stored = (masked_mean(values, mask) / steps.depth_mean).round() as i32;
+                subtract(values, mask, (f64::from(*stored) * steps.depth_mean) as f32);
             }
-            let mean = masked_mean(values, mask) / steps.depth_mean;
-            let stored = mean.round() as i32;
-            subtract(values, mask, (f64::from(stored) * steps.depth_mean) as f32);
-            stored
-        })
-        .collect();
+        });
+    }
     ChannelImages {
         n_features: area,
         values,
@@ -90,18 +95,23 @@ pub(in crate::hscsm) fn color_images<'a>(
     let weight = |mask: &[u8]| mask.repeat(planes).into_iter().map(f32::from).collect::<Vec<f32>>();
     let weights = images.mask.chunks(area).flat_map(weight).collect();
     let mut values = colors.to_vec();
-    let means: Vec<Vec<i32>> =
-        (values.par_chunks_mut(planes * area).zip(images.mask.par_chunks(area)))
-            .map(|(values, mask)| match options.means_apart {
-                true => subtract_color(values, mask, steps.color_mean),
-                false => vec![0; planes],
-            })
-            .collect();
+    let mut means = vec![0; values.len() / area];
+    if options.means_apart {
+        let chunks = values.chunks_mut(PATCHES_PER_TASK * planes * area);
+        let masks = images.mask.chunks(PATCHES_PER_TASK * area);
+        let tasks = chunks.zip(masks).zip(means.chunks_mut(PATCHES_PER_TASK * planes));
+        parallel::for_each(tasks, |_, ((values, masks), means)| {
+            let patches = values.chunks_mut(planes * area).zip(masks.chunks(area));
+            for ((values, mask), means) in patches.zip(means.chunks_mut(planes)) {
+                means.copy_from_slice(&subtract_color(values, mask, steps.color_mean));
+            }
+        });
+    }
     ChannelImages {
         n_features: planes * area,
         values,
         weights,
-        means: means.concat(),
+        means,
         tolerance: options.color_tolerance(level.level) as f32,
         code_step: steps.color_code as f32,
         frozen: frozen.and_then(|f| f.color.as_ref()),

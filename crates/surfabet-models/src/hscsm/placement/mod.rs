@@ -27,7 +27,7 @@ mod trial;
 
 use std::collections::{HashSet, VecDeque};
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use crate::error::Result;
@@ -141,17 +141,14 @@ impl Placer<'_> {
 
     /// Scores candidates that have none yet or may have another by now, in parallel.
     fn score(&mut self, candidates: &[u32]) -> Vec<usize> {
-        let scored: Vec<(usize, [f32; 3])> = candidates
-            .par_iter()
-            .with_min_len(32)
-            .map_init(Scratch::default, |scratch, &k| {
-                let k = k as usize;
+        let scored: Vec<(usize, [f32; 3])> =
+            parallel::map_range_with(candidates.len(), Scratch::default, |scratch, c| {
+                let k = candidates[c] as usize;
                 let normal =
                     self.normals[k].unwrap_or_else(|| self.field.candidate_normal(k, scratch));
                 let center = self.field.points.all[k].position;
                 (self.field.score(&self.ownership, center, normal, scratch), normal)
-            })
-            .collect();
+            });
         for (&k, &(_, normal)) in candidates.iter().zip(&scored) {
             self.normals[k as usize] = Some(normal);
             self.stale[k as usize] = false;
@@ -253,10 +250,9 @@ impl Placer<'_> {
             self.notify(progress)?;
             let batch: Vec<Proposal> =
                 self.proposals.drain(..BATCH.min(self.proposals.len())).collect();
-            let trials: Vec<Option<Trial>> = batch
-                .par_iter()
-                .with_min_len(4)
-                .map_init(Scratch::default, |scratch, proposal| {
+            let trials: Vec<Option<Trial>> =
+                parallel::map_range_with(batch.len(), Scratch::default, |scratch, k| {
+                    let proposal = &batch[k];
                     let Proposal { center, normal } = *proposal;
                     let seed = self.nearest_free(proposal)?;
                     // Moved along the normal to the surface, as the trial does.
@@ -268,8 +264,7 @@ impl Placer<'_> {
                     }
                     let known = Some(proposal.normal);
                     self.field.trial(&self.ownership, seed, proposal.center, known, scratch)
-                })
-                .collect();
+                });
             for trial in trials.into_iter().flatten() {
                 self.commit(trial, needed);
             }
@@ -283,14 +278,10 @@ impl Placer<'_> {
         chosen: &[T],
         what: impl Fn(T) -> (usize, [f32; 3], Option<[f32; 3]>) + Sync,
     ) -> Vec<Option<Trial>> {
-        chosen
-            .par_iter()
-            .with_min_len(4)
-            .map_init(Scratch::default, |scratch, &one| {
-                let (seed, wanted, known) = what(one);
-                self.field.trial(&self.ownership, seed, wanted, known, scratch)
-            })
-            .collect()
+        parallel::map_range_with(chosen.len(), Scratch::default, |scratch, k| {
+            let (seed, wanted, known) = what(chosen[k]);
+            self.field.trial(&self.ownership, seed, wanted, known, scratch)
+        })
     }
 
     /// The point with free samples nearest to a proposed centre, within half a patch.

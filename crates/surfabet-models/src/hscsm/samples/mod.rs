@@ -7,7 +7,7 @@
 
 pub(in crate::hscsm) mod cells;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::morton::{self, BITS};
 use surfabet_geom::{PointCloud, Progress};
 
@@ -192,9 +192,9 @@ impl Samples {
         let lattice = merged.lattice(0);
         let positions = cloud.positions();
         let mut order: Vec<(u64, u32)> =
-            positions.par_iter().enumerate().map(|(i, p)| (lattice.key(*p), i as u32)).collect();
+            parallel::map_range(positions.len(), |i| (lattice.key(positions[i]), i as u32));
         progress.check()?;
-        order.par_sort_unstable();
+        parallel::sort_keyed(&mut order);
         progress.check()?;
         let point = |i: u32| {
             let i = i as usize;
@@ -209,19 +209,15 @@ impl Samples {
             }
         };
         let starts = starts(order.len(), |i| order[i].0);
-        let blocks: Vec<Vec<Sample>> = starts
-            .par_windows(2)
-            .chunks(BLOCK)
-            .map(|cells| {
-                let mut out = Vec::with_capacity(cells.len());
-                for cell in cells {
-                    let members = &order[cell[0] as usize..cell[1] as usize];
-                    let points = members.iter().map(|&(_, i)| point(i));
-                    out.extend(merge_cell(members[0].0, points, |_| ()).into_iter().flatten());
-                }
-                out
-            })
-            .collect();
+        let blocks = for_blocks(&starts, |cells| {
+            let mut out = Vec::with_capacity(cells.len());
+            for cell in cells.windows(2) {
+                let members = &order[cell[0] as usize..cell[1] as usize];
+                let points = members.iter().map(|&(_, i)| point(i));
+                out.extend(merge_cell(members[0].0, points, |_| ()).into_iter().flatten());
+            }
+            out
+        });
         progress.check()?;
         merged.all = blocks.concat();
         Ok(merged)
@@ -232,29 +228,24 @@ impl Samples {
     pub fn coarser(&self, doublings: u32) -> (Self, Groups) {
         let key = |i: usize| self.all[i].key >> (3 * doublings);
         let starts = starts(self.len(), key);
-        let blocks: Vec<(Vec<Sample>, Vec<usize>, Vec<u32>)> = starts
-            .par_windows(2)
-            .chunks(BLOCK)
-            .map(|cells| {
-                let (mut out, mut sizes, mut members) = (Vec::new(), Vec::new(), Vec::new());
-                let mut behind = Vec::new();
-                for cell in cells {
-                    let (from, to) = (cell[0], cell[1]);
-                    let samples = self.all[from as usize..to as usize].iter().copied();
-                    behind.clear();
-                    let sides = merge_cell(key(from as usize), samples, |b| behind.push(b));
-                    for (side, sample) in [false, true].into_iter().zip(sides) {
-                        let Some(sample) = sample else { continue };
-                        let before = members.len();
-                        members
-                            .extend((from..to).zip(&behind).filter(|m| *m.1 == side).map(|m| m.0));
-                        sizes.push(members.len() - before);
-                        out.push(sample);
-                    }
+        let blocks = for_blocks(&starts, |cells| {
+            let (mut out, mut sizes, mut members) = (Vec::new(), Vec::new(), Vec::new());
+            let mut behind = Vec::new();
+            for cell in cells.windows(2) {
+                let (from, to) = (cell[0], cell[1]);
+                let samples = self.all[from as usize..to as usize].iter().copied();
+                behind.clear();
+                let sides = merge_cell(key(from as usize), samples, |b| behind.push(b));
+                for (side, sample) in [false, true].into_iter().zip(sides) {
+                    let Some(sample) = sample else { continue };
+                    let before = members.len();
+                    members.extend((from..to).zip(&behind).filter(|m| *m.1 == side).map(|m| m.0));
+                    sizes.push(members.len() - before);
+                    out.push(sample);
                 }
-                (out, sizes, members)
-            })
-            .collect();
+            }
+            (out, sizes, members)
+        });
         let mut groups = Groups::with_capacity(self.len());
         let mut all = Vec::new();
         for (samples, sizes, members) in blocks {
@@ -278,13 +269,21 @@ fn weight(cloud: &PointCloud, options: &HscsmOptions, i: usize) -> f32 {
     }
 }
 
+/// What `f` gives of each [`BLOCK`] of the runs that begin at `starts`, in order; it gets where they start and, last, end.
+fn for_blocks<R: Send>(starts: &[u32], f: impl Fn(&[u32]) -> R + Sync) -> Vec<R> {
+    let n_runs = starts.len().saturating_sub(1);
+    parallel::map_range(n_runs.div_ceil(BLOCK), |block| {
+        f(&starts[block * BLOCK..=n_runs.min((block + 1) * BLOCK)])
+    })
+}
+
 /// Where runs of equal keys start, and the end of the last.
 fn starts(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Vec<u32> {
-    let mut starts: Vec<u32> = (0..count)
-        .into_par_iter()
-        .filter(|&i| i == 0 || key(i - 1) != key(i))
-        .map(|i| i as u32)
-        .collect();
+    let mut starts: Vec<u32> = parallel::gather(count, |i, starts| {
+        if i == 0 || key(i - 1) != key(i) {
+            starts.push(i as u32);
+        }
+    });
     starts.push(count as u32);
     starts
 }

@@ -2,7 +2,7 @@
 //!
 //! They follow from the geometry alone, in integers, so that a decoder knows them before it reads one.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 pub(in crate::patches) use surfabet_geom::cells::{key as cell_key, of_key as cell_of_key};
 use surfabet_geom::morton::MortonMap;
 
@@ -31,8 +31,9 @@ pub(in crate::patches) fn attribute_cells(
     }
     let bases = Basis::of_levels(lattice.levels);
     let of_leaf = |leaf: &Leaf| cells_of(leaf, lattice, &bases);
-    let mut keys: Vec<u64> = leaves.par_iter().flat_map_iter(of_leaf).collect();
-    keys.par_sort_unstable();
+    let mut keys: Vec<u64> =
+        parallel::gather(leaves.len(), |i, keys| keys.extend(of_leaf(&leaves[i])));
+    parallel::sort_keys(&mut keys);
     keys.dedup();
     Some(keys)
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::morton::step;
 
 use super::cells::index;
@@ -91,32 +91,27 @@ pub(super) fn predict<const N: usize>(
     let places = index(&parents.keys);
     let numbers: Vec<u32> = (0..parents.keys.len() as u32).collect();
     let of_parent = parents.for_children(&numbers);
-    children
-        .keys
-        .par_iter()
-        .zip(&of_parent)
-        .with_min_len(1 << 10)
-        .map(|(&child, &parent)| {
-            let own = parents.keys[parent as usize];
-            let (mut sum, mut total) = ([0.0; N], 0.0);
-            for corner in 0..8_usize {
-                let mut key = own;
-                let mut weight = 1.0;
-                for axis in 0..3 {
-                    if corner >> axis & 1 != 0 {
-                        key = step(key, axis, child >> axis & 1 != 0);
-                        weight *= NEIGHBOUR_SHARE;
-                    } else {
-                        weight *= 1.0 - NEIGHBOUR_SHARE;
-                    }
-                }
-                let found = if corner == 0 { Some(&parent) } else { places.get(&key) };
-                if let Some(&i) = found {
-                    (0..N).for_each(|c| sum[c] += weight * means[i as usize][c]);
-                    total += weight;
+    parallel::map_range(children.keys.len(), |i| {
+        let (child, parent) = (children.keys[i], of_parent[i]);
+        let own = parents.keys[parent as usize];
+        let (mut sum, mut total) = ([0.0; N], 0.0);
+        for corner in 0..8_usize {
+            let mut key = own;
+            let mut weight = 1.0;
+            for axis in 0..3 {
+                if corner >> axis & 1 != 0 {
+                    key = step(key, axis, child >> axis & 1 != 0);
+                    weight *= NEIGHBOUR_SHARE;
+                } else {
+                    weight *= 1.0 - NEIGHBOUR_SHARE;
                 }
             }
-            sum.map(|s| s / total)
-        })
-        .collect()
+            let found = if corner == 0 { Some(&parent) } else { places.get(&key) };
+            if let Some(&i) = found {
+                (0..N).for_each(|c| sum[c] += weight * means[i as usize][c]);
+                total += weight;
+            }
+        }
+        sum.map(|s| s / total)
+    })
 }

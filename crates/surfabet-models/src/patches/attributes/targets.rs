@@ -1,6 +1,6 @@
 //! The values that each cell should have: those of the samples it will be compared with.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::morton::{MortonMap, step};
 
 use super::cells::{cell_key, index};
@@ -22,10 +22,11 @@ impl<'a> Targets<'a> {
     /// cells of its own side.
     pub fn new(samples: &'a SidedSamples<'a>, cells: &'a [u64], sides: Vec<u8>, size: f32) -> Self {
         let places = index(cells);
-        let owner = |(s, &side): (&Sample, &u8)| {
+        let owner = |i: usize| {
+            let (s, side): (&Sample, u8) = (&samples.all[i], samples.sides[i]);
             owner(&places, s.position, size, |cell| sides[cell as usize] >> side & 1 != 0)
         };
-        let owners = samples.all.par_iter().zip(&samples.sides).map(owner).collect();
+        let owners = parallel::map_range(samples.all.len(), owner);
         Self { samples, cells, places, sides, owners }
     }
 
@@ -57,18 +58,21 @@ impl<'a> Targets<'a> {
     /// The most frequent label of the points of each cell's samples, of equals the first; `label` is below `n`, at most
     /// 256. Cells without samples take the most frequent of those around.
     pub fn modes(&self, n: usize, label: impl Fn(usize) -> u8) -> Vec<u8> {
-        let mut labelled: Vec<(u32, u8)> = Vec::new();
+        // Cell and label in one.
+        let mut labelled: Vec<u64> = Vec::new();
+        let label_of = |&key: &u64| key as u8;
         for (owner, points) in self.owners.iter().zip(self.samples.points()) {
             if let &Some(cell) = owner {
-                labelled.extend(points.iter().map(|&i| (cell, label(i as usize))));
+                let key = |&i: &u32| u64::from(cell) << 8 | u64::from(label(i as usize));
+                labelled.extend(points.iter().map(key));
             }
         }
-        labelled.par_sort_unstable();
+        parallel::sort_keys(&mut labelled);
         let mut known: Vec<Option<u8>> = vec![None; self.cells.len()];
-        for cell in labelled.chunk_by(|a, b| a.0 == b.0) {
-            known[cell[0].0 as usize] = Some(mode(n, cell.iter().map(|&(_, label)| label)));
+        for cell in labelled.chunk_by(|a, b| a >> 8 == b >> 8) {
+            known[(cell[0] >> 8) as usize] = Some(mode(n, cell.iter().map(label_of)));
         }
-        let whole = mode(n, labelled.iter().map(|&(_, label)| label));
+        let whole = mode(n, labelled.iter().map(label_of));
         self.spread(&mut known, |beside: &[u8]| mode(n, beside.iter().copied()));
         known.into_iter().map(|k| k.unwrap_or(whole)).collect()
     }
@@ -107,11 +111,11 @@ impl<'a> Targets<'a> {
         };
         let mut any_axis = false;
         loop {
-            let found: Vec<(usize, T)> = (0..self.cells.len())
-                .into_par_iter()
-                .filter(|&i| known[i].is_none())
-                .filter_map(|i| Some((i, beside(i, known, any_axis)?)))
-                .collect();
+            let found: Vec<(usize, T)> = parallel::gather(self.cells.len(), |i, found| {
+                if known[i].is_none() {
+                    found.extend(beside(i, known, any_axis).map(|value| (i, value)));
+                }
+            });
             match (found.is_empty(), any_axis) {
                 (true, true) => return,
                 (true, false) => any_axis = true,

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::morton::{MortonMap, step};
 use surfabet_geom::{CloudParts, Column, KdTree, Progress};
 
@@ -81,13 +81,10 @@ impl<'a> Sampler<'a> {
         if color.is_none() && others.is_empty() {
             return Ok(CloudParts::default());
         }
-        let blocks: Vec<Block> = positions
-            .par_chunks(BLOCK)
-            .map(|positions| {
-                progress.check()?;
-                Ok(self.block(positions))
-            })
-            .collect::<Result<_>>()?;
+        let blocks = parallel::try_map_chunks(positions, BLOCK, |positions| -> Result<Block> {
+            progress.check()?;
+            Ok(self.block(positions))
+        })?;
         let mut parts = CloudParts {
             colors: color
                 .is_some()

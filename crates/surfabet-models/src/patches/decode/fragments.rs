@@ -4,7 +4,7 @@
 //! the scan, and small patches hold them. Of a surface they are not: a few pixels that touch nothing, a little in
 //! front of or behind a larger piece.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::KdTree;
 use surfabet_geom::morton::{MortonMap, step};
 
@@ -19,9 +19,12 @@ use crate::patches::surface::leaf::Leaf;
 pub(in crate::patches) fn fragments(lattice: &Lattice, leaves: &[Leaf]) -> Result<Vec<bool>> {
     let bases = Basis::of_levels(lattice.levels);
     let pixels = |leaf: &Leaf| -> Vec<[f32; 3]> { leaf.pixels(lattice, &bases).collect() };
-    let is_small = |leaf: &&Leaf| leaf.area(lattice) <= LARGEST_FRAGMENT;
-    let large: Vec<[f32; 3]> =
-        leaves.par_iter().filter(|leaf| !is_small(leaf)).flat_map_iter(pixels).collect();
+    let is_small = |leaf: &Leaf| leaf.area(lattice) <= LARGEST_FRAGMENT;
+    let large: Vec<[f32; 3]> = parallel::gather(leaves.len(), |i, large| {
+        if !is_small(&leaves[i]) {
+            large.extend(leaves[i].pixels(lattice, &bases));
+        }
+    });
     let mut found = vec![false; leaves.len()];
     if large.is_empty() {
         return Ok(found);
@@ -29,7 +32,7 @@ pub(in crate::patches) fn fragments(lattice: &Lattice, leaves: &[Leaf]) -> Resul
     let tree = KdTree::new(&large)?;
 
     // Small patches that touch make one piece.
-    let small: Vec<usize> = (0..leaves.len()).filter(|&i| is_small(&&leaves[i])).collect();
+    let small: Vec<usize> = (0..leaves.len()).filter(|&i| is_small(&leaves[i])).collect();
     let mut pieces = Pieces::new(small.len());
     let mut places: MortonMap<usize> = MortonMap::default();
     for (piece, &i) in small.iter().enumerate() {

@@ -6,7 +6,7 @@ mod nearest;
 
 use std::borrow::Borrow;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use self::attributes::Sampler;
@@ -48,8 +48,9 @@ impl PatchModel {
         progress.update("decoding", 1.0);
         let Points { positions, normals, .. } = surface.points;
         let rotation = Rotation::of(self.lattice());
-        let rotated = |normals: Vec<[f32; 3]>| {
-            normals.into_par_iter().map(|n| rotation.of_direction(n)).collect()
+        let rotated = |mut normals: Vec<[f32; 3]>| {
+            parallel::for_each_mut(&mut normals, |_, n| *n = rotation.of_direction(*n));
+            normals
         };
         let parts = CloudParts {
             origin: self.lattice().origin,
@@ -125,7 +126,9 @@ impl Rotation {
 
     /// Positions in pixels as metres about the origin.
     fn of_positions(&self, mut positions: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
-        positions.par_iter_mut().for_each(|p| *p = self.of_direction(p.map(|c| c * self.pixel)));
+        parallel::for_each_mut(&mut positions, |_, p| {
+            *p = self.of_direction(p.map(|c| c * self.pixel));
+        });
         positions
     }
 }

@@ -1,6 +1,6 @@
 //! Grouping of points and samples by the cubic cells of a grid.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 pub(in crate::patches) use surfabet_geom::cells::cell_of;
 
 use crate::groups::Groups;
@@ -28,9 +28,8 @@ pub(in crate::patches) struct CellGroups {
 impl CellGroups {
     /// Groups `count` items by `key`.
     pub fn new(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Self {
-        let mut keyed: Vec<(u64, u32)> =
-            (0..count).into_par_iter().map(|i| (key(i), i as u32)).collect();
-        keyed.par_sort_unstable();
+        let mut keyed: Vec<(u64, u32)> = parallel::map_range(count, |i| (key(i), i as u32));
+        parallel::sort_keyed(&mut keyed);
         let (keys, sizes): (Vec<u64>, Vec<usize>) =
             keyed.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.len())).unzip();
         let mut groups = Groups::with_capacity(count);

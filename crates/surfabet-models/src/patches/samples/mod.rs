@@ -3,7 +3,7 @@
 pub(in crate::patches) mod cells;
 mod sides;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use crate::error::Result;
@@ -54,8 +54,7 @@ impl<'a> SidedSamples<'a> {
         let rows: [[f32; 3]; 3] =
             std::array::from_fn(|a| std::array::from_fn(|k| to_world[k][a] as f32));
         let cell = (SAMPLE_SIZE * resolution) as f32;
-        let rotated: Vec<[f32; 3]> =
-            cloud.positions().par_iter().map(|&p| rotate(&rows, p)).collect();
+        let rotated: Vec<[f32; 3]> = parallel::map(cloud.positions(), |&p| rotate(&rows, p));
         progress.check()?;
         let cells = CellGroups::new(rotated.len(), |i| key(cell_of(rotated[i], cell)));
         progress.check()?;
@@ -63,11 +62,9 @@ impl<'a> SidedSamples<'a> {
         let of_cloud = cloud.normals().filter(|_| survey.has_facings && layer_gap.is_some());
         let normals = of_cloud.filter(|_| cloud.viewpoints().is_none());
         let view = |i: usize| normals.map_or_else(|| to_sensor(cloud, i), |n| n[i]);
-        let samples: Vec<Sample> = (0..cells.len())
-            .into_par_iter()
-            .with_min_len(1 << 12)
-            .map(|g| merge_cell(cloud, &rows, &rotated, sensor, &view, cells.of(g)))
-            .collect();
+        let samples: Vec<Sample> = parallel::map_range(cells.len(), |g| {
+            merge_cell(cloud, &rows, &rotated, sensor, &view, cells.of(g))
+        });
         progress.check()?;
         let neighbours = match (layer_gap, normals) {
             (Some(_), Some(_)) => Neighbours::Normals,
@@ -105,7 +102,7 @@ impl<'a> SidedSamples<'a> {
             }
             (weights > 0.0).then(|| sum.map(|s| (s / weights) as f32))
         };
-        (0..self.cells.len()).into_par_iter().with_min_len(1 << 12).map(mean).collect()
+        parallel::map_range(self.cells.len(), mean)
     }
 }
 

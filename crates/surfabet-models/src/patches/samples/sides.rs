@@ -3,7 +3,7 @@
 //! Planes are fitted in cells. A cell takes the axis that its normal is closest to, with a small pull towards the
 //! axes of its neighbours, and its samples the direction that they were seen from.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Moments, Progress};
 
 use super::Sample;
@@ -59,13 +59,10 @@ pub(super) fn sides_of(
         }
     };
     let axes = choose_axes(&planes);
-    let of_cells: Vec<Vec<u8>> = (0..cells.len())
-        .into_par_iter()
-        .map(|g| {
-            let members = cells.of(g).iter().map(|&i| &samples[i as usize]);
-            sides_of_cell(members, axes[g], planes[g].normal, has_views)
-        })
-        .collect();
+    let of_cells: Vec<Vec<u8>> = parallel::map_range(cells.len(), |g| {
+        let members = cells.of(g).iter().map(|&i| &samples[i as usize]);
+        sides_of_cell(members, axes[g], planes[g].normal, has_views)
+    });
     let mut sides = vec![0_u8; samples.len()];
     for (g, of) in of_cells.into_iter().enumerate() {
         for (&i, side) in cells.of(g).iter().zip(of) {
@@ -80,8 +77,9 @@ fn planes_about(samples: &[Sample], progress: &dyn Progress) -> Result<Vec<CellP
     let positions: Vec<[f32; 3]> = samples.iter().map(|s| s.position).collect();
     let tree = KdTree::new(&positions)?;
     let near = tree.k_nearest_batch(&positions, NEAREST_SAMPLES, progress)?;
-    let rows = near.par_chunks(NEAREST_SAMPLES.min(samples.len()));
-    let planes = rows.zip(samples).map(|(row, sample)| {
+    let row = NEAREST_SAMPLES.min(samples.len());
+    let plane = |i: usize| {
+        let (row, sample) = (&near[i * row..(i + 1) * row], &samples[i]);
         let (normal, flatness) = if sample.view != [0.0; 3] {
             (unit(sample.view), 1.0)
         } else {
@@ -90,29 +88,23 @@ fn planes_about(samples: &[Sample], progress: &dyn Progress) -> Result<Vec<CellP
         };
         let around = row.iter().map(|n| n.index() as u32).collect();
         CellPlane { normal, flatness, around }
-    });
-    Ok(planes.collect())
+    };
+    Ok(parallel::map_range(samples.len(), plane))
 }
 
 /// The least-squares plane of every cell with its 26 neighbours.
 fn fit_planes(samples: &[Sample], cells: &CellGroups, cell: f32) -> Vec<CellPlane> {
-    let moments: Vec<Moments> = (0..cells.len())
-        .into_par_iter()
-        .map(|g| {
-            let members = cells.of(g);
-            let at = samples[members[0] as usize].position;
-            Moments::about(at, members.iter().map(|&i| samples[i as usize].position))
-        })
-        .collect();
-    (0..cells.len())
-        .into_par_iter()
-        .map(|g| {
-            let at = samples[cells.of(g)[0] as usize].position;
-            let (sum, around) = neighbourhood(cells, &moments, cell_of(at, cell));
-            let (normal, flatness) = normal_of(&sum);
-            CellPlane { normal, flatness, around }
-        })
-        .collect()
+    let moments: Vec<Moments> = parallel::map_range(cells.len(), |g| {
+        let members = cells.of(g);
+        let at = samples[members[0] as usize].position;
+        Moments::about(at, members.iter().map(|&i| samples[i as usize].position))
+    });
+    parallel::map_range(cells.len(), |g| {
+        let at = samples[cells.of(g)[0] as usize].position;
+        let (sum, around) = neighbourhood(cells, &moments, cell_of(at, cell));
+        let (normal, flatness) = normal_of(&sum);
+        CellPlane { normal, flatness, around }
+    })
 }
 
 /// Sum of the moments of a cell and its 26 neighbours, and which of them hold samples.
@@ -158,18 +150,15 @@ fn choose_axes(planes: &[CellPlane]) -> Vec<u8> {
     let best = |score: &dyn Fn(usize) -> f32| {
         (0..3).max_by(|&a, &b| score(a).total_cmp(&score(b)).then(b.cmp(&a))).map_or(0, |a| a as u8)
     };
-    let mut axes: Vec<u8> = planes.par_iter().map(|plane| best(&|a| plane.fit(a))).collect();
+    let mut axes: Vec<u8> = parallel::map(planes, |plane| best(&|a| plane.fit(a)));
     for _ in 0..SIDE_ROUNDS {
-        axes = planes
-            .par_iter()
-            .map(|plane| {
-                let mut votes = [0.0_f32; 3];
-                for &near in &plane.around {
-                    votes[axes[near as usize] as usize] += NEIGHBOUR_PULL;
-                }
-                best(&|a| plane.fit(a) + votes[a])
-            })
-            .collect();
+        axes = parallel::map(planes, |plane| {
+            let mut votes = [0.0_f32; 3];
+            for &near in &plane.around {
+                votes[axes[near as usize] as usize] += NEIGHBOUR_PULL;
+            }
+            best(&|a| plane.fit(a) + votes[a])
+        });
     }
     axes
 }

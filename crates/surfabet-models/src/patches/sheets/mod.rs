@@ -15,6 +15,7 @@ mod growth;
 mod runs;
 
 use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::KdTree;
 
 use crate::error::Result;
@@ -81,9 +82,10 @@ pub(in crate::patches) fn sheets(
         let key = pixel_key(side, tile, at.map(|c| c.rem_euclid(tile_pixels)));
         PixelSample { key, depth, weight }
     };
-    let mut all: Vec<PixelSample> = (samples.all.par_iter().zip(&samples.sides))
-        .map(|(sample, &side)| of_sample((sample.position, sample.weight, side)))
-        .collect();
+    let mut all: Vec<PixelSample> = parallel::map_range(samples.all.len(), |i| {
+        let sample = &samples.all[i];
+        of_sample((sample.position, sample.weight, samples.sides[i]))
+    });
     all.par_sort_unstable_by(|a, b| {
         let by_depth = a.depth.total_cmp(&b.depth);
         a.key.cmp(&b.key).then(by_depth).then(a.weight.total_cmp(&b.weight))
@@ -91,7 +93,7 @@ pub(in crate::patches) fn sheets(
     let tiles: Vec<&[PixelSample]> =
         all.chunk_by(|a, b| tile_part(a.key) == tile_part(b.key)).collect();
     let of_tiles: Vec<Vec<Sheet>> =
-        tiles.par_iter().map(|tile| sheets_of_tile(tile, tile_pixels as usize, reach)).collect();
+        parallel::map(&tiles, |tile| sheets_of_tile(tile, tile_pixels as usize, reach));
     let mut sheets: Vec<Sheet> = of_tiles.into_iter().flatten().collect();
     measure_strays(&mut sheets, tile_pixels)?;
     Ok(sheets)
@@ -136,7 +138,10 @@ fn measure_strays(sheets: &mut [Sheet], tile_pixels: i32) -> Result<()> {
         .flat_map(|s| s.runs.iter().map(|r| position(s, r)))
         .collect();
     let tree = if large.is_empty() { None } else { Some(KdTree::new(&large)?) };
-    sheets.par_iter_mut().filter(|s| s.small).for_each(|sheet| {
+    parallel::for_each_mut(sheets, |_, sheet| {
+        if !sheet.small {
+            return;
+        }
         let positions: Vec<[f32; 3]> = sheet.runs.iter().map(|r| position(sheet, r)).collect();
         for (run, p) in sheet.runs.iter_mut().zip(positions) {
             let nearest = tree.as_ref().and_then(|t| t.nearest(p));

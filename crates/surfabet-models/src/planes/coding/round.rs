@@ -1,6 +1,6 @@
 //! The end of learning: patches in the integers of a file, points on patches, colours and intensities of tiles.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress};
 
 use super::stored::{MAX_COORDINATE, StoredPatch};
@@ -42,8 +42,8 @@ pub(in crate::planes) fn rounded(
     let mut order: Vec<&Patch> = patches.iter().collect();
     order.sort_by_key(|p| std::cmp::Reverse(p.n_supporting()));
     let mut stored: Vec<StoredPatch> =
-        order.par_iter().map(|patch| StoredPatch::rounded(patch, &header)).collect();
-    let patches: Vec<Patch> = stored.par_iter().map(|patch| patch.restored(&header)).collect();
+        parallel::map(&order, |patch| StoredPatch::rounded(patch, &header));
+    let patches: Vec<Patch> = parallel::map(&stored, |patch| patch.restored(&header));
     let labels = if options.published {
         reduced_labels(points, &patches, grid_size, progress)?
     } else {
@@ -59,8 +59,10 @@ pub(in crate::planes) fn rounded(
     }
     if let Some(values) = cloud.intensities() {
         // The same sums whatever the order of the points.
-        let mut order: Vec<usize> = (0..values.len()).collect();
-        order.par_sort_unstable_by_key(|&i| (points.place[i], values[i].to_bits()));
+        let mut order: Vec<u32> = (0..values.len() as u32).collect();
+        let key = |i: u32| (points.place[i as usize], values[i as usize].to_bits());
+        parallel::sort_numbers_by(&mut order, &|i, j| key(i).cmp(&key(j)));
+        let order: Vec<usize> = order.into_iter().map(|i| i as usize).collect();
         let mean = order.iter().map(|&i| f64::from(values[i])).sum::<f64>() / values.len() as f64;
         let value = |i: usize| [f64::from(values[i])];
         let means = tile_means(points, &patches, &labels, order.into_iter(), value, [mean]);

@@ -1,6 +1,6 @@
 //! Back to a cloud: the supported tiles, filled at any spacing.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 use crate::contract::DecodeOptions;
@@ -39,12 +39,11 @@ impl PlaneModel {
                 .sum()
         };
         check_points(spacing, (0..self.len()).map(points_of).sum(), options.max_points)?;
-        let patches = (0..self.len()).into_par_iter().map(|i| {
+        let patches = parallel::try_map_range(self.len(), |i| -> Result<Vec<Point>> {
             progress.check()?;
             Ok(self.fill(i, along, options.as_measured))
-        });
-        let points: Vec<Point> =
-            patches.collect::<Result<Vec<Vec<Point>>>>()?.into_iter().flatten().collect();
+        })?;
+        let points: Vec<Point> = patches.into_iter().flatten().collect();
         let parts = CloudParts {
             origin: self.origin(),
             positions: points.iter().map(|p| p.position).collect(),

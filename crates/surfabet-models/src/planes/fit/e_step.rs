@@ -14,7 +14,7 @@
 //! it a patch right through a noisy wall lives on the points that happen to lie far from the wall; it has few points for
 //! its area, and so it loses them.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use crate::error::Result;
@@ -87,7 +87,7 @@ pub fn e_step(
     let mixture = Mixture::new(patches, grid_size, s, factors);
     let near = candidates(points, patches, &mixture.reach);
     let n_blocks = points.n_blocks();
-    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
+    let chunks = parallel::try_map_range(n_blocks.div_ceil(CHUNK), |c| -> Result<Weighed> {
         progress.check()?;
         let mut weighed = Weighed::default();
         for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
@@ -96,8 +96,7 @@ pub fn e_step(
             }
         }
         Ok(weighed)
-    });
-    let chunks = chunks.collect::<Result<Vec<Weighed>>>()?;
+    })?;
     Ok(by_patch(patches.len(), &chunks))
 }
 
@@ -113,7 +112,7 @@ pub(in crate::planes) fn e_step_everywhere(
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
     let n_blocks = points.n_blocks();
-    let chunks = (0..n_blocks.div_ceil(CHUNK)).into_par_iter().map(|c| -> Result<Weighed> {
+    let chunks = parallel::try_map_range(n_blocks.div_ceil(CHUNK), |c| -> Result<Weighed> {
         let mut weighed = Weighed::default();
         for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
             progress.check()?;
@@ -122,8 +121,7 @@ pub(in crate::planes) fn e_step_everywhere(
             }
         }
         Ok(weighed)
-    });
-    let chunks = chunks.collect::<Result<Vec<Weighed>>>()?;
+    })?;
     Ok(by_patch(patches.len(), &chunks))
 }
 
@@ -259,7 +257,7 @@ impl Candidates {
 /// The patches of which a supported tile may be within its `reach` of a point of each block (counting sort).
 fn candidates(points: &Points, patches: &[Patch], reach: &[f64]) -> Candidates {
     let blocks: Vec<Vec<u32>> =
-        patches.par_iter().zip(reach).map(|(patch, &reach)| patch.blocks(points, reach)).collect();
+        parallel::map_range(patches.len(), |j| patches[j].blocks(points, reach[j]));
     let mut starts = vec![0; points.n_blocks() + 1];
     for &b in blocks.iter().flatten() {
         starts[b as usize + 1] += 1;

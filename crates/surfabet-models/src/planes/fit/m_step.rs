@@ -7,7 +7,7 @@
 //! M_j = sum_i p_ij (a_i - c_j) (a_i - c_j)^T
 //! ```
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Moments;
 
 use super::e_step::Responsibilities;
@@ -37,15 +37,11 @@ pub fn m_step(
     patches: &[Patch],
     responsibilities: &Responsibilities,
 ) -> Vec<Option<Regression>> {
-    patches
-        .par_iter()
-        .enumerate()
-        .map(|(j, patch)| {
-            let entries = responsibilities.of(j).iter().copied();
-            let moments = points.moments_about(patch.frame.center, entries);
-            Some(Regression { frame: plane(&moments)?, moments })
-        })
-        .collect()
+    parallel::map_range(patches.len(), |j| {
+        let entries = responsibilities.of(j).iter().copied();
+        let moments = points.moments_about(patches[j].frame.center, entries);
+        Some(Regression { frame: plane(&moments)?, moments })
+    })
 }
 
 /// As [`m_step`], without points whose foot on the plane is within `margin` of another of the patches, as long as
@@ -66,24 +62,21 @@ pub(super) fn clear_m_step(
         neighbors[a as usize].push(b);
         neighbors[b as usize].push(a);
     }
-    patches
-        .par_iter()
-        .enumerate()
-        .map(|(j, patch)| {
-            let clear = |i: u32| {
-                let [x, y, _] = patch.frame.local(points.positions[i as usize]);
-                let foot = patch.frame.at([x, y]).map(|c| c as f32);
-                let near = |&k: &u32| patches[k as usize].distance(foot, margin).is_some();
-                !neighbors[j].iter().any(near)
-            };
-            let all = responsibilities.of(j).iter().copied();
-            let chosen: Vec<(u32, f32)> = all.clone().filter(|&(i, _)| clear(i)).collect();
-            let center = patch.frame.center;
-            let whole = points.moments_about(center, all);
-            let moments = points.moments_about(center, chosen);
-            let enough = moments.weight() >= CLEAR_SHARE * whole.weight();
-            let moments = if enough { moments } else { whole };
-            Some(Regression { frame: plane(&moments)?, moments })
-        })
-        .collect()
+    parallel::map_range(patches.len(), |j| {
+        let patch = &patches[j];
+        let clear = |i: u32| {
+            let [x, y, _] = patch.frame.local(points.positions[i as usize]);
+            let foot = patch.frame.at([x, y]).map(|c| c as f32);
+            let near = |&k: &u32| patches[k as usize].distance(foot, margin).is_some();
+            !neighbors[j].iter().any(near)
+        };
+        let all = responsibilities.of(j).iter().copied();
+        let chosen: Vec<(u32, f32)> = all.clone().filter(|&(i, _)| clear(i)).collect();
+        let center = patch.frame.center;
+        let whole = points.moments_about(center, all);
+        let moments = points.moments_about(center, chosen);
+        let enough = moments.weight() >= CLEAR_SHARE * whole.weight();
+        let moments = if enough { moments } else { whole };
+        Some(Regression { frame: plane(&moments)?, moments })
+    })
 }

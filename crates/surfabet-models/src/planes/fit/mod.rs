@@ -13,7 +13,7 @@ mod split;
 mod surface;
 mod trim;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 pub(super) use self::e_step::{NONE, e_step, e_step_everywhere};
@@ -245,11 +245,10 @@ impl<'a> Fit<'a> {
         self.deviation = deviation(planes);
         self.grid_size = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.smallest_grid_size);
         let (points, size) = (self.points, self.grid_size);
-        self.patches = planes
-            .par_iter()
-            .zip(&sets)
-            .filter_map(|(frame, set)| trim(points, frame.as_ref()?.frame, set, size))
-            .collect();
+        let trimmed = parallel::map_range(planes.len(), |j| {
+            trim(points, planes[j].as_ref()?.frame, &sets[j], size)
+        });
+        self.patches = trimmed.into_iter().flatten().collect();
     }
 
     /// Splits patches that are not evenly supported (section II-C).
@@ -264,14 +263,13 @@ impl<'a> Fit<'a> {
             noise: self.smallest_grid_size / SIGMAS_PER_GRID_SIZE,
             merge: self.merge_rule(),
         };
-        let parts: Vec<Vec<Patch>> = std::mem::take(&mut self.patches)
-            .into_par_iter()
-            .map(|patch| {
-                progress.check()?;
-                Ok(split(points, patch, &rule))
-            })
-            .collect::<Result<_>>()?;
-        self.patches = parts.into_iter().flatten().collect();
+        let patches = std::mem::take(&mut self.patches);
+        let parts = parallel::map_owned(patches, |patch| -> Result<Vec<Patch>> {
+            progress.check()?;
+            Ok(split(points, patch, &rule))
+        });
+        self.patches =
+            parts.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
         Ok(())
     }
 
@@ -384,13 +382,10 @@ impl<'a> Fit<'a> {
         let supports = self.e_step(progress)?.support_sets(self.patches.len());
         let (points, size) = (self.points, self.grid_size);
         let bare = self.patches.split_off(n_kept);
-        let trimmed = bare.iter().zip(&supports[n_kept..]);
-        self.patches.par_extend(
-            trimmed
-                .collect::<Vec<_>>()
-                .into_par_iter()
-                .filter_map(|(patch, set)| trim_to(points, patch, set, size)),
-        );
+        let trimmed = parallel::map_range(bare.len(), |j| {
+            trim_to(points, &bare[j], &supports[n_kept + j], size)
+        });
+        self.patches.extend(trimmed.into_iter().flatten());
         Ok(())
     }
 
@@ -423,15 +418,10 @@ impl<'a> Fit<'a> {
     /// The first G of patches placed at random: 3 times the root mean square distance of the points to the closest.
     fn first_grid_size(&self) -> f64 {
         let far = 4.0 * self.points.extent().max(self.points.cell);
-        let squares: Vec<f64> = self
-            .points
-            .positions
-            .par_iter()
-            .map(|&p| {
-                let near = self.patches.iter().filter_map(|patch| patch.distance(p, far));
-                near.map(|d| d * d).fold(far * far, f64::min)
-            })
-            .collect();
+        let squares: Vec<f64> = parallel::map(&self.points.positions, |&p| {
+            let near = self.patches.iter().filter_map(|patch| patch.distance(p, far));
+            near.map(|d| d * d).fold(far * far, f64::min)
+        });
         SIGMAS_PER_GRID_SIZE * (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
     }
 

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::e_step::Responsibilities;
@@ -59,13 +59,10 @@ pub(super) fn removals(
     let of_point = ByPoint::new(last, n);
     let mass = |j: usize| last.of(j).iter().map(|e| f64::from(e.1)).sum();
     let mass: Vec<f64> = (0..n).map(mass).collect();
-    (0..n)
-        .into_par_iter()
-        .map(|j| {
-            progress.check()?;
-            Ok(removal(last, &of_point, &mass, j as u32))
-        })
-        .collect()
+    parallel::try_map_range(n, |j| {
+        progress.check()?;
+        Ok(removal(last, &of_point, &mass, j as u32))
+    })
 }
 
 /// The patches that the others explain as well, ascending; of neighbours only the one that costs least.

@@ -3,7 +3,7 @@
 //! No single figure tells them apart. A logistic regression weighs six that each say something; what it learned from is
 //! in docs/benchmarks/planes.md.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::removal::Removal;
@@ -82,13 +82,10 @@ pub(super) fn probabilities(
     noise: &[f64],
     progress: &dyn Progress,
 ) -> Result<Vec<f64>> {
-    (0..patches.len())
-        .into_par_iter()
-        .map(|j| {
-            progress.check()?;
-            Ok(Evidence::of(points, &patches[j], &removals[j], noise[j]).probability())
-        })
-        .collect()
+    parallel::try_map_range(patches.len(), |j| {
+        progress.check()?;
+        Ok(Evidence::of(points, &patches[j], &removals[j], noise[j]).probability())
+    })
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_8, PI, TAU};
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::motion::Motion;
@@ -46,24 +46,20 @@ pub(super) fn guess_motions(
         }
         _ => true,
     };
-    let motions: Vec<(f64, Motion)> = seeds
-        .occurrences
-        .par_iter()
-        .map(|&k| {
-            progress.check()?;
-            let mut promising = Vec::new();
-            for j in (0..all.len()).filter(|&j| eligible[j] && has_same_color(k, j)) {
-                for motion in seeds.motions(template, &all[k], &all[j]) {
-                    let share = trial.share(template, &motion);
-                    if share > LEAST_TRIAL_SHARE {
-                        promising.push((share, motion));
-                    }
+    let motions: Vec<(f64, Motion)> = parallel::try_map(&seeds.occurrences, |&k| -> Result<_> {
+        progress.check()?;
+        let mut promising = Vec::new();
+        for j in (0..all.len()).filter(|&j| eligible[j] && has_same_color(k, j)) {
+            for motion in seeds.motions(template, &all[k], &all[j]) {
+                let share = trial.share(template, &motion);
+                if share > LEAST_TRIAL_SHARE {
+                    promising.push((share, motion));
                 }
             }
-            Ok(promising)
-        })
-        .collect::<Result<Vec<_>>>()?
-        .concat();
+        }
+        Ok(promising)
+    })?
+    .concat();
     Ok(best_by_cell(motions, side).into_iter().take(GUESSES).map(|m| m.1).collect())
 }
 

@@ -94,11 +94,11 @@ impl AlphabetModel {
             .run("guessing motions", |progress| guess_motions(self, &scene, &template, progress))?;
         // A rough refinement of all, a fine one of the best.
         let motions = stages.run("refining motions", |progress| {
-            let motions = template.refine_roughly(&scene, guesses, progress)?;
+            let motions = template.refine_roughly(&scene, &guesses, progress)?;
             Ok(template.best_guesses(motions, FINALISTS))
         })?;
         let mut places = stages.run("scoring places", |progress| {
-            let motions = template.refine_finely(&scene, motions, progress)?;
+            let motions = template.refine_finely(&scene, &motions, progress)?;
             template.score_all(&scene, &motions, progress)
         })?;
         places.push((1.0, Motion::NONE));

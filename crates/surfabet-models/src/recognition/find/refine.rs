@@ -1,7 +1,7 @@
 //! Motions improved by least squares on the samples of both surfaces.
 
 use nalgebra::{Matrix4, Vector4};
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::motion::Motion;
@@ -19,42 +19,36 @@ impl Template {
     pub fn refine_roughly(
         &self,
         scene: &SearchScene,
-        motions: Vec<Motion>,
+        motions: &[Motion],
         progress: &dyn Progress,
     ) -> Result<Vec<(f64, Motion)>> {
         let (of_diagonal, of_tolerance) = ROUGH_REACH;
         let reach = [of_diagonal * self.diagonal, of_tolerance * self.tolerance];
-        motions
-            .into_par_iter()
-            .map(|motion| {
-                progress.check()?;
-                let motion = self.refined(scene, motion, ROUGH_SAMPLES, reach, ROUGH_STEPS);
-                let tolerance = ROUGH_TOLERANCE * self.tolerance;
-                let matches = self.matches(scene, &motion, tolerance, ROUGH_SAMPLES);
-                Ok((matched_share(&matches, &self.weights), motion))
-            })
-            .collect()
+        parallel::try_map(motions, |&motion| {
+            progress.check()?;
+            let motion = self.refined(scene, motion, ROUGH_SAMPLES, reach, ROUGH_STEPS);
+            let tolerance = ROUGH_TOLERANCE * self.tolerance;
+            let matches = self.matches(scene, &motion, tolerance, ROUGH_SAMPLES);
+            Ok((matched_share(&matches, &self.weights), motion))
+        })
     }
 
     /// All motions after a fine refinement.
     pub fn refine_finely(
         &self,
         scene: &SearchScene,
-        motions: Vec<(f64, Motion)>,
+        motions: &[(f64, Motion)],
         progress: &dyn Progress,
     ) -> Result<Vec<Motion>> {
         let reach = FINE_REACH.map(|reach| reach * self.tolerance);
-        motions
-            .into_par_iter()
-            .map(|(_, motion)| {
-                progress.check()?;
-                let motion = self.refined(scene, motion, FINE_SAMPLES, reach, FINE_STEPS);
-                Ok(match scene.color_tolerance {
-                    Some(_) => self.slid(scene, motion),
-                    None => motion,
-                })
+        parallel::try_map(motions, |&(_, motion)| {
+            progress.check()?;
+            let motion = self.refined(scene, motion, FINE_SAMPLES, reach, FINE_STEPS);
+            Ok(match scene.color_tolerance {
+                Some(_) => self.slid(scene, motion),
+                None => motion,
             })
-            .collect()
+        })
     }
 
     /// A motion improved on the first `n` samples by Gauss-Newton steps. Samples farther from the scene than a reach are

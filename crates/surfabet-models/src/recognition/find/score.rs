@@ -1,6 +1,6 @@
 //! The score of a place: how much of the example is found there, and how much of the place the example explains.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Neighbor, Progress};
 
 use super::motion::Motion;
@@ -18,24 +18,17 @@ impl Template {
         motions: &[Motion],
         progress: &dyn Progress,
     ) -> Result<Vec<(f64, Motion)>> {
-        let matches: Vec<Vec<f32>> = motions
-            .par_iter()
-            .map(|motion| {
-                progress.check()?;
-                Ok(self.matches(scene, motion, self.tolerance, SCORED_SAMPLES))
-            })
-            .collect::<Result<_>>()?;
+        let matches: Vec<Vec<f32>> = parallel::try_map(motions, |motion| -> Result<_> {
+            progress.check()?;
+            Ok(self.matches(scene, motion, self.tolerance, SCORED_SAMPLES))
+        })?;
         let rarity = self.rarity(&matches);
-        motions
-            .par_iter()
-            .zip(&matches)
-            .map(|(motion, matches)| {
-                progress.check()?;
-                let found = matched_share(matches, &rarity);
-                let explained = self.explained(scene, motion, self.tolerance);
-                Ok(((found * explained).sqrt(), *motion))
-            })
-            .collect()
+        parallel::try_map_range(motions.len(), |k| {
+            progress.check()?;
+            let found = matched_share(&matches[k], &rarity);
+            let explained = self.explained(scene, &motions[k], self.tolerance);
+            Ok(((found * explained).sqrt(), motions[k]))
+        })
     }
 
     /// Weight of each sample, times how rare it is: `-ln` of the share of motions that match it, most of which are wrong.

@@ -1,6 +1,6 @@
 //! How the occurrences of a scene lie to each other: a histogram of their pairs.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::word_histogram::area;
@@ -13,6 +13,9 @@ use crate::vector;
 
 /// Classes of distance: one per half octave, from a quarter of a metre to 45 m and beyond.
 const DISTANCES: usize = 16;
+
+/// Occurrences whose pairs are added up together.
+const ROWS: usize = 64;
 
 /// Classes of height of one occurrence over another, from far below to far above.
 const RISES: usize = 2 * RISE_LIMITS.len() + 1;
@@ -58,20 +61,16 @@ fn pair_histogram(model: &AlphabetModel, progress: &dyn Progress) -> Result<Vec<
         })
         .collect();
     // Fixed chunks, added in order: the sums do not depend on the number of threads.
-    let sums: Vec<Vec<f64>> = (0..all.len())
-        .collect::<Vec<_>>()
-        .par_chunks(64)
-        .map(|rows| {
-            progress.check()?;
-            let mut sums = vec![0.0; CLASSES];
-            for &i in rows {
-                for j in (0..all.len()).filter(|&j| j != i) {
-                    add(&mut sums, &all[i], &all[j]);
-                }
+    let sums = parallel::try_map_range(all.len().div_ceil(ROWS), |chunk| -> Result<Vec<f64>> {
+        progress.check()?;
+        let mut sums = vec![0.0; CLASSES];
+        for i in chunk * ROWS..all.len().min((chunk + 1) * ROWS) {
+            for j in (0..all.len()).filter(|&j| j != i) {
+                add(&mut sums, &all[i], &all[j]);
             }
-            Ok(sums)
-        })
-        .collect::<Result<_>>()?;
+        }
+        Ok(sums)
+    })?;
     let mut total = vec![0.0; CLASSES];
     for part in sums {
         total.iter_mut().zip(part).for_each(|(t, p)| *t += p);

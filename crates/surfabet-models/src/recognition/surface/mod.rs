@@ -9,7 +9,7 @@
 mod pieces;
 mod sampling;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use self::sampling::{RawSample, raw_samples};
@@ -40,10 +40,13 @@ impl Surface {
     /// [`crate::Error::TooManyPoints`], [`crate::Error::Cancelled`].
     pub fn of(model: &AlphabetModel, spacing: f64, progress: &dyn Progress) -> Result<Self> {
         let occurrences: Vec<Occurrence> = model.occurrences().collect();
-        let mut raw = raw_samples(model, &occurrences, spacing, progress)?;
+        let unsorted = raw_samples(model, &occurrences, spacing, progress)?;
         progress.check()?;
         // Within a cube the order is that of the occurrences.
-        raw.par_sort_by_key(|r| r.cube);
+        let cube = |i: u32| unsorted[i as usize].cube;
+        let mut order: Vec<u32> = (0..unsorted.len() as u32).collect();
+        parallel::sort_numbers_by(&mut order, &|i, j| cube(i).cmp(&cube(j)).then(i.cmp(&j)));
+        let raw: Vec<RawSample> = order.into_iter().map(|i| unsorted[i as usize]).collect();
         let to_hue = |rgb: &[u8; 3]| to_ycocg(rgb.map(f32::from));
         let hues: Option<Vec<[f32; 3]>> =
             model.colors().map(|colors| colors.iter().map(to_hue).collect());

@@ -1,6 +1,6 @@
 //! The smooth pieces of a surface.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Neighbor, Progress};
 
 use super::Surface;
@@ -19,10 +19,10 @@ impl Surface {
     pub fn pieces(&self, tree: &KdTree, progress: &dyn Progress) -> Result<(Vec<u32>, Vec<u32>)> {
         let reach = (PIECE_REACH * self.spacing) as f32;
         let step = (PIECE_STEP * self.spacing) as f32;
-        let links: Vec<Vec<[u32; 2]>> = (0..self.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .map_init(Vec::new, |near: &mut Vec<Neighbor>, i| {
+        let links = parallel::try_map_range_with(
+            self.len(),
+            Vec::new,
+            |near: &mut Vec<Neighbor>, i| -> Result<Vec<[u32; 2]>> {
                 if i % 1024 == 0 {
                     progress.check()?;
                 }
@@ -36,8 +36,8 @@ impl Surface {
                 };
                 let later = near.iter().map(|n| n.index()).filter(|&j| j > i && smooth(j));
                 Ok(later.map(|j| [i as u32, j as u32]).collect())
-            })
-            .collect::<Result<_>>()?;
+            },
+        )?;
         let mut parent: Vec<u32> = (0..self.len() as u32).collect();
         for [i, j] in links.into_iter().flatten() {
             let [a, b] = [root(&mut parent, i), root(&mut parent, j)];

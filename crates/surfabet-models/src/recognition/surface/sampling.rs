@@ -1,6 +1,6 @@
 //! Raw samples of a model's occurrences.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use crate::alphabet::model::{AlphabetModel, Occurrence};
@@ -41,30 +41,27 @@ pub(super) fn raw_samples(
     let most: f64 = occurrences.iter().map(|o| per_side(o.radius).powi(2)).sum();
     check_points(spacing, most, MAX_SAMPLES)?;
     let origin = model.header().origin;
-    let samples: Vec<Vec<RawSample>> = occurrences
-        .par_iter()
-        .enumerate()
-        .map(|(k, o)| {
-            progress.check()?;
-            let word = &model.alphabet().words()[usize::from(o.word)];
-            let n = per_side(o.radius) as u64;
-            let at = |i: u64| (2 * i + 1) as f64 / n as f64 - 1.0;
-            // Component `a` in the world of a vector in the frame of the word.
-            let along = |v: [f64; 3], a: usize| (0..3).map(|k| o.rows[k][a] * v[k]).sum::<f64>();
-            let mut samples = Vec::new();
-            for i in 0..n * n {
-                let [right, up] = [at(i % n), at(i / n)];
-                let Some(height) = word.height(right, up) else { continue };
-                let local = [right, up, height].map(|c| c * o.radius);
-                let point = std::array::from_fn(|a| o.center[a] - origin[a] + along(local, a));
-                let [x, y] = slopes(word, right, up);
-                let length = (x * x + y * y + 1.0).sqrt();
-                let normal = std::array::from_fn(|a| along([-x, -y, 1.0], a) / length);
-                samples.push(RawSample::new(point, normal, k as u32, spacing));
-            }
-            Ok(samples)
-        })
-        .collect::<Result<_>>()?;
+    let samples = parallel::try_map_range(occurrences.len(), |k| -> Result<Vec<RawSample>> {
+        let o = &occurrences[k];
+        progress.check()?;
+        let word = &model.alphabet().words()[usize::from(o.word)];
+        let n = per_side(o.radius) as u64;
+        let at = |i: u64| (2 * i + 1) as f64 / n as f64 - 1.0;
+        // Component `a` in the world of a vector in the frame of the word.
+        let along = |v: [f64; 3], a: usize| (0..3).map(|k| o.rows[k][a] * v[k]).sum::<f64>();
+        let mut samples = Vec::new();
+        for i in 0..n * n {
+            let [right, up] = [at(i % n), at(i / n)];
+            let Some(height) = word.height(right, up) else { continue };
+            let local = [right, up, height].map(|c| c * o.radius);
+            let point = std::array::from_fn(|a| o.center[a] - origin[a] + along(local, a));
+            let [x, y] = slopes(word, right, up);
+            let length = (x * x + y * y + 1.0).sqrt();
+            let normal = std::array::from_fn(|a| along([-x, -y, 1.0], a) / length);
+            samples.push(RawSample::new(point, normal, k as u32, spacing));
+        }
+        Ok(samples)
+    })?;
     Ok(samples.concat())
 }
 

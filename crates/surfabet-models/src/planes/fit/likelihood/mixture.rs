@@ -10,7 +10,7 @@
 //! those of EM.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::rectangle::{PARAMETERS, Rectangle};
@@ -139,7 +139,7 @@ impl Mixture {
     }
 
     fn sums(&self, points: &[[f64; 3]]) -> Sums {
-        let chunks: Vec<Sums> = points.par_chunks(CHUNK).map(|chunk| self.sums_of(chunk)).collect();
+        let chunks: Vec<Sums> = parallel::map_chunks(points, CHUNK, |chunk| self.sums_of(chunk));
         let mut total = self.no_sums();
         for sums in chunks {
             total.log_likelihood += sums.log_likelihood;
@@ -202,20 +202,17 @@ impl Mixture {
 
     /// For each rectangle the points of which it is the most probable.
     pub fn members(&self, points: &[[f64; 3]]) -> Vec<Vec<u32>> {
-        let best: Vec<Option<usize>> = points
-            .par_iter()
-            .map(|&p| {
-                let mut best = (self.rest * self.anywhere, None);
-                for (j, rectangle) in self.rectangles.iter().enumerate() {
-                    let scores = rectangle.scores(p, self.sigma);
-                    let of = scores.map_or(0.0, |s| self.weights[j] * s.log.exp());
-                    if of > best.0 {
-                        best = (of, Some(j));
-                    }
+        let best: Vec<Option<usize>> = parallel::map(points, |&p| {
+            let mut best = (self.rest * self.anywhere, None);
+            for (j, rectangle) in self.rectangles.iter().enumerate() {
+                let scores = rectangle.scores(p, self.sigma);
+                let of = scores.map_or(0.0, |s| self.weights[j] * s.log.exp());
+                if of > best.0 {
+                    best = (of, Some(j));
                 }
-                best.1
-            })
-            .collect();
+            }
+            best.1
+        });
         let mut members = vec![Vec::new(); self.rectangles.len()];
         for (i, best) in best.into_iter().enumerate() {
             if let Some(j) = best {

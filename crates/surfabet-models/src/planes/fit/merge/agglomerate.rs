@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::rule::{Part, Rule};
@@ -112,7 +112,7 @@ impl<'a> Clusters<'a> {
         now.dedup();
         let clusters = &*self;
         let candidates: Vec<Candidate> =
-            now.into_par_iter().filter_map(|pair| clusters.candidate(pair)).collect();
+            parallel::gather(now.len(), |i, found| found.extend(clusters.candidate(now[i])));
         candidates.into()
     }
 

@@ -1,6 +1,6 @@
 //! Patches that are close enough to merge (section II-D, step 1).
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 
 use crate::planes::patch::Patch;
 use crate::vector::{dot, minus};
@@ -23,20 +23,17 @@ pub(in crate::planes::fit) fn close_pairs(
         let ((al, ah), (bl, bh)) = (boxes[a as usize], boxes[b as usize]);
         (0..3).all(|k| al[k] <= bh[k] && bl[k] <= ah[k])
     };
-    let mut pairs: Vec<[u32; 2]> = order
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(at, &a)| {
-            let end = boxes[a as usize].1[axis];
-            order[at + 1..]
-                .iter()
-                .take_while(|&&b| boxes[b as usize].0[axis] <= end)
-                .filter(|&&b| overlap(a, b))
-                .filter(|&&b| close(&patches[a as usize], &patches[b as usize], grid_size, widely))
-                .map(|&b| [a.min(b), a.max(b)])
-                .collect::<Vec<_>>()
-        })
-        .collect();
+    let mut pairs: Vec<[u32; 2]> = parallel::gather(order.len(), |at, pairs| {
+        let a = order[at];
+        let end = boxes[a as usize].1[axis];
+        let close = order[at + 1..]
+            .iter()
+            .take_while(|&&b| boxes[b as usize].0[axis] <= end)
+            .filter(|&&b| overlap(a, b))
+            .filter(|&&b| close(&patches[a as usize], &patches[b as usize], grid_size, widely))
+            .map(|&b| [a.min(b), a.max(b)]);
+        pairs.extend(close);
+    });
     pairs.sort_unstable();
     pairs
 }

@@ -4,7 +4,7 @@ mod agglomerate;
 mod close_pairs;
 mod rule;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Moments, Progress};
 
 pub(super) use self::agglomerate::agglomerate;
@@ -32,20 +32,17 @@ pub(super) fn merge(
     for (patch, &to) in patches.into_iter().zip(&into) {
         groups[to as usize].push(patch);
     }
-    let merged: Vec<Patch> = groups
-        .into_par_iter()
-        .filter_map(|mut group| {
-            if group.len() < 2 {
-                return group.pop();
-            }
-            let mut support: Vec<u32> = group.iter().flat_map(|p| &p.whole).copied().collect();
-            support.sort_unstable();
-            let mut moments = Moments::new();
-            group.iter().for_each(|p| moments.merge(&p.moments));
-            trim(points, plane(&moments)?, &support, grid_size)
-        })
-        .collect();
-    Ok(merged)
+    let merged = parallel::map_owned(groups, |mut group| {
+        if group.len() < 2 {
+            return group.pop();
+        }
+        let mut support: Vec<u32> = group.iter().flat_map(|p| &p.whole).copied().collect();
+        support.sort_unstable();
+        let mut moments = Moments::new();
+        group.iter().for_each(|p| moments.merge(&p.moments));
+        trim(points, plane(&moments)?, &support, grid_size)
+    });
+    Ok(merged.into_iter().flatten().collect())
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The cells of an octree in which points are flat.
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::morton::{self, MortonMap};
 use surfabet_geom::{Moments, Progress};
 
@@ -48,13 +48,10 @@ pub(super) fn flat_cells(
 ) -> Result<Vec<FlatCell>> {
     let key = |i: u32| points.codes[i as usize] >> (3 * first);
     let cells: Vec<&[u32]> = ids.chunk_by(|&a, &b| key(a) == key(b)).collect();
-    let found: Vec<Vec<FlatCell>> = cells
-        .into_par_iter()
-        .map(|members| {
-            progress.check()?;
-            Ok(within(points, members, [first, last], rule))
-        })
-        .collect::<Result<_>>()?;
+    let found = parallel::try_map(&cells, |members| -> Result<Vec<FlatCell>> {
+        progress.check()?;
+        Ok(within(points, members, [first, last], rule))
+    })?;
     Ok(found.into_iter().flatten().collect())
 }
 
@@ -156,31 +153,26 @@ pub(super) fn touching(cells: &[FlatCell], largest: u64) -> Vec<[u32; 2]> {
     for (i, cell) in cells.iter().enumerate() {
         buckets.entry(morton::encode(bucket(cell))).or_default().push(i as u32);
     }
-    cells
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(i, cell)| {
-            let at = bucket(cell);
-            let mut found = Vec::new();
-            for k in 0..27_u64 {
-                let off = [k % 3, k / 3 % 3, k / 9];
-                // Offsets are -1 to 1; no cell lies below zero.
-                let Some(near) = (0..3).try_fold([0; 3], |mut c, a| {
-                    c[a] = (at[a] + off[a]).checked_sub(1)?;
-                    Some(c)
-                }) else {
-                    continue;
-                };
-                for &j in buckets.get(&morton::encode(near)).into_iter().flatten() {
-                    if i < j as usize && cell.touches(&cells[j as usize]) {
-                        found.push([i as u32, j]);
-                    }
+    parallel::gather(cells.len(), |i, found| {
+        let cell = &cells[i];
+        let at = bucket(cell);
+        for k in 0..27_u64 {
+            let off = [k % 3, k / 3 % 3, k / 9];
+            // Offsets are -1 to 1; no cell lies below zero.
+            let Some(near) = (0..3).try_fold([0; 3], |mut c, a| {
+                c[a] = (at[a] + off[a]).checked_sub(1)?;
+                Some(c)
+            }) else {
+                continue;
+            };
+            for &j in buckets.get(&morton::encode(near)).into_iter().flatten() {
+                if i < j as usize && cell.touches(&cells[j as usize]) {
+                    found.push([i as u32, j]);
                 }
             }
-            found.sort_unstable();
-            found
-        })
-        .collect()
+        }
+        found.sort_unstable();
+    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ mod flat_cells;
 mod noise;
 mod random;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::{Progress, morton};
 
 use self::flat_cells::{flat_cells, touching};
@@ -47,14 +47,12 @@ pub(in crate::planes::fit) fn from_data(
     for (cell, to) in cells.iter().zip(into) {
         groups[to as usize].extend(&cell.members);
     }
-    Ok(groups
-        .into_par_iter()
-        .filter(|set| set.len() >= min_points)
-        .filter_map(|mut set| {
-            set.sort_unstable();
-            let center = points.positions[set[0] as usize].map(f64::from);
-            let moments = points.moments_about(center, set.iter().map(|&i| (i, 1.0)));
-            trim(points, plane(&moments)?, &set, rule.distance)
-        })
-        .collect())
+    groups.retain(|set| set.len() >= min_points);
+    let patches = parallel::map_owned(groups, |mut set| {
+        set.sort_unstable();
+        let center = points.positions[set[0] as usize].map(f64::from);
+        let moments = points.moments_about(center, set.iter().map(|&i| (i, 1.0)));
+        trim(points, plane(&moments)?, &set, rule.distance)
+    });
+    Ok(patches.into_iter().flatten().collect())
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use surfabet_base::parallel;
 use surfabet_geom::morton;
 
 use super::flat_cells::{moments_of, spanned};
@@ -23,8 +23,9 @@ pub(in crate::planes::fit) fn noise(points: &Points) -> Option<(f64, Incidence)>
             break;
         }
         let side = points.side(level);
-        let found: Vec<(f64, f64, f64)> =
-            cells.into_par_iter().flat_map_iter(|cell| deviations(points, cell, side)).collect();
+        let found: Vec<(f64, f64, f64)> = parallel::gather(cells.len(), |i, found| {
+            found.extend(deviations(points, cells[i].clone(), side));
+        });
         let mut deviations: Vec<(f64, f64)> = found.iter().map(|c| (c.0, c.2)).collect();
         let middle = weighted_median(&mut deviations);
         if middle <= NOISE_FLATNESS * side {
