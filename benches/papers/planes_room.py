@@ -207,7 +207,7 @@ def main() -> None:
             scan = datasets.scan_lidar(
                 scene, range_noise=noise, elevation_step=options.step, azimuth_step=options.step
             )
-            points = scan.cloud.points
+            points = np.array(scan.cloud.points)
             true = true_planes(scene, scan.ground_truth)
             assert scan.cloud.viewpoints is not None
             sensors = scan.cloud.viewpoints[scan.cloud.viewpoint_index]

@@ -6,7 +6,7 @@
 Points on four walls of height 300, one after the other: two long ones and, between them, a corner
 of two short ones. Every point is moved by Gaussian noise of the standard deviation given along each
 axis. `learn_planes` starts from 3 random patches, other ones with every seed, and keeps patches
-whatever they look like (`min_purity=0, min_fill=0, max_bend=inf`): there is nothing but walls here.
+whatever they look like (`min_probability=0`): there is nothing but walls here.
 
 A result counts as found if there are exactly four patches, each within 10 degrees of another wall.
 Its error is the sum of the four angles between normals of patches and walls, in degrees. Beside it:
@@ -166,7 +166,7 @@ def main() -> None:
         "classical EM",
         "seconds",
     )
-    kept = {"min_purity": 0.0, "min_fill": 0.0, "max_bend": float("inf")}
+    kept = {"min_probability": 0.0}
     rows = []
     for noise in options.noise:
         counts, sums, limits, plain, took, printed = [], [], [], [], [], []

@@ -175,10 +175,10 @@ def test_an_error_names_what_was_given() -> None:
 
 def test_errors_survive_another_process() -> None:
     with pytest.raises(sb.InvalidTypeError) as caught:
-        sb.learn_planes(CLOUD, min_purity="low")  # type: ignore[arg-type]
+        sb.learn_planes(CLOUD, min_probability="low")  # type: ignore[arg-type]
     again = pickle.loads(pickle.dumps(caught.value))
     assert type(again) is sb.InvalidTypeError
-    assert (again.argument, again.value) == ("min_purity", "'low'")
+    assert (again.argument, again.value) == ("min_probability", "'low'")
     assert str(again) == str(caught.value)
 
 

@@ -143,3 +143,58 @@ impl ByPoint {
         &self.entries[self.starts[i as usize]..self.starts[i as usize + 1]]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::*;
+    use crate::planes::fit::e_step::e_step;
+    use crate::planes::fit::m_step::plane;
+    use crate::planes::fit::trim::trim;
+    use crate::planes::patch::Patch;
+    use crate::planes::points::Points;
+
+    /// Two squares of 400 points 2 m apart, and the patches of both.
+    fn squares() -> (Points, Vec<Patch>) {
+        let at = |i: u16| {
+            [f32::from(i % 20) * 0.05, f32::from(i / 20 % 20) * 0.05, f32::from(i / 400) * 2.0]
+        };
+        let positions: Vec<[f32; 3]> = (0..800).map(at).collect();
+        let cloud = PointCloud::from_positions(positions).0;
+        let points = Points::new(&cloud, None).unwrap();
+        let patch = |high: bool| {
+            let mine =
+                |&i: &u32| (points.positions[i as usize][2] > points.positions[0][2] + 1.0) == high;
+            let set: Vec<u32> = (0..800).filter(mine).collect();
+            let moments = points.moments_about([0.0; 3], set.iter().map(|&i| (i, 1.0)));
+            trim(&points, plane(&moments).unwrap(), &set, 0.1).unwrap()
+        };
+        let patches = vec![patch(false), patch(true)];
+        (points, patches)
+    }
+
+    #[test]
+    fn the_last_patch_of_some_points_costs_what_outliers_cost() {
+        let (points, patches) = squares();
+        let last = e_step(&points, &patches, 0.1, 0.03, None, &Silent).unwrap();
+        let found = removals(&last, 2, &Silent).unwrap();
+        for removal in &found {
+            assert!((removal.mass - 400.0).abs() < 1e-6);
+            // Without it 400 points fewer are expected.
+            assert!((removal.loss - 400.0 * (OUTLIER_COST - 1.0)).abs() < 1e-6, "{removal:?}");
+        }
+        assert!(superfluous(&found).is_empty());
+    }
+
+    #[test]
+    fn of_two_equal_patches_one_goes() {
+        let (points, mut patches) = squares();
+        patches.push(patches[0].clone());
+        let last = e_step(&points, &patches, 0.1, 0.03, None, &Silent).unwrap();
+        let found = removals(&last, 3, &Silent).unwrap();
+        // The other one becomes twice as dense; what is left is the share of outliers, about twice exp(-4) per point.
+        assert!(found[0].loss.abs() < 400.0 * 2.0 * (-OUTLIER_COST).exp(), "{:?}", found[0]);
+        assert_eq!(superfluous(&found), [0]);
+    }
+}
