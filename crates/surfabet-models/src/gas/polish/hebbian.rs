@@ -26,14 +26,20 @@ pub(super) fn edges(
     nearby: &Nearby,
     max_age: u32,
 ) -> Vec<[u32; 2]> {
-    let (weights, runs): (Vec<f64>, Vec<Vec<Link>>) = (0..positions.len())
-        .into_par_iter()
-        .with_min_len(NEURONS_PER_TASK)
-        .map(|i| links(cells, i))
-        .unzip();
+    let mut weights = vec![0.0; positions.len()];
+    let tasks = weights.par_chunks_mut(NEURONS_PER_TASK).enumerate();
+    let runs: Vec<Vec<Link>> = tasks
+        .map(|(task, weights)| {
+            let mut links = Vec::new();
+            for (i, weight) in weights.iter_mut().enumerate() {
+                *weight = add_links(cells, task * NEURONS_PER_TASK + i, &mut links);
+            }
+            links
+        })
+        .collect();
     let mut links: Vec<Link> = runs.into_iter().flatten().collect();
-    // Both directions of an edge follow each other, in a fixed order.
-    links.par_sort_by_key(|link| link.ends);
+    // Both directions of an edge follow each other; of two weights the order does not matter for the sum.
+    links.par_sort_unstable_by_key(|link| link.ends);
     links.dedup_by(|later, kept| {
         let is_same = later.ends == kept.ends;
         kept.weight += if is_same { later.weight } else { 0.0 };
@@ -68,19 +74,18 @@ pub(super) fn edges(
     edges
 }
 
-/// The weight of the points of neuron `i`, and its edges to their second nearest.
-fn links(cells: &Cells<'_>, i: usize) -> (f64, Vec<Link>) {
+/// Adds the edges of neuron `i` to the second nearest of its points; gives the weight of these points.
+fn add_links(cells: &Cells<'_>, i: usize, links: &mut Vec<Link>) -> f64 {
     let mut seconds: Vec<(u32, f64)> =
         cells.points(i).map(|(_, weight, winners)| (winners[1].id(), weight)).collect();
     // Stable, so that the weights of each are added in a fixed order.
     seconds.sort_by_key(|second| second.0);
     let sum = |of: &[(u32, f64)]| of.iter().map(|second| second.1).sum::<f64>();
-    let links = seconds.chunk_by(|a, b| a.0 == b.0).map(|run| {
+    links.extend(seconds.chunk_by(|a, b| a.0 == b.0).map(|run| {
         let (i, other) = (i as u32, run[0].0);
         Link { ends: [i.min(other), i.max(other)], weight: sum(run) }
-    });
-    let links = links.collect();
-    (sum(&seconds), links)
+    }));
+    sum(&seconds)
 }
 
 #[cfg(test)]
