@@ -28,7 +28,8 @@ const SPACINGS: f64 = 1.2;
 /// 0.7 of them.
 const NOISES: f64 = 2.5;
 
-/// Which of [`NEIGHBORS`](super::around::NEIGHBORS) have a plane along both faces of a wall, where that of the nearest few may lie across: 48.
+/// Which of [`NEIGHBORS`](super::around::NEIGHBORS) have a plane along both faces of a wall, where that of the nearest few
+/// may lie across: 48.
 const MORE_NEIGHBORS: usize = 2;
 
 /// Which of them are on one line where points are on scan lines: fewer are wide with noise, more are on two lines: 16.
@@ -95,8 +96,8 @@ fn gap_at(sample: &Sample, around: &Around, planes: &Planes, spacing: f64) -> Op
     [more, few].into_iter().find_map(|normal| column(normal).empty_gap(least, REACH * spacing))
 }
 
-/// Normal of the plane of so many neighbours (of [`NEIGHBORS`](super::around::NEIGHBORS)); `None` on a line: what lies beside a scan line is not behind
-/// the surface.
+/// Normal of the plane of so many neighbours, by their place in [`NEIGHBORS`](super::around::NEIGHBORS); `None` on a line:
+/// what lies beside a scan line is not behind the surface.
 fn normal(around: &Around, size: usize) -> Option<[f64; 3]> {
     let axes = around.shapes[size]?.axes;
     let is_line = axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2];
