@@ -28,6 +28,10 @@ const MAX_DEPTH: usize = 32;
 /// Up to this number of blocks a subtree is built without forking.
 const FORK_ABOVE: usize = 256;
 
+/// Neighbours up to which the best so far are kept sorted: to put one more in its place moves half of them on average. Of more
+/// than these, up to twice as many are collected before the others are dropped. Results do not depend on it.
+const MOST_SORTED: usize = 48;
+
 /// Queries per unit of parallel work: a few milliseconds, so that an interrupt is felt at once.
 const BATCH: usize = 1024;
 
@@ -230,12 +234,25 @@ impl Collector for NearestSorted<'_> {
     }
 }
 
-struct Within<'a> {
+/// Up to twice as many as are wanted, in any order, among them the best so far. At least one is wanted.
+struct NearestMany<'a> {
+    wanted: usize,
     limit: f32,
     found: &'a mut Vec<Neighbor>,
 }
 
-impl Collector for Within<'_> {
+impl NearestMany<'_> {
+    /// Drops all but the best, and takes the worst of these for the limit.
+    fn drop_others(&mut self) {
+        if self.found.len() > self.wanted {
+            let (_, worst, _) = self.found.select_nth_unstable(self.wanted - 1);
+            self.limit = worst.squared_distance();
+            self.found.truncate(self.wanted);
+        }
+    }
+}
+
+impl Collector for NearestMany<'_> {
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.limit
@@ -245,6 +262,48 @@ impl Collector for Within<'_> {
     fn offer(&mut self, neighbor: Neighbor) {
         if neighbor < Neighbor::NONE {
             self.found.push(neighbor);
+            if self.found.len() >= 2 * self.wanted {
+                self.drop_others();
+            }
+        }
+    }
+}
+
+/// The nearest that is wanted.
+struct NearestWhere<F> {
+    best: Neighbor,
+    is_wanted: F,
+}
+
+impl<F: FnMut(usize) -> bool> Collector for NearestWhere<F> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.best.squared_distance()
+    }
+
+    #[inline(always)]
+    fn offer(&mut self, neighbor: Neighbor) {
+        if neighbor < self.best && (self.is_wanted)(neighbor.index()) {
+            self.best = neighbor;
+        }
+    }
+}
+
+struct Within<F> {
+    limit: f32,
+    visit: F,
+}
+
+impl<F: FnMut(Neighbor)> Collector for Within<F> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn offer(&mut self, neighbor: Neighbor) {
+        if neighbor < Neighbor::NONE {
+            (self.visit)(neighbor);
         }
     }
 }
@@ -301,16 +360,86 @@ impl KdTree {
     /// where the tree has fewer.
     pub fn k_nearest(&self, query: [f32; 3], k: usize, found: &mut Vec<Neighbor>) {
         found.clear();
-        found.resize(k.min(self.len), Neighbor::NONE);
-        self.fill_nearest(query, found);
+        if k > MOST_SORTED {
+            let mut collector =
+                NearestMany { wanted: k.min(self.len), limit: f32::INFINITY, found };
+            self.search(query, &mut collector);
+            collector.drop_others();
+            found.sort_unstable();
+        } else {
+            found.resize(k.min(self.len), Neighbor::NONE);
+            self.fill_nearest(query, found);
+        }
+    }
+
+    /// The nearest point within `radius` metres (included) of a finite `query` whose index `is_wanted`; `None` where there is
+    /// none. It is asked of points that are nearer than the best so far.
+    pub fn nearest_where(
+        &self,
+        query: [f32; 3],
+        radius: f32,
+        is_wanted: impl FnMut(usize) -> bool,
+    ) -> Option<Neighbor> {
+        // No point has this index.
+        let best = Neighbor::new(radius * radius, u32::MAX);
+        let mut collector = NearestWhere { best, is_wanted };
+        self.search(query, &mut collector);
+        (collector.best < best).then_some(collector.best)
     }
 
     /// Puts the points within `radius` metres (included) of a finite `query`, nearest first, in place of the
     /// contents of `found`. The comparison is between squares rounded to `f32`.
     pub fn within(&self, query: [f32; 3], radius: f32, found: &mut Vec<Neighbor>) {
         found.clear();
-        self.search(query, &mut Within { limit: radius * radius, found });
+        self.visit_within(query, radius, |neighbor| found.push(neighbor));
         found.sort_unstable();
+    }
+
+    /// Calls `visit` for the points within `radius` metres (included) of a finite `query`, in an order that depends on the
+    /// points alone.
+    pub fn visit_within(&self, query: [f32; 3], radius: f32, visit: impl FnMut(Neighbor)) {
+        self.search(query, &mut Within { limit: radius * radius, visit });
+    }
+
+    /// Calls `visit` with the position and the index of every point in a box, given by its lower and upper corner, that is
+    /// `wanted` as are all the boxes around it; also of some others. Boxes hold ever fewer points. The order depends on the
+    /// points alone.
+    pub fn visit_where(
+        &self,
+        wanted: impl Fn([f32; 3], [f32; 3]) -> bool,
+        mut visit: impl FnMut([f32; 3], usize),
+    ) {
+        let is_wanted = |bounds: &Bounds| {
+            let corner = |c: [f32; 4]| [c[0], c[1], c[2]];
+            wanted(corner(bounds.low), corner(bounds.high))
+        };
+        let mut stack = [(0, 0); MAX_DEPTH];
+        let mut depth = 0;
+        let mut run = (0, self.blocks.len());
+        loop {
+            if run.1 - run.0 > 1 {
+                let middle = middle(run.0, run.1);
+                let [left, right] = self.halves[middle].each_ref().map(is_wanted);
+                if left && right {
+                    stack[depth] = (middle, run.1);
+                    depth += 1;
+                }
+                if left || right {
+                    run = if left { (run.0, middle) } else { (middle, run.1) };
+                    continue;
+                }
+            } else if let Some(block) = self.blocks.get(run.0) {
+                let indices = block.index.iter().take_while(|&&index| index != u32::MAX);
+                for (lane, &index) in indices.enumerate() {
+                    visit(block.position.map(|column| column[lane]), index as usize);
+                }
+            }
+            if depth == 0 {
+                return;
+            }
+            depth -= 1;
+            run = stack[depth];
+        }
     }
 
     /// The nearest point to each query, in parallel.
@@ -547,7 +676,7 @@ mod tests {
     proptest! {
         #[test]
         fn finds_what_brute_force_finds(
-            points in points(400), queries in points(20), k in 1_usize..40, radius in 0.0_f32..4.0,
+            points in points(400), queries in points(20), k in 1_usize..160, radius in 0.0_f32..4.0,
         ) {
             let tree = KdTree::new(&points).unwrap();
             let mut found = Vec::new();
@@ -561,6 +690,21 @@ mod tests {
                 tree.within(query, radius, &mut found);
                 let inside = all.partition_point(|n| n.squared_distance() <= radius * radius);
                 prop_assert_eq!(&found[..], &all[..inside]);
+                let is_third = |i: usize| i % 3 == 0;
+                let third = all[..inside].iter().copied().find(|n| is_third(n.index()));
+                prop_assert_eq!(tree.nearest_where(query, radius, is_third), third);
+                // Points above the query.
+                let is_above = |_: [f32; 3], high: [f32; 3]| high[2] >= query[2];
+                let mut above = Vec::new();
+                tree.visit_where(is_above, |p, i| {
+                    assert_eq!(p, points[i]);
+                    above.push(i);
+                });
+                above.sort_unstable();
+                above.dedup();
+                above.retain(|&i| points[i][2] >= query[2]);
+                let is_there = |i: &usize| points[*i][2] >= query[2];
+                prop_assert_eq!(above, (0..points.len()).filter(is_there).collect::<Vec<_>>());
                 prop_assert_eq!(around.get(i), &all[..inside]);
             }
             if !points.is_empty() {

@@ -1,9 +1,11 @@
 //! How far behind a surface the next one lies: both faces of a thin wall, a door and its frame.
 
+use surfabet_base::parallel;
+
+use super::around::Around;
 use super::median;
 use super::noise::Planes;
 use super::sample::Sample;
-use crate::moments::Moments;
 use crate::vector::{dot, minus};
 
 /// How far a second surface is looked for, spacings: six make the three spacings of a pixel finer, and ten leave room for
@@ -26,11 +28,12 @@ const SPACINGS: f64 = 1.2;
 /// 0.7 of them.
 const NOISES: f64 = 2.5;
 
-/// Neighbours whose plane is along both faces of a wall, where that of the nearest few may lie across.
-const MORE_NEIGHBORS: usize = 48;
+/// Which of [`NEIGHBORS`](super::around::NEIGHBORS) have a plane along both faces of a wall, where that of the nearest few
+/// may lie across: 48.
+const MORE_NEIGHBORS: usize = 2;
 
-/// Neighbours that are on one line where points are on scan lines: fewer are wide with noise, more are on two lines.
-const LINE_NEIGHBORS: usize = 16;
+/// Which of them are on one line where points are on scan lines: fewer are wide with noise, more are on two lines: 16.
+const LINE_NEIGHBORS: usize = 1;
 
 /// Least ratio of the deviations along the two axes of a plane: the points of a single scan line have no normal.
 const LEAST_WIDTH: f64 = 0.3;
@@ -47,14 +50,20 @@ const SAME_DISTANCE: f64 = 1.3;
 
 /// Median distance from a surface to the one behind it, metres, where enough points have about the same one; of several
 /// such distances the most frequent.
-pub(super) fn layer_gap(sample: &Sample, planes: &Planes, spacing: f64) -> Option<f64> {
+pub(super) fn layer_gap(
+    sample: &Sample,
+    surroundings: &[Around],
+    planes: &Planes,
+    spacing: f64,
+) -> Option<f64> {
     if spacing <= 0.0 {
         return None;
     }
-    let gaps = sample.measure(|i| Some(gap_at(sample, planes, spacing, i)));
-    let n = gaps.len();
-    let found = most_frequent(gaps.into_iter().flatten().collect());
-    (found.len() * ONE_OF >= n && found.len() >= LEAST_POINTS).then(|| median(found))
+    let gap = |around: &Around| gap_at(sample, around, planes, spacing);
+    let gaps = parallel::map(surroundings, gap).into_iter().flatten().collect();
+    let found = most_frequent(gaps);
+    let is_enough = found.len() * ONE_OF >= surroundings.len() && found.len() >= LEAST_POINTS;
+    is_enough.then(|| median(found))
 }
 
 /// The largest set of values with a ratio of at most [`SAME_DISTANCE`] to one another, of equal ones that of the smallest
@@ -73,55 +82,66 @@ fn most_frequent(mut values: Vec<f64>) -> Vec<f64> {
 }
 
 /// Distance along the normal of the plane about a point from the layer of the point to the nearest other one.
-fn gap_at(sample: &Sample, planes: &Planes, spacing: f64, point: usize) -> Option<f64> {
-    normal_at(sample, point, LINE_NEIGHBORS)?;
-    let few = normal_at(sample, point, planes.neighbors)?;
-    let more = normal_at(sample, point, planes.neighbors.max(MORE_NEIGHBORS))?;
-    let column = |normal: [f64; 3]| Column::about(sample, spacing, point, normal);
+fn gap_at(sample: &Sample, around: &Around, planes: &Planes, spacing: f64) -> Option<f64> {
+    normal(around, LINE_NEIGHBORS)?;
+    let few = normal(around, planes.size)?;
+    let more = normal(around, planes.size.max(MORE_NEIGHBORS))?;
+    let column = |normal: [f64; 3]| Column::about(sample, spacing, around.point, normal);
     if sample.facings.is_some() {
         // All neighbours are on the same face, and the nearest follow it best.
         let least = NOISES * planes.noise;
         return [few, more].into_iter().find_map(|normal| column(normal).gap_to_opposite(least));
     }
-    [more, few].into_iter().find_map(|normal| column(normal).empty_gap(SPACINGS * spacing))
+    let least = SPACINGS * spacing;
+    [more, few].into_iter().find_map(|normal| column(normal).empty_gap(least, REACH * spacing))
 }
 
-/// Normal of the plane about a point; `None` on a line: what lies beside a scan line is not behind the surface.
-fn normal_at(sample: &Sample, point: usize, neighbors: usize) -> Option<[f64; 3]> {
-    let near = sample.near(point, neighbors);
-    let moments = Moments::about(sample.positions[point], sample.positions_of(&near));
-    let axes = moments.principal_axes()?;
+/// Normal of the plane of so many neighbours, by their place in [`NEIGHBORS`](super::around::NEIGHBORS); `None` on a line:
+/// what lies beside a scan line is not behind the surface.
+fn normal(around: &Around, size: usize) -> Option<[f64; 3]> {
+    let axes = around.shapes[size]?.axes;
     let is_line = axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2];
     (!is_line).then(|| axes.normal())
 }
 
 /// Points above and below a point.
 struct Column {
-    /// Heights above the plane about the point, ascending, with whether the surface there faces the other way.
+    /// Heights above the plane about the point, in no order, with whether the surface there faces the other way.
     heights: Vec<(f64, bool)>,
 }
 
 impl Column {
     /// The column about a point along a normal.
     fn about(sample: &Sample, spacing: f64, point: usize, normal: [f64; 3]) -> Self {
-        let about = sample.positions[point];
+        let (about, reach, radius) = (sample.positions[point], REACH * spacing, COLUMN * spacing);
+        let limit = (reach as f32) * (reach as f32);
         let facing = |i: usize| {
             sample.facings.as_ref().map_or(0.0, |facings| dot(facings[i].map(f64::from), normal))
         };
         let own = facing(point);
-        let mut near = Vec::new();
-        sample.tree.within(about, (REACH * spacing) as f32, &mut near);
-        let mut heights: Vec<(f64, bool)> = near
-            .iter()
-            .filter_map(|n| {
-                let offset = minus(sample.positions[n.index()], about).map(f64::from);
-                let height = dot(offset, normal);
-                let aside = dot(offset, offset) - height * height;
-                let is_opposite = own * facing(n.index()) < 0.0;
-                (aside <= (COLUMN * spacing).powi(2)).then_some((height, is_opposite))
-            })
-            .collect();
-        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Squared distance from the axis, and height.
+        let place = |offset: [f64; 3]| {
+            let height = dot(offset, normal);
+            (dot(offset, offset) - height * height, height)
+        };
+        // A thousandth more, so that rounding leaves out no box that counts.
+        let may_reach = |low: [f32; 3], high: [f32; 3]| {
+            let middle = |a: usize| 0.5 * (f64::from(low[a]) + f64::from(high[a]));
+            let offset: [f64; 3] = std::array::from_fn(|a| middle(a) - f64::from(about[a]));
+            let diagonal = minus(high, low).map(f64::from);
+            let half = 0.5 * dot(diagonal, diagonal).sqrt();
+            let (aside, height) = place(offset);
+            let within = |most: f64| 1.001 * (most + half);
+            aside <= within(radius).powi(2) && height.abs() <= within(reach)
+        };
+        let mut heights = Vec::new();
+        sample.tree.visit_where(may_reach, |position, i| {
+            let offset = minus(position, about);
+            let (aside, height) = place(offset.map(f64::from));
+            if aside <= radius.powi(2) && dot(offset, offset) <= limit {
+                heights.push((height, own * facing(i) < 0.0));
+            }
+        });
         Self { heights }
     }
 
@@ -138,9 +158,13 @@ impl Column {
     }
 
     /// Distance between the mean heights of two layers: the one of the point, and the nearest, upwards or downwards, behind an
-    /// empty stretch of at least `least` that is wide against the deviations of both.
-    fn empty_gap(&self, least: f64) -> Option<f64> {
-        let heights: Vec<f64> = self.heights.iter().map(|h| h.0).collect();
+    /// empty stretch of at least `least` that is wide against the deviations of both. All heights are up to `reach`.
+    fn empty_gap(&self, least: f64, reach: f64) -> Option<f64> {
+        if !self.may_have_gap(least, reach) {
+            return None;
+        }
+        let mut heights: Vec<f64> = self.heights.iter().map(|h| h.0).collect();
+        heights.sort_unstable_by(f64::total_cmp);
         let own = heights.partition_point(|&h| h < 0.0).min(heights.len() - 1);
         // Numbers of the heights behind which `least` is empty: the borders between layers.
         let borders: Vec<usize> =
@@ -161,6 +185,18 @@ impl Column {
         let up = (next < borders.len()).then(|| distance(next)).flatten();
         let down = (next > 0).then(|| distance(next - 1)).flatten();
         [up, down].into_iter().flatten().min_by(f64::total_cmp)
+    }
+
+    /// Whether there is an empty slice, a bit less than half as thick as `least`, between others: where there is none, no
+    /// heights that follow each other are `least` apart.
+    fn may_have_gap(&self, least: f64, reach: f64) -> bool {
+        let slice = |height: f64| ((height + 1.1 * reach) / (0.499 * least)) as usize;
+        let mut is_filled = vec![false; slice(reach) + 2];
+        for (height, _) in &self.heights {
+            is_filled[slice(*height)] = true;
+        }
+        let filled = is_filled.split(|&is| !is).filter(|run| !run.is_empty());
+        filled.count() > 1
     }
 }
 

@@ -1,14 +1,12 @@
 //! Scan lines: points that are close along lines, and lines that are far apart.
 
+use surfabet_base::parallel;
+
+use super::around::Around;
 use super::median;
 use super::sample::Sample;
-use crate::kdtree::Neighbor;
-use crate::moments::{Moments, PrincipalAxes};
+use crate::moments::PrincipalAxes;
 use crate::vector::{dot, minus};
-
-/// Numbers of points, the one in the middle included, whose shape is looked at, the smallest first: more where noise is as
-/// large as the distance of the points along their line.
-const NEIGHBORS: [usize; 3] = [7, 16, 48];
 
 /// Points lie on a line when the deviation across it is less than this share of that along it.
 const SLIMNESS: f64 = 0.3;
@@ -16,9 +14,8 @@ const SLIMNESS: f64 = 0.3;
 /// Cosine of half the angle of the double cone about a line: points outside of it are on another line.
 const CONE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// How far the next line is looked for, spacings, each a doubling from the first to the last.
-const FIRST_REACH: f64 = 8.0;
-const LAST_REACH: f64 = 256.0;
+/// How far the next line is looked for, spacings.
+const REACH: f64 = 256.0;
 
 /// Deviations across its line beyond which a point is no longer on it.
 const DEVIATIONS: f64 = 4.0;
@@ -28,51 +25,71 @@ const LEAST_RATIO: f64 = 3.0;
 
 /// Median distance from a point to the next scan line, metres, where at least half of the points lie on lines that are
 /// far apart for the spacing of the points; lines without another one near count as the furthest.
-pub(super) fn line_spacing(sample: &Sample, spacing: f64) -> Option<f64> {
+pub(super) fn line_spacing(sample: &Sample, surroundings: &[Around], spacing: f64) -> Option<f64> {
     if spacing <= 0.0 {
         return None;
     }
-    let distances = sample.measure(|i| Some(next_line(sample, spacing, sample.positions[i])));
-    let n = distances.len();
-    let found: Vec<f64> =
-        distances.into_iter().flatten().filter(|&d| d >= LEAST_RATIO * spacing).collect();
-    (2 * found.len() > n).then(|| median(found))
-}
-
-/// Distance from a point on a line to the nearest point outside of the double cone about the line; `None` of points on
-/// no line.
-fn next_line(sample: &Sample, spacing: f64, point: [f32; 3]) -> Option<f64> {
-    let axes = line_at(sample, point)?;
-    let direction = axes.directions[2];
-    let thickness = DEVIATIONS * axes.variances[1].sqrt();
-    let mut near: Vec<Neighbor> = Vec::new();
-    let mut reach = FIRST_REACH;
-    while reach <= LAST_REACH {
-        sample.tree.within(point, (reach * spacing) as f32, &mut near);
-        let beside = sample.positions_of(&near).filter_map(|p| {
-            let offset = minus(p, point).map(f64::from);
-            let (squared, along) = (dot(offset, offset), dot(offset, direction));
-            let aside = squared - along * along;
-            (along * along < CONE * CONE * squared && aside > thickness * thickness)
-                .then(|| squared.sqrt())
-        });
-        if let Some(distance) = beside.min_by(f64::total_cmp) {
-            return Some(distance);
-        }
-        reach *= 2.0;
+    let least = LEAST_RATIO * spacing;
+    let is_most = |count: usize| 2 * count > surroundings.len();
+    // Most clouds have no lines, or lines with others close by, which takes no search, or a short one.
+    let mut lines: Vec<Line> =
+        surroundings.iter().filter_map(|around| Line::through(sample, around)).collect();
+    let are_alone = |lines: Vec<Line>| -> Vec<Line> {
+        let is_alone = |line: &Line| line.next(sample, least).is_none_or(|d| d >= least);
+        parallel::map_owned(lines, |line| is_alone(&line).then_some(line))
+            .into_iter()
+            .flatten()
+            .collect()
+    };
+    if is_most(lines.len()) {
+        lines = are_alone(lines);
     }
-    Some(LAST_REACH * spacing)
+    is_most(lines.len()).then(|| {
+        let reach = REACH * spacing;
+        median(parallel::map(&lines, |line| line.next(sample, reach).unwrap_or(reach)))
+    })
 }
 
-/// The axes of the line on which the neighbours of a point lie, of the fewest that do; `None` where none do.
-///
-/// Range noise leaves a line in the plane that the sensor scans, so that flat neighbourhoods may be lines, too.
-fn line_at(sample: &Sample, point: [f32; 3]) -> Option<PrincipalAxes> {
-    let mut near = Vec::new();
-    NEIGHBORS.into_iter().find_map(|neighbors| {
-        sample.tree.k_nearest(point, neighbors, &mut near);
-        let axes = Moments::about(point, sample.positions_of(&near)).principal_axes()?;
-        let [_, across, along] = axes.variances;
-        (across <= SLIMNESS * SLIMNESS * along).then_some(axes)
-    })
+/// A point on a scan line.
+struct Line {
+    point: [f32; 3],
+    /// Unit vector along the line.
+    direction: [f64; 3],
+    /// Distance from the line up to which points are on it, metres.
+    thickness: f64,
+}
+
+impl Line {
+    /// The line on which the neighbours of a point lie, of the fewest that do; `None` where none do.
+    ///
+    /// Few neighbours are enough where lines are thin, and more where noise is as large as the distance of the points along
+    /// them. Range noise leaves a line in the plane that the sensor scans, so that flat neighbourhoods may be lines, too.
+    fn through(sample: &Sample, around: &Around) -> Option<Self> {
+        let is_line = |axes: &PrincipalAxes| {
+            let [_, across, along] = axes.variances;
+            across <= SLIMNESS * SLIMNESS * along
+        };
+        let shapes = around.shapes_of_all().iter().flatten();
+        let axes = shapes.map(|shape| shape.axes).find(is_line)?;
+        Some(Self {
+            point: sample.positions[around.point],
+            direction: axes.directions[2],
+            thickness: DEVIATIONS * axes.variances[1].sqrt(),
+        })
+    }
+
+    /// Distance to the nearest point outside of the double cone about the line, metres; `None` where there is none within
+    /// `reach`.
+    fn next(&self, sample: &Sample, reach: f64) -> Option<f64> {
+        let offset = |i: usize| minus(sample.positions[i], self.point).map(f64::from);
+        let is_beside = |i: usize| {
+            let offset = offset(i);
+            let (squared, along) = (dot(offset, offset), dot(offset, self.direction));
+            let aside = squared - along * along;
+            along * along < CONE * CONE * squared && aside > self.thickness * self.thickness
+        };
+        let nearest = sample.tree.nearest_where(self.point, reach as f32, is_beside)?;
+        let offset = offset(nearest.index());
+        Some(dot(offset, offset).sqrt())
+    }
 }

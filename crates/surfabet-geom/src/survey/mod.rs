@@ -5,7 +5,8 @@
 //!
 //! | file | what is measured |
 //! |---|---|
-//! | `sample` | the points that are looked at, and their neighbours |
+//! | `sample` | the points that are looked at |
+//! | `around` | their neighbours |
 //! | `facing` | which way surfaces face |
 //! | `rounding` | coordinates that are multiples of a step |
 //! | `noise` | deviation of neighbouring points from their plane |
@@ -13,6 +14,7 @@
 //! | `lines` | distance between scan lines |
 //! | `outliers` | small groups of points far from all others |
 
+mod around;
 mod facing;
 mod layers;
 mod lines;
@@ -79,17 +81,17 @@ impl Survey {
         }
         let sample = Sample::of(cloud)?;
         progress.check()?;
-        let nearest = sample.spacing();
-        let step = rounding(&sample.positions);
+        let surroundings = sample.surroundings();
+        let nearest = median(surroundings.iter().filter_map(|around| around.nearest).collect());
         // A thousandth more is the same length in single precision: points of a lattice are a step apart.
-        let rounding = if step > 1.001 * nearest { step } else { 0.0 };
+        let rounding = rounding(&sample.positions, 1.001 * nearest);
         let spacing = nearest.max(rounding);
-        let planes = Planes::about(&sample);
+        let planes = Planes::about(&surroundings);
         progress.check()?;
         let noise = planes.noise;
-        let layer_gap = layer_gap(&sample, &planes, spacing);
+        let layer_gap = layer_gap(&sample, &surroundings, &planes, spacing);
         progress.check()?;
-        let line_spacing = line_spacing(&sample, spacing);
+        let line_spacing = line_spacing(&sample, &surroundings, spacing);
         progress.check()?;
         let Outliers { all: outliers, strays, bounds } = Outliers::of(cloud, spacing)?;
         progress.check()?;
@@ -127,7 +129,7 @@ pub fn estimate_noise(positions: &[[f32; 3]]) -> Result<f64> {
     if positions.is_empty() {
         return Ok(0.0);
     }
-    Ok(Planes::about(&Sample::of_positions(positions)?).noise)
+    Ok(Planes::about(&Sample::of_positions(positions)?.surroundings()).noise)
 }
 
 /// The middle of the sorted values, of an even number the upper one; zero of none.

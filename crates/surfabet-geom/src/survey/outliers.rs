@@ -1,8 +1,5 @@
 //! Points that are far from all others: dust, birds, reflections, numbers that went wrong.
 
-use std::collections::HashSet;
-
-use rayon::prelude::*;
 use surfabet_base::parallel;
 
 use crate::cells::{around, cell_of, key, of_key};
@@ -38,9 +35,10 @@ impl Outliers {
     pub fn of(cloud: &PointCloud, spacing: f64) -> Result<Self> {
         let side = (CELL * spacing) as f32;
         let all = if side > 0.0 { far_points(cloud.positions(), side) } else { Vec::new() };
-        let is_all: HashSet<u32> = all.iter().copied().collect();
-        let others = (0..cloud.len()).filter(|&i| !is_all.contains(&(i as u32)));
-        let bounds = box_of(others.map(|i| cloud.world(i)));
+        let origin = cloud.origin();
+        let world = |p: [f32; 3]| std::array::from_fn(|a| origin[a] + f64::from(p[a]));
+        let bounds =
+            box_without(cloud.positions(), &all).map(|(low, high)| (world(low), world(high)));
         let strays = match bounds {
             Some((low, high)) => {
                 let size: f64 = (0..3).map(|a| (high[a] - low[a]).powi(2)).sum();
@@ -55,12 +53,26 @@ impl Outliers {
     }
 }
 
-/// Lower and upper corner of the box around some points.
-fn box_of(mut points: impl Iterator<Item = [f64; 3]>) -> Option<([f64; 3], [f64; 3])> {
-    let first = points.next()?;
-    Some(points.fold((first, first), |(low, high), p| {
-        (std::array::from_fn(|a| low[a].min(p[a])), std::array::from_fn(|a| high[a].max(p[a])))
-    }))
+/// Lower and upper corner of the box around all positions but those numbered `out`, ascending.
+fn box_without(positions: &[[f32; 3]], out: &[u32]) -> Option<([f32; 3], [f32; 3])> {
+    let starts = std::iter::once(0).chain(out.iter().map(|&i| i as usize + 1));
+    let ends = out.iter().map(|&i| i as usize).chain(std::iter::once(positions.len()));
+    let of_run = |(start, end)| box_of(&positions[start..end]);
+    starts.zip(ends).filter_map(of_run).reduce(around_both)
+}
+
+/// Lower and upper corner of the box around some positions.
+fn box_of(positions: &[[f32; 3]]) -> Option<([f32; 3], [f32; 3])> {
+    let of_batch = |batch: &[[f32; 3]]| batch.iter().map(|&p| (p, p)).reduce(around_both);
+    parallel::map_chunks(positions, BATCH, of_batch).into_iter().flatten().reduce(around_both)
+}
+
+/// The box around two boxes.
+fn around_both(a: ([f32; 3], [f32; 3]), b: ([f32; 3], [f32; 3])) -> ([f32; 3], [f32; 3]) {
+    (
+        std::array::from_fn(|axis| a.0[axis].min(b.0[axis])),
+        std::array::from_fn(|axis| a.1[axis].max(b.1[axis])),
+    )
 }
 
 /// Points of groups of at most [`MOST_OF_GROUP`], groups being cells of this side that touch; none where they were more
@@ -69,15 +81,16 @@ fn far_points(positions: &[[f32; 3]], side: f32) -> Vec<u32> {
     let cell_key = |p: &[f32; 3]| key(cell_of(*p, side));
     let cells = occupied(positions, cell_key);
     let sizes = group_sizes(&cells);
-    let small: HashSet<u64> = (cells.iter().zip(sizes))
-        .filter(|(_, size)| *size <= MOST_OF_GROUP)
-        .map(|(cell, _)| cell.0)
-        .collect();
-    let n: usize = cells.iter().filter(|cell| small.contains(&cell.0)).map(|cell| cell.1).sum();
+    let is_small = |(_, size): &(&(u64, usize), usize)| *size <= MOST_OF_GROUP;
+    // Ascending, as the cells are.
+    let small: Vec<(u64, usize)> =
+        cells.iter().zip(sizes).filter(is_small).map(|(cell, _)| *cell).collect();
+    let n: usize = small.iter().map(|cell| cell.1).sum();
     if n == 0 || n * ONE_OF > positions.len() {
         return Vec::new();
     }
-    let far = |i: usize| small.contains(&cell_key(&positions[i])).then_some(i as u32);
+    let is_far = |p: &[f32; 3]| small.binary_search_by_key(&cell_key(p), |cell| cell.0).is_ok();
+    let far = |i: usize| is_far(&positions[i]).then_some(i as u32);
     parallel::gather(positions.len(), |i, found| found.extend(far(i)))
 }
 
@@ -86,17 +99,29 @@ fn occupied(
     positions: &[[f32; 3]],
     cell_key: impl Fn(&[f32; 3]) -> u64 + Sync,
 ) -> Vec<(u64, usize)> {
-    let mut cells: Vec<(u64, usize)> = parallel::map_chunks(positions, BATCH, |points| {
-        let mut keys: Vec<u64> = points.iter().map(&cell_key).collect();
-        keys.sort_unstable();
-        keys.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect::<Vec<_>>()
-    })
-    .concat();
-    cells.par_sort_unstable();
+    let cells = parallel::map_chunks(positions, BATCH, |points| {
+        // Points that follow each other are mostly in one cell.
+        let mut runs: Vec<(u64, usize)> = Vec::new();
+        for key in points.iter().map(&cell_key) {
+            match runs.last_mut() {
+                Some(run) if run.0 == key => run.1 += 1,
+                _ => runs.push((key, 1)),
+            }
+        }
+        merged(runs)
+    });
+    merged(cells.concat())
+}
+
+/// Cells with the number of points of all of each key, ascending.
+fn merged(mut cells: Vec<(u64, usize)>) -> Vec<(u64, usize)> {
+    cells.sort_unstable();
+    cells.dedup_by(|later, kept| {
+        let is_same = later.0 == kept.0;
+        kept.1 += if is_same { later.1 } else { 0 };
+        is_same
+    });
     cells
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|run| (run[0].0, run.iter().map(|cell| cell.1).sum()))
-        .collect()
 }
 
 /// For each cell the number of points of its group: of all cells that one gets to by steps to cells that touch.

@@ -3,6 +3,9 @@
 /// Points whose coordinates are looked at.
 const MAX_POINTS: usize = 1 << 16;
 
+/// Of these one in so many is looked at first.
+const FIRST_OF: usize = 16;
+
 /// Different coordinates along an axis that show a step: fewer may be those of walls and floors.
 const LEAST_COORDINATES: usize = 64;
 
@@ -10,16 +13,36 @@ const LEAST_COORDINATES: usize = 64;
 const EXACTNESS: f64 = 0.05;
 
 /// The largest step along an axis that the coordinates of all points are multiples of, but for one offset, metres; zero
-/// where there is none.
-pub(super) fn rounding(positions: &[[f32; 3]]) -> f64 {
+/// where there is none above `least`.
+pub(super) fn rounding(positions: &[[f32; 3]], least: f64) -> f64 {
     let every = positions.len().div_ceil(MAX_POINTS).max(1);
     let along = |axis: usize| {
-        let mut values: Vec<f32> = positions.iter().step_by(every).map(|p| p[axis]).collect();
-        values.sort_by(f32::total_cmp);
-        values.dedup();
-        step_of(&values)
+        // No difference is smaller than the step: of most clouds a few of these points tell that there is none.
+        if closest(&some_values(positions, axis, FIRST_OF * every)) <= least {
+            return 0.0;
+        }
+        step_of(&some_values(positions, axis, every))
     };
-    (0..3).map(along).fold(0.0, f64::max)
+    let step = (0..3).map(along).fold(0.0, f64::max);
+    if step > least { step } else { 0.0 }
+}
+
+/// Different coordinates of every so many points along an axis, ascending.
+fn some_values(positions: &[[f32; 3]], axis: usize, every: usize) -> Vec<f32> {
+    let mut values: Vec<f32> = positions.iter().step_by(every).map(|p| p[axis]).collect();
+    values.sort_unstable_by(f32::total_cmp);
+    values.dedup();
+    values
+}
+
+/// The differences of ascending values.
+fn differences(values: &[f32]) -> impl Iterator<Item = f64> {
+    values.windows(2).map(|w| f64::from(w[1]) - f64::from(w[0]))
+}
+
+/// The smallest difference of ascending values; infinite without any.
+fn closest(values: &[f32]) -> f64 {
+    differences(values).fold(f64::INFINITY, f64::min)
 }
 
 /// The step that all differences of ascending values are multiples of, the smallest difference; zero where they are not.
@@ -27,11 +50,10 @@ fn step_of(values: &[f32]) -> f64 {
     if values.len() < LEAST_COORDINATES {
         return 0.0;
     }
-    let differences = || values.windows(2).map(|w| f64::from(w[1]) - f64::from(w[0]));
-    let step = differences().fold(f64::INFINITY, f64::min);
+    let step = closest(values);
     let is_multiple = |difference: f64| {
         let steps = difference / step;
         (steps - steps.round()).abs() <= EXACTNESS
     };
-    if differences().all(is_multiple) { step } else { 0.0 }
+    if differences(values).all(is_multiple) { step } else { 0.0 }
 }

@@ -1,15 +1,15 @@
 //! The points that a survey looks at.
 
-use rayon::prelude::*;
+use std::collections::HashSet;
+
 use surfabet_base::parallel;
 
+use super::around::Around;
 use super::facing::facings;
-use super::median;
 use crate::cells;
 use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::kdtree::{KdTree, Neighbor};
-use crate::vector::dot;
+use crate::kdtree::KdTree;
 
 /// Points that are looked at, at most. Medians of as many are exact to about two percent.
 const MAX_SAMPLED: usize = 4096;
@@ -26,7 +26,7 @@ const PROBES: usize = 4096;
 /// taken, hundreds in all.
 const BLOCKS: f32 = 24.0;
 
-/// Some points, one per place, with the neighbours of each.
+/// Some points, one per place, in a tree.
 pub(super) struct Sample {
     pub positions: Vec<[f32; 3]>,
     /// The direction that the surface faces at each point, where that is known; about unit length.
@@ -65,32 +65,9 @@ impl Sample {
         })
     }
 
-    /// Median distance of a point to the nearest other one, metres; zero where there is none.
-    pub fn spacing(&self) -> f64 {
-        median(self.measure(|i| {
-            let mut near = Vec::new();
-            self.tree.k_nearest(self.positions[i], 2, &mut near);
-            Some(f64::from(near.get(1)?.squared_distance()).sqrt())
-        }))
-    }
-
-    /// The `k` points nearest to a point, itself included, that face the same way; all, where facings are not known, and
-    /// fewer, where most around face the other way.
-    pub fn near(&self, i: usize, k: usize) -> Vec<Neighbor> {
-        let mut near = Vec::new();
-        let Some(facings) = &self.facings else {
-            self.tree.k_nearest(self.positions[i], k, &mut near);
-            return near;
-        };
-        self.tree.k_nearest(self.positions[i], 2 * k, &mut near);
-        near.retain(|n| dot(facings[n.index()], facings[i]) > 0.0);
-        near.truncate(k);
-        near
-    }
-
-    /// Positions of neighbours.
-    pub fn positions_of<'a>(&'a self, near: &'a [Neighbor]) -> impl Iterator<Item = [f32; 3]> + 'a {
-        near.iter().map(|n| self.positions[n.index()])
+    /// What is about the points that are looked at, by number.
+    pub fn surroundings(&self) -> Vec<Around> {
+        self.measure(|point| Some(Around::new(self, point)))
     }
 }
 
@@ -114,14 +91,11 @@ fn some_blocks(positions: &[[f32; 3]]) -> Vec<usize> {
 
 /// Of the points at one place the first: scans that were merged, or stored once per return, hold some twice, and as
 /// neighbours of one another these would hide the noise.
-fn one_per_place(chosen: Vec<usize>, positions: &[[f32; 3]]) -> Vec<usize> {
+fn one_per_place(mut chosen: Vec<usize>, positions: &[[f32; 3]]) -> Vec<usize> {
+    let mut places = HashSet::with_capacity(chosen.len());
     // Zero is one place, whatever its sign.
-    let place = |i: usize| positions[i].map(|c| (c + 0.0).to_bits());
-    let mut by_place: Vec<usize> = chosen;
-    by_place.par_sort_unstable_by_key(|&i| (place(i), i));
-    by_place.dedup_by_key(|i| place(*i));
-    by_place.par_sort_unstable();
-    by_place
+    chosen.retain(|&i| places.insert(positions[i].map(|c| (c + 0.0).to_bits())));
+    chosen
 }
 
 /// Side of a block, metres: a part of the box that holds the middle half of the points along each axis.

@@ -51,6 +51,9 @@ pub(super) const POLISH_SAMPLE: usize = 32;
 /// Rounds at the end of the polish that look at all points: the second moves neurons little more.
 pub(super) const ROUNDS_OF_ALL: u32 = 2;
 
+/// Neurons per unit of parallel work, some milliseconds; results do not depend on it.
+pub(super) const NEURONS_PER_TASK: usize = 256;
+
 /// Neurons that are decoded between two looks at the caller's wish to stop.
 pub(super) const DISCS_PER_CHECK: usize = 64;
 

@@ -8,6 +8,7 @@
 
 use surfabet_base::parallel;
 
+use super::super::constants::NEURONS_PER_TASK;
 use super::super::winners::Nearby;
 use super::Cells;
 
@@ -26,14 +27,17 @@ pub(super) fn edges(
     nearby: &Nearby,
     max_age: u32,
 ) -> Vec<[u32; 2]> {
-    let (weights, runs): (Vec<f64>, Vec<Vec<Link>>) =
-        parallel::map_range(positions.len(), |i| links(cells, i)).into_iter().unzip();
-    let runs: Vec<Link> = runs.into_iter().flatten().collect();
-    // Both directions of an edge follow each other, in a fixed order.
-    let mut order: Vec<(u64, u32)> =
-        (0..).zip(&runs).map(|(i, link)| (key_of(link.ends), i)).collect();
-    parallel::sort_keyed(&mut order);
-    let mut links: Vec<Link> = order.into_iter().map(|(_, i)| runs[i as usize]).collect();
+    let tasks = positions.len().div_ceil(NEURONS_PER_TASK);
+    let runs: Vec<(Vec<f64>, Vec<Link>)> = parallel::map_range(tasks, |task| {
+        let end = ((task + 1) * NEURONS_PER_TASK).min(positions.len());
+        let mut links = Vec::new();
+        let own = task * NEURONS_PER_TASK..end;
+        (own.map(|i| add_links(cells, i, &mut links)).collect(), links)
+    });
+    let (weights, links): (Vec<Vec<f64>>, Vec<Vec<Link>>) = runs.into_iter().unzip();
+    let (weights, mut links) = (weights.concat(), links.concat());
+    // Both directions of an edge follow each other; of two weights the order does not matter for the sum.
+    links.sort_unstable_by_key(|link| link.ends);
     links.dedup_by(|later, kept| {
         let is_same = later.ends == kept.ends;
         kept.weight += if is_same { later.weight } else { 0.0 };
@@ -73,19 +77,18 @@ fn key_of([a, b]: [u32; 2]) -> u64 {
     u64::from(a) << 32 | u64::from(b)
 }
 
-/// The weight of the points of neuron `i`, and its edges to their second nearest.
-fn links(cells: &Cells<'_>, i: usize) -> (f64, Vec<Link>) {
+/// Adds the edges of neuron `i` to the second nearest of its points; gives the weight of these points.
+fn add_links(cells: &Cells<'_>, i: usize, links: &mut Vec<Link>) -> f64 {
     let mut seconds: Vec<(u32, f64)> =
         cells.points(i).map(|(_, weight, winners)| (winners[1].id(), weight)).collect();
     // Stable, so that the weights of each are added in a fixed order.
     seconds.sort_by_key(|second| second.0);
     let sum = |of: &[(u32, f64)]| of.iter().map(|second| second.1).sum::<f64>();
-    let links = seconds.chunk_by(|a, b| a.0 == b.0).map(|run| {
+    links.extend(seconds.chunk_by(|a, b| a.0 == b.0).map(|run| {
         let (i, other) = (i as u32, run[0].0);
         Link { ends: [i.min(other), i.max(other)], weight: sum(run) }
-    });
-    let links = links.collect();
-    (sum(&seconds), links)
+    }));
+    sum(&seconds)
 }
 
 #[cfg(test)]

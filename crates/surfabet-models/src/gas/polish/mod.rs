@@ -125,36 +125,27 @@ pub(super) fn polish(
     let mut samples: Vec<Sample<'_>> = sets.iter().map(|&set| Sample::new(set, step)).collect();
     let mut is_of_all = step == 1;
     let mut trace = Vec::new();
+    let mut nearby = Nearby::new(&positions, progress)?;
     // After the last round once more, for the edges.
-    let nearby = loop {
+    loop {
         let done = trace.len() as u32;
         progress.update("polishing", done as f32 / (rounds + 1) as f32);
         if !is_of_all && done + ROUNDS_OF_ALL >= rounds {
             samples = sets.iter().map(|&set| Sample::new(set, 1)).collect();
             is_of_all = true;
         }
-        let nearby = assign(&positions, &mut samples, progress)?;
+        for Sample { points, winners, .. } in &mut samples {
+            nearby.assign(points, winners, progress)?;
+        }
         if done == rounds {
-            break nearby;
+            break;
         }
         trace.push(move_once(&mut positions, &samples, done < rounds / 2));
-    };
+        nearby.renew(&positions, progress)?;
+    }
     let cells = Cells::new(positions.len(), &samples);
     let edges = hebbian::edges(&positions, &cells, &nearby, max_age);
     Ok(Polished { graph: Graph { positions, edges }, trace })
-}
-
-/// Finds the two nearest neurons of all points.
-fn assign(
-    positions: &[[f32; 3]],
-    samples: &mut [Sample<'_>],
-    progress: &dyn Progress,
-) -> Result<Nearby> {
-    let nearby = Nearby::new(positions, progress)?;
-    for Sample { points, winners, .. } in samples {
-        nearby.assign(points, winners, progress)?;
-    }
-    Ok(nearby)
 }
 
 /// Moves every neuron to the mean of its points, and with `and_relocate` some to other places. Gives the mean distance

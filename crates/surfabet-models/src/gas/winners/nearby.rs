@@ -1,19 +1,25 @@
 //! The two nearest of neurons that stay where they are, for points of which one lies near the next.
 //!
-//! Every neuron has a list of those around it, in columns, and the distance beyond which all others are. A search goes from
-//! neuron to neuron, each time to the nearest to the point in the list, until that is the neuron whose list it is. With
-//! distances d1 and d2 of the point to the two nearest in this list, a neuron that is not in it is at least `reach - d1` from
-//! the point: where `d1 + d2` is below the reach, these two are the nearest of all. Elsewhere a k-d tree is asked. So the
-//! result is exact, ties included, wherever the search starts.
+//! Every neuron has a list of those around it, in two rings, and for each ring the distance beyond which all others are. A
+//! search goes from neuron to neuron, each time to the nearest to the point in the list, until that is the neuron whose list
+//! it is. With distances d1 and d2 of the point to the two nearest in this list, a neuron that is not in it is at least
+//! `reach - d1` from the point: where `d1 + d2` is below the reach, these two are the nearest of all. Mostly the inner ring
+//! shows this, else both rings do, and elsewhere a k-d tree is asked. So the result is exact, ties included, wherever the
+//! search starts.
 
+use pulp::{Arch, Simd, WithSimd};
 use surfabet_base::parallel;
-use surfabet_geom::{KdTree, Progress};
+use surfabet_geom::{KdTree, Neighbor, Progress};
 
 use super::{Best, Winner};
 use crate::error::Result;
+use crate::gas::constants::NEURONS_PER_TASK;
 
-/// Neurons of a list: on a surface three rings around the first, of which the outer one is rarely needed.
-const LANES: usize = 16;
+/// Neurons of a ring: on a surface the first one around the neuron, which is of the inner ring itself.
+const LANES: usize = 8;
+
+/// Neurons of a list.
+const LISTED: usize = 2 * LANES;
 
 /// Lists after which a search that started too far away goes to the tree.
 const MOST_STEPS: usize = 6;
@@ -24,25 +30,25 @@ const SAFE: f32 = 1.0 - 1e-5;
 /// Points per unit of parallel work, some milliseconds; results do not depend on it.
 const POINTS_PER_TASK: usize = 4096;
 
-/// A neuron, in the first lane, and those around it, nearest first.
+/// Some neurons around one, nearest first.
 #[derive(Debug, Clone)]
-#[repr(align(64))]
-struct List {
+struct Ring {
     /// Columns; unused lanes are at infinity.
     position: [[f32; LANES]; 3],
     id: [u32; LANES],
-    /// No other neuron is nearer to the first than this, metres.
-    reach: f32,
 }
 
-impl List {
+impl Ring {
+    const EMPTY: Self = Self { position: [[f32::INFINITY; LANES]; 3], id: [u32::MAX; LANES] };
+
+    /// Takes the neurons in that are nearer to the query than the best so far.
     #[inline(always)]
-    fn two_nearest(&self, query: [f32; 3]) -> [Winner; 2] {
+    fn offer(&self, query: [f32; 3], best: &mut Best) {
         let distances: [f32; LANES] = std::array::from_fn(|lane| {
             let d: [f32; 3] = std::array::from_fn(|axis| self.position[axis][lane] - query[axis]);
             (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]
         });
-        let mut best = Best([Winner::NONE; 2]);
+        // Those that are nearest to the middle are in first, so that few of the others are near.
         best.offer(Winner::new(distances[0], self.id[0]));
         best.offer(Winner::new(distances[1], self.id[1]));
         let limit = best.limit();
@@ -50,14 +56,44 @@ impl List {
         for (lane, &distance) in distances.iter().enumerate() {
             near |= u32::from(distance <= limit) << lane;
         }
-        // The first two lanes are in already.
         near &= !3;
         while near != 0 {
             let lane = near.trailing_zeros() as usize;
             near &= near - 1;
             best.offer(Winner::new(distances[lane], self.id[lane]));
         }
-        best.0
+    }
+}
+
+/// A neuron, in the first lane of the inner ring, and those around it.
+#[derive(Debug, Clone)]
+#[repr(align(32))]
+struct List {
+    rings: [Ring; 2],
+    /// No neuron outside of the inner ring, and of both, is nearer to the first than this, metres.
+    reaches: [f32; 2],
+}
+
+impl List {
+    const EMPTY: Self = Self { rings: [Ring::EMPTY; 2], reaches: [f32::INFINITY; 2] };
+
+    /// The list of neuron `own` at `positions`, with memory for its neighbours.
+    fn new(own: usize, positions: &[[f32; 3]], tree: &KdTree, near: &mut Vec<Neighbor>) -> Self {
+        let mut list = Self::EMPTY;
+        tree.k_nearest(positions[own], LISTED, near);
+        // Where more neurons than a list holds are at its place, a neuron may be missing in its own row.
+        let others = near.iter().map(|n| n.index()).filter(|&i| i != own);
+        for (k, i) in std::iter::once(own).chain(others).take(LISTED).enumerate() {
+            let (ring, lane) = (&mut list.rings[k / LANES], k % LANES);
+            (0..3).for_each(|a| ring.position[a][lane] = positions[i][a]);
+            ring.id[lane] = i as u32;
+        }
+        for (reach, count) in list.reaches.iter_mut().zip([LANES, LISTED]) {
+            if count < positions.len() {
+                *reach = near[count - 1].squared_distance().sqrt();
+            }
+        }
+        list
     }
 }
 
@@ -74,46 +110,60 @@ impl Nearby {
     /// [`Error::Cancelled`](crate::Error::Cancelled).
     pub fn new(positions: &[[f32; 3]], progress: &dyn Progress) -> Result<Self> {
         let tree = KdTree::new(positions)?;
-        let width = LANES.min(positions.len());
-        let rows = tree.k_nearest_batch(positions, LANES, progress)?;
-        let list_of = |own: usize| {
-            let row = &rows[own * width..(own + 1) * width];
-            let mut list = List {
-                position: [[f32::INFINITY; LANES]; 3],
-                id: [u32::MAX; LANES],
-                reach: f32::INFINITY,
-            };
-            // Where more neurons than a list holds are at its place, a neuron may be missing in its own row.
-            let others = row.iter().map(|n| n.index()).filter(|&i| i != own);
-            for (lane, i) in std::iter::once(own).chain(others).take(width).enumerate() {
-                (0..3).for_each(|a| list.position[a][lane] = positions[i][a]);
-                list.id[lane] = i as u32;
+        let lists = vec![List::EMPTY; positions.len()];
+        let mut nearby = Self { lists, tree };
+        nearby.fill(positions, progress)?;
+        Ok(nearby)
+    }
+
+    /// Follows as many neurons to other positions, in the same memory.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
+    pub fn renew(&mut self, positions: &[[f32; 3]], progress: &dyn Progress) -> Result<()> {
+        self.tree = KdTree::new(positions)?;
+        self.fill(positions, progress)
+    }
+
+    /// Lists the neurons around each.
+    fn fill(&mut self, positions: &[[f32; 3]], progress: &dyn Progress) -> Result<()> {
+        let Self { lists, tree } = self;
+        parallel::try_for_each(lists.chunks_mut(NEURONS_PER_TASK), |task, lists| {
+            let mut near = Vec::new();
+            for (i, list) in lists.iter_mut().enumerate() {
+                *list = List::new(task * NEURONS_PER_TASK + i, positions, tree, &mut near);
             }
-            if width < positions.len() {
-                list.reach = row[width - 1].squared_distance().sqrt();
-            }
-            list
-        };
-        Ok(Self { lists: parallel::map_range(positions.len(), list_of), tree })
+            Ok(progress.check()?)
+        })
     }
 
     /// The two nearest neurons to a finite `query`, of equally near ones those with the smaller numbers; `near` is a
     /// neuron to start from.
-    #[inline]
+    #[inline(always)]
     pub fn two_nearest(&self, query: [f32; 3], near: u32) -> [Winner; 2] {
         let mut at = near;
-        for _ in 0..MOST_STEPS {
+        'lists: for _ in 0..MOST_STEPS {
             let list = &self.lists[at as usize];
-            let best = list.two_nearest(query);
-            if best[0].id() == at {
-                let [d1, d2] = best.map(|winner| winner.squared_distance().sqrt());
-                if d1 + d2 < SAFE * list.reach {
-                    return best;
+            let mut best = Best([Winner::NONE; 2]);
+            for (ring, reach) in list.rings.iter().zip(list.reaches) {
+                ring.offer(query, &mut best);
+                if best.0[0].id() != at {
+                    at = best.0[0].id();
+                    continue 'lists;
                 }
-                break;
+                let [d1, d2] = best.0.map(|winner| winner.squared_distance().sqrt());
+                if d1 + d2 < SAFE * reach {
+                    return best.0;
+                }
             }
-            at = best[0].id();
+            break;
         }
+        self.two_in_tree(query)
+    }
+
+    /// The same by the tree.
+    #[inline(never)]
+    fn two_in_tree(&self, query: [f32; 3]) -> [Winner; 2] {
         let mut found = Vec::with_capacity(2);
         self.tree.k_nearest(query, 2, &mut found);
         std::array::from_fn(|k| Winner::new(found[k].squared_distance(), found[k].index() as u32))
@@ -132,12 +182,8 @@ impl Nearby {
     ) -> Result<()> {
         let chunks = points.chunks(POINTS_PER_TASK).zip(winners.chunks_mut(POINTS_PER_TASK));
         parallel::try_for_each(chunks, |_, (points, winners)| {
-            let mut last = 0;
-            for (&point, winners) in points.iter().zip(winners) {
-                let near = if winners[0] == Winner::NONE { last } else { winners[0].id() };
-                *winners = self.two_nearest(point, near);
-                last = winners[0].id();
-            }
+            // Compiled a second time for AVX2: the same operations on each lane.
+            Arch::new().dispatch(Assign { nearby: self, points, winners });
             Ok(progress.check()?)
         })
     }
@@ -154,6 +200,28 @@ impl Nearby {
         let mut winners = vec![[Winner::NONE; 2]; points.len()];
         self.assign(points, &mut winners, progress)?;
         Ok(winners)
+    }
+}
+
+/// The arguments of a task of [`Nearby::assign`].
+struct Assign<'a> {
+    nearby: &'a Nearby,
+    points: &'a [[f32; 3]],
+    winners: &'a mut [[Winner; 2]],
+}
+
+impl WithSimd for Assign<'_> {
+    type Output = ();
+
+    // Inlined, so that it is compiled for what the processor has.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let mut last = 0;
+        for (&point, winners) in self.points.iter().zip(self.winners) {
+            let near = if winners[0] == Winner::NONE { last } else { winners[0].id() };
+            *winners = self.nearby.two_nearest(point, near);
+            last = winners[0].id();
+        }
     }
 }
 
