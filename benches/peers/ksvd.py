@@ -1,10 +1,11 @@
 """Dictionary learning beside its peers: objectives, and the time surfabet takes to each of them.
 
-    python benches/peers/ksvd.py [--full] [--depth] [--missing 0.2] [--threads 2] [--repeats 3]
+    python benches/peers/ksvd.py [--full] [--depth | --color] [--missing 0.2] [--threads 2]
+        [--repeats 3]
 
-Signals are noisy mixtures of planted atoms or, with --depth, patches of the depth images of a real
-room. With nothing missing the peers are SPAMS and scikit-learn; where values are missing it is
-wKSVD of inpystem, which takes masks.
+Signals are noisy mixtures of planted atoms or, with --depth and --color, patches of the depth
+images or of the brightness of the pictures of a real room. With nothing missing the peers are
+SPAMS and scikit-learn; where values are missing it is wKSVD of inpystem, which takes masks.
 
 All dictionaries are judged alike, by the squared error (of what is seen) of codes of the same
 length that the same matching pursuit finds over them. Each peer makes as many passes over the data
@@ -90,6 +91,22 @@ def depth_patches(
     signals, seen = signals[chosen], seen[chosen]
     signals = (signals - signals.sum(1, keepdims=True) / seen.sum(1, keepdims=True)) * seen
     return signals.astype(np.float32), seen
+
+
+def brightness_patches(folder: Path, n_signals: int, side: int, seed: int) -> np.ndarray:
+    """Square patches of the brightness of pictures, in hundreds of grey levels, means removed."""
+    from PIL import Image
+
+    patches = []
+    for path in sorted(folder.glob("*.color.jpg")):
+        image = np.asarray(Image.open(path).convert("L")).astype(np.float64)
+        rows, columns = (size // side for size in image.shape)
+        tiles = image[: rows * side, : columns * side].reshape(rows, side, columns, side)
+        patches.append(tiles.swapaxes(1, 2).reshape(-1, side * side) / 100)
+    signals = np.concatenate(patches)
+    rng = np.random.default_rng(seed)
+    signals = signals[np.sort(rng.choice(len(signals), n_signals, replace=False))]
+    return (signals - signals.mean(1, keepdims=True)).astype(np.float32)
 
 
 def unit(atoms: np.ndarray) -> np.ndarray:
@@ -253,14 +270,19 @@ def compare(data: Data, peers: list[Peer], iterations: int, threads: int, seed: 
 
 def load(args: argparse.Namespace) -> Data:
     n_signals, n_features, n_atoms = (20_000, 400, 500) if args.full else (2000, 100, 100)
+    for folder in (args.depth, args.color):
+        if folder is not None and not folder.is_dir():
+            sys.exit(f"{folder} is not there; give the folder of a room with depth images")
     if args.depth is not None:
-        if not args.depth.is_dir():
-            sys.exit(f"{args.depth} is not there; give the folder of a room with depth images")
         least = 0.5 if args.missing else 1.0
         signals, seen = depth_patches(
             args.depth, n_signals, math.isqrt(n_features), least, args.seed
         )
         title, truth = "patches of depth images", None
+    elif args.color is not None:
+        signals = brightness_patches(args.color, n_signals, math.isqrt(n_features), args.seed)
+        seen = np.ones(signals.shape, bool)
+        title, truth = "patches of brightness", None
     else:
         signals, truth = mixtures(n_signals, n_features, n_atoms, args.seed)
         seen = np.ones(signals.shape, bool)
@@ -280,6 +302,13 @@ def main() -> int:
         nargs="?",
         const=ROOM,
         help="patches of the depth images of this folder, by default of the real room",
+    )
+    parser.add_argument(
+        "--color",
+        type=Path,
+        nargs="?",
+        const=ROOM,
+        help="patches of the pictures of this folder, by default of the real room",
     )
     parser.add_argument("--missing", type=float, default=0.0, help="share of the values left out")
     parser.add_argument("--iterations", type=int, default=10)

@@ -138,10 +138,10 @@ pub struct Ksvd {
 /// Learns a dictionary for `signals`, and their codes: `min Σ w (s − D x)²` with at most `max_atoms` entries
 /// in a code. With weights of 0 and 1 that is HSCSM eq. 1; without weights it is plain K-SVD.
 ///
-/// Starts from signals chosen by `random_state` and from codes of two fifths of `max_atoms`, a fifth more in each of the
-/// first iterations. An iteration updates all atoms up to `update_iterations` times, each
-/// with the coefficients that use it; replaces atoms; and codes the signals, each of which keeps its code where the new
-/// one is worse. Atoms without which the objective would lose little (unused ones, and those for which another can stand
+/// Starts from signals drawn with `random_state`, each by what those before leave of it, and from codes of two fifths of
+/// `max_atoms`, a fifth more in each of the first iterations. An iteration updates all atoms up to `update_iterations`
+/// times, each with the coefficients that use it; replaces atoms; and codes the signals. Where new codes as a whole are
+/// worse than those of the iteration before, each signal keeps the better of its two. Atoms without which the objective would lose little (unused ones, and those for which another can stand
 /// in) give way to directions that residuals of many signals share and, once the objective falls slowly, to the second of
 /// two lines into which the signals of an atom fall. Replacements that raise the objective are undone, and fewer are
 /// tried next. At the end unused atoms are cropped, and duplicates if that does not raise the objective, so the
@@ -162,7 +162,7 @@ pub fn ksvd(
     on_iteration: &mut dyn FnMut(&KsvdIteration),
 ) -> Result<Ksvd> {
     options.check()?;
-    let dictionary = initial_dictionary(signals, options.n_atoms, options.random_state)?;
+    let dictionary = initial_dictionary(signals, options.n_atoms, options.random_state, progress)?;
     let mut learner = Learner::new(signals, options, progress, dictionary)?;
     let mut objective = vec![learner.coded.objective()];
     let (mut replaced, mut stop_reason) = (0, StopReason::Iterations);
@@ -241,6 +241,8 @@ struct Learner<'a> {
     sparsity: usize,
     /// Most atoms to replace at once: fewer after an attempt that was undone.
     most_swaps: usize,
+    /// [`Learner::excess`] after the coding before.
+    reached: f64,
 }
 
 /// What became of an attempt to replace atoms.
@@ -263,7 +265,7 @@ impl<'a> Learner<'a> {
         let codes = omp(&dictionary, signals, &omp_options, progress)?;
         let coded = Coded::new(&dictionary, signals, codes);
         let (weights, scale) = unit_weights(signals);
-        Ok(Self {
+        let mut learner = Self {
             signals,
             options,
             progress,
@@ -274,7 +276,10 @@ impl<'a> Learner<'a> {
             coded,
             sparsity,
             most_swaps: usize::MAX,
-        })
+            reached: f64::INFINITY,
+        };
+        learner.reached = learner.excess(&learner.coded.errors);
+        Ok(learner)
     }
 
     /// Updates every atom in turn, with the coefficients of the codes that use it, and that several times.
@@ -315,6 +320,12 @@ impl<'a> Learner<'a> {
 
     /// Replaces atoms by what earns more, and codes all signals again.
     fn code(&mut self, splits: bool) -> Result<Swapped> {
+        let swapped = self.swap_and_code(splits)?;
+        self.reached = self.excess(&self.coded.errors);
+        Ok(swapped)
+    }
+
+    fn swap_and_code(&mut self, splits: bool) -> Result<Swapped> {
         let Swaps { successors, count } = self.swaps(splits)?;
         let mut dictionary = self.dictionary.clone();
         let mut replaced = vec![false; dictionary.n_atoms()];
@@ -354,13 +365,17 @@ impl<'a> Learner<'a> {
         errors.iter().zip(&self.budgets).map(|(e, b)| e.max(*b)).sum()
     }
 
-    /// All signals coded over `dictionary`. A signal keeps its code where the new one is worse and its atoms are still
-    /// there.
+    /// All signals coded over `dictionary`. Where that is no step forward from the coding before, a signal keeps its code
+    /// if the new one is worse and its atoms are still there: always, and atoms would follow codes that no coder finds
+    /// again. On 2000 patches of depth the error of new codes over the dictionary was 940 that way, of the old ones 497.
     fn recode(&self, dictionary: &Dictionary, replaced: &[bool]) -> Result<Coded> {
         let n = self.signals.n_features();
         let options = OmpOptions { max_atoms: self.sparsity, ..self.options.omp_options() };
         let fresh = omp(dictionary, self.signals, &options, self.progress)?;
         let mut coded = Coded::new(dictionary, self.signals, fresh);
+        if self.excess(&coded.errors) <= self.reached {
+            return Ok(coded);
+        }
         let mut codes = SparseCodes::default();
         for i in 0..self.coded.codes.len() {
             let (old, new) = (self.coded.codes.code(i), coded.codes.code(i));
