@@ -10,7 +10,7 @@ occurrence 28. The rate with zlib is that of both after zlib. The row after the 
 occurrences (III-D), the paper's last step, is the paper's; that before it stands above. The last
 column is a real file of the same model. Topics:
 
-    indoor      one scan of a room, at radius 0.1 and 0.25 m
+    indoor      each of two scans of a room and one of a hall, at radius 0.1 and 0.25 m
     multi       six registered scans of a hall with corridors
     outdoor     three scans of a street, which are not registered and stand 400 m apart here
     corridor    the map of the paper's corridor (building 079) as an octree of 8 cm
@@ -167,8 +167,15 @@ def table(
             shown = f"{name}, seed {seed}" if len(args.seeds) > 1 else name
             model = rows(shown, cloud, chosen)
             if args.out:
-                file = f"bic_alphabet_{name.split()[0].strip(',')}_{round(100 * radius)}cm"
+                place = name.replace(", ", "_").replace(" ", "_")
+                file = f"bic_alphabet_{place}_{round(100 * radius)}cm"
                 plot(args.out, file, model, f"{name}, radius {radius:g} m")
+
+
+def indoor(args: argparse.Namespace) -> None:
+    table(args, "room, scan 1", lambda: room(1), 0.5)
+    table(args, "room, scan 2", lambda: room(2), 0.5)
+    table(args, "hall, 1 scan", lambda: hall(1), 0.5)
 
 
 def corridor_map(args: argparse.Namespace) -> None:
@@ -250,7 +257,7 @@ def words(args: argparse.Namespace) -> None:
 
 
 TABLE: dict[str, Callable[[argparse.Namespace], None]] = {
-    "indoor": lambda args: table(args, "room, 1 scan", lambda: room(1), 0.5),
+    "indoor": indoor,
     "multi": lambda args: table(args, "hall, 6 scans", hall, 0.5),
     # The car's roof.
     "outdoor": lambda args: table(args, "street, 3 scans", street, 2.5),

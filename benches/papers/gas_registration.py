@@ -1,7 +1,7 @@
 """Registration on raw, voxel-grid and GNG clouds (Morell et al., last table).
 
     python benches/papers/gas_registration.py --pcl PREFIX [--pairs 20] [--seeds 3]
-        [--scans hall rooms] [--counts 5000 10000 20000]
+        [--scans hall rooms] [--counts 5000 10000 20000] [--jobs 2]
 
 Pairs of scans with known poses: neighbours of the drive through a hall (`multi_scan`), and of
 simulated LiDAR scans of furnished rooms, each turned at random about the vertical. Of each scan:
@@ -23,11 +23,14 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 from gas_scans import DATA
+from paper_bench import print_header, print_row
 from scipy.spatial import cKDTree
 
 import surfabet as sb
@@ -106,7 +109,9 @@ def compiled(prefix: Path, folder: Path) -> Path:
     libraries = prefix / "lib" / "x86_64-linux-gnu"
     command = ["g++", "-O2", "-w", f"-I{prefix}/include/pcl-1.13", f"-I{prefix}/include/eigen3"]
     command += [f"-I{prefix}/include", str(Path(__file__).parent / "pcl_features.cpp")]
-    command += ["-o", str(program), f"-L{libraries}", f"-Wl,-rpath,{libraries}"]
+    # The search path of old tags holds for the libraries of libraries too.
+    command += ["-o", str(program), f"-L{libraries}"]
+    command += [f"-Wl,--disable-new-dtags,-rpath,{libraries}"]
     command += [f"-lpcl_{name}" for name in LIBRARIES] + ["-lflann_cpp", "-llz4"]
     subprocess.run(command, check=True)
     return program
@@ -169,52 +174,61 @@ def deviation(
     return float(np.sqrt((moved**2).sum(axis=1).mean()))
 
 
-def measure(name: str, program: Path, folder: Path, options: argparse.Namespace) -> None:
-    kind = KINDS[name]
-    reducers = {
-        "GNG": lambda cloud, n: sb.learn_gas(cloud, n_neurons=n).neurons.positions,
-        "voxel grid": lambda cloud, n: sb.voxel_downsample(cloud, count=n).points,
-    }
-    columns = [(method, count) for method in reducers for count in options.counts] + [("raw", 0)]
-    errors: dict[tuple[int, int, tuple[str, int]], list[float]] = {}
-    pairs = list(PAIRS[name](options.pairs))
-    for number, pair in enumerate(pairs):
-        print(f"{name} {number + 1} of {len(pairs)}", file=sys.stderr, flush=True)
-        for method, count in columns:
+def reduced(points: np.ndarray, method: str, count: int) -> np.ndarray:
+    """The cloud that is registered: the points themselves, or as many representatives."""
+    cloud = sb.PointCloud(points)
+    if method == "GNG":
+        return sb.learn_gas(cloud, n_neurons=count).neurons.positions
+    return sb.voxel_downsample(cloud, count=count).points if method == "voxel grid" else points
+
+
+def of_pair(
+    program: Path, pair: Pair, kind: Kind, columns: list[tuple[str, int]], seeds: int
+) -> np.ndarray:
+    """Errors by detector, descriptor, column and seed."""
+    sb.set_num_threads(1)
+    shape = (len(DETECTORS), len(DESCRIPTORS), len(columns), seeds)
+    errors = np.full(shape, np.inf)
+    with tempfile.TemporaryDirectory() as name:
+        for k, (method, count) in enumerate(columns):
             both = [
-                described(
-                    program,
-                    reducers[method](sb.PointCloud(points), count) if count else points,
-                    kind,
-                    folder,
-                )
+                described(program, reduced(points, method, count), kind, Path(name))
                 for points in (pair.source, pair.target)
             ]
             for i, ((source, of_source), (target, of_target)) in enumerate(zip(*both, strict=True)):
                 for j in range(len(DESCRIPTORS)):
                     joined = matches(of_source[j], of_target[j])
-                    errors.setdefault((i, j, (method, count)), []).extend(
+                    errors[i, j, k] = [
                         deviation(pair, source, target, joined, kind.limit, seed)
-                        for seed in range(options.seeds)
-                    )
+                        for seed in range(seeds)
+                    ]
+    return errors
+
+
+def measure(name: str, program: Path, options: argparse.Namespace) -> None:
+    """Prints the table of one kind of scans."""
+    kind = KINDS[name]
+    methods = ("GNG", "voxel grid")
+    columns = [(method, count) for method in methods for count in options.counts] + [("raw", 0)]
+    pairs = list(PAIRS[name](options.pairs))
+    with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
+        jobs = [pool.submit(of_pair, program, pair, kind, columns, options.seeds) for pair in pairs]
+        for number, _ in enumerate(as_completed(jobs)):
+            print(f"{name} {number + 1} of {len(pairs)}", file=sys.stderr, flush=True)
+    # By detector, descriptor, column, and all runs of all pairs.
+    errors = np.concatenate([job.result() for job in jobs], axis=3)
     size = int(np.median([len(points) for pair in pairs for points in (pair.source, pair.target)]))
     print(f"\n**{name}: {len(pairs)} pairs of {size:,} points, {options.seeds} seeds**\n")
+
+    def told(found: np.ndarray) -> str:
+        return f"{np.median(found):.3f}, {100 * (found < kind.limit).mean():.0f} %"
+
     titles = [f"{method}, {count:,}" if count else method for method, count in columns]
-    print("| keypoints | descriptor | " + " | ".join(titles) + " |")
-    print("|" + "---|" * (len(titles) + 2))
+    print_header("keypoints", "descriptor", *titles)
     for i, detector in enumerate(DETECTORS):
         for j, descriptor in enumerate(DESCRIPTORS):
-            cells = []
-            for column in columns:
-                found = np.array(errors[i, j, column])
-                successes = 100 * (found < kind.limit).mean()
-                cells.append(f"{np.median(found):.3f}, {successes:.0f} %")
-            print(f"| {detector} | {descriptor} | " + " | ".join(cells) + " |")
-    means = []
-    for column in columns:
-        found = np.concatenate([errors[i, j, column] for i in range(3) for j in range(3)])
-        means.append(f"{np.median(found):.3f}, {100 * (found < kind.limit).mean():.0f} %")
-    print("| all | all | " + " | ".join(means) + " |", flush=True)
+            print_row(detector, descriptor, *(told(found) for found in errors[i, j]))
+    print_row("all", "all", *(told(errors[:, :, k]) for k in range(len(columns))))
 
 
 def main() -> None:
@@ -223,13 +237,13 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--counts", type=int, nargs="+", default=[5000, 10_000, 20_000])
-    parser.add_argument("--scans", nargs="+", default=list(PAIRS))
+    parser.add_argument("--scans", nargs="+", choices=PAIRS, default=list(PAIRS))
+    parser.add_argument("--jobs", type=int, default=2, help="pairs at the same time")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        program = compiled(options.pcl, folder)
+        program = compiled(options.pcl, Path(name))
         for scans in options.scans:
-            measure(scans, program, folder, options)
+            measure(scans, program, options)
 
 
 if __name__ == "__main__":
