@@ -314,7 +314,7 @@ def learn_planes(
         Least probability that a patch is one surface, from what the likelihood loses without it,
         how its points spread about its plane, how much of its rectangle is filled, and its length.
         Patches in the middle of clutter, across a corner or along something bent have less; with 0
-        all are kept. Patches with 20 times `min_points` are kept whatever it is. A number from 0 to
+        all are kept. Patches with 80 times `min_points` are kept whatever it is. A number from 0 to
         1; by default 0.6.
     color_step
         Rounding of the colours of tiles. An integer from 1 to 64 grey levels; by default 8.

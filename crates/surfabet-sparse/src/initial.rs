@@ -8,8 +8,8 @@ use pulp::Arch;
 use rand::seq::index;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use surfabet_base::Progress;
+use surfabet_base::parallel;
 
 use crate::codes::SIGNALS_PER_TASK;
 use crate::dictionary::{Dictionary, normalize};
@@ -121,11 +121,12 @@ impl Rows {
     fn take_off(&mut self, signals: &Signals<'_>, informative: &[usize], atom: &[f32]) {
         let n = atom.len();
         let squares: Vec<f32> = atom.iter().map(|d| d * d).collect();
-        let rows = self.residuals.par_chunks_mut(SIGNALS_PER_TASK * n);
-        let state = self.left.par_chunks_mut(SIGNALS_PER_TASK);
-        let fixed = self.nothing.par_chunks(SIGNALS_PER_TASK);
-        let signal = informative.par_chunks(SIGNALS_PER_TASK);
-        rows.zip(state).zip(fixed).zip(signal).for_each(|(((rows, left), nothing), signal)| {
+        let rows = self.residuals.chunks_mut(SIGNALS_PER_TASK * n);
+        let state = self.left.chunks_mut(SIGNALS_PER_TASK);
+        let fixed = self.nothing.chunks(SIGNALS_PER_TASK);
+        let signal = informative.chunks(SIGNALS_PER_TASK);
+        let tasks = rows.zip(state).zip(fixed).zip(signal);
+        parallel::for_each(tasks, |_, (((rows, left), nothing), signal)| {
             Arch::new().dispatch(|| {
                 for (k, row) in rows.chunks_exact_mut(n).enumerate() {
                     if left[k] == 0.0 {

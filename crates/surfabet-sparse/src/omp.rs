@@ -138,13 +138,7 @@ impl<'a> Coder<'a> {
             gram: Vec::new(),
         };
         let shares_gram = |i| Pursuit::start(signals, i, 0.0, 0).is_some_and(|p| !p.is_weighted());
-        if coder.most_atoms() > 1
-            && parallel::try_map_range(
-                signals.len(),
-                |i| if shares_gram(i) { Err(()) } else { Ok(()) },
-            )
-            .is_err()
-        {
+        if coder.most_atoms() > 1 && (0..signals.len()).any(shares_gram) {
             coder.gram = gram(dictionary, &coder.by_feature, progress)?;
         }
         Ok(coder)
