@@ -81,11 +81,11 @@ impl<E> Failure<E> {
     }
 }
 
+/// Adds what comes of a run of items.
+type Fill<'a, T, E> = dyn Fn(Range<usize>, &mut Vec<T>) -> Result<(), E> + Sync + 'a;
+
 /// Calls `fill` for runs of `0..n` and joins what it adds, in order.
-fn try_fill<T: Send, E: Send>(
-    n: usize,
-    fill: &(dyn Fn(Range<usize>, &mut Vec<T>) -> Result<(), E> + Sync),
-) -> Result<Vec<T>, E> {
+fn try_fill<T: Send, E: Send>(n: usize, fill: &Fill<'_, T, E>) -> Result<Vec<T>, E> {
     let mut all = Vec::new();
     let n_runs = runs_of(n);
     if n_runs <= 1 {

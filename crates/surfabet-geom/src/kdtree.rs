@@ -690,7 +690,7 @@ mod tests {
                 tree.within(query, radius, &mut found);
                 let inside = all.partition_point(|n| n.squared_distance() <= radius * radius);
                 prop_assert_eq!(&found[..], &all[..inside]);
-                let is_third = |i: usize| i % 3 == 0;
+                let is_third = |i: usize| i.is_multiple_of(3);
                 let third = all[..inside].iter().copied().find(|n| is_third(n.index()));
                 prop_assert_eq!(tree.nearest_where(query, radius, is_third), third);
                 // Points above the query.
