@@ -4,7 +4,7 @@
 //! between ray and normal: a wall in front of the sensor looks rougher than one along which it looks. Other noise, of merged scans or of
 //! positions of the sensor, is the same at every angle. Which of both it is, the flat cells of the cloud tell.
 
-use crate::planes::constants::{INCIDENCE_GAIN, LEAST_COSINE, LEAST_NOISE_FACTOR};
+use crate::planes::constants::{INCIDENCE_GAIN, LEAST_COSINE, LEAST_NOISE_FACTOR, MOST_ALONG_RAYS};
 
 /// How the noise across a surface depends on the angle at which it was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,7 +19,8 @@ impl Incidence {
 
     /// From cells: standard deviation across their plane, mean cosine of the angle between their normal and where they were
     /// seen from, and weight. Noise is along the rays where that makes the deviations of all cells clearly more alike: their
-    /// median distance from the median, in logarithms.
+    /// median distance from the median, in logarithms. Where most was seen at a small angle, as the ground of a street, that
+    /// says little of the rest.
     pub fn of(cells: &[(f64, f64, f64)]) -> Self {
         let cells: Vec<_> = cells.iter().filter(|c| c.0.is_finite() && c.0 > 0.0).collect();
         let across: Vec<_> = cells.iter().map(|c| (c.0.ln(), c.2)).collect();
@@ -27,8 +28,9 @@ impl Incidence {
             cells.iter().map(|c| ((c.0 / c.1.max(LEAST_COSINE)).ln(), c.2)).collect();
         let (median_across, spread_across) = center_and_spread(across);
         let (median_along, spread_along) = center_and_spread(along);
-        let clear = spread_along < INCIDENCE_GAIN * spread_across;
-        Self { along_rays: clear.then(|| (median_along - median_across).exp()) }
+        let along_rays = (median_along - median_across).exp();
+        let clear = spread_along < INCIDENCE_GAIN * spread_across && along_rays <= MOST_ALONG_RAYS;
+        Self { along_rays: clear.then_some(along_rays) }
     }
 
     /// The noise across a surface seen at this cosine of the angle between ray and normal, by the median noise.
