@@ -12,6 +12,7 @@
 //! | `fit/seed` | patches to start from and to add: random, or where cells are flat | II-B, III |
 //! | `patch`, `tiles` | a plane, a rectangle, supported tiles and the distance to them | II-A, figure 1 |
 //! | `fit/e_step` | probabilities of points for patches within reach | II-A, eq. 1 and 2 |
+//! | `fit/incidence` | noise by the angle at which a surface was seen | added |
 //! | `fit/m_step` | weighted orthogonal regression | II-A |
 //! | `fit/grid_size` | the grid size G | II-E |
 //! | `fit/trim` | rectangles and supported tiles, T | II-A, figures 2 and 3 |
@@ -19,7 +20,8 @@
 //! | `fit/merge` | one patch of similar ones | II-D |
 //! | `fit/likelihood` | planes and outlines together where noise mixes surfaces | added |
 //! | `fit/published` | the method as printed, without what was added | II |
-//! | `fit/surface` | no patches through clutter, across corners or along something bent | |
+//! | `fit/removal` | patches that the others explain as well | added |
+//! | `fit/surface` | the probability that a patch is a surface: none through clutter, across corners, along something bent | added |
 //! | `coding/round`, `coding/stored` | patches in the integers of the file, labels, colours | III |
 //! | `model` | the result; points of any cloud on its patches | III |
 //! | `coding/syntax` and beside it | the streams of the file | |
