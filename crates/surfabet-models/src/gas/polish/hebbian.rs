@@ -60,21 +60,16 @@ pub(super) fn edges(
         link.weight >= least * wins || strongest[a] == Some(*k) || strongest[b] == Some(*k)
     };
     let kept = links.into_iter().enumerate().filter(is_kept);
-    let mut edges: Vec<u64> = kept.map(|(_, link)| key_of(link.ends)).collect();
+    let mut edges: Vec<[u32; 2]> = kept.map(|(_, link)| link.ends).collect();
     for i in (0..positions.len()).filter(|&i| strongest[i].is_none()) {
         let [first, second] = nearby.two_nearest(positions[i], i as u32).map(|winner| winner.id());
         let other = if first as usize == i { second } else { first };
-        edges.push(key_of([other.min(i as u32), other.max(i as u32)]));
+        edges.push([other.min(i as u32), other.max(i as u32)]);
     }
-    parallel::sort_keys(&mut edges);
+    edges.sort_unstable();
     // Two neurons without points may have chosen each other.
     edges.dedup();
-    edges.into_iter().map(|key| [(key >> 32) as u32, key as u32]).collect()
-}
-
-/// Keys that sort as the ends do.
-fn key_of([a, b]: [u32; 2]) -> u64 {
-    u64::from(a) << 32 | u64::from(b)
+    edges
 }
 
 /// Adds the edges of neuron `i` to the second nearest of its points; gives the weight of these points.

@@ -17,6 +17,7 @@
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
+use super::grouped::Grouped;
 use crate::error::Result;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
@@ -30,10 +31,8 @@ const CHUNK: usize = 64;
 /// The probabilities p_ij that are not zero, by patch, and the patch that each point supports.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Responsibilities {
-    /// First entry of each patch, and the end.
-    starts: Vec<usize>,
     /// Point and probability; points ascending for each patch.
-    entries: Vec<(u32, f32)>,
+    entries: Grouped<(u32, f32)>,
     /// For each distinct point the patch with the largest probability.
     pub(in crate::planes) supports: Vec<u32>,
     /// Distance to that patch, metres; zero for points that support none.
@@ -43,7 +42,7 @@ pub struct Responsibilities {
 impl Responsibilities {
     /// The points with a probability above zero for a patch, and this probability p_ij.
     pub fn of(&self, patch: usize) -> &[(u32, f32)] {
-        &self.entries[self.starts[patch]..self.starts[patch + 1]]
+        self.entries.of(patch)
     }
 
     /// Mean distance of the points that support a patch, and the share of all points that do.
@@ -219,61 +218,22 @@ impl<'a> Mixture<'a> {
     }
 }
 
-/// The probabilities of all points sorted by patch; points stay in their order (counting sort).
+/// The probabilities of all points sorted by patch; points stay in their order.
 fn by_patch(n: usize, chunks: &[Weighed]) -> Responsibilities {
-    let mut starts = vec![0; n + 1];
-    for &(j, _, _) in chunks.iter().flat_map(|c| &c.entries) {
-        starts[j as usize + 1] += 1;
-    }
-    for j in 0..n {
-        starts[j + 1] += starts[j];
-    }
-    let mut next = starts.clone();
-    let mut entries = vec![(0, 0.0); starts[n]];
-    for &(j, i, p) in chunks.iter().flat_map(|c| &c.entries) {
-        entries[next[j as usize]] = (i, p);
-        next[j as usize] += 1;
-    }
+    let all = || chunks.iter().flat_map(|c| &c.entries).map(|&(j, i, p)| (j, (i, p)));
     Responsibilities {
-        starts,
-        entries,
+        entries: Grouped::new(n, all),
         supports: chunks.iter().flat_map(|c| &c.supports).copied().collect(),
         distances: chunks.iter().flat_map(|c| &c.distances).copied().collect(),
     }
 }
 
-/// The patches that may be within reach of each block.
-struct Candidates {
-    starts: Vec<usize>,
-    patches: Vec<u32>,
-}
-
-impl Candidates {
-    fn of(&self, block: usize) -> &[u32] {
-        &self.patches[self.starts[block]..self.starts[block + 1]]
-    }
-}
-
-/// The patches of which a supported tile may be within its `reach` of a point of each block (counting sort).
-fn candidates(points: &Points, patches: &[Patch], reach: &[f64]) -> Candidates {
+/// For each block the patches of which a supported tile may be within its `reach` of a point.
+fn candidates(points: &Points, patches: &[Patch], reach: &[f64]) -> Grouped<u32> {
     let blocks: Vec<Vec<u32>> =
         parallel::map_range(patches.len(), |j| patches[j].blocks(points, reach[j]));
-    let mut starts = vec![0; points.n_blocks() + 1];
-    for &b in blocks.iter().flatten() {
-        starts[b as usize + 1] += 1;
-    }
-    for b in 0..points.n_blocks() {
-        starts[b + 1] += starts[b];
-    }
-    let mut next = starts.clone();
-    let mut of = vec![0; blocks.iter().map(Vec::len).sum()];
-    for (j, blocks) in blocks.iter().enumerate() {
-        for &b in blocks {
-            of[next[b as usize]] = j as u32;
-            next[b as usize] += 1;
-        }
-    }
-    Candidates { starts, patches: of }
+    let all = || (0..).zip(&blocks).flat_map(|(j, blocks)| blocks.iter().map(move |&b| (b, j)));
+    Grouped::new(points.n_blocks(), all)
 }
 
 #[cfg(test)]

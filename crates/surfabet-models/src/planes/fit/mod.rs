@@ -2,6 +2,7 @@
 
 mod e_step;
 mod grid_size;
+mod grouped;
 mod incidence;
 mod likelihood;
 mod m_step;
@@ -409,6 +410,7 @@ impl<'a> Fit<'a> {
         let own: Vec<u32> = near.iter().filter(of).copied().collect();
         match facing(self.points, &own) {
             Some(seen) if dot(seen, patch.frame.normal) < 0.0 => {
+                // It is even about its middle, so that its tiles stay.
                 Patch { frame: patch.frame.flipped(), ..patch }
             }
             _ => patch,

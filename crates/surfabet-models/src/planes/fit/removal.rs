@@ -10,6 +10,7 @@ use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::e_step::Responsibilities;
+use super::grouped::Grouped;
 use crate::error::Result;
 use crate::planes::constants::{OUTLIER_COST, REMOVED_GAIN, REMOVED_PARAMETERS};
 
@@ -56,7 +57,8 @@ pub(super) fn removals(
     n: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<Removal>> {
-    let of_point = ByPoint::new(last, n);
+    let of_patch = |j: u32| last.of(j as usize).iter().map(move |&(i, p)| (i, (j, p)));
+    let of_point = Grouped::new(last.supports.len(), || (0..n as u32).flat_map(of_patch));
     let mass = |j: usize| last.of(j).iter().map(|e| f64::from(e.1)).sum();
     let mass: Vec<f64> = (0..n).map(mass).collect();
     parallel::try_map_range(n, |j| {
@@ -85,10 +87,15 @@ pub(super) fn superfluous(removals: &[Removal]) -> Vec<u32> {
 }
 
 /// What comes of removing patch `j`.
-fn removal(last: &Responsibilities, of_point: &ByPoint, mass: &[f64], j: u32) -> Removal {
+fn removal(
+    last: &Responsibilities,
+    of_point: &Grouped<(u32, f32)>,
+    mass: &[f64],
+    j: u32,
+) -> Removal {
     let outlier = (-OUTLIER_COST).exp();
     let own = last.of(j as usize);
-    let others = |i: u32| of_point.of(i).iter().filter(|e| e.0 != j);
+    let others = |i: u32| of_point.of(i as usize).iter().filter(|e| e.0 != j);
     // For each other patch moved_k, and the sum of its p_ik over the points of this one.
     let mut shared: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
     for &(i, p) in own {
@@ -100,8 +107,8 @@ fn removal(last: &Responsibilities, of_point: &ByPoint, mass: &[f64], j: u32) ->
             *sum += q;
         }
     }
-    let growth = |k: u32| shared.get(&k).map_or(1.0, |s| 1.0 + s[0] / mass[k as usize]);
-    let grown: BTreeMap<u32, f64> = shared.keys().map(|&k| (k, growth(k))).collect();
+    let grown: BTreeMap<u32, f64> =
+        shared.iter().map(|(&k, s)| (k, 1.0 + s[0] / mass[k as usize])).collect();
     let mut gain = mass[j as usize] - shared.values().map(|s| s[0]).sum::<f64>();
     for (k, [_, sum]) in &shared {
         gain += (mass[*k as usize] - sum).max(0.0) * grown[k].ln();
@@ -111,37 +118,6 @@ fn removal(last: &Responsibilities, of_point: &ByPoint, mass: &[f64], j: u32) ->
         gain += (explained + outlier * f64::from(p)).max(f64::MIN_POSITIVE).ln();
     }
     Removal { loss: -gain, mass: mass[j as usize], neighbors: shared.into_keys().collect() }
-}
-
-/// The patches of each point with their probabilities.
-struct ByPoint {
-    starts: Vec<usize>,
-    entries: Vec<(u32, f32)>,
-}
-
-impl ByPoint {
-    fn new(last: &Responsibilities, n: usize) -> Self {
-        let n_points = last.supports.len();
-        let all = || (0..n).flat_map(|j| last.of(j).iter().map(move |&(i, p)| (j as u32, i, p)));
-        let mut starts = vec![0; n_points + 1];
-        for (_, i, _) in all() {
-            starts[i as usize + 1] += 1;
-        }
-        for i in 0..n_points {
-            starts[i + 1] += starts[i];
-        }
-        let mut next = starts.clone();
-        let mut entries = vec![(0, 0.0); starts[n_points]];
-        for (j, i, p) in all() {
-            entries[next[i as usize]] = (j, p);
-            next[i as usize] += 1;
-        }
-        Self { starts, entries }
-    }
-
-    fn of(&self, i: u32) -> &[(u32, f32)] {
-        &self.entries[self.starts[i as usize]..self.starts[i as usize + 1]]
-    }
 }
 
 #[cfg(test)]

@@ -45,11 +45,7 @@ pub(super) fn trim_to(
     if set.len() < 3 {
         return None;
     }
-    let mut frame = patch.frame;
-    if facing(points, set).is_some_and(|f| dot(f, frame.normal) < 0.0) {
-        // The rectangle is even about its middle, so that it stays.
-        frame = frame.flipped();
-    }
+    let frame = patch.frame;
     let local: Vec<[f64; 3]> =
         set.iter().map(|&i| frame.local(points.positions[i as usize])).collect();
     let mut tiles = Tiles::new(patch.tiles.low(), patch.tiles.size(), grid_size);
