@@ -328,6 +328,29 @@ mod tests {
         assert!(model.len() <= 6 && share > 0.9, "{} {share}", model.len());
     }
 
+    /// Two walls of 1 m that meet, with noise beside which they are short, so that they are fitted together; seen from any side.
+    #[test]
+    fn walls_that_are_fitted_together_keep_their_points() {
+        for sides in [[1.0_f32, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+            let mut rng = ChaCha8Rng::seed_from_u64(2);
+            let mut positions = Vec::new();
+            let mut normals = Vec::new();
+            for i in 0..6000 {
+                let wall = i % 2;
+                let mut p = [0.0, rng.random_range(0.0..1.0), rng.random_range(0.0..1.0)];
+                p.swap(0, wall);
+                positions.push(p.map(|c| c + 0.02 * deviate(&mut rng)));
+                let mut normal = [0.0; 3];
+                normal[wall] = sides[wall];
+                normals.push(normal);
+            }
+            let model = learned(positions, Some(normals), &walls_only(0, false));
+            let labels = model.labels().unwrap();
+            let kept = labels.iter().filter(|&&label| label != u32::MAX).count();
+            assert!(model.len() == 2 && kept > 5700, "{sides:?} {} {kept}", model.len());
+        }
+    }
+
     /// Both sides of a wall, seen by their normals; noise up to a third of its thickness, any direction.
     #[test]
     fn both_sides_of_a_thin_wall_are_planes() {
