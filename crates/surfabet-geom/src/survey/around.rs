@@ -11,12 +11,27 @@ pub(super) const NEIGHBORS: [usize; 4] = [7, 16, 48, 192];
 /// The most of them.
 const MOST: usize = NEIGHBORS[NEIGHBORS.len() - 1];
 
+/// Points lie on a line when the deviation across it is less than this share of that along it.
+const SLIMNESS: f64 = 0.3;
+
 /// The shape of some neighbours of a point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
-    pub axes: PrincipalAxes,
+    /// Variances along the axes, smallest first, square metres.
+    pub variances: [f64; 3],
+    /// Unit normal of their plane.
+    pub normal: [f64; 3],
     /// Number of neighbours: fewer than asked for, where fewer face the same way.
     pub count: usize,
+}
+
+/// The line that some neighbours of a point lie on.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LineShape {
+    /// Unit vector along the line.
+    pub direction: [f64; 3],
+    /// Larger standard deviation across it, metres.
+    pub deviation: f64,
 }
 
 /// What is known of the neighbours of a point.
@@ -28,8 +43,11 @@ pub(super) struct Around {
     pub nearest: Option<f64>,
     /// Of each number of [`NEIGHBORS`] that face the same way.
     pub shapes: [Option<Shape>; NEIGHBORS.len()],
-    /// The same whichever way they face, but for the most; `None` where nobody knows, or the point has the same ones.
-    of_all: Option<[Option<Shape>; NEIGHBORS.len() - 1]>,
+    /// The line of the fewest of [`NEIGHBORS`], but for the most, that lie on one, whichever way they face.
+    ///
+    /// Few neighbours are enough where lines are thin, and more where noise is as large as the distance of the points along
+    /// them. Range noise leaves a line in the plane that the sensor scans, so that flat neighbourhoods may be lines, too.
+    pub line: Option<LineShape>,
 }
 
 impl Around {
@@ -40,28 +58,35 @@ impl Around {
         let searched = if sample.facings.is_some() { 2 * MOST } else { MOST };
         sample.tree.k_nearest(sample.positions[point], searched, &mut near);
         let nearest = near.get(1).map(|n| f64::from(n.squared_distance()).sqrt());
-        let shape = |near: &[Neighbor]| {
+        let axes = |near: &[Neighbor]| {
             let positions = near.iter().map(|n| sample.positions[n.index()]);
-            let axes = Moments::about(sample.positions[point], positions).principal_axes()?;
-            Some(Shape { axes, count: near.len() })
+            Moments::about(sample.positions[point], positions).principal_axes()
         };
         let first = |k: usize| &near[..k.min(near.len())];
-        let Some(facings) = &sample.facings else {
-            let shapes = NEIGHBORS.map(|k| shape(first(k)));
-            return Self { point, nearest, shapes, of_all: None };
+        let of_all = NEIGHBORS.map(|k| axes(first(k)));
+        let line = of_all[..NEIGHBORS.len() - 1].iter().flatten().find_map(line_of);
+        let shape = |axes: &PrincipalAxes, count: usize| Shape {
+            variances: axes.variances,
+            normal: axes.normal(),
+            count,
         };
-        let of_all = std::array::from_fn(|i| shape(first(NEIGHBORS[i])));
-        let shapes = NEIGHBORS.map(|k| {
+        let shapes = std::array::from_fn(|size| {
+            let k = NEIGHBORS[size];
+            let Some(facings) = &sample.facings else {
+                return of_all[size].as_ref().map(|axes| shape(axes, first(k).len()));
+            };
             let is_same = |n: &&Neighbor| dot(facings[n.index()], facings[point]) > 0.0;
             let same: Vec<Neighbor> =
                 first(2 * k).iter().filter(is_same).take(k).copied().collect();
-            shape(&same)
+            axes(&same).map(|axes| shape(&axes, same.len()))
         });
-        Self { point, nearest, shapes, of_all: Some(of_all) }
+        Self { point, nearest, shapes, line }
     }
+}
 
-    /// The shapes of the neighbours whichever way they face, of each number of [`NEIGHBORS`] but the most.
-    pub fn shapes_of_all(&self) -> &[Option<Shape>] {
-        self.of_all.as_ref().map_or(&self.shapes[..NEIGHBORS.len() - 1], |of_all| of_all)
-    }
+/// The line of points with these axes, if they lie on one.
+fn line_of(axes: &PrincipalAxes) -> Option<LineShape> {
+    let [_, across, along] = axes.variances;
+    let is_line = across <= SLIMNESS * SLIMNESS * along;
+    is_line.then(|| LineShape { direction: axes.directions[2], deviation: across.sqrt() })
 }

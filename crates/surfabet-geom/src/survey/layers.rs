@@ -99,9 +99,9 @@ fn gap_at(sample: &Sample, around: &Around, planes: &Planes, spacing: f64) -> Op
 /// Normal of the plane of so many neighbours, by their place in [`NEIGHBORS`](super::around::NEIGHBORS); `None` on a line:
 /// what lies beside a scan line is not behind the surface.
 fn normal(around: &Around, size: usize) -> Option<[f64; 3]> {
-    let axes = around.shapes[size]?.axes;
-    let is_line = axes.variances[1] < LEAST_WIDTH.powi(2) * axes.variances[2];
-    (!is_line).then(|| axes.normal())
+    let shape = around.shapes[size]?;
+    let is_line = shape.variances[1] < LEAST_WIDTH.powi(2) * shape.variances[2];
+    (!is_line).then_some(shape.normal)
 }
 
 /// Points above and below a point.

@@ -5,11 +5,7 @@ use surfabet_base::parallel;
 use super::around::Around;
 use super::median;
 use super::sample::Sample;
-use crate::moments::PrincipalAxes;
 use crate::vector::{dot, minus};
-
-/// Points lie on a line when the deviation across it is less than this share of that along it.
-const SLIMNESS: f64 = 0.3;
 
 /// Cosine of half the angle of the double cone about a line: points outside of it are on another line.
 const CONE: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -60,21 +56,12 @@ struct Line {
 }
 
 impl Line {
-    /// The line on which the neighbours of a point lie, of the fewest that do; `None` where none do.
-    ///
-    /// Few neighbours are enough where lines are thin, and more where noise is as large as the distance of the points along
-    /// them. Range noise leaves a line in the plane that the sensor scans, so that flat neighbourhoods may be lines, too.
+    /// The line on which the neighbours of a point lie; `None` where none do.
     fn through(sample: &Sample, around: &Around) -> Option<Self> {
-        let is_line = |axes: &PrincipalAxes| {
-            let [_, across, along] = axes.variances;
-            across <= SLIMNESS * SLIMNESS * along
-        };
-        let shapes = around.shapes_of_all().iter().flatten();
-        let axes = shapes.map(|shape| shape.axes).find(is_line)?;
-        Some(Self {
+        around.line.map(|line| Self {
             point: sample.positions[around.point],
-            direction: axes.directions[2],
-            thickness: DEVIATIONS * axes.variances[1].sqrt(),
+            direction: line.direction,
+            thickness: DEVIATIONS * line.deviation,
         })
     }
 

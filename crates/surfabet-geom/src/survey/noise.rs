@@ -54,7 +54,7 @@ impl Planes {
 /// Whether for at least half of the points the plane of so many neighbours is along that of the most.
 fn is_along_surface(surroundings: &[Around], size: usize) -> bool {
     let cosine = |around: &Around| {
-        let normal = |size: usize| Some(around.shapes[size]?.axes.normal());
+        let normal = |size: usize| Some(around.shapes[size]?.normal);
         Some(dot(normal(size)?, normal(NEIGHBORS.len() - 1)?).abs())
     };
     let cosines: Vec<f64> = surroundings.iter().filter_map(cosine).collect();
@@ -63,7 +63,7 @@ fn is_along_surface(surroundings: &[Around], size: usize) -> bool {
 
 /// Standard deviations of neighbours across their plane and along its shorter axis; `None` of points on a line.
 fn deviations(shape: &Shape) -> Option<[f64; 2]> {
-    let (variances, n) = (shape.axes.variances, shape.count as f64);
+    let (variances, n) = (shape.variances, shape.count as f64);
     let along = variances[1].sqrt();
     if n <= PLANE_PARAMETERS || along <= 0.0 {
         return None;

@@ -6,7 +6,7 @@ pub(in crate::patches) use surfabet_geom::cells::cell_of;
 use crate::groups::Groups;
 
 /// Bits of a cell coordinate in a key.
-const KEY_BITS: u32 = 21;
+pub(in crate::patches) const KEY_BITS: u32 = 21;
 
 /// Cell coordinates are above `-LIMIT` and below `LIMIT`.
 pub(in crate::patches) const LIMIT: i32 = 1 << (KEY_BITS - 1);

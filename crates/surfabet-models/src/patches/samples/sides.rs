@@ -4,23 +4,33 @@
 //! axes of its neighbours, and its samples the direction that they were seen from.
 
 use surfabet_base::parallel;
+use surfabet_geom::cells::around;
 use surfabet_geom::{KdTree, Moments, Progress};
 
 use super::Sample;
 use super::cells::{CellGroups, cell_of, key};
 use crate::error::Result;
+use crate::groups::Groups;
 use crate::patches::constants::{
     LINE_WEIGHT, NEAREST_SAMPLES, NEIGHBOUR_PULL, SIDE_AGREEMENT, SIDE_ROUNDS,
 };
 use crate::vector::{dot, unit};
+
+/// Cells per unit of parallel work, some milliseconds; results do not depend on it.
+const BATCH: usize = 1 << 12;
 
 /// The plane about a cell of samples.
 struct CellPlane {
     normal: [f32; 3],
     /// 1 for a plane, towards 0 for a ball: how much the normal counts.
     flatness: f32,
-    /// The cell and its neighbours, as far as they hold samples.
-    around: Vec<u32>,
+}
+
+/// The planes about all cells of samples.
+struct CellPlanes {
+    of_cells: Vec<CellPlane>,
+    /// Each cell and its neighbours, as far as they hold samples.
+    around: Groups,
 }
 
 impl CellPlane {
@@ -59,6 +69,7 @@ pub(super) fn sides_of(
         }
     };
     let axes = choose_axes(&planes);
+    let planes = planes.of_cells;
     let of_cells: Vec<Vec<u8>> = parallel::map_range(cells.len(), |g| {
         let members = cells.of(g).iter().map(|&i| &samples[i as usize]);
         sides_of_cell(members, axes[g], planes[g].normal, has_views)
@@ -73,55 +84,64 @@ pub(super) fn sides_of(
 }
 
 /// The plane about every sample: by its normal, or of the samples nearest to it where it has none.
-fn planes_about(samples: &[Sample], progress: &dyn Progress) -> Result<Vec<CellPlane>> {
+fn planes_about(samples: &[Sample], progress: &dyn Progress) -> Result<CellPlanes> {
     let positions: Vec<[f32; 3]> = samples.iter().map(|s| s.position).collect();
     let tree = KdTree::new(&positions)?;
     let near = tree.k_nearest_batch(&positions, NEAREST_SAMPLES, progress)?;
     let row = NEAREST_SAMPLES.min(samples.len());
     let plane = |i: usize| {
-        let (row, sample) = (&near[i * row..(i + 1) * row], &samples[i]);
+        let sample = &samples[i];
         let (normal, flatness) = if sample.view != [0.0; 3] {
             (unit(sample.view), 1.0)
         } else {
-            let points = row.iter().map(|n| positions[n.index()]);
+            let points = near[i * row..(i + 1) * row].iter().map(|n| positions[n.index()]);
             normal_of(&Moments::about(sample.position, points))
         };
-        let around = row.iter().map(|n| n.index() as u32).collect();
-        CellPlane { normal, flatness, around }
+        CellPlane { normal, flatness }
     };
-    Ok(parallel::map_range(samples.len(), plane))
+    let of_cells = parallel::map_range(samples.len(), plane);
+    let mut around = Groups::with_capacity(near.len());
+    around.extend(&vec![row; samples.len()], near.iter().map(|n| n.index() as u32));
+    Ok(CellPlanes { of_cells, around })
 }
 
 /// The least-squares plane of every cell with its 26 neighbours.
-fn fit_planes(samples: &[Sample], cells: &CellGroups, cell: f32) -> Vec<CellPlane> {
+fn fit_planes(samples: &[Sample], cells: &CellGroups, side: f32) -> CellPlanes {
+    let position = |i: u32| samples[i as usize].position;
+    let near = neighbours(cells, |g| cell_of(position(cells.of(g)[0]), side));
     let moments: Vec<Moments> = parallel::map_range(cells.len(), |g| {
         let members = cells.of(g);
-        let at = samples[members[0] as usize].position;
-        Moments::about(at, members.iter().map(|&i| samples[i as usize].position))
+        Moments::about(position(members[0]), members.iter().map(|&i| position(i)))
     });
-    parallel::map_range(cells.len(), |g| {
-        let at = samples[cells.of(g)[0] as usize].position;
-        let (sum, around) = neighbourhood(cells, &moments, cell_of(at, cell));
+    let of_cells = parallel::map_range(cells.len(), |g| {
+        let mut sum = Moments::new();
+        near.of(g).iter().for_each(|&near| sum.merge(&moments[near as usize]));
         let (normal, flatness) = normal_of(&sum);
-        CellPlane { normal, flatness, around }
-    })
+        CellPlane { normal, flatness }
+    });
+    CellPlanes { of_cells, around: near }
 }
 
-/// Sum of the moments of a cell and its 26 neighbours, and which of them hold samples.
-fn neighbourhood(cells: &CellGroups, moments: &[Moments], cell: [i32; 3]) -> (Moments, Vec<u32>) {
-    let mut sum = Moments::new();
-    let mut around = Vec::with_capacity(27);
-    for dx in -1..=1 {
-        for dy in -1..=1 {
-            for dz in -1..=1 {
-                if let Some(g) = cells.find(key([cell[0] + dx, cell[1] + dy, cell[2] + dz])) {
-                    sum.merge(&moments[g]);
-                    around.push(g as u32);
-                }
-            }
+/// Each cell and its 26 neighbours, as far as they hold samples; `place` gives the coordinates of a cell.
+fn neighbours(cells: &CellGroups, place: impl Fn(usize) -> [i32; 3] + Sync) -> Groups {
+    let numbers: Vec<u32> = (0..cells.len() as u32).collect();
+    let of_batches: Vec<(Vec<usize>, Vec<u32>)> = parallel::map_chunks(&numbers, BATCH, |batch| {
+        let (mut sizes, mut near) = (Vec::with_capacity(batch.len()), Vec::new());
+        for &g in batch {
+            let before = near.len();
+            let [x, y, z] = place(g as usize);
+            // In the order of their keys: z fastest.
+            let keys = around([z, y, x]).map(|[z, y, x]| key([x, y, z]));
+            near.extend(keys.filter_map(|key| cells.find(key)).map(|g| g as u32));
+            sizes.push(near.len() - before);
         }
+        (sizes, near)
+    });
+    let mut all = Groups::with_capacity(of_batches.iter().map(|(_, near)| near.len()).sum());
+    for (sizes, near) in of_batches {
+        all.extend(&sizes, near);
     }
-    (sum, around)
+    all
 }
 
 /// Normal of the plane of these moments, and its flatness `1 - sqrt(v0 / v1)`, with the variances `v0 <= v1 <= v2`
@@ -146,15 +166,16 @@ fn normal_of(moments: &Moments) -> ([f32; 3], f32) {
 
 /// The axis of every cell: the one with the largest sum of [`CellPlane::fit`] and the votes of the cells around,
 /// [`NEIGHBOUR_PULL`] each, a few rounds over.
-fn choose_axes(planes: &[CellPlane]) -> Vec<u8> {
+fn choose_axes(planes: &CellPlanes) -> Vec<u8> {
     let best = |score: &dyn Fn(usize) -> f32| {
         (0..3).max_by(|&a, &b| score(a).total_cmp(&score(b)).then(b.cmp(&a))).map_or(0, |a| a as u8)
     };
-    let mut axes: Vec<u8> = parallel::map(planes, |plane| best(&|a| plane.fit(a)));
+    let mut axes: Vec<u8> = parallel::map(&planes.of_cells, |plane| best(&|a| plane.fit(a)));
     for _ in 0..SIDE_ROUNDS {
-        axes = parallel::map(planes, |plane| {
+        axes = parallel::map_range(axes.len(), |g| {
+            let plane = &planes.of_cells[g];
             let mut votes = [0.0_f32; 3];
-            for &near in &plane.around {
+            for &near in planes.around.of(g) {
                 votes[axes[near as usize] as usize] += NEIGHBOUR_PULL;
             }
             best(&|a| plane.fit(a) + votes[a])

@@ -94,6 +94,8 @@ pub(in crate::patches) fn sheets(
         all.chunk_by(|a, b| tile_part(a.key) == tile_part(b.key)).collect();
     let of_tiles: Vec<Vec<Sheet>> =
         parallel::map(&tiles, |tile| sheets_of_tile(tile, tile_pixels as usize, reach));
+    // Memory that the trees need.
+    drop(all);
     let mut sheets: Vec<Sheet> = of_tiles.into_iter().flatten().collect();
     measure_strays(&mut sheets, tile_pixels)?;
     Ok(sheets)

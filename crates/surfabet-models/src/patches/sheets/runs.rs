@@ -3,36 +3,44 @@
 use std::ops::Range;
 
 use crate::patches::constants::{MAX_RUN, THINNEST};
+use crate::patches::samples::cells::KEY_BITS;
 
 /// A sample as growing sheets needs it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PixelSample {
     /// Side, tile and pixel, see [`pixel_key`].
-    pub key: u128,
+    pub key: u64,
     /// Depth along the axis of the side, pixels.
     pub depth: f32,
     pub weight: f32,
 }
 
+/// Bits of a tile's coordinate: pixels are at least two cells of samples wide, whose coordinates take as many.
+const TILE_BITS: u32 = KEY_BITS;
+
+/// Bits of a pixel within its tile: a byte along each axis.
+const PIXEL_BITS: u32 = 16;
+
+/// What is added to a tile's coordinate so that it is not negative.
+const MIDDLE: i32 = 1 << (TILE_BITS - 1);
+
 /// Side, tile and pixel of a sample as one number, which sorts by them in this order; pixels go row by row.
-pub(super) fn pixel_key(side: u8, tile: [i32; 2], pixel: [i32; 2]) -> u128 {
-    let shifted = |t: i32| (i64::from(t) + (1 << 31)) as u128;
-    u128::from(side) << 80
-        | shifted(tile[0]) << 48
-        | shifted(tile[1]) << 16
-        | (pixel[1] as u128) << 8
-        | pixel[0] as u128
+pub(super) fn pixel_key(side: u8, tile: [i32; 2], pixel: [i32; 2]) -> u64 {
+    let shifted = |t: i32| (t + MIDDLE) as u64;
+    let tiles = (u64::from(side) << TILE_BITS | shifted(tile[0])) << TILE_BITS | shifted(tile[1]);
+    tiles << PIXEL_BITS | (pixel[1] as u64) << 8 | pixel[0] as u64
 }
 
 /// The part of a [`pixel_key`] that the pixels of one tile share.
-pub(super) fn tile_part(key: u128) -> u128 {
-    key >> 16
+pub(super) fn tile_part(key: u64) -> u64 {
+    key >> PIXEL_BITS
 }
 
 /// Side and tile of a [`pixel_key`].
-pub(super) fn side_and_tile(key: u128) -> (u8, [i32; 2]) {
-    let unshifted = |t: u128| ((t & 0xffff_ffff) as i64 - (1 << 31)) as i32;
-    ((key >> 80) as u8, [unshifted(key >> 48), unshifted(key >> 16)])
+pub(super) fn side_and_tile(key: u64) -> (u8, [i32; 2]) {
+    let tile = |part: u64| (part & ((1 << TILE_BITS) - 1)) as i32 - MIDDLE;
+    let part = tile_part(key);
+    ((part >> (2 * TILE_BITS)) as u8, [tile(part >> TILE_BITS), tile(part)])
 }
 
 /// A stretch of depth in the column of a pixel.
@@ -141,6 +149,7 @@ fn add_runs(column: &[PixelSample], max_gap: f32, runs: &mut Vec<Run>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::patches::samples::cells::LIMIT;
     use proptest::prelude::*;
 
     fn column(depths: &[f32]) -> Vec<PixelSample> {
@@ -148,11 +157,16 @@ mod tests {
         depths.iter().map(|&depth| PixelSample { key, depth, weight: 1.0 }).collect()
     }
 
+    /// Tiles about the middle, and the furthest ones.
+    fn tiles() -> impl Strategy<Value = i32> {
+        prop_oneof![-9_i32..9, Just(LIMIT / 2), Just(-LIMIT / 2)]
+    }
+
     proptest! {
         #[test]
         fn keys_sort_by_side_tile_and_row(
-            a in (0_u8..6, prop::array::uniform2(-9_i32..9), prop::array::uniform2(0_i32..64)),
-            b in (0_u8..6, prop::array::uniform2(-9_i32..9), prop::array::uniform2(0_i32..64)),
+            a in (0_u8..6, prop::array::uniform2(tiles()), prop::array::uniform2(0_i32..64)),
+            b in (0_u8..6, prop::array::uniform2(tiles()), prop::array::uniform2(0_i32..64)),
         ) {
             let key = |(side, tile, pixel)| pixel_key(side, tile, pixel);
             let order = |(side, tile, [u, v]): (u8, [i32; 2], [i32; 2])| (side, tile, v, u);
