@@ -9,16 +9,22 @@ pub(crate) struct Groups {
 }
 
 impl Groups {
-    /// No groups yet, with room for members.
-    pub fn with_capacity(members: usize) -> Self {
-        Self { starts: vec![0], members: Vec::with_capacity(members) }
+    /// No groups yet, with room for as many and all their members.
+    pub fn with_capacity(groups: usize, members: usize) -> Self {
+        let mut starts = Vec::with_capacity(groups + 1);
+        starts.push(0);
+        Self { starts, members: Vec::with_capacity(members) }
     }
 
     /// Adds groups of these sizes, which make up `members`.
-    pub fn extend(&mut self, sizes: &[usize], members: impl IntoIterator<Item = u32>) {
+    pub fn extend(
+        &mut self,
+        sizes: impl IntoIterator<Item = usize>,
+        members: impl IntoIterator<Item = u32>,
+    ) {
         let mut end = self.members.len();
         self.members.extend(members);
-        self.starts.extend(sizes.iter().map(|size| {
+        self.starts.extend(sizes.into_iter().map(|size| {
             end += size;
             end as u32
         }));

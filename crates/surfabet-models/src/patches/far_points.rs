@@ -117,7 +117,7 @@ fn far_points(
     limit: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 3]>> {
-    let mut far: Vec<[f32; 3]> = positions.to_vec();
+    let mut seen_near = vec![false; positions.len()];
     let patches = model.len().div_ceil(PARTS).max(LEAST_PATCHES);
     for part in model.leaves().chunks(patches) {
         let decoded = model.positions_as_measured(part, progress)?;
@@ -126,18 +126,21 @@ fn far_points(
         let tree = KdTree::new(&decoded)?;
         drop(decoded);
         let is_near = |squared: f32| f64::from(squared).sqrt() <= limit;
-        let is_far = |p: &&[f32; 3]| {
-            let nearest = || tree.nearest(**p).is_some_and(|n| is_near(n.squared_distance()));
-            !(is_near(bounds.squared_distance(**p)) && nearest())
+        let is_near_part = |p: [f32; 3]| {
+            let nearest = || tree.nearest(p).is_some_and(|n| is_near(n.squared_distance()));
+            is_near(bounds.squared_distance(p)) && nearest()
         };
-        let of_batch = |batch: &[[f32; 3]]| -> Result<_> {
+        let batches = positions.chunks(BATCH).zip(seen_near.chunks_mut(BATCH));
+        parallel::try_for_each(batches, |_, (positions, seen_near)| -> Result<()> {
             progress.check()?;
-            Ok(batch.iter().filter(is_far).copied().collect())
-        };
-        let batches: Vec<Vec<[f32; 3]>> = parallel::try_map_chunks(&far, BATCH, of_batch)?;
-        far = batches.concat();
+            for (&p, seen) in positions.iter().zip(seen_near) {
+                *seen = *seen || is_near_part(p);
+            }
+            Ok(())
+        })?;
     }
-    Ok(far)
+    let far = positions.iter().zip(seen_near).filter(|(_, seen)| !seen);
+    Ok(far.map(|(&p, _)| p).collect())
 }
 
 /// Cells of the lattice's frame that hold points.

@@ -246,11 +246,12 @@ impl Samples {
             }
             (out, sizes, members)
         });
-        let mut groups = Groups::with_capacity(self.len());
-        let mut all = Vec::new();
+        let n_samples = blocks.iter().map(|(samples, ..)| samples.len()).sum();
+        let mut groups = Groups::with_capacity(n_samples, self.len());
+        let mut all = Vec::with_capacity(n_samples);
         for (samples, sizes, members) in blocks {
             all.extend(samples);
-            groups.extend(&sizes, members);
+            groups.extend(sizes, members);
         }
         let CellLattice { cell, halvings } = self.lattice(doublings);
         (Self { all, cell, halvings, ..*self }, groups)

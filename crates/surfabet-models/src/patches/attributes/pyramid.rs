@@ -28,8 +28,12 @@ impl<const N: usize> PyramidLevel<N> {
 
     /// One value per cell as one per child.
     pub fn for_children<T: Copy>(&self, values: &[T]) -> Vec<T> {
-        let of_cell = |(&value, range): (&T, Range<usize>)| std::iter::repeat_n(value, range.len());
-        values.iter().zip(self.children()).flat_map(of_cell).collect()
+        let n_children = self.children.last().map_or(0, |&end| end as usize);
+        let mut of_children = Vec::with_capacity(n_children);
+        for (&value, range) in values.iter().zip(self.children()) {
+            of_children.extend(std::iter::repeat_n(value, range.len()));
+        }
+        of_children
     }
 }
 

@@ -34,9 +34,8 @@ impl<'a> Targets<'a> {
     /// finite are left out; cells without samples take the mean of those around, so that what was filled between samples
     /// has their values.
     pub fn means<const N: usize>(&self, value: impl Fn(usize) -> [f64; N] + Sync) -> Vec<[f32; N]> {
-        let means = self.samples.means(value);
         let mut sums = vec![([0.0_f32; N], 0.0_f32); self.cells.len()];
-        for (owner, mean) in self.owners.iter().zip(&means) {
+        for (owner, mean) in self.owners.iter().zip(self.samples.means(value)) {
             if let (Some(i), Some(mean)) = (owner, mean) {
                 let (sum, n) = &mut sums[*i as usize];
                 (0..N).for_each(|c| sum[c] += mean[c]);
@@ -45,13 +44,14 @@ impl<'a> Targets<'a> {
         }
         let mean = |(sum, n): &([f32; N], f32)| (*n > 0.0).then(|| sum.map(|s| s / n));
         let mut known: Vec<Option<[f32; N]>> = sums.iter().map(mean).collect();
+        let total = sums.iter().map(|s| s.1).sum::<f32>().max(1.0);
+        let whole = std::array::from_fn(|c| sums.iter().map(|s| s.0[c]).sum::<f32>() / total);
+        drop(sums);
         self.spread(&mut known, |beside: &[[f32; N]]| {
             let mut sum = [0.0; N];
             beside.iter().for_each(|value| (0..N).for_each(|c| sum[c] += value[c]));
             sum.map(|s| s / beside.len() as f32)
         });
-        let total = sums.iter().map(|s| s.1).sum::<f32>().max(1.0);
-        let whole = std::array::from_fn(|c| sums.iter().map(|s| s.0[c]).sum::<f32>() / total);
         known.into_iter().map(|k| k.unwrap_or(whole)).collect()
     }
 

@@ -30,10 +30,12 @@ impl CellGroups {
     pub fn new(count: usize, key: impl Fn(usize) -> u64 + Sync) -> Self {
         let mut keyed: Vec<(u64, u32)> = parallel::map_range(count, |i| (key(i), i as u32));
         parallel::sort_keyed(&mut keyed);
-        let (keys, sizes): (Vec<u64>, Vec<usize>) =
-            keyed.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.len())).unzip();
-        let mut groups = Groups::with_capacity(count);
-        groups.extend(&sizes, keyed.into_iter().map(|(_, i)| i));
+        let cells = || keyed.chunk_by(|a, b| a.0 == b.0);
+        let n_cells = cells().count();
+        let mut keys = Vec::with_capacity(n_cells);
+        keys.extend(cells().map(|cell| cell[0].0));
+        let mut groups = Groups::with_capacity(n_cells, count);
+        groups.extend(cells().map(<[_]>::len), keyed.iter().map(|&(_, i)| i));
         Self { keys, groups }
     }
 
@@ -45,6 +47,11 @@ impl CellGroups {
     /// Items of cell `i`.
     pub fn of(&self, i: usize) -> &[u32] {
         self.groups.of(i)
+    }
+
+    /// The items of all cells, without their keys.
+    pub fn into_groups(self) -> Groups {
+        self.groups
     }
 
     /// Number of the cell with this key.

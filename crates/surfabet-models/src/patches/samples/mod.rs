@@ -7,6 +7,7 @@ use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use crate::error::Result;
+use crate::groups::Groups;
 use crate::patches::constants::{NORMAL_CELL, NORMAL_CELL_IN_GAPS, SAMPLE_SIZE};
 use crate::patches::model::Lattice;
 use crate::sensor::{Sensor, to_sensor};
@@ -20,6 +21,11 @@ pub(in crate::patches) struct Sample {
     pub position: [f32; 3],
     /// Sum of the weights of its points.
     pub weight: f32,
+}
+
+/// A merged sample as it is until its side is known.
+struct SeenSample {
+    sample: Sample,
     /// Mean direction to the sensors, or normal; zero where unknown.
     view: [f32; 3],
 }
@@ -32,7 +38,7 @@ pub(in crate::patches) struct SidedSamples<'a> {
     cloud: &'a PointCloud,
     sensor: Sensor,
     /// Points of each sample.
-    cells: CellGroups,
+    groups: Groups,
 }
 
 /// A direction or position in the frame of the lattice: `rows` are the rows of the rotation from the world.
@@ -62,9 +68,11 @@ impl<'a> SidedSamples<'a> {
         let of_cloud = cloud.normals().filter(|_| survey.has_facings && layer_gap.is_some());
         let normals = of_cloud.filter(|_| cloud.viewpoints().is_none());
         let view = |i: usize| normals.map_or_else(|| to_sensor(cloud, i), |n| n[i]);
-        let samples: Vec<Sample> = parallel::map_range(cells.len(), |g| {
-            merge_cell(cloud, &rows, &rotated, sensor, &view, cells.of(g))
+        let groups = cells.into_groups();
+        let samples: Vec<SeenSample> = parallel::map_range(groups.len(), |g| {
+            merge_cell(cloud, &rows, &rotated, sensor, &view, groups.of(g))
         });
+        drop(rotated);
         progress.check()?;
         let neighbours = match (layer_gap, normals) {
             (Some(_), Some(_)) => Neighbours::Normals,
@@ -76,12 +84,14 @@ impl<'a> SidedSamples<'a> {
         let has_views = cloud.viewpoints().is_some() || normals.is_some();
         let sides = sides_of(&samples, neighbours, has_views, progress)?;
         progress.check()?;
-        Ok(Self { all: samples, sides, cloud, sensor, cells })
+        // Into memory of its own: that of the views is to be free.
+        let all = samples.iter().map(|seen| seen.sample).collect();
+        Ok(Self { all, sides, cloud, sensor, groups })
     }
 
     /// The points of each sample.
     pub fn points(&self) -> impl Iterator<Item = &[u32]> {
-        (0..self.cells.len()).map(|sample| self.cells.of(sample))
+        (0..self.groups.len()).map(|sample| self.groups.of(sample))
     }
 
     /// Weighted mean of `value` over the points of each sample; points without finite values are left out, samples without
@@ -92,7 +102,7 @@ impl<'a> SidedSamples<'a> {
     ) -> Vec<Option<[f32; N]>> {
         let mean = |sample: usize| {
             let (mut sum, mut weights) = ([0.0_f64; N], 0.0_f64);
-            for i in self.cells.of(sample).iter().map(|&i| i as usize) {
+            for i in self.groups.of(sample).iter().map(|&i| i as usize) {
                 let value = value(i);
                 if value.iter().all(|c| c.is_finite()) {
                     let weight = f64::from(self.sensor.weight_of(self.cloud, i));
@@ -102,7 +112,7 @@ impl<'a> SidedSamples<'a> {
             }
             (weights > 0.0).then(|| sum.map(|s| (s / weights) as f32))
         };
-        parallel::map_range(self.cells.len(), mean)
+        parallel::map_range(self.groups.len(), mean)
     }
 }
 
@@ -114,7 +124,7 @@ fn merge_cell(
     sensor: Sensor,
     view_of: &(impl Fn(usize) -> [f32; 3] + Sync),
     points: &[u32],
-) -> Sample {
+) -> SeenSample {
     let mut weights = 0.0_f64;
     let (mut position, mut view) = ([0.0_f64; 3], [0.0_f64; 3]);
     for &i in points {
@@ -126,5 +136,6 @@ fn merge_cell(
         (0..3).for_each(|a| view[a] += weight * f64::from(direction[a]));
     }
     let mean = |sum: [f64; 3]| sum.map(|s| (s / weights) as f32);
-    Sample { position: mean(position), weight: weights as f32, view: rotate(rows, mean(view)) }
+    let sample = Sample { position: mean(position), weight: weights as f32 };
+    SeenSample { sample, view: rotate(rows, mean(view)) }
 }

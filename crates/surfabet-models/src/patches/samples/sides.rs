@@ -7,7 +7,7 @@ use surfabet_base::parallel;
 use surfabet_geom::cells::around;
 use surfabet_geom::{KdTree, Moments, Progress};
 
-use super::Sample;
+use super::SeenSample;
 use super::cells::{CellGroups, cell_of, key};
 use crate::error::Result;
 use crate::groups::Groups;
@@ -51,14 +51,15 @@ pub(super) enum Neighbours {
 
 /// Side of every sample, from the plane about it. Without views all face up their axes.
 pub(super) fn sides_of(
-    samples: &[Sample],
+    samples: &[SeenSample],
     neighbours: Neighbours,
     has_views: bool,
     progress: &dyn Progress,
 ) -> Result<Vec<u8>> {
     let (cells, planes) = match neighbours {
         Neighbours::Cells(side) => {
-            let cells = CellGroups::new(samples.len(), |i| key(cell_of(samples[i].position, side)));
+            let cells =
+                CellGroups::new(samples.len(), |i| key(cell_of(samples[i].sample.position, side)));
             let planes = fit_planes(samples, &cells, side);
             (cells, planes)
         }
@@ -84,8 +85,8 @@ pub(super) fn sides_of(
 }
 
 /// The plane about every sample: by its normal, or of the samples nearest to it where it has none.
-fn planes_about(samples: &[Sample], progress: &dyn Progress) -> Result<CellPlanes> {
-    let positions: Vec<[f32; 3]> = samples.iter().map(|s| s.position).collect();
+fn planes_about(samples: &[SeenSample], progress: &dyn Progress) -> Result<CellPlanes> {
+    let positions: Vec<[f32; 3]> = samples.iter().map(|s| s.sample.position).collect();
     let tree = KdTree::new(&positions)?;
     let near = tree.k_nearest_batch(&positions, NEAREST_SAMPLES, progress)?;
     let row = NEAREST_SAMPLES.min(samples.len());
@@ -95,19 +96,19 @@ fn planes_about(samples: &[Sample], progress: &dyn Progress) -> Result<CellPlane
             (unit(sample.view), 1.0)
         } else {
             let points = near[i * row..(i + 1) * row].iter().map(|n| positions[n.index()]);
-            normal_of(&Moments::about(sample.position, points))
+            normal_of(&Moments::about(sample.sample.position, points))
         };
         CellPlane { normal, flatness }
     };
     let of_cells = parallel::map_range(samples.len(), plane);
-    let mut around = Groups::with_capacity(near.len());
-    around.extend(&vec![row; samples.len()], near.iter().map(|n| n.index() as u32));
+    let mut around = Groups::with_capacity(samples.len(), near.len());
+    around.extend(samples.iter().map(|_| row), near.iter().map(|n| n.index() as u32));
     Ok(CellPlanes { of_cells, around })
 }
 
 /// The least-squares plane of every cell with its 26 neighbours.
-fn fit_planes(samples: &[Sample], cells: &CellGroups, side: f32) -> CellPlanes {
-    let position = |i: u32| samples[i as usize].position;
+fn fit_planes(samples: &[SeenSample], cells: &CellGroups, side: f32) -> CellPlanes {
+    let position = |i: u32| samples[i as usize].sample.position;
     let near = neighbours(cells, |g| cell_of(position(cells.of(g)[0]), side));
     let moments: Vec<Moments> = parallel::map_range(cells.len(), |g| {
         let members = cells.of(g);
@@ -137,9 +138,10 @@ fn neighbours(cells: &CellGroups, place: impl Fn(usize) -> [i32; 3] + Sync) -> G
         }
         (sizes, near)
     });
-    let mut all = Groups::with_capacity(of_batches.iter().map(|(_, near)| near.len()).sum());
+    let n_near = of_batches.iter().map(|(_, near)| near.len()).sum();
+    let mut all = Groups::with_capacity(cells.len(), n_near);
     for (sizes, near) in of_batches {
-        all.extend(&sizes, near);
+        all.extend(sizes, near);
     }
     all
 }
@@ -187,7 +189,7 @@ fn choose_axes(planes: &CellPlanes) -> Vec<u8> {
 /// Sides of the samples of a cell: down the axis for those that were seen from below its plane, unless nearly all
 /// agree.
 fn sides_of_cell<'a>(
-    samples: impl Iterator<Item = &'a Sample>,
+    samples: impl Iterator<Item = &'a SeenSample>,
     axis: u8,
     mut normal: [f32; 3],
     has_views: bool,
