@@ -310,6 +310,20 @@ def test_interrupt_leaves_nothing_behind(ply: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_interrupt_while_modules_are_imported_ends_alike() -> None:
+    code = (
+        "import sys; from surfabet.cli import main\n"
+        "class Interrupt:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'surfabet.cli._app': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupt())\n"
+        "sys.exit(main(['--version']))"
+    )
+    command = [sys.executable, "-c", code]
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (process.returncode, process.stderr) == (130, "surfabet: interrupted\n")
+
+
 def test_an_interrupt_that_the_parent_ignores_is_ignored(ply: Path, tmp_path: Path) -> None:
     output = tmp_path / "out.sfb"
     process = start_compress(ply, output, "0.05", signal.SIG_IGN)

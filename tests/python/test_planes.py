@@ -265,6 +265,8 @@ def test_one_scan_of_sixteen_rings_gives_whole_planes():
 
 
 def test_the_printed_method_keeps_reduced_support_sets(cloud):
+    # It weighs every point for every patch.
+    cloud = cloud.select(np.arange(0, len(cloud), 4))
     model = sb.learn_planes(cloud, published=True, initial_patches=8)
     labels = model.labels
     kept = labels >= 0

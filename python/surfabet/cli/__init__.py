@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 __all__ = ["main"]
 
+INTERRUPTED = 130
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line `argv`, by default that of the process.
@@ -17,6 +19,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         0: done; 1: the job failed, as with a corrupt file; 2: the command line makes no sense;
         130: interrupted by Ctrl-C.
     """
+    try:
+        return _run(argv)
+    except KeyboardInterrupt:
+        # Also while modules are imported, which takes a second on a slow machine.
+        print("surfabet: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _run(argv: Sequence[str] | None) -> int:
     try:
         import cyclopts  # noqa: F401
         import rich  # noqa: F401

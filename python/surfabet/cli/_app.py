@@ -23,7 +23,7 @@ from surfabet.cli.info import info
 from surfabet.cli.verify import verify
 from surfabet.errors import InvalidInputError
 
-OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+OK, FAILED, USAGE = 0, 1, 2
 
 app = App(
     name="surfabet",
@@ -50,7 +50,7 @@ for verb in (compress, decompress, info, evaluate, verify, find, export, convert
 
 
 def run(argv: Sequence[str]) -> int:
-    """Parses and runs one command line; see `surfabet.cli.main` for what it returns."""
+    """Parses and runs one command line; see `surfabet.cli.main` for what it returns and for Ctrl-C."""
     common = COMMON
     try:
         command, bound, _ = app.parse_args(argv)
@@ -70,9 +70,6 @@ def run(argv: Sequence[str]) -> int:
     except UsageError as error:
         _say_error(str(error))
         return USAGE
-    except KeyboardInterrupt:
-        print("surfabet: interrupted", file=sys.stderr)
-        return INTERRUPTED
     except BrokenPipeError:
         # Whoever read the output has left; the interpreter must not try to flush the rest at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
