@@ -49,7 +49,8 @@ pub(in crate::planes::fit) fn from_data(
     }
     groups.retain(|set| set.len() >= min_points);
     let patches = parallel::map_owned(groups, |mut set| {
-        set.sort_unstable();
+        // Faster than the unstable one, as the points of each cell are sorted.
+        set.sort();
         let center = points.positions[set[0] as usize].map(f64::from);
         let moments = points.moments_about(center, set.iter().map(|&i| (i, 1.0)));
         trim(points, plane(&moments)?, &set, rule.distance)
