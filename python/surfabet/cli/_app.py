@@ -50,7 +50,7 @@ for verb in (compress, decompress, info, evaluate, verify, find, export, convert
 
 
 def run(argv: Sequence[str]) -> int:
-    """Parses and runs one command line; see `surfabet.cli.main` for what it returns and for Ctrl-C."""
+    """Parses and runs one command line; `surfabet.cli.main` says what it returns."""
     common = COMMON
     try:
         command, bound, _ = app.parse_args(argv)
