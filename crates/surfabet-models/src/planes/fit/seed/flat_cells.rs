@@ -155,6 +155,7 @@ pub(super) fn touching(cells: &[FlatCell], largest: u64) -> Vec<[u32; 2]> {
         buckets.entry(morton::encode(bucket(cell))).or_default().push(i as u32);
     }
     parallel::gather(cells.len(), |i, found| {
+        let before = found.len();
         let cell = &cells[i];
         let at = bucket(cell);
         for k in 0..27_u64 {
@@ -172,7 +173,7 @@ pub(super) fn touching(cells: &[FlatCell], largest: u64) -> Vec<[u32; 2]> {
                 }
             }
         }
-        found.sort_unstable();
+        found[before..].sort_unstable();
     })
 }
 
