@@ -105,14 +105,18 @@ impl Features {
     /// Levels of a hierarchy have finer bitmasks than images, or one dictionary in common.
     pub const HIERARCHY: Self = Self(32);
 
+    /// Colours and scalars of patches are also predicted from what is coded beside them.
+    pub const BESIDE: Self = Self(64);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 6] = [
+    const KNOWN: [(Self, &'static str, Version); 7] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
         (Self::ATTRIBUTES, "attributes", Version { major: 0, minor: 1 }),
         (Self::UNBLENDED, "attributes without blending", Version { major: 0, minor: 1 }),
         (Self::HIERARCHY, "hierarchy in common", Version { major: 0, minor: 1 }),
+        (Self::BESIDE, "attributes predicted from those beside", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

@@ -4,7 +4,7 @@ use surfabet_geom::Dtype;
 use surfabet_models::ScalarScale;
 use surfabet_models::patches::{
     AttributeContent, AttributeHeader, ColorSteps, MAX_ATTRIBUTES, MAX_LABELS, MAX_LEVELS,
-    MAX_NAME, PatchModel, PatchesHeader,
+    MAX_NAME, PatchModel, PatchesHeader, Prediction,
 };
 
 use crate::attributes::code_scale;
@@ -50,7 +50,8 @@ const SECTIONS: [StreamSection; FIRST + MAX_ATTRIBUTES] = {
 impl Layout for PatchModel {
     const FAMILY: Family = Family::Patches;
     const FEATURES: Features = Features::LATTICE;
-    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES.with(Features::UNBLENDED);
+    const OPTIONAL_FEATURES: Features =
+        Features::ATTRIBUTES.with(Features::UNBLENDED).with(Features::BESIDE);
     const STREAM_SECTIONS: &'static [StreamSection] = &SECTIONS;
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
@@ -84,6 +85,7 @@ impl Layout for PatchModel {
         let of = |is_there: bool, features| if is_there { features } else { Features::NONE };
         of(!header.attributes.is_empty(), Features::ATTRIBUTES)
             .with(of(header.unblended, Features::UNBLENDED))
+            .with(of(header.prediction == Prediction::Beside, Features::BESIDE))
     }
 
     fn code_optional<F: Fields>(
@@ -92,6 +94,8 @@ impl Layout for PatchModel {
         features: Features,
     ) -> Result<()> {
         header.unblended = features.contains(Features::UNBLENDED);
+        let is_beside = features.contains(Features::BESIDE);
+        header.prediction = if is_beside { Prediction::Beside } else { Prediction::Parents };
         if !features.contains(Features::ATTRIBUTES) {
             return Ok(());
         }

@@ -4,6 +4,7 @@ use surfabet_base::parallel;
 use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress};
 
+use super::attributes::Prediction;
 use super::attributes::cells::{attribute_cells, sides_of_cells};
 use super::attributes::chosen::{Chosen, Fields};
 use super::attributes::targets::Targets;
@@ -271,7 +272,8 @@ fn attributes(
     };
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
     let Fields { color, others, figures } = chosen.fields(&cells, &targets, options)?;
-    Ok((Attributes { cells, color, others, unblended }, figures))
+    let prediction = Prediction::Beside;
+    Ok((Attributes { cells, color, others, unblended, prediction }, figures))
 }
 
 /// What the report says of each level.

@@ -41,6 +41,7 @@ mod surface;
 pub use attributes::color::ColorSteps;
 pub use attributes::{
     AttributeContent, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS, MAX_NAME,
+    Prediction,
 };
 pub use axes::Orientation;
 pub use learn::{PatchesFigures, PatchesReport, learn};

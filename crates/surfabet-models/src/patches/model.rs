@@ -4,7 +4,9 @@ use surfabet_entropy::Coder;
 
 use super::attributes::cells::{attribute_cells, cell_key, cell_of_key};
 use super::attributes::color::{ColorField, ColorSteps};
-use super::attributes::{AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, check};
+use super::attributes::{
+    AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, Prediction, check,
+};
 use super::axes::Orientation;
 use super::coding::points::{PointModels, code_points};
 use super::coding::{Geometry, GeometryModels, code_geometry};
@@ -199,6 +201,8 @@ pub struct PatchesHeader {
     /// A point has the attributes of the cell that it lies in, instead of a mean of those around it: where surfaces lie close
     /// behind one another, the mean would be of both.
     pub unblended: bool,
+    /// What colours and scalars are predicted from.
+    pub prediction: Prediction,
 }
 
 /// Attributes on the cells around the surface.
@@ -211,6 +215,8 @@ pub(super) struct Attributes {
     pub others: Vec<AttributeField>,
     /// See [`PatchesHeader::unblended`].
     pub unblended: bool,
+    /// What colours and scalars are predicted from.
+    pub prediction: Prediction,
 }
 
 /// The streams of a model.
@@ -292,6 +298,7 @@ impl PatchModel {
             max_error: self.max_error,
             attributes: self.attributes.others.iter().map(AttributeField::header).collect(),
             unblended: self.attributes.unblended,
+            prediction: self.attributes.prediction,
         }
     }
 
@@ -448,14 +455,16 @@ impl Attributes {
         color: &mut C,
         others: [&mut C; MAX_ATTRIBUTES],
     ) -> Result<Self, C::Error> {
+        let prediction = header.prediction;
         let color = match header.color {
-            Some(steps) => Some(ColorField::read(color, &cells, steps)?),
+            Some(steps) => Some(ColorField::read(color, &cells, steps, prediction)?),
             None => None,
         };
         let fields = header.attributes.iter().zip(others);
-        let others = fields.map(|(header, coder)| AttributeField::read(coder, &cells, header));
+        let others =
+            fields.map(|(header, coder)| AttributeField::read(coder, &cells, header, prediction));
         let others = others.collect::<Result<_, _>>()?;
-        Ok(Self { cells, color, others, unblended: header.unblended })
+        Ok(Self { cells, color, others, unblended: header.unblended, prediction })
     }
 }
 

@@ -3,6 +3,7 @@
 use surfabet_entropy::{Coder, Price};
 
 use super::field::{CellValues, FieldSource, Steps, code_field};
+use super::prediction::Prediction;
 use crate::color::rounded;
 
 /// How finely colour is coded.
@@ -21,8 +22,9 @@ impl ColorSteps {
     }
 
     /// By channel.
-    fn of_channels(self) -> Steps<3> {
-        Steps([self.luma, self.chroma, self.chroma].map(|step| step as f32))
+    fn of_channels(self, prediction: Prediction) -> Steps<3> {
+        let of_channels = [self.luma, self.chroma, self.chroma].map(|step| step as f32);
+        Steps { of_channels, prediction }
     }
 }
 
@@ -30,6 +32,7 @@ impl ColorSteps {
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::patches) struct ColorField {
     pub steps: ColorSteps,
+    prediction: Prediction,
     /// Coefficients of the transform, as a file stores them.
     coefficients: Vec<i32>,
     /// Red, green and blue of each cell.
@@ -42,13 +45,16 @@ impl ColorField {
     pub fn choose(cells: &[u64], targets: &[[f32; 3]], steps: ColorSteps, lambda: f32) -> Self {
         let values: Vec<[f32; 3]> = targets.iter().map(|&color| to_channels(color)).collect();
         let source = FieldSource::Targets { values: &values, lambda };
-        let Ok(coded) = code_field(&mut Price::default(), cells, steps.of_channels(), source);
-        Self::of(steps, coded)
+        let prediction = Prediction::Beside;
+        let channels = steps.of_channels(prediction);
+        let Ok(coded) = code_field(&mut Price::default(), cells, channels, source);
+        Self::of(steps, prediction, coded)
     }
 
-    fn of(steps: ColorSteps, CellValues { values, coefficients }: CellValues<3>) -> Self {
+    fn of(steps: ColorSteps, prediction: Prediction, coded: CellValues<3>) -> Self {
+        let CellValues { values, coefficients } = coded;
         let colors = values.into_iter().map(|value| rounded(to_rgb(value))).collect();
-        Self { steps, coefficients, colors }
+        Self { steps, prediction, coefficients, colors }
     }
 
     /// Writes or prices the field.
@@ -57,7 +63,7 @@ impl ColorField {
     /// Those of the coder.
     pub fn write<C: Coder>(&self, coder: &mut C, cells: &[u64]) -> Result<(), C::Error> {
         let source = FieldSource::Model(&self.coefficients);
-        code_field(coder, cells, self.steps.of_channels(), source).map(|_| ())
+        code_field(coder, cells, self.steps.of_channels(self.prediction), source).map(|_| ())
     }
 
     /// Reads the field that [`ColorField::write`] wrote.
@@ -68,12 +74,14 @@ impl ColorField {
         coder: &mut C,
         cells: &[u64],
         steps: ColorSteps,
+        prediction: Prediction,
     ) -> Result<Self, C::Error> {
         if !steps.is_valid() {
             return Err(coder.corrupt(format!("{steps:?} are not 1 to 4096")));
         }
-        let coded = code_field(coder, cells, steps.of_channels(), FieldSource::Stream)?;
-        Ok(Self::of(steps, coded))
+        let channels = steps.of_channels(prediction);
+        let coded = code_field(coder, cells, channels, FieldSource::Stream)?;
+        Ok(Self::of(steps, prediction, coded))
     }
 }
 

@@ -15,8 +15,8 @@ use super::butterflies::Butterflies;
 use super::cells::index;
 use super::choice::choose;
 use super::models::{CellContext, FieldModels};
+use super::prediction::Prediction;
 use super::pyramid::{PyramidLevel, predict, pyramid};
-use crate::patches::constants::STEP_SHARES;
 
 /// Coefficients of the butterflies of a cell, by channel.
 pub(super) type Coefficients<const N: usize> = [[i32; 7]; N];
@@ -24,14 +24,18 @@ pub(super) type Coefficients<const N: usize> = [[i32; 7]; N];
 /// Largest coefficient.
 pub(super) const MAX_COEFFICIENT: i32 = 1 << 24;
 
-/// Rounding of the coefficients of each channel, for values times the root of the number of cells.
+/// How a field is predicted and rounded.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Steps<const N: usize>(pub [f32; N]);
+pub(super) struct Steps<const N: usize> {
+    /// Rounding of the coefficients of each channel, for values times the root of the number of cells.
+    pub of_channels: [f32; N],
+    pub prediction: Prediction,
+}
 
 impl<const N: usize> Steps<N> {
     /// Step of a channel at a level of the pyramid.
     pub fn of(self, channel: usize, level: usize) -> f32 {
-        self.0[channel] * STEP_SHARES[level.min(STEP_SHARES.len() - 1)]
+        self.of_channels[channel] * self.prediction.step_share(level)
     }
 }
 
@@ -81,7 +85,7 @@ pub(super) fn code_field<C: Coder, const N: usize>(
     let mut activity = vec![0_u8];
     for l in (0..top).rev() {
         let (parents, children) = (&levels[l + 1], &levels[l]);
-        let mut decoded = predict(parents, &means, children);
+        let mut decoded = predict(parents, &means, children, steps.prediction.neighbour_share());
         let active = walk.level(l, parents, children, &means, &activity, &mut decoded)?;
         activity = parents.for_children(&active);
         means = decoded;
@@ -139,20 +143,25 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
     ) -> Result<Vec<u8>, C::Error> {
         let places = index(&parents.keys);
         let mut active = vec![0_u8; parents.keys.len()];
+        let mut missed = Missed::new(self.steps.prediction, children.keys.len());
         for (p, range) in parents.children().enumerate() {
+            let key = parents.keys[p];
+            let predicted: Vec<[f32; N]> = decoded[range.clone()].to_vec();
             if range.len() == 1 {
                 decoded[range.start] = means[p];
                 active[p] = activity[p].saturating_sub(1);
-                continue;
+            } else {
+                let family = |key: u64| places.get(&key).map(|&p| parents.children_of(p as usize));
+                missed.add_beside(key, family, children, range.clone(), decoded);
+                // Cells before this one are coded at this level, of those that follow only the level above is.
+                let around = sum_beside(&places, key, false, &active);
+                let ahead = sum_beside(&places, key, true, activity);
+                let parent = usize::from(activity[p]) + ahead.div_ceil(2);
+                let context = CellContext::new(l, parent, around);
+                let cell = Children::new(children, range.clone(), means[p]);
+                active[p] = self.cell(&context, &cell, &mut decoded[range.clone()])?;
             }
-            let key = parents.keys[p];
-            // Cells before this one are coded at this level, of those that follow only the level above is.
-            let around = sum_beside(&places, key, false, &active);
-            let ahead = sum_beside(&places, key, true, activity);
-            let parent = usize::from(activity[p]) + ahead.div_ceil(2);
-            let context = CellContext::new(l, parent, around);
-            let cell = Children::new(children, range.clone(), means[p]);
-            active[p] = self.cell(&context, &cell, &mut decoded[range])?;
+            missed.keep(range, &predicted, decoded);
         }
         Ok(active)
     }
@@ -189,6 +198,53 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
         cell.add(&butterflies, &coefficients, steps, decoded);
         let sum: u32 = coefficients.iter().flatten().map(|c| c.unsigned_abs().min(4)).sum();
         Ok(sum.min(4) as u8)
+    }
+}
+
+/// What the prediction from the parents missed at the cells of a level that are coded already.
+struct Missed<const N: usize> {
+    /// The share of it that is added beside each; `None` for nothing.
+    share: Option<f32>,
+    /// By cell; empty where nothing is added.
+    values: Vec<[f32; N]>,
+}
+
+impl<const N: usize> Missed<N> {
+    fn new(prediction: Prediction, cells: usize) -> Self {
+        let share = prediction.residual_share();
+        Self { share, values: vec![[0.0; N]; share.map_or(0, |_| cells)] }
+    }
+
+    /// Adds its share of what was missed beside them to the predictions of the children `range` of the cell of `key`. Of
+    /// the cells that share a face with a child those of smaller coordinates in other parents are coded: those parents'
+    /// keys are smaller. `family` gives the children of a cell of this key.
+    fn add_beside(
+        &self,
+        key: u64,
+        family: impl Fn(u64) -> Option<Range<usize>>,
+        children: &PyramidLevel<N>,
+        range: Range<usize>,
+        predicted: &mut [[f32; N]],
+    ) {
+        let Some(share) = self.share else { return };
+        for axis in 0..3 {
+            let Some(beside) = family(step(key, axis, false)) else { continue };
+            for i in range.clone().filter(|&i| children.keys[i] >> axis & 1 == 0) {
+                let octant = children.keys[i] & 7 | 1 << axis;
+                if let Some(j) = beside.clone().find(|&j| children.keys[j] & 7 == octant) {
+                    (0..N).for_each(|c| predicted[i][c] += share * self.values[j][c]);
+                }
+            }
+        }
+    }
+
+    /// Keeps what was missed at the cells `range`: their values less what the parents `predicted`.
+    fn keep(&mut self, range: Range<usize>, predicted: &[[f32; N]], decoded: &[[f32; N]]) {
+        if self.share.is_some() {
+            for (i, predicted) in range.zip(predicted) {
+                self.values[i] = std::array::from_fn(|c| decoded[i][c] - predicted[c]);
+            }
+        }
     }
 }
 
@@ -284,10 +340,11 @@ mod tests {
         #[test]
         fn a_field_comes_back_to_within_its_step(
             cells in prop::collection::btree_map(0_u64..512, prop::array::uniform2(-300.0_f32..300.0), 1..60),
+            prediction in prop::sample::select(vec![Prediction::Parents, Prediction::Beside]),
         ) {
             let keys: Vec<u64> = cells.keys().copied().collect();
             let targets: Vec<[f32; 2]> = cells.values().copied().collect();
-            let steps = Steps([1.0, 2.0]);
+            let steps = Steps { of_channels: [1.0, 2.0], prediction };
             let source = FieldSource::Targets { values: &targets, lambda: 1e-6 };
             let mut price = Price::default();
             let Ok(coded) = code_field(&mut price, &keys, steps, source);
@@ -311,12 +368,15 @@ mod tests {
     fn one_value_everywhere_takes_hardly_a_bit_per_thousand_cells() {
         let cells: Vec<u64> = (0..4096).collect();
         let targets = vec![[200.0, 100.0, 50.0]; cells.len()];
-        let mut price = Price::default();
-        let source = FieldSource::Targets { values: &targets, lambda: 100.0 };
-        let Ok(coded) = code_field(&mut price, &cells, Steps([64.0; 3]), source);
-        assert!(price.bits < 120.0, "{}", price.bits);
-        // Single precision, a few roundings per level.
-        let near = |v: &[f32; 3]| (0..3).all(|c| (v[c] - [200.0, 100.0, 50.0][c]).abs() < 1e-2);
-        assert!(coded.values.iter().all(near));
+        for prediction in [Prediction::Parents, Prediction::Beside] {
+            let mut price = Price::default();
+            let source = FieldSource::Targets { values: &targets, lambda: 100.0 };
+            let steps = Steps { of_channels: [64.0; 3], prediction };
+            let Ok(coded) = code_field(&mut price, &cells, steps, source);
+            assert!(price.bits < 120.0, "{}", price.bits);
+            // Single precision, a few roundings per level.
+            let near = |v: &[f32; 3]| (0..3).all(|c| (v[c] - [200.0, 100.0, 50.0][c]).abs() < 1e-2);
+            assert!(coded.values.iter().all(near));
+        }
     }
 }

@@ -12,6 +12,7 @@
 //! | `scalar` | intensities and other scalars, in steps of a share of their standard deviation |
 //! | `labels` | labels, given those of the cells around |
 //! | `field` | a field of any number of channels down the pyramid |
+//! | `prediction` | what the cells of a level are predicted from |
 //! | `pyramid` | cells joined by eights, and prediction from the level above |
 //! | `butterflies` | the transform of a cell's children |
 //! | `choice` | when learning: coefficients of least cost |
@@ -25,6 +26,7 @@ pub(in crate::patches) mod color;
 mod field;
 pub(in crate::patches) mod labels;
 mod models;
+mod prediction;
 mod pyramid;
 pub(in crate::patches) mod scalar;
 pub(in crate::patches) mod targets;
@@ -35,6 +37,7 @@ use surfabet_geom::Dtype;
 use crate::scalar::ScalarScale;
 use labels::LabelField;
 pub use labels::MAX_LABELS;
+pub use prediction::Prediction;
 use scalar::ScalarField;
 
 /// Most attributes beside colour.
@@ -165,10 +168,11 @@ impl AttributeField {
         coder: &mut C,
         cells: &[u64],
         header: &AttributeHeader,
+        prediction: Prediction,
     ) -> Result<Self, C::Error> {
         let values = match &header.content {
             AttributeContent::Scalar(scale) => {
-                Values::Scalar(ScalarField::read(coder, cells, *scale)?)
+                Values::Scalar(ScalarField::read(coder, cells, *scale, prediction)?)
             }
             AttributeContent::Labels(values) => {
                 Values::Labels(LabelField::read(coder, cells, values.clone())?)

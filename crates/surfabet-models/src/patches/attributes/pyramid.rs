@@ -6,7 +6,6 @@ use surfabet_base::parallel;
 use surfabet_geom::morton::step;
 
 use super::cells::index;
-use crate::patches::constants::NEIGHBOUR_SHARE;
 
 /// Cells of one size: those of a pyramid's first level carry the field, each further level joins them by eights.
 pub(super) struct PyramidLevel<const N: usize> {
@@ -24,6 +23,11 @@ impl<const N: usize> PyramidLevel<N> {
     /// The children of each cell.
     pub fn children(&self) -> impl Iterator<Item = Range<usize>> {
         self.children.windows(2).map(|range| range[0] as usize..range[1] as usize)
+    }
+
+    /// The children of a cell.
+    pub fn children_of(&self, cell: usize) -> Range<usize> {
+        self.children[cell] as usize..self.children[cell + 1] as usize
     }
 
     /// One value per cell as one per child.
@@ -85,12 +89,13 @@ fn parents<const N: usize>(below: &PyramidLevel<N>) -> PyramidLevel<N> {
 }
 
 /// Predicts the mean of every child: the means of its parent and of the seven parents next to it on the child's
-/// side, interpolated. Along each axis the parent counts `1 - s` and its neighbour s, see [`NEIGHBOUR_SHARE`]; parents that
-/// do not exist are left out.
+/// side, interpolated. Along each axis the parent counts `1 - s` and its neighbour s, `neighbour_share`; parents that do not
+/// exist are left out.
 pub(super) fn predict<const N: usize>(
     parents: &PyramidLevel<N>,
     means: &[[f32; N]],
     children: &PyramidLevel<N>,
+    neighbour_share: f32,
 ) -> Vec<[f32; N]> {
     let places = index(&parents.keys);
     let numbers: Vec<u32> = (0..parents.keys.len() as u32).collect();
@@ -105,9 +110,9 @@ pub(super) fn predict<const N: usize>(
             for axis in 0..3 {
                 if corner >> axis & 1 != 0 {
                     key = step(key, axis, child >> axis & 1 != 0);
-                    weight *= NEIGHBOUR_SHARE;
+                    weight *= neighbour_share;
                 } else {
-                    weight *= 1.0 - NEIGHBOUR_SHARE;
+                    weight *= 1.0 - neighbour_share;
                 }
             }
             let found = if corner == 0 { Some(&parent) } else { places.get(&key) };

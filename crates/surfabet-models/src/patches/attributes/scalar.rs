@@ -3,15 +3,19 @@
 use surfabet_entropy::{Coder, Price};
 
 use super::field::{CellValues, FieldSource, Steps, code_field};
+use super::prediction::Prediction;
 use crate::scalar::ScalarScale;
 
 /// Values are in steps already.
-const STEPS: Steps<1> = Steps([1.0]);
+fn steps(prediction: Prediction) -> Steps<1> {
+    Steps { of_channels: [1.0], prediction }
+}
 
 /// A scalar on the cells around the surface.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::patches) struct ScalarField {
     pub scale: ScalarScale,
+    prediction: Prediction,
     /// Coefficients of the transform, as a file stores them.
     coefficients: Vec<i32>,
     /// Value of each cell, in steps from the low end of the scale.
@@ -23,12 +27,15 @@ impl ScalarField {
     /// squared steps that a bit must save.
     pub fn choose(cells: &[u64], targets: &[[f32; 1]], scale: ScalarScale, lambda: f32) -> Self {
         let source = FieldSource::Targets { values: targets, lambda };
-        let Ok(coded) = code_field(&mut Price::default(), cells, STEPS, source);
-        Self::of(scale, coded)
+        let prediction = Prediction::Beside;
+        let Ok(coded) = code_field(&mut Price::default(), cells, steps(prediction), source);
+        Self::of(scale, prediction, coded)
     }
 
-    fn of(scale: ScalarScale, CellValues { values, coefficients }: CellValues<1>) -> Self {
-        Self { scale, coefficients, values: values.into_iter().map(|[value]| value).collect() }
+    fn of(scale: ScalarScale, prediction: Prediction, coded: CellValues<1>) -> Self {
+        let CellValues { values, coefficients } = coded;
+        let values = values.into_iter().map(|[value]| value).collect();
+        Self { scale, prediction, coefficients, values }
     }
 
     /// Writes or prices the field.
@@ -37,7 +44,7 @@ impl ScalarField {
     /// Those of the coder.
     pub fn write<C: Coder>(&self, coder: &mut C, cells: &[u64]) -> Result<(), C::Error> {
         let source = FieldSource::Model(&self.coefficients);
-        code_field(coder, cells, STEPS, source).map(|_| ())
+        code_field(coder, cells, steps(self.prediction), source).map(|_| ())
     }
 
     /// Reads the field that [`ScalarField::write`] wrote.
@@ -48,7 +55,9 @@ impl ScalarField {
         coder: &mut C,
         cells: &[u64],
         scale: ScalarScale,
+        prediction: Prediction,
     ) -> Result<Self, C::Error> {
-        Ok(Self::of(scale, code_field(coder, cells, STEPS, FieldSource::Stream)?))
+        let coded = code_field(coder, cells, steps(prediction), FieldSource::Stream)?;
+        Ok(Self::of(scale, prediction, coded))
     }
 }
