@@ -1,7 +1,7 @@
 """Registration on raw, voxel-grid and GNG clouds (Morell et al., last table).
 
     python benches/papers/gas_registration.py --pcl PREFIX [--pairs 20] [--seeds 3]
-        [--scans hall rooms] [--counts 5000 10000 20000] [--jobs 2]
+        [--scans hall rooms] [--counts 5000 10000 20000] [--jobs 2] [--keep FOLDER]
 
 Pairs of scans with known poses: neighbours of the drive through a hall (`multi_scan`), and of
 simulated LiDAR scans of furnished rooms, each turned at random about the vertical. Of each scan:
@@ -38,6 +38,8 @@ from surfabet import datasets
 
 DETECTORS = ["ISS", "Harris3D", "SIFT3D"]
 DESCRIPTORS = ["FPFH", "SHOT", "PFH"]
+# PFH takes the square of the points around each keypoint.
+PFH_KEYPOINTS = 100
 LIBRARIES = ["features", "keypoints", "search", "kdtree", "octree", "filters"]
 LIBRARIES += ["sample_consensus", "common"]
 
@@ -120,8 +122,9 @@ def compiled(prefix: Path, folder: Path) -> Path:
 def described(program: Path, points: np.ndarray, kind: Kind, folder: Path) -> Described:
     cloud, out = folder / "cloud.f32", folder / "found.f32"
     points.astype(np.float32).tofile(cloud)
-    arguments = [str(program), str(cloud), str(out), str(kind.detector), str(kind.descriptor)]
-    subprocess.run(arguments, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    arguments = [program, cloud, out, kind.detector, kind.descriptor, PFH_KEYPOINTS]
+    command = [str(argument) for argument in arguments]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     values = np.fromfile(out, np.float32)
     at = 0
 
@@ -212,11 +215,18 @@ def measure(name: str, program: Path, options: argparse.Namespace) -> None:
     columns = [(method, count) for method in methods for count in options.counts] + [("raw", 0)]
     pairs = list(PAIRS[name](options.pairs))
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
-        jobs = [pool.submit(of_pair, program, pair, kind, columns, options.seeds) for pair in pairs]
-        for number, _ in enumerate(as_completed(jobs)):
-            print(f"{name} {number + 1} of {len(pairs)}", file=sys.stderr, flush=True)
+        jobs = {}
+        for number, pair in enumerate(pairs):
+            kept = options.keep / f"{name}_{number}.npy"
+            if not kept.exists():
+                job = pool.submit(of_pair, program, pair, kind, columns, options.seeds)
+                jobs[job] = kept
+        for job in as_completed(jobs):
+            np.save(jobs[job], job.result())
+            print(jobs[job].stem, file=sys.stderr, flush=True)
     # By detector, descriptor, column, and all runs of all pairs.
-    errors = np.concatenate([job.result() for job in jobs], axis=3)
+    found = [np.load(options.keep / f"{name}_{number}.npy") for number in range(len(pairs))]
+    errors = np.concatenate(found, axis=3)
     size = int(np.median([len(points) for pair in pairs for points in (pair.source, pair.target)]))
     print(f"\n**{name}: {len(pairs)} pairs of {size:,} points, {options.seeds} seeds**\n")
 
@@ -239,9 +249,12 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs="+", default=[5000, 10_000, 20_000])
     parser.add_argument("--scans", nargs="+", choices=PAIRS, default=list(PAIRS))
     parser.add_argument("--jobs", type=int, default=2, help="pairs at the same time")
+    parser.add_argument("--keep", type=Path, help="folder of errors by pair, used by further runs")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         program = compiled(options.pcl, Path(name))
+        options.keep = options.keep or Path(name)
+        options.keep.mkdir(parents=True, exist_ok=True)
         for scans in options.scans:
             measure(scans, program, options)
 

@@ -1,11 +1,11 @@
 // Keypoints and descriptors of PCL for gas_registration.py, which compiles and runs this program.
 //
-//     pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS
+//     pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS PFH_KEYPOINTS
 //
 // CLOUD holds x, y, z in metres as 32-bit floats; the sensor is at the origin. OUT gets, for the detectors ISS, Harris3D and
 // SIFT3D (on curvature) in this order, the number of keypoints, their positions, and for the descriptors FPFH, SHOT and
-// PFH the width and a row per keypoint; all as 32-bit floats. Normals come from within half of DESCRIPTOR_RADIUS, at
-// least ten neighbours.
+// PFH the width and a row per keypoint; all as 32-bit floats. Keypoints beyond the first PFH_KEYPOINTS, drawn at random, have
+// no PFH but a row of NaN. Normals come from within half of DESCRIPTOR_RADIUS, at least ten neighbours.
 
 #include <pcl/features/fpfh.h>
 #include <pcl/features/normal_3d.h>
@@ -21,6 +21,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -128,11 +129,16 @@ Cloud::Ptr sift(const Scene &scene) {
 }
 
 void thin(Cloud &keypoints) {
-    if (keypoints.size() > kMost) {
-        std::mt19937 random(0);
-        std::shuffle(keypoints.begin(), keypoints.end(), random);
-        keypoints.resize(kMost);
-    }
+    std::mt19937 random(0);
+    std::shuffle(keypoints.begin(), keypoints.end(), random);
+    keypoints.resize(std::min(keypoints.size(), kMost));
+}
+
+// The first `n` of the keypoints.
+Cloud::Ptr first(const Cloud &keypoints, std::size_t n) {
+    Cloud::Ptr few(new Cloud(keypoints));
+    few->resize(std::min(n, keypoints.size()));
+    return few;
 }
 
 template <typename Descriptor, typename Estimation>
@@ -169,14 +175,15 @@ void write(std::ofstream &out, const std::vector<std::vector<float>> &rows, int 
 }  // namespace
 
 int main(int argc, char **argv) {
-    if (argc != 5) {
-        std::cerr << "usage: pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS\n";
+    if (argc != 6) {
+        std::cerr << "usage: pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS PFH_KEYPOINTS\n";
         return 2;
     }
     Scene scene;
     scene.cloud = read(argv[1]);
     scene.detector_radius = std::atof(argv[3]);
     scene.descriptor_radius = std::atof(argv[4]);
+    const auto pfh_keypoints = static_cast<std::size_t>(std::atoi(argv[5]));
     scene.tree->setInputCloud(scene.cloud);
     estimate_normals(scene);
     std::ofstream out(argv[2], std::ios::binary);
@@ -200,10 +207,10 @@ int main(int argc, char **argv) {
               described<Shot, pcl::SHOTEstimation<Point, pcl::Normal, Shot>>(
                   scene, keypoints, 352, [](const Shot &d) -> const float * { return d.descriptor; }),
               352);
-        write(out,
-              described<Pfh, pcl::PFHEstimation<Point, pcl::Normal, Pfh>>(
-                  scene, keypoints, 125, [](const Pfh &d) -> const float * { return d.histogram; }),
-              125);
+        auto pfh = described<Pfh, pcl::PFHEstimation<Point, pcl::Normal, Pfh>>(
+            scene, first(*keypoints, pfh_keypoints), 125, [](const Pfh &d) -> const float * { return d.histogram; });
+        pfh.resize(keypoints->size(), std::vector<float>(125, std::numeric_limits<float>::quiet_NaN()));
+        write(out, pfh, 125);
     }
     return out.good() ? 0 : 1;
 }
