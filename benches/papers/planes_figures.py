@@ -132,7 +132,7 @@ def figure8(out: Path, options: dict[str, object]) -> None:
             f"{model.report.iterations}: {len(model)} patches, {share:.0f} % of the points"
         )
         told("8", f"street, at most {iterations}", model, cloud)
-    figure.savefig(out / "planes_figure8.png", dpi=110)
+    figure.savefig(out / "planes_figure8.png", dpi=80)
     plt.close(figure)
 
 
