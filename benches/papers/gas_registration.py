@@ -187,25 +187,22 @@ def reduced(points: np.ndarray, method: str, count: int) -> np.ndarray:
 
 
 def of_pair(
-    program: Path, pair: Pair, kind: Kind, columns: list[tuple[str, int]], seeds: int
+    program: Path, pair: Pair, kind: Kind, column: tuple[str, int], seeds: int
 ) -> np.ndarray:
-    """Errors by detector, descriptor, column and seed."""
+    """Errors of one cloud by detector, descriptor and seed."""
     sb.set_num_threads(1)
-    shape = (len(DETECTORS), len(DESCRIPTORS), len(columns), seeds)
-    errors = np.full(shape, np.inf)
+    errors = np.full((len(DETECTORS), len(DESCRIPTORS), seeds), np.inf)
     with tempfile.TemporaryDirectory() as name:
-        for k, (method, count) in enumerate(columns):
-            both = [
-                described(program, reduced(points, method, count), kind, Path(name))
-                for points in (pair.source, pair.target)
+        both = [
+            described(program, reduced(points, *column), kind, Path(name))
+            for points in (pair.source, pair.target)
+        ]
+    for i, ((source, of_source), (target, of_target)) in enumerate(zip(*both, strict=True)):
+        for j in range(len(DESCRIPTORS)):
+            joined = matches(of_source[j], of_target[j])
+            errors[i, j] = [
+                deviation(pair, source, target, joined, kind.limit, seed) for seed in range(seeds)
             ]
-            for i, ((source, of_source), (target, of_target)) in enumerate(zip(*both, strict=True)):
-                for j in range(len(DESCRIPTORS)):
-                    joined = matches(of_source[j], of_target[j])
-                    errors[i, j, k] = [
-                        deviation(pair, source, target, joined, kind.limit, seed)
-                        for seed in range(seeds)
-                    ]
     return errors
 
 
@@ -215,19 +212,25 @@ def measure(name: str, program: Path, options: argparse.Namespace) -> None:
     methods = ("GNG", "voxel grid")
     columns = [(method, count) for method in methods for count in options.counts] + [("raw", 0)]
     pairs = list(PAIRS[name](options.pairs))
+
+    def kept(number: int, column: tuple[str, int]) -> Path:
+        method, count = column
+        return options.keep / f"{name}_{number}_{method.replace(' ', '_')}_{count}.npy"
+
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
-        jobs = {}
-        for number, pair in enumerate(pairs):
-            kept = options.keep / f"{name}_{number}.npy"
-            if not kept.exists():
-                job = pool.submit(of_pair, program, pair, kind, columns, options.seeds)
-                jobs[job] = kept
+        # Whole columns one after the other, the dear one of raw points last.
+        jobs = {
+            pool.submit(of_pair, program, pair, kind, column, options.seeds): path
+            for column in columns
+            for number, pair in enumerate(pairs)
+            if not (path := kept(number, column)).exists()
+        }
         for job in as_completed(jobs):
             np.save(jobs[job], job.result())
             print(jobs[job].stem, file=sys.stderr, flush=True)
     # By detector, descriptor, column, and all runs of all pairs.
-    found = [np.load(options.keep / f"{name}_{number}.npy") for number in range(len(pairs))]
-    errors = np.concatenate(found, axis=3)
+    runs = [[np.load(kept(k, column)) for k in range(len(pairs))] for column in columns]
+    errors = np.stack([np.concatenate(of_column, axis=2) for of_column in runs], axis=2)
     size = int(np.median([len(points) for pair in pairs for points in (pair.source, pair.target)]))
     print(f"\n**{name}: {len(pairs)} pairs of {size:,} points, {options.seeds} seeds**\n")
 
