@@ -1,11 +1,11 @@
 // Keypoints and descriptors of PCL for gas_registration.py, which compiles and runs this program.
 //
-//     pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS
+//     pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS PFH_KEYPOINTS
 //
 // CLOUD holds x, y, z in metres as 32-bit floats; the sensor is at the origin. OUT gets, for the detectors ISS, Harris3D and
 // SIFT3D (on curvature) in this order, the number of keypoints, their positions, and for the descriptors FPFH, SHOT and
-// PFH the width and a row per keypoint; all as 32-bit floats. Normals come from within half of DESCRIPTOR_RADIUS, at
-// least ten neighbours.
+// PFH the width and a row per keypoint; all as 32-bit floats. Keypoints beyond the first PFH_KEYPOINTS, drawn at random, have
+// no PFH but a row of NaN. Normals come from within half of DESCRIPTOR_RADIUS, at least ten neighbours.
 
 #include <pcl/features/fpfh.h>
 #include <pcl/features/normal_3d.h>
@@ -21,6 +21,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -28,6 +29,7 @@ using Point = pcl::PointXYZ;
 using Cloud = pcl::PointCloud<Point>;
 using Normals = pcl::PointCloud<pcl::Normal>;
 using Tree = pcl::search::KdTree<Point>;
+using Rows = std::vector<std::vector<float>>;
 
 namespace {
 
@@ -128,36 +130,45 @@ Cloud::Ptr sift(const Scene &scene) {
 }
 
 void thin(Cloud &keypoints) {
-    if (keypoints.size() > kMost) {
-        std::mt19937 random(0);
-        std::shuffle(keypoints.begin(), keypoints.end(), random);
-        keypoints.resize(kMost);
-    }
+    std::mt19937 random(0);
+    std::shuffle(keypoints.begin(), keypoints.end(), random);
+    keypoints.resize(std::min(keypoints.size(), kMost));
 }
 
+// For each detector a row per keypoint. All are asked for at once, since FPFH needs a histogram of every point near one of
+// them; beyond the first `most` of a detector rows are NaN.
 template <typename Descriptor, typename Estimation>
-std::vector<std::vector<float>> described(const Scene &scene, const Cloud::Ptr &keypoints, int width,
-                                          const float *(*values)(const Descriptor &)) {
+std::vector<Rows> described(const Scene &scene, const std::vector<Cloud::Ptr> &keypoints, std::size_t most, int width,
+                            const float *(*values)(const Descriptor &)) {
+    Cloud::Ptr all(new Cloud);
+    for (const auto &of_one : keypoints) {
+        all->insert(all->end(), of_one->begin(), of_one->begin() + std::min(most, of_one->size()));
+    }
     Estimation estimation;
     pcl::PointCloud<Descriptor> found;
-    estimation.setInputCloud(keypoints);
+    estimation.setInputCloud(all);
     estimation.setSearchSurface(scene.cloud);
     estimation.setInputNormals(scene.normals);
     estimation.setSearchMethod(scene.tree);
     estimation.setRadiusSearch(scene.descriptor_radius);
-    if (!keypoints->empty()) {
+    if (!all->empty()) {
         estimation.compute(found);
     }
-    std::vector<std::vector<float>> rows;
-    for (const auto &descriptor : found) {
-        rows.emplace_back(values(descriptor), values(descriptor) + width);
+    std::vector<Rows> rows;
+    auto next = found.begin();
+    for (const auto &of_one : keypoints) {
+        Rows own(of_one->size(), std::vector<float>(width, std::numeric_limits<float>::quiet_NaN()));
+        for (std::size_t i = 0; i < std::min(most, own.size()); ++i, ++next) {
+            own[i].assign(values(*next), values(*next) + width);
+        }
+        rows.push_back(std::move(own));
     }
     return rows;
 }
 
 void write(std::ofstream &out, float value) { out.write(reinterpret_cast<const char *>(&value), sizeof value); }
 
-void write(std::ofstream &out, const std::vector<std::vector<float>> &rows, int width) {
+void write(std::ofstream &out, const Rows &rows, int width) {
     write(out, static_cast<float>(width));
     for (const auto &row : rows) {
         for (float value : row) {
@@ -169,41 +180,42 @@ void write(std::ofstream &out, const std::vector<std::vector<float>> &rows, int 
 }  // namespace
 
 int main(int argc, char **argv) {
-    if (argc != 5) {
-        std::cerr << "usage: pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS\n";
+    if (argc != 6) {
+        std::cerr << "usage: pcl_features CLOUD OUT DETECTOR_RADIUS DESCRIPTOR_RADIUS PFH_KEYPOINTS\n";
         return 2;
     }
     Scene scene;
     scene.cloud = read(argv[1]);
     scene.detector_radius = std::atof(argv[3]);
     scene.descriptor_radius = std::atof(argv[4]);
+    const auto pfh_keypoints = static_cast<std::size_t>(std::atoi(argv[5]));
     scene.tree->setInputCloud(scene.cloud);
     estimate_normals(scene);
-    std::ofstream out(argv[2], std::ios::binary);
+    std::vector<Cloud::Ptr> keypoints;
     for (auto *detect : {iss, harris, sift}) {
-        Cloud::Ptr keypoints = detect(scene);
-        thin(*keypoints);
-        write(out, static_cast<float>(keypoints->size()));
-        for (const auto &p : *keypoints) {
+        keypoints.push_back(detect(scene));
+        thin(*keypoints.back());
+    }
+    using Fpfh = pcl::FPFHSignature33;
+    using Shot = pcl::SHOT352;
+    using Pfh = pcl::PFHSignature125;
+    const auto fpfh = described<Fpfh, pcl::FPFHEstimation<Point, pcl::Normal, Fpfh>>(
+        scene, keypoints, kMost, 33, [](const Fpfh &d) -> const float * { return d.histogram; });
+    const auto shot = described<Shot, pcl::SHOTEstimation<Point, pcl::Normal, Shot>>(
+        scene, keypoints, kMost, 352, [](const Shot &d) -> const float * { return d.descriptor; });
+    const auto pfh = described<Pfh, pcl::PFHEstimation<Point, pcl::Normal, Pfh>>(
+        scene, keypoints, pfh_keypoints, 125, [](const Pfh &d) -> const float * { return d.histogram; });
+    std::ofstream out(argv[2], std::ios::binary);
+    for (std::size_t k = 0; k < keypoints.size(); ++k) {
+        write(out, static_cast<float>(keypoints[k]->size()));
+        for (const auto &p : *keypoints[k]) {
             for (float value : {p.x, p.y, p.z}) {
                 write(out, value);
             }
         }
-        using Fpfh = pcl::FPFHSignature33;
-        using Shot = pcl::SHOT352;
-        using Pfh = pcl::PFHSignature125;
-        write(out,
-              described<Fpfh, pcl::FPFHEstimation<Point, pcl::Normal, Fpfh>>(
-                  scene, keypoints, 33, [](const Fpfh &d) -> const float * { return d.histogram; }),
-              33);
-        write(out,
-              described<Shot, pcl::SHOTEstimation<Point, pcl::Normal, Shot>>(
-                  scene, keypoints, 352, [](const Shot &d) -> const float * { return d.descriptor; }),
-              352);
-        write(out,
-              described<Pfh, pcl::PFHEstimation<Point, pcl::Normal, Pfh>>(
-                  scene, keypoints, 125, [](const Pfh &d) -> const float * { return d.histogram; }),
-              125);
+        write(out, fpfh[k], 33);
+        write(out, shot[k], 352);
+        write(out, pfh[k], 125);
     }
     return out.good() ? 0 : 1;
 }
