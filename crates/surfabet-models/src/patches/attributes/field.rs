@@ -115,7 +115,7 @@ struct Children<'a, const N: usize> {
 
 impl<C: Coder, const N: usize> Walk<'_, C, N> {
     /// Mean of all cells, rounded to whole numbers.
-    fn mean(&mut self, top: &PyramidLevel<N>) -> Result<[f32; N], C::Error> {
+    fn mean(&mut self, top: &PyramidLevel<'_, N>) -> Result<[f32; N], C::Error> {
         let mut mean = [0.0; N];
         for (c, value) in mean.iter_mut().enumerate() {
             let wanted = match self.source {
@@ -135,8 +135,8 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
     fn level(
         &mut self,
         l: usize,
-        parents: &PyramidLevel<N>,
-        children: &PyramidLevel<N>,
+        parents: &PyramidLevel<'_, N>,
+        children: &PyramidLevel<'_, N>,
         means: &[[f32; N]],
         activity: &[u8],
         decoded: &mut [[f32; N]],
@@ -222,7 +222,7 @@ impl<const N: usize> Missed<N> {
         &self,
         key: u64,
         family: impl Fn(u64) -> Option<Range<usize>>,
-        children: &PyramidLevel<N>,
+        children: &PyramidLevel<'_, N>,
         range: Range<usize>,
         predicted: &mut [[f32; N]],
     ) {
@@ -258,7 +258,7 @@ fn sum_beside(places: &MortonMap<u32>, key: u64, up: bool, activity: &[u8]) -> u
 
 impl<'a, const N: usize> Children<'a, N> {
     /// The children `range` of a cell with this mean.
-    fn new(level: &'a PyramidLevel<N>, range: Range<usize>, mean: [f32; N]) -> Self {
+    fn new(level: &'a PyramidLevel<'_, N>, range: Range<usize>, mean: [f32; N]) -> Self {
         Self {
             octants: level.keys[range.clone()].iter().map(|k| (k & 7) as usize).collect(),
             weights: &level.weights[range.clone()],

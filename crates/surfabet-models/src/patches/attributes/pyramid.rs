@@ -1,5 +1,6 @@
 //! The pyramid of cells over those of a field, and the prediction of a level from the one above.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use surfabet_base::parallel;
@@ -8,18 +9,18 @@ use surfabet_geom::morton::step;
 use super::cells::index;
 
 /// Cells of one size: those of a pyramid's first level carry the field, each further level joins them by eights.
-pub(super) struct PyramidLevel<const N: usize> {
+pub(super) struct PyramidLevel<'a, const N: usize> {
     /// Sorted.
-    pub keys: Vec<u64>,
+    pub keys: Cow<'a, [u64]>,
     /// Number of cells of the first level in each cell.
     pub weights: Vec<f32>,
     /// Children of cell i are cells `children[i]..children[i + 1]` of the level before; empty at the first.
     children: Vec<u32>,
     /// Means of the values that are to be coded; empty when reading.
-    pub targets: Vec<[f32; N]>,
+    pub targets: Cow<'a, [[f32; N]]>,
 }
 
-impl<const N: usize> PyramidLevel<N> {
+impl<const N: usize> PyramidLevel<'_, N> {
     /// The children of each cell.
     pub fn children(&self) -> impl Iterator<Item = Range<usize>> {
         self.children.windows(2).map(|range| range[0] as usize..range[1] as usize)
@@ -42,15 +43,15 @@ impl<const N: usize> PyramidLevel<N> {
 }
 
 /// The levels over sorted `cells`, up to one cell. `targets` are the values that the cells should have.
-pub(super) fn pyramid<const N: usize>(
-    cells: &[u64],
-    targets: Option<&[[f32; N]]>,
-) -> Vec<PyramidLevel<N>> {
+pub(super) fn pyramid<'a, const N: usize>(
+    cells: &'a [u64],
+    targets: Option<&'a [[f32; N]]>,
+) -> Vec<PyramidLevel<'a, N>> {
     let mut levels = vec![PyramidLevel {
-        keys: cells.to_vec(),
+        keys: cells.into(),
         weights: vec![1.0; cells.len()],
         children: Vec::new(),
-        targets: targets.unwrap_or_default().to_vec(),
+        targets: targets.unwrap_or_default().into(),
     }];
     while levels[levels.len() - 1].keys.len() > 1 {
         levels.push(parents(&levels[levels.len() - 1]));
@@ -59,22 +60,17 @@ pub(super) fn pyramid<const N: usize>(
 }
 
 /// The level whose cells join those of `below` by eights, with their weighted means.
-fn parents<const N: usize>(below: &PyramidLevel<N>) -> PyramidLevel<N> {
-    let mut level = PyramidLevel {
-        keys: Vec::new(),
-        weights: Vec::new(),
-        children: Vec::new(),
-        targets: Vec::new(),
-    };
-    for (i, key) in (0..).zip(&below.keys) {
-        if level.keys.last() != Some(&(key >> 3)) {
-            level.keys.push(key >> 3);
-            level.children.push(i);
+fn parents<const N: usize>(below: &PyramidLevel<'_, N>) -> PyramidLevel<'static, N> {
+    let (mut keys, mut children) = (Vec::new(), Vec::new());
+    for (i, key) in (0..).zip(below.keys.iter()) {
+        if keys.last() != Some(&(key >> 3)) {
+            keys.push(key >> 3);
+            children.push(i);
         }
     }
-    level.children.push(below.keys.len() as u32);
+    children.push(below.keys.len() as u32);
     let (mut weights, mut targets) = (Vec::new(), Vec::new());
-    for range in level.children() {
+    for range in children.windows(2).map(|range| range[0] as usize..range[1] as usize) {
         let weight: f32 = below.weights[range.clone()].iter().sum();
         weights.push(weight);
         if !below.targets.is_empty() {
@@ -85,16 +81,16 @@ fn parents<const N: usize>(below: &PyramidLevel<N>) -> PyramidLevel<N> {
             targets.push(mean);
         }
     }
-    PyramidLevel { weights, targets, ..level }
+    PyramidLevel { keys: keys.into(), weights, children, targets: targets.into() }
 }
 
 /// Predicts the mean of every child: the means of its parent and of the seven parents next to it on the child's
 /// side, interpolated. Along each axis the parent counts `1 - s` and its neighbour s, `neighbour_share`; parents that do not
 /// exist are left out.
 pub(super) fn predict<const N: usize>(
-    parents: &PyramidLevel<N>,
+    parents: &PyramidLevel<'_, N>,
     means: &[[f32; N]],
-    children: &PyramidLevel<N>,
+    children: &PyramidLevel<'_, N>,
     neighbour_share: f32,
 ) -> Vec<[f32; N]> {
     let places = index(&parents.keys);
