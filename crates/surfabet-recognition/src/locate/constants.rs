@@ -30,7 +30,7 @@ pub(super) const FACES_AXIS: f32 = 0.55;
 // The scan.
 
 /// Side of the scan's voxels, cells.
-pub(super) const VOXELS_PER_CELL: f64 = 1.25;
+pub(super) const VOXELS_PER_CELL: f64 = 2.0;
 
 /// Points nearer to the sensor than this are the carrier's own body, metres.
 pub(super) const BODY_RADIUS: f32 = 0.5;
@@ -40,6 +40,16 @@ pub(super) const LEAST_POINTS: f32 = 5.0;
 
 /// Largest least variance over the middle one of a voxel that shows a plane: a deviation of a quarter of the extent.
 pub(super) const FLATNESS: f64 = 0.08;
+
+/// Least standard deviation across the longest direction of a voxel's points, as a share of its side: two rings of a laser
+/// are narrower, and their normal is anything. A full side has 0.29.
+pub(super) const LEAST_WIDTH: f64 = 0.12;
+
+/// Noise that points have at least, metres.
+pub(super) const RANGE_NOISE: f64 = 0.01;
+
+/// Largest standard error of a normal, radians: 3 degrees.
+pub(super) const NORMAL_ERROR: f64 = 0.05;
 
 /// Points of a scan that are used, evenly taken: more change the samples' means by less than a millimetre.
 pub(super) const MAX_POINTS_USED: usize = 60_000;

@@ -3,7 +3,8 @@
 use surfabet_geom::{PointCloud, vector};
 
 use super::constants::{
-    BODY_RADIUS, FLATNESS, LEAST_POINTS, MAX_POINTS_USED, VOXELS_PER_CELL,
+    BODY_RADIUS, FLATNESS, LEAST_POINTS, LEAST_WIDTH, MAX_POINTS_USED, NORMAL_ERROR, RANGE_NOISE,
+    VOXELS_PER_CELL,
 };
 
 /// A sample of the scan's surface: the mean of a voxel.
@@ -68,7 +69,7 @@ impl ScanSamples {
             }
             sums[at].add(p);
         }
-        Self { origin, all: sums.iter().map(Sums::sample).collect() }
+        Self { origin, all: sums.iter().map(|s| s.sample(f64::from(side))).collect() }
     }
 
     /// Where the sensor stands in the frame of the scan: where the first sample was seen from.
@@ -89,14 +90,14 @@ impl Sums {
         }
     }
 
-    fn sample(&self) -> Sample {
+    fn sample(&self, side: f64) -> Sample {
         let n = f64::from(self.n);
         let mean = self.first.map(|s| s / n);
         let point = std::array::from_fn(|a| self.corner[a] + mean[a] as f32);
         let [x, y, z] = mean;
         let products = [x * x, x * y, x * z, y * y, y * z, z * z];
         let covariance: [f64; 6] = std::array::from_fn(|k| self.second[k] / n - products[k]);
-        let normal = if self.n < LEAST_POINTS { None } else { plane_normal(covariance) };
+        let normal = if self.n < LEAST_POINTS { None } else { plane_normal(covariance, n, side) };
         let normal = normal.map_or([0.0; 3], |normal| {
             let normal = normal.map(|c| c as f32);
             let towards = vector::minus(self.viewpoint, point);
@@ -106,9 +107,10 @@ impl Sums {
     }
 }
 
-/// Direction of least variance, if the variances are those of a plane: the least below [`FLATNESS`] of the middle one.
+/// Direction of least variance of `n` points in a voxel of a `side`, if it is sure: the least variance below [`FLATNESS`] of
+/// the middle one, the extent across the longest a share of the side, and the standard error of the direction small.
 /// Eigenvalues of a symmetric 3 x 3 matrix in closed form (Smith 1961).
-fn plane_normal([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Option<[f64; 3]> {
+fn plane_normal([xx, xy, xz, yy, yz, zz]: [f64; 6], n: f64, side: f64) -> Option<[f64; 3]> {
     let mean = (xx + yy + zz) / 3.0;
     let off = xy * xy + xz * xz + yz * yz;
     let spread = (xx - mean).powi(2) + (yy - mean).powi(2) + (zz - mean).powi(2) + 2.0 * off;
@@ -124,7 +126,9 @@ fn plane_normal([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Option<[f64; 3]> {
     let largest = mean + 2.0 * p * angle.cos();
     let least = mean + 2.0 * p * (angle + 2.0 * std::f64::consts::FRAC_PI_3).cos();
     let middle = 3.0 * mean - largest - least;
-    if least > FLATNESS * middle {
+    let narrow = (LEAST_WIDTH * side).powi(2);
+    let error = (least + RANGE_NOISE * RANGE_NOISE) / (n * middle.max(1e-12));
+    if least > FLATNESS * middle || middle < narrow || error > NORMAL_ERROR * NORMAL_ERROR {
         return None;
     }
     // The rows of C - least I are orthogonal to the direction; the longest product of two is best conditioned.
@@ -211,8 +215,8 @@ mod tests {
 
     #[test]
     fn a_ball_of_points_shows_no_plane() {
-        assert!(plane_normal([1.0, 0.0, 0.0, 1.0, 0.0, 1.0]).is_none());
-        let normal = plane_normal([1.0, 0.0, 0.0, 0.01, 0.0, 1.0]).unwrap();
+        assert!(plane_normal([1.0, 0.0, 0.0, 1.0, 0.0, 1.0], 100.0, 3.0).is_none());
+        let normal = plane_normal([1.0, 0.0, 0.0, 0.01, 0.0, 1.0], 100.0, 3.0).unwrap();
         assert!(normal[1].abs() > 0.999_999);
     }
 
