@@ -88,12 +88,12 @@ pub(super) const YAWS: usize = 90;
 pub(super) const SEARCH_SAMPLES: usize = 192;
 
 /// Hypotheses that are refined.
-pub(super) const HYPOTHESES: usize = 48;
+pub(super) const HYPOTHESES: usize = 96;
 
 /// Least share of the search samples that a hypothesis explains, of all and of the best.
 pub(super) const LEAST_SHARE: f64 = 0.35;
 /// The same of the share of the best hypothesis.
-pub(super) const LEAST_SHARE_OF_BEST: f64 = 0.72;
+pub(super) const LEAST_SHARE_OF_BEST: f64 = 0.6;
 
 /// Most nodes of the search that are opened: bounds its time to some 50 ms.
 pub(super) const MAX_NODES: usize = 6000;
@@ -141,6 +141,9 @@ pub(super) const EXPLAINED: f64 = 1.0;
 
 /// A ray that meets a mapped surface more than this before its end contradicts it, cells: 0.6 m.
 pub(super) const CROSSING_MARGIN: f64 = 3.0;
+
+/// How far behind a sample that nothing explains a mapped surface is looked for that it hides, cells: 10 m.
+pub(super) const HIDDEN: f64 = 50.0;
 
 /// Least |cosine| between a ray and the normal of a surface that it can contradict: grazing rays miss it by little.
 pub(super) const LEAST_INCIDENCE: f32 = 0.3;

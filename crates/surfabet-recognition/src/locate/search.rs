@@ -116,6 +116,7 @@ impl<'a> Search<'a> {
             }
         }
         if std::env::var("DBG").is_ok() { eprintln!("DBG rotations {} opened {} found {:?} left {}", self.rotations.len(), opened, found.iter().map(|f| f.0).collect::<Vec<_>>(), heap.len()); }
+if std::env::var("DBG").is_ok() { for f in found.iter().take(4) { eprintln!("DBG at {} {:?}", f.0, self.pose(&f.1)); } }
         found.retain(|(bound, _)| *bound >= least);
         found.sort_by(|a, b| b.1.cmp(&a.1));
         found.iter().map(|(bound, node)| (f64::from(*bound) / n as f64, self.pose(node))).collect()

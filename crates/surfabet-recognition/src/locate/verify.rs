@@ -2,7 +2,7 @@
 
 use surfabet_geom::vector::{dot, length, minus};
 
-use super::constants::{CROSSING_MARGIN, EXPLAINED, LEAST_INCIDENCE, SAME_NORMAL};
+use super::constants::{CROSSING_MARGIN, EXPLAINED, HIDDEN, LEAST_INCIDENCE, SAME_NORMAL};
 use super::map::Localizer;
 use super::placement::Placement;
 use super::refine::{Rows, matched};
@@ -46,7 +46,7 @@ pub(super) fn evidence(map: &Localizer, samples: &[Sample], placement: &Placemen
         let margin = (CROSSING_MARGIN * map.cell) as f32;
         if ray.meets(map, 0.0, range - margin) {
             counts.contradicted += 1.0;
-        } else if met.is_none() && ray.meets(map, range, range + 3.0 * margin) {
+        } else if met.is_none() && ray.meets(map, range, range + (HIDDEN * map.cell) as f32) {
             counts.in_front += 1.0;
         }
     }
