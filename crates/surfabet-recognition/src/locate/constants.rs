@@ -88,12 +88,17 @@ pub(super) const YAWS: usize = 90;
 pub(super) const SEARCH_SAMPLES: usize = 192;
 
 /// Hypotheses that are refined.
-pub(super) const HYPOTHESES: usize = 96;
+pub(super) const HYPOTHESES: usize = 128;
 
-/// Least share of the search samples that a hypothesis explains, of all and of the best.
+/// Least share of the search samples that a hypothesis explains.
 pub(super) const LEAST_SHARE: f64 = 0.35;
-/// The same of the share of the best hypothesis.
-pub(super) const LEAST_SHARE_OF_BEST: f64 = 0.6;
+
+/// Least share of what the best hypothesis explains, first and where that gives no clear answer. A scan that sees mostly what is
+/// not mapped explains less at its place than where it merely fits.
+pub(super) const SHARES_OF_BEST: [f64; 2] = [0.8, 0.55];
+
+/// Share explained from which on an accepted place ends the search.
+pub(super) const CLEARLY_EXPLAINED: f64 = 0.75;
 
 /// Most nodes of the search that are opened: bounds its time to some 50 ms.
 pub(super) const MAX_NODES: usize = 6000;
@@ -108,12 +113,12 @@ pub(super) const SAME_TRANSLATION: f32 = 4.0;
 // The refinement.
 
 /// Samples of the rough refinement of all hypotheses, and of the fine one of the best.
-pub(super) const ROUGH_SAMPLES: usize = 300;
+pub(super) const ROUGH_SAMPLES: usize = 240;
 /// The same of the fine refinement.
 pub(super) const FINE_SAMPLES: usize = 2000;
 
 /// Gauss-Newton steps of either.
-pub(super) const ROUGH_STEPS: usize = 8;
+pub(super) const ROUGH_STEPS: usize = 6;
 /// The same of the fine refinement.
 pub(super) const FINE_STEPS: usize = 8;
 
@@ -154,19 +159,31 @@ pub(super) const LEAST_INCIDENCE: f32 = 0.3;
 pub(super) const LEAST_SAMPLES: usize = 30;
 
 /// Least share of the scan on mapped surfaces.
-pub(super) const LEAST_EXPLAINED: f64 = 0.4;
+pub(super) const LEAST_EXPLAINED: f64 = 0.5;
 
-/// Largest share of the scan that is seen through mapped surfaces.
-pub(super) const MOST_CONTRADICTED: f64 = 0.15;
+/// Largest share against a pose, of what the map can say something about: of right poses in the hall of which up to 40 percent
+/// of the scan lie beyond the map it is at most 0.073, of mirrored scans there at least 0.087.
+pub(super) const MOST_AGAINST: f64 = 0.075;
 
-/// Least share that is explained, of what the map can say something about.
-pub(super) const LEAST_KNOWN: f64 = 0.8;
+/// From this share explained on more may be against, by so much per share: right poses with 0.83 explained have up to 0.15
+/// against, mirrored scans with 0.78 at least 0.16.
+pub(super) const FULLY_INSIDE: f64 = 0.63;
+/// The slope.
+pub(super) const AGAINST_PER_EXPLAINED: f64 = 0.43;
 
-/// Independent facts that the samples of a scan amount to: what a difference of evidence weighs.
+/// Independent facts that the samples of a scan amount to for a pose, by closeness, and against it.
+pub(super) const FACTS_FOR: f64 = 30.0;
+/// The same against it.
+pub(super) const FACTS_AGAINST: f64 = 60.0;
+
+/// Independent facts of the covariance: surfaces of a model share their errors over some metres.
 pub(super) const FACTS: f64 = 60.0;
 
 /// Least probability of a place that is given.
 pub(super) const LEAST_PROBABILITY: f64 = 0.02;
+
+/// Rough refinements this much less likely than the best, as a logarithm, are not refined further.
+pub(super) const HOPELESS: f64 = 9.0;
 
 /// Poses closer than this are one place: metres and radians.
 pub(super) const SAME_PLACE: (f64, f64) = (0.5, 0.17);

@@ -5,8 +5,8 @@ use std::fmt;
 use surfabet_models::Result;
 
 use super::constants::{
-    FACTS, FINE_REACH, FINE_SAMPLES, LEAST_EXPLAINED, LEAST_KNOWN, LEAST_PROBABILITY,
-    MOST_CONTRADICTED, SAME_PLACE,
+    AGAINST_PER_EXPLAINED, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH, FINE_SAMPLES, FULLY_INSIDE,
+    HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST, SAME_PLACE,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -73,9 +73,16 @@ impl fmt::Display for Refusal {
 }
 
 impl Evidence {
-    /// What ranks poses: closeness, less what speaks against.
+    /// Logarithm of the likelihood, up to a constant. What the map cannot say anything about weighs less than what speaks
+    /// against: the scan may see beyond the map.
     fn rank(&self) -> f64 {
-        self.closeness - self.contradicted - 0.5 * self.in_front
+        FACTS_FOR * self.closeness - FACTS_AGAINST * (self.contradicted + 0.5 * self.in_front)
+    }
+
+    /// The largest share against that is accepted: more of it where more is explained.
+    fn limit(&self) -> f64 {
+        let more = (self.explained - FULLY_INSIDE).max(0.0);
+        MOST_AGAINST + AGAINST_PER_EXPLAINED * more
     }
 
     /// Share that is against the pose of all that the map can say something about.
@@ -89,18 +96,20 @@ impl Evidence {
         if explained < LEAST_EXPLAINED {
             return Some(Refusal::Unexplained { explained, limit: LEAST_EXPLAINED });
         }
-        if self.contradicted > MOST_CONTRADICTED || contradicted > 1.0 - LEAST_KNOWN {
-            return Some(Refusal::Contradicted { contradicted, limit: 1.0 - LEAST_KNOWN });
+        let limit = self.limit();
+        if contradicted > limit {
+            return Some(Refusal::Contradicted { contradicted, limit });
         }
         None
     }
 }
 
-/// Sorts candidates and drops those that are at the place of a better one; at most `most` stay.
+/// Sorts candidates and drops those that are at the place of a better one or much less likely than the best; at most `most` stay.
 pub(super) fn best_first(candidates: &mut Vec<Candidate>, most: usize) {
     candidates.sort_by(|a, b| b.evidence.rank().total_cmp(&a.evidence.rank()));
+    let best = candidates.first().map_or(0.0, |c| c.evidence.rank());
     let mut kept: Vec<Candidate> = Vec::new();
-    for c in candidates.iter() {
+    for c in candidates.iter().take_while(|c| c.evidence.rank() >= best - HOPELESS) {
         let is_same = |other: &Candidate| {
             let (away, turned) = c.placement.distance_to(&other.placement);
             away < SAME_PLACE.0 && turned < SAME_PLACE.1
@@ -137,7 +146,7 @@ pub(super) fn decide(
         return Ok(Located { refusal: Some(Refusal::NoPlace), ..Located::default() });
     };
     // Probabilities among all, also those that are refused: a place that is refused by little still makes another doubtful.
-    let weight = |c: &Candidate| (FACTS * (c.evidence.rank() - best.evidence.rank())).exp();
+    let weight = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
     let total: f64 = candidates.iter().map(weight).sum();
     let mut answer = Located::default();
     for c in &candidates {

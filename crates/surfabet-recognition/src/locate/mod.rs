@@ -36,12 +36,13 @@ mod samples;
 mod search;
 mod verify;
 
+use nalgebra::UnitQuaternion;
 use surfabet_geom::{PointCloud, Pose, Progress};
 use surfabet_models::{Error, Result};
 
 use self::constants::{
-    FINALISTS, FINE_REACH, FINE_SAMPLES, FINE_STEPS, ROUGH_REACH, ROUGH_SAMPLES,
-    ROUGH_STEPS, SCAN_DIRECTIONS, VERIFIED_SAMPLES,
+    CLEARLY_EXPLAINED, FINALISTS, FINE_REACH, FINE_SAMPLES, FINE_STEPS, ROUGH_REACH, ROUGH_SAMPLES,
+    ROUGH_STEPS, SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
 };
 pub use self::decide::Refusal;
 use self::decide::{Candidate, decide};
@@ -151,10 +152,16 @@ impl Localizer {
         };
         let mut answer = Located::default();
         for allowed in searches {
-            progress.check()?;
-            let candidates = query.candidates(allowed, domain);
-            progress.check()?;
-            answer = decide(self, &samples.all, candidates, sensor, options.top)?;
+            let rotations = query.rotations(allowed);
+            for share in SHARES_OF_BEST {
+                progress.check()?;
+                let candidates = query.candidates(&rotations, domain, share);
+                progress.check()?;
+                answer = decide(self, &samples.all, candidates, sensor, options.top)?;
+                if answer.locations.first().is_some_and(|l| l.explained >= CLEARLY_EXPLAINED) {
+                    return Ok(answer);
+                }
+            }
             if !answer.locations.is_empty() {
                 break;
             }
@@ -196,8 +203,7 @@ impl Query<'_> {
         (samples < constants::LEAST_SAMPLES).then_some(Refusal::TooFewSurfaces { samples })
     }
 
-    /// Refined poses with their evidence, the best first.
-    fn candidates(&self, allowed: Allowed, domain: [[f32; 3]; 2]) -> Vec<Candidate> {
+    fn rotations(&self, allowed: Allowed) -> Vec<UnitQuaternion<f64>> {
         let normals: Vec<([f64; 3], f64)> = self
             .samples
             .iter()
@@ -205,16 +211,24 @@ impl Query<'_> {
             .map(|s| (surfabet_geom::vector::unit(s.normal.map(f64::from)), 1.0))
             .collect();
         let directions = Directions::of(&normals, SCAN_DIRECTIONS);
-        let rotations = rotations(self.map, &directions, allowed);
-        let found = Search::new(self.map, self.samples, &rotations, domain).run();
-        let (rough, verified) =
-            (self.thinned(ROUGH_SAMPLES), self.thinned(VERIFIED_SAMPLES));
+        rotations(self.map, &directions, allowed)
+    }
+
+    /// Refined poses with their evidence, the best first, of those that explain at least a share of what the best does.
+    fn candidates(
+        &self,
+        rotations: &[UnitQuaternion<f64>],
+        domain: [[f32; 3]; 2],
+        share: f64,
+    ) -> Vec<Candidate> {
+        let found = Search::new(self.map, self.samples, rotations, domain).run(share);
+        let rough = self.thinned(ROUGH_SAMPLES);
         let mut candidates = map_each(&found, |&(_, start)| {
             let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);
-            Candidate { placement, evidence: evidence(self.map, &verified, &placement) }
+            Candidate { placement, evidence: evidence(self.map, &rough, &placement) }
         });
         decide::best_first(&mut candidates, FINALISTS);
-        let fine = self.thinned(FINE_SAMPLES);
+        let (fine, verified) = (self.thinned(FINE_SAMPLES), self.thinned(VERIFIED_SAMPLES));
         let mut candidates = map_each(&candidates, |c| {
             let placement = refine(self.map, &fine, c.placement, FINE_REACH, FINE_STEPS);
             Candidate { placement, evidence: evidence(self.map, &verified, &placement) }

@@ -7,7 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use surfabet_geom::vector;
 
 use super::constants::{
-    BOUND_PER_LEVEL, FACES_AXIS, HYPOTHESES, LEAST_SHARE, LEAST_SHARE_OF_BEST, LEVELS, MAX_NODES, SAME_ROTATION,
+    BOUND_PER_LEVEL, FACES_AXIS, HYPOTHESES, LEAST_SHARE, LEVELS, MAX_NODES, SAME_ROTATION,
     SAME_TRANSLATION, SEARCH_SAMPLES,
 };
 use super::map::{Localizer, evenly};
@@ -84,8 +84,8 @@ impl<'a> Search<'a> {
         Self { map, rotations, turned: turned.collect(), low, extent }
     }
 
-    /// Distinct poses with the samples that they explain, the best first.
-    pub fn run(&self) -> Vec<(f64, Placement)> {
+    /// Distinct poses with the share of samples that they explain, the best first; those with at least `share` of the best.
+    pub fn run(&self, share: f64) -> Vec<(f64, Placement)> {
         let n = self.turned.first().map_or(0, |t| t.points.len());
         let mut least = (LEAST_SHARE * n as f64).ceil() as u32;
         let mut heap = self.roots(least);
@@ -99,7 +99,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             if node.level == 0 {
-                let of_best = (LEAST_SHARE_OF_BEST * f64::from(node.bound)).ceil() as u32;
+                let of_best = (share * f64::from(node.bound)).ceil() as u32;
                 least = least.max(of_best);
                 found.push((node.bound, node));
                 continue;
