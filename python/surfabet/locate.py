@@ -130,9 +130,7 @@ def _pose(prior: ArrayLike) -> list[list[float]]:
     if array.shape == (4,):
         x, y, z, yaw = array
         cosine, sine = np.cos(np.deg2rad(yaw)), np.sin(np.deg2rad(yaw))
-        array = np.array(
-            [[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1]]
-        )
+        array = np.array([[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
     if array.shape != (4, 4):
         raise InvalidInputError(
             f"prior has the shape {array.shape}, expected a (4, 4) pose or x, y, z and yaw"

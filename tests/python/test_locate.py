@@ -1,4 +1,4 @@
-"""Where a scan was taken: exact poses of simulated scans, refusals, places that look alike, the verb `locate`."""
+"""Where a scan was taken: exact poses, refusals, places that look alike, the verb `locate`."""
 
 from __future__ import annotations
 

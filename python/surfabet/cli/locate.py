@@ -43,8 +43,8 @@ def locate(
 ) -> int | None:
     """Find where in a model a scan was taken, from the model alone.
 
-    The scan is in the frame of its sensor, which stands at zero. Several places are given where they
-    look alike, none where none can be defended; the exit code is 1 then.
+    The scan is in the frame of its sensor, which stands at zero. Several places are given where
+    they look alike, none where none can be defended; the exit code is 1 then.
 
         surfabet locate map.sfb scan.pcd
         surfabet locate map.sfb scan.pcd --prior 1.2 0.4 0 90 --radius 2 --json
@@ -62,8 +62,8 @@ def locate(
     angle
         How far the scan may be turned from the prior, degrees; by default 20.
     upright
-        The vertical of the scan is that of the map within 45 degrees; with --any-tilt it may be any. By
-        default upright poses are tried first, then all others.
+        The vertical of the scan is that of the map within 45 degrees; with --any-tilt it may be
+        any. By default upright poses are tried first, then all others.
     top
         Most places that are given.
     json

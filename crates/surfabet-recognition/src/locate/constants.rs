@@ -100,8 +100,9 @@ pub(super) const SHARES_OF_BEST: [f64; 2] = [0.8, 0.55];
 /// Share explained from which on an accepted place ends the search.
 pub(super) const CLEARLY_EXPLAINED: f64 = 0.75;
 
-/// Most nodes of the search that are opened: bounds its time to some 50 ms.
-pub(super) const MAX_NODES: usize = 6000;
+/// Most nodes of the search that are opened: bounds its time. Of the hall the right pose
+/// is found with at most 1,200.
+pub(super) const MAX_NODES: usize = 2500;
 
 /// What a level takes from the bound of a node on average, as a share of the samples: nodes are opened by what their leaves
 /// are likely to have. Without it all boxes of a large map are opened before the first leaf is reached.

@@ -7,22 +7,30 @@ pub(super) struct Lattice {
     pub low: [f32; 3],
     /// Side of a cell, metres.
     pub cell: f32,
+    /// Cells per metre.
+    per_metre: f32,
     /// Cells per axis.
     pub size: [i32; 3],
 }
 
 impl Lattice {
+    pub fn new(low: [f32; 3], cell: f32, size: [i32; 3]) -> Self {
+        Self { low, cell, per_metre: 1.0 / cell, size }
+    }
+
     /// Number of cells.
     pub fn len(&self) -> usize {
         self.size.iter().map(|&n| n as usize).product()
     }
 
     /// The cell of a position, also outside.
+    #[inline]
     pub fn cell_of(&self, p: [f32; 3]) -> [i32; 3] {
-        std::array::from_fn(|a| floor((p[a] - self.low[a]) / self.cell))
+        std::array::from_fn(|a| floor((p[a] - self.low[a]) * self.per_metre))
     }
 
     /// Where a cell stands in memory, x fastest; `None` outside.
+    #[inline]
     pub fn index(&self, [x, y, z]: [i32; 3]) -> Option<usize> {
         let [nx, ny, nz] = self.size;
         let is_inside = (0..nx).contains(&x) && (0..ny).contains(&y) && (0..nz).contains(&z);

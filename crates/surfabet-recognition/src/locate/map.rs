@@ -149,7 +149,7 @@ fn lattice_about([low, high]: [[f32; 3]; 2], cell: f32) -> Lattice {
     let margin = REACH as f32 * cell;
     let low = low.map(|c| c - margin);
     let size = std::array::from_fn(|a| ((high[a] + margin - low[a]) / cell).ceil() as i32 + 1);
-    Lattice { low, cell, size }
+    Lattice::new(low, cell, size)
 }
 
 /// Numbers of `n` of `all` items, evenly taken.

@@ -79,7 +79,7 @@ mod tests {
                 [2.0 + 1.5 * t.sin(), 2.0 + 1.2 * (1.7 * t).cos(), 2.0 + 0.4 * (0.9 * t).sin()]
             })
             .collect();
-        let lattice = Lattice { low: [0.0; 3], cell: 0.2, size: [20; 3] };
+        let lattice = Lattice::new([0.0; 3], 0.2, [20; 3]);
         let nearest = Nearest::new(lattice, &points);
         for z in 0..20 {
             for y in 0..20 {

@@ -59,7 +59,7 @@ impl Level {
     fn halved(&self) -> Self {
         let fine = &self.lattice;
         let size = fine.size.map(|n| (n + 1) / 2);
-        let mut coarse = Self::empty(Lattice { low: fine.low, cell: 2.0 * fine.cell, size });
+        let mut coarse = Self::empty(Lattice::new(fine.low, 2.0 * fine.cell, size));
         let rows = (size[0] as usize, fine.size[0] as usize);
         for z in 0..fine.size[2] as usize {
             for y in 0..fine.size[1] as usize {
@@ -78,7 +78,7 @@ impl Level {
         let fine = &self.lattice;
         let size = fine.size.map(|n| n + after as i32);
         let low = fine.low.map(|c| c - after as f32 * fine.cell);
-        let mut wide = Self::empty(Lattice { low, cell: fine.cell, size });
+        let mut wide = Self::empty(Lattice::new(low, fine.cell, size));
         let [nx, ny, nz] = size.map(|n| n as usize);
         for z in 0..fine.size[2] as usize {
             for y in 0..fine.size[1] as usize {
@@ -127,7 +127,7 @@ mod tests {
             inside in prop::array::uniform3(0.0_f32..1.0),
             level in 0..LEVELS,
         ) {
-            let lattice = Lattice { low: [0.0; 3], cell: 0.2, size: [30; 3] };
+            let lattice = Lattice::new([0.0; 3], 0.2, [30; 3]);
             let pyramid = Pyramid::new(lattice, &[surface], &[2]);
             let width = 0.4 * (1 << level) as f32;
             let level = &pyramid.levels[level];
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn what_is_far_is_not_known() {
-        let lattice = Lattice { low: [0.0; 3], cell: 0.2, size: [30; 3] };
+        let lattice = Lattice::new([0.0; 3], 0.2, [30; 3]);
         let pyramid = Pyramid::new(lattice, &[[3.1, 3.1, 3.1]], &[1]);
         assert_eq!(pyramid.levels[0].at([3.1, 3.1, 3.1]), 1);
         assert_eq!(pyramid.levels[0].at([2.7, 2.7, 2.7]), 1);
