@@ -77,10 +77,7 @@ impl PyModel {
     }
 
     /// The model made ready to be asked where scans were taken.
-    fn localizer(
-        slf: &Bound<'_, Self>,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyLocalizer> {
+    fn localizer(slf: &Bound<'_, Self>, progress: Option<Py<PyAny>>) -> PyResult<PyLocalizer> {
         let model = &slf.get().model;
         let localizer = run(slf.py(), progress, |monitor| model.localizer(monitor))?;
         Ok(PyLocalizer { localizer })

@@ -5,4 +5,4 @@
 
 pub mod locate;
 
-pub use locate::{LocateOptions, Localizer, Located, Location, Prior, Refusal};
+pub use locate::{Localizer, LocateOptions, Located, Location, Prior, Refusal};

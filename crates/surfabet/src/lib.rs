@@ -49,10 +49,12 @@ pub use surfabet_models::options::{self, Options};
 pub use surfabet_models::patches::{self, PatchModel, PatchesOptions};
 pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
-pub use surfabet_recognition::locate::{self, LocateOptions, Located, Localizer, Location, Prior, Refusal};
 pub use surfabet_models::scans::{Deviation, Upright};
 pub use surfabet_models::{
     AttributeFigures, DecodeOptions, Fact, Figures, Named, Report, ScalarScale, Sensor, Stage,
     Summary, SurfaceModel,
+};
+pub use surfabet_recognition::locate::{
+    self, Localizer, LocateOptions, Located, Location, Prior, Refusal,
 };
 pub use surfabet_sparse as sparse;

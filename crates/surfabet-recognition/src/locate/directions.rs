@@ -101,9 +101,8 @@ fn outer([x, y, z]: [f64; 3]) -> [f64; 6] {
 /// The direction of the largest sum of squares.
 fn main_axis([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> [f64; 3] {
     let eigen = SymmetricEigen::new(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz));
-    let largest = (1..3).fold(0, |best, i| {
-        if eigen.eigenvalues[i] > eigen.eigenvalues[best] { i } else { best }
-    });
+    let largest = (1..3)
+        .fold(0, |best, i| if eigen.eigenvalues[i] > eigen.eigenvalues[best] { i } else { best });
     eigen.eigenvectors.column(largest).into_owned().into()
 }
 

@@ -5,7 +5,8 @@ use surfabet_geom::{PointCloud, Progress, vector};
 use surfabet_models::{DecodeOptions, Error, Result, SurfaceModel};
 
 use super::constants::{
-    FACES_AXIS, FAR_MARGIN, FAR_SHARE, LEAST_CELL, MAP_DIRECTIONS, MAX_CELLS, REACH, SAMPLES_PER_CELL,
+    FACES_AXIS, FAR_MARGIN, FAR_SHARE, LEAST_CELL, MAP_DIRECTIONS, MAX_CELLS, REACH,
+    SAMPLES_PER_CELL,
 };
 use super::directions::{Density, Directions, axes_of};
 use super::grid::Lattice;
@@ -139,8 +140,7 @@ fn bounds_of(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
 fn cell_for(surface: &PointCloud) -> f64 {
     let [low, high] = bounds_of(surface.positions());
     let around = 2.0 * f64::from(REACH) * LEAST_CELL;
-    let volume: f64 =
-        (0..3).map(|a| f64::from(high[a]) - f64::from(low[a]) + around).product();
+    let volume: f64 = (0..3).map(|a| f64::from(high[a]) - f64::from(low[a]) + around).product();
     (volume / MAX_CELLS).cbrt().max(LEAST_CELL)
 }
 

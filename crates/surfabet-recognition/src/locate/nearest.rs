@@ -1,7 +1,7 @@
 //! The nearest sample of the map's surface, at every cell near one.
 
-use super::grid::Lattice;
 use super::constants::REACH;
+use super::grid::Lattice;
 use surfabet_geom::vector::squared_distance;
 
 /// Numbers of the nearest samples by cell.
@@ -86,8 +86,7 @@ mod tests {
                 for x in 0..20 {
                     let middle = lattice.middle([x, y, z]);
                     let distance = |i: usize| squared_distance(points[i], middle).sqrt();
-                    let least =
-                        (0..points.len()).map(distance).fold(f32::INFINITY, f32::min);
+                    let least = (0..points.len()).map(distance).fold(f32::INFINITY, f32::min);
                     match nearest.at(middle) {
                         Some(i) => assert!(distance(i) < least + 0.02),
                         None => assert!(least > 0.8),

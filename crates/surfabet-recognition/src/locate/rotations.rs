@@ -52,7 +52,6 @@ pub(super) fn rotations(
 ) -> Vec<UnitQuaternion<f64>> {
     let mut found = Found { map, scan, allowed, ranked: Vec::new() };
     found.from_pairs();
-    if std::env::var("DBG").is_ok() { eprintln!("DBG scan {:.2?}\nDBG map {:.2?}", scan.all, map.directions.all); }
     let second: f64 = scan.all.iter().skip(1).map(|d| d.1).sum();
     let mut most = ROTATIONS;
     if found.ranked.is_empty() || second < LEAST_SECOND_SHARE {

@@ -120,8 +120,7 @@ fn plane_normal([xx, xy, xz, yy, yz, zz]: [f64; 6], n: f64, side: f64) -> Option
     }
     let [a, b, c, d, e, f] =
         [(xx - mean) / p, xy / p, xz / p, (yy - mean) / p, yz / p, (zz - mean) / p];
-    let half_determinant =
-        0.5 * (a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d));
+    let half_determinant = 0.5 * (a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d));
     let angle = half_determinant.clamp(-1.0, 1.0).acos() / 3.0;
     let largest = mean + 2.0 * p * angle.cos();
     let least = mean + 2.0 * p * (angle + 2.0 * std::f64::consts::FRAC_PI_3).cos();

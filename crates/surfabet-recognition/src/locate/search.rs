@@ -115,8 +115,6 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        if std::env::var("DBG").is_ok() { eprintln!("DBG rotations {} opened {} found {:?} left {}", self.rotations.len(), opened, found.iter().map(|f| f.0).collect::<Vec<_>>(), heap.len()); }
-if std::env::var("DBG").is_ok() { for f in found.iter().take(4) { eprintln!("DBG at {} {:?}", f.0, self.pose(&f.1)); } }
         found.retain(|(bound, _)| *bound >= least);
         found.sort_by(|a, b| b.1.cmp(&a.1));
         found.iter().map(|(bound, node)| (f64::from(*bound) / n as f64, self.pose(node))).collect()
@@ -189,8 +187,7 @@ if std::env::var("DBG").is_ok() { for f in found.iter().take(4) { eprintln!("DBG
         let reach = SAME_TRANSLATION as i32;
         let width = (1 << node.level) - 1;
         found.iter().any(|(_, other)| {
-            let near = (0..3)
-                .all(|a| (middle(node)[a] - middle(other)[a]).abs() + width <= reach);
+            let near = (0..3).all(|a| (middle(node)[a] - middle(other)[a]).abs() + width <= reach);
             let [a, b] = [node.rotation, other.rotation].map(|r| &self.rotations[r as usize]);
             near && (node.rotation == other.rotation || a.angle_to(b) < 2.0 * SAME_ROTATION)
         })

@@ -88,8 +88,7 @@ impl Ray {
             let incidence = dot(self.direction, map.normals[i]);
             if incidence.abs() >= LEAST_INCIDENCE {
                 let meets = along + dot(away, map.normals[i]) / incidence;
-                let q: [f32; 3] =
-                    std::array::from_fn(|a| self.from[a] + meets * self.direction[a]);
+                let q: [f32; 3] = std::array::from_fn(|a| self.from[a] + meets * self.direction[a]);
                 let off = minus(q, map.points[i]);
                 if meets > from && meets < to && dot(off, off) < aside * aside {
                     return true;
