@@ -41,6 +41,7 @@ from surfabet.geometry import (
 from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, learn_hscsm
 from surfabet.io import read, write
 from surfabet.learning import AttributeFigures, LearningReport
+from surfabet.locate import Localizer, Location, Locations
 from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.navigation import NavigationGraph
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
@@ -77,6 +78,9 @@ __all__ = [
     "LatticeLevel",
     "LatticePatches",
     "LearningReport",
+    "Localizer",
+    "Location",
+    "Locations",
     "LostAttributeWarning",
     "MissingDependencyError",
     "NavigationGraph",

@@ -413,6 +413,7 @@ class Model:
         max_points: int,
         progress: ProgressCallback | None,
     ) -> PointCloud: ...
+    def localizer(self, progress: ProgressCallback | None) -> Localizer: ...
     def to_bytes(self) -> bytes: ...
     def save(self, path: str, note: str) -> int: ...
     @property
@@ -433,6 +434,23 @@ class Model:
     def summary_dict(self) -> dict[str, Any]: ...
     def __len__(self) -> int: ...
     def __eq__(self, other: object, /) -> bool: ...
+
+_Places: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+
+@final
+class Localizer:
+    def locate(
+        self,
+        scan: PointCloud,
+        *,
+        prior: ArrayLike | None,
+        radius: float,
+        angle: float,
+        upright: bool | None,
+        top: int,
+        progress: ProgressCallback | None,
+    ) -> tuple[_Places, _Places, str | None]: ...
+    def __len__(self) -> int: ...
 
 _Vocabulary: TypeAlias = Alphabet | BicAlphabet | HscsmDictionary
 

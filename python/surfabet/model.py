@@ -6,12 +6,13 @@ import os
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.learning import AttributeFigures, LearningReport
+from surfabet.locate import Localizer, Locations
 
 __all__ = ["MAX_POINTS", "Model"]
 
@@ -28,10 +29,11 @@ class Model(Generic[C]):
     after it is loaded. Models are equal when their files are: how they were learned does not count.
     """
 
-    __slots__ = ("_core",)
+    __slots__ = ("_core", "_localizer")
 
     def __init__(self, core: C) -> None:
         self._core = core
+        self._localizer: Localizer | None = None
 
     def decode(
         self,
@@ -81,6 +83,77 @@ class Model(Generic[C]):
                 max_points=max_points,
                 progress=callback,
             )
+
+    def localizer(self, *, progress: Progress = None) -> Localizer:
+        """The model made ready to be asked where scans were taken: its surfaces as samples, with
+        what speeds up the search. Built by the first call and kept.
+
+        Raises
+        ------
+        InvalidInputError
+            For a model without surface.
+        """
+        if self._localizer is None:
+            with progress_callback(progress) as callback:
+                self._localizer = Localizer(self._core.localizer(callback))
+        return self._localizer
+
+    def locate(
+        self,
+        scan: PointCloud,
+        *,
+        prior: ArrayLike | None = None,
+        radius: float = 1.0,
+        angle: float = 20.0,
+        upright: bool | None = None,
+        top: int = 5,
+        progress: Progress = None,
+    ) -> Locations:
+        """Where in the model a scan was taken: no initial pose and no original points are needed.
+
+        Only what can be defended is accepted: enough of the scan lies on mapped surfaces, rays of
+        the scan do not pass through them, and places that look alike are all named.
+
+        Parameters
+        ----------
+        scan
+            One scan in the frame of its sensor, which stands at zero unless the cloud has
+            viewpoints.
+        prior
+            What is known of the pose: scan to world (4, 4), or x, y, z in metres and yaw in
+            degrees.
+        radius
+            How far the sensor may be from the prior, metres.
+        angle
+            How far the scan may be turned from the prior, degrees.
+        upright
+            True: the vertical of the scan is that of the map within 45 degrees. False: it may be
+            any. None: upright poses first, then all others when none of them is accepted.
+        top
+            Most places that are given.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Returns
+        -------
+        Locations
+            A sequence of `Location`, the likeliest first; empty with a `reason` where no place is
+            accepted. The same for any number of threads.
+
+        Raises
+        ------
+        InvalidInputError
+            For a prior that is no pose, or an option outside of its domain.
+        """
+        return self.localizer(progress=progress).locate(
+            scan,
+            prior=prior,
+            radius=radius,
+            angle=angle,
+            upright=upright,
+            top=top,
+            progress=progress,
+        )
 
     def to_bytes(self) -> bytes:
         """The bytes of the model's file. The same model always gives the same bytes."""

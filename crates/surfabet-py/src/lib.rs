@@ -12,6 +12,7 @@ mod files;
 mod gas;
 mod hscsm;
 mod kdtree;
+mod locate;
 mod lzf;
 mod metrics;
 mod model;
@@ -44,6 +45,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     alphabet::register(module)?;
     bic_alphabet::register(module)?;
     recognition::register(module)?;
+    locate::register(module)?;
     files::register(module)?;
     gas::register(module)?;
     reduce::register(module)?;

@@ -10,6 +10,7 @@ use surfabet::{AnyModel, DecodeOptions, Fact, Layout};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::IntoPyErr;
+use crate::locate::PyLocalizer;
 use crate::report::report_dict;
 use crate::run::run;
 
@@ -73,6 +74,13 @@ impl PyModel {
         let options = DecodeOptions { resolution, as_measured, normals, max_points };
         let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
         Ok(cloud.into())
+    }
+
+    /// The model made ready to be asked where scans were taken.
+    fn localizer(slf: &Bound<'_, Self>, progress: Option<Py<PyAny>>) -> PyResult<PyLocalizer> {
+        let model = &slf.get().model;
+        let localizer = run(slf.py(), progress, |monitor| model.localizer(monitor))?;
+        Ok(PyLocalizer { localizer })
     }
 
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {

@@ -6,6 +6,7 @@ use std::fmt::Debug;
 use surfabet_codec::{ContentHash, Layout, Vocabulary};
 use surfabet_geom::{PointCloud, Progress};
 use surfabet_models::{DecodeOptions, Figures, Report, Summary};
+use surfabet_recognition::Localizer;
 
 use crate::error::Result;
 
@@ -25,6 +26,12 @@ pub trait AnyModel: Debug + Send + Sync {
     /// # Errors
     /// [`crate::Error::Model`] for options outside their domain, too many points, or when the caller asks to stop.
     fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud>;
+
+    /// The model made ready to be asked where scans were taken.
+    ///
+    /// # Errors
+    /// [`crate::Error::Model`] for a model without surface or one that is too large, or when the caller asks to stop.
+    fn localizer(&self, progress: &dyn Progress) -> Result<Localizer>;
 
     /// How the model was learned; empty for a model read from a file.
     fn report(&self) -> &Report<dyn Figures>;
@@ -71,6 +78,10 @@ impl<M: Layout> AnyModel for M {
 
     fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         Ok(M::decode(self, options, progress)?)
+    }
+
+    fn localizer(&self, progress: &dyn Progress) -> Result<Localizer> {
+        Ok(Localizer::new(self, progress)?)
     }
 
     fn report(&self) -> &Report<dyn Figures> {

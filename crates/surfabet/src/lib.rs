@@ -54,4 +54,7 @@ pub use surfabet_models::{
     AttributeFigures, DecodeOptions, Fact, Figures, Named, Report, ScalarScale, Sensor, Stage,
     Summary, SurfaceModel,
 };
+pub use surfabet_recognition::locate::{
+    self, Localizer, LocateOptions, Located, Location, Prior, Refusal,
+};
 pub use surfabet_sparse as sparse;

@@ -20,6 +20,7 @@ from surfabet.cli.evaluate import evaluate
 from surfabet.cli.export import export
 from surfabet.cli.find import find
 from surfabet.cli.info import info
+from surfabet.cli.locate import locate
 from surfabet.cli.verify import verify
 from surfabet.errors import InvalidInputError
 
@@ -45,7 +46,7 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
-for verb in (compress, decompress, info, evaluate, verify, find, export, convert):
+for verb in (compress, decompress, info, evaluate, verify, find, locate, export, convert):
     app.command(verb)
 
 

@@ -1,0 +1,401 @@
+"""`model.locate` on a hall of laser scans and a simulated building, beside three other tools.
+
+python benches/papers/locate.py --part hall
+python benches/papers/locate.py --part building
+python benches/papers/locate.py --part peers      # pip install kiss-matcher map-closures open3d
+
+The map `half` is of the scans 28, 32, ... of a drive, its queries are 26, 30, ...; `first` maps
+scans up to 70, its queries are 72 to 108, up to 9 m away. Every query is turned by a random yaw.
+CPU time is that of the process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from paper_bench import DATA, check_data, print_header, print_row
+
+import surfabet as sb
+from surfabet import datasets
+
+Array = NDArray[np.float64]
+Query = tuple[str, Array, Array | None]
+NEAR, TURNED = 0.2, 2.0
+
+
+def scan(k: int) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        points = np.asarray(sb.read(DATA / f"multi_scan/full{k}.pcd").points, np.float64)
+    return points[np.linalg.norm(points, axis=1) > 0.5]
+
+
+def drive() -> tuple[dict[int, Array], Array]:
+    """The scans of the drive, and the poses of all."""
+    poses = np.loadtxt(DATA / "multi_scan/alidarPose.csv", delimiter=",", usecols=range(4))
+    poses = poses.reshape(-1, 4, 4)
+    poses[:, 3] = [0, 0, 0, 1]
+    return {k: scan(k) for k in range(26, 110, 2)}, poses
+
+
+def yaw(angle: float) -> Array:
+    s, c = np.sin(angle), np.cos(angle)
+    pose = np.eye(4)
+    pose[:2, :2] = [[c, -s], [s, c]]
+    return pose
+
+
+def errors(found: Array, pose: Array) -> tuple[float, float]:
+    """Metres and degrees."""
+    turn = found[:3, :3].T @ pose[:3, :3]
+    cosine = np.clip((np.trace(turn) - 1) / 2, -1, 1)
+    return float(np.linalg.norm(found[:3, 3] - pose[:3, 3])), float(np.rad2deg(np.arccos(cosine)))
+
+
+def is_right(found: Array, pose: Array | None) -> bool:
+    if pose is None:
+        return False
+    away, turned = errors(found, pose)
+    return away < NEAR and turned < TURNED
+
+
+def merged(scans: dict[int, Array], poses: Array, numbers: list[int]) -> sb.PointCloud:
+    parts = [scans[k] @ poses[k][:3, :3].T + poses[k][:3, 3] for k in numbers]
+    return thinned(sb.PointCloud(np.concatenate(parts)), 0.05)
+
+
+def thinned(cloud: sb.PointCloud, side: float) -> sb.PointCloud:
+    return sb.voxel_downsample(cloud, side)
+
+
+def hall_queries(
+    scans: dict[int, Array], poses: Array, numbers: list[int]
+) -> dict[str, list[Query]]:
+    """By kind: as it is, a view of 90 degrees, half of the points, mirrored."""
+    random = np.random.default_rng(7)
+    found: dict[str, list[Query]] = {"full": [], "90 degrees": [], "half": [], "mirrored": []}
+    for k in numbers:
+        turn = yaw(random.uniform(0, 2 * np.pi))
+        points, pose = scans[k] @ turn[:3, :3], poses[k] @ turn
+        ahead = np.abs(np.arctan2(points[:, 1], points[:, 0])) < np.pi / 4
+        found["full"].append((str(k), points, pose))
+        found["90 degrees"].append((str(k), points[ahead], pose))
+        found["half"].append((str(k), points[random.random(len(points)) < 0.5], pose))
+        found["mirrored"].append((str(k), points * [1, -1, 1], None))
+    return found
+
+
+def elsewhere() -> list[Query]:
+    """Scans of other places."""
+    found: list[Query] = []
+    for pattern in ("indoor_scan/*.pcd", "outdoor_360/*.bin"):
+        for path in sorted(DATA.glob(pattern)):
+            found.append((path.name, np.asarray(sb.read(path).points, np.float64), None))
+    for seed in range(4):
+        room = datasets.make_room(seed=seed, size=(7 + seed, 6, 2.8))
+        for frame in datasets.scan_lidar(room, n_scans=2, random_state=seed).frames:
+            found.append((f"room {seed}", local(frame), None))
+    return found
+
+
+def local(frame: sb.datasets.Frame) -> Array:
+    """Points of a simulated frame in the frame of its sensor."""
+    pose = np.asarray(frame.pose)
+    return (np.asarray(frame.cloud.points, np.float64) - pose[:3, 3]) @ pose[:3, :3]
+
+
+def ask(
+    model: sb.PatchModel | sb.AlphabetModel | sb.PlaneModel,
+    queries: list[Query],
+    prior: bool = False,
+) -> list[object]:
+    """Right alone, right among several, wrong, refused, then median error and time."""
+    right = named = wrong = refused = 0
+    away, milliseconds = [], []
+    for name, points, pose in queries:
+        cloud = sb.PointCloud(points)
+        near = None
+        if prior and pose is not None:
+            near = pose @ yaw(np.deg2rad(5))
+            near[:3, 3] += [0.3, -0.3, 0.1]
+        start = time.process_time()
+        found = model.locate(cloud, prior=near)
+        milliseconds.append(1000 * (time.process_time() - start))
+        good = [is_right(place.pose, pose) for place in found]
+        if not good:
+            refused += 1
+        elif not any(good):
+            wrong += 1
+            print(f"<!-- wrong: {name} {found} -->")
+        elif len(good) == 1:
+            right += 1
+        else:
+            named += 1
+        if any(good) and pose is not None:
+            away.append(errors(found[good.index(True)].pose, pose))
+    centre = (
+        [100 * np.median([a for a, _ in away]), np.median([t for _, t in away])]
+        if away
+        else [np.nan] * 2
+    )
+    return [
+        len(queries),
+        right,
+        named,
+        wrong,
+        refused,
+        f"{centre[0]:.1f}",
+        f"{centre[1]:.2f}",
+        f"{np.median(milliseconds):.0f}",
+        f"{np.percentile(milliseconds, 95):.0f}",
+    ]
+
+
+COLUMNS = (
+    "queries",
+    "right",
+    "right, among several",
+    "wrong",
+    "refused",
+    "median error cm",
+    "degrees",
+    "median CPU ms",
+    "95th percentile",
+)
+
+
+def hall_maps(cloud: sb.PointCloud) -> Iterator[tuple[str, sb.PatchModel | sb.AlphabetModel]]:
+    yield "patches", sb.learn_patches(cloud, resolution=0.08, completeness=0, rate=4)
+    yield "alphabet", sb.learn_alphabet(thinned(cloud, 0.1))
+
+
+def splits() -> dict[str, tuple[list[int], list[int]]]:
+    numbers = list(range(26, 110, 2))
+    return {
+        "half": ([k for k in numbers if k % 4 == 0], [k for k in numbers if k % 4]),
+        "first": ([k for k in numbers if k <= 70], [k for k in numbers if k > 70]),
+    }
+
+
+def hall() -> None:
+    scans, poses = drive()
+    others = elsewhere()
+    print_header("map", "method", "bytes", "queries are", *COLUMNS)
+    for split, (of_map, asked) in splits().items():
+        kinds = hall_queries(scans, poses, asked)
+        for method, model in hall_maps(merged(scans, poses, of_map)):
+            size = len(model.to_bytes())
+            model.localizer()
+            for kind, queries in {**kinds, "elsewhere": others}.items():
+                print_row(split, method, size, kind, *ask(model, queries))
+            print_row(
+                split, method, size, "full, with a prior", *ask(model, kinds["full"], prior=True)
+            )
+
+
+def building() -> None:
+    """20 rooms of 4 x 5, of which 6 are copies: two of one, four of another."""
+    seeds = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 1, 1]
+    sizes = [(6.0 + 0.4 * (s % 5), 5.0 + 0.3 * (s % 4), 2.6) for s in seeds]
+    rooms = [datasets.make_room(seed=s, size=size) for s, size in zip(seeds, sizes, strict=True)]
+    shifts = [np.array([9.0 * (i % 5), 8.0 * (i // 5), 0.0]) for i in range(len(rooms))]
+    parts = []
+    for room, shift in zip(rooms, shifts, strict=True):
+        scans = datasets.scan_lidar(
+            room, n_scans=4, elevation_step=1, azimuth_step=1, random_state=1
+        )
+        parts.append(np.asarray(scans.cloud.points) + shift)
+    cloud = thinned(sb.PointCloud(np.concatenate(parts)), 0.03)
+    models = {
+        "patches": sb.learn_patches(cloud, resolution=0.06, completeness=0),
+        "alphabet": sb.learn_alphabet(cloud),
+    }
+    print_header(
+        "method",
+        "bytes",
+        "queries",
+        "all equal rooms named",
+        "right room first or equal",
+        "wrong",
+        "refused",
+        "median error cm",
+        "degrees",
+        "median CPU ms",
+    )
+    for method, model in models.items():
+        model.localizer()
+        complete = first = wrong = refused = n = 0
+        away, milliseconds = [], []
+        for i, (room, shift) in enumerate(zip(rooms, shifts, strict=True)):
+            poses = room.default_lidar_poses(7)[4:6]
+            scans = datasets.scan_lidar(
+                room, poses, elevation_step=1, azimuth_step=1, random_state=99
+            )
+            for frame in scans.frames:
+                n += 1
+                pose = np.asarray(frame.true_pose)
+                start = time.process_time()
+                found = model.locate(sb.PointCloud(local(frame)), top=8)
+                milliseconds.append(1000 * (time.process_time() - start))
+                equal = [s for s, seed in zip(shifts, seeds, strict=True) if seed == seeds[i]]
+
+                def there(to: Array, pose: Array = pose) -> Array:
+                    moved = pose.copy()
+                    moved[:3, 3] += to
+                    return moved
+
+                if not found:
+                    refused += 1
+                    continue
+                named = [any(is_right(p.pose, there(s)) for p in found) for s in equal]
+                complete += all(named)
+                first += any(is_right(found[0].pose, there(s)) for s in equal)
+                wrong += not any(named)
+                right = [
+                    errors(p.pose, there(shift)) for p in found if is_right(p.pose, there(shift))
+                ]
+                away += right[:1]
+        centre = np.median(away, axis=0) if away else [np.nan, np.nan]
+        print_row(
+            method,
+            len(model.to_bytes()),
+            n,
+            complete,
+            first,
+            wrong,
+            refused,
+            f"{100 * centre[0]:.1f}",
+            f"{centre[1]:.2f}",
+            f"{np.median(milliseconds):.0f}",
+        )
+
+
+def refined(points: Array, target: sb.PointCloud, start: Array) -> Array:
+    """Point to plane ICP of Open3D, so that peers are not judged by their coarse pose."""
+    import open3d as o3d
+
+    def cloud(p: Array) -> o3d.geometry.PointCloud:
+        made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(p)).voxel_down_sample(0.2)
+        made.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(0.6, 30))
+        return made
+
+    a, b = cloud(points), cloud(np.asarray(target.points, np.float64))
+    plane = o3d.pipelines.registration.TransformationEstimationPointToPlane()
+    for reach in (1.0, 0.4):
+        start = o3d.pipelines.registration.registration_icp(
+            a, b, reach, start, plane
+        ).transformation
+    return np.asarray(start)
+
+
+def kiss_matcher(target: sb.PointCloud) -> Callable[[Array], tuple[Array, bool]]:
+    import kiss_matcher as km
+
+    points = np.asarray(target.points, np.float32)
+
+    def run(query: Array) -> tuple[Array, bool]:
+        matcher = km.KISSMatcher(km.KISSMatcherConfig(0.3))
+        solution = matcher.estimate(query.astype(np.float32), points)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = (
+            np.asarray(solution.rotation),
+            np.asarray(solution.translation).ravel(),
+        )
+        return pose, bool(solution.valid)
+
+    return run
+
+
+def fpfh(target: sb.PointCloud) -> Callable[[Array], tuple[Array, bool]]:
+    import open3d as o3d
+
+    registration = o3d.pipelines.registration
+    voxel = 0.5
+
+    def prepared(points: Array) -> tuple[o3d.geometry.PointCloud, registration.Feature]:
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel)
+        cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(2 * voxel, 30))
+        around = o3d.geometry.KDTreeSearchParamHybrid(5 * voxel, 100)
+        return cloud, registration.compute_fpfh_feature(cloud, around)
+
+    there = prepared(np.asarray(target.points, np.float64))
+
+    def run(query: Array) -> tuple[Array, bool]:
+        here = prepared(query)
+        o3d.utility.random.seed(0)
+        found = registration.registration_ransac_based_on_feature_matching(
+            here[0],
+            there[0],
+            here[1],
+            there[1],
+            True,
+            1.5 * voxel,
+            registration.TransformationEstimationPointToPoint(False),
+            3,
+            [
+                registration.CorrespondenceCheckerBasedOnEdgeLength(0.9),
+                registration.CorrespondenceCheckerBasedOnDistance(1.5 * voxel),
+            ],
+            registration.RANSACConvergenceCriteria(1_000_000, 0.999),
+        )
+        return np.asarray(found.transformation), found.fitness > 0.5
+
+    return run
+
+
+def peers(n_queries: int) -> None:
+    scans, poses = drive()
+    of_map, asked = splits()["half"]
+    cloud = merged(scans, poses, of_map)
+    model = sb.learn_patches(cloud, resolution=0.08, completeness=0, rate=4)
+    kinds = hall_queries(scans, poses, asked[:: max(1, len(asked) // n_queries)])
+    model.localizer()
+    print_header(
+        "tool", "map", "queries", "right", "accepted elsewhere or mirrored", "median CPU ms"
+    )
+    wrong = sum(bool(model.locate(sb.PointCloud(p))) for _, p, _ in kinds["mirrored"] + elsewhere())
+    figures = ask(model, kinds["full"])
+    print_row(
+        "surfabet",
+        f"model, {len(model.to_bytes())} bytes",
+        figures[0],
+        figures[1],
+        wrong,
+        figures[-2],
+    )
+    for name, tool in {"KISS-Matcher": kiss_matcher, "Open3D FPFH and RANSAC": fpfh}.items():
+        for target, of in ((cloud, "full cloud"), (model.decode(0.1), "decoded model")):
+            run = tool(target)
+            right, milliseconds = 0, []
+            for _, points, pose in kinds["full"]:
+                start = time.process_time()
+                coarse, _ = run(points)
+                milliseconds.append(1000 * (time.process_time() - start))
+                right += is_right(refined(points, cloud, coarse), pose)
+            accepted = sum(run(points)[1] for _, points, _ in kinds["mirrored"] + elsewhere())
+            print_row(
+                name, of, len(kinds["full"]), right, accepted, f"{np.median(milliseconds):.0f}"
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--part", choices=["hall", "building", "peers"], default="hall")
+    parser.add_argument("--queries", type=int, default=7, help="of the peers")
+    options = parser.parse_args()
+    if options.part == "building":
+        building()
+        return
+    check_data()
+    hall() if options.part == "hall" else peers(options.queries)
+
+
+if __name__ == "__main__":
+    main()

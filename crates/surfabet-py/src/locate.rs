@@ -1,0 +1,77 @@
+//! `surfabet.Localizer`: where in a model a scan was taken.
+
+use numpy::ndarray::{Array2, Array3};
+use numpy::{IntoPyArray, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use surfabet::geom::Pose;
+use surfabet::{Localizer, LocateOptions, Location, Prior};
+
+use crate::cloud::PyPointCloud;
+use crate::errors::IntoPyErr;
+use crate::run::run;
+
+/// A model made ready to be asked; documented in `surfabet.locate`.
+#[pyclass(name = "Localizer", module = "surfabet._core", frozen)]
+pub struct PyLocalizer {
+    pub localizer: Localizer,
+}
+
+/// Poses (k, 4, 4), covariances (k, 6, 6), and score, probability, shares explained, contradicted and in front (k, 5).
+type Columns<'py> =
+    (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>);
+
+fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
+    let n = all.len();
+    let poses = Array3::from_shape_fn((n, 4, 4), |(i, r, c)| match (r, c) {
+        (3, 3) => 1.0,
+        (3, _) => 0.0,
+        (_, 3) => all[i].pose.translation()[r],
+        _ => all[i].pose.rotation()[r][c],
+    });
+    let covariances = Array3::from_shape_fn((n, 6, 6), |(i, r, c)| all[i].covariance[r][c]);
+    let figures = Array2::from_shape_fn((n, 5), |(i, k)| {
+        let l = &all[i];
+        [l.score, l.probability, l.explained, l.contradicted, l.in_front][k]
+    });
+    (poses.into_pyarray(py), covariances.into_pyarray(py), figures.into_pyarray(py))
+}
+
+#[pymethods]
+impl PyLocalizer {
+    /// Accepted and rejected places, and why none is accepted.
+    #[pyo3(signature = (scan, *, prior, radius, angle, upright, top, progress))]
+    fn locate<'py>(
+        slf: &Bound<'py, Self>,
+        scan: &Bound<'_, PyPointCloud>,
+        prior: Option<[[f64; 4]; 4]>,
+        radius: f64,
+        angle: f64,
+        upright: Option<bool>,
+        top: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Columns<'py>, Columns<'py>, Option<String>)> {
+        let py = slf.py();
+        let prior = match prior {
+            Some(rows) => {
+                let pose = Pose::from_rows(rows).map_err(IntoPyErr::into_py_err)?;
+                Some(Prior { pose, radius, angle: angle.to_radians() })
+            }
+            None => None,
+        };
+        let options = LocateOptions { prior, upright, top };
+        let (map, cloud) = (&slf.get().localizer, &scan.get().cloud);
+        let found = run(py, progress, |monitor| map.locate(cloud, &options, monitor))?;
+        let reason = found.refusal.map(|refusal| refusal.to_string());
+        Ok((columns(py, &found.locations), columns(py, &found.rejected), reason))
+    }
+
+    /// Number of samples of the surface.
+    fn __len__(&self) -> usize {
+        self.localizer.len()
+    }
+}
+
+/// Adds this file's names to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyLocalizer>()
+}

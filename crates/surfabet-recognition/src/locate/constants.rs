@@ -1,0 +1,190 @@
+//! The tuned constants of localisation.
+
+// The map.
+
+/// Smallest side of a cell, metres: twice the drift that maps of several scans have, and what the refinement reaches.
+pub(super) const LEAST_CELL: f64 = 0.2;
+
+/// Most cells of a map: 5 bytes each, 80 MB. Cells of larger maps are larger.
+pub(super) const MAX_CELLS: f64 = 16e6;
+
+/// Distance of the map's samples over the side of a cell: no cell that the surface crosses is skipped.
+pub(super) const SAMPLES_PER_CELL: f64 = 0.6;
+
+/// Share of the samples that may lie beyond the box of a map on each side, and by how much it is wider than the others,
+/// metres.
+pub(super) const FAR_SHARE: f64 = 0.002;
+/// The margin.
+pub(super) const FAR_MARGIN: f32 = 2.0;
+
+/// How far from a surface a position still knows its nearest sample, cells.
+pub(super) const REACH: i32 = 5;
+
+/// Levels of the pyramid: nodes of the coarsest are 32 cells wide.
+pub(super) const LEVELS: usize = 5;
+
+/// |component| along an axis of the map from which on a surface counts as facing it: 56 degrees, so that one between two
+/// axes counts for both.
+pub(super) const FACES_AXIS: f32 = 0.55;
+
+// The scan.
+
+/// Side of the scan's voxels, cells.
+pub(super) const VOXELS_PER_CELL: f64 = 2.0;
+
+/// Points nearer to the sensor than this are the carrier's own body, metres.
+pub(super) const BODY_RADIUS: f32 = 0.5;
+
+/// Points of a voxel that a normal needs.
+pub(super) const LEAST_POINTS: f32 = 5.0;
+
+/// Largest least variance over the middle one of a voxel that shows a plane: a deviation of a quarter of the extent.
+pub(super) const FLATNESS: f64 = 0.08;
+
+/// Least standard deviation across the longest direction of a voxel's points, as a share of its side: two rings of a laser
+/// are narrower, and their normal is anything. A full side has 0.29.
+pub(super) const LEAST_WIDTH: f64 = 0.12;
+
+/// Noise that points have at least, metres.
+pub(super) const RANGE_NOISE: f64 = 0.01;
+
+/// Largest standard error of a normal, radians: 3 degrees.
+pub(super) const NORMAL_ERROR: f64 = 0.05;
+
+/// Points of a scan that are used, evenly taken: more change the samples' means by less than a millimetre.
+pub(super) const MAX_POINTS_USED: usize = 60_000;
+
+// Rotations.
+
+/// Directions of the scan and of the map that rotations are guessed from.
+pub(super) const SCAN_DIRECTIONS: usize = 6;
+/// The same of the map.
+pub(super) const MAP_DIRECTIONS: usize = 8;
+
+/// Cosine of the angle about a direction within which normals belong to it: 12 degrees.
+pub(super) const SAME_DIRECTION: f64 = 0.978;
+
+/// Share of the normals that a direction needs.
+pub(super) const LEAST_DIRECTION_SHARE: f64 = 0.03;
+
+/// Largest difference of the angle between two directions of the scan and of the map, radians: 5 degrees.
+pub(super) const SAME_ANGLE: f64 = 0.087;
+
+/// Rotations closer than this are one, radians: 6 degrees.
+pub(super) const SAME_ROTATION: f64 = 0.105;
+
+/// Largest angle between the vertical of scan and map where both are upright, radians: 45 degrees.
+pub(super) const LARGEST_TILT: f64 = 0.785;
+
+/// Rotations that are searched.
+pub(super) const ROTATIONS: usize = 24;
+
+/// Yaws that are tried where directions give none, all around.
+pub(super) const YAWS: usize = 90;
+
+// The search.
+
+/// Samples of the scan that translations are scored with.
+pub(super) const SEARCH_SAMPLES: usize = 192;
+
+/// Hypotheses that are refined.
+pub(super) const HYPOTHESES: usize = 128;
+
+/// Least share of the search samples that a hypothesis explains.
+pub(super) const LEAST_SHARE: f64 = 0.35;
+
+/// Least share of what the best hypothesis explains, first and where that gives no clear answer. A scan that sees mostly what is
+/// not mapped explains less at its place than where it merely fits.
+pub(super) const SHARES_OF_BEST: [f64; 2] = [0.8, 0.55];
+
+/// Share explained from which on an accepted place ends the search.
+pub(super) const CLEARLY_EXPLAINED: f64 = 0.75;
+
+/// Most nodes of the search that are opened: bounds its time. Of the hall the right pose
+/// is found with at most 1,200.
+pub(super) const MAX_NODES: usize = 2500;
+
+/// What a level takes from the bound of a node on average, as a share of the samples: nodes are opened by what their leaves
+/// are likely to have. Without it all boxes of a large map are opened before the first leaf is reached.
+pub(super) const BOUND_PER_LEVEL: f64 = 0.06;
+
+/// Hypotheses of one rotation closer than this are one, cells.
+pub(super) const SAME_TRANSLATION: f32 = 4.0;
+
+// The refinement.
+
+/// Samples of the rough refinement of all hypotheses, and of the fine one of the best.
+pub(super) const ROUGH_SAMPLES: usize = 240;
+/// The same of the fine refinement.
+pub(super) const FINE_SAMPLES: usize = 2000;
+
+/// Gauss-Newton steps of either.
+pub(super) const ROUGH_STEPS: usize = 6;
+/// The same of the fine refinement.
+pub(super) const FINE_STEPS: usize = 8;
+
+/// Distance from a surface at which a sample counts half, in the first and in the last step, cells.
+pub(super) const ROUGH_REACH: [f64; 2] = [2.0, 0.75];
+/// The same in the fine refinement.
+pub(super) const FINE_REACH: [f64; 2] = [0.75, 0.25];
+
+/// Least |cosine| between normals of one surface: 37 degrees.
+pub(super) const SAME_NORMAL: f32 = 0.8;
+
+/// Weight that holds a pose where no surface fixes it, over the weight of all samples.
+pub(super) const HOLD: f64 = 1e-4;
+
+/// Hypotheses that are refined finely.
+pub(super) const FINALISTS: usize = 10;
+
+// The verification.
+
+/// Samples that a pose is verified with.
+pub(super) const VERIFIED_SAMPLES: usize = 500;
+
+/// Distance from a mapped surface up to which a sample is explained by it, cells: 0.2 m.
+pub(super) const EXPLAINED: f64 = 1.0;
+
+/// A ray that meets a mapped surface more than this before its end contradicts it, cells: 0.6 m.
+pub(super) const CROSSING_MARGIN: f64 = 3.0;
+
+/// How far behind a sample that nothing explains a mapped surface is looked for that it hides, cells: 10 m.
+pub(super) const HIDDEN: f64 = 50.0;
+
+/// Least |cosine| between a ray and the normal of a surface that it can contradict: grazing rays miss it by little.
+pub(super) const LEAST_INCIDENCE: f32 = 0.3;
+
+// The decision.
+
+/// Samples that a scan needs.
+pub(super) const LEAST_SAMPLES: usize = 30;
+
+/// Least share of the scan on mapped surfaces.
+pub(super) const LEAST_EXPLAINED: f64 = 0.5;
+
+/// Largest share against a pose, of what the map can say something about: of right poses in the hall of which up to 40 percent
+/// of the scan lie beyond the map it is at most 0.073, of mirrored scans there at least 0.087.
+pub(super) const MOST_AGAINST: f64 = 0.075;
+
+/// From this share explained on more may be against, by so much per share: right poses with 0.83 explained have up to 0.15
+/// against, mirrored scans with 0.78 at least 0.16.
+pub(super) const FULLY_INSIDE: f64 = 0.63;
+/// The slope.
+pub(super) const AGAINST_PER_EXPLAINED: f64 = 0.43;
+
+/// Independent facts that the samples of a scan amount to for a pose, by closeness, and against it.
+pub(super) const FACTS_FOR: f64 = 30.0;
+/// The same against it.
+pub(super) const FACTS_AGAINST: f64 = 60.0;
+
+/// Independent facts of the covariance: surfaces of a model share their errors over some metres.
+pub(super) const FACTS: f64 = 60.0;
+
+/// Least probability of a place that is given.
+pub(super) const LEAST_PROBABILITY: f64 = 0.02;
+
+/// Rough refinements this much less likely than the best, as a logarithm, are not refined further.
+pub(super) const HOPELESS: f64 = 9.0;
+
+/// Poses closer than this are one place: metres and radians.
+pub(super) const SAME_PLACE: (f64, f64) = (0.5, 0.17);

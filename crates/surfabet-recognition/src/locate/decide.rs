@@ -1,0 +1,166 @@
+//! Which poses are accepted, with what probability, and why none is.
+
+use std::fmt;
+
+use surfabet_models::Result;
+
+use super::constants::{
+    AGAINST_PER_EXPLAINED, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH, FINE_SAMPLES, FULLY_INSIDE,
+    HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST, SAME_PLACE,
+};
+use super::map::{Localizer, evenly};
+use super::placement::Placement;
+use super::refine::covariance;
+use super::samples::Sample;
+use super::verify::Evidence;
+use super::{Located, Location};
+
+/// A refined pose.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    pub placement: Placement,
+    pub evidence: Evidence,
+}
+
+/// Why no place is accepted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The scan has too few surfaces to be recognised by.
+    TooFewSurfaces {
+        /// Voxels with points.
+        samples: usize,
+    },
+    /// Nowhere in the map do the scan's surfaces fit.
+    NoPlace,
+    /// At the best place too little of the scan lies on mapped surfaces.
+    Unexplained {
+        /// The share that does.
+        explained: f64,
+        /// The least share that is accepted.
+        limit: f64,
+    },
+    /// At the best place the scan sees through mapped surfaces, or hides them.
+    Contradicted {
+        /// The share that does, of what the map can say something about.
+        contradicted: f64,
+        /// The largest share that is accepted.
+        limit: f64,
+    },
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::TooFewSurfaces { samples } => {
+                write!(f, "the scan has surface in {samples} voxels only")
+            }
+            Self::NoPlace => write!(f, "nowhere in the map do the surfaces of the scan fit"),
+            Self::Unexplained { explained, limit } => write!(
+                f,
+                "at the best place {:.0} % of the scan lie on mapped surfaces, less than {:.0} %",
+                100.0 * explained,
+                100.0 * limit
+            ),
+            Self::Contradicted { contradicted, limit } => write!(
+                f,
+                "at the best place the map contradicts {:.0} % of the scan, more than {:.0} %",
+                100.0 * contradicted,
+                100.0 * limit
+            ),
+        }
+    }
+}
+
+impl Evidence {
+    /// Logarithm of the likelihood, up to a constant. What the map cannot say anything about weighs less than what speaks
+    /// against: the scan may see beyond the map.
+    fn rank(&self) -> f64 {
+        FACTS_FOR * self.closeness - FACTS_AGAINST * (self.contradicted + 0.5 * self.in_front)
+    }
+
+    /// The largest share against that is accepted: more of it where more is explained.
+    fn limit(&self) -> f64 {
+        let more = (self.explained - FULLY_INSIDE).max(0.0);
+        MOST_AGAINST + AGAINST_PER_EXPLAINED * more
+    }
+
+    /// Share that is against the pose of all that the map can say something about.
+    fn against(&self) -> f64 {
+        let against = self.contradicted + self.in_front;
+        against / (against + self.explained).max(1e-9)
+    }
+
+    fn refusal(&self) -> Option<Refusal> {
+        let (explained, contradicted) = (self.explained, self.against());
+        if explained < LEAST_EXPLAINED {
+            return Some(Refusal::Unexplained { explained, limit: LEAST_EXPLAINED });
+        }
+        let limit = self.limit();
+        if contradicted > limit {
+            return Some(Refusal::Contradicted { contradicted, limit });
+        }
+        None
+    }
+}
+
+/// Sorts candidates and drops those that are at the place of a better one or much less likely than the best; at most `most` stay.
+pub(super) fn best_first(candidates: &mut Vec<Candidate>, most: usize) {
+    candidates.sort_by(|a, b| b.evidence.rank().total_cmp(&a.evidence.rank()));
+    let best = candidates.first().map_or(0.0, |c| c.evidence.rank());
+    let mut kept: Vec<Candidate> = Vec::new();
+    for c in candidates.iter().take_while(|c| c.evidence.rank() >= best - HOPELESS) {
+        let is_same = |other: &Candidate| {
+            let (away, turned) = c.placement.distance_to(&other.placement);
+            away < SAME_PLACE.0 && turned < SAME_PLACE.1
+        };
+        if kept.len() < most && !kept.iter().any(is_same) {
+            kept.push(*c);
+        }
+    }
+    *candidates = kept;
+}
+
+/// The answer from distinct candidates, the best first.
+pub(super) fn decide(
+    map: &Localizer,
+    samples: &[Sample],
+    candidates: Vec<Candidate>,
+    sensor: [f64; 3],
+    top: usize,
+) -> Result<Located> {
+    let fine: Vec<Sample> = evenly(samples.len(), FINE_SAMPLES).map(|i| samples[i]).collect();
+    let location = |c: &Candidate, probability: f64| -> Result<Location> {
+        let per_fact = (fine.len() as f64 / FACTS).max(1.0);
+        Ok(Location {
+            pose: c.placement.pose(map.origin, sensor)?,
+            score: c.evidence.closeness,
+            probability,
+            covariance: covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact),
+            explained: c.evidence.explained,
+            contradicted: c.evidence.contradicted,
+            in_front: c.evidence.in_front,
+        })
+    };
+    let Some(best) = candidates.first() else {
+        return Ok(Located { refusal: Some(Refusal::NoPlace), ..Located::default() });
+    };
+    // Probabilities among all, also those that are refused: a place that is refused by little still makes another doubtful.
+    let weight = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
+    let total: f64 = candidates.iter().map(weight).sum();
+    let mut answer = Located::default();
+    for c in &candidates {
+        let probability = weight(c) / total;
+        if probability >= LEAST_PROBABILITY && c.evidence.refusal().is_none() {
+            answer.locations.push(location(c, probability)?);
+        } else {
+            answer.rejected.push(location(c, 0.0)?);
+        }
+    }
+    if answer.locations.is_empty() {
+        answer.refusal = best.evidence.refusal();
+    }
+    answer.locations.truncate(top);
+    answer.rejected.truncate(top);
+    Ok(answer)
+}

@@ -1,0 +1,51 @@
+//! Dense grids of cells over the box of a map.
+
+/// The cells of side `cell` from a lowest corner on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Lattice {
+    /// Lowest corner, metres about the map's origin.
+    pub low: [f32; 3],
+    /// Side of a cell, metres.
+    pub cell: f32,
+    /// Cells per metre.
+    per_metre: f32,
+    /// Cells per axis.
+    pub size: [i32; 3],
+}
+
+impl Lattice {
+    pub fn new(low: [f32; 3], cell: f32, size: [i32; 3]) -> Self {
+        Self { low, cell, per_metre: 1.0 / cell, size }
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.size.iter().map(|&n| n as usize).product()
+    }
+
+    /// The cell of a position, also outside.
+    #[inline]
+    pub fn cell_of(&self, p: [f32; 3]) -> [i32; 3] {
+        std::array::from_fn(|a| floor((p[a] - self.low[a]) * self.per_metre))
+    }
+
+    /// Where a cell stands in memory, x fastest; `None` outside.
+    #[inline]
+    pub fn index(&self, [x, y, z]: [i32; 3]) -> Option<usize> {
+        let [nx, ny, nz] = self.size;
+        let is_inside = (0..nx).contains(&x) && (0..ny).contains(&y) && (0..nz).contains(&z);
+        is_inside.then(|| ((z as usize * ny as usize) + y as usize) * nx as usize + x as usize)
+    }
+
+    /// Middle of a cell.
+    pub fn middle(&self, cell: [i32; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| self.low[a] + (cell[a] as f32 + 0.5) * self.cell)
+    }
+}
+
+/// `c.floor() as i32`, which without the instructions that not every processor has is a call.
+#[inline]
+pub(super) fn floor(c: f32) -> i32 {
+    let towards_zero = c as i32;
+    towards_zero - i32::from(towards_zero as f32 > c)
+}

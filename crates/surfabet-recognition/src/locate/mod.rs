@@ -1,0 +1,245 @@
+//! Where in a saved model a scan was taken, without an initial pose.
+//!
+//! The surfaces of the model are sampled once ([`Localizer`]); no point of the original cloud is needed. A query takes a few
+//! steps, a file each:
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `map` | samples of the model's surfaces, and what is computed from them once |
+//! | `grid`, `pyramid`, `nearest` | cells of the map: which way surfaces in and near them face, the nearest sample |
+//! | `samples` | the scan as oriented samples, one per voxel |
+//! | `directions` | the directions that surfaces face |
+//! | `rotations` | rotations that take the scan's directions to the map's, or turns about the vertical |
+//! | `search` | translations by branch and bound on the pyramid |
+//! | `refine` | point to plane on the map's surfaces, and the covariance |
+//! | `verify` | surfaces explained and rays through mapped surfaces |
+//! | `decide` | which poses are accepted, with what probability; why none is |
+//! | `placement` | a pose in the map's own frame |
+//! | `constants` | tuned constants of all steps |
+//!
+//! Source: branch and bound over translations as W. Hess, D. Kohler, H. Rapp, D. Andor: Real-Time Loop Closure in 2D LIDAR SLAM,
+//! ICRA 2016, in three dimensions and on the axes that surfaces face; directions and offsets of planes instead of all
+//! rotations after K. Pathak, A. Birk, N. Vaskevicius, J. Poppinga: Fast Registration Based on Noisy Planes With Unknown
+//! Correspondences for 3-D Mapping, T-RO 2010.
+
+mod constants;
+mod decide;
+mod directions;
+mod grid;
+mod map;
+mod nearest;
+mod placement;
+mod pyramid;
+mod refine;
+mod rotations;
+mod samples;
+mod search;
+mod verify;
+
+use nalgebra::UnitQuaternion;
+use surfabet_geom::{PointCloud, Pose, Progress};
+use surfabet_models::{Error, Result};
+
+use self::constants::{
+    CLEARLY_EXPLAINED, FINALISTS, FINE_REACH, FINE_SAMPLES, FINE_STEPS, ROUGH_REACH, ROUGH_SAMPLES,
+    ROUGH_STEPS, SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
+};
+pub use self::decide::Refusal;
+use self::decide::{Candidate, decide};
+use self::directions::Directions;
+pub use self::map::Localizer;
+use self::map::{evenly, map_each};
+use self::placement::Placement;
+use self::refine::refine;
+use self::rotations::{Allowed, rotations};
+use self::samples::{Sample, ScanSamples};
+use self::search::Search;
+use self::verify::evidence;
+
+/// What is known of the pose before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// Scan to world, about.
+    pub pose: Pose,
+    /// How far the sensor may be from there, metres.
+    pub radius: f64,
+    /// How far the scan may be turned from it, radians.
+    pub angle: f64,
+}
+
+/// How a scan is located.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocateOptions {
+    /// What is known of the pose before.
+    pub prior: Option<Prior>,
+    /// True when the vertical of the scan is that of the map within 45 degrees, false when it can be any; `None` looks at
+    /// upright poses first, and at all others when none of these is accepted.
+    pub upright: Option<bool>,
+    /// Most places that are given.
+    pub top: usize,
+}
+
+impl Default for LocateOptions {
+    fn default() -> Self {
+        Self { prior: None, upright: None, top: 5 }
+    }
+}
+
+/// A place where the scan may have been taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Location {
+    /// Takes the scan to the world of the model.
+    pub pose: Pose,
+    /// How well the scan's surfaces lie on those of the map, 0 to 1: the mean over the scan of `exp(-d^2 / (2 s^2))` of
+    /// distances d, with s a third of a cell of the map.
+    pub score: f64,
+    /// How likely this is the place, of all that were found, 0 to 1.
+    pub probability: f64,
+    /// Covariance of the pose: rows and columns x, y, z of the sensor in the world in metres, then turns about the world's x,
+    /// y, z in radians.
+    pub covariance: [[f64; 6]; 6],
+    /// Share of the scan that lies on mapped surfaces.
+    pub explained: f64,
+    /// Share of the scan that was seen through mapped surfaces.
+    pub contradicted: f64,
+    /// Share of the scan that lies on nothing mapped and hides a mapped surface.
+    pub in_front: f64,
+}
+
+/// The answer to one scan.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Located {
+    /// Places that are accepted, the likeliest first: several where places look alike.
+    pub locations: Vec<Location>,
+    /// Why none is accepted.
+    pub refusal: Option<Refusal>,
+    /// The best places that are not accepted, with a probability of zero.
+    pub rejected: Vec<Location>,
+}
+
+impl Localizer {
+    /// Where a scan was taken. The sensor stands at the zero of the scan's own coordinates, unless the cloud has viewpoints.
+    ///
+    /// The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for options outside their domain, [`Error::Cancelled`].
+    pub fn locate(
+        &self,
+        scan: &PointCloud,
+        options: &LocateOptions,
+        progress: &dyn Progress,
+    ) -> Result<Located> {
+        options.check()?;
+        let samples = ScanSamples::of(scan, self.cell);
+        let sensor = samples.sensor();
+        let query = Query { map: self, samples: &samples.all };
+        if let Some(refusal) = query.refusal() {
+            return Ok(Located { refusal: Some(refusal), ..Located::default() });
+        }
+        let mut domain = self.bounds;
+        let searches: Vec<Allowed> = match (&options.prior, options.upright) {
+            (Some(prior), _) => {
+                let near = Placement::of(&prior.pose, self.origin, sensor);
+                let at = near.translation;
+                let radius = prior.radius;
+                domain = [-radius, radius].map(|r| std::array::from_fn(|a| (at[a] + r) as f32));
+                vec![Allowed::About(near.rotation, prior.angle)]
+            }
+            (None, None) => vec![Allowed::Upright, Allowed::Tilted],
+            (None, Some(true)) => vec![Allowed::Upright],
+            (None, Some(false)) => vec![Allowed::Any],
+        };
+        let mut answer = Located::default();
+        for allowed in searches {
+            let rotations = query.rotations(allowed);
+            // What is tilted needs a clear answer.
+            let n_shares = if allowed == Allowed::Tilted { 1 } else { SHARES_OF_BEST.len() };
+            for share in SHARES_OF_BEST.into_iter().take(n_shares) {
+                progress.check()?;
+                let candidates = query.candidates(&rotations, domain, share);
+                progress.check()?;
+                answer = decide(self, &samples.all, candidates, sensor, options.top)?;
+                if answer.locations.first().is_some_and(|l| l.explained >= CLEARLY_EXPLAINED) {
+                    return Ok(answer);
+                }
+            }
+            if !answer.locations.is_empty() {
+                break;
+            }
+        }
+        Ok(answer)
+    }
+}
+
+impl LocateOptions {
+    fn check(&self) -> Result<()> {
+        let positive = |name, value: f64, requirement| -> Result<()> {
+            if value > 0.0 && value.is_finite() {
+                return Ok(());
+            }
+            Err(Error::InvalidParameter(surfabet_geom::InvalidParameter::new(
+                name,
+                value,
+                requirement,
+            )))
+        };
+        if let Some(prior) = &self.prior {
+            positive("radius", prior.radius, "a positive number of metres")?;
+            positive("angle", prior.angle, "a positive number of degrees")?;
+        }
+        positive("top", self.top as f64, "at least 1")
+    }
+}
+
+/// A scan and the map that it is looked for in.
+struct Query<'a> {
+    map: &'a Localizer,
+    samples: &'a [Sample],
+}
+
+impl Query<'_> {
+    /// Why the scan cannot be located anywhere.
+    fn refusal(&self) -> Option<Refusal> {
+        let samples = self.samples.len();
+        (samples < constants::LEAST_SAMPLES).then_some(Refusal::TooFewSurfaces { samples })
+    }
+
+    fn rotations(&self, allowed: Allowed) -> Vec<UnitQuaternion<f64>> {
+        let normals: Vec<([f64; 3], f64)> = self
+            .samples
+            .iter()
+            .filter(|s| s.is_flat())
+            .map(|s| (surfabet_geom::vector::unit(s.normal.map(f64::from)), 1.0))
+            .collect();
+        let directions = Directions::of(&normals, SCAN_DIRECTIONS);
+        rotations(self.map, &directions, allowed)
+    }
+
+    /// Refined poses with their evidence, the best first, of those that explain at least a share of what the best does.
+    fn candidates(
+        &self,
+        rotations: &[UnitQuaternion<f64>],
+        domain: [[f32; 3]; 2],
+        share: f64,
+    ) -> Vec<Candidate> {
+        let found = Search::new(self.map, self.samples, rotations, domain).run(share);
+        let rough = self.thinned(ROUGH_SAMPLES);
+        let mut candidates = map_each(&found, |&(_, start)| {
+            let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);
+            Candidate { placement, evidence: evidence(self.map, &rough, &placement) }
+        });
+        decide::best_first(&mut candidates, FINALISTS);
+        let (fine, verified) = (self.thinned(FINE_SAMPLES), self.thinned(VERIFIED_SAMPLES));
+        let mut candidates = map_each(&candidates, |c| {
+            let placement = refine(self.map, &fine, c.placement, FINE_REACH, FINE_STEPS);
+            Candidate { placement, evidence: evidence(self.map, &verified, &placement) }
+        });
+        decide::best_first(&mut candidates, FINALISTS);
+        candidates
+    }
+
+    fn thinned(&self, n: usize) -> Vec<Sample> {
+        evenly(self.samples.len(), n).map(|i| self.samples[i]).collect()
+    }
+}

@@ -1,0 +1,157 @@
+"""Where in a saved model a scan was taken: without an initial pose, from the model alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
+
+__all__ = ["Localizer", "Location", "Locations"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Location:
+    """A place where a scan may have been taken."""
+
+    pose: NDArray[np.float64]
+    """Scan to world, (4, 4)."""
+    score: float
+    """How well the scan's surfaces lie on those of the map, 0 to 1."""
+    probability: float
+    """How likely this is the place, of all that were found, 0 to 1; 0 where it is rejected."""
+    covariance: NDArray[np.float64]
+    """Covariance of the pose, (6, 6): x, y, z of the sensor in the world in metres, then turns
+    about the world's x, y, z in radians."""
+    explained: float
+    """Share of the scan that lies on mapped surfaces."""
+    contradicted: float
+    """Share of the scan that was seen through mapped surfaces."""
+    in_front: float
+    """Share of the scan that lies on nothing mapped and hides a mapped surface: furniture that was
+    moved, people."""
+
+
+class Locations(Sequence[Location]):
+    """The accepted places of a scan, the likeliest first: none where `reason` says why, several
+    where places look alike."""
+
+    __slots__ = ("_accepted", "reason", "rejected")
+
+    def __init__(
+        self, accepted: Sequence[Location], rejected: Sequence[Location], reason: str | None
+    ) -> None:
+        self._accepted = tuple(accepted)
+        self.rejected: tuple[Location, ...] = tuple(rejected)
+        """The best places that are not accepted."""
+        self.reason: str | None = reason
+        """Why no place is accepted; None when one is."""
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether several places are accepted."""
+        return len(self._accepted) > 1
+
+    @overload
+    def __getitem__(self, index: int) -> Location: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Location]: ...
+    def __getitem__(self, index: int | slice) -> Location | Sequence[Location]:
+        return self._accepted[index]
+
+    def __len__(self) -> int:
+        return len(self._accepted)
+
+    def __iter__(self) -> Iterator[Location]:
+        return iter(self._accepted)
+
+    def __repr__(self) -> str:
+        if not self._accepted:
+            return f"Locations(none: {self.reason})"
+        places = ", ".join(
+            "({:.2f}, {:.2f}, {:.2f}) with probability {:.2f}".format(
+                *place.pose[:3, 3], place.probability
+            )
+            for place in self._accepted
+        )
+        return f"Locations({places})"
+
+
+class Localizer:
+    """A model made ready to be asked where scans were taken; built once, asked often.
+
+    Made by `model.localizer()`.
+    """
+
+    __slots__ = ("_core",)
+
+    def __init__(self, core: _core.Localizer) -> None:
+        self._core = core
+
+    def locate(
+        self,
+        scan: PointCloud,
+        *,
+        prior: ArrayLike | None = None,
+        radius: float = 1.0,
+        angle: float = 20.0,
+        upright: bool | None = None,
+        top: int = 5,
+        progress: Progress = None,
+    ) -> Locations:
+        """Where a scan was taken, as `surfabet.model.Model.locate`."""
+        with progress_callback(progress) as callback:
+            accepted, rejected, reason = self._core.locate(
+                scan,
+                prior=None if prior is None else _pose(prior),
+                radius=radius,
+                angle=angle,
+                upright=upright,
+                top=top,
+                progress=callback,
+            )
+        return Locations(_locations(accepted), _locations(rejected), reason)
+
+    def __len__(self) -> int:
+        """Number of samples of the model's surface."""
+        return len(self._core)
+
+
+def _pose(prior: ArrayLike) -> list[list[float]]:
+    """A 4 x 4 matrix, also from x, y, z and yaw in degrees."""
+    array = np.asarray(prior, dtype=np.float64)
+    if array.shape == (4,):
+        x, y, z, yaw = array
+        cosine, sine = np.cos(np.deg2rad(yaw)), np.sin(np.deg2rad(yaw))
+        array = np.array([[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
+    if array.shape != (4, 4):
+        raise InvalidInputError(
+            f"prior has the shape {array.shape}, expected a (4, 4) pose or x, y, z and yaw"
+        )
+    return [[float(value) for value in row] for row in array]
+
+
+def _locations(
+    columns: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+) -> list[Location]:
+    return [
+        Location(
+            pose=pose,
+            score=score,
+            probability=probability,
+            covariance=covariance,
+            explained=explained,
+            contradicted=contradicted,
+            in_front=in_front,
+        )
+        for pose, covariance, (score, probability, explained, contradicted, in_front) in zip(
+            columns[0], columns[1], columns[2].tolist(), strict=True
+        )
+    ]

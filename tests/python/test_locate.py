@@ -1,0 +1,227 @@
+"""Where a scan was taken: exact poses, refusals, places that look alike, the verb `locate`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import surfabet as sb
+from surfabet.cli import main
+
+Array = NDArray[np.float64]
+Boxes = list[tuple[Array, Array]]
+
+# Rooms of two sizes, with shelves that tell their corners apart. x0, y0, z0 to x1, y1, z1.
+ROOM: Boxes = [
+    (np.array([0.0, 0.0, 0.0]), np.array([7.0, 5.0, 3.0])),
+    (np.array([0.0, 0.0, 0.0]), np.array([1.0, 2.0, 1.5])),
+    (np.array([5.5, 4.2, 0.0]), np.array([7.0, 5.0, 2.2])),
+    (np.array([2.5, 4.5, 0.0]), np.array([3.2, 5.0, 3.0])),
+]
+
+
+def moved(boxes: Boxes, shift: tuple[float, float, float]) -> Boxes:
+    return [(low + shift, high + shift) for low, high in boxes]
+
+
+def cast(boxes: Boxes, origin: Array, directions: Array) -> Array:
+    """First hits of rays from inside the first box: its walls, or the outside of the others."""
+    with np.errstate(divide="ignore"):
+        low, high = boxes[0]
+        exits = np.where(directions > 0, (high - origin) / directions, (low - origin) / directions)
+        distance = exits.min(axis=1)
+        for low, high in boxes[1:]:
+            a, b = (low - origin) / directions, (high - origin) / directions
+            near, far = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+            hit = (near < far) & (near > 0)
+            distance = np.where(hit, np.minimum(distance, near), distance)
+    return origin + distance[:, None] * directions
+
+
+def rays(step: float) -> Array:
+    azimuth, elevation = np.meshgrid(
+        np.deg2rad(np.arange(0, 360, step) + 0.1), np.deg2rad(np.arange(-70, 70, step) + 0.05)
+    )
+    a, e = azimuth.ravel(), elevation.ravel()
+    return np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
+
+
+def pose_of(x: float, y: float, z: float, yaw: float, pitch: float = 0.0) -> Array:
+    s, c = np.sin(yaw), np.cos(yaw)
+    sp, cp = np.sin(pitch), np.cos(pitch)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array(
+        [[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]
+    )
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, (x, y, z)
+    return pose
+
+
+def scan(boxes: Boxes, pose: Array, *, step: float = 1.0, seed: int = 0) -> sb.PointCloud:
+    """A scan with 5 mm of noise, in the frame of the sensor."""
+    directions = rays(step)
+    hits = cast(boxes, pose[:3, 3], directions @ pose[:3, :3].T)
+    local = (hits - pose[:3, 3]) @ pose[:3, :3]
+    noise = np.random.default_rng(seed).normal(0, 0.005, (len(local), 1))
+    return sb.PointCloud(local + noise * directions)
+
+
+def map_cloud(rooms: list[Boxes]) -> sb.PointCloud:
+    """Two scans in every room, in the world."""
+    parts = []
+    for i, boxes in enumerate(rooms):
+        corner = boxes[0][0]
+        for x, y in ((2.0, 2.8), (4.8, 2.2)):
+            pose = pose_of(corner[0] + x, corner[1] + y, corner[2] + 1.2, 0.3)
+            points = scan(boxes, pose, step=0.7, seed=i + 10).points
+            parts.append(points @ pose[:3, :3].T + pose[:3, 3])
+    return sb.PointCloud(np.concatenate(parts))
+
+
+@pytest.fixture(scope="module")
+def room() -> sb.PatchModel:
+    return sb.learn_patches(map_cloud([ROOM]), resolution=0.06)
+
+
+def errors(found: sb.Location, pose: Array) -> tuple[float, float]:
+    """Metres and degrees."""
+    turn = found.pose[:3, :3].T @ pose[:3, :3]
+    cosine = np.clip((np.trace(turn) - 1) / 2, -1, 1)
+    return float(np.linalg.norm(found.pose[:3, 3] - pose[:3, 3])), float(
+        np.rad2deg(np.arccos(cosine))
+    )
+
+
+POSES = [pose_of(1.8, 3.5, 1.1, 2.0), pose_of(5.0, 1.0, 1.4, -1.0, 0.3), pose_of(3.5, 2.5, 1, 0)]
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_a_scan_is_found_where_it_was_taken(room: sb.PatchModel, pose: Array) -> None:
+    found = room.locate(scan(ROOM, pose))
+    assert len(found) == 1
+    assert found.reason is None
+    away, turned = errors(found[0], pose)
+    assert away < 0.03
+    assert turned < 0.3
+    assert found[0].probability > 0.9
+    assert found[0].explained > 0.9
+    assert found[0].contradicted < 0.05
+    eigenvalues = np.linalg.eigvalsh(found[0].covariance)
+    assert (eigenvalues > 0).all()
+    assert np.sqrt(eigenvalues.max()) < 0.05
+
+
+@pytest.mark.parametrize("method", ["alphabet", "planes"])
+def test_models_of_other_methods_are_maps_too(method: str) -> None:
+    cloud = map_cloud([ROOM])
+    model = {"alphabet": sb.learn_alphabet, "planes": sb.learn_planes}[method](cloud)
+    away, turned = errors(model.locate(scan(ROOM, POSES[0]))[0], POSES[0])
+    assert away < 0.05
+    assert turned < 0.5
+
+
+def test_a_prior_gives_the_same_pose(room: sb.PatchModel) -> None:
+    pose = POSES[0]
+    query = scan(ROOM, pose)
+    near = pose_of(2.2, 3.2, 1.2, 2.1)
+    found = room.locate(query, prior=near, radius=1.0)
+    assert errors(found[0], pose)[0] < 0.03
+    # As x, y, z and yaw in degrees.
+    again = room.locate(query, prior=(2.2, 3.2, 1.2, np.rad2deg(2.1)), radius=1.0)
+    assert np.allclose(again[0].pose, found[0].pose, atol=1e-6)
+    # The true place is further away than it may be.
+    assert not room.locate(query, prior=pose_of(5.5, 2.0, 1.2, 2.0), radius=0.5)
+
+
+def test_a_scan_from_elsewhere_is_refused(room: sb.PatchModel) -> None:
+    elsewhere = [(np.array([0.0, 0.0, 0.0]), np.array([14.0, 3.0, 6.0]))]
+    found = room.locate(scan(elsewhere, pose_of(4.0, 1.5, 1.5, 0.5)))
+    assert len(found) == 0
+    assert found.reason
+    assert all(place.probability == 0 for place in found.rejected)
+
+
+def test_a_mirrored_scan_is_refused(room: sb.PatchModel) -> None:
+    points = scan(ROOM, POSES[0]).points * [1, -1, 1]
+    found = room.locate(sb.PointCloud(points))
+    assert len(found) == 0
+
+
+def test_equal_rooms_are_all_named() -> None:
+    rooms = [ROOM, moved(ROOM, (9.0, 0.0, 0.0)), [ROOM[0], ROOM[2]]]
+    rooms[2] = moved(rooms[2], (0.0, 8.0, 0.0))
+    model = sb.learn_patches(map_cloud(rooms), resolution=0.06)
+    pose = POSES[0]
+    found = model.locate(scan(ROOM, pose))
+    assert found.is_ambiguous
+    for shift in (0.0, 9.0):
+        there = pose.copy()
+        there[0, 3] += shift
+        assert min(errors(place, there)[0] for place in found) < 0.05
+    assert abs(sum(place.probability for place in found[:2]) - 1) < 0.1
+    assert min(place.probability for place in found[:2]) > 0.2
+
+
+def test_threads_do_not_change_the_answer(room: sb.PatchModel) -> None:
+    query = scan(ROOM, POSES[1])
+    found = []
+    before = sb.get_num_threads()
+    try:
+        for threads in (1, 2, 8):
+            sb.set_num_threads(threads)
+            again = sb.from_bytes(room.to_bytes()).locate(query)
+            found.append([(place.pose.tobytes(), place.score) for place in again])
+    finally:
+        sb.set_num_threads(before)
+    assert found[0] == found[1] == found[2]
+
+
+def test_large_coordinates_keep_their_millimetres() -> None:
+    far = np.array([500_000.0, 5_400_000.0, 100.0])
+    model = sb.learn_patches(sb.PointCloud(map_cloud([ROOM]).points + far), resolution=0.06)
+    there = POSES[0].copy()
+    there[:3, 3] += far
+    assert errors(model.locate(scan(ROOM, POSES[0]))[0], there)[0] < 0.03
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"top": 0}, "top"),
+        ({"prior": np.eye(4), "radius": 0.0}, "radius"),
+        ({"prior": np.eye(4), "angle": -1.0}, "angle"),
+        ({"prior": np.eye(3)}, "prior"),
+    ],
+)
+def test_wrong_options_are_named(
+    room: sb.PatchModel, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(sb.InvalidInputError, match=message):
+        room.locate(scan(ROOM, POSES[0], step=6), **options)  # type: ignore[arg-type]
+
+
+def test_too_few_points_are_no_scan(room: sb.PatchModel) -> None:
+    found = room.locate(sb.PointCloud(np.eye(3) * 2))
+    assert len(found) == 0
+    assert "surface" in str(found.reason)
+
+
+def test_the_command_line(
+    room: sb.PatchModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, cloud, other = tmp_path / "map.sfb", tmp_path / "scan.ply", tmp_path / "other.ply"
+    room.save(file)
+    sb.write(cloud, scan(ROOM, POSES[0]))
+    assert main(["locate", str(file), str(cloud), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert np.abs(np.array(answer["locations"][0]["pose"]) - POSES[0]).max() < 0.03
+    assert main(["locate", str(file), str(cloud), "--prior", "2", "3.3", "1", "110"]) == 0
+    assert "probability" in capsys.readouterr().out
+    sb.write(other, sb.PointCloud(scan(ROOM, POSES[0]).points * [1, -1, 1]))
+    assert main(["locate", str(file), str(other)]) == 1
+    assert "no place" in capsys.readouterr().out
+    assert main(["locate", str(file), str(cloud), "--radius", "1"]) == 2
