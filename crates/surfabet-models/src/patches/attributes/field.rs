@@ -146,7 +146,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
         let mut missed = Missed::new(self.steps.prediction, children.keys.len());
         for (p, range) in parents.children().enumerate() {
             let key = parents.keys[p];
-            let predicted: Vec<[f32; N]> = decoded[range.clone()].to_vec();
+            missed.begin(range.clone(), decoded);
             if range.len() == 1 {
                 decoded[range.start] = means[p];
                 active[p] = activity[p].saturating_sub(1);
@@ -161,7 +161,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
                 let cell = Children::new(children, range.clone(), means[p]);
                 active[p] = self.cell(&context, &cell, &mut decoded[range.clone()])?;
             }
-            missed.keep(range, &predicted, decoded);
+            missed.end(range, decoded);
         }
         Ok(active)
     }
@@ -238,10 +238,18 @@ impl<const N: usize> Missed<N> {
         }
     }
 
-    /// Keeps what was missed at the cells `range`: their values less what the parents `predicted`.
-    fn keep(&mut self, range: Range<usize>, predicted: &[[f32; N]], decoded: &[[f32; N]]) {
+    /// Keeps what the parents predict of the cells `range`, until they are coded.
+    fn begin(&mut self, range: Range<usize>, predicted: &[[f32; N]]) {
         if self.share.is_some() {
-            for (i, predicted) in range.zip(predicted) {
+            self.values[range.clone()].copy_from_slice(&predicted[range]);
+        }
+    }
+
+    /// Keeps what was missed at the cells `range`: their values less what the parents predicted.
+    fn end(&mut self, range: Range<usize>, decoded: &[[f32; N]]) {
+        if self.share.is_some() {
+            for i in range {
+                let predicted = self.values[i];
                 self.values[i] = std::array::from_fn(|c| decoded[i][c] - predicted[c]);
             }
         }
@@ -378,5 +386,25 @@ mod tests {
             let near = |v: &[f32; 3]| (0..3).all(|c| (v[c] - [200.0, 100.0, 50.0][c]).abs() < 1e-2);
             assert!(coded.values.iter().all(near));
         }
+    }
+
+    /// Along the first axis: a cell of one parent, then both cells of the next, of which only the first touches it.
+    #[test]
+    fn what_was_missed_counts_at_cells_that_share_a_face() {
+        let cells = [1, 8, 9];
+        let levels = pyramid::<1>(&cells, None);
+        let (children, parents) = (&levels[0], &levels[1]);
+        let family = |key: u64| (key == 0).then(|| parents.children_of(0));
+        let mut missed = Missed::<1>::new(Prediction::Beside, cells.len());
+        let mut values = [[7.0], [20.0], [30.0]];
+        missed.begin(0..1, &values);
+        values[0] = [17.0];
+        missed.end(0..1, &values);
+        missed.add_beside(1, family, children, 1..3, &mut values);
+        assert_eq!(values, [[17.0], [23.0], [30.0]]);
+        // Older files do not know of it.
+        let missed = Missed::<1>::new(Prediction::Parents, cells.len());
+        missed.add_beside(1, family, children, 1..3, &mut values);
+        assert_eq!(values, [[17.0], [23.0], [30.0]]);
     }
 }
