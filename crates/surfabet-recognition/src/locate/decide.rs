@@ -125,7 +125,7 @@ pub(super) fn best_first(candidates: &mut Vec<Candidate>, most: usize) {
 pub(super) fn decide(
     map: &Localizer,
     samples: &[Sample],
-    candidates: Vec<Candidate>,
+    candidates: &[Candidate],
     sensor: [f64; 3],
     top: usize,
 ) -> Result<Located> {
@@ -149,7 +149,7 @@ pub(super) fn decide(
     let weight = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
     let total: f64 = candidates.iter().map(weight).sum();
     let mut answer = Located::default();
-    for c in &candidates {
+    for c in candidates {
         let probability = weight(c) / total;
         if probability >= LEAST_PROBABILITY && c.evidence.refusal().is_none() {
             answer.locations.push(location(c, probability)?);

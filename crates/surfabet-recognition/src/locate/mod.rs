@@ -159,7 +159,7 @@ impl Localizer {
                 progress.check()?;
                 let candidates = query.candidates(&rotations, domain, share);
                 progress.check()?;
-                answer = decide(self, &samples.all, candidates, sensor, options.top)?;
+                answer = decide(self, &samples.all, &candidates, sensor, options.top)?;
                 if answer.locations.first().is_some_and(|l| l.explained >= CLEARLY_EXPLAINED) {
                     return Ok(answer);
                 }

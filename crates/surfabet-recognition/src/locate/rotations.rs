@@ -51,11 +51,11 @@ pub(super) fn rotations(
     allowed: Allowed,
 ) -> Vec<UnitQuaternion<f64>> {
     let mut found = Found { map, scan, allowed, ranked: Vec::new() };
-    found.from_pairs();
+    found.add_from_pairs();
     let second: f64 = scan.all.iter().skip(1).map(|d| d.1).sum();
     let mut most = ROTATIONS;
     if found.ranked.is_empty() || second < LEAST_SECOND_SHARE {
-        found.from_vertical();
+        found.add_from_vertical();
         most = YAWS;
     }
     found.ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -78,13 +78,14 @@ struct Found<'a> {
 }
 
 impl Found<'_> {
-    fn from_pairs(&mut self) {
+    /// Adds rotations of pairs of directions to pairs of the map with the same angle.
+    fn add_from_pairs(&mut self) {
         let (scan, map) = (&self.scan.all, &self.map.directions.all);
         for i in 0..scan.len() {
             for j in i + 1..scan.len() {
                 for (k, l) in (0..map.len()).flat_map(|k| (0..map.len()).map(move |l| (k, l))) {
                     if k != l {
-                        self.from_pair([scan[i].0, scan[j].0], [map[k].0, map[l].0]);
+                        self.add_from_pair([scan[i].0, scan[j].0], [map[k].0, map[l].0]);
                     }
                 }
             }
@@ -92,7 +93,7 @@ impl Found<'_> {
     }
 
     /// Both signs of both directions of the map.
-    fn from_pair(&mut self, from: [[f64; 3]; 2], to: [[f64; 3]; 2]) {
+    fn add_from_pair(&mut self, from: [[f64; 3]; 2], to: [[f64; 3]; 2]) {
         let angle = |[a, b]: [[f64; 3]; 2]| dot(a, b).clamp(-1.0, 1.0).acos();
         // Nearly parallel directions fix nothing.
         if dot(from[0], from[1]).abs() > 0.9 {
@@ -110,7 +111,7 @@ impl Found<'_> {
     }
 
     /// The vertical of the scan on that of the map, and turns about it.
-    fn from_vertical(&mut self) {
+    fn add_from_vertical(&mut self) {
         let vertical = |directions: &Directions| {
             let upright = |d: &&([f64; 3], f64)| d.0[2].abs() > LARGEST_TILT.cos();
             let first = directions.all.iter().find(upright);

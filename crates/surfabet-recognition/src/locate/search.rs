@@ -116,7 +116,7 @@ impl<'a> Search<'a> {
             }
         }
         found.retain(|(bound, _)| *bound >= least);
-        found.sort_by(|a, b| b.1.cmp(&a.1));
+        found.sort_by_key(|b| std::cmp::Reverse(b.1));
         found.iter().map(|(bound, node)| (f64::from(*bound) / n as f64, self.pose(node))).collect()
     }
 
