@@ -1,8 +1,8 @@
-"""`model.locate` on a hall of laser scans and a simulated building, beside three other tools.
+"""`model.locate` on a hall of laser scans and a simulated building, beside two other tools.
 
-python benches/papers/locate.py --part hall
-python benches/papers/locate.py --part building
-python benches/papers/locate.py --part peers      # pip install kiss-matcher map-closures open3d
+    python benches/papers/locate.py --part hall
+    python benches/papers/locate.py --part building
+    python benches/papers/locate.py --part peers      # pip install kiss-matcher open3d
 
 The map `half` is of the scans 28, 32, ... of a drive, its queries are 26, 30, ...; `first` maps
 scans up to 70, its queries are 72 to 108, up to 9 m away. Every query is turned by a random yaw.
