@@ -226,3 +226,11 @@ def test_the_command_line(
     assert main(["locate", str(file), str(other)]) == 1
     assert "no place" in capsys.readouterr().out
     assert main(["locate", str(file), str(cloud), "--radius", "1"]) == 2
+
+
+def test_a_model_without_surface_is_refused() -> None:
+    scattered = np.random.default_rng(0).uniform(0, 5, (400, 3))
+    model = sb.learn_planes(sb.PointCloud(scattered))
+    assert len(model) == 0
+    with pytest.raises(sb.InvalidInputError):
+        model.localizer()

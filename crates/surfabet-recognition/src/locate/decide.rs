@@ -129,7 +129,7 @@ pub(super) fn decide(
     sensor: [f64; 3],
     top: usize,
 ) -> Result<Located> {
-    let fine: Vec<Sample> = evenly(samples.len(), FINE_SAMPLES).map(|i| samples[i]).collect();
+    let fine = evenly(samples, FINE_SAMPLES);
     let location = |c: &Candidate, probability: f64| -> Result<Location> {
         let per_fact = (fine.len() as f64 / FACTS).max(1.0);
         Ok(Location {

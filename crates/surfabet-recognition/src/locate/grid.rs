@@ -1,5 +1,7 @@
 //! Dense grids of cells over the box of a map.
 
+use surfabet_geom::cells::cell_of;
+
 /// The cells of side `cell` from a lowest corner on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lattice {
@@ -26,7 +28,8 @@ impl Lattice {
     /// The cell of a position, also outside.
     #[inline]
     pub fn cell_of(&self, p: [f32; 3]) -> [i32; 3] {
-        std::array::from_fn(|a| floor((p[a] - self.low[a]) * self.per_metre))
+        let cells = std::array::from_fn(|a| (p[a] - self.low[a]) * self.per_metre);
+        cell_of(cells, 1.0)
     }
 
     /// Where a cell stands in memory, x fastest; `None` outside.
@@ -41,11 +44,4 @@ impl Lattice {
     pub fn middle(&self, cell: [i32; 3]) -> [f32; 3] {
         std::array::from_fn(|a| self.low[a] + (cell[a] as f32 + 0.5) * self.cell)
     }
-}
-
-/// `c.floor() as i32`, which without the instructions that not every processor has is a call.
-#[inline]
-pub(super) fn floor(c: f32) -> i32 {
-    let towards_zero = c as i32;
-    towards_zero - i32::from(towards_zero as f32 > c)
 }

@@ -1,6 +1,5 @@
 //! The map side: the surfaces of a model as samples, and what is computed from them once.
 
-use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress, vector};
 use surfabet_models::{DecodeOptions, Error, Result, SurfaceModel};
 
@@ -55,7 +54,10 @@ impl Localizer {
             model.decode(options, progress)
         };
         let surface = decode(SAMPLES_PER_CELL * LEAST_CELL)?;
-        let cell = cell_for(&surface);
+        if surface.is_empty() {
+            return Err(Error::EmptyCloud);
+        }
+        let cell = cell_for(bounds_of(surface.positions()));
         if cell > LEAST_CELL {
             return Self::of_surface(&decode(SAMPLES_PER_CELL * cell)?, progress);
         }
@@ -70,8 +72,8 @@ impl Localizer {
         if surface.is_empty() {
             return Err(Error::EmptyCloud);
         }
-        let cell = cell_for(surface);
         let bounds = bounds_of(surface.positions());
+        let cell = cell_for(bounds);
         let is_inside = |p: &[f32; 3]| (0..3).all(|a| bounds[0][a] <= p[a] && p[a] <= bounds[1][a]);
         let kept: Vec<usize> =
             (0..surface.len()).filter(|&i| is_inside(&surface.positions()[i])).collect();
@@ -137,8 +139,7 @@ fn bounds_of(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
 }
 
 /// Side of a cell: [`LEAST_CELL`], or more where there would be too many.
-fn cell_for(surface: &PointCloud) -> f64 {
-    let [low, high] = bounds_of(surface.positions());
+fn cell_for([low, high]: [[f32; 3]; 2]) -> f64 {
     let around = 2.0 * f64::from(REACH) * LEAST_CELL;
     let volume: f64 = (0..3).map(|a| f64::from(high[a]) - f64::from(low[a]) + around).product();
     (volume / MAX_CELLS).cbrt().max(LEAST_CELL)
@@ -152,13 +153,8 @@ fn lattice_about([low, high]: [[f32; 3]; 2], cell: f32) -> Lattice {
     Lattice::new(low, cell, size)
 }
 
-/// Numbers of `n` of `all` items, evenly taken.
-pub(super) fn evenly(all: usize, n: usize) -> impl Iterator<Item = usize> {
-    let n = n.min(all);
-    (0..n).map(move |i| (2 * i + 1) * all / (2 * n))
-}
-
-/// As [`parallel::map`], in the order of the items.
-pub(super) fn map_each<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    parallel::map(items, f)
+/// `n` of all items, evenly taken.
+pub(super) fn evenly<T: Copy>(all: &[T], n: usize) -> Vec<T> {
+    let n = n.min(all.len());
+    (0..n).map(|i| all[(2 * i + 1) * all.len() / (2 * n)]).collect()
 }

@@ -37,6 +37,7 @@ mod search;
 mod verify;
 
 use nalgebra::UnitQuaternion;
+use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Pose, Progress};
 use surfabet_models::{Error, Result};
 
@@ -48,7 +49,7 @@ pub use self::decide::Refusal;
 use self::decide::{Candidate, decide};
 use self::directions::Directions;
 pub use self::map::Localizer;
-use self::map::{evenly, map_each};
+use self::map::evenly;
 use self::placement::Placement;
 use self::refine::refine;
 use self::rotations::{Allowed, rotations};
@@ -224,22 +225,19 @@ impl Query<'_> {
         share: f64,
     ) -> Vec<Candidate> {
         let found = Search::new(self.map, self.samples, rotations, domain).run(share);
-        let rough = self.thinned(ROUGH_SAMPLES);
-        let mut candidates = map_each(&found, |&(_, start)| {
+        let rough = evenly(self.samples, ROUGH_SAMPLES);
+        let mut candidates = parallel::map(&found, |&(_, start)| {
             let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);
             Candidate { placement, evidence: evidence(self.map, &rough, &placement) }
         });
         decide::best_first(&mut candidates, FINALISTS);
-        let (fine, verified) = (self.thinned(FINE_SAMPLES), self.thinned(VERIFIED_SAMPLES));
-        let mut candidates = map_each(&candidates, |c| {
+        let (fine, verified) =
+            (evenly(self.samples, FINE_SAMPLES), evenly(self.samples, VERIFIED_SAMPLES));
+        let mut candidates = parallel::map(&candidates, |c| {
             let placement = refine(self.map, &fine, c.placement, FINE_REACH, FINE_STEPS);
             Candidate { placement, evidence: evidence(self.map, &verified, &placement) }
         });
         decide::best_first(&mut candidates, FINALISTS);
         candidates
-    }
-
-    fn thinned(&self, n: usize) -> Vec<Sample> {
-        evenly(self.samples.len(), n).map(|i| self.samples[i]).collect()
     }
 }

@@ -68,13 +68,13 @@ impl<'a> Search<'a> {
         rotations: &'a [UnitQuaternion<f64>],
         domain: [[f32; 3]; 2],
     ) -> Self {
+        let chosen = choose(samples);
         let turned = rotations.iter().map(|rotation| {
             let matrix = rotation.to_rotation_matrix();
             let turn = |v: [f32; 3]| -> [f32; 3] {
                 let turned = matrix * Vector3::from(v.map(f64::from));
                 std::array::from_fn(|a| turned[a] as f32)
             };
-            let chosen = choose(samples);
             let points = chosen.iter().map(|s| turn(vector::minus(s.point, s.viewpoint))).collect();
             let bits = chosen.iter().map(|s| main_bit(turn(s.normal), &map.axes)).collect();
             Turned { points, bits }
@@ -232,7 +232,7 @@ fn choose(samples: &[Sample]) -> Vec<Sample> {
     kinds.sort_by_key(|kind| kind.len());
     for (i, kind) in kinds.iter().enumerate() {
         let n = (left / (kinds.len() - i)).min(kind.len());
-        chosen.extend(evenly(kind.len(), n).map(|k| kind[k]));
+        chosen.extend(evenly(kind, n));
         left -= n;
     }
     // In an order in which every part is like the whole.
