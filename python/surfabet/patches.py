@@ -94,6 +94,14 @@ class PatchModel(Model[_core.PatchModel]):
         return self._core.max_error
 
     @property
+    def max_error_forward(self) -> float | None:
+        """Bound on the distance of decoded points to the input, metres; None where none was asked.
+
+        It holds for the model decoded at its default spacing, as measured or as a surface.
+        """
+        return self._core.max_error_forward
+
+    @property
     def rotation(self) -> NDArray[np.float64]:
         """Lattice to world, (3, 3): the scene's own axes as columns."""
         return np.array(self._core.rotation)
@@ -146,11 +154,12 @@ def learn_patches(
     resolution: float | None = None,
     levels: int = 2,
     max_error: float | None = None,
+    max_error_forward: float | None = None,
     completeness: float = 0.99,
     rate: float = 1.4,
     depth_step: float | None = None,
     rounds: int = 3,
-    color_step: int = 90,
+    color_step: int = 100,
     chroma_ratio: float = 1.5,
     color_rate: float = 0.15,
     attributes: Sequence[str] | None = None,
@@ -184,6 +193,10 @@ def learn_patches(
         Largest distance of any input point to the cloud that is decoded as measured at the default
         spacing. Points that would be further away are kept beside the patches. A positive number of
         metres; by default no bound.
+    max_error_forward
+        Largest distance of any decoded point to the input, as measured or as a surface at the
+        default spacing: no surface is filled in where nothing was measured. Patches lose what would
+        be further away. A positive number of metres; by default no bound.
     completeness
         Least share of the points that are within the tolerance of the cloud decoded as measured:
         two spacings, three standard deviations of the noise, or two thirds of a given `resolution`,
@@ -202,7 +215,7 @@ def learn_patches(
         An integer from 1 to 10; by default 3.
     color_step
         Rounding of luma of a single cell. Means over n cells are rounded about sqrt(n) times finer;
-        larger makes smaller files. An integer from 1 to 1024 grey levels; by default 90.
+        larger makes smaller files. An integer from 1 to 1024 grey levels; by default 100.
     chroma_ratio
         Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5.
     color_rate
@@ -257,6 +270,7 @@ def learn_patches(
         "resolution": resolution,
         "levels": levels,
         "max_error": max_error,
+        "max_error_forward": max_error_forward,
         "completeness": completeness,
         "rate": rate,
         "depth_step": depth_step,

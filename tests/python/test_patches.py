@@ -117,6 +117,29 @@ def test_compress_verify_and_decompress(cloud, tmp_path, capsys):
     assert len(sb.read(out)) == len(sb.load(sfb).decode(as_measured=True))
 
 
+def test_verify_checks_the_bound_forward_too(cloud, tmp_path, capsys):
+    ply, sfb = tmp_path / "in.ply", tmp_path / "m.sfb"
+    sb.write(ply, cloud)
+    command = ["compress", str(ply), str(sfb), "--resolution", "0.02", "--quiet"]
+    assert main([*command, "--max-error-forward", "0.015"]) == 0
+    assert sb.load(sfb).max_error_forward == 0.015
+    assert sb.load(sfb).max_error is None
+    capsys.readouterr()
+    assert main(["verify", str(ply), str(sfb), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["kept"]
+    assert found["max_error"] is None
+    assert found["max_error_forward"] == 0.015
+    largest = [
+        cKDTree(cloud.points).query(sb.load(sfb).decode(as_measured=kind).points)[0].max()
+        for kind in (True, False)
+    ]
+    assert abs(found["largest_forward"] - max(largest)) < 1e-6
+    assert found["largest_forward"] <= 0.015
+    assert main(["verify", str(ply), str(sfb), "--max-error-forward", "0.001"]) == 1
+    assert "NOT kept" in capsys.readouterr().out
+
+
 def test_what_only_one_method_has_is_refused_by_name(cloud, tmp_path, capsys):
     ply, sfb = tmp_path / "in.ply", tmp_path / "m.sfb"
     sb.write(ply, cloud)

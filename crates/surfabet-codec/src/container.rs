@@ -108,8 +108,11 @@ impl Features {
     /// Colours and scalars of patches are also predicted from what is coded beside them.
     pub const BESIDE: Self = Self(64);
 
+    /// The header of patches has a bound on the distance of decoded points to the input.
+    pub const FORWARD_BOUND: Self = Self(256);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 7] = [
+    const KNOWN: [(Self, &'static str, Version); 8] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -117,6 +120,7 @@ impl Features {
         (Self::UNBLENDED, "attributes without blending", Version { major: 0, minor: 1 }),
         (Self::HIERARCHY, "hierarchy in common", Version { major: 0, minor: 1 }),
         (Self::BESIDE, "attributes predicted from those beside", Version { major: 0, minor: 1 }),
+        (Self::FORWARD_BOUND, "bound on decoded points", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

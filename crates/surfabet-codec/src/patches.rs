@@ -50,8 +50,10 @@ const SECTIONS: [StreamSection; FIRST + MAX_ATTRIBUTES] = {
 impl Layout for PatchModel {
     const FAMILY: Family = Family::Patches;
     const FEATURES: Features = Features::LATTICE;
-    const OPTIONAL_FEATURES: Features =
-        Features::ATTRIBUTES.with(Features::UNBLENDED).with(Features::BESIDE);
+    const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES
+        .with(Features::UNBLENDED)
+        .with(Features::BESIDE)
+        .with(Features::FORWARD_BOUND);
     const STREAM_SECTIONS: &'static [StreamSection] = &SECTIONS;
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
@@ -86,6 +88,7 @@ impl Layout for PatchModel {
         of(!header.attributes.is_empty(), Features::ATTRIBUTES)
             .with(of(header.unblended, Features::UNBLENDED))
             .with(of(header.prediction == Prediction::Beside, Features::BESIDE))
+            .with(of(header.max_error_forward.is_some(), Features::FORWARD_BOUND))
     }
 
     fn code_optional<F: Fields>(
@@ -96,6 +99,11 @@ impl Layout for PatchModel {
         header.unblended = features.contains(Features::UNBLENDED);
         let is_beside = features.contains(Features::BESIDE);
         header.prediction = if is_beside { Prediction::Beside } else { Prediction::Parents };
+        if features.contains(Features::FORWARD_BOUND) {
+            let mut bound = header.max_error_forward.unwrap_or_default();
+            fields.f64(&mut bound)?;
+            header.max_error_forward = Some(bound);
+        }
         if !features.contains(Features::ATTRIBUTES) {
             return Ok(());
         }

@@ -48,6 +48,11 @@ impl PyPatchModel {
         self.model.max_error()
     }
 
+    #[getter]
+    fn max_error_forward(&self) -> Option<f64> {
+        self.model.max_error_forward()
+    }
+
     /// Names of the attributes beside colour.
     #[getter]
     fn attribute_names(&self) -> Vec<&str> {

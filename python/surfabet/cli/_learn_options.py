@@ -52,7 +52,7 @@ class LearnOptions:
     color_step: Annotated[int | None, Parameter(group=SHARED)] = None
     """patches: Rounding of luma of a single cell. alphabet: Rounding of the mean colours of
     occurrences. planes: Rounding of the colours of tiles. gas: Rounding of colours. For patches an
-    integer from 1 to 1024 grey levels; by default 90. For alphabet an integer from 1 to 255 grey
+    integer from 1 to 1024 grey levels; by default 100. For alphabet an integer from 1 to 255 grey
     levels; by default 8. For planes, gas an integer from 1 to 64 grey levels; by default 8."""
 
     attribute_step: Annotated[float | None, Parameter(group=SHARED)] = None
@@ -123,6 +123,11 @@ class LearnOptions:
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
     spacing. A positive number of metres; by default no bound."""
+
+    max_error_forward: Annotated[float | None, Parameter(group=PATCHES)] = None
+    """Largest distance of any decoded point to the input, as measured or as a surface at the
+    default spacing: no surface is filled in where nothing was measured. A positive number of
+    metres; by default no bound."""
 
     completeness: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Least share of the points that are within the tolerance of the cloud decoded as measured: two

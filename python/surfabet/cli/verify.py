@@ -27,14 +27,17 @@ def verify(
     /,
     *,
     max_error: PositiveFloat = None,
+    max_error_forward: PositiveFloat = None,
     json: Flag = False,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
 ) -> int:
-    """Check that no point of a scan is further from its model than the model says.
+    """Check that model and scan are no further apart than the model says.
 
     The file is decoded as measured at its default spacing, and the nearest decoded point of every
-    point of the scan is found. Ends with 1 when one of them is further away than the bound.
+    point of the scan is found; for the bound forward, the nearest point of the scan of every
+    decoded point, as measured and as a surface. Ends with 1 when one is further away than its
+    bound.
 
         surfabet compress room.ply room.sfb --max-error 0.05
         surfabet verify room.ply room.sfb
@@ -46,7 +49,9 @@ def verify(
     file
         The model file.
     max_error
-        The bound in metres, by default the one that the file was made with.
+        The bound on points of the scan in metres, by default the one that the file was made with.
+    max_error_forward
+        The bound on decoded points in metres, by default the one that the file was made with.
     json
         Print one JSON object instead of a line.
     """
@@ -56,20 +61,39 @@ def verify(
             raise UsageError(
                 f"{file}: --model {model.method} keeps no bound, only --model patches does"
             )
-        bound = max_error if max_error is not None else model.max_error
-        if bound is None:
-            raise UsageError(f"{file}: was made without --max-error; give a bound to check")
+        bound = max_error or model.max_error
+        forward = max_error_forward or model.max_error_forward
+        if bound is None and forward is None:
+            raise UsageError(
+                f"{file}: was made without --max-error and --max-error-forward; "
+                "give a bound to check"
+            )
         cloud = read_cloud(input_, read, progress)
-        decoded = model.decode(as_measured=True, progress=progress)
-        quality = surfabet.evaluate(cloud, decoded, normal_neighbors=None, progress=progress)
-    largest = quality.max_backward
-    kept = largest <= bound
+
+        def compare(as_measured: bool) -> surfabet.Quality:
+            decoded = model.decode(as_measured=as_measured, progress=progress)
+            return surfabet.evaluate(cloud, decoded, normal_neighbors=None, progress=progress)
+
+        measured = compare(True)
+        largest = measured.max_backward
+        largest_forward = measured.max_forward
+        if forward is not None:
+            largest_forward = max(largest_forward, compare(False).max_forward)
+    checks = [
+        (bound, largest, f"the furthest of {len(cloud):,} points is", "from the decoded cloud"),
+        (forward, largest_forward, "the furthest decoded point is", "from the scan"),
+    ]
+    kept = all(limit is None or found <= limit for limit, found, _, _ in checks)
     if json:
-        print_json({"path": str(file), "max_error": bound, "largest": largest, "kept": kept})
+        row = {"max_error": bound, "largest": largest, "max_error_forward": forward}
+        row |= {"largest_forward": largest_forward, "kept": kept}
+        print_json({"path": str(file)} | row)
     elif not common.quiet:
-        verdict = "kept" if kept else "NOT kept"
-        print(
-            f"{file}: the furthest of {len(cloud):,} points is {millimetres(largest)} from the "
-            f"decoded cloud; the bound of {millimetres(bound)} is {verdict}"
-        )
+        for limit, found, what, where in checks:
+            if limit is not None:
+                verdict = "kept" if found <= limit else "NOT kept"
+                print(
+                    f"{file}: {what} {millimetres(found)} {where}; "
+                    f"the bound of {millimetres(limit)} is {verdict}"
+                )
     return 0 if kept else 1

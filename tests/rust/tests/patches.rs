@@ -105,7 +105,9 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
     assert!((sampling..sampling + 0.25 * PIXEL).contains(&found), "{found} {sampling}");
     // Three planes of 1.44 m2 in squares of 16 cm: 56 each, and some at the rims.
     assert!((168..240).contains(&model.len()), "{}", model.len());
-    // Away from the corner's edges every point has the colour of its wall, within an eighth of the colour step of 90.
+    // Away from the corner's edges every point has the colour of its wall, but for what is left out of coefficients that reach
+    // over an edge, 10 cells away: of blocks of 8 x 8 cells and more. With a step of s = 100 a bit must save 0.15 s^2, so a
+    // coefficient of 8 bits is left out up to sqrt(1.2) s, which is 13.7 in each of the cells.
     let (mut worst, mut n) = (0, 0);
     for (p, c) in decoded.positions().iter().zip(decoded.colors().unwrap()) {
         let distances = distances(*p);
@@ -118,7 +120,7 @@ fn a_turned_corner_without_noise_comes_back_within_a_quarter_pixel() {
             }
         }
     }
-    assert!(n > decoded.len() / 2 && worst <= 11, "{worst} at {n} of {}", decoded.len());
+    assert!(n > decoded.len() / 2 && worst <= 13, "{worst} at {n} of {}", decoded.len());
 }
 
 #[test]
@@ -252,6 +254,74 @@ fn the_bound_holds_for_every_input_point() {
 }
 
 #[test]
+fn the_bound_forward_holds_for_every_decoded_point() {
+    // Noise thickens the corner, and a sparse strip beside it invites patches to fill it.
+    let (cloud, _) = corner(0.01, 0.7, 4);
+    let mut parts = cloud.into_parts();
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    for _ in 0..300 {
+        parts.positions.push([rng.random_range(0.7..1.1), rng.random_range(0.0..0.7), 0.0]);
+        parts.colors.as_mut().unwrap().push([255, 255, 0]);
+    }
+    let cloud = PointCloud::from_parts(parts).unwrap().0;
+    let input = KdTree::new(cloud.positions()).unwrap();
+    let largest = |tree: &KdTree, positions: &[[f32; 3]]| {
+        let of = |&p: &[f32; 3]| tree.nearest(p).unwrap().squared_distance().sqrt();
+        f64::from(positions.iter().map(of).fold(0.0, f32::max))
+    };
+    let decoded = |model: &PatchModel, as_measured: bool| {
+        let options = DecodeOptions { as_measured, ..DecodeOptions::default() };
+        model.decode(options, &Silent).unwrap()
+    };
+    let free = decoded(&learn(&cloud, &options()), true);
+    for bound in [0.02, 0.012] {
+        assert!(largest(&input, free.positions()) > bound);
+        let options =
+            PatchesOptions { max_error: Some(0.03), max_error_forward: Some(bound), ..options() };
+        let model = learn(&cloud, &options);
+        let again: PatchModel = read(&bytes(&model)).unwrap();
+        assert_eq!(again.max_error_forward(), Some(bound));
+        for as_measured in [true, false] {
+            let found = largest(&input, decoded(&again, as_measured).positions());
+            assert!(found <= bound, "{found} {bound} {as_measured}");
+        }
+        let measured = decoded(&again, true);
+        let backward = largest(&KdTree::new(measured.positions()).unwrap(), cloud.positions());
+        assert!(backward <= 0.03, "{backward}");
+        // Patches are left, not only points beside them.
+        assert!(!model.is_empty());
+    }
+}
+
+#[test]
+fn blended_colors_are_those_of_the_samples() {
+    // Waves of luma: means over cells, blended, would flatten them.
+    let mut parts = CloudParts::default();
+    let gray = |x: f32| (127.5 + 100.0 * (x * std::f32::consts::TAU / 0.1).sin()) as u8;
+    for i in 0..250 {
+        for j in 0..120 {
+            let (x, y) = (i as f32 * 0.004, j as f32 * 0.004);
+            parts.positions.push([x, y, 0.0]);
+            parts.colors.get_or_insert_default().push([gray(x); 3]);
+        }
+    }
+    let cloud = PointCloud::from_parts(parts).unwrap().0;
+    let options = PatchesOptions { color_step: 4, color_rate: 0.01, ..options() };
+    let model = learn(&cloud, &options);
+    let decoded = model.decode(DecodeOptions::default(), &Silent).unwrap();
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (p, color) in decoded.positions().iter().zip(decoded.colors().unwrap()) {
+        sum += (f32::from(color[0]) - f32::from(gray(p[0]))).powi(2);
+        n += 1.0;
+    }
+    // Cells of s = 0.02 in waves of w = 0.1: the mean over a cell keeps f = sinc(s / w) = 0.935 of the amplitude of 100, linear
+    // blending f^2 of that. Means alone would be off by (1 - f^3) 100 / sqrt(2) = 13 grey levels. One step of back projection
+    // adds f^4 of what is missed: 3 are left, and the rounding of colours to whole numbers.
+    let rmse = (sum / n).sqrt();
+    assert!(rmse < 6.0, "{rmse}");
+}
+
+#[test]
 fn many_tasks_give_the_same_on_any_number_of_threads() {
     let (cloud, _) = corner(0.008, 0.5, 5);
     let with = |n: usize| {
@@ -283,7 +353,7 @@ fn bytes_of_a_fixed_scene_stay() {
     // a sine may move a symbol or two.
     let (cloud, _) = corner(0.008, 0.5, 5);
     let size = bytes(&learn(&cloud, &options())).len();
-    assert!(size.abs_diff(873) <= 9, "{size} bytes");
+    assert!(size.abs_diff(852) <= 9, "{size} bytes");
 }
 
 #[test]

@@ -59,8 +59,11 @@ impl SurfaceModel for PatchModel {
         for header in self.header().attributes {
             summary = summary.with(format!("attribute {}", header.name), header.in_words());
         }
-        match self.max_error() {
-            Some(bound) => summary.with("max error (m)", bound),
+        if let Some(bound) = self.max_error() {
+            summary = summary.with("max error (m)", bound);
+        }
+        match self.max_error_forward() {
+            Some(bound) => summary.with("max error forward (m)", bound),
             None => summary,
         }
     }

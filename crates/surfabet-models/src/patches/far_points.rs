@@ -24,7 +24,8 @@ const LEAST_PATCHES: usize = 64;
 /// Points that one task looks for neighbours of.
 const BATCH: usize = 1 << 12;
 
-/// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured.
+/// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured; each is within
+/// `forward` of them, if that is given.
 ///
 /// # Errors
 /// [`Error::TooLarge`] for a bound that single precision does not resolve, [`Error::Cancelled`].
@@ -32,11 +33,13 @@ pub(super) fn with_points_within(
     model: PatchModel,
     cloud: &PointCloud,
     bound: f64,
+    forward: Option<f64>,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
-    let limit = limit(cloud, bound)?;
-    let far = far_points(&model, cloud.positions(), limit, progress)?;
-    let cells = Cells::of(&model, &far, limit);
+    let near = limit(cloud, bound)?;
+    let far = far_points(&model, cloud.positions(), near, progress)?;
+    let forward = forward.map_or(Ok(near), |forward| limit(cloud, forward))?;
+    let cells = Cells::of(&model, &far, near.min(forward));
     let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
     Ok(model.with_extra(keys, cells.size, Some(bound)))
 }
@@ -50,6 +53,8 @@ pub(super) struct Completeness {
     pub tolerance: f64,
     /// The distance between surfaces that lie close behind one another, metres.
     pub layer_gap: Option<f64>,
+    /// How far an added point may be from the input, metres.
+    pub forward: Option<f64>,
 }
 
 /// Adds points until the decoded cloud, as measured, is complete: those first that stand for most input points.
@@ -62,27 +67,28 @@ pub(super) fn with_share_of_points(
     wanted: Completeness,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
-    let Completeness { share, tolerance, layer_gap } = wanted;
+    let Completeness { share, tolerance, layer_gap, forward } = wanted;
     let in_gaps = |gaps: f64| layer_gap.map_or(f64::INFINITY, |gap| gaps * gap);
     let bound = TOLERANCE_SHARE * tolerance.min(in_gaps(POINT_TOLERANCE_IN_GAPS));
     if share <= 0.0 || bound <= 0.0 {
         return Ok(model);
     }
-    let limit = limit(cloud, bound)?;
+    let near = limit(cloud, bound)?;
     let positions = cloud.positions();
     let step = positions.len().div_ceil(PROBES);
     if step > 1 {
         let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
-        let far = far_points(&model, &probes, limit, progress)?;
+        let far = far_points(&model, &probes, near, progress)?;
         if 1.0 - far.len() as f64 / probes.len() as f64 >= share + PROBE_MARGIN {
             return Ok(model);
         }
     }
-    let far = far_points(&model, positions, limit, progress)?;
+    let far = far_points(&model, positions, near, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
-    let Cells { mut counted, size } =
-        Cells::of(&model, &far, limit.min(in_gaps(POINT_CELL_IN_GAPS)));
+    let forward = forward.map_or(Ok(near), |forward| limit(cloud, forward))?;
+    let of_cells = near.min(in_gaps(POINT_CELL_IN_GAPS)).min(forward);
+    let Cells { mut counted, size } = Cells::of(&model, &far, of_cells);
     counted.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
     let mut missing = far.len();
     let needed = counted.iter().take_while(|(_, n)| {
@@ -99,7 +105,7 @@ pub(super) fn with_share_of_points(
 }
 
 /// The bound less what rounding of coordinates to single precision may add.
-fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
+pub(super) fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
     let extent =
         cloud.positions().iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
     let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);

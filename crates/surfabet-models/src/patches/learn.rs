@@ -20,6 +20,7 @@ use super::options::{DEPTH_STEPS, PatchesOptions};
 use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
 use super::sheets::{Reach, Sheet, sheets};
+use super::supported::with_support;
 use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
 use crate::error::Result;
@@ -35,7 +36,8 @@ const STAGES: &[(&str, f32)] = &[
     ("finding axes", 0.05),
     ("merging points", 0.25),
     ("growing sheets", 0.1),
-    ("choosing patches", 0.4),
+    ("choosing patches", 0.35),
+    ("keeping to the input", 0.05),
     ("adding attributes", 0.1),
     ("checking the bound", 0.1),
 ];
@@ -110,6 +112,11 @@ pub fn learn(
         .run("choosing patches", |progress| choose(lattice, &sheets, density, options, progress))?;
     // Memory that the last stages need.
     drop(sheets);
+    let geometry =
+        stages.run("keeping to the input", |progress| match options.max_error_forward {
+            Some(bound) => with_support(geometry, lattice, cloud, bound, progress),
+            None => Ok(geometry),
+        })?;
     // 7. Colour and other attributes.
     let (attributes, attribute_figures) = stages.run("adding attributes", |_| {
         let is_layered = survey.layer_gap.is_some();
@@ -117,12 +124,14 @@ pub fn learn(
     })?;
     let (n_samples, attribute_cells) = (samples.all.len(), attributes.cells.len());
     drop(samples);
-    let model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?;
+    let model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?
+        .with_max_error_forward(options.max_error_forward);
     // 8. Points beside the patches.
     let layer_gap = survey.layer_gap;
-    let wanted = Completeness { share: options.completeness, tolerance, layer_gap };
+    let forward = options.max_error_forward;
+    let wanted = Completeness { share: options.completeness, tolerance, layer_gap, forward };
     let model = stages.run("checking the bound", |progress| match options.max_error {
-        Some(bound) => with_points_within(model, cloud, bound, progress),
+        Some(bound) => with_points_within(model, cloud, bound, forward, progress),
         None => with_share_of_points(model, cloud, wanted, progress),
     })?;
 
@@ -266,10 +275,7 @@ fn attributes(
     // A learned model has no more cells than its samples call for; the limit is for files.
     let cells = attribute_cells(lattice, leaves, u64::MAX).unwrap_or_default();
     // Elsewhere surfaces of two sides meet, and all cells may share what is known.
-    let sides = match unblended {
-        true => sides_of_cells(lattice, leaves, &cells),
-        false => vec![u8::MAX; cells.len()],
-    };
+    let sides = unblended.then(|| sides_of_cells(lattice, leaves, &cells));
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
     let Fields { color, others, figures } = chosen.fields(&cells, &targets, options)?;
     let prediction = Prediction::Beside;

@@ -16,6 +16,7 @@
 //! | `surface` | the shapes, in integers; patches with their places | 4 |
 //! | `choice` | hierarchy, masks, shapes and thickness of least cost | 5 |
 //! | `coding` | the geometry as binary decisions, given the neighbours; points beside the patches | 6, 8 |
+//! | `supported` | only as much surface as lies near the input, where that is asked for | |
 //! | `attributes` | colour, scalars and labels on the cells around the surface | 7 |
 //! | `far_points` | points beside the patches, for what these leave out | 8 |
 //! | `model`, `contract` | the result | |
@@ -36,6 +37,7 @@ mod model;
 mod options;
 mod samples;
 mod sheets;
+mod supported;
 mod surface;
 
 pub use attributes::color::ColorSteps;

@@ -196,6 +196,9 @@ pub struct PatchesHeader {
     /// Largest distance of any input point to the decoded cloud, metres, where it was asked for: decoded as
     /// measured, at half a pixel.
     pub max_error: Option<f64>,
+    /// Largest distance of any decoded point to the input, metres, where it was asked for: as measured or as a surface, at half
+    /// a pixel.
+    pub max_error_forward: Option<f64>,
     /// Intensities and other attributes beside colour.
     pub attributes: Vec<AttributeHeader>,
     /// A point has the attributes of the cell that it lies in, instead of a mean of those around it: where surfaces lie close
@@ -241,6 +244,7 @@ pub struct PatchModel {
     extra: Vec<u64>,
     extra_size: f64,
     max_error: Option<f64>,
+    max_error_forward: Option<f64>,
     report: Beside<PatchesReport>,
 }
 
@@ -272,6 +276,7 @@ impl PatchModel {
             extra: Vec::new(),
             extra_size: lattice.pixel_size,
             max_error: None,
+            max_error_forward: None,
             report: Beside::default(),
         })
     }
@@ -280,6 +285,11 @@ impl PatchModel {
     pub(super) fn with_extra(mut self, extra: Vec<u64>, size: f64, max_error: Option<f64>) -> Self {
         (self.extra, self.extra_size, self.max_error) = (extra, size, max_error);
         self
+    }
+
+    /// With the bound that the surface keeps, if any.
+    pub(super) fn with_max_error_forward(self, max_error_forward: Option<f64>) -> Self {
+        Self { max_error_forward, ..self }
     }
 
     pub(super) fn with_report(self, report: PatchesReport) -> Self {
@@ -296,6 +306,7 @@ impl PatchModel {
             n_extra: self.extra.len() as u64,
             extra_size: self.extra_size,
             max_error: self.max_error,
+            max_error_forward: self.max_error_forward,
             attributes: self.attributes.others.iter().map(AttributeField::header).collect(),
             unblended: self.attributes.unblended,
             prediction: self.attributes.prediction,
@@ -358,6 +369,7 @@ impl PatchModel {
             extra,
             extra_size: header.extra_size,
             max_error: header.max_error,
+            max_error_forward: header.max_error_forward,
             report: Beside::default(),
         })
     }
@@ -441,6 +453,12 @@ impl PatchModel {
         self.max_error
     }
 
+    /// Largest distance of any decoded point to the input, as measured or as a surface at half a pixel, metres, where
+    /// learning was asked to keep one.
+    pub fn max_error_forward(&self) -> Option<f64> {
+        self.max_error_forward
+    }
+
     /// How the model was learned; empty for a model read from a file.
     pub fn report(&self) -> &PatchesReport {
         &self.report.0
@@ -476,8 +494,10 @@ fn read_extra<C: Coder>(header: &PatchesHeader, coder: &mut C) -> Result<Vec<u64
         let (found, size) = (points.len(), header.extra_size);
         return Err(coder.corrupt(format!("{found} points of size {size} instead of {n}")));
     }
-    if header.max_error.is_some_and(|e| !(e.is_finite() && e > 0.0)) {
-        return Err(coder.corrupt(format!("a largest error of {:?} m", header.max_error)));
+    for bound in [header.max_error, header.max_error_forward].into_iter().flatten() {
+        if !(bound.is_finite() && bound > 0.0) {
+            return Err(coder.corrupt(format!("a largest error of {bound} m")));
+        }
     }
     Ok(points)
 }

@@ -22,6 +22,9 @@ options! {
         /// Largest distance of any input point to the cloud that is decoded as measured at the default spacing. Points
         /// that would be further away are kept beside the patches.
         max_error: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "no bound";
+        /// Largest distance of any decoded point to the input, as measured or as a surface at the default spacing: no surface
+        /// is filled in where nothing was measured. Patches lose what would be further away.
+        max_error_forward: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "no bound";
         /// Least share of the points that are within the tolerance of the cloud decoded as measured: two spacings, three
         /// standard deviations of the noise, or two thirds of a given `resolution`, whichever is most; twice as much for
         /// 'small'. Points beside the patches make up
@@ -39,7 +42,7 @@ options! {
         rounds: u32 = 3, range = Range::from_to(1.0, 10.0);
         /// Rounding of luma of a single cell. Means over n cells are rounded about sqrt(n) times finer; larger makes
         /// smaller files.
-        color_step: u32 = 90, range = Range::from_to(1.0, 1024.0), unit = "grey levels";
+        color_step: u32 = 100, range = Range::from_to(1.0, 1024.0), unit = "grey levels";
         /// Rounding of chroma as a multiple of that of luma.
         chroma_ratio: f64 = 1.5, range = Range::from_to(0.25, 4.0);
         /// Squared error that a bit of colour must save.

@@ -41,6 +41,7 @@ impl Scene for PatchModel {
         let names = ["colors", "intensities", "classification", "gps_time"];
         let options = PatchesOptions {
             max_error: Some(0.01),
+            max_error_forward: Some(0.03),
             color_step: 20,
             attributes: Some(names.map(str::to_owned).into()),
             ..PatchesOptions::default()

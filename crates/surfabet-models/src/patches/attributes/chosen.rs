@@ -154,15 +154,16 @@ fn color(
         chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
     };
     let lambda = options.color_rate * f64::from(options.color_step).powi(2);
-    let wanted = targets.means(|i| colors[i].map(f64::from));
+    let wanted = targets.wanted(|i| colors[i].map(f64::from));
     let field = ColorField::choose(cells, &wanted, steps, lambda as f32);
     let mut price = Price::default();
     let Ok(()) = field.write(&mut price, cells);
-    let squared = |i: usize, cell: usize| {
-        let difference = |c: usize| f64::from(colors[i][c]) - f64::from(field.colors[cell][c]);
+    let squared = |i: usize, decoded: [f32; 3]| {
+        let difference = |c: usize| f64::from(colors[i][c]) - f64::from(decoded[c].round());
         (0..3).map(|c| difference(c).powi(2)).sum::<f64>() / 3.0
     };
-    let rmse = Some(targets.mean_over_points(squared).sqrt());
+    let of_cell = |cell: usize| field.colors[cell].map(f32::from);
+    let rmse = Some(targets.mean_error(of_cell, squared).sqrt());
     let figures =
         AttributeFigures { name: COLORS.into(), bytes: price.bits / 8.0, rmse, equal: None };
     (field, figures)
@@ -229,14 +230,14 @@ impl Source<'_> {
         };
         let all = (0..n).map(|i| self.number(i));
         let scale = ScalarScale::of(self.name, all, options.attribute_step)?;
-        let wanted = targets.means(|i| [scale.in_steps(self.number(i))]);
+        let wanted = targets.wanted(|i| [scale.in_steps(self.number(i))]);
         let field = ScalarField::choose(cells, &wanted, scale, options.attribute_rate as f32);
-        let squared = |i: usize, cell: usize| {
+        let squared = |i: usize, [steps]: [f32; 1]| {
             let value = self.number(i);
-            let error = value - scale.value(f64::from(field.values[cell]));
+            let error = value - scale.value(f64::from(steps));
             if value.is_finite() { error * error } else { 0.0 }
         };
-        let rmse = targets.mean_over_points(squared).sqrt();
+        let rmse = targets.mean_error(|cell| [field.values[cell]], squared).sqrt();
         Ok((field, rmse))
     }
 }

@@ -6,6 +6,7 @@
 //! | file | step |
 //! |---|---|
 //! | `cells` | the cells that carry attributes, from the geometry |
+//! | `blending` | the cells that a position takes its attributes from |
 //! | `targets` | when learning: the value or label that each should have |
 //! | `chosen` | when learning: which attributes of the cloud, and what each is stored as |
 //! | `color` | luma and two chromas, and their steps |
@@ -18,6 +19,7 @@
 //! | `choice` | when learning: coefficients of least cost |
 //! | `models` | adaptive models of the coefficients |
 
+pub(in crate::patches) mod blending;
 mod butterflies;
 pub(in crate::patches) mod cells;
 mod choice;

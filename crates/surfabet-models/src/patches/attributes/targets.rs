@@ -3,8 +3,15 @@
 use surfabet_base::parallel;
 use surfabet_geom::morton::{MortonMap, step};
 
+use super::blending::{Corners, Weighted};
 use super::cells::{cell_key, index};
 use crate::patches::samples::{Sample, SidedSamples};
+
+/// Samples that one task looks at.
+const BLOCK: usize = 1 << 14;
+
+/// Samples whose blends are kept at once: bounds the memory.
+const SAMPLES_AT_ONCE: usize = 1 << 18;
 
 /// Which cell each sample counts for: its own, or the nearest cell around it.
 pub(in crate::patches) struct Targets<'a> {
@@ -15,27 +22,128 @@ pub(in crate::patches) struct Targets<'a> {
     /// Bits of the sides that each cell belongs to; cells of different sides have nothing to do with one another.
     sides: Vec<u8>,
     owners: Vec<Option<u32>>,
+    /// Side of a cell, metres.
+    size: f32,
+    /// Points take their values from the cell that they lie in alone.
+    unblended: bool,
 }
 
 impl<'a> Targets<'a> {
-    /// For sorted `cells`, which are `size` metres wide, and bits of the sides that each belongs to: a sample counts for
-    /// cells of its own side.
-    pub fn new(samples: &'a SidedSamples<'a>, cells: &'a [u64], sides: Vec<u8>, size: f32) -> Self {
+    /// For sorted `cells`, which are `size` metres wide. With `sides`, bits of the sides that each cell belongs to, a
+    /// sample counts for cells of its own side, and points take their values from the cell that they lie in alone.
+    pub fn new(
+        samples: &'a SidedSamples<'a>,
+        cells: &'a [u64],
+        sides: Option<Vec<u8>>,
+        size: f32,
+    ) -> Self {
+        let unblended = sides.is_some();
+        let sides = sides.unwrap_or_else(|| vec![u8::MAX; cells.len()]);
         let places = index(cells);
         let owner = |i: usize| {
             let (s, side): (&Sample, u8) = (&samples.all[i], samples.sides[i]);
             owner(&places, s.position, size, |cell| sides[cell as usize] >> side & 1 != 0)
         };
         let owners = parallel::map_range(samples.all.len(), owner);
-        Self { samples, cells, places, sides, owners }
+        Self { samples, cells, places, sides, owners, size, unblended }
     }
 
-    /// Mean over the samples of each cell, of the weighted means of `value` over their points. Points whose value is not
-    /// finite are left out; cells without samples take the mean of those around, so that what was filled between samples
-    /// has their values.
-    pub fn means<const N: usize>(&self, value: impl Fn(usize) -> [f64; N] + Sync) -> Vec<[f32; N]> {
+    /// The values that the cells should have: where decoded values are blended from several cells, so that what is decoded
+    /// at the samples comes near to theirs. `value` gives that of a point; points whose value is not finite are left out.
+    ///
+    /// A mean over each cell, blended with its neighbours, would be smoother than the samples are. So what the blend `A` of
+    /// the means `t` misses of the samples `y` is added to the cells that each was blended from:
+    /// `t + (A' 1)^-1 A' (y - A t)`, with the quotient by cell, one step of back projection. A second step, and one of 1.6 times
+    /// the length, are worth no more (`docs/benchmarks/patches.md`).
+    pub fn wanted<const N: usize>(
+        &self,
+        value: impl Fn(usize) -> [f64; N] + Sync,
+    ) -> Vec<[f32; N]> {
+        let of_samples = self.samples.means(value);
+        let mut wanted = self.means(&of_samples);
+        if !self.unblended {
+            let missed = self.missed(&wanted, &of_samples);
+            for (value, (sum, weight)) in wanted.iter_mut().zip(missed) {
+                if weight > 0.0 {
+                    (0..N).for_each(|c| value[c] += sum[c] / weight);
+                }
+            }
+        }
+        wanted
+    }
+
+    /// What blending the values of the cells misses of those of the samples, summed for each cell with the weights of the
+    /// blend; and the sum of these.
+    fn missed<const N: usize>(
+        &self,
+        values: &[[f32; N]],
+        of_samples: &[Option<[f32; N]>],
+    ) -> Vec<([f32; N], f32)> {
         let mut sums = vec![([0.0_f32; N], 0.0_f32); self.cells.len()];
-        for (owner, mean) in self.owners.iter().zip(self.samples.means(value)) {
+        let numbers: Vec<usize> = (0..of_samples.len()).collect();
+        for some in numbers.chunks(SAMPLES_AT_ONCE) {
+            let blocks = parallel::map_chunks(some, BLOCK, |block| {
+                let mut corners = Corners::new(&self.places);
+                let mut missed = Vec::with_capacity(block.len());
+                for &i in block {
+                    if let (Some(wanted), Some(_)) = (of_samples[i], self.owners[i]) {
+                        let around = self.around(i, &mut corners);
+                        let blended = around.mean(|cell| values[cell]);
+                        missed.push((
+                            around,
+                            std::array::from_fn::<_, N, _>(|c| wanted[c] - blended[c]),
+                        ));
+                    }
+                }
+                missed
+            });
+            // One after the other, so that sums are the same whatever the number of threads.
+            for (around, missed) in blocks.iter().flatten() {
+                for (cell, weight) in around.iter() {
+                    let (sum, weights) = &mut sums[cell];
+                    let weight = weight / around.total;
+                    (0..N).for_each(|c| sum[c] += weight * missed[c]);
+                    *weights += weight;
+                }
+            }
+        }
+        sums
+    }
+
+    /// The cells that a sample takes its values from.
+    fn around(&self, sample: usize, corners: &mut Corners<'_>) -> Weighted {
+        let own = || self.owners[sample].map_or(Weighted::NONE, Weighted::only);
+        if self.unblended {
+            return own();
+        }
+        let around = corners.around(self.samples.all[sample].position.map(|c| c / self.size));
+        if around.total > 0.0 { around } else { own() }
+    }
+
+    /// Mean over the points of `error` of a point and the value that is decoded at its sample; 0 where no sample counts for
+    /// a cell. `value` gives that of a cell.
+    pub fn mean_error<const N: usize>(
+        &self,
+        value: impl Fn(usize) -> [f32; N],
+        error: impl Fn(usize, [f32; N]) -> f64,
+    ) -> f64 {
+        let mut corners = Corners::new(&self.places);
+        let (mut sum, mut n) = (0.0, 0.0_f64);
+        for (i, points) in self.samples.points().enumerate() {
+            if self.owners[i].is_some() {
+                let decoded = self.around(i, &mut corners).mean(&value);
+                sum += points.iter().map(|&point| error(point as usize, decoded)).sum::<f64>();
+                n += points.len() as f64;
+            }
+        }
+        sum / n.max(1.0)
+    }
+
+    /// Mean over the samples of each cell. Cells without samples take the mean of those around, so that what was filled
+    /// between samples has their values.
+    fn means<const N: usize>(&self, of_samples: &[Option<[f32; N]>]) -> Vec<[f32; N]> {
+        let mut sums = vec![([0.0_f32; N], 0.0_f32); self.cells.len()];
+        for (owner, mean) in self.owners.iter().zip(of_samples) {
             if let (Some(i), Some(mean)) = (owner, mean) {
                 let (sum, n) = &mut sums[*i as usize];
                 (0..N).for_each(|c| sum[c] += mean[c]);

@@ -3,10 +3,11 @@
 use std::sync::OnceLock;
 
 use surfabet_base::parallel;
-use surfabet_geom::morton::{MortonMap, step};
+use surfabet_geom::morton::MortonMap;
 use surfabet_geom::{CloudParts, Column, KdTree, Progress};
 
 use crate::error::Result;
+use crate::patches::attributes::blending::{Corners, Weighted};
 use crate::patches::attributes::cells::{cell_key, cell_of_key, index};
 use crate::patches::attributes::{AttributeField, INTENSITIES, Values};
 use crate::patches::model::Attributes;
@@ -20,45 +21,6 @@ pub(super) struct Sampler<'a> {
     places: MortonMap<u32>,
     /// Middles of the cells, built when first needed.
     tree: OnceLock<Option<KdTree>>,
-}
-
-/// The cells around a position and their weights; none without cells.
-struct Weighted {
-    cells: [u32; 8],
-    weights: [f32; 8],
-    n: usize,
-    total: f32,
-}
-
-impl Weighted {
-    const NONE: Self = Self { cells: [0; 8], weights: [0.0; 8], n: 0, total: 0.0 };
-
-    fn push(&mut self, cell: u32, weight: f32) {
-        (self.cells[self.n], self.weights[self.n]) = (cell, weight);
-        self.n += 1;
-        self.total += weight;
-    }
-
-    fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
-        let cells = self.cells[..self.n].iter().map(|&cell| cell as usize);
-        cells.zip(self.weights)
-    }
-
-    /// Weighted mean of the values of the cells; zero without any.
-    fn mean<const N: usize>(&self, value: impl Fn(usize) -> [f32; N]) -> [f32; N] {
-        let mut sum = [0.0; N];
-        for (cell, weight) in self.iter() {
-            let value = value(cell);
-            (0..N).for_each(|c| sum[c] += weight * value[c]);
-        }
-        if self.n == 0 { sum } else { sum.map(|s| s / self.total) }
-    }
-
-    /// The cell with the largest weight, of equals the first.
-    fn heaviest(&self) -> Option<usize> {
-        let heavier = |a: (usize, f32), b: (usize, f32)| if b.1 > a.1 { b } else { a };
-        self.iter().reduce(heavier).map(|(cell, _)| cell)
-    }
 }
 
 /// All attributes of some points.
@@ -109,8 +71,9 @@ impl<'a> Sampler<'a> {
 
     fn block(&self, positions: &[[f32; 3]]) -> Block {
         let Attributes { color, others, .. } = self.attributes;
-        let mut cache = CornerCache::new();
-        let around: Vec<Weighted> = positions.iter().map(|&p| self.around(p, &mut cache)).collect();
+        let mut corners = Corners::new(&self.places);
+        let around: Vec<Weighted> =
+            positions.iter().map(|&p| self.around(p, &mut corners)).collect();
         let colors = color.as_ref().map_or(Vec::new(), |field| {
             let color = |cell: usize| field.colors[cell].map(f32::from);
             around.iter().map(|w| w.mean(color).map(|c| c.round() as u8)).collect()
@@ -118,40 +81,21 @@ impl<'a> Sampler<'a> {
         Block { colors, others: others.iter().map(|field| field.column(&around)).collect() }
     }
 
-    /// The cells around a position (pixels): of the eight between whose middles it is those that there are; without any the
-    /// nearest of all.
-    fn around(&self, position: [f32; 3], cache: &mut CornerCache) -> Weighted {
-        if self.attributes.unblended {
-            return self.own(position);
+    /// The cells around a position (pixels); without any the nearest of all.
+    fn around(&self, position: [f32; 3], corners: &mut Corners<'_>) -> Weighted {
+        let found = match self.attributes.unblended {
+            true => self.own(position).map_or(Weighted::NONE, Weighted::only),
+            false => corners.around(position),
+        };
+        match found.total > 0.0 {
+            true => found,
+            false => self.nearest(position).map_or(Weighted::NONE, Weighted::only),
         }
-        let shifted = position.map(|c| c - 0.5);
-        let low = shifted.map(f32::floor);
-        let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a]);
-        let corners = cache.around(cell_key(low.map(|c| c as i32)), &self.places);
-        let mut found = Weighted::NONE;
-        for (corner, &place) in corners.iter().enumerate() {
-            if place != NO_CELL {
-                let side = |a: usize| if corner >> a & 1 != 0 { part[a] } else { 1.0 - part[a] };
-                found.push(place, side(0) * side(1) * side(2));
-            }
-        }
-        if found.total <= 1e-6 {
-            found = Weighted::NONE;
-            if let Some(nearest) = self.nearest(position) {
-                found.push(nearest, 1.0);
-            }
-        }
-        found
     }
 
-    /// The cell that holds a position (pixels), or without one the nearest.
-    fn own(&self, position: [f32; 3]) -> Weighted {
-        let mut found = Weighted::NONE;
-        let own = self.places.get(&cell_key(position.map(|c| c.floor() as i32))).copied();
-        if let Some(cell) = own.or_else(|| self.nearest(position)) {
-            found.push(cell, 1.0);
-        }
-        found
+    /// The cell that holds a position (pixels).
+    fn own(&self, position: [f32; 3]) -> Option<u32> {
+        self.places.get(&cell_key(position.map(|c| c.floor() as i32))).copied()
     }
 
     /// The nearest cell of all, for points off every patch.
@@ -180,37 +124,5 @@ impl AttributeField {
                 self.dtype.column_of_integers(values)
             }
         }
-    }
-}
-
-/// No cell at a corner.
-const NO_CELL: u32 = u32::MAX;
-
-/// A cache of the cells at the corners of the cubes between cell middles.
-struct CornerCache {
-    slots: Vec<(u64, [u32; 8])>,
-}
-
-impl CornerCache {
-    /// Slots; a patch passes through a few hundred cubes.
-    const SIZE: usize = 1 << 10;
-
-    fn new() -> Self {
-        // No key has its highest bit set.
-        Self { slots: vec![(u64::MAX, [NO_CELL; 8]); Self::SIZE] }
-    }
-
-    /// Numbers of the cell `low` and its seven successors; [`NO_CELL`] for those that there are not.
-    fn around(&mut self, low: u64, places: &MortonMap<u32>) -> &[u32; 8] {
-        let slot = &mut self.slots[(low ^ low >> 10 ^ low >> 20) as usize % Self::SIZE];
-        if slot.0 != low {
-            let corner = |corner: usize| {
-                let along = (0..3).filter(|a| corner >> a & 1 != 0);
-                let key = along.fold(low, |key, axis| step(key, axis, true));
-                places.get(&key).copied().unwrap_or(NO_CELL)
-            };
-            *slot = (low, std::array::from_fn(corner));
-        }
-        &slot.1
     }
 }

@@ -71,7 +71,7 @@ impl PatchModel {
         progress: &dyn Progress,
     ) -> Result<Vec<[f32; 3]>> {
         let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
-        let decoder = Decoder::new(self, patches, 0, options)?;
+        let decoder = Decoder::new(self.lattice(), patches, 0, options)?;
         let mut points = Points::default();
         decoder.add(patches, &mut points, progress)?;
         Ok(Rotation::of(self.lattice()).of_positions(points.positions))
@@ -79,7 +79,7 @@ impl PatchModel {
 
     /// Points of the patches, and those beside them, in the frame of the lattice.
     fn surface(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<Surface<'_>> {
-        let decoder = Decoder::new(self, self.leaves(), self.header().n_extra, options)?;
+        let decoder = Decoder::new(self.lattice(), self.leaves(), self.header().n_extra, options)?;
         let mut points = Points::default();
         // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = if options.as_measured {
@@ -133,8 +133,56 @@ impl Rotation {
     }
 }
 
-struct Decoder<'a> {
-    model: &'a PatchModel,
+/// Decodes single patches at the spacing that a model is made for.
+pub(super) struct PatchDecoder {
+    measured: Decoder,
+    surface: Decoder,
+    rotation: Rotation,
+}
+
+impl PatchDecoder {
+    /// For patches of a lattice.
+    ///
+    /// # Errors
+    /// [`crate::Error::TooManyPoints`] where `patches` are more than may be decoded.
+    pub fn new(lattice: Lattice, patches: &[Leaf]) -> Result<Self> {
+        let decoder = |as_measured| {
+            let options = DecodeOptions { as_measured, ..DecodeOptions::default() };
+            Decoder::new(lattice, patches, 0, options)
+        };
+        let rotation = Rotation::of(lattice);
+        Ok(Self { measured: decoder(true)?, surface: decoder(false)?, rotation })
+    }
+
+    /// Mask of the pixels of a patch of which all points hold `what`; positions are metres about the origin.
+    pub fn pixels_of(
+        &self,
+        leaf: &Leaf,
+        as_measured: bool,
+        what: impl Fn([f32; 3]) -> bool,
+    ) -> u64 {
+        let decoder = if as_measured { &self.measured } else { &self.surface };
+        let grid = &decoder.grids[leaf.level as usize];
+        let mut mask = leaf.patch.mask;
+        let mut points = Points::default();
+        for row in 0..grid.at.len() {
+            for column in 0..grid.at.len() {
+                let pixel = grid.pixel([column, row]);
+                if mask >> pixel & 1 != 0 {
+                    decoder.sample(leaf, grid, [column, row], &mut points);
+                    let positions = std::mem::take(&mut points.positions);
+                    if !self.rotation.of_positions(positions).into_iter().all(&what) {
+                        mask &= !(1 << pixel);
+                    }
+                }
+            }
+        }
+        mask
+    }
+}
+
+struct Decoder {
+    lattice: Lattice,
     /// Samples per side of a patch, and the values of all shapes' factors there, per level.
     grids: Vec<Grid>,
     /// Spacing, pixels.
@@ -180,18 +228,22 @@ impl Grid {
                 .collect(),
         }
     }
+
+    /// The pixel of the mask that a sample lies in.
+    fn pixel(&self, [column, row]: [usize; 2]) -> usize {
+        PATCH_PIXELS as usize * self.cell[row] + self.cell[column]
+    }
 }
 
-impl<'a> Decoder<'a> {
+impl Decoder {
     /// For some patches and `more` points beside them, unless these are more points than may be decoded: a tiny spacing
     /// makes large grids.
     fn new<'b>(
-        model: &'a PatchModel,
+        lattice: Lattice,
         patches: impl IntoIterator<Item = &'b Leaf>,
         more: u64,
         options: DecodeOptions,
     ) -> Result<Self> {
-        let lattice = model.lattice();
         let resolution = options.spacing(0.5 * lattice.pixel_size)?;
         let spacing = resolution / lattice.pixel_size;
         let most = |leaf: &Leaf| {
@@ -204,7 +256,7 @@ impl<'a> Decoder<'a> {
         check_points(resolution, n_points, options.max_points)?;
         let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
         let grids = widths.map(|width| Grid::new(width, spacing)).collect();
-        Ok(Self { model, grids, spacing, options })
+        Ok(Self { lattice, grids, spacing, options })
     }
 
     /// Adds what some patches give.
@@ -229,7 +281,7 @@ impl<'a> Decoder<'a> {
         let before = points.positions.len();
         for row in 0..n {
             for column in 0..n {
-                let pixel = PATCH_PIXELS as usize * grid.cell[row] + grid.cell[column];
+                let pixel = grid.pixel([column, row]);
                 if leaf.patch.mask >> pixel & 1 != 0 {
                     self.sample(leaf, grid, [column, row], points);
                 }
@@ -247,7 +299,7 @@ impl<'a> Decoder<'a> {
 
     fn sample(&self, leaf: &Leaf, grid: &Grid, [column, row]: [usize; 2], points: &mut Points) {
         let [d, u, v] = axes_of(leaf.side);
-        let step = self.model.lattice().depth_step as f32 / 16.0;
+        let step = self.lattice.depth_step as f32 / 16.0;
         let (x, y) = (&grid.values[column], &grid.values[row]);
         let (dx, dy) = (&grid.slopes[column], &grid.slopes[row]);
         let (mut depth, mut slope) = (0.0, [0.0; 2]);
