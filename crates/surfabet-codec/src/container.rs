@@ -111,8 +111,11 @@ impl Features {
     /// The header of patches has a bound on the distance of decoded points to the input.
     pub const FORWARD_BOUND: Self = Self(256);
 
+    /// Points beside patches are coded given those around.
+    pub const NEAR_POINTS: Self = Self(512);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 8] = [
+    const KNOWN: [(Self, &'static str, Version); 9] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -121,6 +124,7 @@ impl Features {
         (Self::HIERARCHY, "hierarchy in common", Version { major: 0, minor: 1 }),
         (Self::BESIDE, "attributes predicted from those beside", Version { major: 0, minor: 1 }),
         (Self::FORWARD_BOUND, "bound on decoded points", Version { major: 0, minor: 1 }),
+        (Self::NEAR_POINTS, "points given those around", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

@@ -4,7 +4,7 @@ use surfabet_geom::Dtype;
 use surfabet_models::ScalarScale;
 use surfabet_models::patches::{
     AttributeContent, AttributeHeader, ColorSteps, MAX_ATTRIBUTES, MAX_LABELS, MAX_LEVELS,
-    MAX_NAME, PatchModel, PatchesHeader, Prediction,
+    MAX_NAME, PatchModel, PatchesHeader, PointCoding, Prediction,
 };
 
 use crate::attributes::code_scale;
@@ -53,7 +53,8 @@ impl Layout for PatchModel {
     const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES
         .with(Features::UNBLENDED)
         .with(Features::BESIDE)
-        .with(Features::FORWARD_BOUND);
+        .with(Features::FORWARD_BOUND)
+        .with(Features::NEAR_POINTS);
     const STREAM_SECTIONS: &'static [StreamSection] = &SECTIONS;
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
@@ -89,6 +90,7 @@ impl Layout for PatchModel {
             .with(of(header.unblended, Features::UNBLENDED))
             .with(of(header.prediction == Prediction::Beside, Features::BESIDE))
             .with(of(header.max_error_forward.is_some(), Features::FORWARD_BOUND))
+            .with(of(is_around(header), Features::NEAR_POINTS))
     }
 
     fn code_optional<F: Fields>(
@@ -99,6 +101,9 @@ impl Layout for PatchModel {
         header.unblended = features.contains(Features::UNBLENDED);
         let is_beside = features.contains(Features::BESIDE);
         header.prediction = if is_beside { Prediction::Beside } else { Prediction::Parents };
+        // Without points the feature is not there, and either would do.
+        let is_near = features.contains(Features::NEAR_POINTS) || header.n_extra == 0;
+        header.point_coding = if is_near { PointCoding::Around } else { PointCoding::Alone };
         if features.contains(Features::FORWARD_BOUND) {
             let mut bound = header.max_error_forward.unwrap_or_default();
             fields.f64(&mut bound)?;
@@ -140,6 +145,11 @@ impl Layout for PatchModel {
             Promise { stream: POINTS, what: "number of points", count: header.n_extra },
         ]
     }
+}
+
+/// Whether there are points beside the patches that are coded given those around.
+fn is_around(header: &PatchesHeader) -> bool {
+    header.n_extra > 0 && header.point_coding == PointCoding::Around
 }
 
 /// Writes or reads what the header has of an attribute: name, number of the type, number of labels (0: a scalar), and the

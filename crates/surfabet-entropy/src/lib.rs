@@ -5,10 +5,12 @@
 
 mod coder;
 mod error;
+mod mixing;
 mod models;
 mod octree;
 
 pub use coder::{Coder, Price};
 pub use error::InvalidAlphabet;
+pub use mixing::Mixer;
 pub use models::{Bit, PRECISION, SInt, Symbols, UInt};
 pub use octree::{Cell, Cells, MortonCode, Octree, Quadtree, Tree};

@@ -31,6 +31,9 @@ const RATES: [u32; Bit::MAX_MEMORY as usize + 1] = {
 /// Fractional bits of [`COSTS`].
 const COST_BITS: u32 = 11;
 
+/// Fractional bits of log-odds.
+pub(crate) const LOG_ODDS_BITS: u32 = COST_BITS;
+
 /// Digits of the logarithm computed beyond those kept, so that rounding is right.
 const GUARD_BITS: u32 = 6;
 
@@ -112,6 +115,23 @@ impl Bit {
             memory
         };
         Self { one: 1 << 31, updates: 0, memory }
+    }
+
+    /// A bit for one decision whose probability of true is `one`, in units of 2^-16.
+    pub(crate) const fn with_probability(one: u32) -> Self {
+        Self {
+            one: one << (u32::BITS - PRECISION as u32),
+            updates: Self::DEFAULT_MEMORY,
+            memory: Self::DEFAULT_MEMORY,
+        }
+    }
+
+    /// Logarithm to base 2 of the probability of true over that of false, in units of 2^-11; within 12 of zero.
+    #[inline]
+    pub(crate) fn log_odds(&self) -> i32 {
+        // zero_width / 16, rounded: 1 to 2^12 - 1.
+        let zero = (self.zero_width() as usize + 8) >> 4;
+        i32::from(COSTS[zero]) - i32::from(COSTS[COST_STEPS - zero])
     }
 
     /// Share of false in `[0, 2^16)`; at least 16 and at most 2^16 - 16.

@@ -46,6 +46,7 @@ pub use attributes::{
     Prediction,
 };
 pub use axes::Orientation;
+pub use coding::PointCoding;
 pub use learn::{PatchesFigures, PatchesReport, learn};
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, PATCH_PIXELS, PatchModel, PatchesHeader,

@@ -8,8 +8,9 @@ use super::attributes::{
     AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, Prediction, check,
 };
 use super::axes::Orientation;
+use super::coding::near_points::{NearPointModels, code_near_points};
 use super::coding::points::{PointModels, code_points};
-use super::coding::{Geometry, GeometryModels, code_geometry};
+use super::coding::{Geometry, GeometryModels, PointCoding, code_geometry};
 use super::learn::PatchesReport;
 use super::surface::basis::N_SHAPES;
 use super::surface::leaf::Leaf;
@@ -193,6 +194,8 @@ pub struct PatchesHeader {
     pub n_extra: u64,
     /// Side of the cells that those points are rounded to, metres.
     pub extra_size: f64,
+    /// How those points are coded.
+    pub point_coding: PointCoding,
     /// Largest distance of any input point to the decoded cloud, metres, where it was asked for: decoded as
     /// measured, at half a pixel.
     pub max_error: Option<f64>,
@@ -243,6 +246,7 @@ pub struct PatchModel {
     attributes: Attributes,
     extra: Vec<u64>,
     extra_size: f64,
+    point_coding: PointCoding,
     max_error: Option<f64>,
     max_error_forward: Option<f64>,
     report: Beside<PatchesReport>,
@@ -275,6 +279,7 @@ impl PatchModel {
             attributes,
             extra: Vec::new(),
             extra_size: lattice.pixel_size,
+            point_coding: PointCoding::Around,
             max_error: None,
             max_error_forward: None,
             report: Beside::default(),
@@ -305,6 +310,7 @@ impl PatchModel {
             color: self.attributes.color.as_ref().map(|c| c.steps),
             n_extra: self.extra.len() as u64,
             extra_size: self.extra_size,
+            point_coding: self.point_coding,
             max_error: self.max_error,
             max_error_forward: self.max_error_forward,
             attributes: self.attributes.others.iter().map(AttributeField::header).collect(),
@@ -327,7 +333,7 @@ impl PatchModel {
         for (field, coder) in others.iter().zip(streams.attributes) {
             field.write(coder, cells)?;
         }
-        code_points(streams.extra, &mut PointModels::default(), &self.extra, usize::MAX)?;
+        code_extra(streams.extra, self.point_coding, &self.extra, usize::MAX)?;
         Ok(())
     }
 
@@ -368,6 +374,7 @@ impl PatchModel {
             attributes,
             extra,
             extra_size: header.extra_size,
+            point_coding: header.point_coding,
             max_error: header.max_error,
             max_error_forward: header.max_error_forward,
             report: Beside::default(),
@@ -486,10 +493,23 @@ impl Attributes {
     }
 }
 
+/// Writes, reads or prices the points beside the patches.
+fn code_extra<C: Coder>(
+    coder: &mut C,
+    coding: PointCoding,
+    keys: &[u64],
+    most: usize,
+) -> Result<Vec<u64>, C::Error> {
+    match coding {
+        PointCoding::Alone => code_points(coder, &mut PointModels::default(), keys, most),
+        PointCoding::Around => code_near_points(coder, &mut NearPointModels::default(), keys, most),
+    }
+}
+
 /// Reads the points beside the patches.
 fn read_extra<C: Coder>(header: &PatchesHeader, coder: &mut C) -> Result<Vec<u64>, C::Error> {
     let n = usize::try_from(header.n_extra).unwrap_or(usize::MAX);
-    let points = code_points(coder, &mut PointModels::default(), &[], n)?;
+    let points = code_extra(coder, header.point_coding, &[], n)?;
     if points.len() != n || !(1e-9..1e6).contains(&header.extra_size) {
         let (found, size) = (points.len(), header.extra_size);
         return Err(coder.corrupt(format!("{found} points of size {size} instead of {n}")));

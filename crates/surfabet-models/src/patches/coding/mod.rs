@@ -6,15 +6,27 @@
 //! | `patch` | masks, depths and thicknesses of patches |
 //! | `surroundings` | what patches coded before predict |
 //! | `models` | every adaptive model of these, by context |
-//! | `points` | points that no patch is near enough to |
+//! | `near_points` | points that no patch is near enough to, given those around |
+//! | `points` | the same one by one, in files of an earlier kind |
 //!
 //! Colour has a folder of its own.
 
 mod geometry;
 mod models;
+pub(in crate::patches) mod near_points;
 mod patch;
 pub(in crate::patches) mod points;
 mod surroundings;
+
+/// How points beside the patches are coded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PointCoding {
+    /// One by one: as in files of an earlier kind.
+    #[default]
+    Alone,
+    /// Given the cells around.
+    Around,
+}
 
 pub(in crate::patches) use geometry::{Geometry, MAX_SHEETS, code_geometry};
 pub(in crate::patches) use models::{

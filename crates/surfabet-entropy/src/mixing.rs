@@ -1,0 +1,156 @@
+//! A binary decision with two models at once: their log-odds are added up with weights that learn as well.
+//!
+//! Two models look at different contexts. Where one has seen little, or its context says little, the other's probability counts
+//! more. Weights follow the gradient of the price (M. Mahoney: *Adaptive Weighing of Context Models for Lossless Data
+//! Compression*, 2005). All in integers, so that readers and writers agree on every platform.
+
+use crate::coder::Coder;
+use crate::models::{Bit, LOG_ODDS_BITS, PRECISION};
+
+/// Fractional bits of a weight.
+const WEIGHT_BITS: u32 = 16;
+
+/// Largest log-odds in bits: those of the least probability of a [`Bit`].
+const MAX_ODDS: i32 = 12;
+
+/// Entries of [`PROBABILITIES`] per bit of log-odds.
+const STEPS: i32 = 32;
+
+/// Fractional bits of log-odds between two entries.
+const BETWEEN: u32 = LOG_ODDS_BITS - STEPS.ilog2();
+
+/// The error of a probability times log-odds, in their units, is divided by two to this power: about 0.01 of the gradient.
+const RATE_SHIFT: u32 = 18;
+
+/// `2^16 / (1 + 2^-x)`, rounded, for x from 0 to [`MAX_ODDS`] bits in steps of 1 / [`STEPS`].
+static PROBABILITIES: [u32; (MAX_ODDS * STEPS) as usize + 1] = {
+    // The 32nd root of 2 by five square roots, 56 fractional bits.
+    const ONE: u128 = 1 << 56;
+    let mut root = 2 * ONE;
+    let mut i = 0;
+    while i < STEPS.ilog2() {
+        root = (root * ONE).isqrt();
+        i += 1;
+    }
+    let mut table = [0; (MAX_ODDS * STEPS) as usize + 1];
+    let mut power = ONE;
+    let mut k = 0;
+    while k < table.len() {
+        if k % STEPS as usize == 0 {
+            power = ONE << (k / STEPS as usize);
+        }
+        let whole = power + ONE;
+        table[k] = (((power << PRECISION) + whole / 2) / whole) as u32;
+        power = power * root / ONE;
+        k += 1;
+    }
+    table
+};
+
+/// Probability, in units of 2^-16, of log-odds in units of 2^-11 bits: linear between the entries of [`PROBABILITIES`].
+fn probability(odds: i64) -> u32 {
+    let limit = i64::from(MAX_ODDS) << LOG_ODDS_BITS;
+    let size = odds.abs().min(limit);
+    let entry = (size >> BETWEEN) as usize;
+    let part = (size & ((1 << BETWEEN) - 1)) as u32;
+    let low = PROBABILITIES[entry];
+    let high = PROBABILITIES[(entry + 1).min(PROBABILITIES.len() - 1)];
+    let of_size = low + (((high - low) * part) >> BETWEEN);
+    if odds < 0 { (1 << PRECISION) - of_size } else { of_size }
+}
+
+/// Weights of two models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mixer {
+    /// In units of 2^-16.
+    weights: [i32; 2],
+}
+
+impl Default for Mixer {
+    /// Half of each.
+    fn default() -> Self {
+        Self { weights: [1 << (WEIGHT_BITS - 1); 2] }
+    }
+}
+
+impl Mixer {
+    /// Largest weight, in units of 2^-16: eight.
+    const MAX_WEIGHT: i64 = 8 << WEIGHT_BITS;
+
+    /// A decision with the probability that both models give together; all three adapt.
+    ///
+    /// # Errors
+    /// Whatever the coder finds wrong with what it reads.
+    pub fn bit<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        models: [&mut Bit; 2],
+        value: bool,
+    ) -> Result<bool, C::Error> {
+        let odds = [i64::from(models[0].log_odds()), i64::from(models[1].log_odds())];
+        let sum = (0..2).map(|i| i64::from(self.weights[i]) * odds[i]).sum::<i64>();
+        let one = probability(sum >> WEIGHT_BITS);
+        let value = coder.bit(&mut Bit::with_probability(one), value)?;
+        let error = (i64::from(value) << PRECISION) - i64::from(one);
+        for (weight, odds) in self.weights.iter_mut().zip(odds) {
+            let step = (error * odds + (1 << (RATE_SHIFT - 1))) >> RATE_SHIFT;
+            let moved = i64::from(*weight) + step;
+            *weight = moved.clamp(-Self::MAX_WEIGHT, Self::MAX_WEIGHT) as i32;
+        }
+        models.into_iter().for_each(|model| model.update(value));
+        Ok(value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Price;
+
+    #[test]
+    fn probabilities_are_those_of_log_odds() {
+        for odds in -30_000_i64..30_000 {
+            let bits = odds as f64 / f64::from(1 << LOG_ODDS_BITS);
+            let exact = 65536.0 / (1.0 + (-bits.clamp(-12.0, 12.0)).exp2());
+            assert!((f64::from(probability(odds)) - exact).abs() <= 2.0, "{bits}");
+        }
+        // As docs/format.md gives the table: no entry is near a half, so that doubles are enough.
+        for (k, &entry) in PROBABILITIES.iter().enumerate() {
+            let exact = 65536.0 / (1.0 + (-(k as f64) / 32.0).exp2());
+            assert_eq!(f64::from(entry), exact.round());
+            assert!((exact - exact.floor() - 0.5).abs() > 1e-6, "{k}");
+        }
+    }
+
+    #[test]
+    fn the_model_that_knows_counts_and_the_one_that_does_not_costs_little() {
+        // The bit of the first model is certain to 15 / 16, that of the second is a coin.
+        let mut mixer = Mixer::default();
+        let (mut known, mut coin) = ([Bit::new(); 2], Bit::new());
+        let mut price = Price::default();
+        let (n, mut state) = (20_000, 1_u32);
+        for _ in 0..n {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let context = (state >> 31) as usize;
+            let value = (state >> 16 & 15 == 0) != (context != 0);
+            let Ok(_) = mixer.bit(&mut price, [&mut known[context], &mut coin], value);
+        }
+        let entropy = |p: f64| -p * p.log2() - (1.0 - p) * (1.0 - p).log2();
+        let least = f64::from(n) * entropy(1.0 / 16.0);
+        assert!(price.bits < 1.03 * least, "{} {least}", price.bits);
+        assert!(price.bits > 0.97 * least, "{} {least}", price.bits);
+    }
+
+    #[test]
+    fn what_one_codes_alone_two_alike_code_as_well() {
+        let mut mixer = Mixer::default();
+        let (mut first, mut second, mut alone) = (Bit::new(), Bit::new(), Bit::new());
+        let (mut mixed, mut single) = (Price::default(), Price::default());
+        for i in 0..4000_u32 {
+            let value = i.wrapping_mul(2_654_435_761) >> 29 == 0;
+            let Ok(_) = mixer.bit(&mut mixed, [&mut first, &mut second], value);
+            let Ok(_) = single.bit(&mut alone, value);
+        }
+        assert!(mixed.bits < 1.02 * single.bits, "{} {}", mixed.bits, single.bits);
+    }
+}

@@ -1,0 +1,316 @@
+//! Points that no patch is near enough to: cells of a cubic grid, coded level by level as an octree, given the cells around.
+//!
+//! A node of the octree is a bit per child: does it hold a point? All nodes of a level are coded before those of the next, in
+//! the order of their keys. So of the cells around a child of a node `n` is known: those of `n` before it; those of nodes before
+//! `n`, which are all that are displaced downwards; and whether the other nodes around are occupied at all. Scans are surfaces
+//! and lines, and what goes on there goes on here.
+
+use surfabet_entropy::{Bit, Coder, Mixer};
+use surfabet_geom::morton::{self, MortonMap, step};
+
+use crate::patches::attributes::cells::index;
+
+/// Heights of nodes with models of their own, from the finest; nodes further up share those of the last.
+const HEIGHTS: usize = 4;
+
+/// Counts of occupied children before, and of nodes around, are told apart up to this.
+const MOST: usize = 3;
+
+/// Adaptive models of the points.
+#[derive(Debug, Clone)]
+pub(in crate::patches) struct NearPointModels {
+    /// By how many of the cells around are occupied.
+    counts: Vec<Bit>,
+    /// By which of them are.
+    places: Vec<Bit>,
+    /// By height and number of occupied children before.
+    mixers: [[Mixer; MOST + 1]; HEIGHTS],
+}
+
+impl Default for NearPointModels {
+    fn default() -> Self {
+        Self {
+            counts: vec![Bit::new(); HEIGHTS << 13],
+            places: vec![Bit::new(); HEIGHTS << 15],
+            mixers: [[Mixer::default(); MOST + 1]; HEIGHTS],
+        }
+    }
+}
+
+/// What is known around a node before its children are coded.
+struct Around<'a> {
+    /// Which children the nodes one down along each axis have.
+    below: [u8; 3],
+    /// Which children the nodes one down along the two axes after each have.
+    below_edge: [u8; 3],
+    /// The nodes one up along each axis: are they occupied?
+    above: [bool; 3],
+    /// How many of the six nodes beside are occupied.
+    beside: usize,
+    models: &'a mut NearPointModels,
+    /// Height of the node, from 1 for parents of cells.
+    height: usize,
+}
+
+impl<'a> Around<'a> {
+    /// Of the node of a key; `places` are the numbers of all nodes of its level, `children` what is known of theirs.
+    fn new(
+        key: u64,
+        places: &MortonMap<u32>,
+        children: &[u8],
+        models: &'a mut NearPointModels,
+        height: usize,
+    ) -> Self {
+        let of = |key: u64| places.get(&key).map(|&i| children[i as usize]);
+        let down = |axis: usize| of(step(key, axis, false));
+        let edge = |axis: usize| {
+            of(step(step(key, (axis + 1) % 3, false), (axis + 2) % 3, false)).unwrap_or(0)
+        };
+        let above = std::array::from_fn(|axis| places.contains_key(&step(key, axis, true)));
+        let below: [Option<u8>; 3] = std::array::from_fn(down);
+        let beside = below.iter().flatten().count() + above.iter().filter(|up| **up).count();
+        let below_edge = std::array::from_fn(edge);
+        let height = height.min(HEIGHTS) - 1;
+        Self { below: below.map(|b| b.unwrap_or(0)), below_edge, above, beside, models, height }
+    }
+
+    /// Bit `a` is set where the cell one down from a child along axis `a` is occupied; `coded` are the children before it.
+    fn faces(&self, child: usize, coded: u8) -> usize {
+        let occupied = |axis: usize| {
+            let other = child ^ 1 << axis;
+            let of = if child >> axis & 1 != 0 { coded } else { self.below[axis] };
+            usize::from(of >> other & 1)
+        };
+        (0..3).map(|axis| occupied(axis) << axis).sum()
+    }
+
+    /// Bit `a` is set where the cell one down from a child along both axes after `a` is occupied.
+    fn edges(&self, child: usize, coded: u8) -> usize {
+        let occupied = |axis: usize| {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let other = child ^ 1 << u ^ 1 << v;
+            let of = match (child >> u & 1, child >> v & 1) {
+                (1, 1) => coded,
+                (1, _) => self.below[v],
+                (_, 1) => self.below[u],
+                _ => self.below_edge[axis],
+            };
+            usize::from(of >> other & 1)
+        };
+        (0..3).map(|axis| occupied(axis) << axis).sum()
+    }
+
+    /// Bit `a` is set where the node one up from a child along axis `a` is another one, and occupied.
+    fn ahead(&self, child: usize) -> usize {
+        (0..3).map(|a| usize::from(child >> a & 1 != 0 && self.above[a]) << a).sum()
+    }
+
+    /// Codes the children of the node: bit `c` for child `c`.
+    fn children<C: Coder>(&mut self, coder: &mut C, wanted: u8) -> Result<u8, C::Error> {
+        let mut coded = 0_u8;
+        for child in 0..8 {
+            let before = coded.count_ones() as usize;
+            let is_certain = child == 7 && before == 0;
+            if is_certain || self.child(coder, child, coded, wanted >> child & 1 != 0)? {
+                coded |= 1 << child;
+            }
+        }
+        Ok(coded)
+    }
+
+    /// Is a child occupied?
+    fn child<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        child: usize,
+        coded: u8,
+        wanted: bool,
+    ) -> Result<bool, C::Error> {
+        let before = coded.count_ones() as usize;
+        let (faces, edges) = (self.faces(child, coded), self.edges(child, coded));
+        let ahead = self.ahead(child);
+        let n = |mask: usize| mask.count_ones() as usize;
+        // Fields of 3, 2, 2, 2, 2, 2 and 2 bits.
+        let by_count = [n(faces), before.min(MOST), n(ahead), n(edges), self.beside.min(MOST)];
+        let by_count = by_count.iter().fold(self.height << 3 | child, |all, &k| all << 2 | k);
+        // Fields of 3 bits, but the height.
+        let by_place = [child, faces, before, edges, ahead];
+        let by_place = by_place.iter().fold(self.height, |all, &k| all << 3 | k);
+        let NearPointModels { counts, places, mixers } = &mut *self.models;
+        let models = [&mut counts[by_count], &mut places[by_place]];
+        mixers[self.height][before.min(MOST)].bit(coder, models, wanted)
+    }
+}
+
+/// Writes, reads or prices sorted, different keys of cells.
+///
+/// # Errors
+/// Whatever the coder finds wrong, which includes more than `max_points` of them.
+pub(in crate::patches) fn code_near_points<C: Coder>(
+    coder: &mut C,
+    models: &mut NearPointModels,
+    keys: &[u64],
+    max_points: usize,
+) -> Result<Vec<u64>, C::Error> {
+    if coder.bypass(u64::from(!keys.is_empty()), 1)? == 0 {
+        return Ok(Vec::new());
+    }
+    let mut nodes = vec![0_u64];
+    for height in (1..=morton::BITS).rev() {
+        let places = index(&nodes);
+        let mut wanted = Wanted { keys, shift: 3 * (height - 1) };
+        let mut children = vec![0_u8; nodes.len()];
+        let mut next = Vec::with_capacity(nodes.len());
+        for (i, &key) in nodes.iter().enumerate() {
+            let mut around = Around::new(key, &places, &children, models, height as usize);
+            let found = around.children(coder, wanted.children_of(key))?;
+            children[i] = found;
+            next.extend((0..8).filter(|c| found >> c & 1 != 0).map(|c| key << 3 | c));
+            if next.len() > max_points {
+                return Err(coder.corrupt(format!("more than {max_points} points")));
+            }
+        }
+        nodes = next;
+    }
+    Ok(nodes)
+}
+
+/// What a writer has still to say of a level.
+struct Wanted<'a> {
+    /// Keys of cells from the next node on; empty for a reader.
+    keys: &'a [u64],
+    /// From the key of a cell to that of a child of the level's nodes.
+    shift: u32,
+}
+
+impl Wanted<'_> {
+    /// The children that the node of a key, which follows those asked for before, is to have.
+    fn children_of(&mut self, key: u64) -> u8 {
+        let n = self.keys.partition_point(|k| k >> self.shift >> 3 <= key);
+        let (of_node, rest) = self.keys.split_at(n);
+        self.keys = rest;
+        of_node.iter().fold(0, |children, k| children | 1 << (k >> self.shift & 7))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use surfabet_entropy::Price;
+
+    use crate::patches::coding::points::{PointModels, code_points};
+
+    fn price(keys: &[u64]) -> f64 {
+        let mut price = Price::default();
+        let models = &mut NearPointModels::default();
+        let Ok(_) = code_near_points(&mut price, models, keys, usize::MAX);
+        price.bits
+    }
+
+    proptest! {
+        #[test]
+        fn every_key_is_walked(keys in prop::collection::btree_set(0_u64..1 << 63, 0..50)) {
+            let keys: Vec<u64> = keys.into_iter().collect();
+            let models = &mut NearPointModels::default();
+            let Ok(found) = code_near_points(&mut Price::default(), models, &keys, usize::MAX);
+            prop_assert_eq!(found, keys);
+        }
+    }
+
+    #[test]
+    fn cells_around_are_what_the_grid_has() {
+        // Against the definition: a node at an even place, all cells of a random set that come before a child in the walk.
+        let cell = |at: [i64; 3]| morton::encode(at.map(|c| c as u64));
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            state >> 61 == 0
+        };
+        let mut keys: Vec<u64> = Vec::new();
+        for z in 0..12 {
+            for y in 0..12 {
+                keys.extend((0..12).filter(|_| random()).map(|x| cell([x, y, z])));
+            }
+        }
+        keys.sort_unstable();
+        let mut nodes: Vec<u64> = keys.iter().map(|k| k >> 3).collect();
+        nodes.dedup();
+        let places = index(&nodes);
+        let has = |at: [i64; 3]| keys.binary_search(&cell(at)).is_ok();
+        let children_of = |node: u64| Wanted { keys: &keys, shift: 0 }.children_of(node);
+        let children: Vec<u8> = nodes.iter().map(|&node| children_of(node)).collect();
+        for (&node, &wanted) in nodes.iter().zip(&children) {
+            let models = &mut NearPointModels::default();
+            let around = Around::new(node, &places, &children, models, 1);
+            let corner = morton::decode(node).map(|c| 2 * c as i64);
+            for child in 0..8_usize {
+                let at: [i64; 3] = std::array::from_fn(|a| corner[a] + (child >> a & 1) as i64);
+                let coded = wanted & ((1 << child) - 1) as u8;
+                for axis in 0..3 {
+                    let mut below = at;
+                    below[axis] -= 1;
+                    assert_eq!(around.faces(child, coded) >> axis & 1 != 0, has(below));
+                    below = at;
+                    below[(axis + 1) % 3] -= 1;
+                    below[(axis + 2) % 3] -= 1;
+                    assert_eq!(around.edges(child, coded) >> axis & 1 != 0, has(below));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn surfaces_take_less_than_without_the_cells_around() {
+        // A tilted plane of one cell's thickness: 10,000 cells.
+        let at = |i: u64, j: u64| [1000 + i, 1000 + j, 1000 + (3 * i + 2 * j) / 10];
+        let cells = (0..100).flat_map(|i| (0..100).map(move |j| at(i, j)));
+        let mut keys: Vec<u64> = cells.map(morton::encode).collect();
+        keys.sort_unstable();
+        let mut alone = Price::default();
+        let Ok(_) = code_points(&mut alone, &mut PointModels::default(), &keys, usize::MAX);
+        assert!(price(&keys) < 0.6 * alone.bits, "{} {}", price(&keys), alone.bits);
+    }
+
+    #[test]
+    fn scattered_cells_take_what_their_places_hold() {
+        // n of N places: log2 of N over n, about n (log2 (N / n) + 1.44) bits. Nothing is to be learned but the density.
+        let mut state = 1_u64;
+        let mut places = std::collections::BTreeSet::new();
+        while places.len() < 20_000 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            places.insert(state >> 43);
+        }
+        let keys: Vec<u64> = places.into_iter().collect();
+        let n = keys.len() as f64;
+        let least = n * (((1_u64 << 21) as f64 / n).log2() + std::f64::consts::LOG2_E);
+        let found = price(&keys);
+        assert!(found > 0.99 * least && found < 1.15 * least, "{found} {least}");
+    }
+
+    #[test]
+    fn more_points_than_allowed_are_an_error_of_the_reader() {
+        let models = &mut NearPointModels::default();
+        let mut ones = Ones;
+        assert!(code_near_points(&mut ones, models, &[], 100).is_err());
+    }
+
+    /// A hostile stream: everything is occupied.
+    struct Ones;
+
+    impl Coder for Ones {
+        type Error = String;
+
+        fn bit(&mut self, _: &mut Bit, _: bool) -> Result<bool, String> {
+            Ok(true)
+        }
+
+        fn bypass(&mut self, _: u64, _: u32) -> Result<u64, String> {
+            Ok(1)
+        }
+
+        fn corrupt(&self, what: String) -> String {
+            what
+        }
+    }
+}
