@@ -38,10 +38,13 @@ SCANS = {
 _FINENESS = 1.01
 """Steps are found to this factor."""
 _OCTREE = {**GPCC_GEOMETRY, "trisoupNodeSizeLog2": 0, "disableAttributeCoding": 1}
-# Those of the common test conditions for clouds of several scans, and for frames of a lidar.
+# Those of the common test conditions for clouds of several scans, and for frames of a lidar; and the
+# predictive tree over points in the order of the scan, and sorted along a curve.
 _CONDITIONS: tuple[dict[str, object], ...] = (
     {"maxNumQtBtBeforeOt": 4, "planarModeIdcmUse": 0},
     {"maxNumQtBtBeforeOt": 6, "planarModeIdcmUse": 32},
+    {"geomTreeType": 1, "predGeomSort": 0},
+    {"geomTreeType": 1, "predGeomSort": 1},
 )
 
 Coder = Callable[[sb.PointCloud, float], Coded]
@@ -153,8 +156,8 @@ def version(tmc3: Path) -> str:
     return next((line for line in told.splitlines() if "version" in line), "unknown version")
 
 
-def octree(tmc3: Path) -> Coder:
-    """G-PCC's octree under the better of two conditions; points in thousandths of the unit."""
+def gpcc(tmc3: Path) -> Coder:
+    """G-PCC under the best of its conditions; points in thousandths of the unit."""
 
     def code(cloud: sb.PointCloud, step: float) -> Coded:
         whole = np.rint(cloud.points * 1e3).astype(np.int64)
@@ -220,10 +223,14 @@ CRITERIA = {
 
 
 def coarsest(
-    cloud: sb.PointCloud, ours: Row, tool: str, code: Coder, criterion: Callable[[Row], float]
+    cloud: sb.PointCloud,
+    scan: str,
+    tool: str,
+    code: Coder,
+    criterion: Callable[[Row], float],
+    allowed: float,
 ) -> Row:
-    """The tool at its coarsest step at which the criterion is at most that of ours."""
-    scan, allowed = ours.scan, criterion(ours)
+    """The tool at its coarsest step at which the criterion is at most what is allowed."""
     # A cell of 0.9 of it has no larger error, and one of four times has.
     low, high = allowed / 0.9, allowed * 4
     best = row(scan, cloud, tool, f"step {low:.3g}", code(cloud, low))
@@ -241,7 +248,7 @@ def coders(tmc3: Path | None) -> dict[str, Coder]:
     """The peers that are installed."""
     found: dict[str, Coder] = {}
     if tmc3 is not None:
-        found["G-PCC octree"] = octree(tmc3)
+        found["G-PCC"] = gpcc(tmc3)
     if load("DracoPy"):
         found["Draco, level 10"] = draco
     if load("laspy") and load("lazrs"):
@@ -287,7 +294,8 @@ def main() -> None:
         coded, setting = surfabet_defaults(cloud)
         ours = row(f"{scan} ({len(cloud):,})", cloud, "surfabet, defaults", setting, coded)
         for name, criterion in CRITERIA.items():
-            found = [coarsest(cloud, ours, t, c, criterion) for t, c in tools.items()]
+            allowed = criterion(ours)
+            found = [coarsest(cloud, ours.scan, t, c, criterion, allowed) for t, c in tools.items()]
             tables[name] += [cells(one, ours) for one in (ours, *found)]
             rows += [{"criterion": name, **asdict(one)} for one in (ours, *found)]
     for name, table in tables.items():
