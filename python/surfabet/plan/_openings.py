@@ -16,6 +16,9 @@ __all__ = ["openings_of"]
 _NARROWEST = 0.45
 """Metres; less is a gap between points."""
 
+_WIDEST = {"door": 2.5, "passage": 2.5, "window": 6.0}
+"""Metres; what is wider was not scanned, or is hidden by what the model does not hold."""
+
 _LOWEST = 0.4
 """Least height of a window, metres."""
 
@@ -55,7 +58,9 @@ def openings_of(face: Face, scene: Scene) -> list[Opening]:
         kind = _kind(bottom - scene.floor, top - scene.floor, scene)
         fills = gap.area / ((high - low) * (top - bottom))
         at_end = low < face.low + 0.02 or high > face.high - 0.02
-        if kind is None or fills < _RECTANGULAR or (at_end and kind != "door"):
+        if kind is None or fills < _RECTANGULAR or high - low > _WIDEST[kind]:
+            continue
+        if at_end and kind != "door":
             continue
         if before is None:
             before = _before(face, scene)
