@@ -42,7 +42,7 @@ def main() -> None:
     axes[0].add_collection(lines)
     axes[0].set_title(f"{len(model):,} neurons, {len(edges):,} edges")
 
-    mesh = model.mesh()
+    mesh = model.mesh().triangles
     mesh = mesh[np.argsort(-depth[mesh].mean(axis=1))]
     p, q, r = (neurons.positions[mesh[:, i]] for i in range(3))
     normals = np.cross(q - p, r - p)

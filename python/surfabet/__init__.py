@@ -42,6 +42,7 @@ from surfabet.hscsm import HscsmDictionary, HscsmModel, Patches, PatchLevel, lea
 from surfabet.io import read, write
 from surfabet.learning import AttributeFigures, LearningReport
 from surfabet.locate import Localizer, Location, Locations
+from surfabet.meshes import Mesh
 from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.navigation import NavigationGraph
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
@@ -82,6 +83,7 @@ __all__ = [
     "Location",
     "Locations",
     "LostAttributeWarning",
+    "Mesh",
     "MissingDependencyError",
     "NavigationGraph",
     "Neurons",

@@ -9,6 +9,7 @@ Cazorla, Orts-Escolano and Garcia-Rodriguez: 3D Maps Representation Using GNG, 2
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Literal, final
 
@@ -18,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
+from surfabet.meshes import Mesh
 from surfabet.model import Model
 from surfabet.navigation import NavigationGraph, as_vector
 
@@ -174,13 +176,19 @@ class GasModel(Model[_core.GasModel]):
                 self._core.update(cloud, options, n_neurons=n_neurons, progress=callback)
             )
 
-    def mesh(self) -> NDArray[np.uint32]:
-        """Triangles of the induced triangulation as rows of three neurons, (t, 3).
+    def mesh(self) -> Mesh:
+        """The induced triangulation: its vertices are the neurons, in their order.
 
         Anticlockwise seen from where the normals point to; no edge is passed twice in one
         direction. Holes of up to twelve edges are closed.
         """
-        return self._core.mesh()
+        neurons = self.neurons
+        return Mesh(neurons.positions, self._core.mesh(), neurons.colors)
+
+    def export(self, path: str | os.PathLike[str]) -> int:
+        """Writes `mesh()` to a file, `.ply`, `.obj` or `.glb`, and returns its size in bytes; see
+        `Mesh.export`."""
+        return self.mesh().export(path)
 
     def components(self) -> NDArray[np.uint32]:
         """Connected component of every neuron, (n,), numbered from zero."""

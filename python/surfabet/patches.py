@@ -6,6 +6,7 @@ costs least, bits weighed against squared error.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, final
@@ -15,7 +16,9 @@ from numpy.typing import NDArray
 
 from surfabet import _core
 from surfabet._core import PointCloud
+from surfabet._patch_mesh import mesh_of
 from surfabet._progress import Progress, progress_callback
+from surfabet.meshes import Mesh
 from surfabet.model import Model
 
 __all__ = ["LatticeLevel", "LatticePatches", "PatchModel", "learn_patches"]
@@ -76,6 +79,20 @@ class PatchModel(Model[_core.PatchModel]):
     """
 
     __slots__ = ()
+
+    def mesh(self) -> Mesh:
+        """The thin surface as triangles, half a square of the finest pixel each.
+
+        Corners that patches of one side share are one vertex, so that there are no gaps along the
+        borders of patches. Sheets of different sides, as both walls of a corner, are not joined.
+        Points that the model keeps beside its patches are left out.
+        """
+        return mesh_of(self)
+
+    def export(self, path: str | os.PathLike[str]) -> int:
+        """Writes `mesh()` to a file, `.ply`, `.obj` or `.glb`, and returns its size in bytes; see
+        `Mesh.export`."""
+        return self.mesh().export(path)
 
     @property
     def attributes(self) -> tuple[str, ...]:

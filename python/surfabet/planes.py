@@ -21,6 +21,7 @@ from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
 from surfabet.io.polygons import EXPORTS, Surface
+from surfabet.meshes import Mesh
 from surfabet.model import Model
 
 __all__ = [
@@ -161,7 +162,8 @@ class PlaneModel(Model[_core.PlaneModel]):
             Its ending tells the format. `.ply`: triangles, binary, with the patch of each and its
             mean colour. `.obj`: an object per patch, with its triangles as faces and the polygons
             around it as closed lines. `.dxf`: a layer per patch, with its triangles as 3D faces and
-            the polygons as closed 3D polylines; needs the package ezdxf.
+            the polygons as closed 3D polylines; needs the package ezdxf. `.glb`: glTF, triangles in
+            the mean colours of their patches; needs trimesh.
 
         Raises
         ------
@@ -173,9 +175,11 @@ class PlaneModel(Model[_core.PlaneModel]):
             When the file cannot be written.
         """
         target = Path(path)
+        if target.suffix.lower() == ".glb":
+            return self._colored_mesh().export(target)
         write = EXPORTS.get(target.suffix.lower())
         if write is None:
-            known = ", ".join(sorted(EXPORTS))
+            known = ", ".join(sorted([*EXPORTS, ".glb"]))
             raise InvalidInputError(f"{target}: patches are exported to {known} only")
         mesh, colors = self.mesh(), self._core.colors()
         surface = Surface(
@@ -188,6 +192,15 @@ class PlaneModel(Model[_core.PlaneModel]):
         )
         write(target, surface)
         return target.stat().st_size
+
+    def _colored_mesh(self) -> Mesh:
+        """The triangles, with the mean colour of its patch at every vertex."""
+        mesh, colors = self.mesh(), self._core.colors()
+        shades = None
+        if colors is not None:
+            shades = np.zeros((len(mesh.vertices), 3), np.uint8)
+            shades[mesh.triangles] = _means(colors)[mesh.patches][:, None]
+        return Mesh(mesh.vertices, mesh.triangles, shades)
 
     @property
     def planes(self) -> Planes:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfabet import AlphabetModel, KdTree, PointCloud, Quality
+from surfabet import AlphabetModel, KdTree, PointCloud, Quality, _html
 from surfabet.errors import InvalidInputError, MissingDependencyError
 
 if TYPE_CHECKING:
@@ -19,10 +22,13 @@ __all__ = [
     "PICTURE_SUFFIXES",
     "Camera",
     "choose_camera",
+    "draw_cloud",
     "draw_comparison",
+    "draw_errors",
     "draw_words",
     "point_spacing",
     "render",
+    "save_page",
 ]
 
 PICTURE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".pdf", ".svg", ".webp"})
@@ -375,6 +381,172 @@ def draw_comparison(
     )
     _histogram(bottom_right, forward, backward, limit, quality)
     figure.savefig(path, dpi=110)
+
+
+def draw_cloud(
+    path: str | os.PathLike[str],
+    cloud: PointCloud,
+    *,
+    camera: Camera | None = None,
+    width: int = 640,
+) -> None:
+    """Draws one cloud in its colours, or else by intensity or height; no axes and no title.
+
+    Parameters
+    ----------
+    path
+        File to write, of a format that Pillow knows by the name.
+    cloud
+        What to draw.
+    camera
+        From where to look, by default `choose_camera(cloud)`.
+    width
+        Width in pixels; the height is three quarters of it.
+
+    Raises
+    ------
+    MissingDependencyError
+        Without matplotlib.
+    InvalidInputError
+        When the cloud is empty.
+    """
+    check_pictures()
+    camera = choose_camera(cloud) if camera is None else camera
+    spacing = point_spacing(cloud, KdTree(cloud))
+    _save(path, _render(cloud, camera, _colors(cloud, cloud, camera.up)[0], spacing, width))
+
+
+def draw_errors(
+    reference: PointCloud,
+    decoded: PointCloud,
+    limit: float,
+    *paths: str | os.PathLike[str],
+    width: int = 640,
+) -> None:
+    """Draws what was decoded, its distance to the reference, and the reference's distance to it.
+
+    Parameters
+    ----------
+    reference, decoded
+        Both clouds, with at least a point each.
+    limit
+        Distance in metres that has the brightest colour, as have all larger ones.
+    paths
+        Three files to write, of formats that Pillow knows by their names.
+    width
+        Width in pixels; the height is three quarters of it.
+
+    Raises
+    ------
+    MissingDependencyError
+        Without matplotlib.
+    """
+    check_pictures()
+    camera = choose_camera(reference)
+    trees = KdTree(reference), KdTree(decoded)
+    spacings = point_spacing(reference, trees[0]), point_spacing(decoded, trees[1])
+    forward = _colormap(trees[0].query(decoded)[0].ravel(), 0.0, limit, "inferno")
+    backward = _colormap(trees[1].query(reference)[0].ravel(), 0.0, limit, "inferno")
+    rgb = _colors(reference, decoded, camera.up)[1]
+    for path, cloud, colors, spacing in (
+        (paths[0], decoded, rgb, spacings[1]),
+        (paths[1], decoded, forward, spacings[1]),
+        (paths[2], reference, backward, spacings[0]),
+    ):
+        _save(path, _render(cloud, camera, colors, spacing, width))
+
+
+def check_pictures() -> None:
+    """Raises `MissingDependencyError` where pictures cannot be drawn."""
+    try:
+        import matplotlib  # noqa: F401
+        import PIL  # noqa: F401
+    except ImportError as error:
+        raise MissingDependencyError(
+            "pictures need matplotlib: pip install 'surfabet[report]'"
+        ) from error
+
+
+def _render(
+    cloud: PointCloud, camera: Camera, rgb: NDArray[np.uint8], spacing: float, width: int
+) -> NDArray[np.uint8]:
+    """Drawn at twice the size, so that edges are smooth when it is halved."""
+    return render(cloud, camera, rgb, spacing=spacing, width=2 * width, height=3 * width // 2)
+
+
+def _save(path: str | os.PathLike[str], picture: NDArray[np.uint8]) -> None:
+    """Writes a picture of twice the size."""
+    from PIL import Image
+
+    Image.fromarray(picture).reduce(2).save(os.fspath(path), quality=80)
+
+
+def save_page(
+    path: str | os.PathLike[str],
+    reference: PointCloud,
+    decoded: PointCloud,
+    quality: Quality,
+    title: str,
+    tables: Sequence[Sequence[Sequence[str]]],
+) -> None:
+    """Writes a comparison of two clouds as one page that needs no other file and no network.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    reference, decoded
+        Both clouds.
+    quality
+        What `surfabet.evaluate` said of them.
+    title
+        What the page is called.
+    tables
+        Tables of text to show, each with its heading as the first row.
+
+    Raises
+    ------
+    MissingDependencyError
+        Without matplotlib.
+    InvalidInputError
+        When a cloud is empty.
+    """
+    check_pictures()
+    from matplotlib.figure import Figure
+
+    limit = max(quality.p99_forward, quality.p99_backward, 1e-6)
+    with tempfile.TemporaryDirectory() as folder:
+        names = [os.path.join(folder, f"{n}.webp") for n in range(4)]
+        draw_cloud(names[0], reference)
+        draw_errors(reference, decoded, limit, *names[1:])
+        pictures = [Path(name).read_bytes() for name in names]
+    forward, backward = _distances(reference, decoded)
+    figure = Figure(figsize=(10, 4.5), layout="constrained")
+    _histogram(figure.subplots(), forward, backward, limit, quality)
+    shade = f"black 0, bright {1000 * limit:.3g} mm and more"
+    captions = (
+        f"original: {len(reference):,} points",
+        _decoded_title(decoded, quality),
+        f"decoded, by its distance to the original: {shade}",
+        f"original, by its distance to the decoded: {shade}",
+    )
+    drawn = "".join(
+        _html.picture(data, caption) for data, caption in zip(pictures, captions, strict=True)
+    )
+    body = [
+        *(_html.table(told[0], told[1:]) for told in tables),
+        f'<h2>Pictures</h2><div class="pictures">{drawn}</div><div class="scale"></div>',
+        f'<h2>Errors</h2><div class="plot">{_html.svg(figure)}</div>',
+    ]
+    Path(path).write_text(_html.page(title, "\n".join(body)), "utf-8")
+
+
+def _distances(
+    reference: PointCloud, decoded: PointCloud
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Distances of decoded points to the reference, and of a sample of the reference to them."""
+    sample = reference.select(_sample(len(reference)))
+    return KdTree(reference).query(decoded)[0].ravel(), KdTree(decoded).query(sample)[0].ravel()
 
 
 def _decoded_title(decoded: PointCloud, quality: Quality) -> str:

@@ -17,7 +17,7 @@ import pytest
 import surfabet as sb
 from surfabet.cli import main
 
-VERBS = ["compress", "decompress", "info", "evaluate", "verify", "convert"]
+VERBS = ["compress", "decompress", "info", "evaluate", "compare", "verify", "convert"]
 
 
 @pytest.fixture(scope="module")
@@ -250,6 +250,41 @@ def test_info_accounts_for_every_byte(sfb: Path, capsys: pytest.CaptureFixture[s
     assert main(["info", str(sfb)]) == 0
     out = capsys.readouterr().out
     assert all(name in out for name in said["sections"])
+
+
+def test_info_says_in_words_what_a_model_holds(
+    sfb: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    decoded = sb.load(sfb).decode()
+    assert decoded.bounds is not None
+    assert main(["info", str(sfb), "--json"]) == 0
+    said = parsed(capsys)
+    assert said["bounds"] == [list(side) for side in decoded.bounds]
+    assert (said["decoded_points"], said["attributes"]) == (len(decoded), ["colors"])
+    assert main(["info", str(sfb)]) == 0
+    out = capsys.readouterr().out
+    assert f"It holds {said['holds']}." in out
+    assert "Kept: positions, colors, the thickness of the scan." in out
+    x_low, x_high = (side[0] for side in decoded.bounds)
+    assert f"x {x_low:.3f} to {x_high:.3f}" in out
+    # The command that is named does what it says.
+    command = next(line for line in out.splitlines() if line.startswith("Decode: "))
+    assert f"surfabet decompress {sfb} out.ply ({len(decoded):,} points" in command
+
+
+def test_evaluate_writes_one_page(
+    ply: Path, sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "corner.html"
+    assert main(["evaluate", str(ply), str(sfb), "--html", str(page)]) == 0
+    rows = [line.split("  ")[0] for line in capsys.readouterr().out.splitlines()]
+    text = page.read_text("utf-8")
+    assert text.count('src="data:image/webp') == 4
+    assert text.count("src=") == 4
+    assert all(f"<td>{name.strip()}</td>" in text for name in rows if name.startswith("rmse"))
+    assert list(tmp_path.iterdir()) == [page]
+    assert main(["evaluate", str(ply), str(sfb), "--html", "corner.pdf"]) == 2
+    assert ".html" in error_line(capsys)
 
 
 def test_evaluate_of_a_model_counts_its_bytes_and_draws(

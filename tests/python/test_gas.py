@@ -113,7 +113,7 @@ def test_components_and_ways_agree_with_scipy(model):
 
 
 def test_the_mesh_is_of_the_graph_and_oriented_by_normals(model):
-    mesh, neurons = model.mesh(), model.neurons
+    mesh, neurons = model.mesh().triangles, model.neurons
     sides = np.concatenate([mesh[:, [0, 1]], mesh[:, [1, 2]], mesh[:, [2, 0]]])
     assert len(np.unique(sides, axis=0)) == len(sides)
     p, q, r = (neurons.positions[mesh[:, i]] for i in range(3))

@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError
 
 import surfabet
 from surfabet.cli._options import COMMON, UsageError, in_own_words, spelled
+from surfabet.cli.compare import compare
 from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
@@ -21,6 +22,7 @@ from surfabet.cli.export import export
 from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.locate import locate
+from surfabet.cli.plan import plan
 from surfabet.cli.verify import verify
 from surfabet.errors import InvalidInputError
 
@@ -46,7 +48,19 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
-for verb in (compress, decompress, info, evaluate, verify, find, locate, export, convert):
+for verb in (
+    compress,
+    decompress,
+    info,
+    evaluate,
+    compare,
+    verify,
+    find,
+    locate,
+    export,
+    plan,
+    convert,
+):
     app.command(verb)
 
 

@@ -16,6 +16,7 @@ from surfabet.files import AnyModel, Vocabulary
 from surfabet.io import Format, detect, formats, named_format
 
 MODEL_SUFFIX = ".sfb"
+HTML_SUFFIXES = frozenset({".html", ".htm"})
 
 
 def cloud_suffixes() -> frozenset[str]:

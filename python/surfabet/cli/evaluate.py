@@ -14,6 +14,7 @@ from rich.table import Table
 
 import surfabet
 from surfabet.cli._files import (
+    HTML_SUFFIXES,
     MODEL_SUFFIX,
     check_output,
     format_of,
@@ -82,6 +83,7 @@ def evaluate(
     sigma_scale: Annotated[float, Parameter(validator=Number(gt=0))] = 3.0,
     as_measured: Flag = False,
     picture: Path | None = None,
+    html: Path | None = None,
     json: Flag = False,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     read: ReadOptions = READ_OPTIONS,
@@ -92,6 +94,7 @@ def evaluate(
 
         surfabet evaluate room.ply again.ply
         surfabet evaluate room.ply room.sfb --picture room.png
+        surfabet evaluate room.ply room.sfb --html room.html
         surfabet evaluate room.ply draco.ply --json
         surfabet evaluate part.ply again.ply --unit mm --decoded.unit m
 
@@ -118,9 +121,17 @@ def evaluate(
         Decode a model file with the thickness that the scan had, not as the surface in its middle.
     picture
         Draw both clouds and the histogram of errors into this file: png, jpg, pdf, svg or webp.
+    html
+        Write one page with all measures, both clouds, errors both ways and their histogram into
+        this file; it needs no other file and no network.
     json
         Print one JSON object instead of a table.
     """
+    if html is not None:
+        from surfabet import report
+
+        check_output(html, HTML_SUFFIXES, reference, decoded)
+        report.check_pictures()
     if picture is not None:
         from surfabet import report
 
@@ -155,33 +166,60 @@ def evaluate(
             progress("draw the picture", 0.0)
             with whole_file(picture) as temporary:
                 report.draw_comparison(temporary, original, judged, quality)
+        if html is not None:
+            progress("write the page", 0.0)
+            title = f"{decoded.name} beside {reference.name}"
+            tables = [_directed(quality), _single(quality)]
+            with whole_file(html) as temporary:
+                report.save_page(temporary, original, judged, quality, title, tables)
     if json:
         print_json({"reference": str(reference), "decoded": str(decoded), **quality.as_dict()})
     elif not common.quiet:
         _print_table(quality)
 
 
-def _print_table(quality: surfabet.Quality) -> None:
+def _directed(quality: surfabet.Quality) -> list[tuple[str, ...]]:
+    """The measures that have directions, after their heading."""
     values = quality.as_dict()
-    directed = Table("measure", "decoded to original", "original to decoded", "pooled", box=None)
-    for column in directed.columns[1:]:
-        column.justify = "right"
+    rows: list[tuple[str, ...]] = [
+        ("measure", "decoded to original", "original to decoded", "pooled")
+    ]
     for name, label, text in DIRECTED:
         forward, backward = values[f"{name}_forward"], values[f"{name}_backward"]
         pooled = values.get(f"{name}_pooled")
         if forward is not None and backward is not None:
-            directed.add_row(
-                label, text(forward), text(backward), "" if pooled is None else text(pooled)
+            rows.append(
+                (label, text(forward), text(backward), "" if pooled is None else text(pooled))
             )
     for name, errors in quality.attributes.items():
         told = _percent if errors.labels else _plain
         label = f"{name} equal" if errors.labels else f"{name} rmse"
-        directed.add_row(label, told(errors.forward), told(errors.backward), told(errors.pooled))
-    single = Table("measure", "value", box=None)
-    for name, label, text_of in SINGLE:
-        if values[name] is not None:
-            single.add_row(label, text_of(values[name]))
+        rows.append((label, told(errors.forward), told(errors.backward), told(errors.pooled)))
+    return rows
+
+
+def _single(quality: surfabet.Quality) -> list[tuple[str, ...]]:
+    """All other measures, after their heading."""
+    values = quality.as_dict()
+    told = [
+        (label, text_of(values[name]))
+        for name, label, text_of in SINGLE
+        if values[name] is not None
+    ]
+    return [("measure", "value"), *told]
+
+
+def _print_table(quality: surfabet.Quality) -> None:
+    directed, single = _directed(quality), _single(quality)
     console = Console(highlight=False, soft_wrap=True)
-    console.print(directed)
+    table = Table(*directed[0], box=None)
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for row in directed[1:]:
+        table.add_row(*row)
+    console.print(table)
     console.print()
-    console.print(single)
+    table = Table(*single[0], box=None)
+    for row in single[1:]:
+        table.add_row(*row)
+    console.print(table)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +22,7 @@ from surfabet.cli._files import (
     size_on_disk,
     whole_file,
 )
-from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._format import bytes_text, millimetres, print_json
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -37,6 +38,16 @@ from surfabet.io import detect, list_topics, named_format, read_bag
 
 _MAGIC = b"\x89SFB"
 
+HOLDS = {
+    "patches": "surface patches on the scene's own lattice, each a piece of surface with its mask",
+    "hscsm": "square surface patches, sparse-coded over a dictionary learned from the scene",
+    "alphabet": "words, pieces of surface that recur, and every place where one occurs",
+    "bic-alphabet": "words, pieces of surface that recur (chosen by BIC), and where each occurs",
+    "planes": "flat rectangles in tiles, of which those count that points support",
+    "gas": "neurons that spread over the surface, and edges where it goes on",
+}
+"""What models of each method are made of, for people."""
+
 
 def info(
     file: Annotated[Path, Parameter(name="FILE")],
@@ -50,9 +61,10 @@ def info(
 ) -> None:
     """Show what a file holds.
 
-    Of a model: method, sizes, and bytes by part; a file that names a vocabulary instead of holding
-    it shows its sizes only with --vocabulary. Of a cloud: format, points, attributes and extent. Of
-    a ROS bag: its topics, and with --topic the cloud.
+    Of a model: what it is made of, its box, how to decode it, sizes and options, and bytes by part;
+    a file that names a vocabulary instead of holding it shows these only with --vocabulary. Of a
+    cloud: format, points, attributes and extent. Of a ROS bag: its topics, and with --topic the
+    cloud.
 
         surfabet info room.sfb
         surfabet info room.sfb --json
@@ -80,11 +92,16 @@ def info(
         model = None
         if found.vocabulary is None or words is not None:
             model = load_model(file, progress, words)
+        decoded = None if model is None else model.decode(progress=progress)
     if picture is not None:
         _draw(file, picture, model)
     n_bytes = size_on_disk(file)
     if json:
-        known = {} if model is None else {"n_points": model.n_points, "info": model.info}
+        known: dict[str, Any] = {"holds": HOLDS[found.method]}
+        if model is not None and decoded is not None:
+            known |= {"n_points": model.n_points, "info": model.info}
+            known |= {"bounds": decoded.bounds, "decoded_points": len(decoded)}
+            known |= {"attributes": decoded.attributes, "keeps_thickness": model.keeps_thickness}
         print_json({"path": str(file), "bytes": n_bytes, **found.as_dict(), **known})
         return
     if common.quiet:
@@ -96,10 +113,8 @@ def info(
         f"read by surfabet {found.version} and newer",
         markup=False,
     )
-    if found.note is not None:
-        console.print(f"Chosen by the data: {found.note}", markup=False)
-    if found.vocabulary is not None:
-        console.print(f"The file names a vocabulary by its hash: {found.vocabulary}", markup=False)
+    for line in _in_words(file, found, model, decoded, vocabulary):
+        console.print(line, markup=False)
     if model:
         sizes = Table("content", "value", box=None, header_style="bold")
         for name, value in model.info.items():
@@ -113,6 +128,48 @@ def info(
     for name, part in [*found.sections.items(), ("frame of the file", frame)]:
         parts.add_row(name, f"{part:,}", f"{part / n_bytes:.1%}")
     console.print(parts)
+
+
+def _in_words(
+    file: Path,
+    found: surfabet.FileInfo,
+    model: AnyModel | None,
+    decoded: surfabet.PointCloud | None,
+    vocabulary: VocabularyOption,
+) -> Iterator[str]:
+    """What the file holds, where, and how to get it out again."""
+    yield f"It holds {HOLDS[found.method]}."
+    if found.note is not None:
+        yield f"Chosen by the data: {found.note}"
+    if found.vocabulary is not None:
+        yield f"The file names a vocabulary by its hash: {found.vocabulary}"
+    words = "" if vocabulary.vocabulary is None else f" --vocabulary {vocabulary.vocabulary}"
+    if model is None or decoded is None:
+        yield "It is decoded with --vocabulary FILE, a model that holds this vocabulary."
+        return
+    kept = ["positions", *decoded.attributes]
+    if model.keeps_thickness:
+        kept.append("the thickness of the scan")
+    yield f"Kept: {', '.join(kept)}."
+    if (bound := getattr(model, "max_error", None)) is not None:
+        yield (
+            f"No point of the scan is further than {millimetres(bound)} from the cloud decoded as "
+            f"measured; surfabet verify SCAN {file} proves it."
+        )
+    if decoded.bounds is not None:
+        sides = " x ".join(f"{high - low:.3f}" for low, high in zip(*decoded.bounds, strict=True))
+        along = ", ".join(
+            f"{axis} {low:.3f} to {high:.3f}"
+            for axis, low, high in zip("xyz", *decoded.bounds, strict=True)
+        )
+        yield f"Box: {sides} m; {along}."
+    yield (
+        f"Decode: surfabet decompress {file} out.ply{words} ({len(decoded):,} points at its own "
+        "spacing)"
+    )
+    yield "        --resolution METRES gives another spacing" + (
+        ", --as-measured the thickness of the scan" if model.keeps_thickness else ""
+    )
 
 
 def _is_model(file: Path) -> bool:

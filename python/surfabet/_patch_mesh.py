@@ -1,0 +1,153 @@
+"""The patches of a lattice as one mesh: squares of the finest pixel whose corners are shared.
+
+Patches of one side lie on the same lattice of pixels. Their depths at a shared corner differ by
+what the coder rounded; corners of one place whose depths are near are one vertex at the mean, so
+that no gap is left along the borders of patches, whatever their levels.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfabet.geometry import KdTree
+from surfabet.meshes import Mesh
+
+if TYPE_CHECKING:
+    from surfabet.patches import PatchModel
+
+__all__ = ["mesh_of"]
+
+_PIXELS = 8
+_ORDER = 5
+_DEGREES = [(order - j, j) for order in range(_ORDER + 1) for j in range(order + 1)]
+"""Degrees of the shapes along columns and rows."""
+
+_NEAR = 2.0
+"""Corners of one place whose depths are within so many pixels of their patches are one vertex.
+
+Depths are rounded to 0.75 pixels by default, and patches of a wavy sheet end a pixel or two off
+each other."""
+
+
+def _shapes(n: int) -> NDArray[np.float64]:
+    """Values of all shapes at the corners of n x n squares of a patch, (21, n + 1, n + 1)."""
+    x = np.linspace(-1, 1, n + 1)
+    values = [np.ones_like(x), np.sqrt(3) * x]
+    values += [np.sqrt(2) * np.cos(k * np.pi * (x + 1) / 2) for k in range(2, _ORDER + 1)]
+    return np.stack([values[j][:, None] * values[i][None, :] for i, j in _DEGREES])
+
+
+def mesh_of(model: PatchModel) -> Mesh:
+    """The thin surface of a model; see `PatchModel.mesh`."""
+    sides, places, depths, near = _squares(model)
+    if not len(sides):
+        none = None if not model.has_color else np.zeros((0, 3), np.uint8)
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.uint32), none)
+    side = np.repeat(sides, 4)
+    corners = places.reshape(-1, 2)
+    vertex, first = _joined(side, corners, depths.ravel(), np.repeat(near, 4))
+    count = np.bincount(vertex)
+    depth = np.bincount(vertex, depths.ravel()) / count
+    squares = vertex.reshape(-1, 4)
+    # Two patches may hold a pixel each at one place and depth.
+    _, kept = np.unique(np.sort(squares, axis=1), axis=0, return_index=True)
+    kept.sort()
+    squares, facing_down = squares[kept], sides[kept] % 2 == 1
+    squares[facing_down] = squares[facing_down][:, ::-1]
+    triangles = np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
+    local = _local(side[first], corners[first], depth, model.levels[-1].pixel_size)
+    vertices = local @ model.rotation.T + model.origin
+    used, triangles = np.unique(triangles, return_inverse=True)
+    vertices = vertices[used]
+    return Mesh(vertices, triangles.reshape(-1, 3).astype(np.uint32), _colors(model, vertices))
+
+
+def _squares(
+    model: PatchModel,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Squares of the finest pixel of all patches.
+
+    Their sides (q,), places of corners in turn (q, 4, 2) in pixels, depths there (q, 4) and how far
+    these may be from those of a neighbour (q,), metres.
+    """
+    levels = model.levels
+    finest = levels[-1].pixel_size
+    found = model._core.places()
+    side, level, first = found[:, 0], found[:, 1], found[:, 2:]
+    masks, coefficients = model._core.masks(), model._core.coefficients()
+    around = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    parts: list[tuple[NDArray[np.int64], ...]] = []
+    depths = []
+    for number, of in enumerate(levels):
+        which = np.flatnonzero(level == number)
+        fine = round(of.pixel_size / finest)
+        patch, row, column = np.nonzero(masks[which])
+        grid = np.einsum("mk,kvu->mvu", coefficients[which], _shapes(_PIXELS * fine))
+        v, u = np.divmod(np.arange(fine * fine), fine)
+        patch = np.repeat(patch, fine * fine)
+        inner = np.stack(
+            [
+                (fine * column[:, None] + u).ravel(),
+                (fine * row[:, None] + v).ravel(),
+            ],
+            axis=1,
+        )
+        corners = inner[:, None] + around
+        depths.append(grid[patch[:, None], corners[..., 1], corners[..., 0]])
+        owner = which[patch]
+        parts.append((side[owner], first[owner][:, None] + corners, np.full(len(owner), fine)))
+    sides, places, fines = (np.concatenate(of) for of in zip(*parts, strict=True))
+    return sides, places, np.concatenate(depths), _NEAR * finest * fines
+
+
+def _joined(
+    side: NDArray[np.int64],
+    corners: NDArray[np.int64],
+    depth: NDArray[np.float64],
+    near: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The vertex of every corner, and one corner of every vertex."""
+    order = np.lexsort((depth, corners[:, 1], corners[:, 0], side))
+    same = np.ones(len(order) - 1, bool)
+    for of in (side, corners[:, 0], corners[:, 1]):
+        same &= of[order][1:] == of[order][:-1]
+    limit = np.maximum(near[order][1:], near[order][:-1])
+    same &= np.diff(depth[order]) <= limit
+    number = np.concatenate([[0], np.cumsum(~same)])
+    vertex = np.empty(len(order), np.int64)
+    vertex[order] = number
+    first = order[np.concatenate([[True], ~same])]
+    return vertex, first
+
+
+def _local(
+    side: NDArray[np.int64],
+    corners: NDArray[np.int64],
+    depth: NDArray[np.float64],
+    pixel: float,
+) -> NDArray[np.float64]:
+    """Positions along the axes of the lattice, metres."""
+    axis = side // 2
+    local = np.empty((len(side), 3))
+    rows = np.arange(len(side))
+    local[rows, (axis + 1) % 3] = corners[:, 0] * pixel
+    local[rows, (axis + 2) % 3] = corners[:, 1] * pixel
+    local[rows, axis] = depth
+    return local
+
+
+def _colors(model: PatchModel, vertices: NDArray[np.float64]) -> NDArray[np.uint8] | None:
+    """The colour of the decoded point next to each vertex."""
+    if not model.has_color:
+        return None
+    from surfabet._core import PointCloud
+
+    decoded = model.decode()
+    nearest = KdTree(decoded).query(PointCloud(vertices))[1].ravel()
+    colors = decoded.colors
+    assert colors is not None
+    found: NDArray[np.uint8] = colors[nearest]
+    return found
