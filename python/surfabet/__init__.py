@@ -55,6 +55,7 @@ from surfabet.planes import (
     random_planes,
 )
 from surfabet.survey import Survey, survey
+from surfabet.view import view
 
 __all__ = [
     "Alphabet",
@@ -125,6 +126,7 @@ __all__ = [
     "read",
     "set_num_threads",
     "survey",
+    "view",
     "voxel_downsample",
     "write",
 ]

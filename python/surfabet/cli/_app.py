@@ -22,6 +22,7 @@ from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.locate import locate
 from surfabet.cli.verify import verify
+from surfabet.cli.view import view
 from surfabet.errors import InvalidInputError
 
 OK, FAILED, USAGE = 0, 1, 2
@@ -46,7 +47,7 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
-for verb in (compress, decompress, info, evaluate, verify, find, locate, export, convert):
+for verb in (compress, decompress, view, info, evaluate, verify, find, locate, export, convert):
     app.command(verb)
 
 

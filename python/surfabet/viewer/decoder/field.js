@@ -60,7 +60,9 @@ export function attributeCells(model) {
       const last = Math.floor((q + t - (t > 0 ? 1 : 0)) / 4);
       for (let depth = Math.floor((q - t) / 4); depth <= last; depth++) {
         at[d] = depth;
-        let [m0, m1, m2] = [0, 0, 0];
+        let m0 = 0;
+        let m1 = 0;
+        let m2 = 0;
         for (let a = 0; a < 3; a++) {
           const c = Math.min(Math.max(at[a], -OFFSET), OFFSET - 1) + OFFSET;
           m0 |= spread(c & 1023) << a;
@@ -106,10 +108,14 @@ function pyramid(cells) {
     const first = new Uint32Array(below.n + 1);
     let n = 0;
     for (let i = 0; i < below.n; i++) {
-      const [px, py, pz] = [below.x[i] >> 1, below.y[i] >> 1, below.z[i] >> 1];
+      const px = below.x[i] >> 1;
+      const py = below.y[i] >> 1;
+      const pz = below.z[i] >> 1;
       if (n === 0 || x[n - 1] !== px || y[n - 1] !== py || z[n - 1] !== pz) {
-        [x[n], y[n], z[n], first[n]] = [px, py, pz, i];
-        n++;
+        x[n] = px;
+        y[n] = py;
+        z[n] = pz;
+        first[n++] = i;
       }
       weight[n - 1] += below.weight[i];
     }
@@ -132,6 +138,11 @@ class FieldReader {
     this.shares = beside ? [1.15, 1, 0.9, 0.8] : [1.25, 1, 0.85, 0.7];
     this.any = new Bits(12 * 49, 1023);
     this.coefficient = new Signed(this.channels * 36);
+    // Of one parent: predictions of its children, its coefficients, its pairs.
+    this.changed = new Float64Array(8 * this.channels);
+    this.coefficients = new Float64Array(7 * this.channels);
+    this.haar = new HaarPairs();
+    this.value = new Float64Array(8);
   }
 
   read() {
@@ -153,22 +164,27 @@ class FieldReader {
 
   /** Predictions of all cells of level j from the means of the level above. */
   predictions(j, means) {
-    const [level, above] = [this.levels[j], this.levels[j + 1]];
+    const level = this.levels[j];
+    const above = this.levels[j + 1];
     const C = this.channels;
     const share = this.beside ? 0.26 : 0.32;
+    const weights = Float64Array.from({ length: 8 }, (_, k) =>
+      [0, 1, 2].reduce((product, a) => product * ((k >> a) & 1 ? share : 1 - share), 1));
     const predicted = new Float64Array(C * level.n);
+    const { index, first } = above;
     for (let p = 0; p < above.n; p++) {
-      for (let i = above.first[p]; i < above.first[p + 1]; i++) {
+      const px = above.x[p];
+      const py = above.y[p];
+      const pz = above.z[p];
+      for (let i = first[p]; i < first[p + 1]; i++) {
         const dx = level.x[i] & 1 ? 1 : -1;
         const dy = level.y[i] & 1 ? 1 : -1;
         const dz = level.z[i] & 1 ? 1 : -1;
         let total = 0;
         for (let k = 0; k < 8; k++) {
-          const [kx, ky, kz] = [k & 1, (k >> 1) & 1, k >> 2];
-          const q = k === 0 ? p
-            : above.index.find(above.x[p] + kx * dx, above.y[p] + ky * dy, above.z[p] + kz * dz);
+          const q = k === 0 ? p : index.find(px + (k & 1) * dx, py + ((k >> 1) & 1) * dy, pz + (k >> 2) * dz);
           if (q < 0) continue;
-          const w = (kx ? share : 1 - share) * (ky ? share : 1 - share) * (kz ? share : 1 - share);
+          const w = weights[k];
           total += w;
           for (let c = 0; c < C; c++) predicted[C * i + c] += w * means[C * q + c];
         }
@@ -179,21 +195,22 @@ class FieldReader {
   }
 
   readLevel(j, parentMeans, activity, now) {
-    const [level, above] = [this.levels[j], this.levels[j + 1]];
+    const level = this.levels[j];
+    const above = this.levels[j + 1];
     const C = this.channels;
     const predicted = this.predictions(j, parentMeans);
     const means = new Float64Array(C * level.n);
     const missed = this.beside ? new Float64Array(C * level.n) : null;
-    const changed = new Float64Array(8 * C);
     for (let p = 0; p < above.n; p++) {
-      const [from, to] = [above.first[p], above.first[p + 1]];
+      const from = above.first[p];
+      const to = above.first[p + 1];
       if (to - from === 1) {
         for (let c = 0; c < C; c++) means[C * from + c] = parentMeans[C * p + c];
         now[p] = Math.max(activity[p] - 1, 0);
       } else {
-        for (let i = from; i < to; i++) this.change(level, i, predicted, missed, changed, i - from);
-        const coefficients = this.readCoefficients(j, p, to - from, activity, now);
-        this.transform(j, p, parentMeans, changed, coefficients, means);
+        for (let i = from; i < to; i++) this.change(level, i, predicted, missed, i - from);
+        this.readCoefficients(j, p, to - from, activity, now);
+        this.transform(j, p, parentMeans, means);
       }
       if (missed) {
         for (let i = C * from; i < C * to; i++) missed[i] = means[i] - predicted[i];
@@ -202,31 +219,35 @@ class FieldReader {
     return means;
   }
 
-  /** The prediction of a child with what was missed beside it (feature bit 6), as entry `at` of `changed`. */
-  change(level, i, predicted, missed, changed, at) {
+  /** The prediction of a child with what was missed beside it (feature bit 6), as child `at` of `this.changed`. */
+  change(level, i, predicted, missed, at) {
     const C = this.channels;
+    const { changed } = this;
     for (let c = 0; c < C; c++) changed[C * at + c] = predicted[C * i + c];
     if (!missed) return;
-    const place = [level.x[i], level.y[i], level.z[i]];
+    const x = level.x[i];
+    const y = level.y[i];
+    const z = level.z[i];
     for (let a = 0; a < 3; a++) {
-      if (place[a] & 1) continue;
-      place[a]--;
-      const q = level.index.find(place[0], place[1], place[2]);
-      place[a]++;
+      const own = a === 0 ? x : a === 1 ? y : z;
+      if (own & 1) continue;
+      const q = level.index.find(x - (a === 0 ? 1 : 0), y - (a === 1 ? 1 : 0), z - (a === 2 ? 1 : 0));
       if (q < 0) continue;
       for (let c = 0; c < C; c++) changed[C * at + c] += 0.3 * missed[C * q + c];
     }
   }
 
-  /** Coefficients of a parent with m children: m - 1 per channel, channel by channel within each. */
+  /** Coefficients of a parent with m children into `this.coefficients`: m - 1 per channel, channel by channel within each. */
   readCoefficients(j, p, m, activity, now) {
-    const { stream, channels } = this;
-    const above = this.levels[j + 1];
-    const { x, y, z, index } = above;
+    const { stream, channels, coefficients } = this;
+    const { x, y, z, index } = this.levels[j + 1];
     const context = Math.min(j, 11);
-    let [up, down] = [0, 0];
+    let up = 0;
+    let down = 0;
     for (let a = 0; a < 3; a++) {
-      const [dx, dy, dz] = [a === 0 ? 1 : 0, a === 1 ? 1 : 0, a === 2 ? 1 : 0];
+      const dx = a === 0 ? 1 : 0;
+      const dy = a === 1 ? 1 : 0;
+      const dz = a === 2 ? 1 : 0;
       const higher = index.find(x[p] + dx, y[p] + dy, z[p] + dz);
       if (higher >= 0) up += activity[higher];
       const lower = index.find(x[p] - dx, y[p] - dy, z[p] - dz);
@@ -234,9 +255,10 @@ class FieldReader {
     }
     const a = Math.min(6, activity[p] + Math.ceil(up / 2));
     const b = Math.min(6, down);
-    const coefficients = new Float64Array((m - 1) * channels);
-    if (!stream.bit(this.any, 49 * context + 7 * a + b)) return coefficients;
-    let [r, size] = [0, 0];
+    coefficients.fill(0);
+    if (!stream.bit(this.any, 49 * context + 7 * a + b)) return;
+    let r = 0;
+    let size = 0;
     for (let i = 0; i < m - 1; i++) {
       for (let c = 0; c < channels; c++) {
         const model = 36 * c + 3 * context + Math.min(r, 2);
@@ -247,65 +269,79 @@ class FieldReader {
       }
     }
     now[p] = Math.min(4, size);
-    return coefficients;
   }
 
   /** Means of the children of p from their predictions and coefficients. */
-  transform(j, p, parentMeans, predicted, coefficients, means) {
-    const [level, above] = [this.levels[j], this.levels[j + 1]];
+  transform(j, p, parentMeans, means) {
+    const level = this.levels[j];
+    const above = this.levels[j + 1];
     const C = this.channels;
-    const [from, to] = [above.first[p], above.first[p + 1]];
-    const weight = new Float64Array(8);
-    const child = new Int32Array(8).fill(-1);
+    const { changed: predicted, coefficients, haar, value } = this;
+    const from = above.first[p];
+    const to = above.first[p + 1];
+    haar.begin();
     for (let i = from; i < to; i++) {
-      const octant = (level.x[i] & 1) | ((level.y[i] & 1) << 1) | ((level.z[i] & 1) << 2);
-      weight[octant] = level.weight[i];
-      child[octant] = i;
+      haar.weight[(level.x[i] & 1) | ((level.y[i] & 1) << 1) | ((level.z[i] & 1) << 2)] = level.weight[i];
     }
-    const own = weight.slice();
-    const pairs = haarPairs(weight);
+    haar.pair();
     const total = above.weight[p];
+    const { n, first, second, A, B } = haar;
     for (let c = 0; c < C; c++) {
       const step = this.steps[c] * this.shares[Math.min(j, 3)];
-      const value = new Float64Array(8);
       let mean = 0;
       for (let i = from; i < to; i++) mean += level.weight[i] * predicted[C * (i - from) + c];
-      pairs.forEach(({ b }, i) => (value[b] = coefficients[C * i + c] * step));
-      const { a } = pairs[pairs.length - 1];
-      value[a] = Math.sqrt(total) * (parentMeans[C * p + c] - mean / total);
-      for (let i = pairs.length - 1; i >= 0; i--) {
-        const { a: first, b, A, B } = pairs[i];
-        const [x, y] = [value[first], value[b]];
-        value[first] = A * x - B * y;
-        value[b] = B * x + A * y;
+      for (let i = 0; i < n; i++) value[second[i]] = coefficients[C * i + c] * step;
+      value[first[n - 1]] = Math.sqrt(total) * (parentMeans[C * p + c] - mean / total);
+      for (let i = n - 1; i >= 0; i--) {
+        const x = value[first[i]];
+        const y = value[second[i]];
+        value[first[i]] = A[i] * x - B[i] * y;
+        value[second[i]] = B[i] * x + A[i] * y;
       }
-      for (let octant = 0; octant < 8; octant++) {
-        const i = child[octant];
-        if (i < 0) continue;
-        means[C * i + c] = predicted[C * (i - from) + c] + value[octant] / Math.sqrt(own[octant]);
+      for (let i = from; i < to; i++) {
+        const octant = (level.x[i] & 1) | ((level.y[i] & 1) << 1) | ((level.z[i] & 1) << 2);
+        means[C * i + c] = predicted[C * (i - from) + c] + value[octant] / Math.sqrt(level.weight[i]);
       }
     }
   }
 }
 
-/** Pairs of slots that meet, with their shares. */
-function haarPairs(weight) {
-  const slot = [0, 1, 2, 3, 4, 5, 6, 7];
-  const pairs = [];
-  for (let axis = 0; axis < 3; axis++) {
-    const stride = 1 << axis;
-    for (let o = 0; o < 8; o += 2 * stride) {
-      const [a, b] = [slot[o], slot[o + stride]];
-      if (weight[a] > 0 && weight[b] > 0) {
-        const sum = weight[a] + weight[b];
-        pairs.push({ a, b, A: Math.sqrt(weight[a] / sum), B: Math.sqrt(weight[b] / sum) });
-        weight[a] = sum;
-      } else if (weight[b] > 0) {
-        slot[o] = b;
+/** Pairs of slots that meet, with their shares; made once and used for all parents. */
+class HaarPairs {
+  constructor() {
+    this.weight = new Float64Array(8);
+    this.slot = new Uint8Array(8);
+    this.first = new Uint8Array(7);
+    this.second = new Uint8Array(7);
+    this.A = new Float64Array(7);
+    this.B = new Float64Array(7);
+  }
+
+  begin() {
+    this.n = 0;
+    this.weight.fill(0);
+    for (let o = 0; o < 8; o++) this.slot[o] = o;
+  }
+
+  pair() {
+    const { weight, slot } = this;
+    for (let stride = 1; stride < 8; stride *= 2) {
+      for (let o = 0; o < 8; o += 2 * stride) {
+        const a = slot[o];
+        const b = slot[o + stride];
+        if (weight[a] > 0 && weight[b] > 0) {
+          const sum = weight[a] + weight[b];
+          this.first[this.n] = a;
+          this.second[this.n] = b;
+          this.A[this.n] = Math.sqrt(weight[a] / sum);
+          this.B[this.n++] = Math.sqrt(weight[b] / sum);
+          weight[a] = sum;
+        } else if (weight[b] > 0) {
+          slot[o] = b;
+        }
       }
     }
   }
-  return pairs;
 }
 
 /** Red, green and blue of each cell. */

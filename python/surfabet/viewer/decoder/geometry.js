@@ -177,17 +177,19 @@ export class KdTree {
 export class CellIndex {
   /** Typed arrays of coordinates; each cell occurs once. */
   constructor(x, y, z) {
-    this.x = x;
-    this.y = y;
-    this.z = z;
     let size = 16;
     while (size < 2 * x.length) size *= 2;
     this.mask = size - 1;
-    this.slots = new Int32Array(size).fill(-1);
+    // Coordinates and number of a cell stand together: a look-up touches one line of the cache.
+    this.slots = new Int32Array(4 * size).fill(-1);
+    const { slots, mask } = this;
     for (let i = 0; i < x.length; i++) {
       let slot = this.hash(x[i], y[i], z[i]);
-      while (this.slots[slot] >= 0) slot = (slot + 1) & this.mask;
-      this.slots[slot] = i;
+      while (slots[4 * slot + 3] >= 0) slot = (slot + 1) & mask;
+      slots[4 * slot] = x[i];
+      slots[4 * slot + 1] = y[i];
+      slots[4 * slot + 2] = z[i];
+      slots[4 * slot + 3] = i;
     }
   }
 
@@ -200,11 +202,11 @@ export class CellIndex {
 
   /** Number of the cell, or -1. */
   find(x, y, z) {
-    let slot = this.hash(x, y, z);
-    for (;;) {
-      const i = this.slots[slot];
-      if (i < 0 || (this.x[i] === x && this.y[i] === y && this.z[i] === z)) return i;
-      slot = (slot + 1) & this.mask;
+    const { slots } = this;
+    for (let slot = this.hash(x, y, z); ; slot = (slot + 1) & this.mask) {
+      const at = 4 * slot;
+      const i = slots[at + 3];
+      if (i < 0 || (slots[at] === x && slots[at + 1] === y && slots[at + 2] === z)) return i;
     }
   }
 }

@@ -83,6 +83,17 @@ export class Model {
     });
   }
 
+  /** False while attributes of a model that was opened as geometry only are still to be read. */
+  get isComplete() {
+    return this.content.complete === undefined;
+  }
+
+  /** Reads what `openModel` with `isGeometryOnly` left aside. */
+  complete() {
+    this.content.complete?.();
+    this.content.complete = undefined;
+  }
+
   /** Lines that show the model's structure: outlines of planes, edges of a gas; null where there are none. */
   lines() {
     return this.method.lines?.(this.content) ?? null;
@@ -99,9 +110,11 @@ export class Model {
   }
 }
 
-/** The model in the bytes of an .sfb file. */
-export function openModel(bytes) {
+/** The model in the bytes of an .sfb file; with `isGeometryOnly`, attributes may be left for `model.complete()`. */
+export function openModel(bytes, { isGeometryOnly = false } = {}) {
   const container = openContainer(bytes);
   const [read, method] = readerOf(container);
-  return new Model(read(container), method, container.note);
+  const model = new Model(read(container), method, container.note);
+  if (!isGeometryOnly) model.complete();
+  return model;
 }

@@ -332,19 +332,26 @@ export function readPatches({ features, sections }) {
     cells: null, colors: null, attributes: [],
   };
   if (meta.lumaStep > 0 || meta.attributes.length > 0) {
-    const beside = (features & BESIDE) !== 0;
-    model.cells = attributeCells(model);
-    if (meta.lumaStep > 0) model.colors = readColors(new Stream(sections.get("COLR"), "COLR"), model, beside);
-    model.attributes = meta.attributes.map((attribute, i) => {
-      const tag = attributeTags[i];
-      const stream = new Stream(sections.get(tag), tag);
-      const values = attribute.labels
-        ? readLabels(stream, model.cells, attribute.labels.length)
-        : readScalar(stream, model.cells, beside);
-      return { ...attribute, values };
-    });
+    model.complete = () => readAttributes(model, sections, attributeTags, (features & BESIDE) !== 0);
   }
   return model;
+}
+
+/** Reads what the cells carry, which takes most of the time of reading. */
+function readAttributes(model, sections, tags, beside) {
+  const { meta } = model;
+  const cells = attributeCells(model);
+  if (meta.lumaStep > 0) {
+    model.colors = readColors(new Stream(sections.get("COLR"), "COLR"), { meta, cells }, beside);
+  }
+  model.attributes = meta.attributes.map((attribute, i) => {
+    const stream = new Stream(sections.get(tags[i]), tags[i]);
+    const values = attribute.labels
+      ? readLabels(stream, cells, attribute.labels.length)
+      : readScalar(stream, cells, beside);
+    return { ...attribute, values };
+  });
+  model.cells = cells;
 }
 
 /** What the page asks of every kind of model. */
