@@ -56,6 +56,7 @@ from surfabet.planes import (
     random_planes,
 )
 from surfabet.survey import Survey, survey
+from surfabet.view import view
 
 __all__ = [
     "Alphabet",
@@ -127,6 +128,7 @@ __all__ = [
     "read",
     "set_num_threads",
     "survey",
+    "view",
     "voxel_downsample",
     "write",
 ]

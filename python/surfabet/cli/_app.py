@@ -24,6 +24,7 @@ from surfabet.cli.info import info
 from surfabet.cli.locate import locate
 from surfabet.cli.plan import plan
 from surfabet.cli.verify import verify
+from surfabet.cli.view import view
 from surfabet.errors import InvalidInputError
 
 OK, FAILED, USAGE = 0, 1, 2
@@ -51,6 +52,7 @@ app = App(
 for verb in (
     compress,
     decompress,
+    view,
     info,
     evaluate,
     compare,

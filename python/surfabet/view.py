@@ -1,0 +1,154 @@
+"""A map in one web page: the model, its decoder, and a renderer; no network, no server."""
+
+from __future__ import annotations
+
+import base64
+import html
+import os
+import re
+import tempfile
+import webbrowser
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from surfabet import _core
+from surfabet.errors import FormatError, InvalidInputError
+from surfabet.files import MAX_BYTES, MAX_ITEMS
+
+if TYPE_CHECKING:
+    from surfabet.model import Model
+
+__all__ = ["page_of", "temporary_page", "view", "write_page"]
+
+VIEWER = Path(__file__).parent / "viewer"
+_IMPORT = re.compile(r"^import \{([^}]*)\} from \"(\.[^\"]+)\";\n", re.MULTILINE)
+_EXPORT = re.compile(r"^export (function|class|const|let) (\w+)", re.MULTILINE)
+
+
+def view(
+    model: Model[Any] | str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    open: bool | None = None,
+    title: str | None = None,
+) -> Path:
+    """Writes a model as one web page that shows it, and opens it in the browser.
+
+    The page holds the model's bytes, their decoder and a renderer; it needs no network and no
+    server, works from a file and in an e-mail, and runs in any browser with WebGL2.
+
+    Parameters
+    ----------
+    model
+        A model of any method, or the name of its file.
+    path
+        The page to write, usually `.html`; by default a file in the folder for temporary files.
+    open
+        Open the page in the browser; by default when no `path` is given.
+    title
+        Name of the map, by default that of its file.
+
+    Returns
+    -------
+    pathlib.Path
+        The page.
+
+    Raises
+    ------
+    OSError
+        When a file cannot be read or written.
+    FormatError
+        When the file is damaged, or not a model.
+    InvalidInputError
+        For a model whose file names its vocabulary by a hash instead of holding it.
+    """
+    if isinstance(model, str | os.PathLike):
+        data = Path(model).read_bytes()
+        title = title or Path(model).name
+    else:
+        data = model.to_bytes()
+        title = title or model.method
+    page = temporary_page(title) if path is None else Path(path)
+    write_page(data, page, title)
+    if open if open is not None else path is None:
+        webbrowser.open(page.resolve().as_uri())
+    return page
+
+
+def temporary_page(title: str) -> Path:
+    """A new file for a page that nobody gave a name."""
+    prefix = re.sub(r"\W+", "-", Path(title).stem) + "-"
+    with tempfile.NamedTemporaryFile(prefix=prefix, suffix=".html", delete=False) as opened:
+        return Path(opened.name)
+
+
+def write_page(data: bytes, path: Path, title: str) -> int:
+    """Writes the page of a model file's bytes, and returns the page's size in bytes."""
+    try:
+        _, _, vocabulary, _, _ = _core.inspect(data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES)
+    except FormatError as error:
+        raise FormatError(f"{title}: {error}") from None
+    if vocabulary is not None:
+        raise InvalidInputError(
+            f"{title} does not hold its vocabulary, but names that of another file ({vocabulary}): "
+            "a page needs a model that holds it; learn the model without a given vocabulary",
+            argument="model",
+        )
+    text = page_of(data, title).encode()
+    path.write_bytes(text)
+    return len(text)
+
+
+def page_of(data: bytes, title: str) -> str:
+    """The page of a model file's bytes."""
+    folder = VIEWER / "page"
+    parts = {
+        "title": html.escape(title),
+        "style": _squeezed((folder / "style.css").read_text("utf-8")),
+        "model": base64.b64encode(data).decode(),
+        "decoder": _packed(f"var surfabetWorker = {_bundle(folder / 'worker.js')};"),
+        "page": _packed(f"var surfabetPage = {_bundle(folder / 'app.js')};"),
+    }
+    page = (folder / "page.html").read_text("utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], page)
+
+
+def _packed(source: str) -> str:
+    return base64.b64encode(zlib.compress(source.encode(), 9)).decode()
+
+
+def _bundle(entry: Path) -> str:
+    """An expression that is what a module exports: it and all that it imports, a scope each."""
+    order: list[Path] = []
+
+    def visit(module: Path, above: tuple[Path, ...]) -> None:
+        if module in above:
+            raise ValueError(f"{module} imports itself")
+        if module in order:
+            return
+        for _, name in _IMPORT.findall(module.read_text("utf-8")):
+            visit((module.parent / name).resolve(), (*above, module))
+        order.append(module)
+
+    visit(entry.resolve(), ())
+    names = {module: f"m{i}" for i, module in enumerate(order)}
+    scopes = []
+    for module in order:
+        text = module.read_text("utf-8")
+
+        def destructured(found: re.Match[str], folder: Path = module.parent) -> str:
+            return f"const {{{found[1]}}} = {names[(folder / found[2]).resolve()]};\n"
+
+        exported = ", ".join(name for _, name in _EXPORT.findall(text))
+        body = _EXPORT.sub(r"\1 \2", _IMPORT.sub(destructured, text))
+        body = f"const {names[module]} = (() => {{\n{body}\nreturn {{ {exported} }};\n}})();\n"
+        scopes.append(_squeezed(body))
+    return f'(() => {{\n"use strict";\n{"".join(scopes)}return {names[order[-1]]};\n}})()'
+
+
+def _squeezed(text: str) -> str:
+    """Without indentation, and without lines that hold nothing but a comment."""
+    text = re.sub(r"^\s*/\*\*.*?\*/\s*$", "", text, flags=re.MULTILINE | re.DOTALL)
+    lines = (line.strip() for line in text.splitlines())
+    return "".join(f"{line}\n" for line in lines if line and not line.startswith("//"))
