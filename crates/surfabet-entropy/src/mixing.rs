@@ -5,10 +5,53 @@
 //! Compression*, 2005). All in integers, so that readers and writers agree on every platform.
 
 use crate::coder::Coder;
-use crate::models::{Bit, LOG_ODDS_BITS, PRECISION};
+use crate::models::{Bit, PRECISION};
 
 /// Fractional bits of a weight.
 const WEIGHT_BITS: u32 = 16;
+
+/// Fractional bits of log-odds.
+const LOG_ODDS_BITS: u32 = 11;
+
+/// Entries of [`LOGARITHMS`] per unit of probability.
+const SHARES: usize = 1 << 12;
+
+/// `-log2(i / 2^12)` in units of 2^-11 bits, rounded.
+static LOGARITHMS: [i32; SHARES + 1] = {
+    // Digits beyond those kept: no value is as near to a half as the last of them.
+    const GUARD_BITS: u32 = 16;
+    let mut table = [0; SHARES + 1];
+    let mut i = 1;
+    while i <= SHARES {
+        // Digits of log2 by repeated squaring of the mantissa in [1, 2), 63 fractional bits.
+        let whole = (i as u64).ilog2();
+        let mut mantissa = (i as u128) << (63 - whole);
+        let mut log = whole as i64;
+        let mut digit = 0;
+        while digit < LOG_ODDS_BITS + GUARD_BITS {
+            mantissa = (mantissa * mantissa) >> 63;
+            log <<= 1;
+            if mantissa >> 64 != 0 {
+                mantissa >>= 1;
+                log |= 1;
+            }
+            digit += 1;
+        }
+        let of = (12 << (LOG_ODDS_BITS + GUARD_BITS)) - log;
+        table[i] = ((of + (1 << (GUARD_BITS - 1))) >> GUARD_BITS) as i32;
+        i += 1;
+    }
+    // Never asked for: probabilities are at least 2^-12.
+    table[0] = table[1];
+    table
+};
+
+/// Logarithm to base 2 of a bit's probability of true over that of false, in units of 2^-11; within 12 of zero.
+fn log_odds(bit: &Bit) -> i64 {
+    // zero_width / 16, rounded: 1 to 2^12 - 1.
+    let zero = (bit.zero_width() as usize + 8) >> 4;
+    i64::from(LOGARITHMS[zero] - LOGARITHMS[SHARES - zero])
+}
 
 /// Largest log-odds in bits: those of the least probability of a [`Bit`].
 const MAX_ODDS: i32 = 12;
@@ -87,7 +130,7 @@ impl Mixer {
         models: [&mut Bit; 2],
         value: bool,
     ) -> Result<bool, C::Error> {
-        let odds = [i64::from(models[0].log_odds()), i64::from(models[1].log_odds())];
+        let odds = [log_odds(models[0]), log_odds(models[1])];
         let sum = (0..2).map(|i| i64::from(self.weights[i]) * odds[i]).sum::<i64>();
         let one = probability(sum >> WEIGHT_BITS);
         let value = coder.bit(&mut Bit::with_probability(one), value)?;
@@ -114,7 +157,12 @@ mod tests {
             let exact = 65536.0 / (1.0 + (-bits.clamp(-12.0, 12.0)).exp2());
             assert!((f64::from(probability(odds)) - exact).abs() <= 2.0, "{bits}");
         }
-        // As docs/format.md gives the table: no entry is near a half, so that doubles are enough.
+        // As docs/format.md gives the tables: no entry is near a half, so that doubles are enough.
+        for (i, &entry) in LOGARITHMS.iter().enumerate().skip(1) {
+            let exact = 2048.0 * (12.0 - (i as f64).log2());
+            assert_eq!(f64::from(entry), exact.round(), "{i}");
+            assert!((exact - exact.floor() - 0.5).abs() > 1e-6, "{i}");
+        }
         for (k, &entry) in PROBABILITIES.iter().enumerate() {
             let exact = 65536.0 / (1.0 + (-(k as f64) / 32.0).exp2());
             assert_eq!(f64::from(entry), exact.round());

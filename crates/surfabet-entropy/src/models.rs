@@ -31,9 +31,6 @@ const RATES: [u32; Bit::MAX_MEMORY as usize + 1] = {
 /// Fractional bits of [`COSTS`].
 const COST_BITS: u32 = 11;
 
-/// Fractional bits of log-odds.
-pub(crate) const LOG_ODDS_BITS: u32 = COST_BITS;
-
 /// Digits of the logarithm computed beyond those kept, so that rounding is right.
 const GUARD_BITS: u32 = 6;
 
@@ -124,14 +121,6 @@ impl Bit {
             updates: Self::DEFAULT_MEMORY,
             memory: Self::DEFAULT_MEMORY,
         }
-    }
-
-    /// Logarithm to base 2 of the probability of true over that of false, in units of 2^-11; within 12 of zero.
-    #[inline]
-    pub(crate) fn log_odds(&self) -> i32 {
-        // zero_width / 16, rounded: 1 to 2^12 - 1.
-        let zero = (self.zero_width() as usize + 8) >> 4;
-        i32::from(COSTS[zero]) - i32::from(COSTS[COST_STEPS - zero])
     }
 
     /// Share of false in `[0, 2^16)`; at least 16 and at most 2^16 - 16.

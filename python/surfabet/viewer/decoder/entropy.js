@@ -46,6 +46,54 @@ export class Symbols {
 /** Rates of adaptation by the number of updates. */
 const RATES = Float64Array.from({ length: 1025 }, (_, n) => Math.floor(TWO_24 / (n + 2)));
 
+/** Adaptive bit number `i` of `model` after it coded `bit` (2.3). */
+function adapt(model, i, bit) {
+  const one = model.one[i];
+  const updates = model.updates[i];
+  const rate = RATES[updates];
+  if (updates < model.memory) model.updates[i] = updates + 1;
+  const difference = bit ? 4294967295 - one : -one;
+  if (updates < 8) {
+    // The product has more than 53 bits.
+    const upper = Math.floor(difference / TWO_16);
+    const lower = (difference - upper * TWO_16) * rate;
+    model.one[i] = one + Math.floor((upper * rate + Math.floor(lower / TWO_16)) / 256);
+  } else {
+    model.one[i] = one + Math.floor((difference * rate) / TWO_24);
+  }
+}
+
+/** `L(i)` of 2.8. */
+const COSTS = Int32Array.from({ length: 4097 }, (_, i) => Math.round(2048 * (12 - Math.log2(i || 1))));
+
+/** `T(k)` of 2.8. */
+const PROBABILITIES = Int32Array.from({ length: 386 }, (_, k) =>
+  Math.round(65536 / (1 + 2 ** (-Math.min(k, 384) / 32))),
+);
+
+/** Log-odds of adaptive bit number `i` of `model` (2.8). */
+function logOdds(model, i) {
+  const w = Math.min(Math.max(model.one[i] >>> 16, 16), 65520);
+  const z = (TWO_16 - w + 8) >> 4;
+  return COSTS[z] - COSTS[4096 - z];
+}
+
+/** The probability of log-odds, in units of 2^-16 (2.8). */
+function probability(sum) {
+  const size = Math.min(Math.abs(sum), 12 * 2048);
+  const k = size >> 6;
+  const P = PROBABILITIES[k] + (((PROBABILITIES[k + 1] - PROBABILITIES[k]) * (size & 63)) >> 6);
+  return sum < 0 ? TWO_16 - P : P;
+}
+
+/** `count` pairs of weights of two adaptive bits (2.8). */
+export class Mixers {
+  constructor(count) {
+    this.weights = new Float64Array(2 * count).fill(32768);
+    this.mixed = new Bits(1);
+  }
+}
+
 /** A stream of symbols (2.1). */
 export class Stream {
   constructor(bytes, section) {
@@ -115,28 +163,30 @@ export class Stream {
     const carried = Math.floor(rest / TWO_16);
     const high = top * zero * 256 + carried;
     const low = rest - carried * TWO_16;
-    const updates = model.updates[i];
-    const rate = RATES[updates];
-    if (updates < model.memory) model.updates[i] = updates + 1;
-    let bit;
-    let difference;
-    if (this.offsetHigh > high || (this.offsetHigh === high && this.offsetLow >= low)) {
-      bit = 1;
-      difference = 4294967295 - one;
-      this.take(high, low, scale, w);
-    } else {
-      bit = 0;
-      difference = -one;
-      this.take(0, 0, scale, zero);
-    }
-    if (updates < 8) {
-      // The product has more than 53 bits.
-      const upper = Math.floor(difference / TWO_16);
-      const lower = (difference - upper * TWO_16) * rate;
-      model.one[i] = one + Math.floor((upper * rate + Math.floor(lower / TWO_16)) / 256);
-    } else {
-      model.one[i] = one + Math.floor((difference * rate) / TWO_24);
-    }
+    const isOne = this.offsetHigh > high || (this.offsetHigh === high && this.offsetLow >= low);
+    if (isOne) this.take(high, low, scale, w);
+    else this.take(0, 0, scale, zero);
+    const bit = isOne ? 1 : 0;
+    adapt(model, i, bit);
+    return bit;
+  }
+
+  /** Bits `i` of model `a` and `j` of model `b` at once, with the weights of `mixers` number `m` (2.8). */
+  mixedBit(mixers, m, a, i, b, j) {
+    const odds = [logOdds(a, i), logOdds(b, j)];
+    const { weights, mixed } = mixers;
+    const P = probability(
+      Math.floor((weights[2 * m] * odds[0] + weights[2 * m + 1] * odds[1]) / TWO_16),
+    );
+    mixed.one[0] = P * TWO_16;
+    const bit = this.bit(mixed, 0);
+    const error = bit * TWO_16 - P;
+    odds.forEach((of, k) => {
+      const moved = weights[2 * m + k] + Math.floor((error * of + 131072) / 262144);
+      weights[2 * m + k] = Math.min(Math.max(moved, -524288), 524288);
+    });
+    adapt(a, i, bit);
+    adapt(b, j, bit);
     return bit;
   }
 

@@ -2,9 +2,12 @@
 // points in patch_points.js.
 
 import { Fields, checkCount, fail, mostBits, readScale } from "./bytes.js";
-import { ATTRIBUTES, BESIDE, LATTICE, UNBLENDED, expectFeatures, expectSections } from "./container.js";
+import {
+  ATTRIBUTES, BESIDE, FORWARD_BOUND, LATTICE, NEAR_POINTS, UNBLENDED, expectFeatures, expectSections,
+} from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned, readOctree } from "./entropy.js";
 import { attributeCells, readColors, readLabels, readScalar } from "./field.js";
+import { readNearPoints } from "./near_points.js";
 import { decodePatches, mostPatchPoints } from "./patch_points.js";
 import { Basis } from "./shapes.js";
 
@@ -34,6 +37,7 @@ function readMeta(bytes, features) {
   meta.extraCell = fields.positive();
   meta.maxError = fields.f64();
   if (meta.maxError < 0) fail("META", `a bound of ${meta.maxError} m`);
+  if (features & FORWARD_BOUND) meta.maxErrorForward = fields.positive();
   meta.attributes = features & ATTRIBUTES ? readAttributeHeaders(fields) : [];
   fields.end();
   return meta;
@@ -299,14 +303,20 @@ class GeometryReader {
 }
 
 /** Points beside the patches, as middles of cells in metres from the lattice's zero (5.5). */
-function readExtraPoints(bytes, meta) {
+function readExtraPoints(bytes, meta, near) {
   const stream = new Stream(bytes, "PNTS");
   checkCount("PNTS", "points beside the patches", meta.nExtra, mostBits(bytes));
   if (stream.bypass(1) !== 1) fail("PNTS", "its first bit is 0");
   const points = [];
-  readOctree(stream, 21, 4, meta.nExtra, (...cell) => {
+  const add = (...cell) => {
     for (const c of cell) points.push((c - MAX_TILE + 0.5) * meta.extraCell);
-  });
+  };
+  if (near) {
+    const [xs, ys, zs] = readNearPoints(stream, meta.nExtra);
+    xs.forEach((x, i) => add(x, ys[i], zs[i]));
+  } else {
+    readOctree(stream, 21, 4, meta.nExtra, add);
+  }
   stream.end();
   if (points.length !== 3 * meta.nExtra) fail("PNTS", `${points.length / 3} points, not ${meta.nExtra}`);
   return points;
@@ -314,7 +324,7 @@ function readExtraPoints(bytes, meta) {
 
 /** Reads a model of `learn_patches`. */
 export function readPatches({ features, sections }) {
-  expectFeatures(features, LATTICE | ATTRIBUTES | UNBLENDED | BESIDE);
+  expectFeatures(features, LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS);
   if (!sections.has("META")) fail("META", "the section is missing");
   const meta = readMeta(sections.get("META"), features);
   const attributeTags = meta.attributes.map((_, i) => `AT${String(i).padStart(2, "0")}`);
@@ -325,7 +335,8 @@ export function readPatches({ features, sections }) {
   checkCount("META", "patches", meta.nPatches, mostBits(geometry));
   const reader = new GeometryReader(new Stream(geometry, "GEOM"), meta);
   const patches = reader.read();
-  const extra = meta.nExtra > 0 ? readExtraPoints(sections.get("PNTS"), meta) : [];
+  const near = (features & NEAR_POINTS) !== 0;
+  const extra = meta.nExtra > 0 ? readExtraPoints(sections.get("PNTS"), meta, near) : [];
   const model = {
     method: "patches", meta, patches, extra,
     bases: reader.bases, unblended: (features & UNBLENDED) !== 0,
