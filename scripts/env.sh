@@ -90,6 +90,11 @@ embed_cargo() {
     if has_avx2; then
         flags="-C target-cpu=x86-64-v3"
     fi
-    CARGO_TARGET_DIR=target/embed RUSTFLAGS="$flags" cargo "$1" --quiet \
+    # What the workspace's profiles say of libraries of which nothing is called, or all of it is compiled with its callers.
+    local name options=()
+    for name in faer gemm-c32 gemm-c64 nano-gemm-c32 nano-gemm-c64 nano-gemm-f64 nalgebra simba matrixmultiply; do
+        options+=(--config "profile.dev.package.$name.opt-level=0")
+    done
+    CARGO_TARGET_DIR=target/embed RUSTFLAGS="$flags" cargo "$1" --quiet "${options[@]}" \
         --manifest-path examples/embed/Cargo.toml "${@:2}"
 }
