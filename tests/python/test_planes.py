@@ -340,7 +340,7 @@ def test_meshes_come_back_from_ply_and_obj(offset, tmp_path):
         for ring, wanted in zip(rings, model.polygons(i), strict=True):
             assert ring[0] == ring[-1]
             np.testing.assert_array_equal(vertices[ring[:-1]], wanted)
-    with pytest.raises(InvalidInputError, match=r"\.dxf, \.obj, \.ply"):
+    with pytest.raises(InvalidInputError, match=r"\.dxf, \.glb, \.obj, \.ply"):
         model.export(tmp_path / "walls.stl")
 
 
@@ -577,10 +577,10 @@ def test_command_line(cloud, tmp_path, capsys):
             "path": str(output), "bytes": output.stat().st_size, "planes": 6,
         }  # fmt: skip
     assert main(["export", str(file), str(tmp_path / "walls.stl")]) == 2
-    assert ".dxf, .obj, .ply" in capsys.readouterr().err
-    gas = str(GOLDEN / "gas_0_1.sfb")
-    assert main(["export", gas, str(tmp_path / "gas.ply")]) == 2
-    assert "--model planes" in capsys.readouterr().err
+    assert ".dxf, .glb, .obj, .ply" in capsys.readouterr().err
+    words = str(GOLDEN / "alphabet_0_1.sfb")
+    assert main(["export", words, str(tmp_path / "words.ply")]) == 2
+    assert "patches, planes and gas" in capsys.readouterr().err
     assert main([*arguments, "--rate", "1"]) == 2
     assert "--rate: not an option of --model planes, but of patches" in capsys.readouterr().err
     assert main(["compress", str(scan), str(file), "--min-grid-size", "1"]) == 2
