@@ -15,16 +15,17 @@ from selenium import webdriver
 import surfabet as sb
 from surfabet import datasets
 
-# Seen from above and the side, with what is above 2.2 m cut away.
+# Seen from above and the side, without what is seen from behind: the ceiling and the near walls.
 VIEW = """
 const done = arguments[0];
 const wait = setInterval(async () => {
   if (!window.surfabet) return;
   clearInterval(wait);
   await surfabet.ready;
-  surfabet.high[2] = 2.2 - surfabet.info.origin[2];
-  Object.assign(surfabet.camera, { yaw: -1.0, pitch: 0.75 });
-  surfabet.camera.distance *= 0.62;
+  document.getElementById("facing").checked = true;
+  await surfabet.decode();
+  Object.assign(surfabet.camera, { yaw: -1.0, pitch: 0.7 });
+  surfabet.camera.distance *= 0.72;
   surfabet.drawNow();
   done();
 }, 20);
@@ -46,7 +47,8 @@ def main() -> None:
         options.add_argument(argument)
     with TemporaryDirectory() as folder:
         page = sb.view(model, Path(folder) / "page.html", title="room.sfb")
-        driver = webdriver.Chrome(options)
+        service = webdriver.ChromeService(shutil.which("chromedriver") or "")
+        driver = webdriver.Chrome(options, service)
         driver.set_script_timeout(300)
         driver.get(page.as_uri())
         driver.execute_async_script(VIEW)
