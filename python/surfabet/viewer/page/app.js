@@ -1,7 +1,7 @@
 // The page: a model on the screen, and what its user may do with it.
 
-import { Camera } from "./camera.js";
-import { colorModes, colorsOf, highlighted } from "./colors.js";
+import { Camera, UPS } from "./camera.js";
+import { colorModes, colorsOf, highlighted, limits } from "./colors.js";
 import { controlCamera } from "./controls.js";
 import { Decoding } from "./decoding.js";
 import { Renderer } from "./renderer.js";
@@ -42,6 +42,7 @@ class Viewer {
     this.moving = { until: 0, count: 300_000, scale: 1 };
     this.stats = { frames: 0, drawn: 0, milliseconds: 0 };
     this.lastDecode = 0;
+    this.isDecoding = false;
   }
 
   async start() {
@@ -80,18 +81,21 @@ class Viewer {
   /** Decodes at the chosen spacing; of several wishes the last counts. */
   async decode(budget = Number(element("budget").value), isFirst = false) {
     const number = ++this.lastDecode;
+    this.isDecoding = true;
     element("status").textContent = "decoding ...";
     const began = performance.now();
     const request = {
       spacing: this.spacing, asMeasured: element("measured").checked, budget,
-      normals: element("mode").value === "normal",
+      normals: element("mode").value === "normal" || element("facing").checked,
     };
     const points = await this.decoding.ask("decode", request);
     if (number !== this.lastDecode) return;
+    this.isDecoding = isFirst;
     const isNew = this.points === null;
     this.points = points;
     this.decodeMilliseconds = performance.now() - began;
     this.renderer.points.setPositions(points.positions);
+    this.renderer.points.setNormals(points.normals);
     if (isNew) this.frameAll();
     this.fillModes();
     this.picked = null;
@@ -113,9 +117,17 @@ class Viewer {
       if (positions[i] < low[a]) low[a] = positions[i];
       if (positions[i] > high[a]) high[a] = positions[i];
     }
-    if (count === 0) [low.fill(0), high.fill(1)];
+    if (count === 0) {
+      low.fill(0);
+      high.fill(1);
+    }
     this.bounds = [low, high];
-    this.camera.frame(low, high);
+    // A few points far away do not make the map small.
+    const inner = [0, 1, 2].map((a) => limits(positions, 3, a));
+    const margin = inner.map(([from, to]) => 0.04 * (to - from));
+    this.camera.frame(
+      inner.map(([from], a) => Math.max(from - margin[a], low[a])), inner.map(([, to], a) => Math.min(to + margin[a], high[a])));
+    this.camera.reach = Math.hypot(...low.map((c, a) => Math.max(Math.abs(c - this.camera.middle[a]), Math.abs(high[a] - this.camera.middle[a]))));
     this.fillCrop();
   }
 
@@ -179,7 +191,7 @@ class Viewer {
     const growth = Math.min(Math.sqrt(points.count / Math.max(count, 1)), 4);
     const perPixel = camera.pixel * (camera.height / this.canvas.height);
     return {
-      matrix: camera.matrix(), near: camera.near, far: camera.far, low: this.low, high: this.high, count,
+      matrix: camera.matrix(), eye: [...camera.eye, element("facing").checked && points.normals ? 1 : 0], near: camera.near, far: camera.far, low: this.low, high: this.high, count,
       size: (Number(element("size").value) * points.spacing * growth) / perPixel, least: Math.max(1, this.ratio),
       light: Number(element("light").value), background: BACKGROUND,
       showLines: element("lines").checked, showBox: element("crop").open,
@@ -435,6 +447,15 @@ class Viewer {
         this.draw();
       };
     }
+    element("upwards").replaceChildren(...Object.keys(UPS).map((name) => new Option(name, name)));
+    element("upwards").onchange = () => {
+      this.camera.upwards = element("upwards").value;
+      this.moved();
+    };
+    element("facing").onchange = () => {
+      if (this.points.normals) this.draw();
+      else redecode();
+    };
     element("lines").onchange = () => this.toggleLines();
     element("crop").ontoggle = () => this.draw();
     element("cropReset").onclick = () => this.cropReset();
@@ -479,20 +500,21 @@ class Viewer {
       element(id).value = Number(element(id).value) + by;
       element(id).dispatchEvent(new Event("input"));
     };
+    const next = (id) => {
+      const select = element(id);
+      select.selectedIndex = (select.selectedIndex + 1) % select.length;
+      select.dispatchEvent(new Event("change"));
+    };
     const check = (id) => element(id).offsetParent && element(id).click();
     const keys = {
       m: () => this.setMeasuring(!this.isMeasuring), r: () => this.reset(), s: () => this.screenshot(), p: () => this.fold(),
       b: () => (element("crop").open = !element("crop").open), "?": () => element("help").showModal(),
-      t: () => check("measured"), l: () => check("lines"), f: () => this.findAll(),
+      t: () => check("measured"), l: () => check("lines"), h: () => check("facing"), f: () => this.findAll(),
       e: () => {
         element("light").value = Number(element("light").value) > 0 ? 0 : 1;
         element("light").dispatchEvent(new Event("input"));
       },
-      c: () => {
-        const select = element("mode");
-        select.selectedIndex = (select.selectedIndex + 1) % select.length;
-        select.dispatchEvent(new Event("change"));
-      },
+      c: () => next("mode"), u: () => next("upwards"),
       "[": () => step("spacing", -0.5), "]": () => step("spacing", 0.5),
       ",": () => step("size", -0.2), ".": () => step("size", 0.2),
       escape: () => {

@@ -1,9 +1,18 @@
-// A camera that orbits a target; z is up.
+// A camera that orbits a target.
 
 const FIELD_OF_VIEW = (50 * Math.PI) / 180;
 
 const subtract = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+/** Directions that may be up, each as the rows that take x, y and z of a frame with z up to it. */
+export const UPS = {
+  "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+  "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+  "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+  "x": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
+  "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+};
 
 /** The product of two matrices in columns. */
 function multiply(a, b) {
@@ -28,6 +37,15 @@ export class Camera {
     this.height = 1;
     this.middle = [0, 0, 0];
     this.radius = 1;
+    /** Distance of the farthest point from the middle. */
+    this.reach = 1;
+    this.upwards = "z";
+  }
+
+  /** A direction of a frame with z up. */
+  turned(v) {
+    const rows = UPS[this.upwards];
+    return [0, 1, 2].map((a) => v[0] * rows[0][a] + v[1] * rows[1][a] + v[2] * rows[2][a]);
   }
 
   /** Shows a box as a whole. */
@@ -48,16 +66,16 @@ export class Camera {
   /** Direction from the target to the eye. */
   get back() {
     const [c, s] = [Math.cos(this.pitch), Math.sin(this.pitch)];
-    return [c * Math.cos(this.yaw), c * Math.sin(this.yaw), s];
+    return this.turned([c * Math.cos(this.yaw), c * Math.sin(this.yaw), s]);
   }
 
   get right() {
-    return [-Math.sin(this.yaw), Math.cos(this.yaw), 0];
+    return this.turned([-Math.sin(this.yaw), Math.cos(this.yaw), 0]);
   }
 
   get up() {
     const [c, s] = [Math.cos(this.pitch), Math.sin(this.pitch)];
-    return [-s * Math.cos(this.yaw), -s * Math.sin(this.yaw), c];
+    return this.turned([-s * Math.cos(this.yaw), -s * Math.sin(this.yaw), c]);
   }
 
   get eye() {
@@ -99,7 +117,7 @@ export class Camera {
   }
 
   get far() {
-    return Math.hypot(...subtract(this.eye, this.middle)) + 1.5 * this.radius;
+    return Math.hypot(...subtract(this.eye, this.middle)) + 1.05 * Math.max(this.reach, this.radius);
   }
 
   /** From positions about the model's origin to clip space. */

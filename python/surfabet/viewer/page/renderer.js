@@ -7,13 +7,17 @@ uniform vec3 high;
 uniform float size;
 uniform float least;
 uniform float most;
+uniform vec4 eye;
 in vec3 position;
 in vec3 color;
+in vec3 normal;
 flat out vec3 shade;
 flat out int number;
 void main() {
   gl_Position = matrix * vec4(position, 1.0);
   if (any(lessThan(position, low)) || any(greaterThan(position, high))) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  // What is seen from behind is left out where that is wanted.
+  if (eye.w > 0.0 && dot(normal, eye.xyz - position) < 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   gl_PointSize = clamp(size / gl_Position.w, least, most);
   shade = color;
   number = gl_VertexID;
@@ -110,6 +114,7 @@ function program(gl, vertex, fragment) {
   }
   gl.bindAttribLocation(made, 0, "position");
   gl.bindAttribLocation(made, 1, "color");
+  gl.bindAttribLocation(made, 2, "normal");
   gl.linkProgram(made);
   if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
   const uniforms = {};
@@ -126,7 +131,7 @@ class VertexData {
   constructor(gl) {
     this.gl = gl;
     this.array = gl.createVertexArray();
-    this.buffers = [gl.createBuffer(), gl.createBuffer()];
+    this.buffers = [gl.createBuffer(), gl.createBuffer(), gl.createBuffer()];
     this.count = 0;
   }
 
@@ -147,6 +152,17 @@ class VertexData {
 
   setColors(values) {
     this.set(1, values, this.gl.UNSIGNED_BYTE, true);
+  }
+
+  /** Normals, or none. */
+  setNormals(values) {
+    if (values) {
+      this.set(2, values, this.gl.FLOAT, false);
+      return;
+    }
+    this.gl.bindVertexArray(this.array);
+    this.gl.disableVertexAttribArray(2);
+    this.gl.bindVertexArray(null);
   }
 }
 
@@ -215,6 +231,7 @@ export class Renderer {
     gl.uniform1f(uniforms.size, scene.size);
     gl.uniform1f(uniforms.least, scene.least);
     gl.uniform1f(uniforms.most, 24);
+    gl.uniform4fv(uniforms.eye, scene.eye);
     gl.bindVertexArray(this.points.array);
     gl.drawArrays(gl.POINTS, 0, Math.min(count, this.points.count));
   }

@@ -47,8 +47,8 @@ const answers = {
 
   decode({ spacing, asMeasured, normals, budget }) {
     const used = affordable(spacing, asMeasured, budget);
-    const isOwn = Math.abs(used / model.spacing - 1) < 1e-9;
-    const points = model.decode({ resolution: isOwn ? null : used, asMeasured, normals, maxPoints: 2 * budget });
+    // One spacing for all: words would have their own, and a gas its neurons alone.
+    const points = model.decode({ resolution: used, asMeasured, normals, maxPoints: 2 * budget });
     const order = shuffled(points.positions.length / 3);
     const result = { spacing: used, count: order.length, attributes: [] };
     for (const name of ["positions", "parts", "colors", "normals"]) {
