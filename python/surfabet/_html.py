@@ -20,7 +20,8 @@ h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 14px; }
 th, td { padding: .25rem .6rem; border-bottom: 1px solid var(--line); text-align: right; }
-th:first-child, td:first-child, .text { text-align: left; }
+th:first-child, td:first-child { text-align: left; }
+#rows :is(th, td):nth-child(-n+3) { text-align: left; }
 thead th { position: sticky; top: 0; background: Canvas; }
 tr.own { background: var(--own); } tr.chosen { background: var(--mark); }
 th button { all: unset; cursor: pointer; } th button:focus-visible { outline: 2px solid; }

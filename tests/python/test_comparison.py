@@ -120,7 +120,9 @@ def test_the_row_to_take(found: comparison.Comparison) -> None:
     assert best["planes"] is not None
     assert best["planes"].tool == "planes"
     strict = replace(found, error=1e-9, max_error=1e-9)
-    assert strict.best == {"smallest": None, "bounded": None, "planes": None}
+    assert strict.best | {"planes": None} == dict.fromkeys(["smallest", "bounded", "planes"])
+    assert strict.best["planes"] is not None
+    assert replace(found, rows=()).best["planes"] is None
 
 
 def test_unknown_tools_and_wrong_errors_are_refused(corner: sb.PointCloud) -> None:

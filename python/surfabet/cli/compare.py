@@ -24,6 +24,9 @@ from surfabet.cli._options import (
     UsageError,
 )
 
+_WIDTH = 250
+"""Of the table, characters; more than it takes."""
+
 
 def compare(
     input_: Annotated[Path, Parameter(name="IN")],
@@ -114,7 +117,8 @@ def _names(tools: str) -> list[str]:
 def _print(found: comparison.Comparison) -> None:
     from surfabet.comparison.words import HEADER, advice, row_cells
 
-    console = Console(highlight=False, soft_wrap=True, markup=False)
+    # Rows are whole wherever they go; a narrow terminal breaks them, and a pager does not.
+    console = Console(highlight=False, soft_wrap=True, markup=False, width=_WIDTH)
     colored = ", coloured" if found.has_color else ""
     console.print(
         f"{found.n_points:,} points{colored}, {bytes_text(found.raw_bytes)} raw; errors are rmse, "

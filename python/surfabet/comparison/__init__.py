@@ -145,15 +145,15 @@ class Comparison:
 
         "smallest": fewest bytes with an rmse of at most `error` in both directions. "bounded":
         fewest bytes with all points of the input within `max_error` by construction. "planes":
-        of the rows of planes that lie within `error` of the input, those that find about as much of
-        it as any (98 %), and of these the one of fewest bytes.
+        of the rows of planes that lie within `error` of the input (of all planes where none do),
+        those that find about as much of it as any (98 %), and of these the one of fewest bytes.
         """
         near = [row for row in self.rows if row.rmse <= self.error]
         bounded = [
             row for row in self.rows if row.bound is not None and row.bound <= self.max_error
         ]
         planes = [row for row in self.rows if row.tool in ("planes", "open3d-planes")]
-        planes = [row for row in planes if row.rmse_forward <= self.error]
+        planes = [row for row in planes if row.rmse_forward <= self.error] or planes
         found = max((row.inliers for row in planes), default=0.0)
         planes = [row for row in planes if row.inliers >= _SHARE_OF_BEST * found]
         groups = {"smallest": near, "bounded": bounded, "planes": planes}
@@ -216,7 +216,7 @@ def compare(
     found = survey(cloud)
     # What `learn_patches` chooses; the steps of all grids follow from it.
     resolution = max(3 * found.spacing, 1.25 * found.noise) or error
-    todo = list(all_jobs(tools, resolution, max_error))
+    todo = list(all_jobs(tools, resolution, max_error, colored=cloud.colors is not None))
     rows: list[Row] = []
     failed: dict[str, str] = {}
     bare = _bare(cloud)

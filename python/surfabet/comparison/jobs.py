@@ -103,7 +103,9 @@ def _has_zstd(parent: str) -> bool:
         return False
 
 
-def all_jobs(tools: Sequence[str], resolution: float, max_error: float) -> Iterator[Job]:
+def all_jobs(
+    tools: Sequence[str], resolution: float, max_error: float, *, colored: bool
+) -> Iterator[Job]:
     """All jobs of these tools.
 
     Parameters
@@ -114,6 +116,8 @@ def all_jobs(tools: Sequence[str], resolution: float, max_error: float) -> Itera
         Of the cloud, metres: grids have half of it, it, and twice it.
     max_error
         The bound that patches are given in a row of their own, metres.
+    colored
+        Whether the cloud has colours, and settings of colours are named.
 
     Raises
     ------
@@ -124,10 +128,11 @@ def all_jobs(tools: Sequence[str], resolution: float, max_error: float) -> Itera
         if tool not in TOOLS:
             raise InvalidInputError(f"tools has {tool!r}, but must be of {', '.join(TOOLS)}")
         if missing(tool) is None:
-            yield from _jobs_of(tool, resolution, max_error)
+            yield from _jobs_of(tool, resolution, max_error, colored)
 
 
-def _jobs_of(tool: str, resolution: float, max_error: float) -> Iterator[Job]:
+def _jobs_of(tool: str, resolution: float, max_error: float, colored: bool) -> Iterator[Job]:
+    color = ", 5-bit colour" if colored else ""
     steps = [_rounded(factor * resolution) for factor in STEPS]
     if tool in own.LEARN:
         for quality in QUALITIES:
@@ -140,7 +145,7 @@ def _jobs_of(tool: str, resolution: float, max_error: float) -> Iterator[Job]:
     elif tool == "draco":
         yield Job(tool, "Draco", "defaults, all points", "draco_defaults")
         for step in steps:
-            setting = f"level 10, {_length(step)} grid, 5-bit colour"
+            setting = f"level 10, {_length(step)} grid{color}"
             yield Job(tool, "Draco", setting, "draco", {"step": step})
     elif tool == "laz":
         yield Job(tool, "LAZ", "1 mm, all points", "laz", {"step": None})
@@ -151,21 +156,26 @@ def _jobs_of(tool: str, resolution: float, max_error: float) -> Iterator[Job]:
             yield Job(tool, "OctoMap", f"occupied leaves, {_length(step)}", tool, {"step": step})
     elif tool == "voxel-zstd":
         for step in steps:
-            setting = f"{_length(step)}, 5-bit colour"
+            setting = f"{_length(step)}{color}"
             yield Job(tool, "voxel grid + zstd", setting, "voxel_zstd", {"step": step})
     elif tool == "open3d-planes":
         arguments = {"spacing": _rounded(resolution / 2)}
         yield Job(tool, "Open3D planes", "defaults", "open3d_planes", arguments)
     elif tool == "gpcc":
-        yield from _gpcc_jobs(steps, [_rounded(f * resolution) for f in TRISOUP_STEPS])
+        trisoup = [_rounded(factor * resolution) for factor in TRISOUP_STEPS]
+        yield from _gpcc_jobs(steps, trisoup, colored)
 
 
-def _gpcc_jobs(octree: list[float], trisoup: list[float]) -> Iterator[Job]:
+def _gpcc_jobs(octree: list[float], trisoup: list[float], colored: bool) -> Iterator[Job]:
     settings = [peers.GpccSetting(step, 0, OCTREE_QP) for step in octree]
     settings += [peers.GpccSetting(step, 3, TRISOUP_QP) for step in trisoup]
     for of in settings:
         arguments = {"step": of.step, "node_log2": of.node_log2, "qp": of.qp}
-        yield Job("gpcc", of.tool, of.name, "gpcc", arguments)
+        name, transform = of.name, " + RAHT"
+        if not colored:
+            name = name.rpartition(", ")[0]
+            transform = ""
+        yield Job("gpcc", of.tool.removesuffix(" + RAHT") + transform, name, "gpcc", arguments)
 
 
 def _rounded(metres: float) -> float:

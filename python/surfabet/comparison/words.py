@@ -95,6 +95,5 @@ def _why_none(found: Comparison, aim: str) -> str:
         if bounds:
             return f"the least bound is {_millimetres(min(bounds))} mm"
     if aim == "planes":
-        error = _millimetres(found.error)
-        return f"no planes were asked for, or none lie within {error} mm of the input"
+        return "no planes were asked for, or none were found"
     return "nothing was asked for that keeps to it"

@@ -78,7 +78,7 @@ def _pictures(
     from surfabet.report import draw_errors
 
     names = [f"{what}{number}.webp" for what in ("decoded", "forward", "backward")]
-    draw_errors(cloud, coded.decoded, scale, *(folder / name for name in names))
+    draw_errors(cloud, coded.decoded, scale, *(folder / name for name in names), width=480)
     return names
 
 

@@ -85,7 +85,11 @@ def floor_plan(
     shift = planes.centers.mean(axis=0) if len(planes) else np.zeros(3)
     planes = replace(planes, centers=planes.centers - shift)
     base = float(shift @ direction)
-    scene = Scene.of(planes, direction, None if level is None else level - base)
+
+    def rings(plane: int) -> list[NDArray[np.float64]]:
+        return [ring - shift for ring in model.polygons(plane)]
+
+    scene = Scene.of(planes, rings, direction, None if level is None else level - base)
     faces = faces_of(scene)
     if not faces:
         raise InvalidInputError(

@@ -42,10 +42,11 @@ def openings_of(face: Face, scene: Scene) -> list[Opening]:
     """The openings of a face, in order."""
     shapely = shapely_module()
 
-    tiles = _on_face([scene.corners(plane) for plane in face.planes], face, scene)
+    axes = np.stack([face.along @ scene.basis, scene.up])
     edge = float(max(scene.planes.tile_edges[list(face.planes)].max(), 0.02))
     # Tiles that miss a few points are no holes: what is narrower than two tiles is closed.
-    seen = shapely.union_all(shapely.box(*tiles)).buffer(edge, join_style="mitre")
+    seen = shapely.union_all([scene.area(plane, axes) for plane in face.planes])
+    seen = seen.buffer(edge, join_style="mitre")
     seen = seen.buffer(-edge, join_style="mitre")
     whole = shapely.box(face.low, scene.floor, face.high, scene.top)
     gaps = whole.difference(seen)

@@ -72,11 +72,11 @@ def _ground(scene: Scene) -> Any:
             continue
         if height < scene.floor - 0.3:
             continue
-        flat = scene.corners(plane) @ scene.basis.T
-        found.append(shapely.polygons(flat))
+        if scene.planes.areas[plane] > 0:
+            found.append(scene.area(plane, scene.basis))
     if not found:
         return shapely.Polygon()
-    joined = shapely.union_all(np.concatenate(found), grid_size=1e-6)
+    joined = shapely.union_all(found, grid_size=1e-6)
     closed = joined.buffer(_CLOSED, join_style="mitre")
     return closed.buffer(-_CLOSED, join_style="mitre")
 

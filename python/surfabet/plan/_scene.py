@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,8 @@ class Scene:
     """The planes as a plan sees them: two axes along the plan, and heights."""
 
     planes: Planes
+    rings: Callable[[int], list[NDArray[np.float64]]]
+    """Outlines and holes of the supported tiles of a plane, (k, 3) each."""
     up: NDArray[np.float64]
     basis: NDArray[np.float64]
     """Axes of the plan as rows, (2, 3)."""
@@ -47,7 +50,13 @@ class Scene:
     """Height of the ceiling, or of what was seen highest."""
 
     @classmethod
-    def of(cls, planes: Planes, up: NDArray[np.float64], level: float | None) -> Scene:
+    def of(
+        cls,
+        planes: Planes,
+        rings: Callable[[int], list[NDArray[np.float64]]],
+        up: NDArray[np.float64],
+        level: float | None,
+    ) -> Scene:
         """Sorts the planes and finds floor and ceiling."""
         lean = np.abs(planes.normals @ up)
         order = np.argsort(-planes.areas, kind="stable")
@@ -67,7 +76,7 @@ class Scene:
         above = heights[large][heights[large] > floor + _LOWEST_ROOM]
         ceiling = float(above.min()) if len(above) else None
         top = highest if ceiling is None else ceiling
-        return cls(planes, up, _axes(up), upright, flat, floor, ceiling, top)
+        return cls(planes, rings, up, _axes(up), upright, flat, floor, ceiling, top)
 
     def tiles(self, plane: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Middles (k, 3) and sides (k, 2) of the supported tiles of a plane."""
@@ -79,6 +88,21 @@ class Scene:
         local = (low + high) / 2 - sides / 2
         middles = self.planes.centers[plane] + local @ self.planes.axes[plane, :2]
         return middles, high - low
+
+    def area(self, plane: int, axes: NDArray[np.float64]) -> Any:
+        """What a plane supports, as a shape of shapely in the coordinates of two axes, (2, 3)."""
+        shapely = shapely_module()
+        shapes = []
+        signs = []
+        for ring in self.rings(plane):
+            x, y = axes @ ring.T
+            shapes.append(shapely.Polygon(np.column_stack([x, y])))
+            signs.append(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+        found = np.array(signs)
+        # The longest ring is an outline; holes run the other way.
+        outer = found * found[np.argmax(np.abs(found))] > 0
+        parts = np.array(shapes)
+        return shapely.difference(shapely.union_all(parts[outer]), shapely.union_all(parts[~outer]))
 
     def corners(self, plane: int) -> NDArray[np.float64]:
         """Corners of the supported tiles of a plane, (k, 4, 3), in turn around each."""
