@@ -45,6 +45,7 @@ from surfabet.locate import Localizer, Location, Locations
 from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.navigation import NavigationGraph
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
+from surfabet.places import PlaceIndex, PlaceKinds, PlaceMatch, label_places, place_index
 from surfabet.planes import (
     PlaneFit,
     PlaneMesh,
@@ -54,6 +55,7 @@ from surfabet.planes import (
     learn_planes,
     random_planes,
 )
+from surfabet.recurring import RecurringClass, RecurringClasses, recurring
 from surfabet.survey import Survey, survey
 
 __all__ = [
@@ -91,6 +93,9 @@ __all__ = [
     "PatchLevel",
     "PatchModel",
     "Patches",
+    "PlaceIndex",
+    "PlaceKinds",
+    "PlaceMatch",
     "PlaneFit",
     "PlaneMesh",
     "PlaneModel",
@@ -99,6 +104,8 @@ __all__ = [
     "Quality",
     "RangeImage",
     "RangeSigma",
+    "RecurringClass",
+    "RecurringClasses",
     "Survey",
     "UnitWarning",
     "VoxelGrid",
@@ -111,6 +118,7 @@ __all__ = [
     "from_bytes",
     "get_num_threads",
     "inspect",
+    "label_places",
     "learn_alphabet",
     "learn_bic_alphabet",
     "learn_gas",
@@ -119,10 +127,12 @@ __all__ = [
     "learn_planes",
     "load",
     "octree_downsample",
+    "place_index",
     "place_similarity",
     "random_downsample",
     "random_planes",
     "read",
+    "recurring",
     "set_num_threads",
     "survey",
     "voxel_downsample",

@@ -21,6 +21,8 @@ from surfabet.cli.export import export
 from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.locate import locate
+from surfabet.cli.places import places
+from surfabet.cli.recurring import recurring
 from surfabet.cli.verify import verify
 from surfabet.errors import InvalidInputError
 
@@ -46,7 +48,19 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
-for verb in (compress, decompress, info, evaluate, verify, find, locate, export, convert):
+for verb in (
+    compress,
+    decompress,
+    info,
+    evaluate,
+    verify,
+    find,
+    recurring,
+    locate,
+    places,
+    export,
+    convert,
+):
     app.command(verb)
 
 
