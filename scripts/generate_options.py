@@ -3,8 +3,8 @@
 
 The records are `crates/surfabet-models/src/*/options.rs`, as the installed surfabet has them. From
 them come the keywords and docstrings of the learn functions in `python/surfabet/*.py`, the options
-of `surfabet compress` in `python/surfabet/cli/_learn_options.py`, and the tables between
-`<!-- options: FUNCTION -->` and `<!-- /options -->` in `docs/*.md`.
+of `surfabet compress`, `find` and `recurring` in `python/surfabet/cli/_*_options.py`, and the
+tables between `<!-- options: FUNCTION -->` and `<!-- /options -->` in `docs/*.md`.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "python" / "surfabet"
 CLI = PACKAGE / "cli" / "_learn_options.py"
 CLI_FIND = PACKAGE / "cli" / "_find_options.py"
+CLI_RECURRING = PACKAGE / "cli" / "_recurring_options.py"
+RECOGNITION = ROOT / "docs" / "recognition.md"
 WIDTH = 100
 
 
@@ -122,6 +124,7 @@ METHODS = (
 
 
 FIND = "AlphabetModel.find"
+RECURRING = "recurring"
 """The search in Python, which has a record of its own."""
 
 
@@ -345,7 +348,7 @@ def cli_file(records: dict[str, list[Option]]) -> str:
     return "".join(lines)
 
 
-FIND_HEAD = '''"""Options of the verb `find`; written by scripts/generate_options.py."""
+SEARCH_HEAD = '''"""Options of the verb `{verb}`; written by scripts/generate_options.py."""
 
 from __future__ import annotations
 
@@ -354,26 +357,27 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
-__all__ = ["FIND_OPTIONS", "FindOptions"]
+__all__ = ["{constant}", "{of_class}"]
 
 SEARCH = Group("Options of the search", sort_key=1)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class FindOptions:
+class {of_class}:
     """Options of the search; None leaves them to it."""
 '''
 
 
-def find_file(search: list[Option]) -> str:
-    """The options of the search as a dataclass."""
-    lines = [FIND_HEAD]
+def search_file(search: list[Option], function: str, verb: str) -> str:
+    """The options of a search as a dataclass."""
+    constant, of_class = f"{verb.upper()}_OPTIONS", f"{verb.capitalize()}Options"
+    lines = [SEARCH_HEAD.format(verb=verb, constant=constant, of_class=of_class)]
     for option in search:
         lines.append("\n" + cli_field(option.name, cli_annotation(option), "SEARCH"))
-        text = f'"""{cli_help({FIND: option})}"""'
+        text = f'"""{cli_help({function: option})}"""'
         lines.append("\n".join(filled(text, 4)) + "\n")
-    lines.append(cli_tail("FIND_OPTIONS", "FindOptions"))
+    lines.append(cli_tail(constant, of_class))
     return "".join(lines)
 
 
@@ -471,11 +475,16 @@ def main() -> int:
     if list(records) != [method.name for method in METHODS]:
         raise SystemExit(f"METHODS here are not those of the binary: {', '.join(records)}")
     search = [Option(**record) for record in _core.find_option_specs()]
+    recurring = [Option(**record) for record in _core.recurring_option_specs()]
+    recurring_py = PACKAGE / "recurring.py"
     files = [
         *python_files(records, search),
+        (recurring_py, with_options(recurring_py.read_text(), RECURRING, recurring, ())),
+        (CLI_RECURRING, search_file(recurring, RECURRING, "recurring")),
         (CLI, cli_file(records)),
-        (CLI_FIND, find_file(search)),
+        (CLI_FIND, search_file(search, FIND, "find")),
         *guide_pages(records, search),
+        (RECOGNITION, with_table(RECOGNITION.read_text(), RECURRING, recurring)),
     ]
     stale = [(path, text) for path, text in files if not path.exists() or path.read_text() != text]
     for path, text in stale:

@@ -2,7 +2,7 @@
 
     python benches/papers/locate.py --part hall
     python benches/papers/locate.py --part building
-    python benches/papers/locate.py --part peers      # pip install kiss-matcher open3d
+    python benches/papers/locate.py --part peers   # pip install kiss-matcher map-closures open3d
 
 The map `half` is of the scans 28, 32, ... of a drive, its queries are 26, 30, ...; `first` maps
 scans up to 70, its queries are 72 to 108, up to 9 m away. Every query is turned by a random yaw.
@@ -348,6 +348,27 @@ def fpfh(target: sb.PointCloud) -> Callable[[Array], tuple[Array, bool]]:
     return run
 
 
+def map_closures(
+    scans: dict[int, Array], poses: Array, of_map: list[int]
+) -> Callable[[Array], tuple[Array, bool]]:
+    """The best closure with the single scans of the map, which the tool needs to keep."""
+    from map_closures.config import MapClosuresConfig
+    from map_closures.map_closures import MapClosures
+
+    def run(query: Array) -> tuple[Array, bool]:
+        matcher = MapClosures(MapClosuresConfig())
+        for number, k in enumerate(of_map):
+            matcher.get_best_closure(number, scans[k])
+        # Numbers nearby are taken for neighbours of a drive and not compared.
+        closure = matcher.get_best_closure(len(of_map) + 1000, query)
+        if closure.number_of_inliers == 0:
+            return np.eye(4), False
+        there = poses[of_map[closure.source_id]]
+        return there @ np.linalg.inv(np.asarray(closure.pose)), closure.number_of_inliers > 5
+
+    return run
+
+
 def peers(n_queries: int) -> None:
     scans, poses = drive()
     of_map, asked = splits()["half"]
@@ -368,19 +389,21 @@ def peers(n_queries: int) -> None:
         wrong,
         figures[-2],
     )
-    for name, tool in {"KISS-Matcher": kiss_matcher, "Open3D FPFH and RANSAC": fpfh}.items():
-        for target, of in ((cloud, "full cloud"), (model.decode(0.1), "decoded model")):
-            run = tool(target)
-            right, milliseconds = 0, []
-            for _, points, pose in kinds["full"]:
-                start = time.process_time()
-                coarse, _ = run(points)
-                milliseconds.append(1000 * (time.process_time() - start))
-                right += is_right(refined(points, cloud, coarse), pose)
-            accepted = sum(run(points)[1] for _, points, _ in kinds["mirrored"] + elsewhere())
-            print_row(
-                name, of, len(kinds["full"]), right, accepted, f"{np.median(milliseconds):.0f}"
-            )
+    tools = [
+        (name, of, tool(target))
+        for name, tool in {"KISS-Matcher": kiss_matcher, "Open3D FPFH and RANSAC": fpfh}.items()
+        for target, of in ((cloud, "full cloud"), (model.decode(0.1), "decoded model"))
+    ]
+    tools.append(("MapClosures", "single scans", map_closures(scans, poses, of_map)))
+    for name, of, run in tools:
+        right, milliseconds = 0, []
+        for _, points, pose in kinds["full"]:
+            start = time.process_time()
+            coarse, _ = run(points)
+            milliseconds.append(1000 * (time.process_time() - start))
+            right += is_right(refined(points, cloud, coarse), pose)
+        accepted = sum(run(points)[1] for _, points, _ in kinds["mirrored"] + elsewhere())
+        print_row(name, of, len(kinds["full"]), right, accepted, f"{np.median(milliseconds):.0f}")
 
 
 def main() -> None:

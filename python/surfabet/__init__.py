@@ -46,6 +46,7 @@ from surfabet.meshes import Mesh
 from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.navigation import NavigationGraph
 from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
+from surfabet.places import PlaceIndex, PlaceKinds, PlaceMatch, label_places, place_index
 from surfabet.planes import (
     PlaneFit,
     PlaneMesh,
@@ -55,6 +56,7 @@ from surfabet.planes import (
     learn_planes,
     random_planes,
 )
+from surfabet.recurring import RecurringClass, RecurringClasses, recurring
 from surfabet.survey import Survey, survey
 from surfabet.view import view
 
@@ -94,6 +96,9 @@ __all__ = [
     "PatchLevel",
     "PatchModel",
     "Patches",
+    "PlaceIndex",
+    "PlaceKinds",
+    "PlaceMatch",
     "PlaneFit",
     "PlaneMesh",
     "PlaneModel",
@@ -102,6 +107,8 @@ __all__ = [
     "Quality",
     "RangeImage",
     "RangeSigma",
+    "RecurringClass",
+    "RecurringClasses",
     "Survey",
     "UnitWarning",
     "VoxelGrid",
@@ -114,6 +121,7 @@ __all__ = [
     "from_bytes",
     "get_num_threads",
     "inspect",
+    "label_places",
     "learn_alphabet",
     "learn_bic_alphabet",
     "learn_gas",
@@ -122,10 +130,12 @@ __all__ = [
     "learn_planes",
     "load",
     "octree_downsample",
+    "place_index",
     "place_similarity",
     "random_downsample",
     "random_planes",
     "read",
+    "recurring",
     "set_num_threads",
     "survey",
     "view",

@@ -147,10 +147,12 @@ class Scene:
     def room(
         *,
         seed: int,
+        kind: str,
         size: Sequence[float],
         n_chairs: int,
         n_shelves: int,
         n_doors: int,
+        variation: float,
     ) -> Scene: ...
     @property
     def instances(self) -> list[Instance]: ...
@@ -388,6 +390,7 @@ def sparse_squared_errors(
 
 def option_specs() -> dict[str, list[dict[str, Any]]]: ...
 def find_option_specs() -> list[dict[str, Any]]: ...
+def recurring_option_specs() -> list[dict[str, Any]]: ...
 def check_options(method: str, options: Mapping[str, object]) -> None: ...
 def learn_hscsm(
     cloud: PointCloud,
@@ -452,6 +455,34 @@ class Localizer:
     ) -> tuple[_Places, _Places, str | None]: ...
     def __len__(self) -> int: ...
 
+KIND_SIMILARITY: float
+
+@final
+class PlaceIndex:
+    def __new__(
+        cls, models: Sequence[AlphabetModel], progress: ProgressCallback | None
+    ) -> PlaceIndex: ...
+    def query(
+        self,
+        model: AlphabetModel,
+        scan: PointCloud | None,
+        *,
+        top: int,
+        verify: int,
+        upright: bool | None,
+        progress: ProgressCallback | None,
+    ) -> list[tuple[int, float, tuple[_Places, _Places, str | None] | None]]: ...
+    def similarities(self) -> NDArray[np.float64]: ...
+    def __len__(self) -> int: ...
+
+def label_places(
+    models: Sequence[AlphabetModel],
+    *,
+    n_kinds: int | None,
+    min_similarity: float,
+    progress: ProgressCallback | None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
+
 _Vocabulary: TypeAlias = Alphabet | BicAlphabet | HscsmDictionary
 
 def from_bytes(
@@ -496,6 +527,7 @@ class AlphabetModel(Model):
     def deviation(self) -> tuple[float, float | None, float]: ...
     @property
     def constant_sigma(self) -> float: ...
+    def extent(self) -> tuple[list[float], list[float]]: ...
     def words(self) -> NDArray[np.int64]: ...
     def radii(self) -> NDArray[np.float64]: ...
     def sigma(self) -> NDArray[np.float64]: ...
@@ -674,14 +706,35 @@ class NavigationGraph:
     def components(self) -> NDArray[np.uint32]: ...
     def path(self, start: Sequence[float], goal: Sequence[float]) -> NDArray[np.uint32] | None: ...
 
+_Region: TypeAlias = tuple[
+    tuple[Sequence[float], float] | None, tuple[Sequence[float], Sequence[float]] | None
+]
+_Found: TypeAlias = tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+]
+
 def find_occurrences(
     model: AlphabetModel,
     *,
-    ball: tuple[Sequence[float], float] | None,
-    corners: tuple[Sequence[float], Sequence[float]],
+    region: _Region,
     options: Mapping[str, object],
     progress: ProgressCallback | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+) -> _Found: ...
+def find_examples(
+    model: AlphabetModel,
+    examples: Sequence[AlphabetModel],
+    *,
+    region: _Region,
+    options: Mapping[str, object],
+    progress: ProgressCallback | None,
+) -> _Found: ...
+def recurring(
+    model: AlphabetModel, options: Mapping[str, object], *, progress: ProgressCallback | None
+) -> list[tuple[tuple[list[float], list[float]], _Found, list[NDArray[np.int64]]]]: ...
 def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float: ...
 def word_histogram(
     model: AlphabetModel,

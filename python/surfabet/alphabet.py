@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Literal, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, InvalidTypeError
 from surfabet.metrics import RangeSigma
 from surfabet.model import Model
 
@@ -54,7 +54,7 @@ class Occurrences:
         return len(self.words)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class FoundOccurrence:
     """A place that looks like the example."""
 
@@ -64,6 +64,26 @@ class FoundOccurrence:
     """How alike, 0 to 1; 1 for the example itself."""
     center: NDArray[np.float64]
     """Where the middle of the region comes to lie, (3,), metres."""
+    sizes: tuple[float, float] = (1.0, 1.0)
+    """Sizes over those of the example: what is level, what is upright."""
+    example: int = 0
+    """Which of several examples fits best, from 0."""
+    region: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    """Lowest and highest corner of a box around the example, in the world of the example."""
+
+    def mask(self, points: ArrayLike, *, margin: float = 0.02) -> NDArray[np.bool_]:
+        """Which points, (n, 3), of the scene lie in the box of the example where it was found.
+
+        `margin` is by how many metres the box is wider on each side.
+        """
+        if self.region is None:
+            raise InvalidInputError("this place was made without a region; use AlphabetModel.find")
+        low, high = self.region
+        local = (np.asarray(points, np.float64) - self.center) @ self.pose[:3, :3]
+        level, upright = self.sizes
+        half = 0.5 * (high - low) * [level, level, upright] + margin
+        inside: NDArray[np.bool_] = (np.abs(local) <= half).all(axis=1)
+        return inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,6 +280,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
 
     def find(
         self,
+        example: AlphabetModel | Sequence[AlphabetModel] | None = None,
         *,
         point: Sequence[float] | None = None,
         radius: float | None = None,
@@ -269,10 +290,12 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         resolution: float | None = None,
         tolerance: float | None = None,
         color_tolerance: float | None = 10.0,
+        size_tolerance: float | None = None,
         progress: Progress = None,
     ) -> list[FoundOccurrence]:
-        """All places that look like an example in the scene: the surface within `radius` of `point`
-        or in `box`.
+        """All places that look like an example: a part of this scene, or models of other scenes.
+
+        Without `example` it is the surface of this scene within `radius` of `point` or in `box`.
 
         Scenes are upright: places differ by a turn about the vertical and a shift. A thing must
         stand out of the deviation that the model was learned with, so learn finer than for the
@@ -281,6 +304,10 @@ class AlphabetModel(Model[_core.AlphabetModel]):
 
         Parameters
         ----------
+        example
+            A model of a thing, learned from points that were cut out of any scan, upright; or
+            several: each place is given once, with the example that fits best. With `point` and
+            `radius`, or `box`, only that part of each model is the example.
         point
             Middle of a ball around the example, metres.
         radius
@@ -304,48 +331,62 @@ class AlphabetModel(Model[_core.AlphabetModel]):
             three times as much. A positive number of grey levels; by default 10. None: shape alone
             counts, as in a model without colours: things of one shape are found in any colour, but
             not what lies flush with a wall, such as a door.
+        size_tolerance
+            Largest change of a size, what is level and what is upright each by its own factor:
+            other things of a kind are larger or smaller than the example. A number from 0 to 0.3 as
+            a share; by default 0.1 for an example of another model; 0 within one scene, where
+            copies are looked for.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
         Returns
         -------
         list of FoundOccurrence
-            Best first; the example itself, with score 1, comes first. The same for any number of
-            threads.
+            Best first; an example in the scene itself, with score 1, comes first. The same for any
+            number of threads.
 
         Raises
         ------
         InvalidInputError
-            For no region or two, a region where the model has no words, or an option outside of its
-            domain.
+            For no example or two, a region where the model has no words, or an option outside of
+            its domain.
         """
-        corners: tuple[list[float], list[float]] = ([0.0] * 3, [0.0] * 3)
+        corners: tuple[list[float], list[float]] | None = None
         ball: tuple[list[float], float] | None = None
         if box is not None and point is None and radius is None:
             low, high = box
             corners = (_triple("box", low), _triple("box", high))
         elif box is None and point is not None and radius is not None:
             ball = (_triple("point", point), float(radius))
-        else:
-            raise InvalidInputError("give either point and radius, or box")
+        elif example is None or not (box is point is radius is None):
+            raise InvalidInputError("give an example, or either point and radius, or box")
         options = {
             "min_score": min_score,
             "max_found": max_found,
             "resolution": resolution,
             "tolerance": tolerance,
             "color_tolerance": color_tolerance,
+            "size_tolerance": size_tolerance,
         }
+        region = (ball, corners)
+        models = [self] if example is None else _examples(example)
         with progress_callback(progress) as callback:
-            poses, scores, centers = _core.find_occurrences(
-                self._core,
-                ball=ball,
-                corners=corners,
-                options=options,
-                progress=callback,
-            )
+            if example is None:
+                found = _core.find_occurrences(
+                    self._core, region=region, options=options, progress=callback
+                )
+            else:
+                found = _core.find_examples(
+                    self._core,
+                    [model._core for model in models],
+                    region=region,
+                    options=options,
+                    progress=callback,
+                )
+        regions = [_box(model, ball, corners) for model in models]
         return [
-            FoundOccurrence(pose, float(score), center)
-            for pose, score, center in zip(poses, scores, centers, strict=True)
+            FoundOccurrence(pose, float(score), center, (level, upright), int(k), regions[k])
+            for pose, score, center, (level, upright), k in zip(*found, strict=True)
         ]
 
     def word_histogram(self) -> WordShares:
@@ -487,6 +528,33 @@ def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float:
     scans, as long as both are upright. Alphabets may differ: words are compared by their looks.
     """
     return _core.place_similarity(a._core, b._core)
+
+
+def _examples(example: AlphabetModel | Sequence[AlphabetModel]) -> list[AlphabetModel]:
+    models = [example] if isinstance(example, AlphabetModel) else list(example)
+    for number, model in enumerate(models):
+        if not isinstance(model, AlphabetModel):
+            raise InvalidTypeError(
+                f"example {number} is a {type(model).__name__}, but must be an AlphabetModel: "
+                "learn_alphabet makes one of a cloud"
+            )
+    if not models:
+        raise InvalidInputError("example is an empty list; give at least one model")
+    return models
+
+
+def _box(
+    model: AlphabetModel,
+    ball: tuple[list[float], float] | None,
+    corners: tuple[list[float], list[float]] | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The box around an example."""
+    if corners is not None:
+        return np.array(corners[0]), np.array(corners[1])
+    if ball is not None:
+        return np.array(ball[0]) - ball[1], np.array(ball[0]) + ball[1]
+    low, high = model._core.extent()
+    return np.array(low), np.array(high)
 
 
 def _triple(name: str, values: Sequence[float]) -> list[float]:

@@ -62,19 +62,26 @@ class SimulatedScan:
 def make_room(
     *,
     seed: int = 0,
+    kind: Literal["dwelling", "office", "classroom", "library", "corridor"] = "dwelling",
     size: Sequence[float] = (5.4, 4.4, 2.6),
     n_chairs: int = 6,
     n_shelves: int = 3,
     n_doors: int = 3,
+    variation: float = 0.0,
 ) -> Scene:
     """A furnished, coloured room.
 
     Args:
         seed: varies colours, prints, books and where things stand; 0 to 2**64 - 1.
-        size: inner length (x), depth (y) and height (z) in metres, 4.8 x 4.0 x 2.4 to 12 x 10 x 4.
-        n_chairs: congruent chairs, at most six per table (one table per 28 square metres).
-        n_shelves: congruent shelves, at most one per 0.85 m of ``size[1]`` less 1.3 m.
-        n_doors: congruent doors, 1 to 3; the third stands open.
+        kind: what the room is for, which sets what stands in it.
+        size: inner length (x), depth (y) and height (z) in metres: of a dwelling 4.8 x 4.0 x 2.4 to
+            12 x 10 x 4, of a corridor 6 x 1.4 x 2.4 to 40 x 4 x 4.
+        n_chairs: chairs of a dwelling, at most six per table (one table per 28 square metres).
+        n_shelves: shelves of a dwelling, at most one per 0.85 m of ``size[1]`` less 1.3 m.
+        n_doors: doors of a dwelling, 1 to 3; the third stands open.
+        variation: by how much chairs and shelves of a dwelling differ in each of their sizes, as a
+            share up to 0.2. Above zero they and the doors differ in style and colour too, and some
+            chairs are pushed under the table; at 0 things of a class are congruent.
 
     Returns:
         The scene. ``scene.instances`` names everything in it; ``scene.surfaces`` its smooth pieces.
@@ -86,7 +93,13 @@ def make_room(
         raise InvalidInputError(f"size has {len(size)} values, expected length, depth and height")
     x, y, z = (float(value) for value in size)
     return Scene.room(
-        seed=seed, size=(x, y, z), n_chairs=n_chairs, n_shelves=n_shelves, n_doors=n_doors
+        seed=seed,
+        kind=kind,
+        size=(x, y, z),
+        n_chairs=n_chairs,
+        n_shelves=n_shelves,
+        n_doors=n_doors,
+        variation=variation,
     )
 
 

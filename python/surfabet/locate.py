@@ -117,7 +117,7 @@ class Localizer:
                 top=top,
                 progress=callback,
             )
-        return Locations(_locations(accepted), _locations(rejected), reason)
+        return locations_of(accepted, rejected, reason)
 
     def __len__(self) -> int:
         """Number of samples of the model's surface."""
@@ -138,9 +138,15 @@ def _pose(prior: ArrayLike) -> list[list[float]]:
     return [[float(value) for value in row] for row in array]
 
 
-def _locations(
-    columns: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-) -> list[Location]:
+Columns = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+
+
+def locations_of(accepted: Columns, rejected: Columns, reason: str | None) -> Locations:
+    """What the core gives as arrays, as locations."""
+    return Locations(_locations(accepted), _locations(rejected), reason)
+
+
+def _locations(columns: Columns) -> list[Location]:
     return [
         Location(
             pose=pose,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfabet import AlphabetModel, KdTree, PointCloud, Quality, _html
+from surfabet import AlphabetModel, KdTree, PointCloud, Quality, RecurringClasses, _html
 from surfabet.errors import InvalidInputError, MissingDependencyError
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ __all__ = [
     "draw_cloud",
     "draw_comparison",
     "draw_errors",
+    "draw_recurring",
     "draw_words",
     "point_spacing",
     "render",
@@ -647,3 +648,61 @@ def draw_words(path: str | os.PathLike[str], model: AlphabetModel) -> None:
         place.set_title(f"word {word}\n{counts[word]:,} times", fontsize=8)
     figure.colorbar(shown, ax=axes, label="height / radius", shrink=0.8)
     figure.savefig(os.fspath(path), dpi=110)
+
+
+def draw_recurring(
+    path: str | os.PathLike[str],
+    scene: AlphabetModel,
+    classes: RecurringClasses,
+    *,
+    most: int = 6,
+    resolution: float = 0.012,
+) -> None:
+    """Draws what recurs in a scene: a row per class, first the thing that stands for it.
+
+    Parameters
+    ----------
+    path
+        File to write; the name tells the format, see `PICTURE_SUFFIXES`.
+    scene, classes
+        The scene and its classes, of `surfabet.recurring`. Every place is turned as the first.
+    most
+        Places that are drawn of each class.
+    resolution
+        Spacing of the points that are drawn, metres.
+
+    Raises
+    ------
+    MissingDependencyError
+        Without matplotlib.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingDependencyError(
+            "pictures need matplotlib: pip install 'surfabet[report]'"
+        ) from error
+    cloud = scene.decode(resolution)
+    points = cloud.points
+    rgb = _colors(cloud, cloud, np.array([0.0, 0.0, 1.0]))[0]
+    rows = max(len(classes), 1)
+    figure = Figure(figsize=(1.8 * most, 1.9 * rows), layout="constrained")
+    cells = figure.subplots(rows, most, squeeze=False)
+    for axes in cells.flat:
+        axes.set_axis_off()
+    for k, of_class in enumerate(classes):
+        reach = 0.5 * float(np.linalg.norm(of_class.box[1] - of_class.box[0]))
+        eye = reach * np.array([2.2, -2.2, 1.8])
+        camera = Camera(eye, np.zeros(3), np.array([0.0, 0.0, 1.0]), 40.0)
+        for i, place in enumerate(of_class.places[:most]):
+            inside = place.mask(points, margin=0.0)
+            local = (points[inside] - place.center) @ place.pose[:3, :3]
+            if len(local) == 0:
+                continue
+            picture = render(
+                PointCloud(local), camera, rgb[inside], spacing=resolution, width=240, height=240
+            )
+            title = f"class {k}, {len(of_class)} times" if i == 0 else f"{place.score:.2f}"
+            _show(cells[k, i], picture, title)
+            cells[k, i].title.set_fontsize(8)
+    figure.savefig(path, dpi=110)

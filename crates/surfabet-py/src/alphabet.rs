@@ -117,6 +117,11 @@ impl PyAlphabetModel {
         self.model.constant_sigma()
     }
 
+    /// Lowest and highest corner of a box around all occurrences.
+    fn extent(&self) -> [[f64; 3]; 2] {
+        self.model.extent()
+    }
+
     /// Word of every occurrence, (m,).
     fn words<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.each(py, |o| i64::from(o.word))

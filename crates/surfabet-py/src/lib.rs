@@ -20,6 +20,7 @@ mod normals;
 mod octree;
 mod options;
 mod patches;
+mod places;
 mod planes;
 mod range_image;
 mod recognition;
@@ -46,6 +47,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     bic_alphabet::register(module)?;
     recognition::register(module)?;
     locate::register(module)?;
+    places::register(module)?;
     files::register(module)?;
     gas::register(module)?;
     reduce::register(module)?;

@@ -17,10 +17,11 @@ pub struct PyLocalizer {
 }
 
 /// Poses (k, 4, 4), covariances (k, 6, 6), and score, probability, shares explained, contradicted and in front (k, 5).
-type Columns<'py> =
+pub type Columns<'py> =
     (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>);
 
-fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
+/// See [`Columns`].
+pub fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
     let n = all.len();
     let poses = Array3::from_shape_fn((n, 4, 4), |(i, r, c)| match (r, c) {
         (3, 3) => 1.0,

@@ -6,7 +6,7 @@ use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
 use surfabet::options::{Kind, OptionSpec, Options, Value};
-use surfabet::recognition::FindOptions;
+use surfabet::recognition::{FindOptions, RecurringOptions};
 use surfabet::{
     AlphabetModel, BicAlphabetModel, GasModel, HscsmModel, Model, PatchModel, PlaneModel,
     SurfaceModel, for_each_method,
@@ -107,6 +107,12 @@ fn find_option_specs(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     records(py, FindOptions::SPECS)
 }
 
+/// The records of the options of `recurring`.
+#[pyfunction]
+fn recurring_option_specs(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    records(py, RecurringOptions::SPECS)
+}
+
 /// One dict per option.
 fn records<'py>(py: Python<'py>, specs: &[OptionSpec]) -> PyResult<Bound<'py, PyList>> {
     let records: Vec<Bound<'_, PyDict>> =
@@ -164,5 +170,6 @@ fn check_options(method: &str, options: &Bound<'_, PyDict>) -> PyResult<()> {
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(option_specs, module)?)?;
     module.add_function(wrap_pyfunction!(find_option_specs, module)?)?;
+    module.add_function(wrap_pyfunction!(recurring_option_specs, module)?)?;
     module.add_function(wrap_pyfunction!(check_options, module)?)
 }

@@ -7,8 +7,8 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use surfabet_base::parallel;
 use surfabet_sim::{
-    GroundTruth, Intrinsics, LidarOptions, Pose, PoseError, RgbdFrame, RgbdOptions, RoomOptions,
-    Scan, Scene, SurfaceKind,
+    GroundTruth, Intrinsics, LidarOptions, Pose, PoseError, RgbdFrame, RgbdOptions, RoomKind,
+    RoomOptions, Scan, Scene, SurfaceKind,
 };
 
 use crate::arrays;
@@ -232,15 +232,21 @@ fn stack<'py>(py: Python<'py>, poses: &[Pose]) -> PyResult<Bound<'py, PyArray3<f
 #[pymethods]
 impl PyScene {
     #[staticmethod]
-    #[pyo3(signature = (*, seed, size, n_chairs, n_shelves, n_doors))]
+    #[pyo3(signature = (*, seed, kind, size, n_chairs, n_shelves, n_doors, variation))]
     fn room(
         seed: u64,
+        kind: &str,
         size: [f64; 3],
         n_chairs: usize,
         n_shelves: usize,
         n_doors: usize,
+        variation: f64,
     ) -> PyResult<Self> {
-        let options = RoomOptions { seed, size, n_chairs, n_shelves, n_doors };
+        let Some(&(_, kind)) = RoomKind::NAMES.iter().find(|(name, _)| *name == kind) else {
+            let names = RoomKind::NAMES.map(|(name, _)| name).join(", ");
+            return Err(invalid_input(format!("kind is {kind:?}, but must be one of {names}")));
+        };
+        let options = RoomOptions { seed, kind, size, n_chairs, n_shelves, n_doors, variation };
         let scene = Scene::room(&options).map_err(IntoPyErr::into_py_err)?;
         Ok(Self { scene: Arc::new(scene) })
     }

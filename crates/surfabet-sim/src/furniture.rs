@@ -17,7 +17,7 @@ const OAK: Texture = Texture::Wood([0.80, 0.62, 0.40], [0.62, 0.43, 0.24], 2);
 const OAK_ALONG_X: Texture = Texture::Wood([0.80, 0.62, 0.40], [0.62, 0.43, 0.24], 0);
 const BEECH_ALONG_X: Texture = Texture::Wood([0.88, 0.72, 0.52], [0.74, 0.55, 0.36], 0);
 const WHITE: Texture = Texture::Paint([0.90, 0.90, 0.88]);
-const STEEL: Texture = Texture::Paint([0.66, 0.67, 0.69]);
+pub(crate) const STEEL: Texture = Texture::Paint([0.66, 0.67, 0.69]);
 const DARK: Texture = Texture::Paint([0.20, 0.20, 0.22]);
 
 impl Model {
@@ -104,10 +104,10 @@ pub(crate) fn table() -> Model {
 
 pub(crate) const SHELF: [f64; 3] = [0.8, 0.3, 1.95];
 
-/// An open shelf with boards and books: the same books in every copy, drawn from `rng`.
-pub(crate) fn shelf(rng: &mut ChaCha8Rng) -> Model {
+/// An open shelf of a width, depth and height with boards and books: the same books in every copy, drawn from `rng`.
+pub(crate) fn shelf(rng: &mut ChaCha8Rng, size: [f64; 3]) -> Model {
     let mut m = Model::default();
-    let [width, depth, height] = SHELF;
+    let [width, depth, height] = size;
     let board = 0.022;
     let inner = width - 2.0 * board;
     for sign in [-1.0, 1.0] {
@@ -175,15 +175,21 @@ pub(crate) fn hinge(opening: f64) -> Frame {
     crate::pose::upright(position, opening)
 }
 
-/// A door leaf with panels and handles; the hinge is the z axis, the leaf lies along +x behind y = 0.
+/// A door leaf with two panels.
 pub(crate) fn door(paint: Rgb) -> Model {
+    door_with(paint, &[(0.55, 0.75), (1.47, 0.80)])
+}
+
+/// A door leaf with handles and panels (height of the middle, height); the hinge is the z axis, the leaf lies along +x
+/// behind y = 0.
+pub(crate) fn door_with(paint: Rgb, panels: &[(f64, f64)]) -> Model {
     let mut m = Model::default();
     let width = DOORWAY[0] - 2.0 * JAMB - 0.006;
     let height = DOORWAY[1] - JAMB - 0.012;
     let (thick, low) = (0.04, 0.008);
     let paint = Texture::Paint(paint);
     m.cuboid([0.5 * width, -0.5 * thick, low + 0.5 * height], [width, thick, height], paint);
-    for (z, tall) in [(0.55, 0.75), (1.47, 0.80)] {
+    for &(z, tall) in panels {
         for (side, y) in [(1.0, 0.005), (-1.0, -thick - 0.005)] {
             m.cuboid([0.5 * width, y, z], [width - 0.28, 0.01, tall], paint);
             m.cuboid([0.5 * width, y + side * 0.009, z], [width - 0.40, 0.008, tall - 0.12], paint);

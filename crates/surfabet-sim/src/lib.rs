@@ -1,7 +1,8 @@
 //! A scan simulator with exact ground truth: furnished rooms seen by depth cameras and rotating lasers.
 //!
 //! A [`Scene`] is a set of solids (boxes, cylinders, spheres) grouped into instances: `chair`, `door`, `shelf`,
-//! `wall` and so on. Instances of one class are congruent: several chairs are the same chair in other poses.
+//! `wall` and so on. Instances of one class are congruent, several chairs are the same chair in other poses, unless
+//! [`RoomOptions::variation`] is above zero.
 //! Its surface is known exactly, so every measure of a reconstruction can be taken against the truth and not
 //! against another noisy scan.
 //!
@@ -23,12 +24,13 @@ mod scan;
 mod scene;
 mod solid;
 mod texture;
+mod variants;
 
 pub use camera::{Intrinsics, RgbdFrame, RgbdOptions, scan_rgbd};
 pub use laser::{LidarOptions, scan_lidar};
 pub use noise::{PoseError, axial_noise_std};
 pub use pose::Pose;
-pub use room::RoomOptions;
+pub use room::{RoomKind, RoomOptions};
 pub use scan::{GroundTruth, Scan, fuse};
 pub use scene::{ClosestPoint, Hit, Instance, Scene, Surface, SurfaceKind, SurfaceSamples};
 

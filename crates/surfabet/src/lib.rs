@@ -57,4 +57,5 @@ pub use surfabet_models::{
 pub use surfabet_recognition::locate::{
     self, Localizer, LocateOptions, Located, Location, Prior, Refusal,
 };
+pub use surfabet_recognition::places::{self, PlaceIndex, PlaceMatch, PlaceOptions, label_places};
 pub use surfabet_sparse as sparse;

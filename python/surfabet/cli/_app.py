@@ -23,6 +23,8 @@ from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.locate import locate
 from surfabet.cli.plan import plan
+from surfabet.cli.places import places
+from surfabet.cli.recurring import recurring
 from surfabet.cli.verify import verify
 from surfabet.cli.view import view
 from surfabet.errors import InvalidInputError
@@ -58,7 +60,9 @@ for verb in (
     compare,
     verify,
     find,
+    recurring,
     locate,
+    places,
     export,
     plan,
     convert,

@@ -35,6 +35,11 @@ class FindOptions:
     """Standard deviation of equal chromas; luma, which changes with the light, may differ three
     times as much. A positive number of grey levels; by default 10."""
 
+    size_tolerance: Annotated[float | None, Parameter(group=SEARCH)] = None
+    """Largest change of a size, what is level and what is upright each by its own factor: other
+    things of a kind are larger or smaller than the example. A number from 0 to 0.3 as a share; by
+    default 0.1 for an example of another model; 0 within one scene, where copies are looked for."""
+
     def given(self) -> dict[str, Any]:
         """The options that were given."""
         return {name: value for name, value in vars(self).items() if value is not None}

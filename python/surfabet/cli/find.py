@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import surfabet
+from surfabet._progress import ProgressCallback
 from surfabet.cli._files import load_model, load_vocabulary
 from surfabet.cli._find_options import FIND_OPTIONS, FindOptions
 from surfabet.cli._format import print_json
@@ -21,6 +22,7 @@ from surfabet.cli._options import (
     UsageError,
     VocabularyOption,
 )
+from surfabet.files import Vocabulary
 
 Point = tuple[float, float, float]
 
@@ -29,6 +31,7 @@ def find(
     file: Annotated[Path, Parameter(name="FILE")],
     /,
     *,
+    example: Annotated[list[Path] | None, Parameter(negative=(), consume_multiple=True)] = None,
     point: Annotated[Point | None, Parameter(negative=())] = None,
     radius: PositiveFloat = None,
     box: Annotated[Box | None, Parameter(negative=())] = None,
@@ -38,18 +41,22 @@ def find(
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
 ) -> None:
-    """Find all places in a scene that look like an example in it.
+    """Find all places in a scene that look like an example: a part of it, or models of their own.
 
     The model must be of --model alphabet, and fine enough to show the thing: `surfabet compress` it
     with a sigma scale of 1 to 1.5.
 
         surfabet find room.sfb --point 1.2 0.4 0.5 --radius 0.5
         surfabet find room.sfb --box 0.9 0.1 0.02 1.5 0.7 1.0 --json
+        surfabet find room.sfb --example library/*.sfb --shape-only
 
     Parameters
     ----------
     file
         The model file.
+    example
+        Models of the thing, each of points cut out of any scan; every place is given once, with the
+        example that fits best.
     point
         Middle of a ball around the example, `X Y Z` in metres.
     radius
@@ -61,8 +68,10 @@ def find(
     json
         Print one JSON object instead of lines.
     """
-    if (box is None) == (point is None) or (point is None) != (radius is None):
+    if (point is None) != (radius is None) or (box is not None and point is not None):
         raise UsageError("give either --point and --radius, or --box")
+    if example is None and box is None and point is None:
+        raise UsageError("give --example, or --point and --radius, or --box")
     if shape_only and options.color_tolerance is not None:
         raise UsageError("--shape-only leaves no use for --color-tolerance")
     given = options.given()
@@ -70,12 +79,12 @@ def find(
         given["color_tolerance"] = None
     with common.progress() as progress:
         known = load_vocabulary(vocabulary, progress)
-        model = load_model(file, progress, known)
-        if not isinstance(model, surfabet.AlphabetModel):
-            raise UsageError(
-                f"{file}: --model {model.method} cannot be searched, only --model alphabet can"
-            )
+        model = _alphabet(file, progress, known)
+        examples = None
+        if example is not None:
+            examples = [_alphabet(path, progress, known) for path in example]
         found = model.find(
+            examples,
             point=point,
             radius=radius,
             box=None if box is None else (box[:3], box[3:]),
@@ -84,11 +93,31 @@ def find(
         )
     if json:
         places = [
-            {"score": f.score, "center": f.center.tolist(), "pose": f.pose.tolist()} for f in found
+            {
+                "score": f.score,
+                "center": f.center.tolist(),
+                "pose": f.pose.tolist(),
+                "sizes": list(f.sizes),
+                "example": None if example is None else str(example[f.example]),
+            }
+            for f in found
         ]
         print_json({"path": str(file), "found": places})
     elif not common.quiet:
-        print("score       x        y        z")
+        print("score       x        y        z" + ("  example" if example else ""))
         for f in found:
             x, y, z = f.center
-            print(f"{f.score:.3f} {x:8.3f} {y:8.3f} {z:8.3f}")
+            of = f"  {example[f.example]}" if example else ""
+            print(f"{f.score:.3f} {x:8.3f} {y:8.3f} {z:8.3f}{of}")
+
+
+def _alphabet(
+    path: Path, progress: ProgressCallback, known: Vocabulary | None
+) -> surfabet.AlphabetModel:
+    model = load_model(path, progress, known)
+    if not isinstance(model, surfabet.AlphabetModel):
+        raise UsageError(
+            f"{path}: --model {model.method} has no words to search by, only --model alphabet has; "
+            "surfabet compress --model alphabet makes one of the scan"
+        )
+    return model

@@ -126,6 +126,17 @@ pub(super) const TANGENT_WEIGHT: f64 = 0.1;
 /// Weight that holds a motion in directions that no surface fixes, over the weight of the samples.
 pub(super) const HOLD: f64 = 1e-3;
 
+/// What holds sizes at those of the example, over the weight of the samples: sizes at the end of their tolerance weigh as much
+/// as this share of all samples a tolerance away.
+pub(super) const SIZE_HOLD: f64 = 0.1;
+
+/// Largest change of a size unless it is given, as a share, of an example of another scene.
+pub(super) const SIZE_TOLERANCE: f64 = 0.1;
+
+/// How far from the samples of an example that is a whole model a place has to be explained, as a share of its diagonal:
+/// what stands beside it is not part of it.
+pub(super) const SURROUNDINGS: f64 = 0.06;
+
 /// Guesses that are refined finely. Half takes 22 percent less time, double 48 percent more; scores of right
 /// places fall and rise by 0.01.
 pub(super) const FINALISTS: usize = 300;
@@ -144,11 +155,45 @@ pub(super) const RAREST: f64 = 0.05;
 /// Motions closer than this share of the example's diagonal are one.
 pub(super) const SAME_PLACE: f64 = 0.25;
 
+/// Places of several examples closer than this are one, metres: middles of things of a kind are farther apart.
+pub(super) const SAME_PLACE_OF_ANY: f64 = 0.3;
+
 /// The same before the fine refinement, for motions of about one direction.
 pub(super) const SAME_GUESS: f64 = 0.25 * SAME_PLACE;
 
 /// Motions that share more of their region than this are one.
 pub(super) const OVERLAP: f64 = 0.35;
+
+// Recurring things.
+
+/// Closest spacing of samples unless it is given, metres: legs and rails of 2 cm show.
+pub(super) const LEAST_SPACING_OF_THINGS: f64 = 0.015;
+
+/// Samples up to this many spacings apart hang together.
+pub(super) const LINK_REACH: f64 = 2.1;
+
+/// Samples that a thing needs, as a share of a square of the least size that is filled.
+pub(super) const LEAST_FILLED: f64 = 0.1;
+
+/// How much wider than its samples the box of a thing is on each side, spacings.
+pub(super) const MARGIN_OF_THINGS: f64 = 1.0;
+
+/// The same of a piece of what is too large for a thing, as a share of its diagonal.
+pub(super) const PART_MARGIN: f64 = 0.2;
+
+/// Guesses that are refined, and that are refined finely, for each candidate: a third of those of a search that is asked for.
+pub(super) const RECURRING_GUESSES: usize = 600;
+/// The same finely.
+pub(super) const RECURRING_FINALISTS: usize = 100;
+
+/// A sample is covered by a thing up to this many tolerances, and a spacing, from its samples.
+pub(super) const COVERED: f64 = 2.0;
+
+/// Weight from which on a sample of an example belongs to it and not to what goes on beyond its region.
+pub(super) const LEAST_OWN_WEIGHT: f64 = 0.5;
+
+/// Share of a thing's samples from which on it belongs to a class already.
+pub(super) const CLAIMED: f64 = 0.4;
 
 // Place similarity.
 

@@ -2,11 +2,13 @@
 
 use std::fmt;
 
+use surfabet_geom::vector;
 use surfabet_models::Result;
 
 use super::constants::{
     AGAINST_PER_EXPLAINED, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH, FINE_SAMPLES, FULLY_INSIDE,
-    HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST, SAME_PLACE,
+    HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST, NARROW, NARROW_EXPLAINED,
+    SAME_PLACE, SECTORS, TILTED_AGAINST, TILTED_EXPLAINED,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -20,6 +22,39 @@ use super::{Located, Location};
 pub(super) struct Candidate {
     pub placement: Placement,
     pub evidence: Evidence,
+}
+
+/// What a place must meet to be accepted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Demands {
+    /// Least share explained.
+    explained: f64,
+    /// Largest share against, beside the limit that grows with what is explained.
+    against: f64,
+}
+
+impl Demands {
+    /// More is asked of what is tilted, since an upside-down room looks much like a mirrored one; and of a narrow view, since a part
+    /// of a scan fits in many places.
+    pub fn of(samples: &[Sample], is_tilted: bool) -> Self {
+        let narrow = if share_of_circle(samples) < NARROW { NARROW_EXPLAINED } else { 0.0 };
+        let tilted = if is_tilted { TILTED_EXPLAINED } else { 0.0 };
+        Self {
+            explained: LEAST_EXPLAINED.max(narrow).max(tilted),
+            against: if is_tilted { TILTED_AGAINST } else { 1.0 },
+        }
+    }
+}
+
+/// The share of the directions around the sensor's own vertical in which samples lie.
+fn share_of_circle(samples: &[Sample]) -> f64 {
+    let mut has_sample = [false; SECTORS];
+    for s in samples {
+        let [x, y, _] = vector::minus(s.point, s.viewpoint).map(f64::from);
+        let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
+        has_sample[((turn * SECTORS as f64) as usize).min(SECTORS - 1)] = true;
+    }
+    has_sample.iter().filter(|&&has| has).count() as f64 / SECTORS as f64
 }
 
 /// Why no place is accepted.
@@ -91,12 +126,12 @@ impl Evidence {
         against / (against + self.explained).max(1e-9)
     }
 
-    fn refusal(&self) -> Option<Refusal> {
+    fn refusal(&self, demands: &Demands) -> Option<Refusal> {
         let (explained, contradicted) = (self.explained, self.against());
-        if explained < LEAST_EXPLAINED {
-            return Some(Refusal::Unexplained { explained, limit: LEAST_EXPLAINED });
+        if explained < demands.explained {
+            return Some(Refusal::Unexplained { explained, limit: demands.explained });
         }
-        let limit = self.limit();
+        let limit = self.limit().min(demands.against);
         if contradicted > limit {
             return Some(Refusal::Contradicted { contradicted, limit });
         }
@@ -126,8 +161,8 @@ pub(super) fn decide(
     map: &Localizer,
     samples: &[Sample],
     candidates: &[Candidate],
-    sensor: [f64; 3],
-    top: usize,
+    demands: &Demands,
+    (sensor, top): ([f64; 3], usize),
 ) -> Result<Located> {
     let fine = evenly(samples, FINE_SAMPLES);
     let location = |c: &Candidate, probability: f64| -> Result<Location> {
@@ -151,14 +186,14 @@ pub(super) fn decide(
     let mut answer = Located::default();
     for c in candidates {
         let probability = weight(c) / total;
-        if probability >= LEAST_PROBABILITY && c.evidence.refusal().is_none() {
+        if probability >= LEAST_PROBABILITY && c.evidence.refusal(demands).is_none() {
             answer.locations.push(location(c, probability)?);
         } else {
             answer.rejected.push(location(c, 0.0)?);
         }
     }
     if answer.locations.is_empty() {
-        answer.refusal = best.evidence.refusal();
+        answer.refusal = best.evidence.refusal(demands);
     }
     answer.locations.truncate(top);
     answer.rejected.truncate(top);

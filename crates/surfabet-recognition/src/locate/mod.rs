@@ -46,7 +46,7 @@ use self::constants::{
     ROUGH_STEPS, SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
 };
 pub use self::decide::Refusal;
-use self::decide::{Candidate, decide};
+use self::decide::{Candidate, Demands, decide};
 use self::directions::Directions;
 pub use self::map::Localizer;
 use self::map::evenly;
@@ -154,13 +154,14 @@ impl Localizer {
         let mut answer = Located::default();
         for allowed in searches {
             let rotations = query.rotations(allowed);
+            let demands = Demands::of(&samples.all, allowed == Allowed::Tilted);
             // What is tilted needs a clear answer.
             let n_shares = if allowed == Allowed::Tilted { 1 } else { SHARES_OF_BEST.len() };
             for share in SHARES_OF_BEST.into_iter().take(n_shares) {
                 progress.check()?;
                 let candidates = query.candidates(&rotations, domain, share);
                 progress.check()?;
-                answer = decide(self, &samples.all, &candidates, sensor, options.top)?;
+                answer = decide(self, &samples.all, &candidates, &demands, (sensor, options.top))?;
                 if answer.locations.first().is_some_and(|l| l.explained >= CLEARLY_EXPLAINED) {
                     return Ok(answer);
                 }

@@ -6,14 +6,15 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::wall::{Openings, Wall, Walls};
-use super::{RoomOptions, SHELF_PITCH, SKIRTING, SMALLEST, WALL, jitter};
-use crate::furniture::{self, CUPBOARD, DOORWAY, TABLE, WALL_CUPBOARD};
+use super::{RoomKind, RoomOptions, SHELF_PITCH, SKIRTING, WALL, jitter};
+use crate::furniture::{self, CUPBOARD, DOORWAY, SHELF, TABLE, WALL_CUPBOARD};
 use crate::pose::{Frame, Vec3, upright};
 use crate::scene::{Builder, Model};
 use crate::solid::Shape;
 use crate::texture::{Rgb, Texture, mix};
+use crate::variants;
 
-/// Places models and numbers them: one number per class, more where copies differ.
+/// Places models and numbers them: one number per class, more where things of a class differ.
 #[derive(Default)]
 pub(super) struct Furnisher {
     pub builder: Builder,
@@ -27,6 +28,18 @@ impl Furnisher {
             self.builder.place(class, self.models, model, frame);
         }
         self.models += 1;
+    }
+
+    /// Places things of one class that are not copies.
+    pub fn place_each(
+        &mut self,
+        class: &'static str,
+        frames: &[Frame],
+        mut model: impl FnMut() -> Model,
+    ) {
+        for frame in frames {
+            self.place_one(class, &model(), *frame);
+        }
     }
 
     /// Places the only copy of a model.
@@ -106,10 +119,10 @@ pub(super) fn walls_and_skirting(
         };
         // South and north wall close the corners.
         let past = if i < 2 { WALL } else { 0.0 };
-        house.place_one("wall", &wall.model(openings, height, past, texture), wall.frame);
+        house.place_one("wall", &wall.model(&openings, height, past, texture), wall.frame);
     }
     for (wall, openings) in walls.all().into_iter().zip(openings.by_wall()) {
-        house.place_one("skirting", &wall.skirting(openings), wall.frame);
+        house.place_one("skirting", &wall.skirting(&openings), wall.frame);
     }
 }
 
@@ -118,11 +131,12 @@ pub(super) fn doors_and_windows(
     house: &mut Furnisher,
     walls: &Walls,
     openings: &Openings,
+    variation: f64,
     rng: &mut ChaCha8Rng,
 ) {
     let frames = openings.doorways(walls);
     house.place("door_frame", &furniture::door_frame(WALL), &frames);
-    let closed = openings.south.len();
+    let closed = openings.south.len() + openings.north.len();
     let leaves: Vec<Frame> = frames
         .iter()
         .enumerate()
@@ -131,7 +145,11 @@ pub(super) fn doors_and_windows(
             frame * furniture::hinge(angle)
         })
         .collect();
-    house.place("door", &furniture::door([0.78, 0.74, 0.66]), &leaves);
+    if variation > 0.0 {
+        house.place_each("door", &leaves, || variants::door(rng));
+    } else {
+        house.place("door", &furniture::door([0.78, 0.74, 0.66]), &leaves);
+    }
     let niches: Vec<Frame> =
         openings.windows.iter().map(|w| walls.north.at(w.middle, 0.0, 0.0)).collect();
     house.place("window", &furniture::window(WALL), &niches);
@@ -159,7 +177,7 @@ pub(super) fn kitchen(house: &mut Furnisher, wall: &Wall, accent: Rgb, rng: &mut
     tiles.cuboid([0.0, 0.004, top + 0.5 * tall], [length, 0.008, tall], tile);
     house.place_one("tiles", &tiles, wall.frame);
     house.place("wall_cupboard", &furniture::wall_cupboard(accent), &row(0.0, hanging));
-    debug_assert!(hanging + WALL_CUPBOARD[2] < SMALLEST[2]);
+    debug_assert!(hanging + WALL_CUPBOARD[2] < RoomKind::Dwelling.limits()[0][2]);
 
     house.place_one("rug", &furniture::rug(1.4, 0.4), wall.at(0.0, 0.82, 0.0));
 
@@ -174,12 +192,22 @@ pub(super) fn kitchen(house: &mut Furnisher, wall: &Wall, accent: Rgb, rng: &mut
     );
 }
 
-/// `n` congruent shelves side by side.
-pub(super) fn shelves(house: &mut Furnisher, wall: &Wall, n: usize, rng: &mut ChaCha8Rng) {
+/// `n` shelves side by side, congruent without variation.
+pub(super) fn shelves(
+    house: &mut Furnisher,
+    wall: &Wall,
+    n: usize,
+    variation: f64,
+    rng: &mut ChaCha8Rng,
+) {
     let first = -0.5 * SHELF_PITCH * (n as f64 - 1.0) + jitter(rng, 0.1);
     let frames: Vec<Frame> =
         (0..n).map(|i| wall.at(first + SHELF_PITCH * i as f64, SKIRTING[0] + 0.005, 0.0)).collect();
-    house.place("shelf", &furniture::shelf(rng), &frames);
+    if variation > 0.0 {
+        house.place_each("shelf", &frames, || variants::shelf(rng, variation));
+    } else {
+        house.place("shelf", &furniture::shelf(rng, SHELF), &frames);
+    }
 }
 
 /// A sofa at the west wall with a picture above it, and a picture between the windows. The room's depth is twice `y`.
@@ -253,13 +281,20 @@ pub(super) fn dining(
     let chairs: Vec<Frame> = (0..options.n_chairs)
         .map(|i| {
             let (x, y, yaw) = seats[i / n];
-            // Pulled out by up to 15 cm (backwards is -y of the chair) and turned.
-            let pulled = Frame::translation(jitter(rng, 0.04), -rng.random_range(0.0..0.15), 0.0);
+            // Pulled out by up to 15 cm (backwards is -y of the chair) and turned; where chairs vary some are pushed under
+            // the table by up to 12 cm.
+            let pushed = if options.variation > 0.0 { 0.12 } else { 0.0 };
+            let pulled =
+                Frame::translation(jitter(rng, 0.04), -rng.random_range(-pushed..0.15), 0.0);
             let turned = upright(Vec3::zeros(), jitter(rng, 0.35));
             tables[i % n] * upright(Vec3::new(x, y, 0.0), yaw) * pulled * turned
         })
         .collect();
-    house.place("chair", &furniture::chair(palette.cushion), &chairs);
+    if options.variation > 0.0 {
+        house.place_each("chair", &chairs, || variants::chair(rng, options.variation));
+    } else {
+        house.place("chair", &furniture::chair(palette.cushion), &chairs);
+    }
     things_on_tables(house, &tables, palette, rng);
 }
 

@@ -67,8 +67,10 @@ impl Opening {
 pub(super) struct Openings {
     /// Doorways near the ends of the south wall, the kitchen between.
     pub south: Vec<Opening>,
-    /// Two windows in the north wall.
-    pub windows: [Opening; 2],
+    /// Doorways in the north wall of a corridor.
+    pub north: Vec<Opening>,
+    /// Two windows in the north wall of other rooms.
+    pub windows: Vec<Opening>,
     /// The doorway of the open door.
     pub west: Vec<Opening>,
 }
@@ -88,18 +90,39 @@ impl Openings {
             .collect();
         let windows = [-0.25 * length, 0.25 * length]
             .map(|middle| Opening::window(middle + jitter(rng, 0.05)));
-        Self { south, windows, west }
+        Self { south, north: Vec::new(), windows: windows.into(), west }
+    }
+
+    /// Doorways along both long walls, one every 2.4 m or so, none opposite the other.
+    pub fn of_corridor(length: f64, rng: &mut ChaCha8Rng) -> Self {
+        let n = ((length - 1.4) / 2.4) as usize;
+        let mut side = |shift: f64| -> Vec<Opening> {
+            let pitch = (length - 1.4) / n as f64;
+            let middle = |i: usize| pitch * (i as f64 - 0.5 * (n as f64 - 1.0));
+            let kept: Vec<usize> = (0..n).filter(|_| rng.random_bool(0.7)).collect();
+            kept.into_iter()
+                .map(|i| Opening::doorway(middle(i) + shift + jitter(rng, 0.25)))
+                .collect()
+        };
+        let (south, north) = (side(-0.2), side(0.2));
+        Self { south, north, windows: Vec::new(), west: Vec::new() }
     }
 
     /// Those of the south, north, east and west wall.
-    pub fn by_wall(&self) -> [&[Opening]; 4] {
-        [&self.south, &self.windows, &[], &self.west]
+    pub fn by_wall(&self) -> [Vec<Opening>; 4] {
+        let north = self.north.iter().chain(&self.windows).copied().collect();
+        [self.south.clone(), north, Vec::new(), self.west.clone()]
     }
 
-    /// Frames of the doorways at the floor, those of the south wall first.
+    /// Frames of the doorways at the floor: of the south wall, the north wall, the west wall.
     pub fn doorways(&self, walls: &Walls) -> Vec<Frame> {
-        let south = self.south.iter().map(|o| walls.south.at(o.middle, 0.0, 0.0));
-        south.chain(self.west.iter().map(|o| walls.west.at(o.middle, 0.0, 0.0))).collect()
+        let west = &walls.west;
+        let on = |wall: &Wall, openings: &[Opening]| -> Vec<Frame> {
+            openings.iter().map(|o| wall.at(o.middle, 0.0, 0.0)).collect()
+        };
+        let walls = [(&walls.south, &self.south), (&walls.north, &self.north)];
+        let closed = walls.into_iter().flat_map(|(wall, openings)| on(wall, openings));
+        closed.chain(on(west, &self.west)).collect()
     }
 }
 

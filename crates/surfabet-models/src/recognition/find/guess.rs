@@ -12,45 +12,62 @@ use super::template::Template;
 use crate::alphabet::model::{AlphabetModel, Occurrence};
 use crate::error::Result;
 use crate::recognition::constants::{
-    GUESS_CELL, GUESSES, LEAST_COLOR_SIMILARITY, LEAST_TRIAL_SHARE, LEVEL, MAX_PIECE_RATIO,
-    RADIUS_RATIOS, SAME_INCLINATION, SEEDS, TRIAL_LEVEL, TRIAL_SAMPLES, TURNS, WHOLE_PIECE,
+    GUESS_CELL, LEAST_COLOR_SIMILARITY, LEAST_TRIAL_SHARE, LEVEL, MAX_PIECE_RATIO, RADIUS_RATIOS,
+    SAME_INCLINATION, SEEDS, TRIAL_LEVEL, TRIAL_SAMPLES, TURNS, WHOLE_PIECE,
 };
 use crate::recognition::surface::color_similarity;
 
-/// The most promising motions: every pair of an occurrence in the example and one anywhere of the same inclination and of
-/// its radius or the next gives one, and the opposite one, since thin objects look the same from both sides. They are tried
-/// on coarse cells, and the best of each cell and direction is kept.
+/// A model with its surface: that of the example, or that which is searched.
+pub(in crate::recognition) struct Side<'a> {
+    /// About the origin of the model.
+    pub occurrences: Vec<Occurrence>,
+    pub scene: &'a SearchScene,
+}
+
+impl<'a> Side<'a> {
+    pub fn new(model: &AlphabetModel, scene: &'a SearchScene) -> Self {
+        let origin = model.header().origin;
+        let about = |o: Occurrence| Occurrence {
+            center: std::array::from_fn(|a| o.center[a] - origin[a]),
+            ..o
+        };
+        Self { occurrences: model.occurrences().map(about).collect(), scene }
+    }
+}
+
+/// The most promising motions, at most `most`: every pair of an occurrence in the example and one anywhere of the same inclination
+/// and of its radius or the next gives one, and the opposite one, since thin objects look the same from both sides. They are
+/// tried on coarse cells, and the best of each cell and direction is kept.
 pub(super) fn guess_motions(
-    model: &AlphabetModel,
-    scene: &SearchScene,
+    example: &Side<'_>,
+    searched: &Side<'_>,
     template: &Template,
+    most: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<Motion>> {
-    let origin = model.header().origin;
-    let all: Vec<Occurrence> = model
-        .occurrences()
-        .map(|o| Occurrence { center: std::array::from_fn(|a| o.center[a] - origin[a]), ..o })
-        .collect();
-    let seeds = Seeds::new(scene, template, &all);
+    let scene = searched.scene;
+    let (from, to) = (&example.occurrences, &searched.occurrences);
+    let seeds = Seeds::new(example.scene, template, from);
     let side = (2.0 * template.spacing).max(GUESS_CELL * template.diagonal).max(template.tolerance);
     let limit = piece_limit(template);
     let is_searched = |i: usize| scene.piece_size(i) <= limit;
     let trial = Trial::new(scene, template, side, is_searched);
-    let mut eligible = vec![false; all.len()];
+    let mut eligible = vec![false; to.len()];
     for (i, &o) in scene.surface.occurrences.iter().enumerate() {
         eligible[o as usize] |= is_searched(i);
     }
-    let has_same_color = |i: usize, j: usize| match (&scene.surface.hues, scene.color_tolerance) {
-        (Some(hues), Some(tolerance)) => {
-            color_similarity(hues[i], hues[j], tolerance) > LEAST_COLOR_SIMILARITY
+    let hues = (&example.scene.surface.hues, &scene.surface.hues, scene.color_tolerance);
+    let has_same_color = |i: usize, j: usize| match hues {
+        (Some(a), Some(b), Some(tolerance)) => {
+            color_similarity(a[i], b[j], tolerance) > LEAST_COLOR_SIMILARITY
         }
         _ => true,
     };
     let motions: Vec<(f64, Motion)> = parallel::try_map(&seeds.occurrences, |&k| -> Result<_> {
         progress.check()?;
         let mut promising = Vec::new();
-        for j in (0..all.len()).filter(|&j| eligible[j] && has_same_color(k, j)) {
-            for motion in seeds.motions(template, &all[k], &all[j]) {
+        for j in (0..to.len()).filter(|&j| eligible[j] && has_same_color(k, j)) {
+            for motion in seeds.motions(template, &from[k], &to[j]) {
                 let share = trial.share(template, &motion);
                 if share > LEAST_TRIAL_SHARE {
                     promising.push((share, motion));
@@ -60,7 +77,7 @@ pub(super) fn guess_motions(
         Ok(promising)
     })?
     .concat();
-    Ok(best_by_cell(motions, side).into_iter().take(GUESSES).map(|m| m.1).collect())
+    Ok(best_by_cell(motions, side).into_iter().take(most).map(|m| m.1).collect())
 }
 
 /// The occurrences of the example that motions are guessed from.
@@ -113,9 +130,9 @@ impl Seeds {
         };
         let motion = |yaw: f64| {
             let arm = std::array::from_fn(|a| (from.center[a] - template.pivot[a]) as f32);
-            let turned = Motion { yaw, shift: [0.0; 3] }.turned(arm);
+            let turned = Motion { yaw, ..Motion::NONE }.turned(arm);
             let shift = std::array::from_fn(|a| to.center[a] - turned[a] - template.pivot[a]);
-            Motion { yaw, shift }
+            Motion { yaw, shift, ..Motion::NONE }
         };
         turns.into_iter().map(motion).collect()
     }

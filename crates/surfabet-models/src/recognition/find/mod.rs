@@ -23,22 +23,24 @@ mod score;
 mod suppression;
 mod template;
 
-use surfabet_geom::{Pose, Progress};
+use surfabet_geom::{Part, Pose, Progress};
 
+pub(super) use self::guess::Side;
 use self::guess::guess_motions;
-use self::lengths::Lengths;
-use self::motion::Motion;
+pub(super) use self::lengths::{Lengths, median_sigma};
+pub(super) use self::motion::Motion;
 pub use self::options::{FindOptions, Region};
-use self::scene::SearchScene;
-use self::template::Template;
-use super::constants::FINALISTS;
+pub(super) use self::scene::SearchScene;
+pub(super) use self::template::Template;
+use super::constants::{FINALISTS, GUESSES, SAME_PLACE_OF_ANY};
 use crate::alphabet::model::AlphabetModel;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::stages::Stages;
+use crate::vector::{self, minus};
 
 /// The stages and their shares of the progress, in per cent.
-const STAGES: &[(&str, f32)] = &[
+pub(super) const FIND_STAGES: &[(&str, f32)] = &[
     ("sampling the surface", 20.0),
     ("guessing motions", 20.0),
     ("refining motions", 30.0),
@@ -54,6 +56,19 @@ pub struct Found {
     pub score: f64,
     /// The middle of the region after the motion, world coordinates.
     pub center: [f64; 3],
+    /// Sizes over those of the example: level, upright.
+    pub size: [f64; 2],
+    /// Number of the example that fits best, from 0.
+    pub example: usize,
+}
+
+/// An example of another scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Example<'a> {
+    /// The model that shows it.
+    pub model: &'a AlphabetModel,
+    /// Where in it the example is; `None` when it is all of the model.
+    pub region: Option<Region>,
 }
 
 impl AlphabetModel {
@@ -80,36 +95,159 @@ impl AlphabetModel {
     ) -> Result<Vec<Found>> {
         options.check()?;
         example.check()?;
-        let mut stages = Stages::new(STAGES, progress);
+        let mut stages = Stages::new(FIND_STAGES, progress);
         let origin = self.header().origin;
         let lengths = Lengths::new(self, example, options)?;
         let scene = stages.run("sampling the surface", |progress| {
-            SearchScene::new(self, &lengths, options.color_tolerance, progress)
+            SearchScene::new(self, lengths.spacing, options.color_tolerance, progress)
         })?;
         let Some(template) = Template::new(&scene, &example.about(origin), &lengths)? else {
             return Err(example.invalid("a region with a surface"));
         };
-        // Guesses from pairs of occurrences, the most promising kept.
-        let guesses = stages
-            .run("guessing motions", |progress| guess_motions(self, &scene, &template, progress))?;
-        // A rough refinement of all, a fine one of the best.
-        let motions = stages.run("refining motions", |progress| {
-            let motions = template.refine_roughly(&scene, &guesses, progress)?;
-            Ok(template.best_guesses(motions, FINALISTS))
-        })?;
-        let mut places = stages.run("scoring places", |progress| {
-            let motions = template.refine_finely(&scene, &motions, progress)?;
-            template.score_all(&scene, &motions, progress)
-        })?;
+        let side = Side::new(self, &scene);
+        let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
+        let mut places = places_like(&template, &side, &side, budget, &mut stages)?;
         places.push((1.0, Motion::NONE));
         places.retain(|(score, _)| *score >= options.min_score);
-        let middle = example.center();
-        let found = |(score, motion): (f64, Motion)| {
-            let pose = template.pose(&motion, origin)?;
-            Ok(Found { pose, score, center: pose.apply(middle) })
-        };
-        template.best_places(places, options.max_found).into_iter().map(found).collect()
+        let places = template.best_places(places, options.max_found);
+        places.into_iter().map(|place| template.found(place, example, 0, [origin; 2])).collect()
     }
+
+    /// All places that look like one of the `examples`, which are of other scenes; the best first, each with the example that fits
+    /// best there. As [`Self::find`]; sizes may differ by `options.size_tolerance`, and of an example that is all of its model what
+    /// stands beside it does not count.
+    ///
+    /// The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// As [`Self::find`]; also for no example and for an example without surface.
+    pub fn find_examples(
+        &self,
+        examples: &[Example<'_>],
+        options: &FindOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Found>> {
+        options.check()?;
+        if examples.is_empty() {
+            return Err(Error::invalid("example", "none", "at least one model"));
+        }
+        let mut all: Vec<Found> = Vec::new();
+        for (k, example) in examples.iter().enumerate() {
+            let n = examples.len() as f32;
+            let part = Part::new(progress, k as f32 / n..(k + 1) as f32 / n);
+            all.extend(self.find_example(k, example, options, &part)?);
+        }
+        Ok(best_of_all(all, options.max_found))
+    }
+
+    fn find_example(
+        &self,
+        number: usize,
+        example: &Example<'_>,
+        options: &FindOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Found>> {
+        let model = example.model;
+        if model.is_empty() {
+            return Err(Error::invalid(
+                "example",
+                format!("model {number}"),
+                "a model with surface",
+            ));
+        }
+        let mut stages = Stages::new(FIND_STAGES, progress);
+        let origins = [model.header().origin, self.header().origin];
+        let region = match example.region {
+            Some(region) => {
+                region.check()?;
+                region
+            }
+            None => whole(model),
+        };
+        let lengths = Lengths::across(self, model, &region, example.region.is_none(), options)?;
+        let [from, to] = stages.run("sampling the surface", |progress| {
+            let scene =
+                |of| SearchScene::new(of, lengths.spacing, options.color_tolerance, progress);
+            Ok([scene(model)?, scene(self)?])
+        })?;
+        let Some(template) = Template::new(&from, &region.about(origins[0]), &lengths)? else {
+            return Err(region.invalid("a region with a surface"));
+        };
+        let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
+        let sides = [Side::new(model, &from), Side::new(self, &to)];
+        let mut places = places_like(&template, &sides[0], &sides[1], budget, &mut stages)?;
+        places.retain(|(score, _)| *score >= options.min_score);
+        let places = template.best_places(places, options.max_found);
+        places.into_iter().map(|p| template.found(p, &region, number, origins)).collect()
+    }
+}
+
+/// How much a search may try.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Budget {
+    /// Guesses that are refined.
+    pub guesses: usize,
+    /// Guesses that are refined finely.
+    pub finalists: usize,
+}
+
+/// Places like the template with their scores: guessed from pairs of occurrences, the most promising refined roughly, the best of
+/// these finely.
+pub(super) fn places_like(
+    template: &Template,
+    example: &Side<'_>,
+    searched: &Side<'_>,
+    budget: Budget,
+    stages: &mut Stages<'_>,
+) -> Result<Vec<(f64, Motion)>> {
+    let scene = searched.scene;
+    let guesses = stages.run("guessing motions", |progress| {
+        guess_motions(example, searched, template, budget.guesses, progress)
+    })?;
+    let motions = stages.run("refining motions", |progress| {
+        let motions = template.refine_roughly(scene, &guesses, progress)?;
+        Ok(template.best_guesses(motions, budget.finalists))
+    })?;
+    stages.run("scoring places", |progress| {
+        let motions = template.refine_finely(scene, &motions, progress)?;
+        template.score_all(scene, &motions, progress)
+    })
+}
+
+impl Template {
+    /// A place in world coordinates, from the origin of the example's model to that of the scene.
+    pub(super) fn found(
+        &self,
+        (score, motion): (f64, Motion),
+        region: &Region,
+        example: usize,
+        [from, to]: [[f64; 3]; 2],
+    ) -> Result<Found> {
+        let pose = self.pose(&motion, from, to)?;
+        Ok(Found { pose, score, center: pose.apply(region.center()), size: motion.size, example })
+    }
+}
+
+/// A box around all that a model shows.
+fn whole(model: &AlphabetModel) -> Region {
+    let [low, high] = model.extent();
+    Region::Box { low, high }
+}
+
+/// Of places of several examples the best, without those whose middle is within [`SAME_PLACE_OF_ANY`] of that of a better one.
+fn best_of_all(mut all: Vec<Found>, most: usize) -> Vec<Found> {
+    all.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.example.cmp(&b.example)));
+    let mut kept: Vec<Found> = Vec::new();
+    for f in all {
+        let is_same = |k: &Found| {
+            let away = vector::length(minus(k.center, f.center));
+            away < SAME_PLACE_OF_ANY
+        };
+        if kept.len() < most && !kept.iter().any(is_same) {
+            kept.push(f);
+        }
+    }
+    kept
 }
 
 #[cfg(test)]

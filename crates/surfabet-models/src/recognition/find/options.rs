@@ -67,6 +67,16 @@ impl Region {
         }
     }
 
+    /// Lowest and highest corner of the box around the region.
+    pub fn corners(&self) -> [[f64; 3]; 2] {
+        match *self {
+            Self::Box { low, high } => [low, high],
+            Self::Ball { center, radius } => {
+                [center.map(|c| c - radius), center.map(|c| c + radius)]
+            }
+        }
+    }
+
     /// Middle of the region.
     pub(super) fn center(&self) -> [f64; 3] {
         match *self {
@@ -76,7 +86,7 @@ impl Region {
     }
 
     /// Longest distance within the region: of a ball its diameter.
-    pub(super) fn diagonal(&self) -> f64 {
+    pub(in crate::recognition) fn diagonal(&self) -> f64 {
         match *self {
             Self::Box { low, high } => vector::length(minus(high, low)),
             Self::Ball { radius, .. } => 2.0 * radius,
@@ -84,7 +94,7 @@ impl Region {
     }
 
     /// The region relative to `origin`.
-    pub(super) fn about(&self, origin: [f64; 3]) -> Self {
+    pub(in crate::recognition) fn about(&self, origin: [f64; 3]) -> Self {
         let minus = |p: [f64; 3]| std::array::from_fn(|a| p[a] - origin[a]);
         match *self {
             Self::Box { low, high } => Self::Box { low: minus(low), high: minus(high) },
@@ -111,5 +121,9 @@ options! {
         color_tolerance: Option<f64> = Some(10.0), range = Range::POSITIVE, unit = "grey levels",
             none = "shape alone counts, as in a model without colours: things of one shape are found in any colour, \
                 but not what lies flush with a wall, such as a door";
+        /// Largest change of a size, what is level and what is upright each by its own factor: other things of a kind are
+        /// larger or smaller than the example.
+        size_tolerance: Option<f64> = None, range = Range::from_to(0.0, 0.3), unit = "as a share",
+            none = "0.1 for an example of another model; 0 within one scene, where copies are looked for";
     }
 }

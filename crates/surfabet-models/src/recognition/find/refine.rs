@@ -1,6 +1,6 @@
 //! Motions improved by least squares on the samples of both surfaces.
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix6, Vector6};
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
@@ -11,7 +11,7 @@ use super::template::Template;
 use crate::error::Result;
 use crate::recognition::constants::{
     FINE_REACH, FINE_SAMPLES, FINE_STEPS, HOLD, NORMAL_COSINE, ROUGH_REACH, ROUGH_SAMPLES,
-    ROUGH_STEPS, ROUGH_TOLERANCE, SLIDES, TANGENT_WEIGHT,
+    ROUGH_STEPS, ROUGH_TOLERANCE, SIZE_HOLD, SLIDES, TANGENT_WEIGHT,
 };
 
 impl Template {
@@ -68,26 +68,31 @@ impl Template {
             let Some(change) = self.gauss_newton_step(scene, &motion, n, limit) else { break };
             (0..3).for_each(|a| motion.shift[a] += change[a]);
             motion.yaw += change[3];
+            let limit = self.size_tolerance;
+            for k in 0..2 {
+                motion.size[k] = (motion.size[k] + change[4 + k]).clamp(1.0 - limit, 1.0 + limit);
+            }
         }
         motion
     }
 
-    /// The change of shift and yaw that minimises, to first order, the sum over the first `n` samples p with nearest
+    /// The change of shift, yaw and sizes that minimises, to first order, the sum over the first `n` samples p with nearest
     /// sample q and normal m of the scene
     ///
     /// ```text
     /// w ((m . (p - q))^2 + TANGENT_WEIGHT |the rest of p - q|^2),  w = weight / (1 + |p - q|^2 / limit^2)
     /// ```
     ///
-    /// `None` where the equations have no solution.
+    /// and for sizes `SIZE_HOLD (tolerance (size - 1) / size_tolerance)^2` times the sum of all w. `None` where the equations have no
+    /// solution.
     fn gauss_newton_step(
         &self,
         scene: &SearchScene,
         motion: &Motion,
         n: usize,
         limit: f64,
-    ) -> Option<Vector4<f64>> {
-        let (mut matrix, mut vector) = (Matrix4::zeros(), Vector4::zeros());
+    ) -> Option<Vector6<f64>> {
+        let (mut matrix, mut vector) = (Matrix6::zeros(), Vector6::zeros());
         let mut all = 0.0;
         for i in 0..self.points.len().min(n) {
             let p = self.moved(motion, i);
@@ -106,12 +111,14 @@ impl Template {
             }
             let along: f64 = (0..3).map(|a| d[a] * normal[a]).sum();
             let weight = self.weights[i] / (1.0 + squared / (limit * limit));
-            // A turn moves a sample at right angles to its arm.
-            let arm = motion.turned(self.points[i]);
+            // A turn moves a sample at right angles to its arm, a size along it.
+            let arm = motion.arm(self.points[i]);
             let turn = [-arm[1], arm[0], 0.0];
-            let mut add = |direction: [f64; 3], residual: f64, weight: f64| {
-                let across = (0..3).map(|a| direction[a] * turn[a]).sum::<f64>();
-                let row = Vector4::new(direction[0], direction[1], direction[2], across);
+            let mut add = |d: [f64; 3], residual: f64, weight: f64| {
+                let across = d[0] * turn[0] + d[1] * turn[1];
+                let level = (d[0] * arm[0] + d[1] * arm[1]) / motion.size[0];
+                let upright = d[2] * arm[2] / motion.size[1];
+                let row = Vector6::new(d[0], d[1], d[2], across, level, upright);
                 matrix += weight * row * row.transpose();
                 vector -= weight * residual * row;
             };
@@ -126,6 +133,13 @@ impl Template {
         let hold = HOLD * all + 1e-12;
         for k in 0..4 {
             matrix[(k, k)] += if k == 3 { hold * self.reach * self.reach } else { hold };
+        }
+        // Without a tolerance sizes stay.
+        let by_size = self.tolerance / self.size_tolerance.max(1e-6);
+        let size_hold = SIZE_HOLD * all * by_size * by_size + 1e-12;
+        for k in 0..2 {
+            matrix[(4 + k, 4 + k)] += size_hold;
+            vector[4 + k] -= size_hold * (motion.size[k] - 1.0);
         }
         Some(matrix.cholesky()?.solve(&vector))
     }

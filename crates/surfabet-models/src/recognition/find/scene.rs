@@ -2,13 +2,12 @@
 
 use surfabet_geom::{KdTree, Progress};
 
-use super::lengths::Lengths;
 use crate::alphabet::model::AlphabetModel;
 use crate::error::Result;
 use crate::recognition::surface::Surface;
 
 /// The samples of a scene, and the smooth pieces that they fall into.
-pub(super) struct SearchScene {
+pub(in crate::recognition) struct SearchScene {
     pub surface: Surface,
     pub tree: KdTree,
     /// Standard deviation of equal chromas, grey levels; `None` where shape alone counts.
@@ -24,11 +23,11 @@ impl SearchScene {
     /// wall is one smooth piece with it, and colours distinguish it.
     pub fn new(
         model: &AlphabetModel,
-        lengths: &Lengths,
+        spacing: f64,
         color_tolerance: Option<f64>,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let surface = Surface::of(model, lengths.spacing, progress)?;
+        let surface = Surface::of(model, spacing, progress)?;
         let tree = KdTree::new(&surface.points)?;
         let color_tolerance = color_tolerance.filter(|_| surface.colors.is_some());
         let (pieces, sizes) = match color_tolerance {

@@ -7,7 +7,7 @@ use super::motion::Motion;
 use super::scene::SearchScene;
 use super::template::Template;
 use crate::error::Result;
-use crate::recognition::constants::{RAREST, SCORED_SAMPLES};
+use crate::recognition::constants::{COVERED, LEAST_OWN_WEIGHT, RAREST, SCORED_SAMPLES};
 
 impl Template {
     /// Scores of all motions: `sqrt(found * explained)`, with `found` the share of the example that is matched, by rarity
@@ -45,18 +45,19 @@ impl Template {
     fn explained(&self, scene: &SearchScene, motion: &Motion, tolerance: f64) -> f64 {
         let center: [f32; 3] = std::array::from_fn(|a| (self.pivot[a] + motion.shift[a]) as f32);
         let mut near: Vec<Neighbor> = Vec::new();
-        scene.tree.within(center, self.reach as f32, &mut near);
-        let back = motion.turn_back();
+        let reach = self.reach * motion.size[0].max(motion.size[1]);
+        scene.tree.within(center, reach as f32, &mut near);
         // A sample of the scene in the frame of the template.
         let local = |i: u32| {
             let p = scene.surface.points[i as usize];
             let d = std::array::from_fn(|a| p[a] - center[a]);
-            back.turned(d)
+            motion.arm_back(d)
         };
         let mut inside: Vec<u32> = near.iter().map(|n| n.index() as u32).collect();
         inside.retain(|&i| {
             let p = local(i);
-            self.region.contains(std::array::from_fn(|a| p[a] + self.pivot[a]))
+            let is_in_region = self.region.contains(std::array::from_fn(|a| p[a] + self.pivot[a]));
+            is_in_region && self.surroundings.is_none_or(|limit| self.is_beside(p, limit))
         });
         let weights = scene.weights(&inside);
         let (mut sum, mut all) = (0.0, 0.0);
@@ -66,13 +67,40 @@ impl Template {
             let Some(near) = self.tree.nearest(p) else { continue };
             let q = self.points[near.index()];
             let d = std::array::from_fn(|a| p[a] - q[a]);
-            let turned = back.turned(scene.surface.normals[i as usize]).map(|c| c as f32);
+            let normal = scene.surface.normals[i as usize];
+            let turned = motion.turned_back(normal).map(|c| c as f32);
             let similarity = self.similarity(scene, near.index(), i as usize);
             sum += weight
                 * similarity
                 * self.nearness(d, self.normals[near.index()], turned, tolerance);
         }
         sum / all.max(f64::MIN_POSITIVE)
+    }
+
+    /// Samples of the scene that the example covers after a motion: those near its own samples, without what goes on beyond
+    /// its region.
+    pub fn covered(&self, scene: &SearchScene, motion: &Motion) -> Vec<u32> {
+        let center: [f32; 3] = std::array::from_fn(|a| (self.pivot[a] + motion.shift[a]) as f32);
+        let mut near: Vec<Neighbor> = Vec::new();
+        let reach = self.reach * motion.size[0].max(motion.size[1]) + self.spacing;
+        scene.tree.within(center, reach as f32, &mut near);
+        let limit = (COVERED * self.tolerance + self.spacing) as f32;
+        let is_covered = |i: u32| {
+            let p = scene.surface.points[i as usize];
+            let arm = motion.arm_back(std::array::from_fn(|a| p[a] - center[a]));
+            let Some(n) = self.tree.nearest(arm.map(|c| c as f32)) else { return false };
+            n.squared_distance() < limit * limit && self.weights[n.index()] > LEAST_OWN_WEIGHT
+        };
+        let mut covered: Vec<u32> =
+            near.iter().map(|n| n.index() as u32).filter(|&i| is_covered(i)).collect();
+        covered.sort_unstable();
+        covered
+    }
+
+    /// Whether a position about the pivot is within `limit` metres of a sample.
+    fn is_beside(&self, p: [f64; 3], limit: f64) -> bool {
+        let nearest = self.tree.nearest(p.map(|c| c as f32));
+        nearest.is_some_and(|n| f64::from(n.squared_distance()) <= limit * limit)
     }
 }
 

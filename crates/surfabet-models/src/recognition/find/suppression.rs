@@ -30,13 +30,12 @@ impl Template {
 
     /// The share of the example that `other` takes to where `motion` takes its region.
     fn overlap(&self, motion: &Motion, other: &Motion) -> f64 {
-        let back = motion.turn_back();
         let n = self.points.len().min(FINE_SAMPLES);
         let inside = |i: usize| {
             let p = self.moved(other, i).map(f64::from);
             let d = std::array::from_fn(|a| (p[a] - self.pivot[a] - motion.shift[a]) as f32);
-            let turned = back.turned(d);
-            self.region.contains(std::array::from_fn(|a| turned[a] + self.pivot[a]))
+            let arm = motion.arm_back(d);
+            self.region.contains(std::array::from_fn(|a| arm[a] + self.pivot[a]))
         };
         (0..n).filter(|&i| inside(i)).count() as f64 / n as f64
     }

@@ -8,13 +8,14 @@ use super::options::Region;
 use super::scene::SearchScene;
 use crate::error::Result;
 use crate::recognition::constants::{NORMAL_COSINE, PIECE_SIZE_RATIO};
+use crate::recognition::surface::color_similarity;
 use crate::vector::dot;
 
 /// Multiplier of Fibonacci hashing: 2^64 over the golden ratio.
 const SHUFFLE: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The example as samples about a pivot.
-pub(super) struct Template {
+pub(in crate::recognition) struct Template {
     /// Region of the example.
     pub region: Region,
     /// Weighted mean of the samples.
@@ -22,8 +23,8 @@ pub(super) struct Template {
     /// Samples about the pivot, in random order: any first few stand for all.
     pub points: Vec<[f32; 3]>,
     pub normals: Vec<[f32; 3]>,
-    /// Which samples of the scene they are.
-    pub samples: Vec<u32>,
+    /// Luma, orange and green chroma of each, where the example has colours.
+    pub colors: Option<Vec<[f32; 3]>>,
     /// Samples of each sample's piece.
     pub piece_sizes: Vec<f64>,
     /// Weight of each sample: [`SearchScene::weights`] in the region.
@@ -37,10 +38,14 @@ pub(super) struct Template {
     pub diagonal: f64,
     /// Farthest sample from the pivot.
     pub reach: f64,
+    /// How far from the example's samples a place has to be explained, metres; `None` for all of its region.
+    pub surroundings: Option<f64>,
+    /// Largest change of a size, as a share; 0 for congruent things.
+    pub size_tolerance: f64,
 }
 
 impl Template {
-    /// The samples of `scene` in `region`; `None` when there are none.
+    /// The samples of `scene`, that of the example, in `region`; `None` when there are none.
     pub fn new(scene: &SearchScene, region: &Region, lengths: &Lengths) -> Result<Option<Self>> {
         let surface = &scene.surface;
         let inside: Vec<u32> = (0..surface.len() as u32)
@@ -69,21 +74,26 @@ impl Template {
             pivot,
             normals: samples.iter().map(|&i| surface.normals[i as usize]).collect(),
             piece_sizes: samples.iter().map(|&i| scene.piece_size(i as usize)).collect(),
+            colors: surface
+                .colors
+                .as_ref()
+                .map(|colors| samples.iter().map(|&i| colors[i as usize]).collect()),
             tree: KdTree::new(&points)?,
             points,
             weights,
-            samples,
             tolerance: lengths.tolerance,
             spacing: lengths.spacing,
             diagonal: lengths.diagonal,
             reach,
+            surroundings: lengths.surroundings,
+            size_tolerance: lengths.size_tolerance,
         }))
     }
 
     /// Where a motion takes the i-th sample.
     pub fn moved(&self, motion: &Motion, i: usize) -> [f32; 3] {
-        let turned = motion.turned(self.points[i]);
-        std::array::from_fn(|a| (turned[a] + self.pivot[a] + motion.shift[a]) as f32)
+        let arm = motion.arm(self.points[i]);
+        std::array::from_fn(|a| (arm[a] + self.pivot[a] + motion.shift[a]) as f32)
     }
 
     /// How near a surface comes to a sample that is `d` away from a point of it: `exp(-(h^2 + g^2) / (2 tolerance^2))`
@@ -102,9 +112,11 @@ impl Template {
     /// Similarity of the i-th sample and the j-th of the scene in the sizes of their pieces and in colour, 1 to 0.
     pub fn similarity(&self, scene: &SearchScene, i: usize, j: usize) -> f64 {
         let size = size_similarity(self.piece_sizes[i], scene.piece_size(j));
-        let color =
-            |tolerance| scene.surface.color_similarity(self.samples[i] as usize, j, tolerance);
-        size * scene.color_tolerance.map_or(1.0, color)
+        let color = match (scene.color_tolerance, &self.colors, &scene.surface.colors) {
+            (Some(tolerance), Some(a), Some(b)) => color_similarity(a[i], b[j], tolerance),
+            _ => 1.0,
+        };
+        size * color
     }
 
     /// How well the scene matches each of the first `n` samples after a motion, 1 to 0.
@@ -131,15 +143,16 @@ impl Template {
         (0..self.points.len().min(n)).map(match_of).collect()
     }
 
-    /// A motion in world coordinates.
-    pub fn pose(&self, motion: &Motion, origin: [f64; 3]) -> Result<Pose> {
+    /// A motion from the world of the example, whose coordinates are about `from`, to that of the scene about `to`: rigid, about
+    /// the pivot.
+    pub fn pose(&self, motion: &Motion, from: [f64; 3], to: [f64; 3]) -> Result<Pose> {
         let (s, c) = motion.yaw.sin_cos();
         let rows = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]];
-        // About the pivot in the world.
-        let pivot: [f64; 3] = std::array::from_fn(|a| self.pivot[a] + origin[a]);
+        // Where the pivot is in the one world, and where it comes to lie in the other.
+        let pivot: [f64; 3] = std::array::from_fn(|a| self.pivot[a] + from[a]);
         let shift = std::array::from_fn(|a| {
             let turned: f64 = (0..3).map(|k| rows[a][k] * pivot[k]).sum();
-            pivot[a] - turned + motion.shift[a]
+            self.pivot[a] + to[a] - turned + motion.shift[a]
         });
         Ok(Pose::new(rows, shift)?)
     }

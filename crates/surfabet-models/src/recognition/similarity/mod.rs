@@ -12,12 +12,53 @@ mod word_similarity;
 
 use surfabet_geom::Progress;
 
-use self::pair_histogram::pair_cosine;
+use self::pair_histogram::{pair_cosine, pair_roots};
 pub use self::word_histogram::WordShare;
-use self::word_similarity::word_cosine;
+use self::word_similarity::UsedWords;
 use super::constants::WORDS_WEIGHT;
 use crate::alphabet::model::AlphabetModel;
 use crate::error::Result;
+
+/// What a place is compared by: its words, and how their occurrences lie to each other. Made once per model, compared often.
+#[derive(Debug, Clone)]
+pub struct PlaceSignature {
+    words: UsedWords,
+    pairs: Vec<f64>,
+}
+
+impl PlaceSignature {
+    /// The signature of a model; of one without occurrences it is empty.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn of(model: &AlphabetModel, progress: &dyn Progress) -> Result<Self> {
+        Ok(Self { words: UsedWords::of(model), pairs: pair_roots(model, progress)? })
+    }
+
+    /// Similarity of two places, 0 to 1, as [`place_similarity`].
+    pub fn similarity(&self, other: &Self) -> f64 {
+        if self.is_empty() || other.is_empty() {
+            return f64::from(u8::from(self.is_empty() && other.is_empty()));
+        }
+        let (words, pairs) =
+            (self.words.cosine(&other.words), pair_cosine(&self.pairs, &other.pairs));
+        (words.powf(WORDS_WEIGHT) * pairs.powf(1.0 - WORDS_WEIGHT)).clamp(0.0, 1.0)
+    }
+
+    /// Similarity of two kinds of places, 0 to 1: of the words that occur, by shape, radius and inclination, without how they
+    /// lie to each other. 1 for a model and itself, the same either way.
+    pub fn word_similarity(&self, other: &Self) -> f64 {
+        if self.is_empty() || other.is_empty() {
+            return f64::from(u8::from(self.is_empty() && other.is_empty()));
+        }
+        self.words.cosine(&other.words).clamp(0.0, 1.0)
+    }
+
+    /// Whether the model has no occurrences.
+    pub fn is_empty(&self) -> bool {
+        self.words.is_empty()
+    }
+}
 
 /// Similarity of two places, 0 to 1: 1 for a model and itself, the same either way, and whatever the heading and the
 /// position of the scans.
@@ -34,11 +75,7 @@ pub fn place_similarity(
     b: &AlphabetModel,
     progress: &dyn Progress,
 ) -> Result<f64> {
-    if a.is_empty() || b.is_empty() {
-        return Ok(f64::from(u8::from(a.is_empty() && b.is_empty())));
-    }
-    let (words, pairs) = (word_cosine(a, b), pair_cosine(a, b, progress)?);
-    Ok((words.powf(WORDS_WEIGHT) * pairs.powf(1.0 - WORDS_WEIGHT)).clamp(0.0, 1.0))
+    Ok(PlaceSignature::of(a, progress)?.similarity(&PlaceSignature::of(b, progress)?))
 }
 
 #[cfg(test)]

@@ -31,13 +31,8 @@ const CLASSES: usize = DISTANCES * RISES * INCLINATIONS * INCLINATIONS * TURNS;
 
 /// Cosine of the roots of two histograms: `sum of sqrt(p q)` over the classes. Roots of shares have unit length, and no
 /// class drowns the others.
-pub(super) fn pair_cosine(
-    a: &AlphabetModel,
-    b: &AlphabetModel,
-    progress: &dyn Progress,
-) -> Result<f64> {
-    let [p, q] = [pair_histogram(a, progress)?, pair_histogram(b, progress)?];
-    Ok(p.iter().zip(&q).map(|(x, y)| (x * y).sqrt()).sum())
+pub(super) fn pair_cosine(p: &[f64], q: &[f64]) -> f64 {
+    p.iter().zip(q).map(|(x, y)| x * y).sum()
 }
 
 /// An occurrence as one of a pair.
@@ -47,8 +42,8 @@ struct Member {
     area: f64,
 }
 
-/// The share of all ordered pairs of occurrences, by the product of their areas, in each class.
-fn pair_histogram(model: &AlphabetModel, progress: &dyn Progress) -> Result<Vec<f64>> {
+/// The root of the share of all ordered pairs of occurrences, by the product of their areas, in each class.
+pub(super) fn pair_roots(model: &AlphabetModel, progress: &dyn Progress) -> Result<Vec<f64>> {
     let words = model.alphabet().words();
     let step = model.len().div_ceil(MAX_COMPARED).max(1);
     let all: Vec<Member> = model
@@ -76,7 +71,7 @@ fn pair_histogram(model: &AlphabetModel, progress: &dyn Progress) -> Result<Vec<
         total.iter_mut().zip(part).for_each(|(t, p)| *t += p);
     }
     let all: f64 = total.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-    Ok(total.iter().map(|t| t / all).collect())
+    Ok(total.iter().map(|t| (t / all).sqrt()).collect())
 }
 
 /// Adds a pair to its class, divided between the two nearest classes of distance.

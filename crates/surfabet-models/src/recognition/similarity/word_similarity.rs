@@ -5,19 +5,16 @@ use crate::alphabet::model::AlphabetModel;
 use crate::alphabet::word::{HEIGHT_STEPS, PIXELS, Word};
 use crate::recognition::constants::{HALF_HEIGHT_DIFFERENCE, HOLE_DIFFERENCE, RADIUS_WEIGHT};
 
-/// Cosine of two scenes under the kernel `k(a, b) = sum over the words x of a and y of b of share(x) share(y) s(x, y)`
-/// with the similarity s of words by shape, so that the alphabets may differ: `k(a, b) / sqrt(k(a, a) k(b, b))`.
-pub(super) fn word_cosine(a: &AlphabetModel, b: &AlphabetModel) -> f64 {
-    let [p, q] = [a, b].map(used_words);
-    let kernel = |p: &[UsedWord], q: &[UsedWord]| -> f64 {
-        p.iter().map(|x| q.iter().map(|y| x.share * y.share * x.similarity(y)).sum::<f64>()).sum()
-    };
-    // Summed both ways, so that rounding is the same for (a, b) and (b, a).
-    let across = 0.5 * (kernel(&p, &q) + kernel(&q, &p));
-    across / (kernel(&p, &p) * kernel(&q, &q)).sqrt()
+/// The words of a scene with their shares of its area.
+#[derive(Debug, Clone)]
+pub(super) struct UsedWords {
+    all: Vec<UsedWord>,
+    /// `k(a, a)`, see [`Self::cosine`].
+    squared: f64,
 }
 
 /// A word of a scene in one radius and inclination.
+#[derive(Debug, Clone)]
 struct UsedWord {
     word: Word,
     radius: f64,
@@ -25,16 +22,35 @@ struct UsedWord {
     share: f64,
 }
 
-/// The words of a scene with their shares of its area.
-fn used_words(model: &AlphabetModel) -> Vec<UsedWord> {
-    let words = model.alphabet().words();
-    let used = |s: WordShare| UsedWord {
-        word: words[usize::from(s.word)].clone(),
-        radius: s.radius,
-        inclination: s.inclination,
-        share: s.share,
-    };
-    model.word_histogram().into_iter().map(used).collect()
+impl UsedWords {
+    pub fn of(model: &AlphabetModel) -> Self {
+        let words = model.alphabet().words();
+        let used = |s: WordShare| UsedWord {
+            word: words[usize::from(s.word)].clone(),
+            radius: s.radius,
+            inclination: s.inclination,
+            share: s.share,
+        };
+        let all: Vec<UsedWord> = model.word_histogram().into_iter().map(used).collect();
+        let squared = kernel(&all, &all);
+        Self { all, squared }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    /// Cosine of two scenes under the kernel `k(a, b) = sum over the words x of a and y of b of share(x) share(y) s(x, y)`
+    /// with the similarity s of words by shape, so that the alphabets may differ: `k(a, b) / sqrt(k(a, a) k(b, b))`.
+    pub fn cosine(&self, other: &Self) -> f64 {
+        // Summed both ways, so that rounding is the same for (a, b) and (b, a).
+        let across = 0.5 * (kernel(&self.all, &other.all) + kernel(&other.all, &self.all));
+        across / (self.squared * other.squared).sqrt()
+    }
+}
+
+fn kernel(p: &[UsedWord], q: &[UsedWord]) -> f64 {
+    p.iter().map(|x| q.iter().map(|y| x.share * y.share * x.similarity(y)).sum::<f64>()).sum()
 }
 
 impl UsedWord {

@@ -70,14 +70,25 @@ impl Surface {
         Ok(surface)
     }
 
-    /// Similarity of two samples in colour, 1 to 0, as [`color_similarity`]; 1 without colours.
-    pub fn color_similarity(&self, i: usize, j: usize, tolerance: f64) -> f64 {
-        self.colors.as_ref().map_or(1.0, |colors| color_similarity(colors[i], colors[j], tolerance))
-    }
-
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.points.len()
+    }
+}
+
+impl AlphabetModel {
+    /// Lowest and highest corner of a box around all occurrences and what is within sigma of them, world coordinates; not finite
+    /// for a model without occurrences.
+    pub fn extent(&self) -> [[f64; 3]; 2] {
+        let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for o in self.occurrences() {
+            for a in 0..3 {
+                let reach = o.radius * (o.rows[0][a].abs() + o.rows[1][a].abs()) + o.sigma;
+                extent[0][a] = extent[0][a].min(o.center[a] - reach);
+                extent[1][a] = extent[1][a].max(o.center[a] + reach);
+            }
+        }
+        extent
     }
 }
 

@@ -1,0 +1,128 @@
+//! Regions that may be a thing.
+
+use surfabet_base::parallel;
+use surfabet_geom::disjoint::root;
+use surfabet_geom::{Neighbor, Progress};
+
+use super::options::RecurringOptions;
+use crate::error::Result;
+use crate::recognition::constants::{LEAST_FILLED, LINK_REACH, MARGIN_OF_THINGS, PART_MARGIN};
+use crate::recognition::find::{Region, SearchScene};
+
+/// A set of samples with the box around it.
+#[derive(Clone, Copy)]
+struct Group {
+    low: [f32; 3],
+    high: [f32; 3],
+    n: usize,
+}
+
+impl Group {
+    const NONE: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], n: 0 };
+
+    fn add(&mut self, p: [f32; 3]) {
+        for a in 0..3 {
+            self.low[a] = self.low[a].min(p[a]);
+            self.high[a] = self.high[a].max(p[a]);
+        }
+        self.n += 1;
+    }
+
+    fn diagonal(&self) -> f64 {
+        (0..3).map(|a| f64::from(self.high[a] - self.low[a]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    fn region(&self, margin: f64) -> Region {
+        Region::Box {
+            low: self.low.map(|c| f64::from(c) - margin),
+            high: self.high.map(|c| f64::from(c) + margin),
+        }
+    }
+}
+
+/// Boxes about the origin of the model, those with most samples first: each around samples that hang together, without smooth
+/// surfaces larger than `options.max_size`. What hangs together over more than that is taken apart: the box of each of its
+/// smooth pieces, with a margin, is one.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(super) fn candidates(
+    scene: &SearchScene,
+    options: &RecurringOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Region>> {
+    let spacing = scene.surface.spacing;
+    let points = &scene.surface.points;
+    let (pieces, _) = scene.surface.pieces(&scene.tree, progress)?;
+    let boxes = groups(points, |i| Some(pieces[i]));
+    let is_part = |i: usize| boxes[pieces[i] as usize].diagonal() <= options.max_size;
+    let parts: Vec<bool> = (0..points.len()).map(is_part).collect();
+    let together = linked(scene, &parts, (LINK_REACH * spacing) as f32, progress)?;
+    let things = groups(points, |i| parts[i].then_some(together[i]));
+    // A square of the least size, filled in part.
+    let least = LEAST_FILLED * (options.min_size / spacing).powi(2);
+    let fits = |g: &Group| {
+        let size = g.diagonal();
+        (options.min_size..=options.max_size).contains(&size) && g.n as f64 >= least
+    };
+    let mut found: Vec<(usize, Region)> = Vec::new();
+    for thing in things.iter().filter(|g| fits(g)) {
+        found.push((thing.n, thing.region(MARGIN_OF_THINGS * spacing)));
+    }
+    for (k, piece) in boxes.iter().enumerate() {
+        let is_in_larger =
+            piece.n > 0 && parts[k] && things[together[k] as usize].diagonal() > options.max_size;
+        if is_in_larger && fits(piece) {
+            let margin = PART_MARGIN * piece.diagonal();
+            let region = piece.region(margin);
+            if region.diagonal() <= options.max_size {
+                found.push((piece.n, region));
+            }
+        }
+    }
+    // The order of samples decides among equal ones.
+    found.sort_by_key(|&(n, _)| std::cmp::Reverse(n));
+    Ok(found.into_iter().map(|f| f.1).collect())
+}
+
+/// The boxes of groups of samples, each at the number of its first sample.
+fn groups(points: &[[f32; 3]], of: impl Fn(usize) -> Option<u32>) -> Vec<Group> {
+    let mut all = vec![Group::NONE; points.len()];
+    for (i, &p) in points.iter().enumerate() {
+        if let Some(k) = of(i) {
+            all[k as usize].add(p);
+        }
+    }
+    all
+}
+
+/// The first sample of what each of the samples with `parts` hangs together with, over steps of at most `reach`.
+fn linked(
+    scene: &SearchScene,
+    parts: &[bool],
+    reach: f32,
+    progress: &dyn Progress,
+) -> Result<Vec<u32>> {
+    let n = scene.surface.len();
+    let links = parallel::try_map_range_with(
+        n,
+        Vec::new,
+        |near: &mut Vec<Neighbor>, i| -> Result<Vec<[u32; 2]>> {
+            if i % 1024 == 0 {
+                progress.check()?;
+            }
+            if !parts[i] {
+                return Ok(Vec::new());
+            }
+            scene.tree.within(scene.surface.points[i], reach, near);
+            let later = near.iter().map(|n| n.index()).filter(|&j| j > i && parts[j]);
+            Ok(later.map(|j| [i as u32, j as u32]).collect())
+        },
+    )?;
+    let mut parent: Vec<u32> = (0..n as u32).collect();
+    for [i, j] in links.into_iter().flatten() {
+        let [a, b] = [root(&mut parent, i), root(&mut parent, j)];
+        parent[a.max(b) as usize] = a.min(b);
+    }
+    Ok((0..n as u32).map(|i| root(&mut parent, i)).collect())
+}
