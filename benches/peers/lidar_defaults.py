@@ -38,8 +38,8 @@ SCANS = {
 _FINENESS = 1.01
 """Steps are found to this factor."""
 _OCTREE = {**GPCC_GEOMETRY, "trisoupNodeSizeLog2": 0, "disableAttributeCoding": 1}
-# Those of the common test conditions for clouds of several scans, and for frames of a lidar; and the
-# predictive tree over points in the order of the scan, and sorted along a curve.
+# Those of the common test conditions for clouds of several scans, and for frames of a lidar; and
+# the predictive tree over points in the order of the scan, and sorted along a curve.
 _CONDITIONS: tuple[dict[str, object], ...] = (
     {"maxNumQtBtBeforeOt": 4, "planarModeIdcmUse": 0},
     {"maxNumQtBtBeforeOt": 6, "planarModeIdcmUse": 32},

@@ -22,8 +22,8 @@ from surfabet.cli.export import export
 from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.locate import locate
-from surfabet.cli.plan import plan
 from surfabet.cli.places import places
+from surfabet.cli.plan import plan
 from surfabet.cli.recurring import recurring
 from surfabet.cli.verify import verify
 from surfabet.cli.view import view
