@@ -55,6 +55,8 @@ from surfabet.planes import (
     random_planes,
 )
 from surfabet.survey import Survey, survey
+from surfabet.tiles import TiledPatchModel, Tiles, merge_tiles
+from surfabet.tiling import TilingReport, learn_patches_tiled
 
 __all__ = [
     "Alphabet",
@@ -100,6 +102,9 @@ __all__ = [
     "RangeImage",
     "RangeSigma",
     "Survey",
+    "TiledPatchModel",
+    "Tiles",
+    "TilingReport",
     "UnitWarning",
     "VoxelGrid",
     "WordShares",
@@ -116,8 +121,10 @@ __all__ = [
     "learn_gas",
     "learn_hscsm",
     "learn_patches",
+    "learn_patches_tiled",
     "learn_planes",
     "load",
+    "merge_tiles",
     "octree_downsample",
     "place_similarity",
     "random_downsample",

@@ -1,11 +1,12 @@
 //! Points beside the patches: for the input that is far from what the patches decode to.
 
 use surfabet_base::parallel;
-use surfabet_geom::{Aabb, KdTree, PointCloud, Progress};
+use surfabet_geom::{Aabb, KdTree, Progress};
 
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
 use super::samples::cells::LIMIT;
+use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
 
 /// Points whose distances tell whether enough are near: with as many, a share is exact to a tenth of a percent.
@@ -30,12 +31,12 @@ const BATCH: usize = 1 << 12;
 /// [`Error::TooLarge`] for a bound that single precision does not resolve, [`Error::Cancelled`].
 pub(super) fn with_points_within(
     model: PatchModel,
-    cloud: &PointCloud,
+    positions: &[[f32; 3]],
     bound: f64,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
-    let limit = limit(cloud, bound)?;
-    let far = far_points(&model, cloud.positions(), limit, progress)?;
+    let limit = limit(positions, bound)?;
+    let far = far_points(&model, &[], positions, limit, progress)?;
     let cells = Cells::of(&model, &far, limit);
     let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
     Ok(model.with_extra(keys, cells.size, Some(bound)))
@@ -52,13 +53,15 @@ pub(super) struct Completeness {
     pub layer_gap: Option<f64>,
 }
 
-/// Adds points until the decoded cloud, as measured, is complete: those first that stand for most input points.
+/// Adds points until the decoded cloud, as measured, is complete: those first that stand for most input points. Patches
+/// `beside` those of the model count as decoded too.
 ///
 /// # Errors
 /// As [`with_points_within`].
 pub(super) fn with_share_of_points(
     model: PatchModel,
-    cloud: &PointCloud,
+    positions: &[[f32; 3]],
+    beside: &[Leaf],
     wanted: Completeness,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
@@ -68,17 +71,16 @@ pub(super) fn with_share_of_points(
     if share <= 0.0 || bound <= 0.0 {
         return Ok(model);
     }
-    let limit = limit(cloud, bound)?;
-    let positions = cloud.positions();
+    let limit = limit(positions, bound)?;
     let step = positions.len().div_ceil(PROBES);
     if step > 1 {
         let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
-        let far = far_points(&model, &probes, limit, progress)?;
+        let far = far_points(&model, beside, &probes, limit, progress)?;
         if 1.0 - far.len() as f64 / probes.len() as f64 >= share + PROBE_MARGIN {
             return Ok(model);
         }
     }
-    let far = far_points(&model, positions, limit, progress)?;
+    let far = far_points(&model, beside, positions, limit, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
     let Cells { mut counted, size } =
@@ -99,9 +101,8 @@ pub(super) fn with_share_of_points(
 }
 
 /// The bound less what rounding of coordinates to single precision may add.
-fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
-    let extent =
-        cloud.positions().iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
+fn limit(positions: &[[f32; 3]], bound: f64) -> Result<f64> {
+    let extent = positions.iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
     let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);
     let largest = f64::from(LIMIT) * 0.5 * bound;
     if limit < 0.5 * bound || extent > largest {
@@ -110,16 +111,17 @@ fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
     Ok(limit)
 }
 
-/// The `positions` that are further than `limit` from all that the patches decode to as measured.
+/// The `positions` that are further than `limit` from all that the patches, and those `beside` them, decode to as measured.
 fn far_points(
     model: &PatchModel,
+    beside: &[Leaf],
     positions: &[[f32; 3]],
     limit: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 3]>> {
     let mut seen_near = vec![false; positions.len()];
     let patches = model.len().div_ceil(PARTS).max(LEAST_PATCHES);
-    for part in model.leaves().chunks(patches) {
+    for part in model.leaves().chunks(patches).chain(beside.chunks(patches)) {
         let decoded = model.positions_as_measured(part, progress)?;
         // Patches decode to at least a point each.
         let Some(bounds) = Aabb::of(decoded.iter().copied()) else { continue };
