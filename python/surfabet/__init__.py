@@ -59,6 +59,8 @@ from surfabet.planes import (
 from surfabet.recurring import RecurringClass, RecurringClasses, recurring
 from surfabet.survey import Survey, survey
 from surfabet.view import view
+from surfabet.tiles import TiledPatchModel, Tiles, merge_tiles
+from surfabet.tiling import TilingReport, learn_patches_tiled
 
 __all__ = [
     "Alphabet",
@@ -110,6 +112,9 @@ __all__ = [
     "RecurringClass",
     "RecurringClasses",
     "Survey",
+    "TiledPatchModel",
+    "Tiles",
+    "TilingReport",
     "UnitWarning",
     "VoxelGrid",
     "WordShares",
@@ -127,8 +132,10 @@ __all__ = [
     "learn_gas",
     "learn_hscsm",
     "learn_patches",
+    "learn_patches_tiled",
     "learn_planes",
     "load",
+    "merge_tiles",
     "octree_downsample",
     "place_index",
     "place_similarity",

@@ -1,6 +1,6 @@
 """Stubs of the compiled module; `stubtest` holds them against the binary."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -413,6 +413,7 @@ class Model:
         resolution: float | None,
         as_measured: bool,
         normals: bool,
+        region: tuple[Sequence[float], Sequence[float]] | None,
         max_points: int,
         progress: ProgressCallback | None,
     ) -> PointCloud: ...
@@ -437,6 +438,71 @@ class Model:
     def summary_dict(self) -> dict[str, Any]: ...
     def __len__(self) -> int: ...
     def __eq__(self, other: object, /) -> bool: ...
+
+_Corners: TypeAlias = tuple[Sequence[float], Sequence[float]]
+_Range: TypeAlias = tuple[str, str, Sequence[int] | None, float, float, float]
+
+@final
+class TiledPatchModel(Model):
+    def decode_level(
+        self,
+        *,
+        resolution: float | None,
+        as_measured: bool,
+        normals: bool,
+        region: _Corners | None,
+        level: int | None,
+        max_points: int,
+        progress: ProgressCallback | None,
+    ) -> PointCloud: ...
+    def save_tiles(self, path: str, note: str) -> int: ...
+    @property
+    def rotation(self) -> list[list[float]]: ...
+    @property
+    def max_error(self) -> float | None: ...
+    @property
+    def attribute_names(self) -> list[str]: ...
+    @property
+    def pixel_sizes(self) -> list[float]: ...
+    @property
+    def tile_side(self) -> float: ...
+    def tile_cubes(self) -> NDArray[np.int64]: ...
+    def tile_bounds(self) -> NDArray[np.float64]: ...
+    def tile_points(self) -> NDArray[np.uint64]: ...
+    def tile_bytes(self) -> NDArray[np.uint64]: ...
+
+def open_tiles(
+    path: str, *, region: _Corners | None, level: int | None, max_items: int, max_bytes: int
+) -> TiledPatchModel | None: ...
+def open_tiles_of(
+    read: Callable[[int, int], bytes],
+    size: int,
+    *,
+    region: _Corners | None,
+    level: int | None,
+    max_items: int,
+    max_bytes: int,
+) -> TiledPatchModel | None: ...
+def holds_tiles(start: bytes) -> bool: ...
+def merge_tiles(models: Sequence[TiledPatchModel]) -> TiledPatchModel: ...
+def plan_tiles(
+    sample: PointCloud,
+    bounds: _Corners,
+    ranges: Sequence[_Range],
+    tile: float | None,
+    options: Mapping[str, object],
+    *,
+    progress: ProgressCallback | None,
+) -> dict[str, Any]: ...
+def plan_with_side(plan: dict[str, Any], side: float) -> dict[str, Any]: ...
+def learn_tile(
+    cloud: PointCloud,
+    cube: Sequence[int],
+    plan: dict[str, Any],
+    options: Mapping[str, object],
+    *,
+    progress: ProgressCallback | None,
+) -> bytes | None: ...
 
 _Places: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from surfabet import _core
+from surfabet._remote import RemoteFile, is_url
 from surfabet.alphabet import Alphabet, AlphabetModel
 from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel
-from surfabet.errors import FormatError
+from surfabet.errors import FormatError, InvalidInputError
 from surfabet.gas import GasModel
 from surfabet.hscsm import HscsmDictionary, HscsmModel
+from surfabet.model import Box
 from surfabet.patches import PatchModel
 from surfabet.planes import PlaneModel
+from surfabet.tiles import TiledPatchModel, open_tiled
 
 __all__ = ["AnyModel", "FileInfo", "Vocabulary", "from_bytes", "inspect", "load"]
 
@@ -24,7 +28,15 @@ MAX_ITEMS = 500_000_000
 MAX_BYTES = 8 << 30
 """Most bytes that a file may make us allocate unless told otherwise."""
 
-AnyModel = AlphabetModel | BicAlphabetModel | GasModel | PatchModel | HscsmModel | PlaneModel
+AnyModel = (
+    AlphabetModel
+    | BicAlphabetModel
+    | GasModel
+    | PatchModel
+    | HscsmModel
+    | PlaneModel
+    | TiledPatchModel
+)
 """A model of any method."""
 
 
@@ -53,8 +65,10 @@ class FileInfo:
 
 
 def load(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | BinaryIO,
     *,
+    box: Box | None = None,
+    level: int | None = None,
     vocabulary: Vocabulary | None = None,
     max_items: int = MAX_ITEMS,
     max_bytes: int = MAX_BYTES,
@@ -64,7 +78,14 @@ def load(
     Parameters
     ----------
     path
-        The file.
+        The file: a path, a URL such as `https://...` or `s3://...` (needs `surfabet[remote]`), or a
+        binary object with `read` and `seek`.
+    box
+        Of a file with tiles, read only those that meet this box: its lower and upper corner in
+        world coordinates, metres. The model decodes to the points in the box.
+    level
+        Of a file with tiles, read only this level of detail, 0 the coarsest; with `box` the finest
+        by default.
     vocabulary
         The dictionary or alphabet that the file was made with, when it names one by its hash
         instead of holding it: `model.dictionary` or `model.alphabet`.
@@ -83,9 +104,30 @@ def load(
     FormatError
         When it is damaged, not a model, needs a newer release, or was made with another
         vocabulary; the message says which.
+    InvalidInputError
+        For a box that is none, a level that the file does not have, and for either with a file
+        that has no tiles.
     """
+    source = RemoteFile(path) if isinstance(path, str) and is_url(path) else path
+    tiled = open_tiled(source, box=box, level=level, max_items=max_items, max_bytes=max_bytes)
+    if tiled is not None:
+        return tiled
+    for name, given in (("box", box), ("level", level)):
+        if given is not None:
+            requirement = "left out: the file has no tiles, load it whole and decode with box="
+            raise InvalidInputError(
+                f"{name} is {given!r}, but must be {requirement}",
+                argument=name,
+                value=repr(given),
+                requirement=requirement,
+            )
+    if not isinstance(source, str | os.PathLike):
+        source.seek(0)
+        return from_bytes(
+            source.read(), vocabulary=vocabulary, max_items=max_items, max_bytes=max_bytes
+        )
     core = _core.load(
-        os.fspath(path),
+        os.fspath(source),
         max_items=max_items,
         max_bytes=max_bytes,
         vocabulary=None if vocabulary is None else vocabulary._core,
@@ -101,6 +143,11 @@ def from_bytes(
     max_bytes: int = MAX_BYTES,
 ) -> AnyModel:
     """As `load`, from bytes as `Model.to_bytes` gives them."""
+    tiled = open_tiled(
+        io.BytesIO(data), box=None, level=None, max_items=max_items, max_bytes=max_bytes
+    )
+    if tiled is not None:
+        return tiled
     core = _core.from_bytes(
         data,
         max_items=max_items,

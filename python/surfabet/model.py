@@ -11,15 +11,45 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
+from surfabet.errors import InvalidInputError
 from surfabet.learning import AttributeFigures, LearningReport
 from surfabet.locate import Localizer, Locations
 
-__all__ = ["MAX_POINTS", "Model"]
+__all__ = ["MAX_POINTS", "Box", "Model", "corners"]
 
 MAX_POINTS = 500_000_000
 """Most points that `decode` makes unless told otherwise."""
 
+Box = tuple[ArrayLike, ArrayLike]
+"""Lower and upper corner of a box along the axes of the world, (3,) each, metres. Its faces belong
+to it; coordinates may be infinite."""
+
 C = TypeVar("C", bound=_core.Model)
+
+
+def corners(box: Box | None) -> tuple[list[float], list[float]] | None:
+    """The two corners of `box` as plain numbers.
+
+    Raises
+    ------
+    InvalidInputError
+        It is not two corners of three numbers each.
+    """
+    if box is None:
+        return None
+    try:
+        array = np.asarray(box, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (2, 3):
+        requirement = "two corners of three numbers each, (lo, hi)"
+        raise InvalidInputError(
+            f"box is {box!r}, but must be {requirement}",
+            argument="box",
+            value=repr(box),
+            requirement=requirement,
+        )
+    return array[0].tolist(), array[1].tolist()
 
 
 class Model(Generic[C]):
@@ -41,6 +71,7 @@ class Model(Generic[C]):
         *,
         as_measured: bool = False,
         normals: bool = False,
+        box: Box | None = None,
         max_points: int = MAX_POINTS,
         progress: Progress = None,
     ) -> PointCloud:
@@ -58,6 +89,9 @@ class Model(Generic[C]):
         normals
             Give every point the unit normal of its surface, towards where it was seen from where
             that is known.
+        box
+            Lower and upper corner of a box in world coordinates, metres: gives the points of the
+            whole cloud that lie in it, in the same order.
         max_points
             Refuse to make more points than this.
         progress
@@ -72,14 +106,15 @@ class Model(Generic[C]):
         Raises
         ------
         InvalidInputError
-            For a spacing that is not positive, one that makes more than `max_points` points, or
-            `as_measured` for a model that keeps no thickness.
+            For a box that is none, a spacing that is not positive, one that makes more than
+            `max_points` points, or `as_measured` for a model that keeps no thickness.
         """
         with progress_callback(progress) as callback:
             return self._core.decode(
                 resolution=resolution,
                 as_measured=as_measured,
                 normals=normals,
+                region=corners(box),
                 max_points=max_points,
                 progress=callback,
             )

@@ -108,6 +108,9 @@ impl Features {
     /// Colours and scalars of patches are also predicted from what is coded beside them.
     pub const BESIDE: Self = Self(64);
 
+    /// Patches stand in tiles that are read one by one.
+    pub const TILES: Self = Self(128);
+
     /// The header of patches has a bound on the distance of decoded points to the input.
     pub const FORWARD_BOUND: Self = Self(256);
 
@@ -115,7 +118,7 @@ impl Features {
     pub const NEAR_POINTS: Self = Self(512);
 
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 9] = [
+    const KNOWN: [(Self, &'static str, Version); 10] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -123,6 +126,7 @@ impl Features {
         (Self::UNBLENDED, "attributes without blending", Version { major: 0, minor: 1 }),
         (Self::HIERARCHY, "hierarchy in common", Version { major: 0, minor: 1 }),
         (Self::BESIDE, "attributes predicted from those beside", Version { major: 0, minor: 1 }),
+        (Self::TILES, "tiles", Version { major: 0, minor: 1 }),
         (Self::FORWARD_BOUND, "bound on decoded points", Version { major: 0, minor: 1 }),
         (Self::NEAR_POINTS, "points given those around", Version { major: 0, minor: 1 }),
     ];
@@ -271,7 +275,34 @@ pub struct ContainerWriter {
     family: u8,
     features: Features,
     needed: Version,
-    sections: Vec<(Tag, Vec<u8>)>,
+    sections: Vec<(Tag, Content)>,
+}
+
+/// Content of a section that is written.
+#[derive(Debug, Clone)]
+enum Content {
+    Bytes(Vec<u8>),
+    /// Bytes that the caller puts into their place.
+    Elsewhere {
+        len: u64,
+        checksum: u32,
+    },
+}
+
+impl Content {
+    fn len(&self) -> u64 {
+        match self {
+            Self::Bytes(bytes) => bytes.len() as u64,
+            Self::Elsewhere { len, .. } => *len,
+        }
+    }
+
+    fn checksum(&self) -> u32 {
+        match self {
+            Self::Bytes(bytes) => crc32c::crc32c(bytes),
+            Self::Elsewhere { checksum, .. } => *checksum,
+        }
+    }
 }
 
 impl ContainerWriter {
@@ -288,7 +319,15 @@ impl ContainerWriter {
     /// Appends a section; sections stay in this order.
     #[must_use]
     pub fn section(mut self, tag: Tag, bytes: Vec<u8>) -> Self {
-        self.sections.push((tag, bytes));
+        self.sections.push((tag, Content::Bytes(bytes)));
+        self
+    }
+
+    /// Appends a section of `len` bytes with this checksum, which [`ContainerWriter::finish`] leaves out: they are to be
+    /// put between the bytes of the sections before and after it.
+    #[must_use]
+    pub fn section_elsewhere(mut self, tag: Tag, len: u64, checksum: u32) -> Self {
+        self.sections.push((tag, Content::Elsewhere { len, checksum }));
         self
     }
 
@@ -310,16 +349,18 @@ impl ContainerWriter {
         header.u8(self.family);
         header.varint(self.features.0);
         header.varint(self.sections.len() as u64);
-        for (tag, bytes) in &self.sections {
+        for (tag, content) in &self.sections {
             header.bytes(&tag.0);
-            header.varint(bytes.len() as u64);
-            header.u32(crc32c::crc32c(bytes));
+            header.varint(content.len());
+            header.u32(content.checksum());
         }
         let mut file = header.finish();
         let checksum = crc32c::crc32c(&file);
         file.extend_from_slice(&checksum.to_le_bytes());
-        for (_, bytes) in &self.sections {
-            file.extend_from_slice(bytes);
+        for (_, content) in &self.sections {
+            if let Content::Bytes(bytes) = content {
+                file.extend_from_slice(bytes);
+            }
         }
         Ok(file)
     }
@@ -380,10 +421,76 @@ fn check_start(file: &[u8], limits: &Limits) -> Result<()> {
 }
 
 /// A section as the table has it.
-struct Entry {
-    tag: Tag,
-    len: u64,
-    checksum: u32,
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Entry {
+    /// Its name.
+    pub tag: Tag,
+    /// Number of its bytes.
+    pub len: u64,
+    /// Checksum of its bytes.
+    pub checksum: u32,
+}
+
+/// What stands before the sections of a file, for readers that take parts of these.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// Family of the model inside.
+    pub family: Family,
+    /// Features without which the file cannot be read.
+    pub features: Features,
+    /// Sections one after another, as the table has them.
+    pub sections: Vec<Entry>,
+    /// Where the first section begins.
+    pub len: u64,
+}
+
+impl Frame {
+    /// Most bytes that a frame takes: with all sections that there may be.
+    pub const MOST: usize = 64 + MAX_SECTIONS * (MIN_ENTRY + 9);
+
+    /// Reads the first bytes of a file: [`Frame::MOST`] are always enough.
+    ///
+    /// # Errors
+    /// As [`Container::parse`].
+    pub fn read(start: &[u8], limits: &Limits) -> Result<Self> {
+        check_start(start, limits)?;
+        let mut reader = ByteReader::new(Tag::HEADER, start);
+        let Header { family, features, table, .. } = Header::read(&mut reader, start)?;
+        Ok(Self { family, features, sections: table, len: reader.offset() as u64 })
+    }
+
+    /// Where a section begins in the file, and its entry.
+    ///
+    /// # Errors
+    /// [`Error::MissingSection`]; [`Error::Corrupt`] for lengths beyond 64 bits.
+    pub fn require(&self, tag: Tag) -> Result<(u64, Entry)> {
+        let mut offset = self.len;
+        for entry in &self.sections {
+            if entry.tag == tag {
+                return Ok((offset, *entry));
+            }
+            let end = offset.checked_add(entry.len);
+            offset = end.ok_or_else(|| {
+                Error::corrupt(Tag::HEADER, 0, "sections of more than 2^64 bytes")
+            })?;
+        }
+        Err(Error::MissingSection { section: tag })
+    }
+
+    /// Refuses sections that are neither in `known` nor skippable.
+    ///
+    /// # Errors
+    /// [`Error::UnknownSection`] for the first of them.
+    pub fn expect_only(&self, known: &[Tag]) -> Result<()> {
+        let strange = |e: &&Entry| !known.contains(&e.tag) && !e.tag.is_skippable();
+        match self.sections.iter().find(strange) {
+            Some(entry) => Err(Error::UnknownSection {
+                section: entry.tag,
+                needed: self.features.needed_version(),
+            }),
+            None => Ok(()),
+        }
+    }
 }
 
 /// What stands before the sections.

@@ -5,7 +5,7 @@ use crate::container::{Limits, Tag};
 use crate::error::{Error, Result};
 
 /// Tag of the header section of every model.
-pub(crate) const META: Tag = Tag::new(b"META");
+pub const META: Tag = Tag::new(b"META");
 
 /// Writes fields, or reads them into the places given: a header is one list of calls for both.
 pub trait Fields {

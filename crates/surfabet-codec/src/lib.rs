@@ -45,12 +45,20 @@ mod note;
 mod patches;
 mod planes;
 mod section;
+mod tiles;
 
-pub use container::{Container, ContainerWriter, Family, Features, Limits, Section, Tag, Version};
+pub use container::{
+    Container, ContainerWriter, Entry, Family, Features, Frame, Limits, Section, Tag, Version,
+};
 pub use entropy::{Decoder, Encoder};
 pub use error::{Error, Result};
 pub use hash::ContentHash;
+pub use header::META;
 pub use note::{MAX_NOTE, note, with_note};
 pub use section::{
     FileSummary, Layout, Promise, StreamSection, Vocabulary, holds, inspect, read, write,
+};
+pub use tiles::{
+    MAX_DETAILS, TILE_INDEX, TILES, TileEntry, TileIndex, TiledHeader, checksum, inspect_tiles,
+    patches_of_tile, write_tile,
 };

@@ -137,7 +137,7 @@ fn places<M: Layout>(
 }
 
 /// The features that a file with this header needs. `shared`: it names its vocabulary.
-fn features<M: Layout>(header: &M::Header, shared: bool) -> Features {
+pub(crate) fn features<M: Layout>(header: &M::Header, shared: bool) -> Features {
     let own = M::FEATURES.with(M::optional_features(header));
     if shared { own.with(Features::SHARED_DICTIONARY) } else { own }
 }
@@ -221,7 +221,7 @@ pub fn read<M: Layout>(
 }
 
 /// Writes or reads a header in a file with these optional features.
-fn code_all<M: Layout, F: Fields>(
+pub(crate) fn code_all<M: Layout, F: Fields>(
     fields: &mut F,
     header: &mut M::Header,
     optional: Features,

@@ -7,6 +7,7 @@ use surfabet_geom::{PointCloud, Progress};
 
 use crate::error::{Error, Result, positive};
 use crate::options::Options;
+use crate::region::Region;
 use crate::report::{Figures, Report};
 use crate::summary::Summary;
 
@@ -65,6 +66,19 @@ pub trait SurfaceModel: Debug + Clone + PartialEq + Send + Sync + 'static {
     /// [`Error::InvalidParameter`] for options outside their domain, [`Error::TooManyPoints`],
     /// [`Error::Cancelled`].
     fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud>;
+
+    /// What [`SurfaceModel::decode`] gives of the points in `region`, the same points in the same order.
+    ///
+    /// # Errors
+    /// As [`SurfaceModel::decode`].
+    fn decode_within(
+        &self,
+        region: &Region,
+        options: DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud> {
+        region.crop(&self.decode(options, progress)?)
+    }
 
     /// How the model was learned; empty for a model read from a file.
     fn report(&self) -> &Report<Self::Figures>;

@@ -49,6 +49,20 @@ impl ScalarScale {
         }
         let mean = sum / n;
         let deviation = (values.map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+        Self::from_range(name, low, high, deviation, share)
+    }
+
+    /// As [`ScalarScale::of`] where the range and the standard deviation of the values are known.
+    ///
+    /// # Errors
+    /// As [`ScalarScale::of`].
+    pub(crate) fn from_range(
+        name: &str,
+        low: f64,
+        high: f64,
+        deviation: f64,
+        share: f64,
+    ) -> Result<Self> {
         let step = (share * deviation).max((high - low) / MAX_STEPS);
         if !step.is_finite() {
             let given = format!("{name} from {low:e} to {high:e}");

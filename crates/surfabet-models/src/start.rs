@@ -153,6 +153,11 @@ impl<'a> Start<'a> {
         }
     }
 
+    /// Options that were not given, and what the data made of them.
+    pub fn into_chosen(self) -> Vec<Chosen> {
+        self.chosen
+    }
+
     /// Adds to a report what was measured, chosen and left out.
     pub fn report<F>(&self, tolerance: f64, report: &mut Report<F>) {
         report.survey = self.survey.clone();

@@ -98,6 +98,24 @@ impl IntoPyErr for surfabet_models::Error {
     }
 }
 
+impl IntoPyErr for surfabet::OpenError {
+    fn into_py_err(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            // What a Python object raised when it was read stays what it is.
+            Self::Io(error) => match error.downcast::<PyErr>() {
+                Ok(raised) => raised,
+                Err(error) => match error.raw_os_error() {
+                    Some(number) => PyOSError::new_err((number, error.to_string())),
+                    None => PyOSError::new_err(message),
+                },
+            },
+            Self::Codec(_) => format_error(message),
+            Self::Model(error) => error.into_py_err(),
+        }
+    }
+}
+
 impl IntoPyErr for surfabet::Error {
     fn into_py_err(self) -> PyErr {
         let message = self.to_string();

@@ -30,6 +30,7 @@ mod run;
 mod sim;
 mod sparse;
 mod survey;
+mod tiles;
 mod view;
 mod voxel_grid;
 
@@ -65,5 +66,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     voxel_grid::register(module)?;
     sparse::register(module)?;
     survey::register(module)?;
+    tiles::register(module)?;
     Ok(())
 }

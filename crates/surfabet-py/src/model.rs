@@ -6,7 +6,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::pyclass::PyClass;
 use pyo3::types::{PyBytes, PyDict};
-use surfabet::{AnyModel, DecodeOptions, Fact, Layout};
+use surfabet::{AnyModel, DecodeOptions, Fact, Layout, Region};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::IntoPyErr;
@@ -59,20 +59,39 @@ pub fn wrap<M: ModelClass>(py: Python<'_>, model: M) -> PyResult<Py<M::Class>> {
     Py::new(py, base.add_subclass(M::object(model)))
 }
 
+/// The region with these corners.
+pub fn region_of(corners: Option<([f64; 3], [f64; 3])>) -> PyResult<Option<Region>> {
+    let region = corners.map(|(low, high)| Region::new(low, high)).transpose();
+    region.map_err(IntoPyErr::into_py_err)
+}
+
+impl PyModel {
+    /// The object of a model.
+    pub fn of(model: Arc<dyn AnyModel>) -> Self {
+        Self { model }
+    }
+}
+
 #[pymethods]
 impl PyModel {
-    #[pyo3(signature = (*, resolution, as_measured, normals, max_points, progress))]
+    #[pyo3(signature = (*, resolution, as_measured, normals, region, max_points, progress))]
+    #[allow(clippy::too_many_arguments)]
     fn decode(
         slf: &Bound<'_, Self>,
         resolution: Option<f64>,
         as_measured: bool,
         normals: bool,
+        region: Option<([f64; 3], [f64; 3])>,
         max_points: u64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyPointCloud> {
         let model = &slf.get().model;
         let options = DecodeOptions { resolution, as_measured, normals, max_points };
-        let cloud = run(slf.py(), progress, |monitor| model.decode(options, monitor))?;
+        let region = region_of(region)?;
+        let cloud = run(slf.py(), progress, |monitor| match &region {
+            Some(region) => model.decode_within(region, options, monitor),
+            None => model.decode(options, monitor),
+        })?;
         Ok(cloud.into())
     }
 

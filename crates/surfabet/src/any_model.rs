@@ -5,7 +5,7 @@ use std::fmt::Debug;
 
 use surfabet_codec::{ContentHash, Layout, Vocabulary};
 use surfabet_geom::{PointCloud, Progress};
-use surfabet_models::{DecodeOptions, Figures, Report, Summary};
+use surfabet_models::{DecodeOptions, Figures, Region, Report, Summary};
 use surfabet_recognition::Localizer;
 
 use crate::error::Result;
@@ -26,6 +26,17 @@ pub trait AnyModel: Debug + Send + Sync {
     /// # Errors
     /// [`crate::Error::Model`] for options outside their domain, too many points, or when the caller asks to stop.
     fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud>;
+
+    /// What [`AnyModel::decode`] gives of the points in `region`, the same points in the same order.
+    ///
+    /// # Errors
+    /// As [`AnyModel::decode`].
+    fn decode_within(
+        &self,
+        region: &Region,
+        options: DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud>;
 
     /// The model made ready to be asked where scans were taken.
     ///
@@ -78,6 +89,15 @@ impl<M: Layout> AnyModel for M {
 
     fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
         Ok(M::decode(self, options, progress)?)
+    }
+
+    fn decode_within(
+        &self,
+        region: &Region,
+        options: DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud> {
+        Ok(M::decode_within(self, region, options, progress)?)
     }
 
     fn localizer(&self, progress: &dyn Progress) -> Result<Localizer> {

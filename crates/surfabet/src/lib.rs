@@ -29,13 +29,15 @@ mod error;
 mod model;
 mod registry;
 mod save;
+mod tiled;
 
 pub use any_model::AnyModel;
 pub use error::{Error, Result};
 pub use model::{KnownVocabulary, Model};
 pub use save::{Save, write};
 pub use surfabet_codec::{
-    Container, ContentHash, Family, FileSummary, Layout, Limits, Vocabulary, note, with_note,
+    Container, ContentHash, Family, FileSummary, Layout, Limits, MAX_NOTE, TileEntry, TiledHeader,
+    Vocabulary, note, with_note, write_tile,
 };
 pub use surfabet_geom as geom;
 pub use surfabet_geom::{
@@ -51,11 +53,12 @@ pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
 pub use surfabet_models::{
-    AttributeFigures, DecodeOptions, Fact, Figures, Named, Report, ScalarScale, Sensor, Stage,
-    Summary, SurfaceModel,
+    AttributeFigures, Chosen, DecodeOptions, Fact, Figures, Named, Region, Report, ScalarScale,
+    Sensor, Stage, Summary, SurfaceModel,
 };
 pub use surfabet_recognition::locate::{
     self, Localizer, LocateOptions, Located, Location, Prior, Refusal,
 };
 pub use surfabet_recognition::places::{self, PlaceIndex, PlaceMatch, PlaceOptions, label_places};
 pub use surfabet_sparse as sparse;
+pub use tiled::{OpenError, Part, ReadAt, TiledModel, holds_tiles};

@@ -76,6 +76,10 @@ macro_rules! define_model {
                     let known = vocabulary.of::<$type>();
                     return Ok(Self::$variant(surfabet_codec::read(container, limits, known)?));
                 })+
+                if container.features().contains(surfabet_codec::Features::TILES) {
+                    let what = "the model is in tiles: open it with TiledModel::open";
+                    return Err(surfabet_codec::Error::corrupt(Tag::HEADER, 0, what).into());
+                }
                 let names: Vec<&str> = container.features().names().collect();
                 let what = format!(
                     "no method of family {} has the features {names:?}", container.family());
@@ -88,6 +92,9 @@ macro_rules! define_model {
             /// # Errors
             /// [`Error::Codec`] for a combination of features that no method has, or a header that no model has.
             pub fn inspect(container: &Container<'_>) -> Result<FileSummary> {
+                if let Some(summary) = surfabet_codec::inspect_tiles(container)? {
+                    return Ok(summary);
+                }
                 $(if holds::<$type>(container) {
                     return Ok(surfabet_codec::inspect::<$type>(container)?);
                 })+

@@ -1,6 +1,7 @@
 //! Models to `.sfb` bytes and files.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
 use surfabet_codec::Layout;
@@ -38,14 +39,26 @@ impl<M: Layout> Save for M {
 /// # Errors
 /// [`Error::Io`] naming the file.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<u64> {
+    with_partial(path, |file| file.write_all(bytes))
+}
+
+/// As [`write`], with what `fill` writes.
+pub(crate) fn with_partial(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<u64> {
     let io = |source| Error::Io { path: path.to_owned(), source };
     let mut partial = path.as_os_str().to_owned();
     partial.push(format!(".{}.part", std::process::id()));
-    let written = fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, path));
+    let filled = File::create(&partial).and_then(|file| {
+        let mut file = BufWriter::new(file);
+        fill(&mut file)?;
+        file.stream_position().and_then(|size| file.flush().map(|()| size))
+    });
+    let written = filled.and_then(|size| fs::rename(&partial, path).map(|()| size));
     if written.is_err() {
         // The first error is the one to report; a leftover that cannot be removed adds nothing to it.
         let _ = fs::remove_file(&partial);
     }
-    written.map_err(io)?;
-    Ok(bytes.len() as u64)
+    written.map_err(io)
 }

@@ -7,8 +7,10 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import surfabet
+from surfabet import _core
 from surfabet._progress import ProgressCallback
 from surfabet.cli._options import ReadOptions, UsageError, VocabularyOption
 from surfabet.errors import FormatError
@@ -95,12 +97,13 @@ def read_cloud(
 
 
 def load_model(
-    path: Path, progress: ProgressCallback, vocabulary: Vocabulary | None = None
+    path: Path, progress: ProgressCallback, vocabulary: Vocabulary | None = None, **part: Any
 ) -> AnyModel:
-    """The model in a `.sfb` file, which may name a vocabulary instead of holding it."""
+    """The model in a `.sfb` file, which may name a vocabulary instead of holding it, or the `part`
+    of one in tiles."""
     progress(f"load {path.name}", 0.0)
     try:
-        return surfabet.load(path, vocabulary=vocabulary)
+        return surfabet.load(path, vocabulary=vocabulary, **part)
     except FormatError:
         # Damage, which inspecting tells too, or a vocabulary that was not named.
         needed = surfabet.inspect(path).vocabulary
@@ -110,6 +113,12 @@ def load_model(
         f"{path}: made with the dictionary {needed} and does not hold it; name the model that does "
         "with --vocabulary"
     )
+
+
+def holds_tiles(path: Path) -> bool:
+    """True for a model file with tiles."""
+    with path.open("rb") as file:
+        return _core.holds_tiles(file.read(1 << 13))
 
 
 def load_vocabulary(option: VocabularyOption, progress: ProgressCallback) -> Vocabulary | None:

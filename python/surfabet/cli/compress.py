@@ -32,10 +32,12 @@ from surfabet.cli._options import (
     Common,
     Flag,
     ReadOptions,
+    UsageError,
     VocabularyOption,
 )
 from surfabet.cli._result import Result
 from surfabet.cli._scan import incomplete, unit_in_doubt, without
+from surfabet.cli._tiles import TILE_OPTIONS, TileOptions, compress_tiles, tell
 from surfabet.files import AnyModel, Vocabulary
 
 
@@ -48,6 +50,7 @@ def compress(
     evaluate: Annotated[bool, Parameter(name="--evaluate", show_default=False)] = True,
     json: Flag = False,
     learning: LearnOptions = LEARN_OPTIONS,
+    tiles: TileOptions = TILE_OPTIONS,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     read: ReadOptions = READ_OPTIONS,
     common: Common = COMMON,
@@ -55,7 +58,7 @@ def compress(
     """Learn a small model of a scan and write it to a file.
 
     At the end the file is decoded and compared with the input; the last line has sizes, error and
-    seconds.
+    seconds. A map in tiles is not compared: `surfabet evaluate` does.
 
         surfabet compress room.ply room.sfb
         surfabet compress room.ply room.sfb --resolution 0.005
@@ -63,6 +66,7 @@ def compress(
         surfabet compress frames/ room.sfb --frame-stride 2 --depth-max 4
         surfabet compress room.ply room.sfb --model hscsm --levels 3
         surfabet compress room2.ply room2.sfb --vocabulary room.sfb
+        surfabet compress huge.laz map.sfb --max-memory 2G
         surfabet compress scan1.pcd scan1.sfb --model alphabet --viewpoint 0 0 0
         surfabet compress scan2.pcd scan2.sfb --vocabulary scan1.sfb
         surfabet compress room.ply map.sfb --model gas --n-neurons 20000
@@ -85,6 +89,13 @@ def compress(
         Print one JSON object instead of a line.
     """
     check_output(output, frozenset({MODEL_SUFFIX}), input_)
+    if tiles.is_given:
+        if vocabulary.vocabulary is not None:
+            raise UsageError("--vocabulary: not together with --tile or --max-memory")
+        with common.progress() as progress:
+            report, seconds = compress_tiles(input_, output, tiles, model, learning, read, progress)
+        tell(input_, output, report, seconds, json, common.quiet)
+        return
     result = Result(input_, output)
     with common.progress() as progress:
         words = load_vocabulary(vocabulary, progress)

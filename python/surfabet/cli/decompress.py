@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 import surfabet
 from surfabet.cli._files import (
     check_output,
     cloud_suffixes,
+    holds_tiles,
     load_model,
     load_vocabulary,
     size_on_disk,
@@ -20,9 +22,11 @@ from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._options import (
     COMMON,
     VOCABULARY_OPTION,
+    Box,
     Common,
     Flag,
     PositiveFloat,
+    UsageError,
     VocabularyOption,
 )
 
@@ -34,6 +38,8 @@ def decompress(
     *,
     resolution: PositiveFloat = None,
     as_measured: Flag = False,
+    box: Annotated[Box | None, Parameter(negative=())] = None,
+    level: Annotated[int | None, Parameter(validator=Number(gte=0))] = None,
     json: Flag = False,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
@@ -43,6 +49,7 @@ def decompress(
         surfabet decompress room.sfb room.ply
         surfabet decompress room.sfb fine.laz --resolution 0.005
         surfabet decompress room.sfb thick.ply --as-measured
+        surfabet decompress map.sfb part.ply --box 0 0 -1 20 20 3
 
     Parameters
     ----------
@@ -55,6 +62,11 @@ def decompress(
         half the grid size of planes.
     as_measured
         Fill the thickness that the scan had, instead of giving the thin surface in its middle.
+    box
+        Give only what is in a box, `X0 Y0 Z0 X1 Y1 Z1` in metres; of a map in tiles only those that
+        meet it are read.
+    level
+        Level of detail of a map in tiles, 0 the coarsest; by default the finest.
     json
         Print one JSON object instead of a line.
     """
@@ -62,8 +74,13 @@ def decompress(
     seconds: dict[str, float] = {}
     with common.progress() as progress:
         started = time.perf_counter()
-        model = load_model(input_, progress, load_vocabulary(vocabulary, progress))
-        cloud = model.decode(resolution, as_measured=as_measured, progress=progress)
+        region = None if box is None else (box[:3], box[3:])
+        tiled = {"box": region, "level": level} if holds_tiles(input_) else {}
+        if level is not None and not tiled:
+            raise UsageError(f"--level: {input_} has no tiles")
+        words = load_vocabulary(vocabulary, progress)
+        model = load_model(input_, progress, words, **tiled)
+        cloud = model.decode(resolution, as_measured=as_measured, box=region, progress=progress)
         seconds["decode"] = time.perf_counter() - started
 
         started = time.perf_counter()

@@ -57,7 +57,7 @@ def verify(
     """
     with common.progress() as progress:
         model = load_model(file, progress)
-        if not isinstance(model, surfabet.PatchModel):
+        if not isinstance(model, surfabet.PatchModel | surfabet.TiledPatchModel):
             raise UsageError(
                 f"{file}: --model {model.method} keeps no bound, only --model patches does"
             )

@@ -332,6 +332,35 @@ def read_las_points(
     return cloud_from_columns(path, columns, crs=crs, notes=notes)
 
 
+def read_las_chunks(path: Path, n: int) -> Iterator[PointCloud]:
+    """The points of a file as clouds of at most `n`, in its order; noise and withheld points are
+    left out as by `read_las`. A column that is 0 in all points of a chunk is not in its cloud.
+
+    Raises
+    ------
+    FormatError, MissingDependencyError
+        As `read_las`.
+    """
+    _check_header(path)
+    laspy = _laspy()
+    choice = LasChoice.of(False, None, None)
+    found = 0
+    with (
+        _own_errors(path),
+        np.errstate(over="ignore", invalid="ignore"),
+        laspy.open(path, laz_backend=laspy.LazBackend.Lazrs) as reader,
+    ):
+        for chunk in reader.chunk_iterator(n):
+            found += len(chunk)
+            notes = Notes(path)
+            points = (reader.header, iter([chunk]), None)
+            columns, crs = _collected(path, points, choice, notes)
+            yield cloud_from_columns(path, columns, crs=crs, notes=notes)
+        if found != reader.header.point_count:
+            total = reader.header.point_count
+            raise format_error(path, f"the file ends after {found} of {total} points")
+
+
 def read_las(
     path: Path,
     *,

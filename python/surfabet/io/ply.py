@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import io
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -326,6 +327,41 @@ def _note_rest(elements: list[_Element], used: set[str], notes: Notes) -> None:
             lost = [p.name for p in element.properties if p.name not in ("x", "y", "z")]
         if lost:
             notes.aside(f"lists {', '.join(lost)} of {element.name}")
+
+
+def read_ply_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
+    """The vertices of a binary file as clouds of at most `n`, in its order; None for a file that
+    can only be read as a whole: text, or with lists or viewpoints.
+
+    Raises
+    ------
+    FormatError
+        As `read_ply`.
+    """
+    with path.open("rb") as file:
+        lines = Lines(path, file)
+        order, elements = _parse_header(lines)
+        first = elements[0] if elements else None
+        if not order or first is None or first.name != "vertex" or first.has_lists:
+            return None
+        if not first.properties or any(e.name == "viewpoint" for e in elements):
+            return None
+        _check_room(path, file, first, order)
+        start = file.tell()
+    return _vertex_chunks(path, start, first, order, n)
+
+
+def _vertex_chunks(
+    path: Path, start: int, element: _Element, order: str, n: int
+) -> Iterator[PointCloud]:
+    dtype = element.dtype(order)
+    with path.open("rb") as file:
+        file.seek(start)
+        for at in range(0, element.count, n):
+            rows = np.fromfile(file, dtype, min(n, element.count - at))
+            columns = {p.name: rows[p.name] for p in element.properties}
+            notes = Notes(path)
+            yield cloud_from_columns(path, _splat_colors(columns, notes), notes=notes)
 
 
 def read_ply(path: Path) -> PointCloud:

@@ -1,12 +1,15 @@
 //! Patches on a lattice as a model like the others.
 
 use surfabet_entropy::Coder;
+use surfabet_geom::{PointCloud, Progress};
 
 use super::attributes::MAX_ATTRIBUTES;
 use super::learn::PatchesFigures;
 use super::model::{PatchModel, PatchesHeader, Streams};
 use super::options::PatchesOptions;
-use crate::contract::{NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::contract::{DecodeOptions, NoVocabulary, Source, SurfaceModel, exactly, own_methods};
+use crate::error::Result;
+use crate::region::Region;
 use crate::summary::Summary;
 
 /// Memory that a cell takes while it is read, for the geometry and for each attribute.
@@ -28,7 +31,7 @@ impl SurfaceModel for PatchModel {
     fn code<C: Coder>(
         source: Source<'_, Self>,
         streams: &mut [C],
-    ) -> Result<Option<Self>, C::Error> {
+    ) -> std::result::Result<Option<Self>, C::Error> {
         let (first, attributes) = streams.split_at_mut(Self::STREAMS - MAX_ATTRIBUTES);
         let [geometry, color, extra] = exactly(first);
         let streams = Streams { geometry, color, extra, attributes: exactly(attributes) };
@@ -66,6 +69,15 @@ impl SurfaceModel for PatchModel {
             Some(bound) => summary.with("max error forward (m)", bound),
             None => summary,
         }
+    }
+
+    fn decode_within(
+        &self,
+        region: &Region,
+        options: DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud> {
+        self.decode_part(Some(region), options, progress)
     }
 
     own_methods!();

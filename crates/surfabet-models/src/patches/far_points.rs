@@ -1,11 +1,12 @@
 //! Points beside the patches: for the input that is far from what the patches decode to.
 
 use surfabet_base::parallel;
-use surfabet_geom::{Aabb, KdTree, PointCloud, Progress};
+use surfabet_geom::{Aabb, KdTree, Progress};
 
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
 use super::samples::cells::LIMIT;
+use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
 
 /// Points whose distances tell whether enough are near: with as many, a share is exact to a tenth of a percent.
@@ -31,14 +32,14 @@ const BATCH: usize = 1 << 12;
 /// [`Error::TooLarge`] for a bound that single precision does not resolve, [`Error::Cancelled`].
 pub(super) fn with_points_within(
     model: PatchModel,
-    cloud: &PointCloud,
+    positions: &[[f32; 3]],
     bound: f64,
     forward: Option<f64>,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
-    let near = limit(cloud, bound)?;
-    let far = far_points(&model, cloud.positions(), near, progress)?;
-    let forward = forward.map_or(Ok(near), |forward| limit(cloud, forward))?;
+    let near = limit(positions, bound)?;
+    let far = far_points(&model, &[], positions, near, progress)?;
+    let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
     let cells = Cells::of(&model, &far, near.min(forward));
     let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
     Ok(model.with_extra(keys, cells.size, Some(bound)))
@@ -57,13 +58,15 @@ pub(super) struct Completeness {
     pub forward: Option<f64>,
 }
 
-/// Adds points until the decoded cloud, as measured, is complete: those first that stand for most input points.
+/// Adds points until the decoded cloud, as measured, is complete: those first that stand for most input points. Patches
+/// `beside` those of the model count as decoded too.
 ///
 /// # Errors
 /// As [`with_points_within`].
 pub(super) fn with_share_of_points(
     model: PatchModel,
-    cloud: &PointCloud,
+    positions: &[[f32; 3]],
+    beside: &[Leaf],
     wanted: Completeness,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
@@ -73,20 +76,19 @@ pub(super) fn with_share_of_points(
     if share <= 0.0 || bound <= 0.0 {
         return Ok(model);
     }
-    let near = limit(cloud, bound)?;
-    let positions = cloud.positions();
+    let near = limit(positions, bound)?;
     let step = positions.len().div_ceil(PROBES);
     if step > 1 {
         let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
-        let far = far_points(&model, &probes, near, progress)?;
+        let far = far_points(&model, beside, &probes, near, progress)?;
         if 1.0 - far.len() as f64 / probes.len() as f64 >= share + PROBE_MARGIN {
             return Ok(model);
         }
     }
-    let far = far_points(&model, positions, near, progress)?;
+    let far = far_points(&model, beside, positions, near, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
-    let forward = forward.map_or(Ok(near), |forward| limit(cloud, forward))?;
+    let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
     let of_cells = near.min(in_gaps(POINT_CELL_IN_GAPS)).min(forward);
     let Cells { mut counted, size } = Cells::of(&model, &far, of_cells);
     counted.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -105,9 +107,8 @@ pub(super) fn with_share_of_points(
 }
 
 /// The bound less what rounding of coordinates to single precision may add.
-pub(super) fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
-    let extent =
-        cloud.positions().iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
+pub(super) fn limit(positions: &[[f32; 3]], bound: f64) -> Result<f64> {
+    let extent = positions.iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max);
     let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);
     let largest = f64::from(LIMIT) * 0.5 * bound;
     if limit < 0.5 * bound || extent > largest {
@@ -116,16 +117,17 @@ pub(super) fn limit(cloud: &PointCloud, bound: f64) -> Result<f64> {
     Ok(limit)
 }
 
-/// The `positions` that are further than `limit` from all that the patches decode to as measured.
+/// The `positions` that are further than `limit` from all that the patches, and those `beside` them, decode to as measured.
 fn far_points(
     model: &PatchModel,
+    beside: &[Leaf],
     positions: &[[f32; 3]],
     limit: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 3]>> {
     let mut seen_near = vec![false; positions.len()];
     let patches = model.len().div_ceil(PARTS).max(LEAST_PATCHES);
-    for part in model.leaves().chunks(patches) {
+    for part in model.leaves().chunks(patches).chain(beside.chunks(patches)) {
         let decoded = model.positions_as_measured(part, progress)?;
         // Patches decode to at least a point each.
         let Some(bounds) = Aabb::of(decoded.iter().copied()) else { continue };

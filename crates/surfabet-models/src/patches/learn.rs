@@ -1,13 +1,15 @@
 //! The whole way from a cloud to a model.
 
+use std::borrow::Cow;
+
 use surfabet_base::parallel;
 use surfabet_entropy::Price;
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::{PointCloud, Progress, Survey};
 
-use super::attributes::Prediction;
 use super::attributes::cells::{attribute_cells, sides_of_cells};
 use super::attributes::chosen::{Chosen, Fields};
 use super::attributes::targets::Targets;
+use super::attributes::{AttributeHeader, Prediction};
 use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
@@ -23,6 +25,7 @@ use super::sheets::{Reach, Sheet, sheets};
 use super::supported::with_support;
 use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
+use super::tiles::{Shares, Tile};
 use crate::error::Result;
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
@@ -31,7 +34,7 @@ use crate::stages::Stages;
 use crate::start::{Leave, Start};
 
 /// The stages of learning, with their shares of the progress.
-const STAGES: &[(&str, f32)] = &[
+pub(super) const STAGES: &[(&str, f32)] = &[
     ("measuring the cloud", 0.05),
     ("finding axes", 0.05),
     ("merging points", 0.25),
@@ -90,26 +93,57 @@ pub fn learn(
     let tolerance = start.tolerance(options.resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
     let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
-    check_size(cloud, resolution)?;
-    let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
+    check_size(reach(cloud)?, resolution)?;
     // 1. Axes of the scene.
     let lattice = stages.run("finding axes", |_| {
         Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
     })?;
+    let ground = Ground { lattice, survey, tolerance, density: None, attributes: &[], tile: None };
+    let (model, mut report) = on_lattice(&ground, cloud, options, &mut stages)?;
+    report.stages = stages.finish();
+    start.report(tolerance, &mut report);
+    Ok(model.with_report(report))
+}
+
+/// What the steps on the lattice start from.
+pub(super) struct Ground<'a> {
+    pub lattice: Lattice,
+    pub survey: &'a Survey,
+    /// How far from a point its surface may be decoded, metres.
+    pub tolerance: f64,
+    /// Samples of a pixel where it is known before; else those of this cloud.
+    pub density: Option<f64>,
+    /// What attributes beside colour are stored as where that is known before.
+    pub attributes: &'a [AttributeHeader],
+    /// The part of the scene that is described; all of it without.
+    pub tile: Option<Tile>,
+}
+
+/// Steps 2 to 8: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
+pub(super) fn on_lattice(
+    ground: &Ground<'_>,
+    cloud: &PointCloud,
+    options: &PatchesOptions,
+    stages: &mut Stages<'_>,
+) -> Result<(PatchModel, PatchesReport)> {
+    let &Ground { lattice, survey, tile, .. } = ground;
+    let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
         SidedSamples::merge(cloud, &lattice, options.sensor, survey, progress)
     })?;
     // 3. Sheets.
-    let reach = Reach::of(survey.layer_gap, resolution);
-    let sheets = stages.run("growing sheets", |_| {
-        sheets(&samples, resolution as f32, lattice.tile_pixels(), reach)
-    })?;
+    let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;
+    let Shares { own: sheets, near } = Shares::of(sheets, tile, &lattice);
     // 4. to 6. Shapes, least cost, bits.
-    let density = samples_per_pixel(&sheets);
+    let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
     let n_sheets = sheets.len();
-    let (geometry, bytes) = stages
-        .run("choosing patches", |progress| choose(lattice, &sheets, density, options, progress))?;
+    let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
+        let of_tile = choose(lattice, &sheets, density, options, progress)?;
+        let once = PatchesOptions { rounds: 1, ..options.clone() };
+        let (beside, _) = choose(lattice, &near, density, &once, progress)?;
+        Ok((of_tile, beside.leaves))
+    })?;
     // Memory that the last stages need.
     drop(sheets);
     let geometry =
@@ -119,24 +153,30 @@ pub fn learn(
         })?;
     // 7. Colour and other attributes.
     let (attributes, attribute_figures) = stages.run("adding attributes", |_| {
-        let is_layered = survey.layer_gap.is_some();
-        attributes(&chosen, &samples, &lattice, &geometry.leaves, is_layered, options)
+        attributes(&chosen, &samples, &geometry.leaves, ground, options)
     })?;
     let (n_samples, attribute_cells) = (samples.all.len(), attributes.cells.len());
     drop(samples);
-    let model = PatchModel::new(cloud.len() as u64, lattice, geometry, attributes)?
+    let positions = match tile {
+        Some(tile) => Cow::Owned(tile.own(cloud, &lattice)),
+        None => Cow::Borrowed(cloud.positions()),
+    };
+    let n_points = positions.len();
+    let model = PatchModel::new(n_points as u64, lattice, geometry, attributes)?
         .with_max_error_forward(options.max_error_forward);
     // 8. Points beside the patches.
     let layer_gap = survey.layer_gap;
     let forward = options.max_error_forward;
-    let wanted = Completeness { share: options.completeness, tolerance, layer_gap, forward };
+    let (share, tolerance) = (options.completeness, ground.tolerance);
+    let wanted = Completeness { share, tolerance, layer_gap, forward };
     let model = stages.run("checking the bound", |progress| match options.max_error {
-        Some(bound) => with_points_within(model, cloud, bound, forward, progress),
-        None => with_share_of_points(model, cloud, wanted, progress),
+        // The tile next to this one may choose other patches than `near`: they bound nothing.
+        Some(bound) => with_points_within(model, &positions, bound, forward, progress),
+        None => with_share_of_points(model, &positions, &near, wanted, progress),
     })?;
 
     let figures = PatchesFigures {
-        points: cloud.len(),
+        points: n_points,
         samples: n_samples,
         sheets: n_sheets,
         samples_per_pixel: density,
@@ -144,15 +184,24 @@ pub fn learn(
         patches: model.len(),
         extra_points: model.header().n_extra,
     };
-    let mut report = PatchesReport {
-        stages: stages.finish(),
+    let report = PatchesReport {
         figures: Some(figures),
         attributes: attribute_figures,
         not_kept: lost(cloud, &chosen.names()),
         ..choice_report(&model, bytes)
     };
-    start.report(tolerance, &mut report);
-    Ok(model.with_report(report))
+    Ok((model, report))
+}
+
+/// Samples of all sides as sheets.
+pub(super) fn sheets_of(
+    samples: &SidedSamples<'_>,
+    lattice: &Lattice,
+    survey: &Survey,
+) -> Result<Vec<Sheet>> {
+    let resolution = lattice.pixel_size;
+    let reach = Reach::of(survey.layer_gap, resolution);
+    sheets(samples, resolution as f32, lattice.tile_pixels(), reach)
 }
 
 /// What the report says of the choice of patches; `bytes` are those of the geometry after each round.
@@ -167,7 +216,7 @@ fn choice_report(model: &PatchModel, bytes: Vec<f64>) -> PatchesReport {
 }
 
 /// The lattice along the axes of the scene.
-fn lattice_of(
+pub(super) fn lattice_of(
     cloud: &PointCloud,
     pixel_size: f64,
     depth_step: u32,
@@ -181,7 +230,7 @@ fn lattice_of(
 
 /// Rounding of depths as the file has it: the one that was given, or the usual one, unless surfaces that lie close behind one
 /// another ask for a finer one.
-fn depth_step(start: &mut Start<'_>, given: Option<f64>, resolution: f64) -> u32 {
+pub(super) fn depth_step(start: &mut Start<'_>, given: Option<f64>, resolution: f64) -> u32 {
     let steps = |pixels: f64| DEPTH_STEPS * pixels;
     let of_gap = start.survey.layer_gap.map(|gap| steps(DEPTH_STEP_IN_GAPS * gap / resolution));
     match (given, of_gap) {
@@ -195,10 +244,10 @@ fn depth_step(start: &mut Start<'_>, given: Option<f64>, resolution: f64) -> u32
     }
 }
 
-/// Refuses clouds without points, and those that are too large for the cells of samples.
-fn check_size(cloud: &PointCloud, resolution: f64) -> Result<()> {
+/// Refuses scenes that are too large for the cells of samples: `reach` is the largest distance from the origin along each axis.
+pub(super) fn check_size(reach: [f64; 3], resolution: f64) -> Result<()> {
     // Turned to its axes, the scene may reach as far along one as its corner is from the origin.
-    let extent = reach(cloud)?.map(|c| c * c).iter().sum::<f64>().sqrt();
+    let extent = reach.map(|c| c * c).iter().sum::<f64>().sqrt();
     check_extent(extent, resolution, SAMPLE_SIZE * f64::from(LIMIT - 2))
 }
 
@@ -251,7 +300,7 @@ fn trees(choice: &Choice<'_>, sheets: &[Sheet], progress: &dyn Progress) -> Resu
 }
 
 /// Mean number of samples of the pixels of large sheets; 1 without any.
-fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
+pub(super) fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
     let large = || sheets.iter().filter(|s| !s.small).flat_map(|s| &s.runs);
     if large().next().is_none() {
         return 1.0;
@@ -259,25 +308,27 @@ fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
     large().map(|r| f64::from(r.n)).sum::<f64>() / large().count() as f64
 }
 
-/// The attributes of least cost on the cells around the patches, with what each takes and misses; `unblended`: a point has
-/// those of its own cell.
+/// The attributes of least cost on the cells around the patches, with what each takes and misses.
 fn attributes(
     chosen: &Chosen<'_>,
     samples: &SidedSamples<'_>,
-    lattice: &Lattice,
     leaves: &[Leaf],
-    unblended: bool,
+    ground: &Ground<'_>,
     options: &PatchesOptions,
 ) -> Result<(Attributes, Vec<AttributeFigures>)> {
     if chosen.is_empty() {
         return Ok(Default::default());
     }
+    let lattice = &ground.lattice;
     // A learned model has no more cells than its samples call for; the limit is for files.
     let cells = attribute_cells(lattice, leaves, u64::MAX).unwrap_or_default();
+    // Where surfaces lie close behind one another, a point has the attributes of the cell that it lies in.
+    let unblended = ground.survey.layer_gap.is_some();
     // Elsewhere surfaces of two sides meet, and all cells may share what is known.
     let sides = unblended.then(|| sides_of_cells(lattice, leaves, &cells));
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
-    let Fields { color, others, figures } = chosen.fields(&cells, &targets, options)?;
+    let Fields { color, others, figures } =
+        chosen.fields(&cells, &targets, options, ground.attributes)?;
     let prediction = Prediction::Beside;
     Ok((Attributes { cells, color, others, unblended, prediction }, figures))
 }

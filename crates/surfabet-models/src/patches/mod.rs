@@ -20,7 +20,8 @@
 //! | `attributes` | colour, scalars and labels on the cells around the surface | 7 |
 //! | `far_points` | points beside the patches, for what these leave out | 8 |
 //! | `model`, `contract` | the result | |
-//! | `decode` | back to a cloud, as a surface or as measured | 9 |
+//! | `decode` | back to a cloud, as a surface or as measured, whole or within a box | 9 |
+//! | `tiles` | scenes in parts that are learned one by one | 10 |
 //!
 //! Level 0 is the coarsest. Squares, masks and depths are counted in pixels of the finest level.
 
@@ -39,6 +40,7 @@ mod samples;
 mod sheets;
 mod supported;
 mod surface;
+mod tiles;
 
 pub use attributes::color::ColorSteps;
 pub use attributes::{
@@ -54,3 +56,4 @@ pub use model::{
 };
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;
+pub use tiles::{AttributeRange, Cubes, TilePlan, learn_tile, plan};

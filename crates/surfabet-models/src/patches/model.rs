@@ -119,7 +119,10 @@ impl Lattice {
     }
 
     /// Checks that all numbers are in their domains.
-    pub(super) fn check(&self) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`].
+    pub fn check(&self) -> Result<()> {
         let fail = |what: String| Err(Error::Inconsistent(what));
         if self.origin.iter().any(|c| !c.is_finite()) {
             return fail(format!("origin {:?} is not finite", self.origin));

@@ -25,7 +25,7 @@ pub(super) fn with_support(
 ) -> Result<Geometry> {
     let support = Support {
         tree: KdTree::new(cloud.positions())?,
-        limit: limit(cloud, bound)?,
+        limit: limit(cloud.positions(), bound)?,
         lattice,
         decoder: PatchDecoder::new(lattice, &geometry.leaves)?,
     };

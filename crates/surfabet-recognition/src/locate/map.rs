@@ -44,14 +44,24 @@ impl Localizer {
     /// [`Error::EmptyCloud`] for a model without surface, [`Error::TooManyPoints`] for one that is too large,
     /// [`Error::Cancelled`].
     pub fn new<M: SurfaceModel>(model: &M, progress: &dyn Progress) -> Result<Self> {
+        Self::of_decoded(|options| model.decode(options, progress), progress)
+    }
+
+    /// The surfaces that `decode` gives of a model.
+    ///
+    /// # Errors
+    /// As [`Localizer::new`].
+    pub fn of_decoded(
+        decode: impl Fn(DecodeOptions) -> Result<PointCloud>,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let decode = |resolution: f64| {
-            let options = DecodeOptions {
+            decode(DecodeOptions {
                 resolution: Some(resolution),
                 normals: true,
                 max_points: MAX_SAMPLES,
                 ..DecodeOptions::default()
-            };
-            model.decode(options, progress)
+            })
         };
         let surface = decode(SAMPLES_PER_CELL * LEAST_CELL)?;
         if surface.is_empty() {

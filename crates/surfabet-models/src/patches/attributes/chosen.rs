@@ -7,7 +7,10 @@ use super::color::{ColorField, ColorSteps};
 use super::labels::LabelField;
 use super::scalar::ScalarField;
 use super::targets::Targets;
-use super::{AttributeField, INTENSITIES, MAX_ATTRIBUTES, MAX_NAME, Values};
+use super::{
+    AttributeContent, AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, MAX_NAME,
+    Values,
+};
 use crate::error::{Error, Result};
 use crate::patches::options::PatchesOptions;
 use crate::report::AttributeFigures;
@@ -90,7 +93,8 @@ impl<'a> Chosen<'a> {
         colors.into_iter().chain(self.others.iter().map(|source| source.name)).collect()
     }
 
-    /// The fields of least cost on the sorted `cells`.
+    /// The fields of least cost on the sorted `cells`; `known` are the headers of attributes whose labels or scale follow from
+    /// more than this cloud.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] for an attribute with values too large for a scalar.
@@ -99,6 +103,7 @@ impl<'a> Chosen<'a> {
         cells: &[u64],
         targets: &Targets<'_>,
         options: &PatchesOptions,
+        known: &[AttributeHeader],
     ) -> Result<Fields> {
         let mut fields = Fields::default();
         if let Some(colors) = self.colors {
@@ -107,7 +112,9 @@ impl<'a> Chosen<'a> {
             fields.figures.push(figures);
         }
         for source in &self.others {
-            let (field, figures) = source.field(cells, targets, options)?;
+            let known = known.iter().find(|header| header.name == source.name);
+            let known = known.map(|header| &header.content);
+            let (field, figures) = source.field(cells, targets, options, known)?;
             fields.others.push(field);
             fields.figures.push(figures);
         }
@@ -199,14 +206,20 @@ impl Source<'_> {
         cells: &[u64],
         targets: &Targets<'_>,
         options: &PatchesOptions,
+        known: Option<&AttributeContent>,
     ) -> Result<(AttributeField, AttributeFigures)> {
-        let (values, [rmse, equal]) = match (self.labels(), self.values) {
+        let (labels, scale) = match known {
+            Some(AttributeContent::Labels(labels)) => (Some(labels.clone()), None),
+            Some(&AttributeContent::Scalar(scale)) => (None, Some(scale)),
+            None => (self.labels(), None),
+        };
+        let (values, [rmse, equal]) = match (labels, self.values) {
             (Some(labels), SourceValues::Column(column)) => {
                 let (field, equal) = label_field(column, labels, targets);
                 (Values::Labels(field), [None, Some(equal)])
             }
             _ => {
-                let (field, rmse) = self.scalar_field(cells, targets, options)?;
+                let (field, rmse) = self.scalar_field(cells, targets, options, scale)?;
                 (Values::Scalar(field), [Some(rmse), None])
             }
         };
@@ -223,13 +236,15 @@ impl Source<'_> {
         cells: &[u64],
         targets: &Targets<'_>,
         options: &PatchesOptions,
+        scale: Option<ScalarScale>,
     ) -> Result<(ScalarField, f64)> {
         let n = match self.values {
             SourceValues::Intensities(values) => values.len(),
             SourceValues::Column(column) => column.len(),
         };
         let all = (0..n).map(|i| self.number(i));
-        let scale = ScalarScale::of(self.name, all, options.attribute_step)?;
+        let own = || ScalarScale::of(self.name, all, options.attribute_step);
+        let scale = scale.map_or_else(own, Ok)?;
         let wanted = targets.wanted(|i| [scale.in_steps(self.number(i))]);
         let field = ScalarField::choose(cells, &wanted, scale, options.attribute_rate as f32);
         let squared = |i: usize, [steps]: [f32; 1]| {

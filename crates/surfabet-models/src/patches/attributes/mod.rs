@@ -79,7 +79,7 @@ impl Default for AttributeContent {
 
 impl AttributeHeader {
     /// Type and content, for people.
-    pub(in crate::patches) fn in_words(&self) -> String {
+    pub fn in_words(&self) -> String {
         let dtype = self.dtype.name();
         match &self.content {
             AttributeContent::Scalar(scale) => {

@@ -18,7 +18,9 @@ use crate::patches::model::{Lattice, PATCH_PIXELS, PatchModel};
 use crate::patches::sheets::axes_of;
 use crate::patches::surface::basis::{DEGREES, N_SHAPES, derivative, value};
 use crate::patches::surface::leaf::Leaf;
+use crate::patches::tiles::ROUNDING;
 use crate::points::Points;
+use crate::region::Region;
 use crate::vector::dot;
 
 /// Patches that one task decodes.
@@ -36,7 +38,17 @@ impl PatchModel {
     /// [`crate::Error::InvalidParameter`] for a spacing that is not positive, [`crate::Error::TooManyPoints`] above the
     /// limit, [`crate::Error::Cancelled`] when the caller asks to stop.
     pub fn decode(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<PointCloud> {
-        let mut surface = self.surface(options, progress)?;
+        self.decode_part(None, options, progress)
+    }
+
+    /// What [`PatchModel::decode`] gives of the points in `region`, or all of it; patches outside are not decoded.
+    pub(super) fn decode_part(
+        &self,
+        region: Option<&Region>,
+        options: DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud> {
+        let mut surface = self.surface(region, options, progress)?;
         let all = &mut surface.points;
         if options.normals && all.positions.len() > surface.first_beside {
             let nearest = NearestPatch::new(self.lattice(), &surface.kept)?;
@@ -58,7 +70,11 @@ impl PatchModel {
             normals: options.normals.then(|| rotated(normals)),
             ..attributes
         };
-        Ok(PointCloud::from_parts(parts)?.0)
+        let (cloud, _) = PointCloud::from_parts(parts)?;
+        match region {
+            Some(region) => region.crop(&cloud),
+            None => Ok(cloud),
+        }
     }
 
     /// What some patches of the model decode to as measured, at the spacing that it was made for, metres about the origin.
@@ -78,9 +94,13 @@ impl PatchModel {
     }
 
     /// Points of the patches, and those beside them, in the frame of the lattice.
-    fn surface(&self, options: DecodeOptions, progress: &dyn Progress) -> Result<Surface<'_>> {
-        let decoder = Decoder::new(self.lattice(), self.leaves(), self.header().n_extra, options)?;
-        let mut points = Points::default();
+    fn surface(
+        &self,
+        region: Option<&Region>,
+        options: DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<Surface<'_>> {
+        options.check()?;
         // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = if options.as_measured {
             vec![false; self.len()]
@@ -89,8 +109,22 @@ impl PatchModel {
         };
         let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
         let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
-        decoder.add(&kept, &mut points, progress)?;
-        let pixel = self.lattice().pixel_size as f32;
+        let lattice = self.lattice();
+        let rotation = lattice.orientation.rotation();
+        let is_wanted = |leaf: &Leaf| {
+            let bounds = || {
+                let [low, high] = leaf.bounds(&lattice);
+                let metres = |c: f64| c * lattice.pixel_size;
+                [low.map(|c| metres(c - ROUNDING)), high.map(|c| metres(c + ROUNDING))]
+            };
+            region.is_none_or(|region| region.meets(lattice.origin, rotation, bounds()))
+        };
+        let wanted: Vec<&Leaf> = kept.iter().copied().filter(|leaf| is_wanted(leaf)).collect();
+        let beside = self.header().n_extra;
+        let decoder = Decoder::new(lattice, wanted.iter().copied(), beside, options)?;
+        let mut points = Points::default();
+        decoder.add(&wanted, &mut points, progress)?;
+        let pixel = lattice.pixel_size as f32;
         let beside = self.points().into_iter().map(|p| p.map(|c| c / pixel));
         let first_beside = points.positions.len();
         points.positions.extend(beside);

@@ -41,8 +41,14 @@ pub(in crate::patches) struct SidedSamples<'a> {
     groups: Groups,
 }
 
+/// Rows of the rotation from the world to the lattice.
+pub(in crate::patches) fn rows_of(lattice: &Lattice) -> [[f32; 3]; 3] {
+    let to_world = lattice.orientation.rotation();
+    std::array::from_fn(|a| std::array::from_fn(|k| to_world[k][a] as f32))
+}
+
 /// A direction or position in the frame of the lattice: `rows` are the rows of the rotation from the world.
-fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] {
+pub(in crate::patches) fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|a| rows[a][0] * p[0] + rows[a][1] * p[1] + rows[a][2] * p[2])
 }
 
@@ -56,9 +62,7 @@ impl<'a> SidedSamples<'a> {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let resolution = lattice.pixel_size;
-        let to_world = lattice.orientation.rotation();
-        let rows: [[f32; 3]; 3] =
-            std::array::from_fn(|a| std::array::from_fn(|k| to_world[k][a] as f32));
+        let rows = rows_of(lattice);
         let cell = (SAMPLE_SIZE * resolution) as f32;
         let rotated: Vec<[f32; 3]> = parallel::map(cloud.positions(), |&p| rotate(&rows, p));
         progress.check()?;

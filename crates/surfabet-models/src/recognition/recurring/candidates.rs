@@ -21,10 +21,8 @@ impl Group {
     const NONE: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], n: 0 };
 
     fn add(&mut self, p: [f32; 3]) {
-        for a in 0..3 {
-            self.low[a] = self.low[a].min(p[a]);
-            self.high[a] = self.high[a].max(p[a]);
-        }
+        self.low = std::array::from_fn(|a| self.low[a].min(p[a]));
+        self.high = std::array::from_fn(|a| self.high[a].max(p[a]));
         self.n += 1;
     }
 

@@ -80,15 +80,15 @@ impl AlphabetModel {
     /// Lowest and highest corner of a box around all occurrences and what is within sigma of them, world coordinates; not finite
     /// for a model without occurrences.
     pub fn extent(&self) -> [[f64; 3]; 2] {
-        let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for o in self.occurrences() {
-            for a in 0..3 {
-                let reach = o.radius * (o.rows[0][a].abs() + o.rows[1][a].abs()) + o.sigma;
-                extent[0][a] = extent[0][a].min(o.center[a] - reach);
-                extent[1][a] = extent[1][a].max(o.center[a] + reach);
-            }
+            let reach: [f64; 3] = std::array::from_fn(|a| {
+                o.radius * (o.rows[0][a].abs() + o.rows[1][a].abs()) + o.sigma
+            });
+            low = std::array::from_fn(|a| low[a].min(o.center[a] - reach[a]));
+            high = std::array::from_fn(|a| high[a].max(o.center[a] + reach[a]));
         }
-        extent
+        [low, high]
     }
 }
 

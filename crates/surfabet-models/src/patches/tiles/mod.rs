@@ -1,0 +1,211 @@
+//! A scene in tiles: cubes of the lattice, each learned from the points around it alone, which decode together as one model.
+//!
+//! What tiles share is fixed before ([`TilePlan`]): the lattice, what was measured of the scene, and what follows from both.
+//! A tile is learned from its own points and those within [`TilePlan::margin`] of it. Everything that the surface of a
+//! place follows from lies within that margin, so that two tiles see the same sheets at their border, to the bit. A sheet
+//! belongs to one tile: along its columns and rows to that which its square lies in, along its depth to that in which the
+//! depth of its middle run lies. So a surface goes on across a border as it does between two squares inside of a tile.
+//!
+//! | file | what |
+//! |---|---|
+//! | `plan` | what all tiles share, from a sample of the scene |
+//! | `bounds` | the box that a tile decodes to |
+
+mod bounds;
+mod plan;
+
+use surfabet_base::parallel;
+use surfabet_geom::{CloudParts, PointCloud, Progress, cells};
+
+use super::learn::{Ground, STAGES, on_lattice};
+use super::model::{Lattice, PatchModel};
+use super::options::PatchesOptions;
+use super::samples::{rotate, rows_of};
+use super::sheets::{Run, Sheet, axes_of};
+use crate::error::{Error, Result};
+use crate::options::Options;
+use crate::stages::Stages;
+pub(super) use bounds::ROUNDING;
+pub use plan::{AttributeRange, TilePlan, plan};
+
+/// Points that one task sorts by cubes.
+const BLOCK: usize = 1 << 14;
+
+/// The margin of a tile in squares of the coarsest level: a sheet covers one of them, and its depth rises by no more than
+/// 1.25 pixels per pixel where it is thin.
+const MARGIN_SQUARES: i32 = 2;
+
+/// The rest of the margin, finest pixels: normals, and the votes for sides, reach as far.
+const MARGIN_PIXELS: i32 = 16;
+
+/// Cubes of a lattice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Cubes {
+    /// Side, finest pixels; a whole number of squares of the coarsest level.
+    pub side: i32,
+    /// Lowest corner of cube (0, 0, 0), finest pixels; also whole squares.
+    pub offset: [i32; 3],
+}
+
+impl Cubes {
+    /// The cube that a finest pixel lies in.
+    pub fn of(self, pixel: [i32; 3]) -> [i32; 3] {
+        std::array::from_fn(|a| (pixel[a] - self.offset[a]).div_euclid(self.side))
+    }
+
+    /// Lowest corner of a cube, finest pixels.
+    pub fn corner(self, cube: [i32; 3]) -> [i64; 3] {
+        let at = |a: usize| i64::from(cube[a]) * i64::from(self.side) + i64::from(self.offset[a]);
+        std::array::from_fn(at)
+    }
+}
+
+/// One of the cubes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Tile {
+    pub cubes: Cubes,
+    pub cube: [i32; 3],
+}
+
+impl Tile {
+    /// Finest pixels from the tile to a pixel, along the axis where these are most; 0 inside.
+    fn distance(self, pixel: [i32; 3]) -> i64 {
+        let corner = self.cubes.corner(self.cube);
+        let along = |a: usize| {
+            let from = i64::from(pixel[a]) - corner[a];
+            (-from).max(from - i64::from(self.cubes.side) + 1).max(0)
+        };
+        (0..3).map(along).fold(0, i64::max)
+    }
+
+    /// Positions of the points that lie in the tile.
+    pub fn own(self, cloud: &PointCloud, lattice: &Lattice) -> Vec<[f32; 3]> {
+        let pixel = PixelOf::new(lattice);
+        let of_blocks = parallel::map_chunks(cloud.positions(), BLOCK, |points| {
+            let own = points.iter().filter(|&&p| self.cubes.of(pixel.of(p)) == self.cube);
+            own.copied().collect::<Vec<_>>()
+        });
+        of_blocks.concat()
+    }
+
+    /// The points within `margin` finest pixels of the tile.
+    fn around(self, cloud: &PointCloud, lattice: &Lattice, margin: i32) -> Result<PointCloud> {
+        let pixel = PixelOf::new(lattice);
+        let numbers: Vec<usize> = (0..cloud.len()).collect();
+        let positions = cloud.positions();
+        let of_blocks = parallel::map_chunks(&numbers, BLOCK, |numbers| {
+            let is_near = |i: &usize| self.distance(pixel.of(positions[*i])) <= i64::from(margin);
+            numbers.iter().copied().filter(is_near).collect::<Vec<_>>()
+        });
+        let near = of_blocks.concat();
+        if near.len() == cloud.len() {
+            return Ok(cloud.clone());
+        }
+        Ok(cloud.select(&near)?)
+    }
+}
+
+/// Finest pixels of points, in the arithmetic by which these are merged.
+struct PixelOf {
+    rows: [[f32; 3]; 3],
+    /// Side of the cells that points are merged in, metres: half a pixel.
+    cell: f32,
+}
+
+impl PixelOf {
+    fn new(lattice: &Lattice) -> Self {
+        Self { rows: rows_of(lattice), cell: (0.5 * lattice.pixel_size) as f32 }
+    }
+
+    fn of(&self, position: [f32; 3]) -> [i32; 3] {
+        cells::cell_of(rotate(&self.rows, position), self.cell).map(|c| c >> 1)
+    }
+}
+
+/// Sheets by what they are to a tile.
+pub(super) struct Shares {
+    /// Those that belong to it.
+    pub own: Vec<Sheet>,
+    /// Those next to it, which may be what its points lie on.
+    pub near: Vec<Sheet>,
+}
+
+impl Shares {
+    /// All sheets, of which those of `tile` are its own; without one all are.
+    pub fn of(sheets: Vec<Sheet>, tile: Option<Tile>, lattice: &Lattice) -> Self {
+        let Some(tile) = tile else { return Self { own: sheets, near: Vec::new() } };
+        let (mut own, mut near) = (Vec::new(), Vec::new());
+        for sheet in sheets {
+            let place = place(&sheet, lattice.tile_pixels());
+            if tile.cubes.of(place) == tile.cube {
+                own.push(sheet);
+            } else if tile.distance(place) <= i64::from(lattice.tile_pixels()) {
+                near.push(sheet);
+            }
+        }
+        Self { own, near }
+    }
+}
+
+/// The finest pixel that tells which tile a sheet belongs to: the first one of its square, at the depth of that run which is
+/// nearest to the mean depth.
+fn place(sheet: &Sheet, tile_pixels: i32) -> [i32; 3] {
+    let [d, u, v] = axes_of(sheet.side);
+    let depths = || sheet.runs.iter().map(|run: &Run| f64::from(run.depth));
+    let mean = depths().sum::<f64>() / sheet.runs.len().max(1) as f64;
+    let nearest = depths().min_by(|a, b| (a - mean).abs().total_cmp(&(b - mean).abs()));
+    let mut place = [0; 3];
+    place[d] = nearest.unwrap_or(mean).floor() as i32;
+    place[u] = sheet.tile[0] * tile_pixels;
+    place[v] = sheet.tile[1] * tile_pixels;
+    place
+}
+
+/// Learns the tile in a cube of `plan` from points among which are all within [`TilePlan::margin`] of it; `None` where no
+/// point lies in it. Points further away make no difference.
+///
+/// The tile depends on the points, their order, the plan and the options alone.
+///
+/// # Errors
+/// As [`super::learn`]; [`Error::Inconsistent`] for a plan that no scene has.
+pub fn learn_tile(
+    cloud: &PointCloud,
+    cube: [i32; 3],
+    plan: &TilePlan,
+    options: &PatchesOptions,
+    progress: &dyn Progress,
+) -> Result<Option<PatchModel>> {
+    options.check()?;
+    plan.check()?;
+    let tile = Tile { cubes: plan.cubes, cube };
+    let cloud = about(cloud, plan.lattice.origin)?;
+    let cloud = tile.around(&cloud, &plan.lattice, plan.margin_pixels())?;
+    progress.check()?;
+    if tile.own(&cloud, &plan.lattice).is_empty() {
+        return Ok(None);
+    }
+    let ground = Ground {
+        lattice: plan.lattice,
+        survey: &plan.survey,
+        tolerance: plan.tolerance,
+        density: Some(plan.density),
+        attributes: &plan.attributes,
+        tile: Some(tile),
+    };
+    let mut stages = Stages::new(STAGES, progress);
+    let (model, mut report) = on_lattice(&ground, &cloud, options, &mut stages)?;
+    report.stages = stages.finish();
+    report.survey = plan.survey.clone();
+    report.tolerance = plan.tolerance;
+    Ok(Some(model.with_report(report)))
+}
+
+/// The cloud with positions about `origin`.
+fn about(cloud: &PointCloud, origin: [f64; 3]) -> Result<PointCloud> {
+    if cloud.origin() == origin {
+        return Ok(cloud.clone());
+    }
+    let positions = cloud.positions_about(origin);
+    let parts = CloudParts { origin, positions, ..cloud.clone().into_parts() };
+    Ok(PointCloud::from_parts(parts).map_err(Error::from)?.0)
+}

@@ -1,0 +1,228 @@
+//! What all tiles of a scene share.
+
+use surfabet_geom::{Dtype, PointCloud, Progress, Survey};
+
+use super::{Cubes, MARGIN_PIXELS, MARGIN_SQUARES, about};
+use crate::error::{Error, Result, positive};
+use crate::options::Options;
+use crate::patches::attributes::chosen::Chosen as ChosenAttributes;
+use crate::patches::attributes::{AttributeContent, AttributeHeader, INTENSITIES, check};
+use crate::patches::constants::SPACINGS_PER_PIXEL;
+use crate::patches::learn::{check_size, depth_step, lattice_of, samples_per_pixel, sheets_of};
+use crate::patches::model::Lattice;
+use crate::patches::options::PatchesOptions;
+use crate::patches::samples::{Sample, SidedSamples};
+use crate::scalar::ScalarScale;
+use crate::stages::Stages;
+use crate::start::{Chosen, Leave, Start};
+
+/// Side of a tile where it is not given, finest pixels: 15 m at 1 cm. Small tiles take more bytes, since all adaptive models
+/// start afresh in each: 24 percent more with 64 pixels (`docs/benchmarks/tiles.md`).
+const SIDE: i32 = 1536;
+
+/// Least side of a tile in squares of the coarsest level: with less the margin is larger than the tile.
+const LEAST_SQUARES: i32 = 4;
+
+/// Most finest pixels along the side of a tile.
+const MOST_PIXELS: i32 = 1 << 20;
+
+/// Finest pixels on either side of a border in which surfaces along it count: so far apart squares of the coarsest level are.
+const BESIDE_BORDER: i32 = 16;
+
+/// The stages of planning, with their shares of the progress.
+const STAGES: &[(&str, f32)] = &[
+    ("measuring the cloud", 0.4),
+    ("finding axes", 0.2),
+    ("merging points", 0.3),
+    ("growing sheets", 0.1),
+];
+
+/// What is known of an attribute over all points of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttributeRange {
+    /// Its name; [`INTENSITIES`] for these.
+    pub name: String,
+    /// Type of its values.
+    pub dtype: Dtype,
+    /// Its different values, growing, where it has integers of at most 32 different ones.
+    pub labels: Option<Vec<i64>>,
+    /// Least and largest value.
+    pub range: [f64; 2],
+    /// Standard deviation.
+    pub deviation: f64,
+}
+
+impl AttributeRange {
+    /// What the file says of the attribute, with steps of `share` of its standard deviation.
+    fn header(&self, share: f64) -> Result<AttributeHeader> {
+        let content = match &self.labels {
+            Some(labels) if self.name != INTENSITIES => AttributeContent::Labels(labels.clone()),
+            _ => {
+                let [low, high] = self.range;
+                let scale = ScalarScale::from_range(&self.name, low, high, self.deviation, share)?;
+                AttributeContent::Scalar(scale)
+            }
+        };
+        Ok(AttributeHeader { name: self.name.clone(), dtype: self.dtype, content })
+    }
+}
+
+/// What all tiles of a scene share.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TilePlan {
+    /// The lattice of all patches.
+    pub lattice: Lattice,
+    /// Its cubes.
+    pub cubes: Cubes,
+    /// What was measured of the sample. The points that are outliers there are not named.
+    pub survey: Survey,
+    /// How far from a point its surface may be decoded and still show it, metres.
+    pub tolerance: f64,
+    /// Samples of a pixel, mean.
+    pub density: f64,
+    /// Attributes beside colour, as they are stored.
+    pub attributes: Vec<AttributeHeader>,
+    /// Options that were not given, and what the sample made of them.
+    pub chosen: Vec<Chosen>,
+}
+
+impl TilePlan {
+    /// Finest pixels about a tile that its surfaces depend on.
+    pub(super) fn margin_pixels(&self) -> i32 {
+        MARGIN_SQUARES * self.lattice.tile_pixels() + MARGIN_PIXELS
+    }
+
+    /// How far from a tile points still matter to it, metres.
+    pub fn margin(&self) -> f64 {
+        f64::from(self.margin_pixels()) * self.lattice.pixel_size
+    }
+
+    /// Side of a tile, metres.
+    pub fn side(&self) -> f64 {
+        f64::from(self.cubes.side) * self.lattice.pixel_size
+    }
+
+    /// The plan with tiles of about `side` metres, whole squares of the coarsest level.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for a side below four squares or above a million pixels.
+    pub fn with_side(mut self, side: f64) -> Result<Self> {
+        self.cubes.side = side_of(&self.lattice, Some(side))?;
+        let square = self.lattice.tile_pixels();
+        self.cubes.offset =
+            self.cubes.offset.map(|c| c.rem_euclid(self.cubes.side).div_euclid(square) * square);
+        Ok(self)
+    }
+
+    /// Checks that a scene may have it.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`].
+    pub fn check(&self) -> Result<()> {
+        self.lattice.check()?;
+        check(&self.attributes).map_err(Error::Inconsistent)?;
+        let square = self.lattice.tile_pixels();
+        let whole = |c: i32| c % square == 0;
+        let Cubes { side, offset } = self.cubes;
+        let is_side = (square..=MOST_PIXELS).contains(&side) && whole(side);
+        if !is_side || !offset.iter().all(|&c| whole(c) && (0..side).contains(&c)) {
+            let what = format!("tiles of {side} pixels from {offset:?} with squares of {square}");
+            return Err(Error::Inconsistent(what));
+        }
+        positive("density", self.density, "a positive number")?;
+        let tolerance = self.tolerance.is_finite() && self.tolerance >= 0.0;
+        tolerance
+            .then_some(())
+            .ok_or_else(|| Error::Inconsistent(format!("a tolerance of {} m", self.tolerance)))
+    }
+}
+
+/// Side of a tile in finest pixels: the nearest whole number of squares of the coarsest level to `side` metres.
+fn side_of(lattice: &Lattice, side: Option<f64>) -> Result<i32> {
+    let square = lattice.tile_pixels();
+    let Some(side) = side else { return Ok(SIDE) };
+    let least = f64::from(LEAST_SQUARES * square) * lattice.pixel_size;
+    let most = f64::from(MOST_PIXELS - square) * lattice.pixel_size;
+    if !(least * (1.0 - 1e-9)..=most).contains(&side) {
+        let requirement = format!(
+            "from {} to {} metres with pixels of {} m",
+            crate::start::significant(least),
+            crate::start::significant(most),
+            lattice.pixel_size
+        );
+        return Err(Error::invalid("tile", side, requirement));
+    }
+    let squares = (side / (f64::from(square) * lattice.pixel_size)).round();
+    Ok((squares as i32).max(LEAST_SQUARES) * square)
+}
+
+/// What all tiles of a scene share, from a sample of it in which neighbours are as near as in the scene: some whole blocks,
+/// or the scene itself. `bounds` is the box of the scene, and `ranges` what is known of its attributes beside colour; those
+/// that the options name, or the intensities, are kept. `side` is that of a tile in metres.
+///
+/// # Errors
+/// As [`super::super::learn`].
+pub fn plan(
+    sample: &PointCloud,
+    bounds: [[f64; 3]; 2],
+    ranges: &[AttributeRange],
+    side: Option<f64>,
+    options: &PatchesOptions,
+    progress: &dyn Progress,
+) -> Result<TilePlan> {
+    options.check()?;
+    let [low, high] = bounds;
+    let origin: [f64; 3] = std::array::from_fn(|a| (0.5 * (low[a] + high[a])).round());
+    let mut stages = Stages::new(STAGES, progress);
+    let sample = about(sample, origin)?;
+    let (quality, keep) = (options.quality, options.keep_outliers);
+    let mut start = Start::of(&sample, quality, Leave::Strays, keep, &mut stages)?;
+    start.survey.bounds = Some((low, high));
+    let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
+    let tolerance = start.tolerance(options.resolution);
+    let depth_step = depth_step(&mut start, options.depth_step, resolution);
+    check_size(std::array::from_fn(|a| 0.5 * (high[a] - low[a]) + 1.0), resolution)?;
+    let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
+    let lattice = stages.run("finding axes", |_| {
+        Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
+    })?;
+    let samples = stages.run("merging points", |progress| {
+        SidedSamples::merge(cloud, &lattice, options.sensor, survey, progress)
+    })?;
+    let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;
+    let side = side_of(&lattice, side)?;
+    let cubes = Cubes { side, offset: offset(&samples.all, &lattice, side) };
+    let kept = ChosenAttributes::of(cloud, options.attributes.as_deref())?.names();
+    let ranges = ranges.iter().filter(|range| kept.contains(&range.name.as_str()));
+    let attributes = ranges.map(|range| range.header(options.attribute_step));
+    Ok(TilePlan {
+        lattice,
+        cubes,
+        survey: Survey { outliers: Vec::new(), strays: Vec::new(), ..survey.clone() },
+        tolerance,
+        density: samples_per_pixel(&sheets),
+        attributes: attributes.collect::<Result<_>>()?,
+        chosen: start.into_chosen(),
+    })
+}
+
+/// The corner of the cubes for which fewest samples lie beside a border: a floor or a wall along a border would be in two
+/// tiles.
+fn offset(samples: &[Sample], lattice: &Lattice, side: i32) -> [i32; 3] {
+    let square = lattice.tile_pixels();
+    let pixel = lattice.pixel_size as f32;
+    let mut counts = vec![[0_u64; 3]; side as usize];
+    for sample in samples {
+        for (a, c) in sample.position.iter().enumerate() {
+            counts[((c / pixel).floor() as i32).rem_euclid(side) as usize][a] += 1;
+        }
+    }
+    std::array::from_fn(|a| {
+        let beside = |border: i32| -> u64 {
+            let near = border - BESIDE_BORDER..border + BESIDE_BORDER;
+            near.map(|at| counts[at.rem_euclid(side) as usize][a]).sum()
+        };
+        let borders = (0..side / square).map(|i| i * square);
+        borders.min_by_key(|&border| beside(border)).unwrap_or(0)
+    })
+}

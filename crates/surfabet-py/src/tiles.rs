@@ -1,0 +1,363 @@
+//! Models of patches in tiles: how they are read, learned and put together.
+
+use std::fs::File;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use surfabet::geom::{Dtype, Survey};
+use surfabet::patches::{
+    AttributeContent, AttributeHeader, AttributeRange, Cubes, INTENSITIES, Lattice, Orientation,
+    TilePlan, learn_tile as learn, plan,
+};
+use surfabet::{
+    AnyModel, DecodeOptions, Limits, OpenError, Part, ReadAt, ScalarScale, TileEntry, TiledModel,
+};
+
+use crate::cloud::PyPointCloud;
+use crate::errors::{IntoPyErr, invalid_input};
+use crate::model::{PyModel, region_of};
+use crate::options::options_of;
+use crate::run::run;
+
+/// Patches in tiles, or a part of them; immutable.
+#[pyclass(name = "TiledPatchModel", module = "surfabet._core", frozen, extends = PyModel)]
+pub struct PyTiledModel {
+    model: Arc<TiledModel>,
+}
+
+/// Two corners of a box.
+type Corners = ([f64; 3], [f64; 3]);
+
+impl PyTiledModel {
+    /// The Python object of a model.
+    fn wrap(py: Python<'_>, model: TiledModel) -> PyResult<Py<Self>> {
+        let model = Arc::new(model);
+        let any: Arc<dyn AnyModel> = model.clone();
+        Py::new(py, PyClassInitializer::from(PyModel::of(any)).add_subclass(Self { model }))
+    }
+}
+
+#[pymethods]
+impl PyTiledModel {
+    #[pyo3(signature = (*, resolution, as_measured, normals, region, level, max_points, progress))]
+    #[allow(clippy::too_many_arguments)]
+    fn decode_level(
+        slf: &Bound<'_, Self>,
+        resolution: Option<f64>,
+        as_measured: bool,
+        normals: bool,
+        region: Option<Corners>,
+        level: Option<usize>,
+        max_points: u64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyPointCloud> {
+        let model = &slf.get().model;
+        let options = DecodeOptions { resolution, as_measured, normals, max_points };
+        let part = Part { region: region_of(region)?, level };
+        let decode = |monitor: &dyn surfabet::Progress| model.decode_part(part, options, monitor);
+        Ok(run(slf.py(), progress, decode)?.into())
+    }
+
+    /// Writes the file, with a note if it is not empty, and returns its size in bytes.
+    fn save_tiles(&self, py: Python<'_>, path: PathBuf, note: &str) -> PyResult<u64> {
+        if note.len() > surfabet::MAX_NOTE {
+            let (n, most) = (note.len(), surfabet::MAX_NOTE);
+            return Err(invalid_input(format!("note has {n} bytes, more than {most}; shorten it")));
+        }
+        py.detach(|| self.model.save(&path, note)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Lattice to world, rows of a rotation.
+    #[getter]
+    fn rotation(&self) -> [[f64; 3]; 3] {
+        self.model.patches().lattice.orientation.rotation()
+    }
+
+    #[getter]
+    fn max_error(&self) -> Option<f64> {
+        self.model.patches().max_error
+    }
+
+    /// Names of the attributes beside colour.
+    #[getter]
+    fn attribute_names(&self) -> Vec<&str> {
+        self.model.patches().attributes.iter().map(|header| header.name.as_str()).collect()
+    }
+
+    /// Sides of the finest pixels of the levels of detail, coarsest first, metres.
+    #[getter]
+    fn pixel_sizes(&self) -> Vec<f64> {
+        self.model.header().details.iter().map(|detail| detail.lattice.pixel_size).collect()
+    }
+
+    /// Side of a tile, metres.
+    #[getter]
+    fn tile_side(&self) -> f64 {
+        let header = self.model.header();
+        let pixel = header.details.last().map_or(0.0, |detail| detail.lattice.pixel_size);
+        f64::from(header.cubes.side) * pixel
+    }
+
+    /// Place of each tile among the cubes, (n, 3).
+    fn tile_cubes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<i64>> {
+        let tiles: Vec<&TileEntry> = self.model.tiles().collect();
+        Array2::from_shape_fn((tiles.len(), 3), |(i, a)| i64::from(tiles[i].cube[a]))
+            .into_pyarray(py)
+    }
+
+    /// Corners of the box around each tile, world coordinates, (n, 6).
+    fn tile_bounds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let bounds: Vec<_> = self.model.tiles().map(|tile| self.model.tile_bounds(tile)).collect();
+        Array2::from_shape_fn((bounds.len(), 6), |(i, a)| bounds[i][a / 3][a % 3]).into_pyarray(py)
+    }
+
+    /// Points that each tile was learned from, (n,).
+    fn tile_points<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        self.model.tiles().map(|tile| tile.n_points).collect::<Vec<_>>().into_pyarray(py)
+    }
+
+    /// Bytes of each tile, (n,).
+    fn tile_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        self.model.tiles().map(|tile| tile.len).collect::<Vec<_>>().into_pyarray(py)
+    }
+}
+
+/// A Python object that is read in parts: called with an offset and a length it gives bytes.
+struct Source<'py> {
+    read: Bound<'py, PyAny>,
+    size: u64,
+}
+
+impl ReadAt for Source<'_> {
+    fn size(&mut self) -> io::Result<u64> {
+        Ok(self.size)
+    }
+
+    fn read_at(&mut self, offset: u64, len: usize) -> io::Result<Vec<u8>> {
+        let bytes = self.read.call1((offset, len)).and_then(|bytes| bytes.extract::<Vec<u8>>());
+        bytes.map_err(io::Error::other)
+    }
+}
+
+/// The model in tiles of a file, as far as it meets a box; None for a file without tiles.
+#[pyfunction]
+#[pyo3(signature = (path, *, region, level, max_items, max_bytes))]
+fn open_tiles(
+    py: Python<'_>,
+    path: PathBuf,
+    region: Option<Corners>,
+    level: Option<usize>,
+    max_items: u64,
+    max_bytes: u64,
+) -> PyResult<Option<Py<PyTiledModel>>> {
+    let part = Part { region: region_of(region)?, level };
+    let limits = Limits { max_items, max_bytes };
+    let opened = py.detach(|| {
+        let io = |source| surfabet::Error::Io { path: path.clone(), source };
+        let mut file = File::open(&path).map_err(io)?;
+        TiledModel::open(&mut file, &limits, part).map_err(|error| match error {
+            OpenError::Io(source) => io(source),
+            OpenError::Codec(source) => surfabet::Error::File { path: path.clone(), source },
+            OpenError::Model(error) => error.into(),
+        })
+    });
+    let model = opened.map_err(IntoPyErr::into_py_err)?;
+    model.map(|model| PyTiledModel::wrap(py, model)).transpose()
+}
+
+/// As [`open_tiles`], of `size` bytes that `read(offset, length)` gives.
+#[pyfunction]
+#[pyo3(signature = (read, size, *, region, level, max_items, max_bytes))]
+fn open_tiles_of<'py>(
+    py: Python<'py>,
+    read: Bound<'py, PyAny>,
+    size: u64,
+    region: Option<Corners>,
+    level: Option<usize>,
+    max_items: u64,
+    max_bytes: u64,
+) -> PyResult<Option<Py<PyTiledModel>>> {
+    let part = Part { region: region_of(region)?, level };
+    let limits = Limits { max_items, max_bytes };
+    let model = TiledModel::open(&mut Source { read, size }, &limits, part);
+    let model = model.map_err(IntoPyErr::into_py_err)?;
+    model.map(|model| PyTiledModel::wrap(py, model)).transpose()
+}
+
+/// True for the first bytes of a file with tiles; of all that is no sound file the reader tells more.
+#[pyfunction]
+fn holds_tiles(start: &[u8]) -> bool {
+    let limits = Limits { max_items: u64::MAX, max_bytes: u64::MAX };
+    surfabet::holds_tiles(start, &limits).unwrap_or(false)
+}
+
+/// The model of all tiles of some models.
+#[pyfunction]
+fn merge_tiles(py: Python<'_>, models: Vec<Py<PyTiledModel>>) -> PyResult<Py<PyTiledModel>> {
+    let models: Vec<TiledModel> = models.iter().map(|m| m.get().model.as_ref().clone()).collect();
+    let merged = py.detach(|| TiledModel::merge(&models)).map_err(IntoPyErr::into_py_err)?;
+    PyTiledModel::wrap(py, merged)
+}
+
+/// What is known of an attribute over a scene: name, type, labels, least and largest value, standard deviation.
+type Range = (String, String, Option<Vec<i64>>, f64, f64, f64);
+
+/// What all tiles of a scene share, as a dict of plain values.
+#[pyfunction]
+#[pyo3(signature = (sample, bounds, ranges, tile, options, *, progress))]
+fn plan_tiles<'py>(
+    py: Python<'py>,
+    sample: &Bound<'py, PyPointCloud>,
+    bounds: Corners,
+    ranges: Vec<Range>,
+    tile: Option<f64>,
+    options: &Bound<'py, PyDict>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let options = options_of(options)?;
+    let of_range = |(name, dtype, labels, low, high, deviation): Range| {
+        let dtype = dtype_of(&dtype)?;
+        Ok(AttributeRange { name, dtype, labels, range: [low, high], deviation })
+    };
+    let ranges: Vec<AttributeRange> = ranges.into_iter().map(of_range).collect::<PyResult<_>>()?;
+    let sample = &sample.get().cloud;
+    let made = run(py, progress, |monitor| {
+        plan(sample, [bounds.0, bounds.1], &ranges, tile, &options, monitor)
+    })?;
+    state(py, &made)
+}
+
+/// The plan with tiles of another side, metres.
+#[pyfunction]
+fn plan_with_side<'py>(
+    py: Python<'py>,
+    plan: &Bound<'py, PyDict>,
+    side: f64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let chosen = plan.get_item("chosen")?;
+    let changed = plan_of(plan)?.with_side(side).map_err(IntoPyErr::into_py_err)?;
+    let changed = state(py, &changed)?;
+    changed.set_item("chosen", chosen)?;
+    Ok(changed)
+}
+
+/// The tile in a cube as the bytes of a file of its own; None where no point lies in it.
+#[pyfunction]
+#[pyo3(signature = (cloud, cube, plan, options, *, progress))]
+fn learn_tile<'py>(
+    py: Python<'py>,
+    cloud: &Bound<'py, PyPointCloud>,
+    cube: [i32; 3],
+    plan: &Bound<'py, PyDict>,
+    options: &Bound<'py, PyDict>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Option<Bound<'py, PyBytes>>> {
+    let (plan, options) = (plan_of(plan)?, options_of(options)?);
+    let cloud = &cloud.get().cloud;
+    let bytes = run(py, progress, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
+        let model = learn(cloud, cube, &plan, &options, monitor)?;
+        model.map(|m| TiledModel::of_tile(plan.cubes, cube, &m)?.to_bytes()).transpose()
+    })?;
+    Ok(bytes.map(|bytes| PyBytes::new(py, &bytes)))
+}
+
+fn dtype_of(name: &str) -> PyResult<Dtype> {
+    let found = Dtype::ALL.iter().find(|dtype| dtype.name() == name);
+    found.copied().ok_or_else(|| invalid_input(format!("no attribute has the type {name:?}")))
+}
+
+/// An attribute of a plan: name, type, labels, or low end, high end and step of its scale.
+type Attribute = (String, String, Option<Vec<i64>>, f64, f64, f64);
+
+/// A plan as a dict of plain values, which [`plan_of`] reads.
+fn state<'py>(py: Python<'py>, plan: &TilePlan) -> PyResult<Bound<'py, PyDict>> {
+    let TilePlan { lattice, cubes, survey, .. } = plan;
+    let attribute = |header: &AttributeHeader| -> Attribute {
+        let (name, dtype) = (header.name.clone(), header.dtype.name().to_owned());
+        match &header.content {
+            AttributeContent::Scalar(s) => (name, dtype, None, s.low, s.high, s.step),
+            AttributeContent::Labels(labels) => (name, dtype, Some(labels.clone()), 0.0, 0.0, 1.0),
+        }
+    };
+    let dict = PyDict::new(py);
+    dict.set_item("origin", lattice.origin)?;
+    dict.set_item("quaternion", lattice.orientation.quaternion)?;
+    dict.set_item("pixel_size", lattice.pixel_size)?;
+    dict.set_item("levels", lattice.levels)?;
+    dict.set_item("depth_step", lattice.depth_step)?;
+    dict.set_item("side", cubes.side)?;
+    dict.set_item("offset", cubes.offset)?;
+    dict.set_item("margin", plan.margin())?;
+    dict.set_item("spacing", survey.spacing)?;
+    dict.set_item("rounding", survey.rounding)?;
+    dict.set_item("noise", survey.noise)?;
+    dict.set_item("layer_gap", survey.layer_gap)?;
+    dict.set_item("has_facings", survey.has_facings)?;
+    dict.set_item("line_spacing", survey.line_spacing)?;
+    dict.set_item("bounds", survey.bounds)?;
+    dict.set_item("tolerance", plan.tolerance)?;
+    dict.set_item("density", plan.density)?;
+    dict.set_item("attributes", plan.attributes.iter().map(attribute).collect::<Vec<_>>())?;
+    let chosen = plan.chosen.iter().map(|c| (c.option, c.value, c.reason.clone()));
+    dict.set_item("chosen", chosen.collect::<Vec<_>>())?;
+    Ok(dict)
+}
+
+/// The plan in such a dict; why options were chosen is for people.
+fn plan_of(state: &Bound<'_, PyDict>) -> PyResult<TilePlan> {
+    let item = |name: &str| {
+        let missing = || invalid_input(format!("the plan of the tiles has no {name:?}"));
+        state.get_item(name)?.ok_or_else(missing)
+    };
+    let attribute = |(name, dtype, labels, low, high, step): Attribute| -> PyResult<_> {
+        let content = match labels {
+            Some(labels) if name != INTENSITIES => AttributeContent::Labels(labels),
+            _ => AttributeContent::Scalar(ScalarScale { low, high, step }),
+        };
+        Ok(AttributeHeader { dtype: dtype_of(&dtype)?, name, content })
+    };
+    let attributes: Vec<Attribute> = item("attributes")?.extract()?;
+    let plan = TilePlan {
+        lattice: Lattice {
+            origin: item("origin")?.extract()?,
+            orientation: Orientation { quaternion: item("quaternion")?.extract()? },
+            pixel_size: item("pixel_size")?.extract()?,
+            levels: item("levels")?.extract()?,
+            depth_step: item("depth_step")?.extract()?,
+        },
+        cubes: Cubes { side: item("side")?.extract()?, offset: item("offset")?.extract()? },
+        survey: Survey {
+            spacing: item("spacing")?.extract()?,
+            rounding: item("rounding")?.extract()?,
+            noise: item("noise")?.extract()?,
+            layer_gap: item("layer_gap")?.extract()?,
+            has_facings: item("has_facings")?.extract()?,
+            line_spacing: item("line_spacing")?.extract()?,
+            bounds: item("bounds")?.extract()?,
+            ..Survey::default()
+        },
+        tolerance: item("tolerance")?.extract()?,
+        density: item("density")?.extract()?,
+        attributes: attributes.into_iter().map(attribute).collect::<PyResult<_>>()?,
+        chosen: Vec::new(),
+    };
+    plan.check().map_err(IntoPyErr::into_py_err)?;
+    Ok(plan)
+}
+
+/// Adds this file's classes and functions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyTiledModel>()?;
+    module.add_function(wrap_pyfunction!(open_tiles, module)?)?;
+    module.add_function(wrap_pyfunction!(open_tiles_of, module)?)?;
+    module.add_function(wrap_pyfunction!(holds_tiles, module)?)?;
+    module.add_function(wrap_pyfunction!(merge_tiles, module)?)?;
+    module.add_function(wrap_pyfunction!(plan_tiles, module)?)?;
+    module.add_function(wrap_pyfunction!(plan_with_side, module)?)?;
+    module.add_function(wrap_pyfunction!(learn_tile, module)?)
+}

@@ -1,0 +1,137 @@
+"""`surfabet compress` in tiles: for maps that are larger than the memory."""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Group, Parameter
+from cyclopts.validators import Number
+
+import surfabet
+from surfabet._progress import ProgressCallback
+from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._learn_options import LearnOptions
+from surfabet.cli._options import READ_OPTIONS, PositiveFloat, ReadOptions, UsageError, spelled
+
+TILES = Group("Tiles", sort_key=5)
+
+_UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40}
+
+DEFAULT_MEMORY = 2 << 30
+
+
+@Parameter(name="*", group=TILES)
+@dataclass(frozen=True)
+class TileOptions:
+    """Whether and how a map is learned in tiles."""
+
+    tile: PositiveFloat = None
+    """Learn the map in tiles of this side, metres, of which parts can be read alone."""
+
+    max_memory: str | None = None
+    """Learn in tiles with at most this memory: 2G, 500M. By default all points are in memory at
+    once, and with --tile alone 2G."""
+
+    workers: Annotated[int | None, Parameter(validator=Number(gte=1, lte=256))] = None
+    """Processes that learn tiles, which share the memory; by default one, on all threads."""
+
+    work: Path | None = None
+    """Folder for points and tiles until the map is complete, by default beside it; a run that was
+    stopped goes on from it."""
+
+    @property
+    def is_given(self) -> bool:
+        """Whether tiles were asked for."""
+        if self.tile is None and self.max_memory is None:
+            for name in ("workers", "work"):
+                if getattr(self, name) is not None:
+                    raise UsageError(f"{spelled(name)}: needs --tile or --max-memory")
+            return False
+        return True
+
+
+TILE_OPTIONS = TileOptions()
+
+
+def memory_of(text: str | None) -> int:
+    """Bytes of a text like 2G."""
+    if text is None:
+        return DEFAULT_MEMORY
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?", text.strip().lower())
+    if match is None:
+        raise UsageError(f"--max-memory {text}: give a number of bytes, such as 2G or 500M")
+    return int(float(match[1]) * _UNITS[match[2]])
+
+
+def compress_tiles(
+    source: Path,
+    output: Path,
+    tiles: TileOptions,
+    model: str | None,
+    learning: LearnOptions,
+    read: ReadOptions,
+    progress: ProgressCallback,
+) -> tuple[surfabet.TilingReport, dict[str, float]]:
+    """Learns a map in tiles; gives its report and the seconds."""
+    if model not in (None, "patches"):
+        raise UsageError(f"--model {model}: only patches are learned in tiles")
+    if read != READ_OPTIONS:
+        names = ", ".join(spelled(name) for name in read.given()) or "--format, --unit, --viewpoint"
+        raise UsageError(
+            f"{names}: not together with --tile or --max-memory; convert the input first with "
+            "surfabet convert"
+        )
+    started = time.perf_counter()
+    options = {
+        "tile": tiles.tile,
+        "max_memory": memory_of(tiles.max_memory),
+        "work": tiles.work,
+        "progress": progress,
+        **learning.given(),
+    }
+    n = tiles.workers or 1
+    if n == 1:
+        report = surfabet.learn_patches_tiled(source, output, **options)
+    else:
+        # Imported here: a tenth of a second that most runs do without.
+        import multiprocessing
+        from concurrent.futures import ProcessPoolExecutor
+
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(n, mp_context=context) as executor:
+            report = surfabet.learn_patches_tiled(
+                source, output, executor=executor, workers=n, **options
+            )
+    return report, {"learn": time.perf_counter() - started}
+
+
+def tell(
+    source: Path,
+    output: Path,
+    report: surfabet.TilingReport,
+    seconds: dict[str, float],
+    json: bool,
+    quiet: bool,
+) -> None:
+    """Prints what came out."""
+    if json:
+        print_json(
+            {
+                "input": {"path": str(source), "points": report.n_points},
+                "output": {"path": str(output), "bytes": report.n_bytes},
+                "seconds": seconds,
+                "report": asdict(report),
+            }
+        )
+    elif not quiet:
+        for option, (value, why) in report.chosen.items():
+            print(f"{source}: by the data: {option.replace('_', '-')} {value:.6g} ({why})")
+        tiles = "tile" if report.n_tiles == 1 else "tiles"
+        print(
+            f"{output}: {report.n_points:,} points, {report.n_tiles} {tiles} of {report.tile:g} m, "
+            f"{bytes_text(report.n_bytes)}, {seconds['learn']:.1f} s"
+        )

@@ -1,0 +1,695 @@
+"""Maps in tiles: a part of one is the same part of the whole, and workers make no difference."""
+
+from __future__ import annotations
+
+import io
+import threading
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+import surfabet as sb
+from surfabet import tiling
+from surfabet.cli import main
+from surfabet.errors import FormatError, InvalidInputError
+from test_format import Fields, sections
+
+FEATURES = 1 << 1 | 1 << 3 | 1 << 6
+"""Features of the page: a lattice, attributes, predicted from those beside."""
+TILED = FEATURES | 1 << 7
+
+PIXEL = 0.02
+TILE = 1.28
+OPTIONS: dict[str, Any] = {"resolution": PIXEL, "levels": 2}
+
+
+def room(seed: int = 0) -> sb.PointCloud:
+    """Floor, walls and a box of a room of 4 x 3 m, turned and far from zero, with noise of 3 mm,
+    colours that change with the place, intensities and labels."""
+    rng = np.random.default_rng(seed)
+
+    def square(corner: Any, a: Any, b: Any, n: int) -> Any:
+        s = rng.random((n, 2))
+        normal = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
+        at = np.array(corner, float) + s[:, :1] * np.array(a, float) + s[:, 1:] * np.array(b, float)
+        return at + 0.003 * rng.standard_normal((n, 1)) * normal
+
+    parts = [
+        square([0, 0, 0], [4, 0, 0], [0, 3, 0], 60_000),
+        square([0, 0, 0], [4, 0, 0], [0, 0, 1.4], 28_000),
+        square([0, 0, 0], [0, 3, 0], [0, 0, 1.4], 21_000),
+        square([1.2, 1, 0.7], [1, 0, 0], [0, 1, 0], 5_000),
+        square([1.2, 1, 0], [1, 0, 0], [0, 0, 0.7], 3_500),
+    ]
+    local = np.concatenate(parts)
+    waves = np.sin(local @ np.array([[3.0, 1, 0], [0, 2.5, 1], [1, 0, 4]]))
+    turn = np.deg2rad(17)
+    rotation = np.array(
+        [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
+    )
+    order = rng.permutation(len(local))
+    return sb.PointCloud(
+        (local @ rotation.T + [5000.0, -200.0, 40.0])[order],
+        colors=(127 + 100 * waves).astype(np.uint8)[order],
+        intensities=(100 + 50 * waves[:, 0]).astype(np.float32)[order],
+        extra={"label": (local[:, 0] > 2).astype(np.uint8)[order]},
+    )
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    return room()
+
+
+@pytest.fixture(scope="module")
+def path(cloud: sb.PointCloud, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("tiles") / "room.sfb"
+    names = ["colors", "intensities", "label"]
+    report = sb.learn_patches_tiled(cloud, path, tile=TILE, attributes=names, **OPTIONS)
+    assert report.n_points == report.n_kept == len(cloud)
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(path: Path) -> sb.TiledPatchModel:
+    model = sb.load(path)
+    assert isinstance(model, sb.TiledPatchModel)
+    return model
+
+
+def same(a: sb.PointCloud, b: sb.PointCloud) -> bool:
+    return a.attributes == b.attributes and all(
+        np.array_equal(a[name], b[name]) for name in ["points", *a.attributes]
+    )
+
+
+def cropped(cloud: sb.PointCloud, box: Any) -> sb.PointCloud:
+    low, high = np.array(box)
+    return cloud.select(((cloud.points >= low) & (cloud.points <= high)).all(axis=1))
+
+
+def test_points_and_bytes_add_up(model: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:
+    tiles = model.tiles
+    assert len(tiles) >= 9
+    assert model.n_points == tiles.points.sum() == len(cloud)
+    assert abs(model.tile_side - TILE) <= 0.5 * 16 * PIXEL
+    assert model.to_bytes() == sb.from_bytes(model.to_bytes()).to_bytes()
+    assert set(model.attributes) == {"colors", "intensities", "label"}
+    info = model.info
+    assert info["tiles"] == len(tiles)
+    assert info["patches"] == len(model)
+    assert "tiles" in repr(model)
+
+
+def test_a_map_in_tiles_is_as_near_as_one_without(
+    model: sb.TiledPatchModel, cloud: sb.PointCloud
+) -> None:
+    whole = sb.learn_patches(cloud, **OPTIONS)
+    for as_measured in (False, True):
+        tiled, one = (m.decode(as_measured=as_measured) for m in (model, whole))
+        a, b = sb.evaluate(cloud, tiled), sb.evaluate(cloud, one)
+        assert a.rmse <= 1.05 * b.rmse
+        # Nothing is there twice, and nothing is missing.
+        assert abs(len(tiled) - len(one)) <= 0.03 * len(one)
+    assert a.color_rmse_pooled is not None
+    assert b.color_rmse_pooled is not None
+    assert a.color_rmse_pooled <= 1.05 * b.color_rmse_pooled
+
+
+def test_labels_and_intensities_come_back(model: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:
+    again = model.decode()
+    _, nearest = cKDTree(cloud.points).query(again.points)
+    assert (again["label"] == cloud["label"][nearest]).mean() > 0.97
+    assert again["label"].dtype == np.uint8
+    off = again.intensities - cloud.intensities[nearest]
+    assert np.sqrt((off**2).mean()) < 12
+
+
+@st.composite
+def boxes(draw: st.DrawFn) -> Any:
+    corner = np.array([4999.0, -201.0, 39.5])
+    low = corner + [draw(st.floats(0, size)) for size in (5.0, 6.0, 2.0)]
+    return low, low + [draw(st.floats(0, 4.0)) for _ in range(3)]
+
+
+@settings(max_examples=25, deadline=None)
+@given(box=boxes(), as_measured=st.booleans(), normals=st.booleans())
+def test_a_box_is_the_whole_cropped_point_for_point(
+    model: sb.TiledPatchModel, path: Path, box: Any, as_measured: bool, normals: bool
+) -> None:
+    options: dict[str, Any] = {"as_measured": as_measured, "normals": normals, "resolution": 0.013}
+    wanted = cropped(model.decode(**options), box)
+    assert same(model.decode(box=box, **options), wanted)
+    part = sb.load(path, box=box)
+    assert same(part.decode(**options), wanted)
+    # And again of what was written of the part.
+    if len(part.tiles):
+        again = sb.from_bytes(part.to_bytes())
+        assert same(again.decode(box=box, **options), wanted)
+
+
+def test_boxes_of_models_without_tiles(cloud: sb.PointCloud) -> None:
+    box = ([5000, -200, 39.9], [5001, -199, 41])
+    for one in (sb.learn_patches(cloud, **OPTIONS), sb.learn_gas(cloud, n_neurons=500)):
+        whole = one.decode(normals=True)
+        part = one.decode(box=box, normals=True)
+        assert 0 < len(part) < len(whole)
+        assert same(part, cropped(whole, box))
+        # A limit is for what is decoded.
+    patches = sb.learn_patches(cloud, **OPTIONS)
+    n = len(patches.decode(box=box))
+    assert len(patches.decode(box=box, max_points=20 * n)) == n
+
+
+class Counting(io.BytesIO):
+    """Counts the bytes that are read."""
+
+    n_read = 0
+
+    def read(self, size: int | None = -1) -> bytes:
+        data = super().read(size)
+        self.n_read += len(data)
+        return data
+
+
+def meeting(model: sb.TiledPatchModel, box: Any) -> int:
+    """Bytes of the tiles whose boxes meet a box."""
+    low, high = np.array(box)
+    bounds = model.tiles.bounds
+    meets = ((bounds[:, 0] <= high) & (bounds[:, 1] >= low)).all(axis=1)
+    return int(model.tiles.bytes[meets].sum())
+
+
+def test_little_more_is_read_than_the_tiles_that_meet_the_box(
+    model: sb.TiledPatchModel, path: Path
+) -> None:
+    data = path.read_bytes()
+    middle = model.decode().points.mean(axis=0)
+    for half in (0.1, 0.5, 1.0):
+        box = (middle - half, middle + half)
+        file = Counting(data)
+        part = sb.load(file, box=box)
+        assert same(part.decode(), model.decode(box=box))
+        assert file.n_read <= 1.2 * meeting(model, box)
+
+
+class RangeHandler(SimpleHTTPRequestHandler):
+    """Serves parts of files, and counts what it sent."""
+
+    sent = 0
+
+    def do_GET(self) -> None:
+        data = Path(self.directory, self.path.lstrip("/")).read_bytes()
+        given = self.headers.get("Range")
+        if given is None:
+            self.send_response(200)
+            part = data
+        else:
+            start, _, end = given.removeprefix("bytes=").partition("-")
+            part = data[int(start) : int(end) + 1]
+            self.send_response(206)
+            self.send_header("Content-Range", f"bytes {start}-{end}/{len(data)}")
+        type(self).sent += len(part)
+        self.send_header("Content-Length", str(len(part)))
+        self.send_header("Accept-Ranges", "bytes")
+        self.end_headers()
+        self.wfile.write(part)
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+def test_a_box_is_read_over_http(model: sb.TiledPatchModel, path: Path) -> None:
+    pytest.importorskip("fsspec")
+    pytest.importorskip("aiohttp")
+
+    def handler(*args: Any) -> RangeHandler:
+        return RangeHandler(*args, directory=str(path.parent))
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        url = f"http://127.0.0.1:{server.server_address[1]}/{path.name}"
+        middle = model.decode().points.mean(axis=0)
+        box = (middle - 0.5, middle + 0.5)
+        RangeHandler.sent = 0
+        part = sb.load(url, box=box)
+        assert RangeHandler.sent <= 1.2 * meeting(model, box)
+        assert same(part.decode(), model.decode(box=box))
+        assert sb.load(url) == model
+        with pytest.raises(OSError, match=r"nothing\.sfb"):
+            sb.load(url.replace(path.name, "nothing.sfb"))
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def test_what_boxes_and_levels_must_be(
+    model: sb.TiledPatchModel, path: Path, cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidInputError, match="box is from"):
+        model.decode(box=([1, 0, 0], [0, 1, 1]))
+    with pytest.raises(InvalidInputError, match=r"box is .*must be two corners"):
+        sb.load(path, box=([1, 0], [0, 1]))
+    with pytest.raises(InvalidInputError, match="level is 1, but must be from 0 to 0"):
+        sb.load(path, level=1)
+    with pytest.raises(InvalidInputError, match="level is -1"):
+        model.decode(level=-1)
+    assert same(model.decode(level=0), model.decode())
+    one = tmp_path / "one.sfb"
+    sb.learn_patches(cloud, **OPTIONS).save(one)
+    with pytest.raises(InvalidInputError, match=r"box is .* the file has no tiles"):
+        sb.load(one, box=([0, 0, 0], [1, 1, 1]))
+    assert len(model.decode(box=([0, 0, 0], [1, 1, 1]))) == 0
+    assert model.decode(box=([0, 0, 0], [1, 1, 1])).colors is not None
+    everywhere = ([-np.inf] * 3, [np.inf] * 3)
+    assert same(model.decode(box=everywhere), model.decode())
+
+
+def across(model: sb.TiledPatchModel, again: sb.PointCloud) -> tuple[Any, Any]:
+    """Steps of depth (m) and colour from points on the floor of the room to the nearest ones that
+    are half a pixel further along an axis of the lattice: over borders of tiles, and inside."""
+    local = (again.points - model.origin) @ model.rotation
+    cubes = np.floor(local / PIXEL).astype(int)
+    vertical = int(np.argmax(np.abs(model.rotation[2])))
+    floor = np.abs(again.points[:, 2] - 40.0) < 0.01
+    own = np.flatnonzero(floor)
+    tree = cKDTree(local[own])
+    side = round(model.tile_side / PIXEL)
+    bounds = model.tiles
+    assert len(bounds) > 1
+    found: dict[bool, list[Any]] = {True: [], False: []}
+    for axis in [a for a in range(3) if a != vertical]:
+        step = np.zeros(3)
+        step[axis] = 0.5 * PIXEL
+        distance, nearest = tree.query(local[own] + step)
+        near = distance < 0.2 * PIXEL
+        first, second = own[near], own[nearest[near]]
+        # The borders are where most points change their tile: known by the corner of the cubes.
+        offset = corner(model)[axis]
+        crosses = (cubes[first, axis] - offset) // side != (cubes[second, axis] - offset) // side
+        depth = np.abs(local[first, vertical] - local[second, vertical])
+        color = np.abs(again.colors[first].astype(float) - again.colors[second]).mean(axis=1)
+        for which in (True, False):
+            chosen = crosses == which
+            found[which].append(np.column_stack([depth[chosen], color[chosen]]))
+    return tuple(np.concatenate(found[which]) for which in (True, False))
+
+
+class Page(Fields):
+    """Fields of the page that the other reader does not need."""
+
+    def signed(self) -> int:
+        code = self.varint()
+        return code >> 1 if code % 2 == 0 else -(code >> 1) - 1
+
+    def doubles(self, n: int) -> list[float]:
+        return [self.f64() for _ in range(n)]
+
+
+def corner(model: sb.TiledPatchModel) -> Any:
+    """Lowest corner of cube (0, 0, 0), finest pixels, from the header of the file."""
+    fields = Page(sections(model.to_bytes(), TILED)["META"])
+    read_details(fields)
+    fields.varint()
+    return [fields.varint() for _ in range(3)]
+
+
+def read_details(fields: Any) -> list[dict[str, Any]]:
+    """The levels of detail of the page (5.7), of a file with attributes."""
+    details = []
+    for _ in range(fields.varint()):
+        detail: dict[str, Any] = {"start": fields.at, "n_points": fields.varint()}
+        fields.doubles(3)
+        [fields.signed() for _ in range(4)]
+        detail["pixel"], detail["levels"] = fields.doubles(1)[0], fields.varint()
+        fields.varint()
+        assert fields.varint() == 0
+        [fields.varint() for _ in range(2)]
+        assert fields.varint() == 0
+        fields.doubles(2)
+        detail["counts_end"] = fields.at
+        detail["attributes"] = fields.varint()
+        for _ in range(detail["attributes"]):
+            [fields.varint() for _ in range(fields.varint())]
+            fields.varint()
+            labels = fields.varint()
+            if labels:
+                [fields.signed() for _ in range(labels)]
+            else:
+                fields.doubles(3)
+        detail["end"] = fields.at
+        details.append(detail)
+    return details
+
+
+def test_surfaces_and_colours_go_on_across_borders(model: sb.TiledPatchModel) -> None:
+    borders, inside = across(model, model.decode(resolution=0.5 * PIXEL))
+    assert len(borders) > 200
+    assert np.quantile(borders[:, 0], 0.99) <= max(0.005, 1.1 * np.quantile(inside[:, 0], 0.99))
+    assert borders[:, 1].mean() <= inside[:, 1].mean() + 1.0
+
+
+def test_a_tile_holds_what_a_file_of_its_own_would(model: sb.TiledPatchModel) -> None:
+    """The index and the tiles as the page has them (5.7): a tile's streams in the sections of a
+    file without tiles are the same model."""
+    data = model.to_bytes()
+    found = sections(data, TILED)
+    assert list(found) == ["META", "TIDX", "TILE"]
+    meta = Page(found["META"])
+    (detail,) = read_details(meta)
+    side = meta.varint()
+    assert side * detail["pixel"] == pytest.approx(model.tile_side)
+    [meta.varint() for _ in range(3)]
+    assert meta.at == len(found["META"])
+    index = Page(found["TIDX"])
+    n = index.varint()
+    low = [index.signed() for _ in range(3)]
+    place, offset, clouds = -1, 0, []
+    for i in range(n):
+        place += index.varint() + 1
+        cube = [sum((place >> 3 * b + a & 1) << b for b in range(21)) for a in range(3)]
+        assert model.tiles.cubes[i].tolist() == [c + at for c, at in zip(cube, low, strict=True)]
+        n_points, size = index.varint(), index.varint()
+        checksum = index.bytes(4)
+        [index.signed() for _ in range(3)]
+        [index.varint() for _ in range(3)]
+        tile = found["TILE"][offset : offset + size]
+        offset += size
+        assert (n_points, size) == (model.tiles.points[i], model.tiles.bytes[i])
+        assert int.from_bytes(checksum, "little") == crc32c(tile)
+        clouds.append(standalone(tile, n_points, found["META"], detail).decode())
+    assert offset == len(found["TILE"])
+    assert index.at == len(found["TIDX"])
+    whole = model.decode()
+    points = np.concatenate([c.local_points for c in clouds])
+    assert np.array_equal(points, whole.local_points)
+    assert np.array_equal(np.concatenate([c.colors for c in clouds]), whole.colors)
+
+
+def crc32c(data: bytes) -> int:
+    """The checksum of the page."""
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+    return crc ^ 0xFFFFFFFF
+
+
+def varint(value: int) -> bytes:
+    out = bytearray()
+    while value >= 128:
+        out.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def standalone(tile: bytes, n_points: int, meta: bytes, detail: dict[str, Any]) -> Any:
+    """The model of a tile from a file without tiles, put together by the page."""
+    fields = Page(tile)
+    n_patches, n_extra = fields.varint(), fields.varint()
+    extra_size = fields.bytes(8) if n_extra else None
+    tags = ["GEOM", "COLR", *(["PNTS"] if n_extra else [])]
+    tags += [f"AT{i:02}" for i in range(detail["attributes"])]
+    sizes = [fields.varint() for _ in tags]
+    streams = {}
+    for tag, size in zip(tags, sizes, strict=True):
+        streams[tag] = fields.bytes(size)
+    assert fields.at == len(tile)
+    shared = Page(meta)
+    shared.at = detail["start"]
+    shared.varint()
+    lattice = shared.at
+    shared.doubles(3)
+    [shared.signed() for _ in range(4)]
+    shared.doubles(1)
+    shared.varint()
+    shared.varint()
+    before = meta[lattice : shared.at]
+    shared.varint()
+    colors = shared.at
+    shared.varint()
+    shared.varint()
+    steps = meta[colors : shared.at]
+    shared.varint()
+    size = extra_size or shared.bytes(8)
+    own = varint(n_points) + before + varint(n_patches) + steps + varint(n_extra) + size
+    own += meta[detail["counts_end"] - 8 : detail["end"]]
+    parts = {"META": own, **streams}
+    head = b"\x89SFB\x01\x00\x01\x02" + varint(FEATURES) + varint(len(parts))
+    for tag, part in parts.items():
+        head += tag.encode() + varint(len(part)) + crc32c(part).to_bytes(4, "little")
+    head += crc32c(head).to_bytes(4, "little")
+    return sb.from_bytes(head + b"".join(parts.values()))
+
+
+def test_damaged_files_are_named(path: Path) -> None:
+    data = path.read_bytes()
+    for cut in (3, 40, 300, len(data) // 2, len(data) - 1):
+        with pytest.raises(FormatError):
+            sb.from_bytes(data[:cut])
+    with pytest.raises(FormatError):
+        sb.from_bytes(data + b"\0")
+    rng = np.random.default_rng(0)
+    for at in [*range(0, 400, 7), *rng.integers(0, len(data), 60).tolist()]:
+        flipped = bytearray(data)
+        flipped[at] ^= 1 << int(rng.integers(8))
+        try:
+            sb.from_bytes(bytes(flipped)).decode()
+        except FormatError:
+            continue
+        # What is skipped: the note, and the checksum of all tiles, which each has for itself.
+        assert sb.from_bytes(bytes(flipped)) == sb.from_bytes(data)
+
+
+def test_the_same_bytes_for_any_workers_and_order(
+    cloud: sb.PointCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for n in (0, 1, 2, 8):
+        path = tmp_path / f"{n}.sfb"
+        options: dict[str, Any] = {"tile": TILE, **OPTIONS}
+        if n == 0:
+            sb.learn_patches_tiled(cloud, path, **options)
+        else:
+            with ThreadPoolExecutor(n) as executor:
+                sb.learn_patches_tiled(cloud, path, executor=executor, workers=n, **options)
+        found.append(path.read_bytes())
+    assert found[0] == found[1]
+    # Workers share the memory, which here is enough for all.
+    assert found[1] == found[2] == found[3]
+    monkeypatch.setattr(tiling, "sorted", lambda x, **_: list(reversed(list(x))), raising=False)
+    sb.learn_patches_tiled(cloud, tmp_path / "back.sfb", tile=TILE, **OPTIONS)
+    assert (tmp_path / "back.sfb").read_bytes() == found[0]
+
+
+def test_tiles_are_put_together_in_any_order(
+    cloud: sb.PointCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    learn, made = tiling.learn_tile, []
+
+    def kept(*args: Any, **kwargs: Any) -> Any:
+        made.append(learn(*args, **kwargs))
+        return made[-1]
+
+    monkeypatch.setattr(tiling, "learn_tile", kept)
+    sb.learn_patches_tiled(cloud, tmp_path / "map.sfb", tile=TILE, **OPTIONS)
+    model = sb.load(tmp_path / "map.sfb")
+    tiles = [sb.from_bytes(data) for data in made if data is not None]
+    assert sb.merge_tiles(tiles) == sb.merge_tiles(tiles[::-1]) == model
+    # Associative.
+    halves = [sb.merge_tiles(tiles[i::2]) for i in (1, 0)]
+    assert sb.merge_tiles(halves).to_bytes() == model.to_bytes()
+    with pytest.raises(FormatError, match="two tiles at"):
+        sb.merge_tiles([halves[0], model])
+    with pytest.raises(InvalidInputError, match="empty"):
+        sb.merge_tiles([])
+    other = tmp_path / "other.sfb"
+    sb.learn_patches_tiled(cloud, other, tile=TILE, resolution=0.03)
+    with pytest.raises(InvalidInputError, match=r"models is .*made with one plan"):
+        sb.merge_tiles([halves[0], sb.load(other)])
+
+
+class Dies(ThreadPoolExecutor):
+    """Some of its workers die, each with one tile."""
+
+    def __init__(self, which: tuple[int, ...], error: type[Exception]) -> None:
+        super().__init__(1)
+        self.which, self.error, self.n = which, error, 0
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        self.n += 1
+        if self.n in self.which:
+            future: Future[Any] = Future()
+            future.set_exception(self.error("lost"))
+            return future
+        return super().submit(fn, *args, **kwargs)
+
+
+def test_the_tile_of_a_worker_that_died_is_learned_once_more(
+    cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    whole = tmp_path / "whole.sfb"
+    sb.learn_patches_tiled(cloud, whole, tile=TILE, **OPTIONS)
+    path = tmp_path / "map.sfb"
+    with Dies((2, 5), RuntimeError) as executor:
+        sb.learn_patches_tiled(cloud, path, tile=TILE, executor=executor, **OPTIONS)
+    assert path.read_bytes() == whole.read_bytes()
+    with Dies((3,), BrokenExecutor) as executor, pytest.warns(RuntimeWarning, match="worker died"):
+        sb.learn_patches_tiled(cloud, path, tile=TILE, executor=executor, **OPTIONS)
+    assert path.read_bytes() == whole.read_bytes()
+    with Dies((3, 4), RuntimeError) as executor, pytest.raises(RuntimeError, match="lost"):
+        sb.learn_patches_tiled(cloud, path, tile=TILE, executor=executor, **OPTIONS)
+
+
+class Killed(BaseException):
+    """Stands for a signal."""
+
+
+def test_a_run_that_was_stopped_goes_on(
+    cloud: sb.PointCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "room.ply"
+    sb.write(source, cloud)
+    whole = tmp_path / "whole.sfb"
+    first = sb.learn_patches_tiled(source, whole, tile=TILE, **OPTIONS)
+    assert first.n_learned >= first.n_tiles
+    path = tmp_path / "map.sfb"
+    learn, calls = tiling.learn_tile, []
+
+    def dies(*args: Any, **kwargs: Any) -> Any:
+        calls.append(args[1])
+        if len(calls) == 4:
+            raise Killed
+        return learn(*args, **kwargs)
+
+    monkeypatch.setattr(tiling, "learn_tile", dies)
+    with pytest.raises(Killed):
+        sb.learn_patches_tiled(source, path, tile=TILE, **OPTIONS)
+    assert not path.exists()
+    assert (tmp_path / "map.sfb.work" / "manifest.json").exists()
+    monkeypatch.setattr(tiling, "learn_tile", learn)
+    second = sb.learn_patches_tiled(source, path, tile=TILE, **OPTIONS)
+    assert second.n_learned == first.n_learned - 3
+    assert path.read_bytes() == whole.read_bytes()
+    assert not (tmp_path / "map.sfb.work").exists()
+
+
+def test_other_arguments_start_anew(
+    cloud: sb.PointCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "room.ply"
+    sb.write(source, cloud)
+    path = tmp_path / "map.sfb"
+
+    def dies(*_: Any, **__: Any) -> Any:
+        raise Killed
+
+    with monkeypatch.context() as patched:
+        patched.setattr(tiling, "learn_tile", dies)
+        with pytest.raises(Killed):
+            sb.learn_patches_tiled(source, path, tile=TILE, **OPTIONS)
+    report = sb.learn_patches_tiled(source, path, tile=2 * TILE, **OPTIONS)
+    assert report.n_learned >= report.n_tiles
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "thesis.txt").write_text("keep me")
+    with pytest.raises(InvalidInputError, match="holds other things"):
+        sb.learn_patches_tiled(source, path, work=other, **OPTIONS)
+    assert (other / "thesis.txt").read_text() == "keep me"
+
+
+def test_chunks_make_no_difference_beyond_their_order(cloud: sb.PointCloud, tmp_path: Path) -> None:
+    thirds = [cloud.select(np.arange(i, len(cloud), 3)) for i in range(3)]
+    report = sb.learn_patches_tiled(iter(thirds), tmp_path / "map.sfb", tile=TILE, **OPTIONS)
+    assert report.n_points == report.n_kept == len(cloud)
+    again = sb.load(tmp_path / "map.sfb").decode(as_measured=True)
+    assert sb.evaluate(cloud, again).rmse < 0.01
+
+
+def test_attributes_that_some_parts_lack_are_named(cloud: sb.PointCloud, tmp_path: Path) -> None:
+    bare = sb.PointCloud(cloud.points[:1000])
+    with pytest.warns(sb.LostAttributeWarning, match="colors, intensities"):
+        sb.learn_patches_tiled(iter([cloud, bare]), tmp_path / "a.sfb", **OPTIONS)
+    assert not sb.load(tmp_path / "a.sfb").has_color
+
+
+def test_points_far_from_all_others_are_named(cloud: sb.PointCloud, tmp_path: Path) -> None:
+    far = sb.PointCloud([[90_000.0, 0.0, 0.0]])
+    everything = iter([sb.PointCloud(cloud.points), far])
+    path = tmp_path / "map.sfb"
+    with pytest.warns(sb.DroppedPointsWarning, match="1 points are far"):
+        report = sb.learn_patches_tiled(everything, path, tile=TILE, **OPTIONS)
+    assert report.n_points == len(cloud) + 1
+    assert report.n_kept == len(cloud)
+    assert report.left_out == 1
+
+
+def test_a_bound_holds_across_borders(tmp_path: Path) -> None:
+    cloud = sb.PointCloud(room(3).points[::4])
+    bound = 0.015
+    path = tmp_path / "map.sfb"
+    sb.learn_patches_tiled(cloud, path, tile=TILE, max_error=bound, **OPTIONS)
+    model = sb.load(path)
+    assert model.max_error == bound
+    again = model.decode(as_measured=True)
+    distance, _ = cKDTree(again.points).query(cloud.points)
+    assert distance.max() <= bound
+
+
+def test_what_tiles_and_memory_must_be(cloud: sb.PointCloud, tmp_path: Path) -> None:
+    path = tmp_path / "map.sfb"
+    with pytest.raises(InvalidInputError, match=r"tile is 0\.1, but must be from 1\.28"):
+        sb.learn_patches_tiled(cloud, path, tile=0.1, **OPTIONS)
+    with pytest.raises(InvalidInputError, match="max_memory is 1000"):
+        sb.learn_patches_tiled(cloud, path, max_memory=1000, **OPTIONS)
+    with pytest.raises(InvalidInputError, match="levels is 9"):
+        sb.learn_patches_tiled(cloud, path, levels=9)
+    with pytest.raises(InvalidInputError, match="no points"):
+        sb.learn_patches_tiled(iter([]), path, **OPTIONS)
+    with pytest.raises(InvalidInputError, match="source is 3"):
+        sb.learn_patches_tiled(3, path, **OPTIONS)
+    with pytest.raises(FileNotFoundError):
+        sb.learn_patches_tiled(tmp_path / "nothing.las", path)
+    assert [p for p in tmp_path.iterdir() if p != path] == []
+
+
+def test_tiles_are_made_small_enough_for_the_memory(
+    cloud: sb.PointCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
+    monkeypatch.setattr(tiling, "_BRICK_SPACINGS", 60)
+    most = (1 << 20) + tiling.BYTES_PER_POINT * 75_000
+    path = tmp_path / "map.sfb"
+    report = sb.learn_patches_tiled(cloud, path, max_memory=most, **OPTIONS)
+    assert report.tile < 1536 * PIXEL
+    assert report.n_kept == len(cloud)
+    with pytest.raises(InvalidInputError, match=r"tile is 30, but a tile of .* takes"):
+        sb.learn_patches_tiled(cloud, path, tile=30, max_memory=most, **OPTIONS)
+
+
+def test_the_command_line_learns_and_reads_parts(
+    cloud: sb.PointCloud, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, path, part = (str(tmp_path / name) for name in ("room.ply", "map.sfb", "part.ply"))
+    sb.write(source, cloud)
+    assert main(["compress", source, path, "--tile", "1.28", "--resolution", "0.02"]) in (None, 0)
+    assert "tiles of 1.28 m" in capsys.readouterr().out
+    corners = ["5000", "-200", "39.9", "5001", "-199", "41"]
+    assert main(["decompress", path, part, "--box", *corners]) in (None, 0)
+    box = ([5000, -200, 39.9], [5001, -199, 41])
+    assert len(sb.read(part)) == len(sb.load(path).decode(box=box)) > 0
+    capsys.readouterr()
+    assert main(["info", path]) in (None, 0)
+    out = capsys.readouterr().out
+    assert "index of the tiles" in out
+    assert "side of a tile (m)" in out
+    assert main(["evaluate", source, path]) in (None, 0)
