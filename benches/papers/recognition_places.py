@@ -68,12 +68,13 @@ def turned(cloud: sb.PointCloud, angle: float) -> tuple[sb.PointCloud, Array]:
 # ------------------------------------------------------------------------------------- real scans
 
 
-def real_places() -> list[Place]:
+def real_places(stride: int) -> list[Place]:
     poses = np.loadtxt(DATA / "multi_scan/alidarPose.csv", delimiter=",", usecols=range(4))
     poses = poses.reshape(-1, 4, 4)
     found = [("room", f"indoor_scan/room_scan{k}.pcd", np.eye(4)) for k in (1, 2)]
     found += [("street", f"outdoor_360/{k:06}.bin", np.eye(4)) for k in (0, 2, 4)]
-    for path in sorted((DATA / "multi_scan").glob("full*.pcd"), key=lambda p: int(p.stem[4:])):
+    hall = sorted((DATA / "multi_scan").glob("full*.pcd"), key=lambda p: int(p.stem[4:]))
+    for path in hall[::stride]:
         found.append(("hall", f"multi_scan/{path.name}", poses[int(path.stem[4:])]))
     random = np.random.default_rng(11)
     places = []
@@ -90,8 +91,8 @@ def is_same_place(a: Place, b: Place) -> bool:
     return a.building == b.building and (a.building != "hall" or near)
 
 
-def real() -> None:
-    places = real_places()
+def real(stride: int) -> None:
+    places = real_places(stride)
     index = sb.place_index({p.name: p.model for p in places})
     similar = index.similarities
     np.fill_diagonal(similar, -1.0)
@@ -362,13 +363,14 @@ def main() -> None:
     )
     parser.add_argument("--part", choices=["real", "simulated", "kinds", "copies"], default="real")
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(8, 24)))
+    parser.add_argument("--stride", type=int, default=1, help="of the hall only every n-th scan")
     parser.add_argument("--choose", action="store_true", help="thresholds on rooms 0 to 7")
     options = parser.parse_args()
     seeds = range(8) if options.choose else options.seeds
     match options.part:
         case "real":
             check_data()
-            real()
+            real(options.stride)
         case "simulated":
             simulated(seeds)
         case "kinds":
