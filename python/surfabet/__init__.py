@@ -58,9 +58,9 @@ from surfabet.planes import (
 )
 from surfabet.recurring import RecurringClass, RecurringClasses, recurring
 from surfabet.survey import Survey, survey
-from surfabet.view import view
 from surfabet.tiles import TiledPatchModel, Tiles, merge_tiles
 from surfabet.tiling import TilingReport, learn_patches_tiled
+from surfabet.view import view
 
 __all__ = [
     "Alphabet",

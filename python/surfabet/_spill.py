@@ -194,7 +194,8 @@ class SpillWriter:
         bricks = np.floor((local.astype(np.float64) + origin) / self.side)
         # Far beyond any key, but still integers.
         bricks = np.clip(bricks - self.base, -2.0 * _HALF, 2.0 * _HALF)
-        return bricks.astype(np.int64)
+        whole: NDArray[np.int64] = bricks.astype(np.int64)
+        return whole
 
     def _records(self, cloud: PointCloud, bricks: NDArray[np.int64]) -> NDArray[Any]:
         records = np.zeros(len(cloud), self.record)

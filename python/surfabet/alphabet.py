@@ -82,7 +82,7 @@ class FoundOccurrence:
         local = (np.asarray(points, np.float64) - self.center) @ self.pose[:3, :3]
         level, upright = self.sizes
         half = 0.5 * (high - low) * [level, level, upright] + margin
-        inside: NDArray[np.bool_] = (np.abs(local) <= half).all(axis=1)
+        inside: NDArray[np.bool_] = np.all(np.abs(local) <= half, axis=1)
         return inside
 
 
@@ -358,7 +358,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
             corners = (_triple("box", low), _triple("box", high))
         elif box is None and point is not None and radius is not None:
             ball = (_triple("point", point), float(radius))
-        elif example is None or not (box is point is radius is None):
+        elif example is None or not (box is None and point is None and radius is None):
             raise InvalidInputError("give an example, or either point and radius, or box")
         options = {
             "min_score": min_score,

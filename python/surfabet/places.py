@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -251,6 +252,6 @@ def _described(place: AnyPlace, like: AlphabetModel | None) -> AlphabetModel:
         return place
     cloud = place if isinstance(place, PointCloud) else place.decode()
     radii = np.array([RADIUS]) if like is None else like.alphabet.radii
-    scales = {} if like is None else {"scales": len(radii)}
     min_range = MIN_RANGE if isinstance(place, PointCloud) and place.viewpoints is not None else 0.0
-    return learn_alphabet(cloud, radius=float(radii[0]), min_range=min_range, **scales)
+    learn = partial(learn_alphabet, cloud, radius=float(radii[0]), min_range=min_range)
+    return learn() if like is None else learn(scales=len(radii))

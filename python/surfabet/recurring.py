@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +161,7 @@ def recurring(
 
 def _class(
     corners: tuple[Sequence[float], Sequence[float]],
-    found: tuple[NDArray[np.float64], ...],
+    found: tuple[NDArray[Any], ...],
     occurrences: list[NDArray[np.int64]],
 ) -> RecurringClass:
     box = (np.array(corners[0]), np.array(corners[1]))

@@ -123,6 +123,14 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
         return self._core.max_error
 
     @property
+    def max_error_forward(self) -> float | None:
+        """Bound on the distance of decoded points to the input, metres; None where none was asked.
+
+        It holds for the model decoded at its default spacing, as measured or as a surface.
+        """
+        return self._core.max_error_forward
+
+    @property
     def rotation(self) -> NDArray[np.float64]:
         """Lattice to world, (3, 3): the scene's own axes as columns."""
         return np.array(self._core.rotation)

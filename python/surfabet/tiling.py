@@ -373,7 +373,7 @@ def _plan(
 ) -> dict[str, Any]:
     low = spill.corners(bricks)
     bounds = (low.min(axis=0), low.max(axis=0) + spill.side)
-    origin = np.round(np.mean(bounds, axis=0))
+    origin: NDArray[np.float64] = np.round(np.mean(np.stack(bounds), axis=0))
     n_points = int(spill.counts[bricks].sum())
     most = min(_SAMPLE_POINTS, (memory - BASE_MEMORY) // BYTES_PER_POINT)
     stride = max(1, -(-n_points // max(1, most)))

@@ -83,6 +83,11 @@ impl PyTiledModel {
         self.model.patches().max_error
     }
 
+    #[getter]
+    fn max_error_forward(&self) -> Option<f64> {
+        self.model.patches().max_error_forward
+    }
+
     /// Names of the attributes beside colour.
     #[getter]
     fn attribute_names(&self) -> Vec<&str> {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -123,7 +124,7 @@ def _fields(match: PlaceMatch) -> dict[str, Any]:
 
 
 def _print_kinds(
-    files: tuple[Path, ...], read: list[AnyPlace], n_kinds: int | None, json: bool, quiet: bool
+    files: tuple[Path, ...], read: Sequence[AnyPlace], n_kinds: int | None, json: bool, quiet: bool
 ) -> None:
     index = surfabet.place_index(read)
     kinds = surfabet.label_places(index.models, n_kinds=n_kinds)

@@ -43,6 +43,11 @@ def _millimetres(metres: float | None) -> str:
     return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
 
 
+def _ratio(value: float) -> str:
+    """Three digits below a hundred, whole numbers above."""
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+
+
 def row_cells(row: Row) -> tuple[str, ...]:
     """A row of the table."""
     return (
@@ -76,7 +81,7 @@ def advice(found: Comparison) -> list[tuple[str, str, str]]:
             told.append((title, "none", _why_none(found, aim)))
             continue
         errors = f"{_millimetres(row.rmse_forward)} / {_millimetres(row.rmse_backward)} mm"
-        why = f"{size(row.n_bytes)}, 1 : {found.raw_bytes / row.n_bytes:.3g}, rmse {errors}"
+        why = f"{size(row.n_bytes)}, 1 : {_ratio(found.raw_bytes / row.n_bytes)}, rmse {errors}"
         if aim == "bounded":
             why += f", bound {_millimetres(row.bound)} mm"
         if aim == "planes":
