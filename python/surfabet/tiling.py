@@ -31,8 +31,8 @@ from surfabet.tiles import merge_tiles, open_tiled
 __all__ = ["TileJob", "TilingReport", "learn_patches_tiled", "learn_tile"]
 
 BYTES_PER_POINT = 200
-"""Memory that a tile is taken to need per point of it and around it: up to 145 for learning patches,
-the rest for reading the points."""
+"""Memory that a tile is taken to need per point of it and around it: up to 145 for learning
+patches, the rest for reading the points."""
 
 BASE_MEMORY = 200 << 20
 """Memory beside that of the points: the interpreter, its packages, and a chunk of the source."""
@@ -373,7 +373,7 @@ def _plan(
 ) -> dict[str, Any]:
     low = spill.corners(bricks)
     bounds = (low.min(axis=0), low.max(axis=0) + spill.side)
-    origin: NDArray[np.float64] = np.round(np.mean(np.stack(bounds), axis=0))
+    origin = np.rint((bounds[0] + bounds[1]) / 2)
     n_points = int(spill.counts[bricks].sum())
     most = min(_SAMPLE_POINTS, (memory - BASE_MEMORY) // BYTES_PER_POINT)
     stride = max(1, -(-n_points // max(1, most)))
