@@ -222,7 +222,11 @@ impl TileIndex {
             entry.offset = offset;
             offset += entry.len;
         }
-        Ok(Self { header, entries })
+        let mut index = Self { header, entries };
+        let mut counted = index.header.clone();
+        index.count(&mut counted);
+        index.header = counted;
+        Ok(index)
     }
 
     /// Bytes of all tiles.
@@ -238,7 +242,6 @@ impl TileIndex {
     pub fn frame(&self, note: &str) -> Result<(Vec<u8>, Vec<u8>)> {
         let features = self.header.features();
         let mut header = self.header.clone();
-        self.count(&mut header);
         let mut meta = FieldWriter::default();
         header.code(&mut meta, features)?;
         let sum = |sum: u32, e: &TileEntry| crc32c::crc32c_combine(sum, e.checksum, e.len as usize);
