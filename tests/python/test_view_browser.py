@@ -437,7 +437,9 @@ def test_while_moving_only_as_much_is_drawn_as_there_is_time_for(
     show: Any, planes: sb.PlaneModel
 ) -> None:
     page = show(planes)
-    run(page, "surfabet.moving.count = 200000; surfabet.adapt(100)")
+    run(page, "Object.assign(surfabet.moving, { count: 200000, light: true }); surfabet.adapt(100)")
+    assert run(page, "return [surfabet.moving.count, surfabet.moving.light]") == [200_000, False]
+    run(page, "surfabet.adapt(100)")
     assert run(page, "return surfabet.moving.count") < 150_000
     run(page, "for (let i = 0; i < 30; i++) surfabet.adapt(100)")
     assert run(page, "return [surfabet.moving.count, surfabet.moving.scale]") == [15_000, 0.5]

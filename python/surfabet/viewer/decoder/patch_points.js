@@ -36,16 +36,23 @@ export function mostPatchPoints(model, resolution, asMeasured) {
   return most;
 }
 
-/** Middles of the set finest pixels of a patch, in pixels of the lattice. */
-function pixelMiddles(model, patch, points) {
+/** Calls `visit(x, y, z)` for the middles of the set finest pixels of a patch, in pixels of the lattice. */
+function eachMiddle(model, patch, visit) {
   const [d, u, v] = axesOf(patch.side);
   const at = [0, 0, 0];
   eachPixel(model, patch, (column, row, depth) => {
     at[d] = depth / 4;
     at[u] = patch.u + column + 0.5;
     at[v] = patch.v + row + 0.5;
-    points.push(...at);
+    visit(at[0], at[1], at[2]);
   });
+}
+
+/** Middles of the set finest pixels of a patch, x, y, z each. */
+function pixelMiddles(model, patch) {
+  const points = [];
+  eachMiddle(model, patch, (x, y, z) => points.push(x, y, z));
+  return points;
 }
 
 /** Whether each patch is a fragment, which the thin surface leaves out. */
@@ -55,46 +62,14 @@ function fragments(model) {
   const area = patches.map((patch) => pixelsSet(patch) * 4 ** patch.level);
   const small = patches.map((_, i) => i).filter((i) => area[i] <= LARGEST_FRAGMENT);
   if (small.length === 0 || small.length === patches.length) return found;
-  const large = [];
-  patches.forEach((patch, i) => {
-    if (area[i] > LARGEST_FRAGMENT) pixelMiddles(model, patch, large);
-  });
-  const gapTo = nearGaps(large);
-  // Small patches that touch make one piece.
-  const piece = small.map((_, k) => k);
-  const rootOf = (k) => {
-    while (piece[k] !== k) k = piece[k];
-    return k;
-  };
-  const places = new Map();
-  const key = (x, y, z) => `${x},${y},${z}`;
-  const pixels = small.map((i) => {
-    const points = [];
-    pixelMiddles(model, patches[i], points);
-    return points;
-  });
-  pixels.forEach((points, k) => {
-    for (let p = 0; p < points.length; p += 3) {
-      const [x, y, z] = [0, 1, 2].map((a) => Math.floor(points[p + a]));
-      for (let n = 0; n < 27; n++) {
-        const beside = key(x + (n % 3) - 1, y + (Math.floor(n / 3) % 3) - 1, z + Math.floor(n / 9) - 1);
-        const other = places.get(beside);
-        if (other === undefined) continue;
-        const [a, b] = [rootOf(k), rootOf(other)];
-        piece[Math.max(a, b)] = Math.min(a, b);
-      }
-      places.set(key(x, y, z), k);
-    }
-  });
+  const pixels = small.map((i) => pixelMiddles(model, patches[i]));
+  const rootOf = pieces(pixels);
   const pieceArea = new Float64Array(small.length);
+  small.forEach((i, k) => (pieceArea[rootOf(k)] += area[i]));
+  const isLarge = (i) => area[i] > LARGEST_FRAGMENT;
   const gap = new Float64Array(small.length).fill(Infinity);
-  small.forEach((i, k) => {
-    const root = rootOf(k);
-    pieceArea[root] += area[i];
-    const points = pixels[k];
-    for (let p = 0; p < points.length; p += 3) {
-      gap[root] = Math.min(gap[root], gapTo(points[p], points[p + 1], points[p + 2]));
-    }
+  gapsTo(model, isLarge, pixels).forEach((squared, k) => {
+    gap[rootOf(k)] = Math.min(gap[rootOf(k)], Math.sqrt(squared));
   });
   small.forEach((i, k) => {
     const root = rootOf(k);
@@ -104,30 +79,66 @@ function fragments(model) {
   return found;
 }
 
-/** A function that gives the distance to the nearest of some points (x, y, z each) if it is below the reach of fragments. */
-function nearGaps(points) {
+/** Small patches that touch make one piece: a function that gives the patch that stands for all that one was joined to. */
+function pieces(pixels) {
+  const joined = pixels.map((_, k) => k);
+  const rootOf = (k) => {
+    while (joined[k] !== k) k = joined[k];
+    return k;
+  };
+  const places = new Map();
+  const key = (x, y, z) => `${x},${y},${z}`;
+  pixels.forEach((points, k) => {
+    for (let p = 0; p < points.length; p += 3) {
+      const [x, y, z] = [0, 1, 2].map((a) => Math.floor(points[p + a]));
+      for (let n = 0; n < 27; n++) {
+        const beside = key(x + (n % 3) - 1, y + (Math.floor(n / 3) % 3) - 1, z + Math.floor(n / 9) - 1);
+        const other = places.get(beside);
+        if (other === undefined) continue;
+        const [a, b] = [rootOf(k), rootOf(other)];
+        joined[Math.max(a, b)] = Math.min(a, b);
+      }
+      places.set(key(x, y, z), k);
+    }
+  });
+  return rootOf;
+}
+
+/** Least squared distance of the pixels of each small patch to those of large ones, where it is below the reach of fragments. */
+function gapsTo(model, isLarge, pixels) {
   const side = FRAGMENT_REACH;
-  const cells = new Map();
-  // Cells that share a key only bring farther points along.
+  // Each pixel of a small patch stands in its own cell and in those around it. Cells that share a key only bring farther points along.
   const key = (x, y, z) => Math.imul(x, 73856093) ^ Math.imul(y, 19349663) ^ Math.imul(z, 83492791);
-  for (let p = 0; p < points.length; p += 3) {
-    const at = key(...[0, 1, 2].map((a) => Math.floor(points[p + a] / side)));
-    const here = cells.get(at);
-    if (here === undefined) cells.set(at, [p]);
-    else here.push(p);
-  }
-  return (x, y, z) => {
-    let least = Infinity;
-    const cell = [x, y, z].map((c) => Math.floor(c / side));
-    for (let n = 0; n < 27; n++) {
-      const at = key(cell[0] + (n % 3) - 1, cell[1] + (Math.floor(n / 3) % 3) - 1, cell[2] + Math.floor(n / 9) - 1);
-      for (const p of cells.get(at) ?? []) {
-        const [dx, dy, dz] = [points[p] - x, points[p + 1] - y, points[p + 2] - z];
-        least = Math.min(least, dx * dx + dy * dy + dz * dz);
+  const cells = new Map();
+  pixels.forEach((points, k) => {
+    for (let p = 0; p < points.length; p += 3) {
+      const [x, y, z] = [0, 1, 2].map((a) => Math.floor(points[p + a] / side));
+      for (let n = 0; n < 27; n++) {
+        const at = key(x + (n % 3) - 1, y + (Math.floor(n / 3) % 3) - 1, z + Math.floor(n / 9) - 1);
+        const here = cells.get(at);
+        if (here === undefined) cells.set(at, [k, p]);
+        else here.push(k, p);
       }
     }
-    return Math.sqrt(least);
-  };
+  });
+  const least = new Float64Array(pixels.length).fill(Infinity);
+  model.patches.forEach((patch, i) => {
+    if (!isLarge(i)) return;
+    eachMiddle(model, patch, (x, y, z) => {
+      const here = cells.get(key(Math.floor(x / side), Math.floor(y / side), Math.floor(z / side)));
+      if (here === undefined) return;
+      for (let e = 0; e < here.length; e += 2) {
+        const points = pixels[here[e]];
+        const p = here[e + 1];
+        const dx = points[p] - x;
+        const dy = points[p + 1] - y;
+        const dz = points[p + 2] - z;
+        const squared = dx * dx + dy * dy + dz * dz;
+        if (squared < least[here[e]]) least[here[e]] = squared;
+      }
+    });
+  });
+  return least;
 }
 
 /** Samples along a side of the patches of a level. */
@@ -246,7 +257,7 @@ class PatchDecoder {
     const middles = [];
     const owner = [];
     for (const patch of kept) {
-      pixelMiddles(this.model, patch, middles);
+      for (const c of pixelMiddles(this.model, patch)) middles.push(c);
       while (owner.length < middles.length / 3) owner.push(patch);
     }
     const tree = new KdTree(Float32Array.from(middles));

@@ -39,7 +39,7 @@ class Viewer {
     this.ends = [];
     this.low = [-1e30, -1e30, -1e30];
     this.high = [1e30, 1e30, 1e30];
-    this.moving = { until: 0, count: 300_000, scale: 1 };
+    this.moving = { until: 0, count: 300_000, scale: 1, light: true };
     this.stats = { frames: 0, drawn: 0, milliseconds: 0 };
     this.lastDecode = 0;
     this.isDecoding = false;
@@ -193,7 +193,7 @@ class Viewer {
     return {
       matrix: camera.matrix(), eye: [...camera.eye, element("facing").checked && points.normals ? 1 : 0], near: camera.near, far: camera.far, low: this.low, high: this.high, count,
       size: (Number(element("size").value) * points.spacing * growth) / perPixel, least: Math.max(1, this.ratio),
-      light: Number(element("light").value), background: BACKGROUND,
+      light: this.isMoving && !this.moving.light ? 0 : Number(element("light").value), background: BACKGROUND,
       showLines: element("lines").checked, showBox: element("crop").open,
     };
   }
@@ -216,15 +216,20 @@ class Viewer {
     this.stats = { frames: this.stats.frames + 1, drawn: count, milliseconds: performance.now() - began };
   }
 
-  /** Draws as many points while moving as there is time for, and fewer pixels where that is not enough. */
+  /** While moving: without lighting where there is no time for it, then fewer points, then fewer pixels. */
   adapt(milliseconds) {
     const { moving } = this;
     if (milliseconds > FRAME) {
+      if (moving.light) {
+        moving.light = false;
+        return;
+      }
       moving.count = Math.max(15_000, Math.round(moving.count * Math.max(0.5, (0.9 * FRAME) / milliseconds)));
       if (moving.count === 15_000) moving.scale = 0.5;
     } else if (milliseconds < 0.7 * FRAME) {
       if (moving.count < this.points.count) moving.count = Math.round(moving.count * 1.15);
       if (moving.count > 60_000) moving.scale = 1;
+      if (milliseconds < 0.25 * FRAME) moving.light = true;
     }
   }
 

@@ -78,27 +78,26 @@ uniform float near;
 uniform float far;
 uniform float strength;
 uniform vec3 background;
+uniform ivec2 last;
 out vec4 result;
-float logDepth(ivec2 at) {
+// Depth over that of the far plane; as far as that where nothing is drawn.
+float depthAt(ivec2 at) {
   float d = texelFetch(depths, at, 0).r;
-  if (d >= 1.0) return 0.0;
-  return log2(2.0 * near * far / (far + near - (2.0 * d - 1.0) * (far - near)));
+  return d >= 1.0 ? 1.0 : 2.0 * near / (far + near - (2.0 * d - 1.0) * (far - near));
 }
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
-  float d = texelFetch(depths, at, 0).r;
-  vec3 color = d >= 1.0 ? background : texelFetch(colors, at, 0).rgb;
+  vec4 drawn = texelFetch(colors, at, 0);
+  vec3 color = drawn.a > 0.0 ? drawn.rgb : background;
   if (strength > 0.0) {
-    float own = d >= 1.0 ? log2(far) : logDepth(at);
-    ivec2 last = textureSize(depths, 0) - 1;
-    float sum = 0.0;
-    ivec2 steps[4] = ivec2[4](ivec2(1, 0), ivec2(-1, 0), ivec2(0, 1), ivec2(0, -1));
-    for (int i = 0; i < 4; i++) {
-      ivec2 beside = clamp(at + steps[i] * (d >= 1.0 ? 1 : 2), ivec2(0), last);
-      float other = logDepth(beside);
-      if (texelFetch(depths, beside, 0).r < 1.0) sum += clamp(own - other, 0.0, 0.4);
-    }
-    color *= exp(-strength * sum);
+    float own = depthAt(at);
+    int reach = drawn.a > 0.0 ? 2 : 1;
+    vec4 beside = vec4(
+      depthAt(max(at - ivec2(reach, 0), 0)), depthAt(max(at - ivec2(0, reach), 0)),
+      depthAt(min(at + ivec2(reach, 0), last)), depthAt(min(at + ivec2(0, reach), last)));
+    // The difference of the logarithms, about, and no more of each than of a step at an edge.
+    vec4 nearer = clamp(1.44 * (1.0 - beside / own), 0.0, 0.4);
+    color *= exp(-strength * (nearer.x + nearer.y + nearer.z + nearer.w));
   }
   result = vec4(color, 1.0);
 }`;
@@ -278,6 +277,7 @@ export class Renderer {
     gl.uniform1f(uniforms.far, scene.far);
     gl.uniform1f(uniforms.strength, scene.light);
     gl.uniform3fv(uniforms.background, scene.background);
+    gl.uniform2i(uniforms.last, canvas.width - 1, canvas.height - 1);
     gl.bindVertexArray(this.empty);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.bindVertexArray(null);
