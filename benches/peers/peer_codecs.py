@@ -14,9 +14,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from peer_bench import ROOM, load
@@ -72,7 +73,8 @@ class GpccSetting:
         node = f", node {1e3 * self.step * 2**self.node_log2:g} mm" if self.node_log2 else ""
         return f"{1e3 * self.step:g} mm{node}, qp {self.qp}"
 
-    def options(self) -> list[str]:
+    def options(self) -> dict[str, object]:
+        """Those of the geometry."""
         # Those of MPEG's common test conditions, except where another choice was better on the
         # room: one slice instead of slices of a million points, every voxel of trisoup's triangles
         # instead of so many as a slice may have, and one bit instead of two for its vertices.
@@ -82,23 +84,65 @@ class GpccSetting:
             **GPCC_GEOMETRY,
             "trisoupNodeSizeLog2": self.node_log2,
         }
-        if self.node_log2:
-            common |= {
-                "trisoup_sampling_value": 1,
-                "trisoupQuantizationBits": 1,
-                "inferredDirectCodingMode": 0,
-            }
-        else:
-            common |= {"maxNumQtBtBeforeOt": 4}
-        color = {
-            "transformType": 0,
-            "qp": self.qp,
-            "qpChromaOffset": -2,
-            "bitdepth": 8,
-            # Ends the colour's options, so it has to be the last.
-            "attribute": "color",
+        if not self.node_log2:
+            return common | {"maxNumQtBtBeforeOt": 4}
+        return common | {
+            "trisoup_sampling_value": 1,
+            "trisoupQuantizationBits": 1,
+            "inferredDirectCodingMode": 0,
         }
-        return [f"--{name}={value}" for name, value in (common | color).items()]
+
+    def color(self) -> dict[str, object]:
+        """Those of the colour."""
+        return {"transformType": 0, "qp": self.qp, "qpChromaOffset": -2, "bitdepth": 8}
+
+
+@dataclass(frozen=True)
+class GesSetting:
+    """Options of GeS-TM, MPEG's test model of solid surfaces: always trisoup."""
+
+    step: float
+    """Spacing of the coded grid, metres."""
+    node: int
+    """Side of trisoup's nodes in voxels, at least 4."""
+    thickness: int
+    """Of the decoded surface, in 256ths of a voxel to either side."""
+    vertex_qp: int
+    """Quantiser of vertices along edges; 12 is a voxel, 18 two."""
+    qp: int
+    """Quantiser of the colour; 4 is nearly lossless, 51 the coarsest."""
+    tool: ClassVar[str] = "GeS-TM"
+
+    @property
+    def name(self) -> str:
+        thickness = 1e3 * self.step * self.thickness / 256
+        return (
+            f"{1e3 * self.step:g} mm, node {1e3 * self.step * self.node:g} mm,"
+            f" thickness {thickness:g} mm, vertex qp {self.vertex_qp}, qp {self.qp}"
+        )
+
+    def options(self) -> dict[str, object]:
+        """Those of the geometry."""
+        # Those of its common test conditions, which are the program's defaults too, but for one
+        # slice instead of a limit of points. The thickness decides how it does on noisy surfaces:
+        # the conditions have 24 to 40, a tenth of a voxel, for clean ones.
+        return {
+            "sequenceScale": f"{1e-3 / self.step:.17g}",
+            "partitionMethod": 0,
+            "enforceLevelLimits": 0,
+            "trisoupNodeSize": self.node,
+            "trisoupQuantizationQP": self.vertex_qp,
+            "trisoupThickness": self.thickness,
+        }
+
+    def color(self) -> dict[str, object]:
+        """Those of the colour."""
+        return {
+            "localizedAttributesSlabThickness": 4096,
+            "qp": self.qp,
+            "qpChromaOffset": 0,
+            "bitdepth": 8,
+        }
 
 
 def cpu_seconds() -> float:
@@ -251,25 +295,48 @@ def laz(cloud: sb.PointCloud, step: float) -> Coded | None:
         return Coded(size, write(bare, points, None), encoded - began, seconds, decoded)
 
 
-def find_tmc3(given: Path | None) -> Path | None:
-    """The encoder of G-PCC's test model, or None with a line that tells how to get it."""
-    found = shutil.which(given or "tmc3")
+def find_program(given: Path | None, names: Sequence[str], advice: str) -> Path | None:
+    """A program that was given or is on the PATH, or None with a line that tells how to get it."""
+    if given is not None:
+        if (found := shutil.which(given)) is None:
+            raise SystemExit(f"{given} is not a program; give the path of {names[0]}")
+        return Path(found).resolve()
+    found = next((path for name in names if (path := shutil.which(name))), None)
     if found is None:
-        if given is not None:
-            raise SystemExit(f"{given} is not a program; give the path of tmc3")
-        print(
-            "G-PCC is left out: build tmc3 of github.com/MPEGGroup/mpeg-pcc-tmc13 and put it on "
-            "the PATH, or give --tmc3",
-            file=sys.stderr,
-        )
+        print(f"{advice} (benches/peers/README.md)", file=sys.stderr)
         return None
     return Path(found).resolve()
 
 
-def gpcc(cloud: sb.PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
-    """MPEG's geometry-based codec, its own decoder's output; points in whole millimetres."""
+def find_tmc3(given: Path | None) -> Path | None:
+    """The encoder of G-PCC's test model, or None with a line that tells how to get it."""
+    advice = (
+        "G-PCC is left out: build tmc3 of github.com/MPEGGroup/mpeg-pcc-tmc13 and put it on the "
+        "PATH, or give --tmc3"
+    )
+    return find_program(given, ["tmc3"], advice)
+
+
+def find_gestm(given: Path | None) -> Path | None:
+    """The encoder of GeS-TM, or None with a line that tells how to get it."""
+    advice = (
+        "GeS-TM is left out: build it and put it on the PATH as gestm (its own name is tmc3, like "
+        "that of G-PCC), or give --gestm"
+    )
+    return find_program(given, ["gestm"], advice)
+
+
+def mpeg(
+    cloud: sb.PointCloud, options: Mapping[str, object], color: Mapping[str, object], program: Path
+) -> Coded:
+    """What MPEG's test models make of points in whole millimetres, by their own decoders.
+
+    `options` are those of the geometry, `color` those of its one attribute.
+    """
     millimetres = np.rint(cloud.points * 1e3).astype(np.int64)
     low = millimetres.min(axis=0)
+    # The attribute ends the options of the colour, so it has to be the last.
+    settings = {**options, **color, "attribute": "color"}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         source, stream, back = (folder / n for n in ("in.ply", "cloud.bin", "out.ply"))
@@ -278,15 +345,15 @@ def gpcc(cloud: sb.PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
         sb.write(source, sb.PointCloud(whole, colors=cloud.colors, origin=(0, 0, 0)))
         began = cpu_seconds()
         log = run(
-            tmc3,
+            program,
             "--mode=0",
             f"--uncompressedDataPath={source}",
             f"--compressedStreamPath={stream}",
-            *setting.options(),
+            *(f"--{option}={value}" for option, value in settings.items()),
         )
         encoded = cpu_seconds()
         run(
-            tmc3,
+            program,
             "--mode=1",
             f"--compressedStreamPath={stream}",
             f"--reconstructedDataPath={back}",
@@ -298,6 +365,16 @@ def gpcc(cloud: sb.PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
     decoded = sb.PointCloud((again.points + low) / 1e3, colors=again.colors)
     # Headers count as geometry.
     return Coded(size, size - colors, encoded - began, seconds, decoded)
+
+
+def gpcc(cloud: sb.PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
+    """MPEG's geometry-based codec, its own decoder's output; points in whole millimetres."""
+    return mpeg(cloud, setting.options(), setting.color(), tmc3)
+
+
+def gestm(cloud: sb.PointCloud, setting: GesSetting, program: Path) -> Coded:
+    """MPEG's codec of solid surfaces, its own decoder's output; points in whole millimetres."""
+    return mpeg(cloud, setting.options(), setting.color(), program)
 
 
 def run(*command: Path | str) -> str:
