@@ -10,7 +10,8 @@ with all points queried; error and colour are those of the worse direction. Ever
 of settings, of which the lower hull counts; surfabet also its curve over `resolution` alone at the
 defaults.
 
-Three differences of bytes, each the mean of the logarithm over the qualities of both curves:
+Three differences of bytes, each the mean of the logarithm over the qualities of both hulls
+(`bjontegaard.py`):
 
 - geometry: bytes without colour against the error;
 - total: all bytes against the colour's error, with only those settings of surfabet whose error is
@@ -238,7 +239,7 @@ def difference(
     if min(len(anchor), len(tested)) < 2:
         return "-"
     try:
-        rate, (low, high) = bd_rate(anchor, tested, errors)
+        rate, (low, high) = bd_rate(anchor, tested, errors, straight=True)
     except ValueError:
         return "-"
     return f"{100 * rate:+.0f} % ({low:.1f} to {high:.1f})"

@@ -27,9 +27,10 @@ def bd() -> ModuleType:
 
 
 @pytest.mark.parametrize("factor", [0.25, 0.6, 1.0, 3.0])
-def test_a_constant_factor_is_the_rate(bd: ModuleType, factor: float) -> None:
+@pytest.mark.parametrize("straight", [False, True])
+def test_a_constant_factor_is_the_rate(bd: ModuleType, factor: float, straight: bool) -> None:
     tested = [(error, factor * n) for error, n in CURVE]
-    rate, over = bd.bd_rate(CURVE, tested)
+    rate, over = bd.bd_rate(CURVE, tested, straight=straight)
     assert rate == pytest.approx(factor - 1, abs=1e-12)
     assert over == pytest.approx((4.4, 9.0))
 
@@ -41,13 +42,14 @@ def test_a_constant_factor_is_the_rate_over_a_part(bd: ModuleType) -> None:
     assert over == pytest.approx((5.0, 9.0))
 
 
-def test_power_laws_are_integrated_exactly(bd: ModuleType) -> None:
+@pytest.mark.parametrize("straight", [False, True])
+def test_power_laws_are_integrated_exactly(bd: ModuleType, straight: bool) -> None:
     # Log bytes are straight over quality: n = error^-2 and n = error^-3 differ by error^-1, of
     # which the geometric mean over 2 to 8, even in the logarithm, is 1 / 4.
     errors = np.geomspace(2, 8, 6)
-    rate, over = bd.bd_rate(
-        [(e, 1e6 * e**-2) for e in errors], [(e, 1e6 * e**-3) for e in np.geomspace(1, 8, 5)]
-    )
+    square = [(e, 1e6 * e**-2) for e in errors]
+    cube = [(e, 1e6 * e**-3) for e in np.geomspace(1, 8, 5)]
+    rate, over = bd.bd_rate(square, cube, straight=straight)
     assert rate == pytest.approx(1 / 4 - 1, abs=1e-12)
     assert over == pytest.approx((2, 8))
 
@@ -63,6 +65,12 @@ def test_curves_pass_through_their_points_and_end_there(bd: ModuleType) -> None:
     for error, n in CURVE:
         assert bd.bytes_at(CURVE, error) == pytest.approx(n)
     assert math.isnan(bd.bytes_at(CURVE, 4.3))
+
+
+def test_a_straight_curve_is_the_chord(bd: ModuleType) -> None:
+    # The middle of two points in the logarithms of both.
+    middle = math.sqrt(5.5 * 7.1)
+    assert bd.bytes_at(CURVE, middle, straight=True) == pytest.approx(math.sqrt(43_965 * 18_000))
 
 
 def test_nothing_in_common_is_refused(bd: ModuleType) -> None:
