@@ -1,6 +1,7 @@
-"""Rate and distortion of the coloured room: surfabet's patches beside Draco, OctoMap and G-PCC.
+"""Rate and distortion of the coloured room: surfabet's patches beside voxel and surface coders.
 
-    python benches/peers/patches_rd.py [--resolutions 0.008 0.012 ...] [--tmc3 PATH] [--out DIR]
+    python benches/peers/patches_rd.py [--resolutions 0.008 0.012 ...] [--tmc3 PATH] [--gestm PATH]
+                                       [--out DIR]
 
 The reference is the real room thinned to 5 mm by voxel means. All tools code this reference
 (`--input raw` gives ours the raw scan instead). Patches are decoded as measured. The error is the
@@ -23,7 +24,7 @@ from typing import Any
 
 import peer_codecs as peers
 from peer_bench import ROOM
-from peer_codecs import Coded, GpccSetting, number
+from peer_codecs import Coded, GesSetting, GpccSetting, number
 
 import surfabet as sb
 
@@ -38,6 +39,27 @@ GPCC_TRISOUP = [
     for qp in (46, 40, 51)
     for step, node_log2 in ((0.005, 2), (0.007, 2), (0.005, 3), (0.007, 3), (0.010, 3), (0.014, 3))
 ]
+# Steps, nodes, thicknesses and quantisers of vertices: those on the hull at four quantisers of
+# colour, their neighbours at one.
+_GESTM_BEST = [
+    (0.007, 8, 256, 24),
+    (0.007, 8, 256, 18),
+    (0.010, 8, 192, 24),
+    (0.005, 12, 512, 22),
+]
+_GESTM_BESIDE = [
+    (0.005, 8, 384, 18),
+    (0.007, 6, 256, 15),
+    (0.007, 7, 256, 18),
+    (0.007, 10, 256, 24),
+    (0.010, 10, 192, 24),
+    (0.014, 8, 128, 24),
+    (0.007, 8, 192, 24),
+    (0.007, 8, 320, 24),
+    (0.010, 8, 256, 24),
+]
+GESTM = [GesSetting(*geometry, qp) for qp in (46, 43, 40, 50) for geometry in _GESTM_BEST]
+GESTM += [GesSetting(*geometry, 46) for geometry in _GESTM_BESIDE]
 
 Row = dict[str, Any]
 
@@ -47,6 +69,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--resolutions", type=float, nargs="+", default=RESOLUTIONS)
     parser.add_argument("--input", choices=["reference", "raw"], default="reference")
     parser.add_argument("--tmc3", type=Path, help="G-PCC's program, if not on the PATH")
+    parser.add_argument("--gestm", type=Path, help="GeS-TM's program, if not on the PATH as gestm")
     parser.add_argument("--out", type=Path, help="folder of the plot and of measured rows")
     parser.add_argument("--refresh", action="store_true", help="measure the peers again")
     parser.add_argument("--redraw", action="store_true", help="measure nothing")
@@ -60,7 +83,7 @@ def parse() -> argparse.Namespace:
 
 
 def jobs(
-    reference: sb.PointCloud, tmc3: Path | None
+    reference: sb.PointCloud, tmc3: Path | None, gestm: Path | None
 ) -> Iterator[tuple[str, str, str, Callable[[], Coded | None]]]:
     """Tool, setting, name of the curve and how it is measured."""
     for step in DRACO_STEPS:
@@ -81,6 +104,14 @@ def jobs(
                 f"{gpcc.tool}, qp {gpcc.qp}",
                 lambda gpcc=gpcc: peers.gpcc(reference, gpcc, tmc3),
             )
+    if gestm is not None:
+        for ges in GESTM:
+            yield (
+                ges.tool,
+                ges.name,
+                f"{ges.tool}, qp {ges.qp}",
+                lambda ges=ges: peers.gestm(reference, ges, gestm),
+            )
 
 
 def kept(path: Path | None, n_reference: int | None = None) -> list[Row]:
@@ -98,13 +129,13 @@ def measure(options: argparse.Namespace) -> list[Row]:
     raw = sb.read(ROOM)
     reference = sb.voxel_downsample(raw, 0.005)
     n = len(reference)
-    tmc3 = peers.find_tmc3(options.tmc3)
+    tmc3, gestm = peers.find_tmc3(options.tmc3), peers.find_gestm(options.gestm)
     own_file = options.out and options.out / "ours.json"
     peer_file = options.out and options.out / "peers.json"
 
     theirs = [] if options.refresh else kept(peer_file, n)
     known = {(row["tool"], row["setting"]) for row in theirs}
-    for tool, setting, curve, code in jobs(reference, tmc3):
+    for tool, setting, curve, code in jobs(reference, tmc3, gestm):
         if (tool, setting) in known or (coded := code()) is None:
             continue
         row = {"tool": tool, "setting": setting, "curve": curve}
@@ -183,7 +214,7 @@ def plot(rows: list[Row], path: Path) -> None:
     ]
     tools = sorted({row["tool"] for row in rows})
     palette = {tool: plt.colormaps["tab10"](i) for i, tool in enumerate(tools)}
-    styles = {"34": "-", "40": "-.", "46": "--", "51": ":"}
+    styles = {"34": "-", "40": "-.", "43": (0, (3, 1)), "46": "--", "50": ":", "51": ":"}
     for axis, (size, error, scale, x_label, y_label) in zip(axes, panels, strict=True):
         for curve, group in itertools.groupby(
             sorted(rows, key=lambda r: r["curve"]), key=lambda r: r["curve"]

@@ -9,24 +9,28 @@ import json
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from peer_bench import ROOM
 
 import surfabet as sb
 from surfabet.comparison import coded, own, peers
 from surfabet.comparison.coded import Coded, cpu_seconds
-from surfabet.comparison.peers import GPCC_GEOMETRY, GpccSetting, gpcc, run
+from surfabet.comparison.peers import GPCC_GEOMETRY, GpccSetting, gpcc, mpeg, run
 
 __all__ = [
     "GPCC_GEOMETRY",
     "INLIER_DISTANCE",
     "Coded",
+    "GesSetting",
     "GpccSetting",
     "cpu_seconds",
     "draco",
+    "find_gestm",
     "find_tmc3",
+    "gestm",
     "gpcc",
     "laz",
     "measured",
@@ -41,6 +45,54 @@ __all__ = [
 
 INLIER_DISTANCE = 0.02
 """Metres within which a point counts as an inlier."""
+
+
+@dataclass(frozen=True)
+class GesSetting:
+    """Options of GeS-TM, MPEG's test model of solid surfaces: always trisoup."""
+
+    step: float
+    """Spacing of the coded grid, metres."""
+    node: int
+    """Side of trisoup's nodes in voxels, at least 4."""
+    thickness: int
+    """Of the decoded surface, in 256ths of a voxel to either side."""
+    vertex_qp: int
+    """Quantiser of vertices along edges; 12 is a voxel, 18 two."""
+    qp: int
+    """Quantiser of the colour; 4 is nearly lossless, 51 the coarsest."""
+    tool: ClassVar[str] = "GeS-TM"
+
+    @property
+    def name(self) -> str:
+        thickness = 1e3 * self.step * self.thickness / 256
+        return (
+            f"{1e3 * self.step:g} mm, node {1e3 * self.step * self.node:g} mm,"
+            f" thickness {thickness:g} mm, vertex qp {self.vertex_qp}, qp {self.qp}"
+        )
+
+    def options(self) -> dict[str, object]:
+        """Those of the geometry."""
+        # Those of its common test conditions, which are the program's defaults too, but for one
+        # slice instead of a limit of points. The thickness decides how it does on noisy surfaces:
+        # the conditions have 24 to 40, a tenth of a voxel, for clean ones.
+        return {
+            "sequenceScale": f"{1e-3 / self.step:.17g}",
+            "partitionMethod": 0,
+            "enforceLevelLimits": 0,
+            "trisoupNodeSize": self.node,
+            "trisoupQuantizationQP": self.vertex_qp,
+            "trisoupThickness": self.thickness,
+        }
+
+    def color(self) -> dict[str, object]:
+        """Those of the colour."""
+        return {
+            "localizedAttributesSlabThickness": 4096,
+            "qp": self.qp,
+            "qpChromaOffset": 0,
+            "bitdepth": 8,
+        }
 
 
 def room_reference() -> sb.PointCloud:
@@ -83,12 +135,35 @@ def laz(cloud: sb.PointCloud, step: float) -> Coded | None:
     return _if_installed(peers.laz, cloud, step)
 
 
+def _given(program: Path, name: str) -> Path:
+    if (found := shutil.which(program)) is None:
+        raise SystemExit(f"{program} is not a program; give the path of {name}")
+    return Path(found).resolve()
+
+
+def find_gestm(given: Path | None) -> Path | None:
+    """The encoder of GeS-TM, or None with a line that tells how to get it."""
+    if given is not None:
+        return _given(given, "gestm")
+    if (found := shutil.which("gestm")) is not None:
+        return Path(found).resolve()
+    print(
+        "left out: GeS-TM; build it and put it on the PATH as gestm (its own name is tmc3, like "
+        "that of G-PCC), or give --gestm (benches/peers/README.md)",
+        file=sys.stderr,
+    )
+    return None
+
+
+def gestm(cloud: sb.PointCloud, setting: GesSetting, program: Path) -> Coded:
+    """MPEG's codec of solid surfaces, its own decoder's output; points in whole millimetres."""
+    return mpeg(cloud, setting.options(), setting.color(), program)
+
+
 def find_tmc3(given: Path | None) -> Path | None:
     """The encoder of G-PCC's test model, or None with a line that tells how to get it."""
     if given is not None:
-        if (found := shutil.which(given)) is None:
-            raise SystemExit(f"{given} is not a program; give the path of tmc3")
-        return Path(found).resolve()
+        return _given(given, "tmc3")
     try:
         return peers.find_tmc3()
     except sb.MissingDependencyError as error:

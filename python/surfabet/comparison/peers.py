@@ -11,7 +11,8 @@ import re
 import shutil
 import subprocess
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ __all__ = [
     "find_tmc3",
     "gpcc",
     "laz",
+    "mpeg",
     "octomap",
     "open3d_planes",
     "run",
@@ -79,7 +81,8 @@ class GpccSetting:
         node = f", node {1e3 * self.step * 2**self.node_log2:g} mm" if self.node_log2 else ""
         return f"{1e3 * self.step:g} mm{node}, qp {self.qp}"
 
-    def options(self, *, colored: bool = True) -> list[str]:
+    def options(self) -> dict[str, object]:
+        """Those of the geometry."""
         # Those of MPEG's common test conditions, except where another choice was better on the
         # room: one slice instead of slices of a million points, every voxel of trisoup's triangles
         # instead of so many as a slice may have, and one bit instead of two for its vertices.
@@ -89,24 +92,17 @@ class GpccSetting:
             **GPCC_GEOMETRY,
             "trisoupNodeSizeLog2": self.node_log2,
         }
-        if self.node_log2:
-            common |= {
-                "trisoup_sampling_value": 1,
-                "trisoupQuantizationBits": 1,
-                "inferredDirectCodingMode": 0,
-            }
-        else:
-            common |= {"maxNumQtBtBeforeOt": 4}
-        color = {
-            "transformType": 0,
-            "qp": self.qp,
-            "qpChromaOffset": -2,
-            "bitdepth": 8,
-            # Ends the colour's options, so it has to be the last.
-            "attribute": "color",
+        if not self.node_log2:
+            return common | {"maxNumQtBtBeforeOt": 4}
+        return common | {
+            "trisoup_sampling_value": 1,
+            "trisoupQuantizationBits": 1,
+            "inferredDirectCodingMode": 0,
         }
-        chosen = common | color if colored else common
-        return [f"--{name}={value}" for name, value in chosen.items()]
+
+    def color(self) -> dict[str, object]:
+        """Those of the colour."""
+        return {"transformType": 0, "qp": self.qp, "qpChromaOffset": -2, "bitdepth": 8}
 
 
 def _peer(name: str, tool: str, package: str | None = None) -> Any:
@@ -365,26 +361,40 @@ def find_tmc3() -> Path:
 
 def gpcc(cloud: PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
     """MPEG's geometry-based codec, its own decoder's output; points in whole millimetres."""
+    # The octree rounds to its grid and the millimetre before it; trisoup bounds nothing.
+    bound = None if setting.node_log2 else HALF_DIAGONAL * (setting.step + 1e-3)
+    return replace(mpeg(cloud, setting.options(), setting.color(), tmc3), bound=bound)
+
+
+def mpeg(
+    cloud: PointCloud, options: Mapping[str, object], color: Mapping[str, object], program: Path
+) -> Coded:
+    """What MPEG's test models make of points in whole millimetres, by their own decoders.
+
+    `options` are those of the geometry, `color` those of the colour, where the cloud has one.
+    """
     millimetres = np.rint(cloud.points * 1e3).astype(np.int64)
     low = millimetres.min(axis=0)
     colored = cloud.colors is not None
+    # The attribute ends the options of the colour, so it has to be the last.
+    settings = {**options, **color, "attribute": "color"} if colored else options
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         source, stream, back = (folder / n for n in ("in.ply", "cloud.bin", "out.ply"))
-        # An origin of zero keeps coordinates of four bytes, the only ones that tmc3 reads.
+        # An origin of zero keeps coordinates of four bytes, the only ones that these programs read.
         whole = (millimetres - low).astype(np.float32)
         write(source, PointCloud(whole, colors=cloud.colors, origin=(0, 0, 0)))
         began = cpu_seconds()
         log = run(
-            tmc3,
+            program,
             "--mode=0",
             f"--uncompressedDataPath={source}",
             f"--compressedStreamPath={stream}",
-            *setting.options(colored=colored),
+            *(f"--{option}={value}" for option, value in settings.items()),
         )
         encoded = cpu_seconds()
         run(
-            tmc3,
+            program,
             "--mode=1",
             f"--compressedStreamPath={stream}",
             f"--reconstructedDataPath={back}",
@@ -394,10 +404,8 @@ def gpcc(cloud: PointCloud, setting: GpccSetting, tmc3: Path) -> Coded:
         colors = sum(int(n) for n in re.findall(r"colors bitstream size (\d+) B", log))
         again = read(back)
     decoded = PointCloud((again.points + low) / 1e3, colors=again.colors if colored else None)
-    # The octree rounds to its grid and the millimetre before it; trisoup bounds nothing.
-    bound = None if setting.node_log2 else HALF_DIAGONAL * (setting.step + 1e-3)
     # Headers count as geometry.
-    return Coded(size, size - colors, encoded - began, seconds, decoded, bound=bound)
+    return Coded(size, size - colors, encoded - began, seconds, decoded)
 
 
 def run(*command: Path | str) -> str:
