@@ -272,6 +272,18 @@ def test_info_says_in_words_what_a_model_holds(
     assert f"surfabet decompress {sfb} out.ply ({len(decoded):,} points" in command
 
 
+def test_info_of_a_large_model_leaves_its_box_out(
+    sfb: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("surfabet.cli.info.MOST_POINTS", 10)
+    assert main(["info", str(sfb), "--json"]) == 0
+    said = parsed(capsys)
+    assert "bounds" not in said
+    assert said["info"]["patches"] > 0
+    assert main(["info", str(sfb)]) == 0
+    assert "more than 10 points" in capsys.readouterr().out
+
+
 def test_evaluate_writes_one_page(
     ply: Path, sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

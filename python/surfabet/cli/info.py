@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import surfabet
+from surfabet._progress import ProgressCallback
 from surfabet.cli._files import (
     MODEL_SUFFIX,
     check_output,
@@ -47,6 +48,9 @@ HOLDS = {
     "gas": "neurons that spread over the surface, and edges where it goes on",
 }
 """What models of each method are made of, for people."""
+
+MOST_POINTS = 20_000_000
+"""The box of a model that decodes to more is left out: showing what a file holds takes seconds."""
 
 
 def info(
@@ -92,14 +96,15 @@ def info(
         model = None
         if found.vocabulary is None or words is not None:
             model = load_model(file, progress, words)
-        decoded = None if model is None else model.decode(progress=progress)
+        decoded = None if model is None else _decoded(model, progress)
     if picture is not None:
         _draw(file, picture, model)
     n_bytes = size_on_disk(file)
     if json:
-        known: dict[str, Any] = {"holds": HOLDS[found.method]}
-        if model is not None and decoded is not None:
+        known: dict[str, Any] = {"holds": _holds(found)}
+        if model is not None:
             known |= {"n_points": model.n_points, "info": model.info}
+        if model is not None and decoded is not None:
             known |= {"bounds": decoded.bounds, "decoded_points": len(decoded)}
             known |= {"attributes": decoded.attributes, "keeps_thickness": model.keeps_thickness}
         print_json({"path": str(file), "bytes": n_bytes, **found.as_dict(), **known})
@@ -130,6 +135,19 @@ def info(
     console.print(parts)
 
 
+def _holds(found: surfabet.FileInfo) -> str:
+    """What a model is made of, for people."""
+    return HOLDS.get(found.method, f"a model of the method {found.method}")
+
+
+def _decoded(model: AnyModel, progress: ProgressCallback) -> surfabet.PointCloud | None:
+    """What the model decodes to, for its box; None where that would take long."""
+    try:
+        return model.decode(max_points=MOST_POINTS, progress=progress)
+    except surfabet.InvalidInputError:
+        return None
+
+
 def _in_words(
     file: Path,
     found: surfabet.FileInfo,
@@ -138,14 +156,20 @@ def _in_words(
     vocabulary: VocabularyOption,
 ) -> Iterator[str]:
     """What the file holds, where, and how to get it out again."""
-    yield f"It holds {HOLDS[found.method]}."
+    yield f"It holds {_holds(found)}."
     if found.note is not None:
         yield f"Chosen by the data: {found.note}"
     if found.vocabulary is not None:
         yield f"The file names a vocabulary by its hash: {found.vocabulary}"
     words = "" if vocabulary.vocabulary is None else f" --vocabulary {vocabulary.vocabulary}"
-    if model is None or decoded is None:
+    if model is None:
         yield "It is decoded with --vocabulary FILE, a model that holds this vocabulary."
+        return
+    if decoded is None:
+        yield (
+            f"Decode: surfabet decompress {file} out.ply --resolution METRES (more than "
+            f"{MOST_POINTS:,} points at its own spacing, so that its box is not measured here)"
+        )
         return
     kept = ["positions", *decoded.attributes]
     if model.keeps_thickness:
