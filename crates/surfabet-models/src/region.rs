@@ -149,17 +149,18 @@ mod tests {
         /// Balls in the middles of two boxes that reach their farthest corners are apart: so are the boxes.
         #[test]
         fn boxes_far_apart_do_not_meet(
-            side in prop::array::uniform3(0.0..1.0), turn in prop::array::uniform3(-3.0..3.0),
+            side in prop::array::uniform3(0.0_f64..1.0), turn in prop::array::uniform3(-3.0_f64..3.0),
             direction in prop::array::uniform3(-1.0_f64..1.0),
         ) {
             let length = dot(direction, direction).sqrt();
             prop_assume!(length > 0.1);
             let region = Region::new([-0.5; 3], [0.5; 3]).unwrap();
             let matrix = Rotation3::from_euler_angles(turn[0], turn[1], turn[2]);
-            let rotation = std::array::from_fn(|k| std::array::from_fn(|a| matrix[(k, a)]));
+            let rotation: [[f64; 3]; 3] =
+                std::array::from_fn(|k| std::array::from_fn(|a| matrix[(k, a)]));
             // Half diagonals of sides of at most 1: 0.87 each.
             let origin = direction.map(|c| c / length * 1.8);
-            let half = side.map(|c| 0.5 * c);
+            let half: [f64; 3] = side.map(|c| 0.5 * c);
             prop_assert!(!region.meets(origin, rotation, [half.map(|c| -c), half]));
         }
     }
