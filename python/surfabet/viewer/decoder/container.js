@@ -105,6 +105,6 @@ export function expectOwnVocabulary(features, hash, what) {
   const text = Array.from(hash, (byte) => byte.toString(16).padStart(2, "0")).join("");
   throw new SfbError(
     `the file has no ${what} of its own: it names that of another file, ${text}. A page needs both: ` +
-      "give the other file with `surfabet view --vocabulary`",
+      "learn the model without a given vocabulary",
   );
 }
