@@ -340,6 +340,8 @@ def _planned(
     known = folder / "plan.json"
     if known.exists():
         plan = json.loads(known.read_text())
+        plan["attributes"] = [tuple(attribute) for attribute in plan["attributes"]]
+        plan["bounds"] = plan["bounds"] and tuple(plan["bounds"])
     else:
         tell("plan tiles", 0.3)
         plan = _plan(spill, bricks, tile, memory, options)
