@@ -31,8 +31,8 @@ from surfabet.tiles import merge_tiles, open_tiled
 __all__ = ["TileJob", "TilingReport", "learn_patches_tiled", "learn_tile"]
 
 BYTES_PER_POINT = 200
-"""Memory that a tile is taken to need per point of it and around it: up to 145 for learning patches,
-the rest for reading the points."""
+"""Memory that a tile is taken to need per point of it and around it, bytes: up to 145 for learning
+patches, the rest for reading the points."""
 
 BASE_MEMORY = 200 << 20
 """Memory beside that of the points: the interpreter, its packages, and a chunk of the source."""
