@@ -31,7 +31,7 @@ from surfabet.tiles import merge_tiles, open_tiled
 __all__ = ["TileJob", "TilingReport", "learn_patches_tiled", "learn_tile"]
 
 BYTES_PER_POINT = 200
-"""Memory that a tile is taken to need per point of it and around it: up to 145 for learning
+"""Memory that a tile is taken to need per point of it and around it, bytes: up to 145 for learning
 patches, the rest for reading the points."""
 
 BASE_MEMORY = 200 << 20
@@ -340,6 +340,8 @@ def _planned(
     known = folder / "plan.json"
     if known.exists():
         plan = json.loads(known.read_text())
+        plan["attributes"] = [tuple(attribute) for attribute in plan["attributes"]]
+        plan["bounds"] = plan["bounds"] and tuple(plan["bounds"])
     else:
         tell("plan tiles", 0.3)
         plan = _plan(spill, bricks, tile, memory, options)

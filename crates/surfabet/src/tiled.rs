@@ -9,8 +9,8 @@ use std::sync::Arc;
 use surfabet_codec::{
     ContentHash, Family, Features, Frame, Limits, TILE_INDEX, TILES, Tag, TileEntry, TileIndex,
 };
-use surfabet_geom::{PointCloud, Progress};
-use surfabet_models::patches::{self, PatchModel, PatchesHeader, PatchesReport};
+use surfabet_geom::{CloudParts, PointCloud, Progress};
+use surfabet_models::patches::{self, INTENSITIES, PatchModel, PatchesHeader, PatchesReport};
 use surfabet_models::{DecodeOptions, Figures, Region, Report, Summary, SurfaceModel};
 use surfabet_recognition::Localizer;
 
@@ -339,7 +339,7 @@ impl TiledModel {
         }
         progress.update("decoding", 1.0);
         if clouds.is_empty() {
-            clouds.push(self.nothing(level, options)?);
+            clouds.push(self.nothing(options)?);
         }
         Ok(PointCloud::concat(&clouds).0)
     }
@@ -360,17 +360,24 @@ impl TiledModel {
         }
     }
 
-    /// A cloud without points, with the columns that the others have.
-    fn nothing(&self, level: usize, options: DecodeOptions) -> Result<PointCloud> {
-        let of_level = self.of_level(level).next();
-        let cloud = match of_level {
-            Some((entry, bytes)) => {
-                let tile = self.index.read_tile(entry, bytes, &self.limits)?;
-                tile.decode(options, &surfabet_geom::Silent)?.select(&[])?
-            }
-            None => PointCloud::default(),
+    /// A cloud without points, with the columns that others have.
+    fn nothing(&self, options: DecodeOptions) -> Result<PointCloud> {
+        let header = self.patches();
+        let mut parts = CloudParts {
+            origin: header.lattice.origin,
+            colors: header.color.map(|_| Vec::new()),
+            normals: options.normals.then(Vec::new),
+            ..CloudParts::default()
         };
-        Ok(cloud)
+        for attribute in &header.attributes {
+            if attribute.name == INTENSITIES {
+                parts.intensities = Some(Vec::new());
+            } else {
+                let column = attribute.dtype.column_of_integers(std::iter::empty());
+                parts.extra.push((attribute.name.clone(), column));
+            }
+        }
+        Ok(PointCloud::from_parts(parts)?.0)
     }
 
     /// Writes the file, an existing one replaced only when the new one is complete; `note` is a line for people. Returns its
