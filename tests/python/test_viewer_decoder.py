@@ -164,6 +164,16 @@ def test_models_of_every_kind_decode_to_the_same_points(name: str, tmp_path: Pat
     assert_same(path, tmp_path, coarse, model.keeps_thickness)
 
 
+def test_maps_in_tiles_decode_to_the_same_points(tmp_path: Path) -> None:
+    path = tmp_path / "map.sfb"
+    cloud = corner(colors=colors, intensities=intensities)
+    sb.learn_patches_tiled(cloud, path, resolution=0.02, tile=1.28, max_error=0.05)
+    model = sb.load(path)
+    assert len(model.tiles) > 3
+    assert_same(path, tmp_path, None, False)
+    assert_same(path, tmp_path, 0.047, True)
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"the real scans are not at {DATA}")
 @pytest.mark.parametrize("method", ["patches", "hscsm", "planes", "gas", "alphabet"])
 def test_real_scans_decode_to_the_same_points(method: str, tmp_path: Path) -> None:

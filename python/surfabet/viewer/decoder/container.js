@@ -17,13 +17,14 @@ export const ATTRIBUTES = 8;
 export const UNBLENDED = 16;
 export const HIERARCHY = 32;
 export const BESIDE = 64;
+export const TILES = 128;
 export const FORWARD_BOUND = 256;
 export const NEAR_POINTS = 512;
 
 /** All features that this decoder knows. A new one is refused by name of the release until it is added here. */
 const KNOWN =
-  SHARED_DICTIONARY | LATTICE | BIC_ALPHABET | ATTRIBUTES | UNBLENDED | HIERARCHY | BESIDE | FORWARD_BOUND |
-  NEAR_POINTS;
+  SHARED_DICTIONARY | LATTICE | BIC_ALPHABET | ATTRIBUTES | UNBLENDED | HIERARCHY | BESIDE | TILES |
+  FORWARD_BOUND | NEAR_POINTS;
 
 function newer(what, [major, minor]) {
   return new SfbError(

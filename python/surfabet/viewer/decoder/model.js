@@ -1,14 +1,16 @@
 // Opens a file with the reader of its kind.
 
-import { ALPHABET, BIC_ALPHABET, GAS, LATTICE, PATCHES, PLANES, openContainer } from "./container.js";
+import { ALPHABET, BIC_ALPHABET, GAS, LATTICE, PATCHES, PLANES, TILES, openContainer } from "./container.js";
 import { alphabetMethod, readAlphabet } from "./alphabet.js";
 import { bicAlphabetMethod, readBicAlphabet } from "./bic_alphabet.js";
 import { gasMethod, readGas } from "./gas.js";
 import { hscsmMethod, readHscsm } from "./hscsm.js";
 import { patchesMethod, readPatches } from "./patches.js";
 import { planesMethod, readPlanes } from "./planes.js";
+import { readTiles, tilesMethod } from "./tiles.js";
 
 function readerOf({ family, features }) {
+  if (family === PATCHES && features & TILES) return [readTiles, tilesMethod];
   if (family === PATCHES) return features & LATTICE ? [readPatches, patchesMethod] : [readHscsm, hscsmMethod];
   if (family === ALPHABET) {
     return features & BIC_ALPHABET ? [readBicAlphabet, bicAlphabetMethod] : [readAlphabet, alphabetMethod];

@@ -20,8 +20,8 @@ const RESERVED = [
   "points", "local_points", "origin", "colors", "normals", "ranges", "viewpoints", "viewpoint_index", "crs",
 ];
 
-function readMeta(bytes, features) {
-  const fields = new Fields(bytes, "META");
+/** The fields of 5.1. */
+export function readMeta(fields, features) {
   const meta = { nPoints: fields.varint(), origin: fields.vector() };
   meta.quaternion = Array.from({ length: 4 }, () => fields.signed(2 ** 19 + 1, "the quaternion"));
   if (meta.quaternion.reduce((sum, c) => sum + c * c, 0) < 2 ** 36) fail("META", "no rotation");
@@ -39,7 +39,6 @@ function readMeta(bytes, features) {
   if (meta.maxError < 0) fail("META", `a bound of ${meta.maxError} m`);
   if (features & FORWARD_BOUND) meta.maxErrorForward = fields.positive();
   meta.attributes = features & ATTRIBUTES ? readAttributeHeaders(fields) : [];
-  fields.end();
   return meta;
 }
 
@@ -322,28 +321,47 @@ function readExtraPoints(bytes, meta, near) {
   return points;
 }
 
+/** All features of patches. */
+export const FEATURES = LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS;
+
 /** Reads a model of `learn_patches`. */
 export function readPatches({ features, sections }) {
-  expectFeatures(features, LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS);
+  expectFeatures(features, FEATURES);
   if (!sections.has("META")) fail("META", "the section is missing");
-  const meta = readMeta(sections.get("META"), features);
-  const attributeTags = meta.attributes.map((_, i) => `AT${String(i).padStart(2, "0")}`);
+  const fields = new Fields(sections.get("META"), "META");
+  const meta = readMeta(fields, features);
+  fields.end();
+  expectSections(sections, ["META", ...streamsOf(meta)]);
+  return readStreams(meta, features, sections);
+}
+
+/** Tags of the streams of a model, in the order of the file. */
+export function streamsOf(meta) {
   const colorTags = meta.lumaStep > 0 ? ["COLR"] : [];
   const pointTags = meta.nExtra > 0 ? ["PNTS"] : [];
-  expectSections(sections, ["META", "GEOM", ...colorTags, ...pointTags, ...attributeTags]);
-  const geometry = sections.get("GEOM");
+  return ["GEOM", ...colorTags, ...pointTags, ...attributeTags(meta)];
+}
+
+function attributeTags(meta) {
+  return meta.attributes.map((_, i) => `AT${String(i).padStart(2, "0")}`);
+}
+
+/** A model from its header and the bytes of its streams by tag. */
+export function readStreams(meta, features, streams) {
+  const geometry = streams.get("GEOM");
   checkCount("META", "patches", meta.nPatches, mostBits(geometry));
   const reader = new GeometryReader(new Stream(geometry, "GEOM"), meta);
   const patches = reader.read();
   const near = (features & NEAR_POINTS) !== 0;
-  const extra = meta.nExtra > 0 ? readExtraPoints(sections.get("PNTS"), meta, near) : [];
+  const extra = meta.nExtra > 0 ? readExtraPoints(streams.get("PNTS"), meta, near) : [];
   const model = {
     method: "patches", meta, patches, extra,
     bases: reader.bases, unblended: (features & UNBLENDED) !== 0,
     cells: null, colors: null, attributes: [],
   };
   if (meta.lumaStep > 0 || meta.attributes.length > 0) {
-    model.complete = () => readAttributes(model, sections, attributeTags, (features & BESIDE) !== 0);
+    const beside = (features & BESIDE) !== 0;
+    model.complete = () => readAttributes(model, streams, attributeTags(meta), beside);
   }
   return model;
 }

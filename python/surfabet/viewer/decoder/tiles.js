@@ -1,0 +1,111 @@
+// Section 5.7 of docs/format.md: patches in tiles. All tiles of the finest level of detail, one after another.
+
+import { Fields, SfbError, crc32c, fail } from "./bytes.js";
+import { NEAR_POINTS, TILES, expectFeatures, expectSections } from "./container.js";
+import { FEATURES, patchesMethod, readMeta, readStreams, streamsOf } from "./patches.js";
+
+const MAX_LEVELS = 8;
+const MAX_SIDE = 2 ** 20;
+
+function readLevels(bytes, features) {
+  const fields = new Fields(bytes, "META");
+  const count = fields.varint(MAX_LEVELS, "a number of levels of detail");
+  if (count < 1) fail("META", "no levels of detail");
+  const levels = Array.from({ length: count }, () => readMeta(fields, features));
+  const side = fields.varint(MAX_SIDE, "a side of a cube");
+  if (side < 1) fail("META", "cubes without a side");
+  for (let a = 0; a < 3; a++) fields.varint(side, "a corner of a cube");
+  fields.end();
+  return levels;
+}
+
+/** Length and checksum of every tile, level by level. */
+function readIndex(bytes, levels) {
+  const fields = new Fields(bytes, "TIDX");
+  const index = levels.map(() => {
+    // A tile takes at least 13 bytes here.
+    const count = fields.varint(Math.floor(bytes.length / 13), "a number of tiles");
+    for (let a = 0; a < 3; a++) fields.signed(MAX_SIDE, "a cube");
+    return Array.from({ length: count }, () => {
+      fields.big();
+      fields.varint();
+      const length = fields.varint();
+      const checksum = fields.u32();
+      for (let a = 0; a < 3; a++) fields.signed(2 ** 31, "a corner of a box");
+      for (let a = 0; a < 3; a++) fields.varint(2 ** 31, "a side of a box");
+      return { length, checksum };
+    });
+  });
+  fields.end();
+  return index;
+}
+
+function readTile(bytes, checksum, level, features) {
+  if (crc32c(bytes) !== checksum) throw new SfbError("the file is damaged: the checksum of a tile does not match");
+  const fields = new Fields(bytes, "TILE");
+  const meta = { ...level, nPatches: fields.varint(), nExtra: fields.varint() };
+  if (meta.nExtra > 0) meta.extraCell = fields.positive();
+  const tags = streamsOf(meta);
+  const lengths = tags.map(() => fields.varint());
+  const streams = new Map(tags.map((tag, i) => [tag, fields.raw(lengths[i])]));
+  fields.end();
+  // Points are coded given those around, whether the feature is set or not.
+  return readStreams(meta, features | NEAR_POINTS, streams);
+}
+
+/** Reads a map in tiles. */
+export function readTiles({ features, sections }) {
+  expectFeatures(features, FEATURES | TILES);
+  expectSections(sections, ["META", "TIDX", "TILE"]);
+  const levels = readLevels(sections.get("META"), features);
+  const index = readIndex(sections.get("TIDX"), levels);
+  const all = new Fields(sections.get("TILE"), "TILE");
+  const parts = index.map((of) => of.map(({ length, checksum }) => ({ bytes: all.raw(length), checksum })));
+  all.end();
+  const level = levels[levels.length - 1];
+  const tiles = parts[parts.length - 1].map((tile) => readTile(tile.bytes, tile.checksum, level, features));
+  const model = { method: "patches", meta: level, tiles };
+  if (tiles.some((tile) => tile.complete)) model.complete = () => tiles.forEach((tile) => tile.complete?.());
+  return model;
+}
+
+/** Typed arrays one after another. */
+function joined(arrays) {
+  const whole = new arrays[0].constructor(arrays.reduce((sum, array) => sum + array.length, 0));
+  arrays.reduce((at, array) => {
+    whole.set(array, at);
+    return at + array.length;
+  }, 0);
+  return whole;
+}
+
+const sum = (model, of) => model.tiles.reduce((total, tile) => total + of(tile), 0);
+
+function decodeTiles(model, options) {
+  let first = 0;
+  const decoded = model.tiles.map((tile) => {
+    const points = patchesMethod.decode(tile, options);
+    for (let i = 0; i < points.parts.length; i++) points.parts[i] += first;
+    first += patchesMethod.parts(tile);
+    return points;
+  });
+  if (decoded.length === 0) throw new SfbError("a map without tiles");
+  const columns = Object.keys(decoded[0]).filter((name) => ArrayBuffer.isView(decoded[0][name]));
+  const attributes = decoded[0].attributes.map((attribute, i) => ({
+    ...attribute,
+    values: joined(decoded.map((points) => points.attributes[i].values)),
+  }));
+  const of = (name) => joined(decoded.map((points) => points[name]));
+  return { ...decoded[0], ...Object.fromEntries(columns.map((name) => [name, of(name)])), attributes };
+}
+
+/** What the page asks of every kind of model. */
+export const tilesMethod = {
+  part: patchesMethod.part,
+  keepsThickness: true,
+  spacing: patchesMethod.spacing,
+  parts: (model) => sum(model, patchesMethod.parts),
+  mostPoints: (model, resolution, asMeasured) =>
+    sum(model, (tile) => patchesMethod.mostPoints(tile, resolution, asMeasured)),
+  decode: decodeTiles,
+};
