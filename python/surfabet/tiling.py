@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import tempfile
+import threading
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
@@ -113,7 +114,8 @@ def run_job(job: TileJob, progress: ProgressCallback | None = None) -> str:
     cloud = Spill.open(Path(job.work)).read(job.bricks, job.plan["origin"])
     data = learn_tile(cloud, job.cube, job.plan, job.options, progress=progress) or b""
     job.path.parent.mkdir(exist_ok=True)
-    partial = job.path.with_suffix(f".{os.getpid()}.part")
+    # A thread of an executor that broke may still be at the same tile.
+    partial = job.path.with_suffix(f".{os.getpid()}-{threading.get_ident()}.part")
     partial.write_bytes(data)
     os.replace(partial, job.path)
     return str(job.path)

@@ -448,7 +448,8 @@ def standalone(tile: bytes, n_points: int, meta: bytes, detail: dict[str, Any]) 
     own = varint(n_points) + before + varint(n_patches) + steps + varint(n_extra) + size
     own += meta[detail["counts_end"] - 8 : detail["end"]]
     parts = {"META": own, **streams}
-    head = b"\x89SFB\x01\x00\x01\x02" + varint(FEATURES) + varint(len(parts))
+    near = 1 << 9 if n_extra else 0
+    head = b"\x89SFB\x01\x00\x01\x02" + varint(FEATURES | near) + varint(len(parts))
     for tag, part in parts.items():
         head += tag.encode() + varint(len(part)) + crc32c(part).to_bytes(4, "little")
     head += crc32c(head).to_bytes(4, "little")

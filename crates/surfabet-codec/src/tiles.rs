@@ -3,7 +3,7 @@
 //! Byte by byte in `docs/format.md`, section 5.7.
 
 use surfabet_geom::morton;
-use surfabet_models::patches::{Cubes, PatchModel, PatchesHeader};
+use surfabet_models::patches::{Cubes, PatchModel, PatchesHeader, PointCoding};
 use surfabet_models::{Budget, Source, SurfaceModel};
 
 use crate::bytes::{ByteReader, ByteWriter};
@@ -351,6 +351,8 @@ impl TileIndex {
         if header.n_extra > 0 {
             header.extra_size = reader.f64()?;
         }
+        // As in all tiles: the header of the map has no points that would say so.
+        header.point_coding = PointCoding::Around;
         let of_tile = PatchModel::STREAM_SECTIONS.iter().enumerate();
         let lengths = of_tile.map(|(i, _)| match PatchModel::has_section(&header, i) {
             true => reader.varint(),

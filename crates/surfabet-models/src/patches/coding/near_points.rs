@@ -238,8 +238,8 @@ mod tests {
         nodes.dedup();
         let places = index(&nodes);
         let has = |at: [i64; 3]| keys.binary_search(&cell(at)).is_ok();
-        let children_of = |node: u64| Wanted { keys: &keys, shift: 0 }.children_of(node);
-        let children: Vec<u8> = nodes.iter().map(|&node| children_of(node)).collect();
+        let mut wanted = Wanted { keys: &keys, shift: 0 };
+        let children: Vec<u8> = nodes.iter().map(|&node| wanted.children_of(node)).collect();
         for (&node, &wanted) in nodes.iter().zip(&children) {
             let models = &mut NearPointModels::default();
             let around = Around::new(node, &places, &children, models, 1);
