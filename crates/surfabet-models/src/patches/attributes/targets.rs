@@ -8,10 +8,10 @@ use super::cells::{cell_key, index};
 use crate::patches::samples::{Sample, SidedSamples};
 
 /// Samples that one task looks at.
-const BLOCK: usize = 1 << 14;
+const BLOCK: usize = 1 << 11;
 
 /// Samples whose blends are kept at once: bounds the memory.
-const SAMPLES_AT_ONCE: usize = 1 << 18;
+const SAMPLES_AT_ONCE: usize = 1 << 13;
 
 /// Which cell each sample counts for: its own, or the nearest cell around it.
 pub(in crate::patches) struct Targets<'a> {
@@ -80,19 +80,18 @@ impl<'a> Targets<'a> {
         of_samples: &[Option<[f32; N]>],
     ) -> Vec<([f32; N], f32)> {
         let mut sums = vec![([0.0_f32; N], 0.0_f32); self.cells.len()];
-        let numbers: Vec<usize> = (0..of_samples.len()).collect();
-        for some in numbers.chunks(SAMPLES_AT_ONCE) {
-            let blocks = parallel::map_chunks(some, BLOCK, |block| {
+        for first in (0..of_samples.len()).step_by(SAMPLES_AT_ONCE) {
+            let n = SAMPLES_AT_ONCE.min(of_samples.len() - first);
+            let blocks = parallel::map_range(n.div_ceil(BLOCK), |block| {
                 let mut corners = Corners::new(&self.places);
-                let mut missed = Vec::with_capacity(block.len());
-                for &i in block {
+                let of_block = first + block * BLOCK..first + n.min((block + 1) * BLOCK);
+                let mut missed = Vec::with_capacity(of_block.len());
+                for i in of_block {
                     if let (Some(wanted), Some(_)) = (of_samples[i], self.owners[i]) {
                         let around = self.around(i, &mut corners);
                         let blended = around.mean(|cell| values[cell]);
-                        missed.push((
-                            around,
-                            std::array::from_fn::<_, N, _>(|c| wanted[c] - blended[c]),
-                        ));
+                        let difference: [f32; N] = std::array::from_fn(|c| wanted[c] - blended[c]);
+                        missed.push((around, difference));
                     }
                 }
                 missed
