@@ -17,6 +17,7 @@ from surfabet.errors import InvalidInputError, MissingDependencyError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "PICTURE_SUFFIXES",
@@ -630,16 +631,10 @@ def draw_words(path: str | os.PathLike[str], model: AlphabetModel) -> None:
     MissingDependencyError
         Without matplotlib.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingDependencyError(
-            "pictures need matplotlib: pip install 'surfabet[report]'"
-        ) from error
     heights, counts = model.alphabet.heights, model.counts
     columns = min(len(counts), 8)
     rows = -(-len(counts) // columns)
-    figure = Figure(figsize=(1.4 * columns + 0.8, 1.65 * rows), layout="constrained")
+    figure = _new_figure(1.4 * columns + 0.8, 1.65 * rows)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for place in axes:
         place.axis("off")
@@ -676,17 +671,11 @@ def draw_recurring(
     MissingDependencyError
         Without matplotlib.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingDependencyError(
-            "pictures need matplotlib: pip install 'surfabet[report]'"
-        ) from error
+    rows = max(len(classes), 1)
+    figure = _new_figure(1.8 * most, 1.9 * rows)
     cloud = scene.decode(resolution)
     points = cloud.points
     rgb = _colors(cloud, cloud, np.array([0.0, 0.0, 1.0]))[0]
-    rows = max(len(classes), 1)
-    figure = Figure(figsize=(1.8 * most, 1.9 * rows), layout="constrained")
     cells = figure.subplots(rows, most, squeeze=False)
     for axes in cells.flat:
         axes.set_axis_off()
@@ -706,3 +695,14 @@ def draw_recurring(
             _show(cells[k, i], picture, title)
             cells[k, i].title.set_fontsize(8)
     figure.savefig(path, dpi=110)
+
+
+def _new_figure(width: float, height: float) -> Figure:
+    """An empty figure of matplotlib, inches; nothing imports it before a picture is drawn."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingDependencyError(
+            "pictures need matplotlib: pip install 'surfabet[report]'"
+        ) from error
+    return Figure(figsize=(width, height), layout="constrained")
