@@ -62,20 +62,42 @@ ensure_venv() {
     "$python" -m venv .venv
 }
 
+# Prints what the package and its extra $1 need, a line each; an extra that names others of the package is followed.
+requirements() {
+    python - "$1" <<'END'
+import re
+import sys
+import tomllib
+
+with open("pyproject.toml", "rb") as file:
+    project = tomllib.load(file)["project"]
+needed, extras = list(project["dependencies"]), [sys.argv[1]]
+while extras:
+    for line in project["optional-dependencies"][extras.pop()]:
+        if own := re.fullmatch(rf"{project['name']}\[(.*)\]", line):
+            extras += own[1].split(",")
+        else:
+            needed.append(line)
+print("\n".join(needed))
+END
+}
+
 # Builds the package in release mode into .venv, with the extras named in $1; quick when nothing changed.
 install_surfabet() {
     ensure_venv
     .venv/bin/python --version
     check_rust
     .venv/bin/pip install --quiet 'maturin>=1.9,<2'
-    # pip builds only after it has fetched all that the extras need: compile meanwhile. If that fails, pip's own
-    # build fails alike and says why. Bash would let Ctrl-C pass by what runs behind `&`.
+    # The libraries are fetched while the extension compiles. pip builds the package itself only after that: two
+    # maturins at once would move the same file in target/. If the first build fails, pip's own fails alike and
+    # says why. Bash would let Ctrl-C pass by what runs behind `&`.
     local -x PATH="$PWD/.venv/bin:$PATH" VIRTUAL_ENV="$PWD/.venv"
     (trap - INT && exec maturin develop --quiet --release --skip-install) >/dev/null 2>&1 &
+    requirements "$1" | python -m pip install --quiet --requirement /dev/stdin
+    wait $! || true
     # Without isolation the build keeps its place in target/, so that the next one is quick. Both builds name
     # Python alike, as `python`, so that the second finds nothing changed.
     python -m pip install --quiet --no-build-isolation --editable ".[$1]"
-    wait $! || true
     echo "installed into .venv: $(.venv/bin/surfabet --version)"
 }
 
