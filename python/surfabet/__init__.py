@@ -45,7 +45,13 @@ from surfabet.locate import Localizer, Location, Locations
 from surfabet.meshes import Mesh
 from surfabet.metrics import AttributeErrors, Quality, RangeSigma, evaluate
 from surfabet.navigation import NavigationGraph
-from surfabet.patches import LatticeLevel, LatticePatches, PatchModel, learn_patches
+from surfabet.patches import (
+    LatticeInstance,
+    LatticeLevel,
+    LatticePatches,
+    PatchModel,
+    learn_patches,
+)
 from surfabet.places import PlaceIndex, PlaceKinds, PlaceMatch, label_places, place_index
 from surfabet.planes import (
     PlaneFit,
@@ -81,6 +87,7 @@ __all__ = [
     "InvalidInputError",
     "InvalidTypeError",
     "KdTree",
+    "LatticeInstance",
     "LatticeLevel",
     "LatticePatches",
     "LearningReport",

@@ -42,10 +42,31 @@ def _shapes(n: int) -> NDArray[np.float64]:
 
 def mesh_of(model: PatchModel) -> Mesh:
     """The thin surface of a model; see `PatchModel.mesh`."""
-    sides, places, depths, near = _squares(model)
-    if not len(sides):
+    local, triangles = _surface(model, np.arange(len(model)))
+    vertices, parts = [local], [triangles]
+    for instance in model.instances:
+        local, triangles = _surface(model, instance.patches)
+        # A mirror turns the order of corners round.
+        parts.append((triangles if instance.facing > 0 else triangles[:, ::-1]) + _count(vertices))
+        vertices.append(local @ instance.linear.T + instance.shift)
+    if not _count(vertices):
         none = None if not model.has_color else np.zeros((0, 3), np.uint8)
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.uint32), none)
+    world = np.concatenate(vertices) @ model.rotation.T + model.origin
+    return Mesh(world, np.concatenate(parts).astype(np.uint32), _colors(model, world))
+
+
+def _count(parts: list[NDArray[np.float64]]) -> int:
+    return sum(len(part) for part in parts)
+
+
+def _surface(
+    model: PatchModel, which: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Some patches as vertices along the axes of the lattice, metres, and triangles."""
+    if not len(which):
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    sides, places, depths, near = _squares(model, which)
     side = np.repeat(sides, 4)
     corners = places.reshape(-1, 2)
     vertex, first = _joined(side, corners, depths.ravel(), np.repeat(near, 4))
@@ -59,25 +80,24 @@ def mesh_of(model: PatchModel) -> Mesh:
     squares[facing_down] = squares[facing_down][:, ::-1]
     triangles = np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
     local = _local(side[first], corners[first], depth, model.levels[-1].pixel_size)
-    vertices = local @ model.rotation.T + model.origin
     used, triangles = np.unique(triangles, return_inverse=True)
-    vertices = vertices[used]
-    return Mesh(vertices, triangles.reshape(-1, 3).astype(np.uint32), _colors(model, vertices))
+    return local[used], triangles.reshape(-1, 3)
 
 
 def _squares(
     model: PatchModel,
+    chosen: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Squares of the finest pixel of all patches.
+    """Squares of the finest pixel of the chosen patches.
 
     Their sides (q,), places of corners in turn (q, 4, 2) in pixels, depths there (q, 4) and how far
     these may be from those of a neighbour (q,), metres.
     """
     levels = model.levels
     finest = levels[-1].pixel_size
-    found = model._core.places()
+    found = model._core.places()[chosen]
     side, level, first = found[:, 0], found[:, 1], found[:, 2:]
-    masks, coefficients = model._core.masks(), model._core.coefficients()
+    masks, coefficients = model._core.masks()[chosen], model._core.coefficients()[chosen]
     around = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     parts: list[tuple[NDArray[np.int64], ...]] = []
     depths = []

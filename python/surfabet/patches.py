@@ -21,7 +21,7 @@ from surfabet._progress import Progress, progress_callback
 from surfabet.meshes import Mesh
 from surfabet.model import Model
 
-__all__ = ["LatticeLevel", "LatticePatches", "PatchModel", "learn_patches"]
+__all__ = ["LatticeInstance", "LatticeLevel", "LatticePatches", "PatchModel", "learn_patches"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +66,27 @@ class LatticePatches:
 
     def __len__(self) -> int:
         return len(self.level)
+
+
+@dataclass(frozen=True, slots=True)
+class LatticeInstance:
+    """Patches that a model gives once more at another place.
+
+    A position along the axes of the lattice, metres from its zero, stands at
+    `linear @ position + shift`.
+    """
+
+    linear: NDArray[np.float64]
+    """Turn, or turn and mirror, (3, 3)."""
+    shift: NDArray[np.float64]
+    """Shift, (3,), metres."""
+    patches: NDArray[np.int64]
+    """Numbers of its patches in the order of the file, (k,)."""
+
+    @property
+    def facing(self) -> int:
+        """1 where the patches are only turned, -1 where they are mirrored too."""
+        return 1 if np.linalg.det(self.linear) > 0 else -1
 
 
 @final
@@ -129,8 +150,17 @@ class PatchModel(Model[_core.PatchModel]):
         return tuple(LatticeLevel(*level) for level in self._core.levels)
 
     @property
+    def instances(self) -> tuple[LatticeInstance, ...]:
+        """Patches that the model gives once more at other places, where the scene recurs."""
+        pixel = self.levels[-1].pixel_size
+        return tuple(
+            LatticeInstance(np.array(linear), np.array(shift) * pixel, patches)
+            for linear, shift, patches in self._core.instances()
+        )
+
+    @property
     def patches(self) -> LatticePatches:
-        """All patches as arrays."""
+        """All patches of the file as arrays; those of `instances` are among them once."""
         levels = self.levels
         places = self._core.places()
         sides, level, corners = places[:, 0], places[:, 1], places[:, 2:]
@@ -175,6 +205,7 @@ def learn_patches(
     completeness: float = 0.99,
     rate: float = 1.4,
     depth_step: float | None = None,
+    recurrence: bool = False,
     rounds: int = 3,
     color_step: int = 100,
     chroma_ratio: float = 1.5,
@@ -227,6 +258,10 @@ def learn_patches(
         Rounding of depths, in pixels of the finest level. A number from 0.0625 to 16 pixels in
         steps of 0.0625; by default 0.75, or an eighth of the gap where surfaces lie close behind
         one another and that is less.
+    recurrence
+        Looks for what recurs in the scene: patches are left out where others, moved, say the same,
+        if that makes the file smaller. Takes up to twice as long; for buildings with equal rooms,
+        or many equal things. True or False; by default False.
     rounds
         Rounds of choosing patches. Each uses the prices that the coder learned in the round before.
         An integer from 1 to 10; by default 3.
@@ -291,6 +326,7 @@ def learn_patches(
         "completeness": completeness,
         "rate": rate,
         "depth_step": depth_step,
+        "recurrence": recurrence,
         "rounds": rounds,
         "color_step": color_step,
         "chroma_ratio": chroma_ratio,

@@ -135,3 +135,33 @@ def ring_scan(
     c, s = np.cos(turned), np.sin(turned)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     return (rays * noisy[:, None])[seen] @ turn.T, turn
+
+
+def chests(n: int = 2, noise: float = 0.001) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Points and colours of `n` chests of five boxes, the second and every other one mirrored.
+
+    They stand at shifts that are no whole pixels, and each has noise of its own.
+    """
+    boxes = [
+        ((0.0, 0.0, 0.0), (0.5, 0.3, 0.2)),
+        ((0.05, 0.04, 0.2), (0.2, 0.26, 0.45)),
+        ((0.3, 0.1, 0.2), (0.42, 0.22, 0.32)),
+        ((0.5, 0.05, 0.0), (0.64, 0.12, 0.1)),
+        ((0.1, 0.3, 0.0), (0.18, 0.42, 0.27)),
+    ]
+    rng = np.random.default_rng(5)
+    points, colors = [], []
+    for k in range(n):
+        faces = []
+        for low, high in boxes:
+            for axis, at in ((0, low), (0, high), (1, low), (1, high), (2, high)):
+                u, v = (axis + 1) % 3, (axis + 2) % 3
+                grid = np.mgrid[low[u] : high[u] : 0.004, low[v] : high[v] : 0.004]
+                face = np.empty((grid[0].size, 3))
+                face[:, u], face[:, v] = grid.reshape(2, -1)
+                face[:, axis] = at[axis] + noise * rng.standard_normal(len(face))
+                faces.append(face)
+        chest = np.concatenate(faces)
+        colors.append((40 + 150 * (np.floor(chest / 0.06).astype(int) % 2)).astype(np.uint8))
+        points.append(chest * [(-1) ** k, 1, 1] + [1.3137 * k, 0.0551 * k, 0.0])
+    return np.concatenate(points), np.concatenate(colors)

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import surfabet as sb
+from generated import chests
 from surfabet.cli import main
 
 UTM = np.array([601_234.0, 5_402_345.0, 310.0])
@@ -120,3 +121,31 @@ def test_gas_and_planes_are_exported_too(
     assert len(sb.read(tmp_path / "gas.ply")) == 150
     assert main(["export", str(tmp_path / "gas.sfb"), str(tmp_path / "gas.dxf")]) == 2
     assert "planes" in capsys.readouterr().err
+
+
+def test_instances_are_meshed_where_they_stand_and_face_outwards() -> None:
+    points, colors = chests()
+    cloud = sb.PointCloud(points, colors=colors)
+    model = sb.learn_patches(cloud, resolution=0.01, recurrence=True)
+    assert model.instances
+    assert any(instance.facing < 0 for instance in model.instances)
+    mesh = model.mesh()
+    decoded = model.decode(normals=True)
+    own = sb.KdTree(decoded)
+    off, nearest = (found.ravel() for found in own.query(sb.PointCloud(mesh.vertices)))
+    assert np.median(off) < 0.005
+    # As much area as all patches have, those of instances too; it faces as decoded points do.
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    area = 0.5 * np.linalg.norm(normals, axis=1).sum()
+    given = [model.patches.masks[i.patches].sum(axis=(1, 2)) for i in model.instances]
+    levels = [
+        np.array([of.pixel_size for of in model.levels])[model.patches.level[i.patches]]
+        for i in model.instances
+    ]
+    copied = sum(float((n * p**2).sum()) for n, p in zip(given, levels, strict=True))
+    coded = sum(level.area for level in model.levels)
+    assert copied > 0.3 * coded
+    assert area > 0.95 * (coded + copied)
+    faced = decoded.normals[nearest[mesh.triangles[:, 0]]]
+    assert (np.einsum("ij,ij->i", normals, faced) > 0).mean() > 0.9

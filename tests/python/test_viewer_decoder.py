@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import surfabet as sb
-from generated import DATA
+from generated import DATA, chests
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = sorted((ROOT / "tests" / "golden").glob("*.sfb"))
@@ -125,6 +125,15 @@ def every_attribute() -> Any:
     return corner(colors=colors, intensities=intensities, extra=classes)
 
 
+def with_instances(**options: Any) -> Any:
+    points, shades = chests()
+    values = (100 * points[:, 2]).astype(np.float32)
+    cloud = sb.PointCloud(points + np.array([3.0, 1.0, 0.0]), colors=shades, intensities=values)
+    model = sb.learn_patches(cloud, resolution=0.01, recurrence=True, **options)
+    assert model.instances
+    return model
+
+
 Learn = Callable[[], Any]
 MODELS: dict[str, Learn] = {
     "patches without attributes": lambda: sb.learn_patches(corner(), resolution=0.05, levels=1),
@@ -137,6 +146,8 @@ MODELS: dict[str, Learn] = {
     "patches with points beside them": lambda: sb.learn_patches(
         corner(colors=colors), resolution=0.06, max_error=0.02
     ),
+    "patches with instances": with_instances,
+    "patches with instances and points beside them": lambda: with_instances(max_error=0.006),
     "hscsm on three levels": lambda: sb.learn_hscsm(
         corner(colors=colors), resolution=0.02, levels=3, depth_atoms=8, color_atoms=8
     ),
@@ -206,10 +217,12 @@ def test_the_stream_of_the_page_has_its_symbols() -> None:
     assert done.stdout == "60 symbols\n", done.stderr
 
 
-def test_damaged_files_are_refused_in_words() -> None:
-    done = node(ROOT / "viewer" / "check.js", "hostile", *GOLDEN)
+def test_damaged_files_are_refused_in_words(tmp_path: Path) -> None:
+    path = tmp_path / "instances.sfb"
+    with_instances(color_step=400).save(path)
+    done = node(ROOT / "viewer" / "check.js", "hostile", *GOLDEN, path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("are refused") == len(GOLDEN)
+    assert done.stdout.count("are refused") == len(GOLDEN) + 1
 
 
 def test_files_of_newer_versions_name_the_version(tmp_path: Path) -> None:

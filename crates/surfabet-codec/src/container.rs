@@ -117,8 +117,11 @@ impl Features {
     /// Points beside patches are coded given those around.
     pub const NEAR_POINTS: Self = Self(512);
 
+    /// Parts of patches are given once more at other places.
+    pub const INSTANCES: Self = Self(1024);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 10] = [
+    const KNOWN: [(Self, &'static str, Version); 11] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -129,6 +132,7 @@ impl Features {
         (Self::TILES, "tiles", Version { major: 0, minor: 1 }),
         (Self::FORWARD_BOUND, "bound on decoded points", Version { major: 0, minor: 1 }),
         (Self::NEAR_POINTS, "points given those around", Version { major: 0, minor: 1 }),
+        (Self::INSTANCES, "instances", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

@@ -1,10 +1,10 @@
-//! The file of patches on a lattice: header, geometry, colour, the points that no patch holds, other attributes.
+//! The file of patches on a lattice: header, geometry, colour, the points that no patch holds, instances, other attributes.
 
 use surfabet_geom::Dtype;
 use surfabet_models::ScalarScale;
 use surfabet_models::patches::{
-    AttributeContent, AttributeHeader, ColorSteps, MAX_ATTRIBUTES, MAX_LABELS, MAX_LEVELS,
-    MAX_NAME, PatchModel, PatchesHeader, PointCoding, Prediction,
+    AttributeContent, AttributeHeader, ColorSteps, MAX_ATTRIBUTES, MAX_INSTANCES, MAX_LABELS,
+    MAX_LEVELS, MAX_NAME, PatchModel, PatchesHeader, PointCoding, Prediction,
 };
 
 use crate::attributes::code_scale;
@@ -19,15 +19,19 @@ const BYTES_PER_PATCH: u64 = 4096;
 /// Memory that a point takes which no patch holds.
 const BYTES_PER_POINT: u64 = 8;
 
+/// Memory that an instance takes beside the numbers of its sources.
+const BYTES_PER_INSTANCE: u64 = 80;
+
 /// Largest component of the orientation's quaternion, zigzag-coded.
 const MAX_QUATERNION: u32 = 1 << 22;
 
 const GEOMETRY: usize = 0;
 const COLOR: usize = 1;
 const POINTS: usize = 2;
+const INSTANCES: usize = 3;
 
 /// Streams before those of the attributes beside colour.
-const FIRST: usize = 3;
+const FIRST: usize = 4;
 
 /// Least bytes of an attribute in the header: lengths of name and list, type, kind.
 const BYTES_PER_ATTRIBUTE: usize = 4;
@@ -37,6 +41,7 @@ const SECTIONS: [StreamSection; FIRST + MAX_ATTRIBUTES] = {
     let mut all = [StreamSection::new(b"GEOM", "geometry"); FIRST + MAX_ATTRIBUTES];
     all[COLOR] = StreamSection::new(b"COLR", "colour");
     all[POINTS] = StreamSection::new(b"PNTS", "extra points");
+    all[INSTANCES] = StreamSection::new(b"INST", "instances");
     let mut i = 0;
     while i < MAX_ATTRIBUTES {
         // Two digits: there are at most 16.
@@ -54,7 +59,8 @@ impl Layout for PatchModel {
         .with(Features::UNBLENDED)
         .with(Features::BESIDE)
         .with(Features::FORWARD_BOUND)
-        .with(Features::NEAR_POINTS);
+        .with(Features::NEAR_POINTS)
+        .with(Features::INSTANCES);
     const STREAM_SECTIONS: &'static [StreamSection] = &SECTIONS;
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
@@ -91,6 +97,7 @@ impl Layout for PatchModel {
             .with(of(header.prediction == Prediction::Beside, Features::BESIDE))
             .with(of(header.max_error_forward.is_some(), Features::FORWARD_BOUND))
             .with(of(is_around(header), Features::NEAR_POINTS))
+            .with(of(header.n_instances > 0, Features::INSTANCES))
     }
 
     fn code_optional<F: Fields>(
@@ -108,6 +115,14 @@ impl Layout for PatchModel {
             let mut bound = header.max_error_forward.unwrap_or_default();
             fields.f64(&mut bound)?;
             header.max_error_forward = Some(bound);
+        }
+        if features.contains(Features::INSTANCES) {
+            let what = "number of instances";
+            fields.count(what, &mut header.n_instances, BYTES_PER_INSTANCE)?;
+            if header.n_instances > MAX_INSTANCES {
+                let what = format!("{} instances, not up to {MAX_INSTANCES}", header.n_instances);
+                return Err(fields.corrupt(what));
+            }
         }
         if !features.contains(Features::ATTRIBUTES) {
             return Ok(());
@@ -135,6 +150,7 @@ impl Layout for PatchModel {
             GEOMETRY => true,
             COLOR => header.color.is_some(),
             POINTS => header.n_extra > 0,
+            INSTANCES => header.n_instances > 0,
             attribute => attribute - FIRST < header.attributes.len(),
         }
     }
@@ -143,6 +159,7 @@ impl Layout for PatchModel {
         vec![
             Promise { stream: GEOMETRY, what: "number of patches", count: header.n_patches },
             Promise { stream: POINTS, what: "number of points", count: header.n_extra },
+            Promise { stream: INSTANCES, what: "number of instances", count: header.n_instances },
         ]
     }
 }

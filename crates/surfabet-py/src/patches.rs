@@ -35,6 +35,9 @@ fn learn_patches(
     wrap(py, run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?)
 }
 
+/// Linear part, shift and numbers of the patches of an instance.
+type PyInstance<'py> = ([[f32; 3]; 3], [f32; 3], Bound<'py, PyArray1<i64>>);
+
 #[pymethods]
 impl PyPatchModel {
     /// Lattice to world, rows of a rotation.
@@ -110,6 +113,17 @@ impl PyPatchModel {
         let pixel = self.model.lattice().pixel_size;
         let sigma = |leaf: &patches::Leaf| leaf.patch.sigma() * pixel;
         self.model.leaves().iter().map(sigma).collect::<Vec<f64>>().into_pyarray(py)
+    }
+
+    /// Linear part, shift (finest pixels) and numbers of the patches of each instance.
+    fn instances<'py>(&self, py: Python<'py>) -> Vec<PyInstance<'py>> {
+        let instances = self.model.instances();
+        let of = |instance: &patches::Instance| {
+            let motion = patches::Motion::new(instance.place, instances.axis);
+            let numbers: Vec<i64> = instance.patches.iter().map(|&i| i64::from(i)).collect();
+            (motion.rows, motion.shift, numbers.into_pyarray(py))
+        };
+        instances.all.iter().map(of).collect()
     }
 }
 

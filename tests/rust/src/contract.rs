@@ -202,6 +202,30 @@ pub fn damage_behind_valid_checksums_is_refused_or_harmless<M: Scene>() {
     }
 }
 
+/// The same of one section of the file of any model; and cut at any byte the file is an error.
+pub fn damage_of_a_section_is_refused_or_harmless<M: Scene>(model: &M, of: Tag) {
+    let file = model.to_bytes().unwrap();
+    let all = sections(&file);
+    for end in 0..file.len() {
+        assert!(Model::from_bytes(&file[..end], &LIMITS).is_err(), "{end} of {}", file.len());
+    }
+    let features = M::optional_features(&model.header());
+    assert!(all.iter().any(|(tag, _)| *tag == of), "no section {of}");
+    for (at, (_, bytes)) in all.iter().enumerate().filter(|(_, (tag, _))| *tag == of) {
+        let with = |bytes: Vec<u8>| {
+            let mut damaged = all.clone();
+            damaged[at].1 = bytes;
+            assert_refused_or_usable::<M>(&put_together::<M>(features, &damaged));
+        };
+        for bit in 0..8 * bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            with(damaged);
+        }
+        (0..bytes.len()).for_each(|length| with(bytes[..length].to_vec()));
+    }
+}
+
 /// Random bytes in place of some sections, behind checksums that are right.
 pub fn random_sections_are_refused_or_harmless<M: Scene>() {
     let all = sections(&small_file::<M>());

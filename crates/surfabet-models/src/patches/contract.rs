@@ -15,9 +15,12 @@ use crate::summary::Summary;
 /// Memory that a cell takes while it is read, for the geometry and for each attribute.
 const BYTES_PER_CELL: u64 = 64;
 
+/// Memory that the number of a patch of an instance takes.
+const BYTES_PER_COPY: u64 = 8;
+
 impl SurfaceModel for PatchModel {
     const METHOD: &'static str = "patches";
-    const STREAMS: usize = 3 + MAX_ATTRIBUTES;
+    const STREAMS: usize = 4 + MAX_ATTRIBUTES;
     const KEEPS_THICKNESS: bool = true;
     type Options = PatchesOptions;
     type Header = PatchesHeader;
@@ -33,13 +36,15 @@ impl SurfaceModel for PatchModel {
         streams: &mut [C],
     ) -> std::result::Result<Option<Self>, C::Error> {
         let (first, attributes) = streams.split_at_mut(Self::STREAMS - MAX_ATTRIBUTES);
-        let [geometry, color, extra] = exactly(first);
-        let streams = Streams { geometry, color, extra, attributes: exactly(attributes) };
+        let [geometry, color, extra, instances] = exactly(first);
+        let attributes = exactly(attributes);
+        let streams = Streams { geometry, color, extra, instances, attributes };
         match source {
             Source::Model(model) => model.write(streams).map(|()| None),
             Source::Streams { header, budget, .. } => {
                 let each = BYTES_PER_CELL * (1 + header.attributes.len() as u64);
-                Self::read(header, budget.most(each), streams).map(Some)
+                let limits = [budget.most(each), budget.most(BYTES_PER_COPY)];
+                Self::read(header, limits, streams).map(Some)
             }
         }
     }
@@ -59,6 +64,11 @@ impl SurfaceModel for PatchModel {
                 .with(format!("level {j}: area (m2)"), of.set_pixels as f64 * pixel * pixel);
         }
         summary = summary.with("extra points", self.header().n_extra);
+        if !self.instances().all.is_empty() {
+            summary = summary
+                .with("instances", self.header().n_instances)
+                .with("patches of instances", self.instances().n_patches());
+        }
         for header in self.header().attributes {
             summary = summary.with(format!("attribute {}", header.name), header.in_words());
         }

@@ -6,6 +6,7 @@ use surfabet_geom::{Aabb, KdTree, Progress};
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
 use super::samples::cells::LIMIT;
+use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
 
@@ -42,7 +43,8 @@ pub(super) fn with_points_within(
     let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
     let cells = Cells::of(&model, &far, near.min(forward));
     let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
-    Ok(model.with_extra(keys, cells.size, Some(bound)))
+    let model = model.with_extra(keys, cells.size, Some(bound));
+    with_shared_points(model, &far, near.min(forward))
 }
 
 /// What [`with_share_of_points`] reaches.
@@ -103,7 +105,7 @@ pub(super) fn with_share_of_points(
         return Ok(model);
     }
     keys.sort_unstable();
-    Ok(model.with_extra(keys, size, None))
+    with_shared_points(model.with_extra(keys, size, None), &far, of_cells)
 }
 
 /// The bound less what rounding of coordinates to single precision may add.
@@ -117,7 +119,7 @@ pub(super) fn limit(positions: &[[f32; 3]], bound: f64) -> Result<f64> {
     Ok(limit)
 }
 
-/// The `positions` that are further than `limit` from all that the patches, and those `beside` them, decode to as measured.
+/// The `positions` that are further than `limit` from all that the patches, those of instances and those `beside` them decode to as measured.
 fn far_points(
     model: &PatchModel,
     beside: &[Leaf],
@@ -127,10 +129,9 @@ fn far_points(
 ) -> Result<Vec<[f32; 3]>> {
     let mut seen_near = vec![false; positions.len()];
     let patches = model.len().div_ceil(PARTS).max(LEAST_PATCHES);
-    for part in model.leaves().chunks(patches).chain(beside.chunks(patches)) {
-        let decoded = model.positions_as_measured(part, progress)?;
+    let mut look_at = |decoded: Vec<[f32; 3]>| -> Result<()> {
         // Patches decode to at least a point each.
-        let Some(bounds) = Aabb::of(decoded.iter().copied()) else { continue };
+        let Some(bounds) = Aabb::of(decoded.iter().copied()) else { return Ok(()) };
         let tree = KdTree::new(&decoded)?;
         drop(decoded);
         let is_near = |squared: f32| f64::from(squared).sqrt() <= limit;
@@ -145,7 +146,16 @@ fn far_points(
                 *seen = *seen || is_near_part(p);
             }
             Ok(())
-        })?;
+        })
+    };
+    for part in model.leaves().chunks(patches).chain(beside.chunks(patches)) {
+        look_at(model.positions_as_measured(part, progress)?)?;
+    }
+    for (instance, motion) in model.instances().all.iter().zip(model.instances().motions()) {
+        let of_instance: Vec<&Leaf> = model.patches_of(instance).map(|(_, leaf)| leaf).collect();
+        for part in of_instance.chunks(patches) {
+            look_at(model.positions_of_instance(part, &motion, progress)?)?;
+        }
     }
     let far = positions.iter().zip(seen_near).filter(|(_, seen)| !seen);
     Ok(far.map(|(&p, _)| p).collect())

@@ -15,10 +15,13 @@ use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
+    TOLERANCE_SHARE,
 };
-use super::far_points::{Completeness, with_points_within, with_share_of_points};
+use super::far_points::Completeness;
+use super::instances::Instances;
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::{DEPTH_STEPS, PatchesOptions};
+use super::recurrence::{Learned, recurring};
 use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
 use super::sheets::{Reach, Sheet, sheets};
@@ -26,6 +29,7 @@ use super::supported::with_support;
 use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
 use super::tiles::{Shares, Tile};
+use super::whole::{Described, Wanted, Whole};
 use crate::error::Result;
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
@@ -42,6 +46,7 @@ pub(super) const STAGES: &[(&str, f32)] = &[
     ("choosing patches", 0.35),
     ("keeping to the input", 0.05),
     ("adding attributes", 0.1),
+    ("finding what recurs", 0.1),
     ("checking the bound", 0.1),
 ];
 
@@ -68,6 +73,10 @@ figures! {
         pub patches: usize = "patches",
         /// Cells with points beside the patches.
         pub extra_points: u64 = "extra points",
+        /// Parts of the model that it gives once more at other places.
+        pub instances: u64 = "instances",
+        /// Patches of these.
+        pub instance_patches: u64 = "patches of instances",
     }
 }
 
@@ -119,7 +128,7 @@ pub(super) struct Ground<'a> {
     pub tile: Option<Tile>,
 }
 
-/// Steps 2 to 8: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
+/// Steps 2 to 9: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
 pub(super) fn on_lattice(
     ground: &Ground<'_>,
     cloud: &PointCloud,
@@ -152,41 +161,65 @@ pub(super) fn on_lattice(
             None => Ok(geometry),
         })?;
     // 7. Colour and other attributes.
-    let (attributes, attribute_figures) = stages.run("adding attributes", |_| {
-        attributes(&chosen, &samples, &geometry.leaves, ground, options)
+    let add = |geometry: Geometry, instances| -> Result<Described> {
+        let (attributes, figures) =
+            attributes(&chosen, &samples, &geometry.leaves, ground, options)?;
+        Ok(Described { geometry, attributes, figures, instances })
+    };
+    let coded = stages.run("adding attributes", |_| add(geometry, Instances::default()))?;
+    // 8. What recurs.
+    let recurring = stages.run("finding what recurs", |progress| {
+        if tile.is_some() || !options.recurrence {
+            return Ok(None);
+        }
+        let learned = Learned {
+            lattice,
+            coded: &coded,
+            samples: &samples,
+            chosen: &chosen,
+            geometry_bytes: bytes.last().copied().unwrap_or_default(),
+            density,
+            tolerance: options.max_error.unwrap_or(TOLERANCE_SHARE * ground.tolerance),
+        };
+        let found = recurring(&learned, cloud, options, progress)?;
+        found.map(|(geometry, instances)| add(geometry, instances)).transpose()
     })?;
-    let (n_samples, attribute_cells) = (samples.all.len(), attributes.cells.len());
+    let n_samples = samples.all.len();
     drop(samples);
     let positions = match tile {
         Some(tile) => Cow::Owned(tile.own(cloud, &lattice)),
         None => Cow::Borrowed(cloud.positions()),
     };
-    let n_points = positions.len();
-    let model = PatchModel::new(n_points as u64, lattice, geometry, attributes)?
-        .with_max_error_forward(options.max_error_forward);
-    // 8. Points beside the patches.
-    let layer_gap = survey.layer_gap;
-    let forward = options.max_error_forward;
-    let (share, tolerance) = (options.completeness, ground.tolerance);
-    let wanted = Completeness { share, tolerance, layer_gap, forward };
-    let model = stages.run("checking the bound", |progress| match options.max_error {
-        // The tile next to this one may choose other patches than `near`: they bound nothing.
-        Some(bound) => with_points_within(model, &positions, bound, forward, progress),
-        None => with_share_of_points(model, &positions, &near, wanted, progress),
-    })?;
+    // 9. Points beside the patches.
+    let wanted = Wanted {
+        lattice,
+        positions: &positions,
+        near: &near,
+        max_error: options.max_error,
+        completeness: Completeness {
+            share: options.completeness,
+            tolerance: ground.tolerance,
+            layer_gap: survey.layer_gap,
+            forward: options.max_error_forward,
+        },
+    };
+    let Whole { model, attribute_cells, attributes } =
+        stages.run("checking the bound", |progress| wanted.smaller(coded, recurring, progress))?;
 
     let figures = PatchesFigures {
-        points: n_points,
+        points: positions.len(),
         samples: n_samples,
         sheets: n_sheets,
         samples_per_pixel: density,
         attribute_cells,
         patches: model.len(),
         extra_points: model.header().n_extra,
+        instances: model.header().n_instances,
+        instance_patches: model.instances().n_patches(),
     };
     let report = PatchesReport {
         figures: Some(figures),
-        attributes: attribute_figures,
+        attributes,
         not_kept: lost(cloud, &chosen.names()),
         ..choice_report(&model, bytes)
     };

@@ -18,7 +18,11 @@
 //! | `coding` | the geometry as binary decisions, given the neighbours; points beside the patches | 6, 8 |
 //! | `supported` | only as much surface as lies near the input, where that is asked for | |
 //! | `attributes` | colour, scalars and labels on the cells around the surface | 7 |
-//! | `far_points` | points beside the patches, for what these leave out | 8 |
+//! | `instances` | parts of the model once more, moved to where the scene shows the same again | 11 |
+//! | `recurrence` | what recurs in the scene: patches that are left out where others, moved, say the same | 11 |
+//! | `far_points`, `shared_points` | points beside the patches, for what these leave out | 8 |
+//! | `order` | what is coded first, and what is given again | 11 |
+//! | `whole` | the model with the points beside its patches, with instances or without | 11 |
 //! | `model`, `contract` | the result | |
 //! | `decode` | back to a cloud, as a surface or as measured, whole or within a box | 9 |
 //! | `tiles` | scenes in parts that are learned one by one | 10 |
@@ -33,14 +37,19 @@ mod constants;
 mod contract;
 mod decode;
 mod far_points;
+mod instances;
 mod learn;
 mod model;
 mod options;
+mod order;
+mod recurrence;
 mod samples;
+mod shared_points;
 mod sheets;
 mod supported;
 mod surface;
 mod tiles;
+mod whole;
 
 pub use attributes::color::ColorSteps;
 pub use attributes::{
@@ -49,6 +58,7 @@ pub use attributes::{
 };
 pub use axes::Orientation;
 pub use coding::PointCoding;
+pub use instances::{Instance, Instances, MAX_INSTANCES, Motion, Place};
 pub use learn::{PatchesFigures, PatchesReport, learn};
 pub use model::{
     Lattice, LatticePatch, LevelSize, MAX_LEVELS, PATCH_PIXELS, PatchModel, PatchesHeader,

@@ -11,6 +11,8 @@ use super::axes::Orientation;
 use super::coding::near_points::{NearPointModels, code_near_points};
 use super::coding::points::{PointModels, code_points};
 use super::coding::{Geometry, GeometryModels, PointCoding, code_geometry};
+use super::instances::coding::code_instances;
+use super::instances::{Blocks, Instances, MAX_INSTANCES};
 use super::learn::PatchesReport;
 use super::surface::basis::N_SHAPES;
 use super::surface::leaf::Leaf;
@@ -212,6 +214,8 @@ pub struct PatchesHeader {
     pub unblended: bool,
     /// What colours and scalars are predicted from.
     pub prediction: Prediction,
+    /// Number of instances.
+    pub n_instances: u64,
 }
 
 /// Attributes on the cells around the surface.
@@ -235,6 +239,8 @@ pub(super) struct Streams<'a, C> {
     pub color: &'a mut C,
     /// Points that no patch holds.
     pub extra: &'a mut C,
+    /// What is given once more at other places.
+    pub instances: &'a mut C,
     /// One for each attribute beside colour that there may be.
     pub attributes: [&'a mut C; MAX_ATTRIBUTES],
 }
@@ -252,6 +258,7 @@ pub struct PatchModel {
     point_coding: PointCoding,
     max_error: Option<f64>,
     max_error_forward: Option<f64>,
+    instances: Instances,
     report: Beside<PatchesReport>,
 }
 
@@ -285,6 +292,7 @@ impl PatchModel {
             point_coding: PointCoding::Around,
             max_error: None,
             max_error_forward: None,
+            instances: Instances::default(),
             report: Beside::default(),
         })
     }
@@ -298,6 +306,24 @@ impl PatchModel {
     /// With the bound that the surface keeps, if any.
     pub(super) fn with_max_error_forward(self, max_error_forward: Option<f64>) -> Self {
         Self { max_error_forward, ..self }
+    }
+
+    /// With points that no patch holds in the place of those that there are, some of them given again by each instance.
+    pub(super) fn with_shared_extra(
+        mut self,
+        extra: Vec<u64>,
+        of_instances: Vec<Vec<u32>>,
+    ) -> Self {
+        self.extra = extra;
+        for (instance, points) in self.instances.all.iter_mut().zip(of_instances) {
+            instance.points = points;
+        }
+        self
+    }
+
+    /// With patches and points that are given once more; the numbers are those of the model.
+    pub(super) fn with_instances(self, instances: Instances) -> Self {
+        Self { instances, ..self }
     }
 
     pub(super) fn with_report(self, report: PatchesReport) -> Self {
@@ -319,6 +345,7 @@ impl PatchModel {
             attributes: self.attributes.others.iter().map(AttributeField::header).collect(),
             unblended: self.attributes.unblended,
             prediction: self.attributes.prediction,
+            n_instances: self.instances.all.len() as u64,
         }
     }
 
@@ -337,19 +364,26 @@ impl PatchModel {
             field.write(coder, cells)?;
         }
         code_extra(streams.extra, self.point_coding, &self.extra, usize::MAX)?;
+        let n = self.instances.all.len();
+        let blocks = match n {
+            0 => Blocks::default(),
+            _ => Blocks::of(&self.lattice, &self.leaves, &self.extra, self.extra_size),
+        };
+        code_instances(streams.instances, &self.instances, &blocks, n, u64::MAX)?;
         Ok(())
     }
 
-    /// Reads the streams that [`PatchModel::write`] wrote.
+    /// Reads the streams that [`PatchModel::write`] wrote, of at most so many cells of attributes and
+    /// decisions about patches of instances.
     ///
     /// # Errors
     /// Those of the coders, also for a header or content that no model has.
     pub(super) fn read<C: Coder>(
         header: &PatchesHeader,
-        max_cells: u64,
+        [max_cells, max_copies]: [u64; 2],
         streams: Streams<'_, C>,
     ) -> Result<Self, C::Error> {
-        let Streams { geometry, color, extra, attributes } = streams;
+        let Streams { geometry, color, extra, instances, attributes } = streams;
         let lattice = header.lattice;
         lattice.check().map_err(|e| geometry.corrupt(e.to_string()))?;
         check(&header.attributes).map_err(|what| geometry.corrupt(what))?;
@@ -369,6 +403,7 @@ impl PatchModel {
         };
         let attributes = Attributes::read(header, cells, color, attributes)?;
         let extra = read_extra(header, extra)?;
+        let instances = read_instances(header, (&leaves, &extra), max_copies, instances)?;
         Ok(Self {
             n_points: header.n_points,
             lattice,
@@ -380,6 +415,7 @@ impl PatchModel {
             point_coding: header.point_coding,
             max_error: header.max_error,
             max_error_forward: header.max_error_forward,
+            instances,
             report: Beside::default(),
         })
     }
@@ -413,6 +449,16 @@ impl PatchModel {
     /// Attributes on the cells around the surface.
     pub(super) fn attributes(&self) -> &Attributes {
         &self.attributes
+    }
+
+    /// Patches and points beside them that the model gives once more, at other places.
+    pub fn instances(&self) -> &Instances {
+        &self.instances
+    }
+
+    /// Keys of the cells of the points that no patch holds, and their side, metres.
+    pub(super) fn extra(&self) -> (&[u64], f64) {
+        (&self.extra, self.extra_size)
     }
 
     /// Points that no patch holds, in the frame of the lattice, metres.
@@ -523,6 +569,24 @@ fn read_extra<C: Coder>(header: &PatchesHeader, coder: &mut C) -> Result<Vec<u64
         }
     }
     Ok(points)
+}
+
+/// Reads the instances of patches and points beside them, deciding about at most `most`.
+fn read_instances<C: Coder>(
+    header: &PatchesHeader,
+    (leaves, points): (&[Leaf], &[u64]),
+    most: u64,
+    coder: &mut C,
+) -> Result<Instances, C::Error> {
+    let n = header.n_instances;
+    if n > MAX_INSTANCES {
+        return Err(coder.corrupt(format!("{n} instances, more than {MAX_INSTANCES}")));
+    }
+    if n == 0 {
+        return Ok(Instances::default());
+    }
+    let blocks = Blocks::of(&header.lattice, leaves, points, header.extra_size);
+    code_instances(coder, &Instances::default(), &blocks, n as usize, most)
 }
 
 /// Key of the cell of side `size` that a position lies in.

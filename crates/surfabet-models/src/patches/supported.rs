@@ -7,6 +7,7 @@ use surfabet_geom::{KdTree, PointCloud, Progress};
 use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::decode::PatchDecoder;
 use super::far_points::limit;
+use super::instances::Motion;
 use super::model::{Lattice, LatticePatch, SheetTree, Square};
 use super::surface::leaf::Leaf;
 use crate::error::Result;
@@ -23,12 +24,7 @@ pub(super) fn with_support(
     bound: f64,
     progress: &dyn Progress,
 ) -> Result<Geometry> {
-    let support = Support {
-        tree: KdTree::new(cloud.positions())?,
-        limit: limit(cloud.positions(), bound)?,
-        lattice,
-        decoder: PatchDecoder::new(lattice, &geometry.leaves)?,
-    };
+    let support = Support::new(lattice, &geometry.leaves, cloud, bound)?;
     drop(geometry.leaves);
     let trees = parallel::try_map(&geometry.sheets, |sheet| -> Result<_> {
         progress.check()?;
@@ -44,7 +40,7 @@ pub(super) fn with_support(
 }
 
 /// What decoded points must be near to.
-struct Support {
+pub(super) struct Support {
     tree: KdTree,
     /// Largest distance, metres.
     limit: f64,
@@ -53,6 +49,24 @@ struct Support {
 }
 
 impl Support {
+    /// For patches of a lattice that are to lie within `bound` of a cloud.
+    ///
+    /// # Errors
+    /// As [`with_support`].
+    pub fn new(lattice: Lattice, leaves: &[Leaf], cloud: &PointCloud, bound: f64) -> Result<Self> {
+        Ok(Self {
+            tree: KdTree::new(cloud.positions())?,
+            limit: limit(cloud.positions(), bound)?,
+            lattice,
+            decoder: PatchDecoder::new(lattice, leaves)?,
+        })
+    }
+
+    /// Whether all that a patch decodes to is near where a motion takes it.
+    pub fn holds(&self, leaf: &Leaf, motion: &Motion) -> bool {
+        self.decoder.holds(leaf, motion, |p| self.is_near(p))
+    }
+
     fn is_near(&self, p: [f32; 3]) -> bool {
         self.tree.nearest(p).is_some_and(|n| f64::from(n.squared_distance()).sqrt() <= self.limit)
     }

@@ -2,6 +2,7 @@
 
 import { eachPixel } from "./field.js";
 import { KdTree, PointList, byte, round, scaleValue } from "./geometry.js";
+import { moveBack, moveDirection, movePosition } from "./instances.js";
 import { DEGREES, axesOf, shapeSlope, shapeValue } from "./shapes.js";
 
 const fround = Math.fround;
@@ -28,10 +29,14 @@ function pixelsSet(patch) {
 /** Most points at a spacing in metres. */
 export function mostPatchPoints(model, resolution, asMeasured) {
   const spacing = resolution / model.meta.pixel;
-  let most = model.meta.nExtra;
-  for (const patch of model.patches) {
+  const of = (patch) => {
     const perPixel = Math.ceil(samples(8 << patch.level, spacing) / 8);
-    most += pixelsSet(patch) * perPixel * perPixel * layers(patch, spacing, asMeasured);
+    return pixelsSet(patch) * perPixel * perPixel * layers(patch, spacing, asMeasured);
+  };
+  const own = model.patches.map(of);
+  let most = own.reduce((sum, n) => sum + n, model.meta.nExtra);
+  for (const { numbers, points } of model.instances) {
+    most += numbers.reduce((sum, i) => sum + own[i], points.length);
   }
   return most;
 }
@@ -191,6 +196,8 @@ class PatchDecoder {
     if (normals) columns.normals = [Float32Array, 3];
     this.points = new PointList(columns, maxPoints);
     this.withNormals = normals;
+    this.moved = [];
+    this.sources = null;
   }
 
   addPatch(patch, number) {
@@ -245,27 +252,45 @@ class PatchDecoder {
     const { meta, extra } = this.model;
     const pixel = fround(meta.pixel);
     const first = this.points.length;
-    for (let p = 0; p < extra.length; p += 3) {
+    const add = (p) => {
       const i = this.points.add();
       for (let a = 0; a < 3; a++) this.points.columns.positions[3 * i + a] = fround(extra[p + a]) / pixel;
       this.points.columns.parts[i] = 0xffffffff;
+    };
+    for (let p = 0; p < extra.length; p += 3) add(p);
+    for (const instance of this.model.instances) {
+      const from = this.points.length;
+      instance.points.forEach((i) => add(3 * i));
+      this.moved.push([from, this.points.length, instance]);
     }
-    if (this.withNormals && extra.length > 0) this.addNearestNormals(first, kept);
+    const hasInstances = this.model.instances.length > 0;
+    if ((this.withNormals || hasInstances) && extra.length > 0) this.addFromNearest(first, kept);
   }
 
-  addNearestNormals(first, kept) {
+  /** Normals of the points from `first` on, and where they have their attributes from: both of the nearest patch. */
+  addFromNearest(first, kept) {
     const middles = [];
+    const places = [];
     const owner = [];
-    for (const patch of kept) {
-      for (const c of pixelMiddles(this.model, patch)) middles.push(c);
-      while (owner.length < middles.length / 3) owner.push(patch);
+    for (const [patch, instance] of kept) {
+      eachMiddle(this.model, patch, (x, y, z) => {
+        middles.push(x, y, z);
+        const at = [x, y, z];
+        if (instance) movePosition(instance, x, y, z, at);
+        places.push(...at);
+        owner.push([patch, instance]);
+      });
     }
-    const tree = new KdTree(Float32Array.from(middles));
+    const tree = new KdTree(Float32Array.from(places));
     const { positions, normals } = this.points.columns;
+    this.sources = positions.slice(0, 3 * this.points.length);
     for (let i = first; i < this.points.length; i++) {
-      const nearest = tree.nearest(...positions.subarray(3 * i, 3 * i + 3));
+      const at = positions.subarray(3 * i, 3 * i + 3);
+      const nearest = tree.nearest(...at);
       if (nearest < 0) continue;
-      const patch = owner[nearest];
+      const [patch, instance] = owner[nearest];
+      if (instance) moveBack(instance, ...at, this.sources.subarray(3 * i, 3 * i + 3));
+      if (!normals) continue;
       const [, u, v] = axesOf(patch.side);
       const w = 8 << patch.level;
       const x = (2 * (middles[3 * nearest + u] - patch.u)) / w - 1;
@@ -277,7 +302,30 @@ class PatchDecoder {
         slopeU += c * shapeSlope(i0, x) * shapeValue(j0, y);
         slopeV += c * shapeValue(i0, x) * shapeSlope(j0, y);
       });
-      normals.set(normalOf(patch.side, slopeU, slopeV), 3 * i);
+      const normal = normalOf(patch.side, slopeU, slopeV);
+      if (instance) moveDirection(instance, ...normal, normal);
+      normals.set(normal, 3 * i);
+    }
+  }
+
+  /** Points of an instance, still where they are coded; `leftOut` tells fragments. */
+  addInstance(instance, leftOut) {
+    const from = this.points.length;
+    for (const i of instance.numbers) if (!leftOut?.[i]) this.addPatch(this.model.patches[i], i);
+    this.moved.push([from, this.points.length, instance]);
+  }
+
+  /** Moves the points of instances to where they stand. */
+  moveInstances({ positions, normals }) {
+    const at = [0, 0, 0];
+    for (const [from, to, instance] of this.moved) {
+      for (let i = 3 * from; i < 3 * to; i += 3) {
+        movePosition(instance, positions[i], positions[i + 1], positions[i + 2], at);
+        positions.set(at, i);
+        if (!normals) continue;
+        moveDirection(instance, normals[i], normals[i + 1], normals[i + 2], at);
+        normals.set(at, i);
+      }
     }
   }
 
@@ -420,12 +468,18 @@ export function decodePatches(model, options) {
   const kept = [];
   model.patches.forEach((patch, i) => {
     if (leftOut?.[i]) return;
-    kept.push(patch);
+    kept.push([patch, null]);
     decoder.addPatch(patch, i);
   });
+  for (const instance of model.instances) {
+    for (const i of instance.numbers) if (!leftOut?.[i]) kept.push([model.patches[i], instance]);
+    decoder.addInstance(instance, leftOut);
+  }
   decoder.addExtra(kept);
   const columns = decoder.points.finish();
-  const sampled = model.cells ? new Sampler(model).sample(columns.positions) : { colors: null, attributes: [] };
+  const sources = decoder.sources ?? columns.positions;
+  const sampled = model.cells ? new Sampler(model).sample(sources) : { colors: null, attributes: [] };
+  decoder.moveInstances(columns);
   decoder.rotate(columns);
   return { ...columns, ...sampled };
 }

@@ -3,10 +3,12 @@
 
 import { Fields, checkCount, fail, mostBits, readScale } from "./bytes.js";
 import {
-  ATTRIBUTES, BESIDE, FORWARD_BOUND, LATTICE, NEAR_POINTS, UNBLENDED, expectFeatures, expectSections,
+  ATTRIBUTES, BESIDE, FORWARD_BOUND, INSTANCES, LATTICE, NEAR_POINTS, UNBLENDED, expectFeatures,
+  expectSections,
 } from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned, readOctree } from "./entropy.js";
 import { attributeCells, readColors, readLabels, readScalar } from "./field.js";
+import { readInstanceCount, readInstances } from "./instances.js";
 import { readNearPoints } from "./near_points.js";
 import { decodePatches, mostPatchPoints } from "./patch_points.js";
 import { Basis } from "./shapes.js";
@@ -38,6 +40,7 @@ export function readMeta(fields, features) {
   meta.maxError = fields.f64();
   if (meta.maxError < 0) fail("META", `a bound of ${meta.maxError} m`);
   if (features & FORWARD_BOUND) meta.maxErrorForward = fields.positive();
+  meta.nInstances = features & INSTANCES ? readInstanceCount(fields) : 0;
   meta.attributes = features & ATTRIBUTES ? readAttributeHeaders(fields) : [];
   return meta;
 }
@@ -322,7 +325,8 @@ function readExtraPoints(bytes, meta, near) {
 }
 
 /** All features of patches. */
-export const FEATURES = LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS;
+export const FEATURES =
+  LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS | INSTANCES;
 
 /** Reads a model of `learn_patches`. */
 export function readPatches({ features, sections }) {
@@ -339,7 +343,8 @@ export function readPatches({ features, sections }) {
 export function streamsOf(meta) {
   const colorTags = meta.lumaStep > 0 ? ["COLR"] : [];
   const pointTags = meta.nExtra > 0 ? ["PNTS"] : [];
-  return ["GEOM", ...colorTags, ...pointTags, ...attributeTags(meta)];
+  const instanceTags = meta.nInstances > 0 ? ["INST"] : [];
+  return ["GEOM", ...colorTags, ...pointTags, ...instanceTags, ...attributeTags(meta)];
 }
 
 function attributeTags(meta) {
@@ -354,8 +359,9 @@ export function readStreams(meta, features, streams) {
   const patches = reader.read();
   const near = (features & NEAR_POINTS) !== 0;
   const extra = meta.nExtra > 0 ? readExtraPoints(streams.get("PNTS"), meta, near) : [];
+  const instances = meta.nInstances > 0 ? readInstances(streams.get("INST"), meta, patches, extra) : [];
   const model = {
-    method: "patches", meta, patches, extra,
+    method: "patches", meta, patches, extra, instances,
     bases: reader.bases, unblended: (features & UNBLENDED) !== 0,
     cells: null, colors: null, attributes: [],
   };

@@ -1,7 +1,7 @@
 // Section 5.7 of docs/format.md: patches in tiles. All tiles of the finest level of detail, one after another.
 
 import { Fields, SfbError, crc32c, fail } from "./bytes.js";
-import { NEAR_POINTS, TILES, expectFeatures, expectSections } from "./container.js";
+import { INSTANCES, NEAR_POINTS, TILES, expectFeatures, expectSections } from "./container.js";
 import { FEATURES, patchesMethod, readMeta, readStreams, streamsOf } from "./patches.js";
 
 const MAX_LEVELS = 8;
@@ -55,7 +55,7 @@ function readTile(bytes, checksum, level, features) {
 
 /** Reads a map in tiles. */
 export function readTiles({ features, sections }) {
-  expectFeatures(features, FEATURES | TILES);
+  expectFeatures(features, (FEATURES & ~INSTANCES) | TILES);
   expectSections(sections, ["META", "TIDX", "TILE"]);
   const levels = readLevels(sections.get("META"), features);
   const index = readIndex(sections.get("TIDX"), levels);

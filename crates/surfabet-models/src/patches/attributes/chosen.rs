@@ -21,7 +21,7 @@ const COLORS: &str = "colors";
 
 /// The attributes of a cloud that are kept.
 pub(in crate::patches) struct Chosen<'a> {
-    colors: Option<&'a [[u8; 3]]>,
+    pub colors: Option<&'a [[u8; 3]]>,
     others: Vec<Source<'a>>,
 }
 

@@ -16,7 +16,7 @@ use crate::patches::model::Attributes;
 const BLOCK: usize = 1 << 14;
 
 /// Gives the attributes at any position.
-pub(super) struct Sampler<'a> {
+pub(in crate::patches) struct Sampler<'a> {
     attributes: &'a Attributes,
     places: MortonMap<u32>,
     /// Middles of the cells, built when first needed.

@@ -5,15 +5,17 @@ mod fragments;
 mod nearest;
 
 use std::borrow::Borrow;
+use std::ops::Range;
 
 use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
-use self::attributes::Sampler;
+pub(super) use self::attributes::Sampler;
 use self::fragments::fragments;
 use self::nearest::NearestPatch;
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
+use crate::patches::instances::Motion;
 use crate::patches::model::{Lattice, PATCH_PIXELS, PatchModel};
 use crate::patches::sheets::axes_of;
 use crate::patches::surface::basis::{DEGREES, N_SHAPES, derivative, value};
@@ -48,16 +50,11 @@ impl PatchModel {
         options: DecodeOptions,
         progress: &dyn Progress,
     ) -> Result<PointCloud> {
-        let mut surface = self.surface(region, options, progress)?;
-        let all = &mut surface.points;
-        if options.normals && all.positions.len() > surface.first_beside {
-            let nearest = NearestPatch::new(self.lattice(), &surface.kept)?;
-            let beside = &all.positions[surface.first_beside..];
-            all.normals.extend(beside.iter().map(|&p| nearest.normal(p)));
-        }
-        let sampler = Sampler::new(self.attributes());
-        let attributes = sampler.at(&all.positions, progress)?;
+        let motions = self.instances().motions();
+        let mut surface = self.surface(region, options, &motions, progress)?;
+        let attributes = self.attributes_of(&mut surface, options, progress)?;
         progress.update("decoding", 1.0);
+        surface.move_instances();
         let Points { positions, normals, .. } = surface.points;
         let rotation = Rotation::of(self.lattice());
         let rotated = |mut normals: Vec<[f32; 3]>| {
@@ -77,6 +74,34 @@ impl PatchModel {
         }
     }
 
+    /// Attributes of decoded points, as parts of a cloud without positions. Adds normals of the points beside the patches,
+    /// where these are asked for.
+    fn attributes_of(
+        &self,
+        surface: &mut Surface<'_>,
+        options: DecodeOptions,
+        progress: &dyn Progress,
+    ) -> Result<CloudParts> {
+        let sampler = Sampler::new(self.attributes());
+        let Surface { points, first_beside, placed, .. } = surface;
+        let has_motions = placed.iter().any(|(_, motion)| motion.is_some());
+        let are_beside = points.positions.len() > *first_beside;
+        if !are_beside || !(options.normals || has_motions) {
+            return sampler.at(&points.positions, progress);
+        }
+        let nearest = NearestPatch::new(self.lattice(), placed.iter().copied())?;
+        let beside = &points.positions[*first_beside..];
+        if options.normals {
+            points.normals.extend(beside.iter().map(|&p| nearest.normal(p)));
+        }
+        if !has_motions {
+            return sampler.at(&points.positions, progress);
+        }
+        let mut sources = points.positions.clone();
+        parallel::for_each_mut(&mut sources[*first_beside..], |_, p| *p = nearest.source_of(*p));
+        sampler.at(&sources, progress)
+    }
+
     /// What some patches of the model decode to as measured, at the spacing that it was made for, metres about the origin.
     ///
     /// # Errors
@@ -93,13 +118,33 @@ impl PatchModel {
         Ok(Rotation::of(self.lattice()).of_positions(points.positions))
     }
 
-    /// Points of the patches, and those beside them, in the frame of the lattice.
-    fn surface(
+    /// What some patches of an instance decode to as measured, at the spacing that the model was made for, metres about the
+    /// origin.
+    ///
+    /// # Errors
+    /// As [`PatchModel::decode`].
+    pub(super) fn positions_of_instance(
         &self,
+        patches: &[&Leaf],
+        motion: &Motion,
+        progress: &dyn Progress,
+    ) -> Result<Vec<[f32; 3]>> {
+        let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
+        let decoder = Decoder::new(self.lattice(), patches.iter().copied(), 0, options)?;
+        let mut points = Points::default();
+        decoder.add(patches, &mut points, progress)?;
+        parallel::for_each_mut(&mut points.positions, |_, p| *p = motion.of_position(*p));
+        Ok(Rotation::of(self.lattice()).of_positions(points.positions))
+    }
+
+    /// Points of the patches and those beside them in the frame of the lattice; those of instances where they are coded.
+    fn surface<'a>(
+        &'a self,
         region: Option<&Region>,
         options: DecodeOptions,
+        motions: &'a [Motion],
         progress: &dyn Progress,
-    ) -> Result<Surface<'_>> {
+    ) -> Result<Surface<'a>> {
         options.check()?;
         // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = if options.as_measured {
@@ -107,39 +152,91 @@ impl PatchModel {
         } else {
             fragments(&self.lattice(), self.leaves())?
         };
-        let kept = self.leaves().iter().zip(is_left_out).filter(|(_, left_out)| !left_out);
-        let kept: Vec<&Leaf> = kept.map(|(leaf, _)| leaf).collect();
+        let parts = self.placed(&is_left_out, motions);
         let lattice = self.lattice();
         let rotation = lattice.orientation.rotation();
-        let is_wanted = |leaf: &Leaf| {
+        let is_wanted = |leaf: &Leaf, motion: Option<&Motion>| {
             let bounds = || {
-                let [low, high] = leaf.bounds(&lattice);
+                let bounds = leaf.bounds(&lattice);
+                let [low, high] = motion.map_or(bounds, |motion| motion.of_bounds(bounds));
                 let metres = |c: f64| c * lattice.pixel_size;
                 [low.map(|c| metres(c - ROUNDING)), high.map(|c| metres(c + ROUNDING))]
             };
             region.is_none_or(|region| region.meets(lattice.origin, rotation, bounds()))
         };
-        let wanted: Vec<&Leaf> = kept.iter().copied().filter(|leaf| is_wanted(leaf)).collect();
-        let beside = self.header().n_extra;
-        let decoder = Decoder::new(lattice, wanted.iter().copied(), beside, options)?;
+        let wanted: Vec<Vec<&Leaf>> = parts
+            .iter()
+            .map(|(leaves, motion)| {
+                leaves.iter().copied().filter(|leaf| is_wanted(leaf, *motion)).collect()
+            })
+            .collect();
+        let beside = self.header().n_extra + self.instances().n_points();
+        let decoder = Decoder::new(lattice, wanted.iter().flatten().copied(), beside, options)?;
         let mut points = Points::default();
-        decoder.add(&wanted, &mut points, progress)?;
+        let mut moved = Vec::new();
+        for (leaves, (_, motion)) in wanted.iter().zip(&parts) {
+            let from = points.positions.len();
+            decoder.add(leaves, &mut points, progress)?;
+            moved.extend(motion.map(|motion| (from..points.positions.len(), motion)));
+        }
         let pixel = lattice.pixel_size as f32;
-        let beside = self.points().into_iter().map(|p| p.map(|c| c / pixel));
         let first_beside = points.positions.len();
-        points.positions.extend(beside);
-        Ok(Surface { points, first_beside, kept })
+        let beside: Vec<[f32; 3]> =
+            self.points().into_iter().map(|p| p.map(|c| c / pixel)).collect();
+        points.positions.extend(&beside);
+        for (instance, motion) in self.instances().all.iter().zip(motions) {
+            let from = points.positions.len();
+            points.positions.extend(instance.points.iter().map(|&i| beside[i as usize]));
+            moved.push((from..points.positions.len(), motion));
+        }
+        let of_part = |(leaves, motion): (Vec<&'a Leaf>, Option<&'a Motion>)| {
+            leaves.into_iter().map(move |leaf| (leaf, motion))
+        };
+        let placed = parts.into_iter().flat_map(of_part).collect();
+        Ok(Surface { points, moved, first_beside, placed })
+    }
+
+    /// The patches that are coded, then those of each instance with its motion; without those that are left out.
+    fn placed<'a>(
+        &'a self,
+        is_left_out: &[bool],
+        motions: &'a [Motion],
+    ) -> Vec<(Vec<&'a Leaf>, Option<&'a Motion>)> {
+        let kept = |(i, leaf): (usize, &'a Leaf)| (!is_left_out[i]).then_some(leaf);
+        let coded = self.leaves().iter().enumerate().filter_map(kept).collect();
+        let of_instances = self.instances().all.iter().zip(motions).map(|(instance, motion)| {
+            (self.patches_of(instance).filter_map(kept).collect(), Some(motion))
+        });
+        std::iter::once((coded, None)).chain(of_instances).collect()
     }
 }
 
 /// What the patches give.
 struct Surface<'a> {
-    /// Positions, pixels; normals of those that are on patches.
+    /// Positions, pixels, where they are coded; normals of those that are on patches.
     points: Points,
+    /// Ranges of the points of instances, with the motions to where they stand.
+    moved: Vec<(Range<usize>, &'a Motion)>,
     /// Number of the first point beside the patches.
     first_beside: usize,
-    /// The patches, without fragments that are left out.
-    kept: Vec<&'a Leaf>,
+    /// The patches with their motions, without fragments that are left out.
+    placed: Vec<(&'a Leaf, Option<&'a Motion>)>,
+}
+
+impl Surface<'_> {
+    /// Moves the points of instances to where they stand.
+    fn move_instances(&mut self) {
+        for (range, motion) in self.moved.drain(..) {
+            parallel::for_each_mut(&mut self.points.positions[range.clone()], |_, p| {
+                *p = motion.of_position(*p);
+            });
+            if !self.points.normals.is_empty() {
+                parallel::for_each_mut(&mut self.points.normals[range], |_, n| {
+                    *n = motion.of_direction(*n);
+                });
+            }
+        }
+    }
 }
 
 /// From the frame of the lattice to that of the world.
@@ -186,6 +283,17 @@ impl PatchDecoder {
         };
         let rotation = Rotation::of(lattice);
         Ok(Self { measured: decoder(true)?, surface: decoder(false)?, rotation })
+    }
+
+    /// Whether all points of a patch hold `what` where a motion takes them, as measured and as a surface; positions are metres
+    /// about the origin.
+    pub fn holds(&self, leaf: &Leaf, motion: &Motion, what: impl Fn([f32; 3]) -> bool) -> bool {
+        [&self.measured, &self.surface].into_iter().all(|decoder| {
+            let mut points = Points::default();
+            decoder.leaf(leaf, &mut points);
+            let moved = points.positions.into_iter().map(|p| motion.of_position(p)).collect();
+            self.rotation.of_positions(moved).into_iter().all(&what)
+        })
     }
 
     /// Mask of the pixels of a patch of which all points hold `what`; positions are metres about the origin.

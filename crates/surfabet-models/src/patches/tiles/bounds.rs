@@ -37,7 +37,7 @@ impl Leaf {
 }
 
 impl PatchModel {
-    /// A box around all that the model decodes to, with what rounding may add on all sides, in finest pixels along the axes of the
+    /// A box around all that the model codes (a tile has no instances), with what rounding may add on all sides, in finest pixels along the axes of the
     /// lattice; `None` where it decodes to nothing.
     pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
         let lattice = self.lattice();
