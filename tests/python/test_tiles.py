@@ -21,7 +21,7 @@ from surfabet.cli import main
 from surfabet.errors import FormatError, InvalidInputError
 from test_format import Fields, sections
 
-FEATURES = 1 << 1 | 1 << 3 | 1 << 6
+FEATURES = 1 << 1 | 1 << 3 | 1 << 11
 """Features of the page: a lattice, attributes, predicted from those beside."""
 TILED = FEATURES | 1 << 7
 

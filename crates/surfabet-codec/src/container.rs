@@ -117,8 +117,11 @@ impl Features {
     /// Points beside patches are coded given those around.
     pub const NEAR_POINTS: Self = Self(512);
 
+    /// Colours and scalars of patches are whole numbers, with models that look at several things at once.
+    pub const WHOLE_FIELDS: Self = Self(2048);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 10] = [
+    const KNOWN: [(Self, &'static str, Version); 11] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -129,6 +132,7 @@ impl Features {
         (Self::TILES, "tiles", Version { major: 0, minor: 1 }),
         (Self::FORWARD_BOUND, "bound on decoded points", Version { major: 0, minor: 1 }),
         (Self::NEAR_POINTS, "points given those around", Version { major: 0, minor: 1 }),
+        (Self::WHOLE_FIELDS, "attributes in whole numbers", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

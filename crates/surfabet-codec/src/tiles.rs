@@ -146,7 +146,7 @@ impl TiledHeader {
             if header.n_patches > 0 || header.n_extra > 0 {
                 return fail("numbers of patches in the place of those of the tiles".into());
             }
-            let other = |a: &PatchesHeader| (a.color.is_some(), a.unblended, a.prediction);
+            let other = |a: &PatchesHeader| (a.color.is_some(), a.unblended, a.coding);
             let first = &self.details[0];
             if other(header) != other(first) || header.attributes != first.attributes {
                 return fail(format!(

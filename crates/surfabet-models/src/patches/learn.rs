@@ -9,7 +9,7 @@ use surfabet_geom::{PointCloud, Progress, Survey};
 use super::attributes::cells::{attribute_cells, sides_of_cells};
 use super::attributes::chosen::{Chosen, Fields};
 use super::attributes::targets::Targets;
-use super::attributes::{AttributeHeader, Prediction};
+use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
@@ -329,8 +329,8 @@ fn attributes(
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
     let Fields { color, others, figures } =
         chosen.fields(&cells, &targets, options, ground.attributes)?;
-    let prediction = Prediction::Beside;
-    Ok((Attributes { cells, color, others, unblended, prediction }, figures))
+    let coding = FieldCoding::Whole;
+    Ok((Attributes { cells, color, others, unblended, coding }, figures))
 }
 
 /// What the report says of each level.

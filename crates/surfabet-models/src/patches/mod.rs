@@ -44,8 +44,8 @@ mod tiles;
 
 pub use attributes::color::ColorSteps;
 pub use attributes::{
-    AttributeContent, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS, MAX_NAME,
-    Prediction,
+    AttributeContent, AttributeHeader, FieldCoding, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS,
+    MAX_NAME,
 };
 pub use axes::Orientation;
 pub use coding::PointCoding;

@@ -20,11 +20,12 @@ export const BESIDE = 64;
 export const TILES = 128;
 export const FORWARD_BOUND = 256;
 export const NEAR_POINTS = 512;
+export const WHOLE_FIELDS = 2048;
 
 /** All features that this decoder knows. A new one is refused by name of the release until it is added here. */
 const KNOWN =
   SHARED_DICTIONARY | LATTICE | BIC_ALPHABET | ATTRIBUTES | UNBLENDED | HIERARCHY | BESIDE | TILES |
-  FORWARD_BOUND | NEAR_POINTS;
+  FORWARD_BOUND | NEAR_POINTS | WHOLE_FIELDS;
 
 function newer(what, [major, minor]) {
   return new SfbError(
