@@ -22,7 +22,7 @@ BLOCK = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 # The page of chairs learns from hundreds of thousands of points in fine detail, for a minute.
-PAGES = ["start", "tasks/bound", "tasks/archive", "tasks/robot", "plan"]
+PAGES = ["start", "tasks/bound", "tasks/archive", "tasks/robot", "tasks/floor_plan", "plan"]
 
 
 @pytest.fixture(scope="session")
