@@ -13,13 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._distance_field import distance_field
 from surfabet.errors import FormatError, InvalidInputError
-from surfabet.files import MAX_BYTES, MAX_ITEMS
+from surfabet.files import MAX_BYTES, MAX_ITEMS, from_bytes
+from surfabet.io import read
 
 if TYPE_CHECKING:
     from surfabet.model import Model
 
-__all__ = ["page_of", "temporary_page", "view", "write_page"]
+__all__ = ["check_page", "page_of", "temporary_page", "view"]
 
 VIEWER = Path(__file__).parent / "viewer"
 _IMPORT = re.compile(r"^import \{([^}]*)\} from \"(\.[^\"]+)\";\n", re.MULTILINE)
@@ -30,6 +33,7 @@ def view(
     model: Model[Any] | str | os.PathLike[str],
     path: str | os.PathLike[str] | None = None,
     *,
+    against: PointCloud | str | os.PathLike[str] | None = None,
     open: bool | None = None,
     title: str | None = None,
 ) -> Path:
@@ -44,6 +48,10 @@ def view(
         A model of any method, or the name of its file.
     path
         The page to write, usually `.html`; by default a file in the folder for temporary files.
+    against
+        A second cloud in the frame of the model, or a file that `surfabet.read` reads: the page
+        colours the map by its distance to it, such as to the scan or to a scan of another day. Only
+        the distances are in the page, in at most 100,000 cells.
     open
         Open the page in the browser; by default when no `path` is given.
     title
@@ -61,7 +69,8 @@ def view(
     FormatError
         When the file is damaged, or not a model.
     InvalidInputError
-        For a model whose file names its vocabulary by a hash instead of holding it.
+        For a model whose file names its vocabulary by a hash instead of holding it, and for an
+        empty cloud.
     """
     if isinstance(model, str | os.PathLike):
         data = Path(model).read_bytes()
@@ -69,8 +78,15 @@ def view(
     else:
         data = model.to_bytes()
         title = title or model.method
+    check_page(data, title)
+    field = b""
+    if against is not None:
+        if isinstance(against, PointCloud):
+            field = distance_field(from_bytes(data), against, "the second cloud")
+        else:
+            field = distance_field(from_bytes(data), read(against), Path(against).name)
     page = temporary_page(title) if path is None else Path(path)
-    write_page(data, page, title)
+    page.write_text(page_of(data, title, field), "utf-8")
     if open if open is not None else path is None:
         webbrowser.open(page.resolve().as_uri())
     return page
@@ -83,8 +99,8 @@ def temporary_page(title: str) -> Path:
         return Path(opened.name)
 
 
-def write_page(data: bytes, path: Path, title: str) -> int:
-    """Writes the page of a model file's bytes, and returns the page's size in bytes."""
+def check_page(data: bytes, title: str) -> None:
+    """Refuses bytes that are no model file, or one without its vocabulary."""
     try:
         _, _, vocabulary, _, _ = _core.inspect(data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES)
     except FormatError as error:
@@ -95,18 +111,16 @@ def write_page(data: bytes, path: Path, title: str) -> int:
             "a page needs a model that holds it; learn the model without a given vocabulary",
             argument="model",
         )
-    text = page_of(data, title).encode()
-    path.write_bytes(text)
-    return len(text)
 
 
-def page_of(data: bytes, title: str) -> str:
-    """The page of a model file's bytes."""
+def page_of(data: bytes, title: str, field: bytes = b"") -> str:
+    """The page of a model file's bytes, with a distance field or without."""
     folder = VIEWER / "page"
     parts = {
         "title": html.escape(title),
         "style": _squeezed((folder / "style.css").read_text("utf-8")),
         "model": base64.b64encode(data).decode(),
+        "against": base64.b64encode(field).decode(),
         "decoder": _packed(f"var surfabetWorker = {_bundle(folder / 'worker.js')};"),
         "page": _packed(f"var surfabetPage = {_bundle(folder / 'app.js')};"),
     }

@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import surfabet as sb
+from surfabet._distance_field import distance_field
 from surfabet.view import page_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,10 +84,12 @@ def browser() -> Iterator[Any]:
 def show(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
     """Opens the page of a model or of bytes, and checks afterwards that nothing was wrong."""
 
-    def open_page(model: Any, name: str = "map.sfb", *, is_good: bool = True) -> Any:
+    def open_page(
+        model: Any, name: str = "map.sfb", *, is_good: bool = True, field: bytes = b""
+    ) -> Any:
         data = model if isinstance(model, bytes) else model.to_bytes()
         page = tmp_path / "page.html"
-        page.write_text(page_of(data, name), "utf-8")
+        page.write_text(page_of(data, name, field), "utf-8")
         browser.get_log("browser")
         browser.get(page.as_uri())
         assert browser.execute_async_script(OPEN) is is_good
@@ -401,6 +405,37 @@ def test_all_occurrences_of_the_word_clicked_are_found(show: Any) -> None:
         == np.flatnonzero(model.occurrences.words == word).tolist()
     )
     assert (pixels(page) != before).any()
+
+
+def test_distances_to_a_second_cloud_are_shown(
+    show: Any, corner: sb.PointCloud, planes: sb.PlaneModel
+) -> None:
+    # The cloud has all of the corner but its floor, from which the map is up to 2 m away.
+    walls = corner.select(corner.points[:, 2] > ORIGIN[2] + 0.01)
+    page = show(planes, field=distance_field(planes, walls, "walls.ply"))
+    assert run(page, "return mode.selectedOptions[0].text") == "distance to walls.ply (m)"
+    count = run(page, "return surfabet.points.count")
+    local = np.array(run(page, "return [...surfabet.points.positions]")).reshape(count, 3)
+    shown = np.array(run(page, "return [...surfabet.points.attributes[0].values]"))
+    exact = cKDTree(walls.points).query(local + planes.origin)[0]
+    # Cells of two spacings, and steps of a few percent.
+    spacing = run(page, "return surfabet.info.spacing")
+    assert np.isfinite(shown).all()
+    assert (np.abs(shown - exact) <= 4 * spacing + 0.05 * exact).all()
+    assert np.abs(shown - exact).mean() < spacing
+    ends = run(page, "return scaleEnds.innerText").split()
+    assert float(ends[-2]) == pytest.approx(np.quantile(exact, 0.99), rel=0.1)
+    first = pixels(page)
+    run(page, "mode.value = 'color'; mode.onchange()")
+    assert run(page, "return scale.hidden")
+    assert (pixels(page) != first).any(axis=2).mean() > 0.05
+    x, y, number = picked_place(page)
+    click(page, x, y)
+    wait(page, "!card.hidden")
+    assert f"{shown[int(number)]:.3g}"[:4] in run(page, "return card.innerText")
+    far = decode_again(page, "spacing.value = -1; spacing.oninput()")
+    assert far > count
+    assert run(page, "return surfabet.points.attributes[0].values.length") == far
 
 
 def test_a_screenshot_is_a_png(show: Any, planes: sb.PlaneModel, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 // The page: a model on the screen, and what its user may do with it.
 
 import { Camera, UPS } from "./camera.js";
-import { colorModes, colorsOf, highlighted, limits } from "./colors.js";
+import { GRADIENT, colorModes, colorsOf, highlighted, limits, rangeOf } from "./colors.js";
 import { controlCamera } from "./controls.js";
 import { Decoding } from "./decoding.js";
 import { Renderer } from "./renderer.js";
@@ -23,8 +23,10 @@ function lengthText(metres) {
 }
 
 class Viewer {
-  constructor(bytes, name, decoding) {
+  constructor(bytes, name, decoding, against) {
     this.bytes = bytes;
+    /** Distances to a second cloud, packed, or null. */
+    this.against = against;
     this.name = name;
     this.canvas = element("view");
     this.renderer = new Renderer(this.canvas);
@@ -47,7 +49,8 @@ class Viewer {
 
   async start() {
     this.listen();
-    this.info = await this.decoding.ask("open", { bytes: this.bytes });
+    this.info = await this.decoding.ask("open", { bytes: this.bytes, against: this.against });
+    if (this.info.against) this.mode = `attribute ${this.info.against}`;
     this.setUp();
     // The shape first; colours of a large map take a while.
     await this.decode(FIRST, true);
@@ -144,7 +147,21 @@ class Viewer {
     let colors = colorsOf(this.points, element("mode").value);
     if (this.found) colors = highlighted(colors, this.points.parts, this.found);
     this.renderer.points.setColors(colors);
+    this.showScale();
     this.draw();
+  }
+
+  /** What the colours at both ends stand for. */
+  showScale() {
+    const mode = element("mode").value;
+    const range = rangeOf(this.points, mode);
+    element("scale").hidden = range === null;
+    if (range === null) return;
+    const above = mode === "height" ? this.info.origin[2] : 0;
+    const isLength = mode === "height" || mode === `attribute ${this.info.against}`;
+    const text = (value) => (isLength ? lengthText(above + value) : String(Number(value.toPrecision(3))));
+    element("scaleEnds").replaceChildren(...range.map((value) => Object.assign(document.createElement("span"), { textContent: text(value) })));
+    element("scaleBar").style.background = GRADIENT;
   }
 
   async toggleLines() {
@@ -300,7 +317,8 @@ class Viewer {
     const { colors, attributes } = this.points;
     if (colors) rows.push(["colour", [...colors.subarray(3 * number, 3 * number + 3)].join(", ")]);
     for (const { name, labels, values } of attributes) {
-      rows.push([name, labels ? labels[values[number]] : Number(values[number].toPrecision(6))]);
+      const value = values[number];
+      rows.push([name, labels ? labels[value] : Number.isNaN(value) ? "unknown" : Number(value.toPrecision(6))]);
     }
     rows.push([this.info.part, isPart ? part : "none: a point of its own"], ...Object.entries(facts));
     this.fillCard(rows);
@@ -546,11 +564,14 @@ function bytesOf(text) {
   return Uint8Array.from(binary, (character) => character.charCodeAt(0));
 }
 
-/** Opens the model that the page holds; `decoder` is the source of the decoder, `script` runs a source on the page. */
-export function run(decoder, script) {
+/**
+ * Opens the model that the page holds; `decoder` is the source of the decoder, `script` runs a source on the page,
+ * `against` is null or the bytes of the distances to a second cloud.
+ */
+export function run(decoder, script, against) {
   try {
     const decoding = new Decoding(decoder, script);
-    const viewer = new Viewer(bytesOf(element("model").textContent), document.title, decoding);
+    const viewer = new Viewer(bytesOf(element("model").textContent), document.title, decoding, against);
     window.surfabet = viewer;
     viewer.ready = viewer.start().then(() => true, (error) => {
       showError(error);

@@ -1,8 +1,11 @@
 // Opens and decodes the model for the page, in a worker where the browser has them.
 
 import { openModel } from "../decoder/model.js";
+import { DistanceField } from "./distance.js";
 
 let model = null;
+/** Distances to a second cloud, if there is one. */
+let field = null;
 
 /** The finest spacing from `wanted` on that makes no more points than the budget. */
 function affordable(wanted, asMeasured, budget) {
@@ -34,12 +37,14 @@ function reordered(array, order) {
 }
 
 const answers = {
-  open({ bytes }) {
+  open({ bytes, against }) {
     model = openModel(bytes, { isGeometryOnly: true });
+    field = against ? new DistanceField(against) : null;
     return {
       method: model.name, part: model.part, origin: model.origin, nPoints: model.nPoints, nParts: model.nParts,
       spacing: model.spacing, keepsThickness: model.keepsThickness, note: model.note, bytes: bytes.length,
       hasWords: model.method.sameAs !== undefined, isComplete: model.isComplete,
+      against: field && `distance to ${field.name} (m)`,
     };
   },
 
@@ -56,6 +61,9 @@ const answers = {
     }
     for (const attribute of points.attributes) {
       result.attributes.push({ ...attribute, values: reordered(attribute.values, order) });
+    }
+    if (field) {
+      result.attributes.unshift({ name: `distance to ${field.name} (m)`, labels: null, values: field.at(result.positions) });
     }
     return result;
   },
