@@ -472,12 +472,24 @@ def test_while_moving_only_as_much_is_drawn_as_there_is_time_for(
     show: Any, planes: sb.PlaneModel
 ) -> None:
     page = show(planes)
-    run(page, "Object.assign(surfabet.moving, { count: 200000, light: true }); surfabet.adapt(100)")
-    assert run(page, "return [surfabet.moving.count, surfabet.moving.light]") == [200_000, False]
+    state = "return [surfabet.moving.scale, surfabet.moving.count, surfabet.moving.light]"
+    run(page, "Object.assign(surfabet.moving, { count: 200000, scale: 1, light: true })")
     run(page, "surfabet.adapt(100)")
-    assert run(page, "return surfabet.moving.count") < 150_000
+    assert run(page, state) == [0.5, 200_000, True]
+    run(page, "surfabet.adapt(100)")
+    scale, count, light = run(page, state)
+    assert (scale, light) == (0.5, True)
+    assert 30_000 < count < 60_000
     run(page, "for (let i = 0; i < 30; i++) surfabet.adapt(100)")
-    assert run(page, "return [surfabet.moving.count, surfabet.moving.scale]") == [15_000, 0.5]
+    assert run(page, state) == [0.25, 15_000, False]
+    # Nothing is changed for a picture that takes its time, and all comes back when there is time.
+    run(page, "surfabet.adapt(24)")
+    assert run(page, state) == [0.25, 15_000, False]
+    run(page, "for (let i = 0; i < 60; i++) surfabet.adapt(2)")
+    scale, count, light = run(page, state)
+    assert (scale, light) == (1, True)
+    assert count >= run(page, "return surfabet.points.count")
+    run(page, "surfabet.moving.scale = 0.25")
     run(page, "surfabet.moving.count = 16000; surfabet.moved(); surfabet.drawNow()")
     assert run(page, "return surfabet.stats.drawn") <= 16_000
     run(page, "surfabet.moving.until = 0; surfabet.drawNow()")

@@ -10,6 +10,8 @@ const BACKGROUND = [0.086, 0.094, 0.11];
 /** Milliseconds that a picture may take while the camera moves: 30 pictures per second, with room for the rest of the page. */
 const FRAME = 26;
 const MOVING = 250;
+/** Fewest points while moving, drawn as large squares. */
+const FEWEST = 15_000;
 /** Points of the first picture, which is to be there at once. */
 const FIRST = 150_000;
 
@@ -233,20 +235,26 @@ class Viewer {
     this.stats = { frames: this.stats.frames + 1, drawn: count, milliseconds: performance.now() - began };
   }
 
-  /** While moving: without lighting where there is no time for it, then fewer points, then fewer pixels. */
+  /**
+   * While moving, where there is no time for all: a quarter of the pixels, then fewer points, then no lighting, then a
+   * sixteenth of the pixels. Back in the other order; more pixels only where four times the time is left.
+   */
   adapt(milliseconds) {
     const { moving } = this;
-    if (milliseconds > FRAME) {
-      if (moving.light) {
-        moving.light = false;
-        return;
-      }
-      moving.count = Math.max(15_000, Math.round(moving.count * Math.max(0.5, (0.9 * FRAME) / milliseconds)));
-      if (moving.count === 15_000) moving.scale = 0.5;
-    } else if (milliseconds < 0.7 * FRAME) {
-      if (moving.count < this.points.count) moving.count = Math.round(moving.count * 1.15);
-      if (moving.count > 60_000) moving.scale = 1;
-      if (milliseconds < 0.25 * FRAME) moving.light = true;
+    const share = milliseconds / FRAME;
+    if (share > 1) {
+      if (moving.scale === 1) moving.scale = 0.5;
+      else if (moving.count > FEWEST) moving.count = Math.max(FEWEST, Math.round(moving.count * Math.max(0.2, 0.9 / share)));
+      else if (moving.light) moving.light = false;
+      else moving.scale = 0.25;
+    } else if (moving.scale < 0.5) {
+      if (share < 0.2) moving.scale = 0.5;
+    } else if (!moving.light) {
+      moving.light = share < 0.7;
+    } else if (moving.count < this.points.count) {
+      if (share < 0.7) moving.count = Math.round(moving.count * 1.15);
+    } else if (share < 0.2) {
+      moving.scale = 1;
     }
   }
 
