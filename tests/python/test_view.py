@@ -110,8 +110,11 @@ def test_what_is_no_model_is_refused_before_a_page_is_written(
     cloud = tmp_path / "cloud.xyz"
     cloud.write_text("0 0 0\n")
     out = tmp_path / "page.html"
-    assert main(["view", str(cloud), "--out", str(out)]) == 1
-    assert "cloud.xyz: not an .sfb file" in capsys.readouterr().err
+    assert main(["view", str(cloud), "--out", str(out)]) == 2
+    assert "cloud.xyz: is a cloud (xyz), not a model" in capsys.readouterr().err
+    (tmp_path / "noise.sfb").write_bytes(b"\0" * 99)
+    assert main(["view", str(tmp_path / "noise.sfb"), "--out", str(out)]) == 1
+    assert "noise.sfb: not an .sfb file" in capsys.readouterr().err
     assert main(["view", str(MODEL), "--out", str(tmp_path / "page.txt")]) == 2
     assert ".html" in capsys.readouterr().err
     assert main(["view", str(tmp_path)]) == 2

@@ -9,9 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from surfabet._distance_field import distance_field
-from surfabet.cli._files import check_output, read_cloud, whole_file
+from surfabet.cli._files import check_output, read_cloud, refuse_cloud, whole_file
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, UsageError
+from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag
 from surfabet.files import from_bytes
 from surfabet.view import check_page, page_of, temporary_page
 
@@ -49,8 +49,7 @@ def view(
     json
         Print one JSON object instead of a line.
     """
-    if file.is_dir():
-        raise UsageError(f"{file}: is a folder; name the model file (.sfb) to show")
+    refuse_cloud(file)
     if out is not None:
         check_output(out, _SUFFIXES, *(path for path in (file, against) if path is not None))
     data = file.read_bytes()
