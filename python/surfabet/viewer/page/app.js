@@ -25,8 +25,9 @@ function lengthText(metres) {
 }
 
 class Viewer {
-  constructor(bytes, name, decoding, against) {
-    this.bytes = bytes;
+  constructor(source, name, decoding, against) {
+    /** The bytes of the model, or the URL of its file. */
+    this.source = source;
     /** Distances to a second cloud, packed, or null. */
     this.against = against;
     this.name = name;
@@ -51,7 +52,9 @@ class Viewer {
 
   async start() {
     this.listen();
-    this.info = await this.decoding.ask("open", { bytes: this.bytes, against: this.against });
+    const isLinked = typeof this.source === "string";
+    const request = isLinked ? { url: this.source } : { bytes: this.source };
+    this.info = await this.decoding.ask(isLinked ? "link" : "open", { ...request, against: this.against });
     if (this.info.against) this.mode = `attribute ${this.info.against}`;
     this.setUp();
     // The shape first; colours of a large map take a while.
@@ -68,19 +71,36 @@ class Viewer {
     element("title").textContent = this.name;
     const count = (n, word) => `${n.toLocaleString("en")} ${word}${n === 1 ? "" : word.endsWith("ch") ? "es" : "s"}`;
     element("about").textContent =
-      `${info.method.replace("_", " ")}: ${count(info.nParts, info.part)}, made from ${count(info.nPoints, "point")}, ` +
+      `${info.method.replace("_", " ")}: ${info.nTiles ? count(info.nTiles, "tile") : count(info.nParts, info.part)}, made from ${count(info.nPoints, "point")}, ` +
       `${info.bytes.toLocaleString("en")} bytes`;
     if (info.note) element("about").title = info.note;
     element("measuredRow").hidden = !info.keepsThickness;
     element("measuredRow").style.display = info.keepsThickness ? "" : "none";
-    const hasLines = ["planes", "gas"].includes(info.method);
-    element("linesRow").style.display = hasLines ? "" : "none";
-    element("linesName").textContent = info.method === "planes" ? "outlines of the planes" : "edges";
+    const linesName = info.nTiles ? "outlines of the tiles" : { planes: "outlines of the planes", gas: "edges" }[info.method];
+    element("linesRow").style.display = linesName ? "" : "none";
+    element("linesName").textContent = linesName ?? "";
+    if (info.nTiles) {
+      element("lines").checked = true;
+      this.toggleLines().catch(showError);
+    }
     this.resize();
   }
 
   get spacing() {
     return this.info.spacing * 2 ** Number(element("spacing").value);
+  }
+
+  /** Of a map in tiles those nearest to this place are shown. */
+  get place() {
+    const [low, high] = this.info.bounds ?? [[0, 0, 0], [0, 0, 0]];
+    return this.points ? this.camera.target : low.map((c, a) => (c + high[a]) / 2);
+  }
+
+  /** Shows other tiles where the camera has come to another place. */
+  follow() {
+    if (!this.info?.nTiles || !this.points || this.points.nShown === this.info.nTiles) return;
+    const moved = Math.hypot(...this.place.map((c, a) => c - this.shownAbout[a]));
+    if (moved > 0.05 * this.camera.distance) this.decode().catch(showError);
   }
 
   /** Decodes at the chosen spacing; of several wishes the last counts. */
@@ -92,7 +112,9 @@ class Viewer {
     const request = {
       spacing: this.spacing, asMeasured: element("measured").checked, budget,
       normals: element("mode").value === "normal" || element("facing").checked,
+      place: this.place,
     };
+    this.shownAbout = request.place;
     const points = await this.decoding.ask("decode", request);
     if (number !== this.lastDecode) return;
     this.isDecoding = isFirst;
@@ -109,7 +131,8 @@ class Viewer {
     element("spacingText").textContent = lengthText(points.spacing);
     element("status").textContent = isFirst
       ? "decoding all points ..."
-      : `${points.count.toLocaleString("en")} points` + (isCoarser ? "; closer together they are more than allowed below" : "");
+      : (points.nShown < this.info.nTiles ? `${points.nShown} of ${this.info.nTiles} tiles, ` : "") +
+        `${points.count.toLocaleString("en")} points` + (isCoarser ? "; closer together they are more than allowed below" : "");
     this.draw();
   }
 
@@ -126,13 +149,14 @@ class Viewer {
       low.fill(0);
       high.fill(1);
     }
-    this.bounds = [low, high];
+    this.bounds = this.info.bounds ?? [low, high];
     // A few points far away do not make the map small.
     const inner = [0, 1, 2].map((a) => limits(positions, 3, a));
     const margin = inner.map(([from, to]) => 0.04 * (to - from));
     this.camera.frame(
       inner.map(([from], a) => Math.max(from - margin[a], low[a])), inner.map(([, to], a) => Math.min(to + margin[a], high[a])));
-    this.camera.reach = Math.hypot(...low.map((c, a) => Math.max(Math.abs(c - this.camera.middle[a]), Math.abs(high[a] - this.camera.middle[a]))));
+    const [least, most] = this.bounds;
+    this.camera.reach = Math.hypot(...least.map((c, a) => Math.max(Math.abs(c - this.camera.middle[a]), Math.abs(most[a] - this.camera.middle[a]))));
     this.fillCrop();
   }
 
@@ -194,7 +218,10 @@ class Viewer {
     this.moving.until = performance.now() + MOVING;
     this.draw();
     clearTimeout(this.settle);
-    this.settle = setTimeout(() => this.draw(), MOVING + 20);
+    this.settle = setTimeout(() => {
+      this.draw();
+      this.follow();
+    }, MOVING + 20);
   }
 
   draw() {
@@ -574,12 +601,14 @@ function bytesOf(text) {
 
 /**
  * Opens the model that the page holds; `decoder` is the source of the decoder, `script` runs a source on the page,
- * `against` is null or the bytes of the distances to a second cloud.
+ * `against` is null or the bytes of the distances to a second cloud. Where there is a link, it opens what that leads to.
  */
 export function run(decoder, script, against) {
   try {
     const decoding = new Decoding(decoder, script);
-    const viewer = new Viewer(bytesOf(element("model").textContent), document.title, decoding, against);
+    const link = element("link").textContent;
+    const source = link ? new URL(link, location.href).href : bytesOf(element("model").textContent);
+    const viewer = new Viewer(source, document.title, decoding, against);
     window.surfabet = viewer;
     viewer.ready = viewer.start().then(() => true, (error) => {
       showError(error);
