@@ -590,7 +590,7 @@ def test_tiles_near_the_view_are_read_from_a_server(
     assert (bounds[0] <= whole.min(axis=0)).all()
     assert (bounds[1] >= whole.max(axis=0)).all()
     lines = run(browser, "return surfabet.renderer.lines.count")
-    assert lines == 24 * report.n_tiles
+    assert lines == 8 * report.n_tiles
     # Elsewhere other tiles are shown.
     before = run(browser, "return surfabet.lastDecode")
     corner = (whole[np.argmin(whole @ [1.0, 1.0, 0])] - model.origin).tolist()

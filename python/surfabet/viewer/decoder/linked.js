@@ -82,14 +82,19 @@ class LinkedModel extends Model {
     return this.index.filter((tile) => chosen.has(tile)).map((tile) => this.loaded.get(tile));
   }
 
-  /** Outlines of all tiles. */
+  /** Outlines of all tiles: of each the side of its box that is lowest. */
   lines() {
+    const vertical = [0, 1, 2].reduce((best, a) => (Math.abs(this.rows[2][a]) > Math.abs(this.rows[2][best]) ? a : best));
+    const lowest = this.rows[2][vertical] > 0 ? 0 : 1;
+    const [a, b] = [0, 1, 2].filter((axis) => axis !== vertical);
     const positions = [];
     for (const { box } of this.index) {
-      const corners = cornersOf(box).map((corner) => this.toWorld(corner));
-      for (let k = 0; k < 8; k++) {
-        for (const bit of [1, 2, 4]) if (!(k & bit)) positions.push(...corners[k], ...corners[k | bit]);
-      }
+      const corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(([u, v]) => {
+        const corner = [];
+        [corner[a], corner[b], corner[vertical]] = [box[u][a], box[v][b], box[lowest][vertical]];
+        return this.toWorld(corner);
+      });
+      corners.forEach((corner, k) => positions.push(...corner, ...corners[(k + 1) % 4]));
     }
     return { positions: Float32Array.from(positions) };
   }
