@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError
 import surfabet
 from surfabet.cli._options import COMMON, UsageError, in_own_words, spelled
 from surfabet.cli.compare import compare
+from surfabet.cli.completion import completion
 from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
@@ -66,6 +67,7 @@ for verb in (
     export,
     plan,
     convert,
+    completion,
 ):
     app.command(verb)
 
