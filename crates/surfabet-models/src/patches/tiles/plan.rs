@@ -146,8 +146,9 @@ fn side_of(lattice: &Lattice, side: Option<f64>) -> Result<i32> {
     if !(least * (1.0 - 1e-9)..=most).contains(&side) {
         let requirement = format!(
             "from {} to {} metres with pixels of {} m",
-            crate::start::significant(least),
-            crate::start::significant(most),
+            // In whole millimetres within the limits, so that what is named is allowed.
+            (1e3 * least).ceil() / 1e3,
+            (1e3 * most).floor() / 1e3,
             lattice.pixel_size
         );
         return Err(Error::invalid("tile", side, requirement));
