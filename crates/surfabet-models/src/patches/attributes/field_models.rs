@@ -282,13 +282,13 @@ impl<const N: usize> FieldModels<N> {
             return Ok(Beside::default());
         }
         let mut before = Before::new();
-        for i in 0..cell.n {
+        for (i, &axis) in cell.axes[..cell.n].iter().enumerate() {
             for c in 0..N {
                 let others = std::array::from_fn(|c| coefficients[c][i]);
                 let context = CoefficientContext::new(cell, &before, (i, c), others);
                 let coded = self.coefficient(coder, &context, coefficients[c][i])?;
                 coefficients[c][i] = coded;
-                before.add(cell.axes[i], c, coded);
+                before.add(axis, c, coded);
             }
         }
         Ok(before.along)
