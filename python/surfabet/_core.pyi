@@ -160,6 +160,7 @@ class Scene:
     def surfaces(self) -> list[Surface]: ...
     @property
     def interior(self) -> tuple[list[float], list[float]]: ...
+    def rearranged(self, changes: dict[int, ArrayLike | None]) -> Scene: ...
     def default_poses(self, n: int) -> NDArray[np.float64]: ...
     def default_lidar_poses(self, n: int) -> NDArray[np.float64]: ...
     def distance(self, points: ArrayLike) -> NDArray[np.float64]: ...
@@ -355,6 +356,21 @@ class Ksvd:
     @property
     def stop_reason(self) -> str: ...
 
+def changes(
+    surface: PointCloud,
+    other: PointCloud,
+    measured: PointCloud,
+    viewpoints: ArrayLike | None,
+    *,
+    tolerance: float,
+    min_area: float,
+    progress: ProgressCallback | None,
+) -> tuple[
+    NDArray[np.uint8],
+    NDArray[np.uint32],
+    list[tuple[list[float], list[float], int, float]],
+    float,
+]: ...
 def sparse_omp(
     dictionary: ArrayLike,
     signals: ArrayLike,

@@ -17,6 +17,7 @@ from surfabet.cli.compare import compare
 from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
+from surfabet.cli.diff import diff
 from surfabet.cli.evaluate import evaluate
 from surfabet.cli.export import export
 from surfabet.cli.find import find
@@ -63,6 +64,7 @@ for verb in (
     recurring,
     locate,
     places,
+    diff,
     export,
     plan,
     convert,
