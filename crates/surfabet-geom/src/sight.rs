@@ -236,9 +236,10 @@ mod tests {
             let exit = |a: usize| (half[a].copysign(direction[a]) - from[a]) / direction[a];
             let exits = [0, 1, 2].map(exit);
             let wanted = exits.into_iter().fold(f32::MAX, f32::min);
-            // Where two walls meet a ray at nearly the same place, or one along it, discs may be passed.
+            // Where two walls meet, and along a wall, a ray may pass beside the discs.
             let axis = exits.iter().position(|&e| e == wanted).unwrap();
-            prop_assume!(direction[axis].abs() > 0.2);
+            let is_corner = (0..3).any(|a| a != axis && exits[a] < wanted + 4.0 * CELL);
+            prop_assume!(direction[axis].abs() > 0.2 && !is_corner);
             let met = sight.first(from, direction, 0.0, 100.0).unwrap();
             prop_assert!((met.distance - wanted).abs() < 2.0 * CELL, "{met:?} {wanted}");
             prop_assert!(met.front);

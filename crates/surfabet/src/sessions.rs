@@ -227,6 +227,15 @@ impl Scan {
     }
 }
 
+/// The completeness of a tile with `own` points, `n_new` of which are from a scan: of these some may be left out, of what a map
+/// holds none, since it was left out before. Otherwise each scan would cost points beside the patches.
+fn completeness(share: f64, n_new: u64, own: u64) -> f64 {
+    if share == 0.0 {
+        return 0.0;
+    }
+    1.0 - (1.0 - share) * n_new as f64 / own.max(1) as f64
+}
+
 /// Refuses a column that is no more of what the map keeps.
 fn check_column(cloud: &PointCloud, known: &AttributeHeader) -> Result<()> {
     let Some((name, column)) = cloud.extra().iter().find(|(name, _)| *name == known.name) else {
@@ -277,6 +286,9 @@ impl Learner<'_> {
     fn tile(&self, cube: [i32; 3], n_new: u64, progress: &dyn Progress) -> Result<Option<Tile>> {
         let (cloud, weights, n_known) = self.points(cube, progress)?;
         let Rules { plan, options } = self.rules;
+        let own = plan.cubes_of(&cloud).get(&cube).copied().unwrap_or_default();
+        let completeness = completeness(options.completeness, n_new, own);
+        let options = &PatchesOptions { completeness, ..options.clone() };
         let learned = patches::learn_tile(&cloud, Some(&weights), cube, plan, options, progress)?;
         let Some(model) = learned else { return Ok(None) };
         let map = TiledModel::of_tile(plan.cubes, cube, &model)?;
@@ -333,5 +345,19 @@ impl Learner<'_> {
             return Ok(cloud);
         }
         Ok(self.rules.plan.prepared(&cloud)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_what_a_map_holds_nothing_is_left_out() {
+        assert_eq!(completeness(0.99, 0, 500), 1.0);
+        assert_eq!(completeness(0.99, 500, 500), 0.99);
+        assert!((completeness(0.9, 100, 400) - 0.975).abs() < 1e-12);
+        assert_eq!(completeness(0.0, 100, 400), 0.0);
+        assert_eq!(completeness(1.0, 0, 0), 1.0);
     }
 }
