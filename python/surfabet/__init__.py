@@ -13,6 +13,7 @@ from surfabet.alphabet import (
     place_similarity,
 )
 from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel, learn_bic_alphabet
+from surfabet.diff import Change, Changes, diff
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
@@ -69,6 +70,8 @@ __all__ = [
     "AttributeFigures",
     "BicAlphabet",
     "BicAlphabetModel",
+    "Change",
+    "Changes",
     "DroppedPointsWarning",
     "FileInfo",
     "FormatError",
@@ -119,6 +122,7 @@ __all__ = [
     "VoxelGrid",
     "WordShares",
     "__version__",
+    "diff",
     "estimate_normals",
     "evaluate",
     "farthest_point_downsample",

@@ -19,8 +19,8 @@ use super::constants::{
 use super::far_points::{Completeness, with_points_within, with_share_of_points};
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::{DEPTH_STEPS, PatchesOptions};
-use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
+use super::samples::{SidedSamples, Weights};
 use super::sheets::{Reach, Sheet, sheets};
 use super::supported::with_support;
 use super::surface::basis::Basis;
@@ -98,7 +98,15 @@ pub fn learn(
     let lattice = stages.run("finding axes", |_| {
         Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
     })?;
-    let ground = Ground { lattice, survey, tolerance, density: None, attributes: &[], tile: None };
+    let ground = Ground {
+        lattice,
+        survey,
+        tolerance,
+        density: None,
+        attributes: &[],
+        tile: None,
+        weights: None,
+    };
     let (model, mut report) = on_lattice(&ground, cloud, options, &mut stages)?;
     report.stages = stages.finish();
     start.report(tolerance, &mut report);
@@ -117,6 +125,8 @@ pub(super) struct Ground<'a> {
     pub attributes: &'a [AttributeHeader],
     /// The part of the scene that is described; all of it without.
     pub tile: Option<Tile>,
+    /// Weights of the points, beside what their ranges give; all are 1 without.
+    pub weights: Option<&'a [f32]>,
 }
 
 /// Steps 2 to 8: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
@@ -130,7 +140,8 @@ pub(super) fn on_lattice(
     let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
-        SidedSamples::merge(cloud, &lattice, options.sensor, survey, progress)
+        let weights = Weights { sensor: options.sensor, of_points: ground.weights };
+        SidedSamples::merge(cloud, &lattice, weights, survey, progress)
     })?;
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;

@@ -56,4 +56,4 @@ pub use model::{
 };
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;
-pub use tiles::{AttributeRange, Cubes, TilePlan, learn_tile, plan};
+pub use tiles::{AttributeRange, Cubes, Recipe, TilePlan, Views, learn_tile, plan};
