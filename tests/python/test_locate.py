@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import surfabet as sb
+from surfabet import datasets
 from surfabet.cli import main
 
 Array = NDArray[np.float64]
@@ -195,9 +196,9 @@ def test_a_corridor_without_ends_is_refused_with_its_direction() -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_a_corridor_that_is_the_same_from_both_ends_is_ambiguous(seed: int) -> None:
     """One scan is the map; from the other end the same is seen after half a turn, but for doors."""
-    scene = sb.datasets.make_room(seed=seed, kind="corridor", size=(16.0, 2.2, 2.6))
+    scene = datasets.make_room(seed=seed, kind="corridor", size=(16.0, 2.2, 2.6))
     poses = scene.default_lidar_poses(2)
-    seen = sb.datasets.scan_lidar(
+    seen = datasets.scan_lidar(
         scene,
         poses,
         elevation_limits=(-45, 45),

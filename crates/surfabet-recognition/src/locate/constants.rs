@@ -188,9 +188,6 @@ pub(super) const NARROW: f64 = 0.4;
 /// what tells them apart is how many places fit.
 pub(super) const NARROW_EXPLAINED: f64 = 0.6;
 
-/// Largest share against a narrow view: in the hall right places have up to 0.08, of mirrored views wrong ones 0.12.
-pub(super) const NARROW_AGAINST: f64 = 0.09;
-
 /// Most places that a narrow view may fit: of more the right one may be missing.
 pub(super) const MOST_ALIKE: usize = 5;
 

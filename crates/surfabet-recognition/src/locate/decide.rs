@@ -8,8 +8,8 @@ use surfabet_models::Result;
 use super::constants::{
     AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH,
     FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST,
-    MOST_ALIKE, NARROW, NARROW_AGAINST, NARROW_EXPLAINED, SAME_PLACE, SECTORS, TILTED_AGAINST,
-    TILTED_EXPLAINED, UNKNOWN,
+    MOST_ALIKE, NARROW, NARROW_EXPLAINED, SAME_PLACE, SECTORS, TILTED_AGAINST, TILTED_EXPLAINED,
+    UNKNOWN,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -55,11 +55,7 @@ impl Demands {
         let tilted = if is_tilted { TILTED_EXPLAINED } else { 0.0 };
         Self {
             explained: LEAST_EXPLAINED.max(narrow).max(tilted),
-            against: match (is_tilted, is_narrow) {
-                (true, _) => TILTED_AGAINST,
-                (_, true) => NARROW_AGAINST,
-                _ => 1.0,
-            },
+            against: if is_tilted { TILTED_AGAINST } else { 1.0 },
             alike: if is_narrow { MOST_ALIKE } else { usize::MAX },
             fixed: !has_prior,
         }
