@@ -1,7 +1,7 @@
 """Draws what is found by examples, and a class of what recurs: python docs/recognition_picture.py
 
-Needs surfabet with its extra `report`. Writes `recognition_find.png` and `recognition_recurring.png`
-into docs/pictures, or into the folder that is given.
+Needs surfabet with its extra `report`. Writes `recognition_find.png` and
+`recognition_recurring.png` into docs/pictures, or into the folder that is given.
 """
 
 from __future__ import annotations

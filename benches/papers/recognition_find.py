@@ -10,7 +10,8 @@ examples that are cut, by the points of one object each, out of scans of rooms 0
 in rooms 8 to 23, where things of a kind differ in size (10 %), style and colour and some are hidden
 in part. A find is right when its pose takes the middle of the object that the example is cut from
 to within 0.25 m of the middle of an object of the kind that no better find has taken. `recurring`:
-classes without example beside the simulator's instances. Constants were chosen on rooms 0 to 7 (`--choose` runs on rooms 4 to 7).
+classes without example beside the simulator's instances. Constants were chosen on rooms 0 to 7
+(`--choose` runs on rooms 4 to 7).
 """
 
 from __future__ import annotations
