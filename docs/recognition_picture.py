@@ -1,7 +1,7 @@
-"""Draws what is found by examples, and a class of what recurs: python docs/recognition_picture.py
+"""Draws chairs that are found by examples of other rooms: python docs/recognition_picture.py
 
-Needs surfabet with its extra `report`. Writes `recognition_find.png` and
-`recognition_recurring.png` into docs/pictures, or into the folder that is given.
+Needs surfabet with its extra `report`. Writes `recognition_find.png` into docs/pictures, or into
+the folder that is given.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def draw_found(path: Path) -> None:
     example = np.asarray(examples[found[0].example].decode().points)
     turned = example - example.mean(axis=0)
     axes[1].scatter(turned[:, 0] + 0.5 * turned[:, 1], turned[:, 2], c="C0", s=1, linewidths=0)
-    axes[1].set_title("the example of the best find, decoded, from the side", fontsize=9)
+    axes[1].set_title("example of the best find", fontsize=9)
     for one in axes:
         one.set_aspect("equal")
         one.set_axis_off()
@@ -67,17 +67,9 @@ def draw_found(path: Path) -> None:
     print(f"{len(found)} places; the room has {len(kind)} chairs")
 
 
-def draw_recurring(path: Path) -> None:
-    seen = scan(SCENE, 0.0)
-    classes = sb.recurring(sb.learn_alphabet(seen.cloud, **LEARNING))
-    classes.draw(path)
-    print(classes)
-
-
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "pictures")
     draw_found(folder / "recognition_find.png")
-    draw_recurring(folder / "recognition_recurring.png")
 
 
 if __name__ == "__main__":
