@@ -77,6 +77,7 @@ step "Python lints" .venv/bin/ruff check python tests/python benches docs script
 step "Same bytes with and without AVX2" scripts/check_portable.sh
 step "Python types" .venv/bin/mypy
 step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt
+step "Wheel and source distribution" scripts/check_wheel.sh
 step "Documentation site" scripts/docs.sh
 # A process per core: most of what Python does takes one.
 step "Python tests" .venv/bin/pytest --quiet --numprocesses auto

@@ -13,6 +13,7 @@ from surfabet.alphabet import (
     place_similarity,
 )
 from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel, learn_bic_alphabet
+from surfabet.diff import Change, Changes, diff
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
@@ -75,6 +76,8 @@ __all__ = [
     "AttributeFigures",
     "BicAlphabet",
     "BicAlphabetModel",
+    "Change",
+    "Changes",
     "DroppedPointsWarning",
     "FileInfo",
     "FormatError",
@@ -126,6 +129,7 @@ __all__ = [
     "VoxelGrid",
     "WordShares",
     "__version__",
+    "diff",
     "estimate_normals",
     "evaluate",
     "farthest_point_downsample",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, final
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
+from surfabet.errors import DroppedPointsWarning
 from surfabet.model import MAX_POINTS, Box, Model, corners
 
 __all__ = ["TiledPatchModel", "Tiles", "merge_tiles"]
@@ -40,10 +42,10 @@ class Tiles:
 class TiledPatchModel(Model[_core.TiledPatchModel]):
     """A cloud as surface patches in tiles, with thickness and attributes; immutable.
 
-    Made by `learn_patches_tiled` and `surfabet.load`. Its tiles are cubes of one lattice, and are
-    decoded one after another when they are asked for, so that a box of a large map takes little
-    time and memory. It decodes like a `PatchModel`; fragments, attributes and normals of points
-    beside the patches are those of each tile by itself.
+    Made by `learn_patches_tiled`, `update`, `surfabet.merge_tiles` and `surfabet.load`. Its tiles
+    are cubes of one lattice, and are decoded one after another when they are asked for, so that a
+    box of a large map takes little time and memory. It decodes like a `PatchModel`; fragments,
+    attributes and normals of points beside the patches are those of each tile by itself.
     """
 
     __slots__ = ()
@@ -85,6 +87,56 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
                 max_points=max_points,
                 progress=callback,
             )
+
+    def update(
+        self, cloud: PointCloud, *, alone: bool = False, progress: Progress = None
+    ) -> TiledPatchModel:
+        """The map with what another scan of the same world shows; this one stays as it is.
+
+        Tiles that no point of the scan lies in keep their bytes. The others are learned from the
+        scan and from what the map holds there, decoded with its thickness and weighed by the number
+        of points that it was learned from. Points outside of all tiles make new ones. Axes, pixels,
+        rounding and options are those of the map. What is no longer there stays in the map; see
+        `surfabet.diff`.
+
+        Parameters
+        ----------
+        cloud
+            The scan, in the frame of the map. It needs the attributes that the map keeps, and
+            viewpoints or normals when the map was learned with some.
+        alone
+            Give only what the scan shows, learned by the plan of the map: a map of its own, to be
+            put together with others by `surfabet.merge_tiles`.
+        progress
+            None, True for a bar on stderr, or a callable of stage and fraction.
+
+        Returns
+        -------
+        TiledPatchModel
+            The same for the same map and cloud, whatever the number of threads. Of a map that was
+            loaded with a box it has the tiles that were read and those of the scan.
+
+        Raises
+        ------
+        InvalidInputError
+            For a scan without what it needs, or without points; for a map of an older file, which
+            does not say how its tiles were learned, and for one with `max_error` or
+            `max_error_forward`, which cannot be kept without the points.
+
+        Warns
+        -----
+        DroppedPointsWarning
+            Points far from all others of the scan are no part of the map.
+        """
+        with progress_callback(progress) as callback:
+            core, _, left_out = self._core.update(cloud, alone=alone, progress=callback)
+        if left_out:
+            warnings.warn(
+                f"{left_out:,} points are far from all others and no part of the map",
+                DroppedPointsWarning,
+                stacklevel=2,
+            )
+        return TiledPatchModel(core)
 
     def save(self, path: str | os.PathLike[str], *, note: str = "") -> int:
         """As `Model.save`. Of a model that was loaded with a box, the tiles that were read are
@@ -157,17 +209,22 @@ def _level(level: int | None) -> int | None:
     return level
 
 
-def merge_tiles(models: Sequence[TiledPatchModel]) -> TiledPatchModel:
+def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None) -> TiledPatchModel:
     """The model of all tiles of some models that share one plan, in any order.
+
+    A tile that one of them has, or that is the same in all that have it, keeps its bytes. Where
+    tiles of several differ, one is learned from what they hold, weighed by their numbers of points:
+    nothing is stored twice.
 
     Raises
     ------
     InvalidInputError
-        Without models, and for models of different lattices.
-    FormatError
-        Two of them have a tile at one place.
+        Without models, and for models of different plans, with what differs. Where tiles of several
+        differ, for models that cannot be learned on, as `TiledPatchModel.update`.
     """
-    return TiledPatchModel(_core.merge_tiles([model._core for model in models]))
+    with progress_callback(progress) as callback:
+        cores = [model._core for model in models]
+        return TiledPatchModel(_core.merge_tiles(cores, progress=callback))
 
 
 def open_tiled(

@@ -111,6 +111,9 @@ def learn_tile(
 def run_job(job: TileJob, progress: ProgressCallback | None = None) -> str:
     """Learns a tile and writes it; gives the path of its file. A cube without points has an empty
     one."""
+    if job.path.exists():
+        # Clusters run a task again when its result was lost with the worker that held it.
+        return str(job.path)
     cloud = Spill.open(Path(job.work)).read(job.bricks, job.plan["origin"])
     data = learn_tile(cloud, job.cube, job.plan, job.options, progress=progress) or b""
     job.path.parent.mkdir(exist_ok=True)
@@ -157,8 +160,8 @@ def learn_patches_tiled(
         Memory that all workers may take together, bytes. Tiles are made small enough for it.
     executor
         Learns the tiles: any `concurrent.futures.Executor`, such as a `ProcessPoolExecutor`, or
-        what `dask.distributed.Client.get_executor()` gives. Its workers need to see the folder
-        `work`. By default they are learned here, one after another, on all threads.
+        what `dask.distributed.Client.get_executor(pure=False)` gives. Its workers need to see the
+        folder `work`. By default they are learned here, one after another, on all threads.
     workers
         Number of workers of the executor, for the share of the memory that each may take.
     work

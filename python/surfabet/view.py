@@ -11,25 +11,31 @@ import webbrowser
 import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from surfabet import _core
+from surfabet._core import PointCloud
+from surfabet._distance_field import distance_field
 from surfabet.errors import FormatError, InvalidInputError
-from surfabet.files import MAX_BYTES, MAX_ITEMS
+from surfabet.files import MAX_BYTES, MAX_ITEMS, from_bytes
+from surfabet.io import read
 
 if TYPE_CHECKING:
     from surfabet.model import Model
 
-__all__ = ["page_of", "temporary_page", "view", "write_page"]
+__all__ = ["address_of", "check_page", "page_of", "temporary_page", "view"]
 
 VIEWER = Path(__file__).parent / "viewer"
 _IMPORT = re.compile(r"^import \{([^}]*)\} from \"(\.[^\"]+)\";\n", re.MULTILINE)
-_EXPORT = re.compile(r"^export (function|class|const|let) (\w+)", re.MULTILINE)
+_EXPORT = re.compile(r"^export ((?:async )?function|class|const|let) (\w+)", re.MULTILINE)
 
 
 def view(
     model: Model[Any] | str | os.PathLike[str],
     path: str | os.PathLike[str] | None = None,
     *,
+    against: PointCloud | str | os.PathLike[str] | None = None,
+    link: bool = False,
     open: bool | None = None,
     title: str | None = None,
 ) -> Path:
@@ -44,6 +50,14 @@ def view(
         A model of any method, or the name of its file.
     path
         The page to write, usually `.html`; by default a file in the folder for temporary files.
+    against
+        A second cloud in the frame of the model, or a file that `surfabet.read` reads: the page
+        colours the map by its distance to it, such as to the scan or to a scan of another day. Only
+        the distances are in the page, in at most 100,000 cells.
+    link
+        Do not put the model into the page, which reads it from its file through a web server: of a
+        map in tiles only the tiles near the middle of the view. Needs the name of a file as
+        `model`, and a `path`; the page finds the file by its place relative to it.
     open
         Open the page in the browser; by default when no `path` is given.
     title
@@ -61,16 +75,35 @@ def view(
     FormatError
         When the file is damaged, or not a model.
     InvalidInputError
-        For a model whose file names its vocabulary by a hash instead of holding it.
+        For a model whose file names its vocabulary by a hash instead of holding it, and for an
+        empty cloud.
     """
+    address = ""
     if isinstance(model, str | os.PathLike):
         data = Path(model).read_bytes()
         title = title or Path(model).name
+        if link and path is not None:
+            address = address_of(Path(model), Path(path))
     else:
         data = model.to_bytes()
         title = title or model.method
+    if link and not address:
+        requirement = "False without the names of a model file and of a page"
+        raise InvalidInputError(
+            f"link is True, but must be {requirement}",
+            argument="link",
+            value="True",
+            requirement=requirement,
+        )
+    check_page(data, title)
+    field = b""
+    if against is not None:
+        if isinstance(against, PointCloud):
+            field = distance_field(from_bytes(data), against, "the second cloud")
+        else:
+            field = distance_field(from_bytes(data), read(against), Path(against).name)
     page = temporary_page(title) if path is None else Path(path)
-    write_page(data, page, title)
+    page.write_text(page_of(data, title, field, address), "utf-8")
     if open if open is not None else path is None:
         webbrowser.open(page.resolve().as_uri())
     return page
@@ -83,8 +116,8 @@ def temporary_page(title: str) -> Path:
         return Path(opened.name)
 
 
-def write_page(data: bytes, path: Path, title: str) -> int:
-    """Writes the page of a model file's bytes, and returns the page's size in bytes."""
+def check_page(data: bytes, title: str) -> None:
+    """Refuses bytes that are no model file, or one without its vocabulary."""
     try:
         _, _, vocabulary, _, _ = _core.inspect(data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES)
     except FormatError as error:
@@ -95,19 +128,25 @@ def write_page(data: bytes, path: Path, title: str) -> int:
             "a page needs a model that holds it; learn the model without a given vocabulary",
             argument="model",
         )
-    text = page_of(data, title).encode()
-    path.write_bytes(text)
-    return len(text)
 
 
-def page_of(data: bytes, title: str) -> str:
-    """The page of a model file's bytes."""
+def address_of(model: Path, page: Path) -> str:
+    """Where a page finds the file of its model, as a URL relative to it."""
+    return quote(Path(os.path.relpath(model, page.parent)).as_posix())
+
+
+def page_of(data: bytes, title: str, field: bytes = b"", address: str = "") -> str:
+    """The page of a model file's bytes, with a distance field or without; with an address it holds
+    that in the place of the bytes."""
     folder = VIEWER / "page"
+    worker = folder / ("linked_worker.js" if address else "worker.js")
     parts = {
         "title": html.escape(title),
         "style": _squeezed((folder / "style.css").read_text("utf-8")),
-        "model": base64.b64encode(data).decode(),
-        "decoder": _packed(f"var surfabetWorker = {_bundle(folder / 'worker.js')};"),
+        "model": "" if address else base64.b64encode(data).decode(),
+        "link": address,
+        "against": base64.b64encode(field).decode(),
+        "decoder": _packed(f"var surfabetWorker = {_bundle(worker)};"),
         "page": _packed(f"var surfabetPage = {_bundle(folder / 'app.js')};"),
     }
     page = (folder / "page.html").read_text("utf-8")

@@ -411,3 +411,23 @@ def test_missing_extra_is_one_line() -> None:
     assert process.stdout == ""
     assert "pip install 'surfabet[cli]'" in process.stderr
     assert process.stderr.count("\n") == 1
+
+
+def test_models_and_clouds_in_each_others_place_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud, model = tmp_path / "room.ply", tmp_path / "room.sfb"
+    sb.write(cloud, sb.PointCloud([[0, 0, 0], [1, 0, 0]]))
+    model.write_bytes((Path(__file__).parents[1] / "golden" / "patches_0_1.sfb").read_bytes())
+    renamed = tmp_path / "renamed.ply"
+    renamed.write_bytes(model.read_bytes())
+    out = str(tmp_path / "out.ply")
+    assert main(["decompress", str(cloud), out]) == 2
+    assert "room.ply: is a cloud (ply), not a model; surfabet compress" in capsys.readouterr().err
+    assert main(["decompress", str(tmp_path), out]) == 2
+    assert "is a folder; name a model file (.sfb)" in capsys.readouterr().err
+    for path in (model, renamed):
+        assert main(["compress", str(path), str(tmp_path / "out.sfb")]) == 2
+        assert f"{path}: is a model, not a cloud" in capsys.readouterr().err
+    # A model is known by its first bytes.
+    assert main(["decompress", str(renamed), out]) == 0

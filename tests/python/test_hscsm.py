@@ -181,6 +181,21 @@ def test_a_second_scene_needs_no_dictionary(levelled):
         colorless.dictionary.describe(other)
 
 
+def test_a_cloud_without_colours_is_read_with_the_dictionary_that_it_was_described_in(
+    levelled, tmp_path
+):
+    plain = sb.PointCloud(scene(19_000).points)
+    shared = levelled.dictionary.describe(plain)
+    assert not shared.has_color
+    path = tmp_path / "plain.sfb"
+    shared.save(path)
+    for dictionary in (levelled.dictionary, shared.dictionary):
+        assert sb.load(path, vocabulary=dictionary) == shared
+    other = learn_hierarchy(scene(19_000)).dictionary
+    with pytest.raises(sb.FormatError, match="give the former"):
+        sb.load(path, vocabulary=other)
+
+
 GREY_TOLERANCE = 7.0
 
 

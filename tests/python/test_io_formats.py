@@ -396,8 +396,11 @@ def test_formats_are_told_by_suffix_and_first_bytes(tmp_path: Path) -> None:
     ):
         read(tmp_path / "a.ply", data)
     np.testing.assert_array_equal(read(tmp_path / "a.ply", data, format="pcd").points, POINTS)
-    with pytest.raises(sb.FormatError, match=r"unknown suffix '.stl'; known are .ply, .pcd"):
+    with pytest.raises(
+        sb.FormatError, match=r"unknown suffix '.stl'; known are .ply, .pcd"
+    ) as told:
         read(tmp_path / "a.stl", b"v 1 2 3\n")
+    assert str(told.value).count(".asc,") == 1
     with pytest.raises(sb.InvalidInputError, match="format is 'stl', but must be one of ply, pcd"):
         read(tmp_path / "a.stl", b"v 1 2 3\n", format="stl")
     with pytest.raises(

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import surfabet as sb
+from surfabet import datasets
 from surfabet.cli import main
 
 Array = NDArray[np.float64]
@@ -164,6 +165,52 @@ def test_equal_rooms_are_all_named() -> None:
         assert min(errors(place, there)[0] for place in found) < 0.05
     assert abs(sum(place.probability for place in found[:2]) - 1) < 0.1
     assert min(place.probability for place in found[:2]) > 0.2
+
+
+def test_a_corridor_without_ends_is_refused_with_its_direction() -> None:
+    """Rays of 8 m do not reach the ends: every place along it explains the scan."""
+    corridor = [(np.array([0.0, 0.0, 0.0]), np.array([40.0, 2.0, 2.5]))]
+
+    def near(pose: Array, seed: int) -> Array:
+        points = np.asarray(scan(corridor, pose, step=0.8, seed=seed).points)
+        return points[np.linalg.norm(points, axis=1) < 8]
+
+    parts = []
+    for i, x in enumerate(range(8, 33, 4)):
+        pose = pose_of(x, 1.1, 1.2, 0.2)
+        parts.append(near(pose, i) @ pose[:3, :3].T + pose[:3, 3])
+    model = sb.learn_patches(sb.PointCloud(np.concatenate(parts)), resolution=0.08)
+    pose = pose_of(19.0, 0.9, 1.1, 2.0)
+    query = sb.PointCloud(near(pose, 50))
+    found = model.locate(query)
+    assert len(found) == 0
+    assert "(1.00, 0.00, " in str(found.reason).replace("-", "")
+    # A prior holds what the surfaces do not fix, and the covariance says so.
+    held = model.locate(query, prior=pose, radius=0.5)[0]
+    away = np.abs(held.pose[:3, 3] - pose[:3, 3])
+    assert away[0] < 1.0
+    assert away[1:].max() < 0.03
+    assert held.covariance[0, 0] > 20 * held.covariance[1, 1]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_corridor_that_is_the_same_from_both_ends_is_ambiguous(seed: int) -> None:
+    """One scan is the map; from the other end the same is seen after half a turn, but for doors."""
+    scene = datasets.make_room(seed=seed, kind="corridor", size=(16.0, 2.2, 2.6))
+    poses = scene.default_lidar_poses(2)
+    seen = datasets.scan_lidar(
+        scene,
+        poses,
+        elevation_limits=(-45, 45),
+        elevation_step=0.7,
+        azimuth_step=0.7,
+        random_state=seed,
+    )
+    model = sb.learn_patches(seen.frames[0].cloud, resolution=0.08)
+    pose = np.asarray(seen.frames[1].true_pose)
+    points = (np.asarray(seen.frames[1].cloud.points) - pose[:3, 3]) @ pose[:3, :3]
+    found = model.locate(sb.PointCloud(points))
+    assert len(found) == 0 or min(errors(place, pose)[0] for place in found) < 0.1
 
 
 def test_threads_do_not_change_the_answer(room: sb.PatchModel) -> None:

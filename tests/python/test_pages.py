@@ -22,7 +22,17 @@ BLOCK = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 # The page of chairs learns from hundreds of thousands of points in fine detail, for a minute.
-PAGES = ["start", "tasks/bound", "tasks/archive", "tasks/robot", "plan"]
+PAGES = [
+    "start",
+    "tasks/bound",
+    "tasks/archive",
+    "tasks/robot",
+    "tasks/floor_plan",
+    "tasks/localise",
+    "tasks/cluster",
+    "plan",
+]
+NEEDS = {"tasks/cluster": ["distributed", "fsspec"]}
 
 
 @pytest.fixture(scope="session")
@@ -57,7 +67,7 @@ def blocks(page: str) -> list[tuple[str, str]]:
 def test_every_block_of_a_page_runs(
     page: str, inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for package in ("laspy", "matplotlib", "shapely", "ezdxf"):
+    for package in ("laspy", "matplotlib", "shapely", "ezdxf", *NEEDS.get(page, [])):
         pytest.importorskip(package, reason="pip install 'surfabet[all]'")
     for file in inputs.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())

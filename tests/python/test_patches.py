@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,3 +178,18 @@ def test_a_real_frame_takes_less_than_sixty_kilobytes():
     quality = sb.evaluate(frame, model.decode(as_measured=True), normal_neighbors=None)
     assert quality.rmse_pooled < 0.002
     assert quality.color_rmse_pooled < 15.2
+
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+
+
+def test_files_with_attributes_in_single_precision_stay_readable():
+    """Its listing is of the version that wrote it: positions, colours, intensities, heights."""
+    model = sb.load(GOLDEN / "patches_beside.sfb")
+    assert model.to_bytes() == (GOLDEN / "patches_beside.sfb").read_bytes()
+    decoded = model.decode(0.2)
+    listed = np.loadtxt(GOLDEN / "patches_beside.txt")
+    np.testing.assert_allclose(decoded.points - model.origin, listed[:, :3], atol=2e-5)
+    np.testing.assert_allclose(decoded.colors, listed[:, 3:6], atol=1)
+    np.testing.assert_allclose(decoded.intensities, listed[:, 6], rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(decoded.extra["height"], listed[:, 7], rtol=1e-4, atol=1e-3)

@@ -217,6 +217,5 @@ def test_what_recurs_is_a_class(
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(classes)
 
 
-@pytest.mark.xfail(reason="scraps along the edges of a floor resemble each other")
 def test_nothing_else_recurs(model: sb.AlphabetModel) -> None:
     assert len(sb.recurring(model)) == 1

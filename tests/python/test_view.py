@@ -9,9 +9,11 @@ import shutil
 import subprocess
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import surfabet as sb
 from surfabet.cli import main
@@ -108,8 +110,11 @@ def test_what_is_no_model_is_refused_before_a_page_is_written(
     cloud = tmp_path / "cloud.xyz"
     cloud.write_text("0 0 0\n")
     out = tmp_path / "page.html"
-    assert main(["view", str(cloud), "--out", str(out)]) == 1
-    assert "cloud.xyz: not an .sfb file" in capsys.readouterr().err
+    assert main(["view", str(cloud), "--out", str(out)]) == 2
+    assert "cloud.xyz: is a cloud (xyz), not a model" in capsys.readouterr().err
+    (tmp_path / "noise.sfb").write_bytes(b"\0" * 99)
+    assert main(["view", str(tmp_path / "noise.sfb"), "--out", str(out)]) == 1
+    assert "noise.sfb: not an .sfb file" in capsys.readouterr().err
     assert main(["view", str(MODEL), "--out", str(tmp_path / "page.txt")]) == 2
     assert ".html" in capsys.readouterr().err
     assert main(["view", str(tmp_path)]) == 2
@@ -136,3 +141,85 @@ def test_every_module_of_the_page_is_there() -> None:
         "style.css",
         "app.js",
     }
+
+
+def read_field(page: str) -> tuple[dict[str, Any], dict[tuple[int, int, int], float]]:
+    """The distances in a page: the header, and metres by cell."""
+    data = zlib.decompress(base64.b64decode(script(page, "against")))
+    header, _, rest = data.partition(b"\n")
+    about = json.loads(header)
+    nx, ny, _ = about["dimensions"]
+    codes, key, at, found = rest[-about["count"] :], 0, 0, {}
+    for code in codes:
+        shift = 0
+        while True:
+            key += (rest[at] & 127) << shift
+            shift += 7
+            at += 1
+            if rest[at - 1] < 128:
+                break
+        value = about["least"] * about["ratio"] ** (code - 1) if code else 0.0
+        found[(key % nx, key // nx % ny, key // nx // ny)] = value
+    assert at + len(codes) == len(rest)
+    return about, found
+
+
+def test_distances_to_a_second_cloud_are_in_the_page(tmp_path: Path) -> None:
+    model = sb.load(MODEL)
+    decoded = model.decode()
+    below = sb.PointCloud(decoded.points - np.array([0, 0, 0.03]))
+    text = sb.view(model, tmp_path / "page.html", against=below).read_text("utf-8")
+    about, field = read_field(text)
+    assert about["name"] == "the second cloud"
+    exact = cKDTree(below.points).query(decoded.points)[0]
+    local = decoded.points - model.origin - about["low"]
+    cells = [tuple(cell) for cell in np.floor(local / about["side"]).astype(int).tolist()]
+    assert set(cells) == set(field)
+    sums: dict[tuple[int, ...], list[float]] = {}
+    for cell, distance in zip(cells, exact, strict=True):
+        sums.setdefault(cell, []).append(float(distance))
+    for cell, distances in sums.items():
+        mean = float(np.mean(distances))
+        if mean < about["least"]:
+            assert field[cell] == 0  # type: ignore[index]
+        else:
+            assert field[cell] == pytest.approx(mean, rel=about["ratio"] - 1)  # type: ignore[index]
+    assert about["ratio"] < 1.1
+
+
+def test_fields_of_large_and_far_reaching_maps_are_bounded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("surfabet._distance_field.MOST_CELLS", 200)
+    side = np.arange(0, 2, 0.02)
+    floor = np.stack([*np.meshgrid(side, side), np.zeros((100, 100))], axis=-1).reshape(-1, 3)
+    far = floor + 3e5
+    model = sb.learn_gas(sb.PointCloud(np.concatenate([floor, far])), n_neurons=200)
+    near = sb.PointCloud(floor)
+    about, field = read_field(
+        sb.view(model, tmp_path / "page.html", against=near).read_text("utf-8")
+    )
+    assert 0 < len(field) <= 200
+    assert np.prod(np.array(about["dimensions"], float)) < 2**53
+    assert max(field.values()) == pytest.approx(3e5 * 3**0.5, rel=0.05)
+
+
+def test_the_command_takes_a_second_cloud(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud, out = tmp_path / "again.ply", tmp_path / "page.html"
+    sb.write(cloud, sb.load(MODEL).decode())
+    assert main(["view", str(MODEL), "--out", str(out), "--against", str(cloud)]) == 0
+    about, field = read_field(out.read_text("utf-8"))
+    assert about["name"] == "again.ply"
+    assert max(field.values()) < 1e-4
+    capsys.readouterr()
+    cloud.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n"
+    )
+    assert main(["view", str(MODEL), "--out", str(out), "--against", str(cloud)]) == 2
+    assert "--against is again.ply, but must be a cloud with points" in capsys.readouterr().err
+    missing = str(tmp_path / "missing.ply")
+    assert main(["view", str(MODEL), "--out", str(out), "--against", missing]) == 1
+    assert "missing.ply" in capsys.readouterr().err

@@ -7,13 +7,19 @@ import importlib.util
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from threading import Thread
+from typing import Any, ClassVar
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import surfabet as sb
+from surfabet._distance_field import distance_field
 from surfabet.view import page_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,10 +88,12 @@ def browser() -> Iterator[Any]:
 def show(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
     """Opens the page of a model or of bytes, and checks afterwards that nothing was wrong."""
 
-    def open_page(model: Any, name: str = "map.sfb", *, is_good: bool = True) -> Any:
+    def open_page(
+        model: Any, name: str = "map.sfb", *, is_good: bool = True, field: bytes = b""
+    ) -> Any:
         data = model if isinstance(model, bytes) else model.to_bytes()
         page = tmp_path / "page.html"
-        page.write_text(page_of(data, name), "utf-8")
+        page.write_text(page_of(data, name, field), "utf-8")
         browser.get_log("browser")
         browser.get(page.as_uri())
         assert browser.execute_async_script(OPEN) is is_good
@@ -403,6 +411,37 @@ def test_all_occurrences_of_the_word_clicked_are_found(show: Any) -> None:
     assert (pixels(page) != before).any()
 
 
+def test_distances_to_a_second_cloud_are_shown(
+    show: Any, corner: sb.PointCloud, planes: sb.PlaneModel
+) -> None:
+    # The cloud has all of the corner but its floor, from which the map is up to 2 m away.
+    walls = corner.select(corner.points[:, 2] > ORIGIN[2] + 0.01)
+    page = show(planes, field=distance_field(planes, walls, "walls.ply"))
+    assert run(page, "return mode.selectedOptions[0].text") == "distance to walls.ply (m)"
+    count = run(page, "return surfabet.points.count")
+    local = np.array(run(page, "return [...surfabet.points.positions]")).reshape(count, 3)
+    shown = np.array(run(page, "return [...surfabet.points.attributes[0].values]"))
+    exact = cKDTree(walls.points).query(local + planes.origin)[0]
+    # Cells of two spacings, and steps of a few percent.
+    spacing = run(page, "return surfabet.info.spacing")
+    assert np.isfinite(shown).all()
+    assert (np.abs(shown - exact) <= 4 * spacing + 0.05 * exact).all()
+    assert np.abs(shown - exact).mean() < spacing
+    ends = run(page, "return scaleEnds.innerText").split()
+    assert float(ends[-2]) == pytest.approx(np.quantile(exact, 0.99), rel=0.1)
+    first = pixels(page)
+    run(page, "mode.value = 'color'; mode.onchange()")
+    assert run(page, "return scale.hidden")
+    assert (pixels(page) != first).any(axis=2).mean() > 0.05
+    x, y, number = picked_place(page)
+    click(page, x, y)
+    wait(page, "!card.hidden")
+    assert f"{shown[int(number)]:.3g}"[:4] in run(page, "return card.innerText")
+    far = decode_again(page, "spacing.value = -1; spacing.oninput()")
+    assert far > count
+    assert run(page, "return surfabet.points.attributes[0].values.length") == far
+
+
 def test_a_screenshot_is_a_png(show: Any, planes: sb.PlaneModel, tmp_path: Path) -> None:
     page = show(planes, "corner.sfb")
     page.execute_cdp_cmd(
@@ -437,13 +476,165 @@ def test_while_moving_only_as_much_is_drawn_as_there_is_time_for(
     show: Any, planes: sb.PlaneModel
 ) -> None:
     page = show(planes)
-    run(page, "Object.assign(surfabet.moving, { count: 200000, light: true }); surfabet.adapt(100)")
-    assert run(page, "return [surfabet.moving.count, surfabet.moving.light]") == [200_000, False]
+    state = "return [surfabet.moving.scale, surfabet.moving.count, surfabet.moving.light]"
+    run(page, "Object.assign(surfabet.moving, { count: 200000, scale: 1, light: true })")
     run(page, "surfabet.adapt(100)")
-    assert run(page, "return surfabet.moving.count") < 150_000
+    assert run(page, state) == [0.5, 200_000, True]
+    run(page, "surfabet.adapt(100)")
+    scale, count, light = run(page, state)
+    assert (scale, light) == (0.5, True)
+    assert 30_000 < count < 60_000
     run(page, "for (let i = 0; i < 30; i++) surfabet.adapt(100)")
-    assert run(page, "return [surfabet.moving.count, surfabet.moving.scale]") == [15_000, 0.5]
+    assert run(page, state) == [0.25, 15_000, False]
+    # Nothing is changed for a picture that takes its time, and all comes back when there is time.
+    run(page, "surfabet.adapt(24)")
+    assert run(page, state) == [0.25, 15_000, False]
+    run(page, "for (let i = 0; i < 60; i++) surfabet.adapt(2)")
+    scale, count, light = run(page, state)
+    assert (scale, light) == (1, True)
+    assert count >= run(page, "return surfabet.points.count")
+    run(page, "surfabet.moving.scale = 0.25")
     run(page, "surfabet.moving.count = 16000; surfabet.moved(); surfabet.drawNow()")
     assert run(page, "return surfabet.stats.drawn") <= 16_000
     run(page, "surfabet.moving.until = 0; surfabet.drawNow()")
     assert run(page, "return surfabet.stats.drawn === surfabet.points.count")
+
+
+class Server(SimpleHTTPRequestHandler):
+    """Files of a folder, with ranges unless they are switched off; notes what was asked for."""
+
+    has_ranges = True
+    asked: ClassVar[list[tuple[str, int]]] = []
+
+    def do_GET(self) -> None:
+        path = Path(self.directory, unquote(self.path).lstrip("/"))
+        if not path.is_file():
+            self.send_error(404)
+            return
+        data = path.read_bytes()
+        given = self.headers.get("Range")
+        if given is None or not self.has_ranges:
+            part = data
+            self.send_response(200)
+        else:
+            start, end = (int(c) for c in given.removeprefix("bytes=").split("-"))
+            part = data[start : end + 1]
+            self.send_response(206)
+            end = start + len(part) - 1
+            self.send_header("Content-Range", f"bytes {start}-{end}/{len(data)}")
+        self.asked.append((path.name, len(part)))
+        self.send_header("Content-Type", "text/html" if path.suffix == ".html" else "x/y")
+        self.send_header("Content-Length", str(len(part)))
+        self.end_headers()
+        self.wfile.write(part)
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[str]:
+    """The address of a server of the temporary folder."""
+    handler = partial(Server, directory=str(tmp_path))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    Thread(target=server.serve_forever, daemon=True).start()
+    Server.asked.clear()
+    yield f"http://127.0.0.1:{server.server_address[1]}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(scope="module")
+def hall() -> sb.PointCloud:
+    """A floor of 12 x 12 m, in map coordinates, turned, with noise that takes bytes."""
+    rng = np.random.default_rng(3)
+    xy = rng.uniform(0, 12, (80_000, 2))
+    points = np.column_stack([xy, 0.004 * rng.standard_normal(len(xy))])
+    turn = np.deg2rad(23)
+    rows = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    points[:, :2] = points[:, :2] @ rows.T
+    colors = rng.integers(0, 255, (len(xy), 3)).astype(np.uint8)
+    return sb.PointCloud(points + ORIGIN, colors=colors)
+
+
+def test_tiles_near_the_view_are_read_from_a_server(
+    browser: Any, served: str, hall: sb.PointCloud, tmp_path: Path
+) -> None:
+    path = tmp_path / "hall map.sfb"
+    report = sb.learn_patches_tiled(
+        hall, path, tile=2.56, resolution=0.04, levels=2, color_step=1, color_rate=0.001
+    )
+    model = sb.load(path)
+    assert isinstance(model, sb.TiledPatchModel)
+    sb.view(path, tmp_path / "page.html", link=True)
+    page = tmp_path / "page.html"
+    assert page.stat().st_size < 110_000
+    assert "hall%20map.sfb" in page.read_text("utf-8")
+    budget = 40_000
+    text = page.read_text("utf-8").replace('value="1000000" selected', f'value="{budget}" selected')
+    page.write_text(text, "utf-8")
+    browser.get(f"{served}/page.html")
+    assert browser.execute_async_script(OPEN), run(browser, "return message.textContent")
+    shown, count = run(browser, "return [surfabet.points.nShown, surfabet.points.count]")
+    assert 1 <= shown < report.n_tiles
+    assert 0 < count <= budget
+    read = sum(n for name, n in Server.asked if name == path.name)
+    assert read < 0.7 * path.stat().st_size
+    assert f"{report.n_tiles} tiles" in run(browser, "return about.textContent")
+    # What is shown is what lies in the boxes of the tiles nearest to the middle of all.
+    whole = model.decode(run(browser, "return surfabet.points.spacing")).points
+    local = run(browser, "return [...surfabet.points.positions.subarray(0, 3000)]")
+    found = np.array(local).reshape(-1, 3) + model.origin
+    assert cKDTree(whole).query(found)[0].max() < 1e-3
+    bounds = np.array(run(browser, "return surfabet.info.bounds")) + model.origin
+    assert (bounds[0] <= whole.min(axis=0)).all()
+    assert (bounds[1] >= whole.max(axis=0)).all()
+    lines = run(browser, "return surfabet.renderer.lines.count")
+    assert lines == 8 * report.n_tiles
+    # Elsewhere other tiles are shown.
+    before = run(browser, "return surfabet.lastDecode")
+    corner = (whole[np.argmin(whole @ [1.0, 1.0, 0])] - model.origin).tolist()
+    run(browser, "surfabet.camera.target = arguments[0]; surfabet.moved()", corner)
+    wait(browser, f"surfabet.lastDecode > {before} && !surfabet.isDecoding")
+    local = run(browser, "return [...surfabet.points.positions]")
+    there = np.array(local).reshape(-1, 3)
+    assert np.linalg.norm(there - corner, axis=1).min() < 0.1
+    assert np.linalg.norm(there - corner, axis=1).max() < np.ptp(whole, axis=0).max()
+    # All of them where the budget allows for it.
+    run(browser, "budget.add(new Option('', 5000000)); budget.value = 5000000; budget.onchange()")
+    wait(browser, f"surfabet.points.nShown === {report.n_tiles}")
+    assert run(browser, "return surfabet.points.count") == len(model.decode())
+
+
+def test_a_link_that_leads_nowhere_is_an_error_in_the_page(
+    browser: Any, served: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "map.sfb"
+    path.write_bytes((GOLDEN / "patches_0_1.sfb").read_bytes())
+    page = sb.view(path, tmp_path / "page.html", link=True)
+    browser.get(page.as_uri())
+    assert browser.execute_async_script(OPEN) is False
+    assert "open this page through a web server" in run(browser, "return message.textContent")
+    path.rename(tmp_path / "elsewhere.sfb")
+    browser.get(f"{served}/page.html")
+    assert browser.execute_async_script(OPEN) is False
+    assert "map.sfb cannot be read: the server says 404" in run(
+        browser, "return message.textContent"
+    )
+
+
+@pytest.mark.parametrize("has_ranges", [True, False])
+def test_files_without_tiles_and_servers_without_ranges_work_too(
+    has_ranges: bool, browser: Any, served: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Server, "has_ranges", has_ranges)
+    path = tmp_path / "map.sfb"
+    path.write_bytes((GOLDEN / "patches_0_1.sfb").read_bytes())
+    sb.view(path, tmp_path / "page.html", link=True)
+    browser.get(f"{served}/page.html")
+    assert browser.execute_async_script(OPEN)
+    model = sb.load(path)
+    assert run(browser, "return surfabet.points.count") == len(
+        model.decode(run(browser, "return surfabet.points.spacing"))
+    )
+    assert run(browser, "return surfabet.points.colors.length") > 0

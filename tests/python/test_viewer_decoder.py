@@ -143,6 +143,9 @@ MODELS: dict[str, Learn] = {
         levels=4,
         attributes=["colors", "intensities", "class", "height"],
     ),
+    "patches with fine colours and wide heights": lambda: sb.learn_patches(
+        every_attribute(), resolution=0.04, color_step=1, attributes=["colors", "height"]
+    ),
     "patches with points beside them": lambda: sb.learn_patches(
         corner(colors=colors), resolution=0.06, max_error=0.02
     ),

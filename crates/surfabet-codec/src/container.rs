@@ -120,8 +120,11 @@ impl Features {
     /// Parts of patches are given once more at other places.
     pub const INSTANCES: Self = Self(1024);
 
+    /// Colours and scalars of patches are whole numbers, with models that look at several things at once.
+    pub const WHOLE_FIELDS: Self = Self(2048);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 11] = [
+    const KNOWN: [(Self, &'static str, Version); 12] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -133,6 +136,7 @@ impl Features {
         (Self::FORWARD_BOUND, "bound on decoded points", Version { major: 0, minor: 1 }),
         (Self::NEAR_POINTS, "points given those around", Version { major: 0, minor: 1 }),
         (Self::INSTANCES, "instances", Version { major: 0, minor: 1 }),
+        (Self::WHOLE_FIELDS, "attributes in whole numbers", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

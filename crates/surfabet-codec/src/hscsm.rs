@@ -1,8 +1,8 @@
 //! The file of HSCSM: header, poses, masks, dictionaries or their hash, depth and colour or intensity of all levels.
 
 use surfabet_models::hscsm::{
-    HscsmDictionary, HscsmHeader, HscsmModel, LevelHeader, MAX_ENTRIES, MAX_MASK_SCALE,
-    MAX_SPARSITY, QuantizedDictionary,
+    HscsmDictionary, HscsmHeader, HscsmModel, LevelDictionary, LevelHeader, MAX_ENTRIES,
+    MAX_MASK_SCALE, MAX_SPARSITY, QuantizedDictionary,
 };
 
 use crate::bytes::ByteWriter;
@@ -128,6 +128,14 @@ impl Vocabulary for HscsmDictionary {
             out.bytes(&level.color.as_ref().map(&mut entries).unwrap_or_default());
         }
         ContentHash::of(&out.finish())
+    }
+
+    fn without_colors(&self) -> Option<Self> {
+        if self.levels.iter().all(|level| level.color.is_none()) {
+            return None;
+        }
+        let plain = |level: &LevelDictionary| LevelDictionary { color: None, ..level.clone() };
+        Some(Self { levels: self.levels.iter().map(plain).collect() })
     }
 }
 

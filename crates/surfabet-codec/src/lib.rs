@@ -59,6 +59,6 @@ pub use section::{
     FileSummary, Layout, Promise, StreamSection, Vocabulary, holds, inspect, read, write,
 };
 pub use tiles::{
-    MAX_DETAILS, TILE_INDEX, TILES, TileEntry, TileIndex, TiledHeader, checksum, inspect_tiles,
-    patches_of_tile, write_tile,
+    MAX_DETAILS, RECIPE, TILE_INDEX, TILES, TileEntry, TileIndex, TiledHeader, checksum,
+    inspect_tiles, patches_of_tile, write_tile,
 };

@@ -3,8 +3,8 @@
 use surfabet_geom::Dtype;
 use surfabet_models::ScalarScale;
 use surfabet_models::patches::{
-    AttributeContent, AttributeHeader, ColorSteps, MAX_ATTRIBUTES, MAX_INSTANCES, MAX_LABELS,
-    MAX_LEVELS, MAX_NAME, PatchModel, PatchesHeader, PointCoding, Prediction,
+    AttributeContent, AttributeHeader, ColorSteps, FieldCoding, MAX_ATTRIBUTES, MAX_INSTANCES,
+    MAX_LABELS, MAX_LEVELS, MAX_NAME, PatchModel, PatchesHeader, PointCoding,
 };
 
 use crate::attributes::code_scale;
@@ -58,6 +58,7 @@ impl Layout for PatchModel {
     const OPTIONAL_FEATURES: Features = Features::ATTRIBUTES
         .with(Features::UNBLENDED)
         .with(Features::BESIDE)
+        .with(Features::WHOLE_FIELDS)
         .with(Features::FORWARD_BOUND)
         .with(Features::NEAR_POINTS)
         .with(Features::INSTANCES);
@@ -94,7 +95,8 @@ impl Layout for PatchModel {
         let of = |is_there: bool, features| if is_there { features } else { Features::NONE };
         of(!header.attributes.is_empty(), Features::ATTRIBUTES)
             .with(of(header.unblended, Features::UNBLENDED))
-            .with(of(header.prediction == Prediction::Beside, Features::BESIDE))
+            .with(of(header.coding == FieldCoding::Beside, Features::BESIDE))
+            .with(of(header.coding == FieldCoding::Whole, Features::WHOLE_FIELDS))
             .with(of(header.max_error_forward.is_some(), Features::FORWARD_BOUND))
             .with(of(is_around(header), Features::NEAR_POINTS))
             .with(of(header.n_instances > 0, Features::INSTANCES))
@@ -106,8 +108,15 @@ impl Layout for PatchModel {
         features: Features,
     ) -> Result<()> {
         header.unblended = features.contains(Features::UNBLENDED);
-        let is_beside = features.contains(Features::BESIDE);
-        header.prediction = if is_beside { Prediction::Beside } else { Prediction::Parents };
+        let is_whole = features.contains(Features::WHOLE_FIELDS);
+        header.coding = match features.contains(Features::BESIDE) {
+            true if is_whole => {
+                return Err(fields.corrupt("two ways to code attributes at once".into()));
+            }
+            true => FieldCoding::Beside,
+            false if is_whole => FieldCoding::Whole,
+            false => FieldCoding::Parents,
+        };
         // Without points the feature is not there, and either would do.
         let is_near = features.contains(Features::NEAR_POINTS) || header.n_extra == 0;
         header.point_coding = if is_near { PointCoding::Around } else { PointCoding::Alone };

@@ -45,6 +45,14 @@ pub struct Promise {
 pub trait Vocabulary {
     /// The hash by which files name it.
     fn content_hash(&self) -> ContentHash;
+
+    /// What models of clouds without colours use and name of a vocabulary with colours; `None` for all others.
+    fn without_colors(&self) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        None
+    }
 }
 
 impl Vocabulary for NoVocabulary {
@@ -179,6 +187,9 @@ pub fn read<M: Layout>(
 ) -> Result<M> {
     container.expect_family(M::FAMILY)?;
     let named = named_vocabulary::<M>(container)?;
+    let plain = vocabulary.and_then(Vocabulary::without_colors);
+    let is_plain = plain.as_ref().map(Vocabulary::content_hash) == named;
+    let vocabulary = if is_plain { plain.as_ref().or(vocabulary) } else { vocabulary };
     let given =
         named.map(|hash| hash.of_given(vocabulary, Vocabulary::content_hash)).transpose()?;
     let header = read_header::<M>(container, limits)?;

@@ -3,8 +3,8 @@
 //! Byte by byte in `docs/format.md`, section 5.7.
 
 use surfabet_geom::morton;
-use surfabet_models::patches::{Cubes, PatchModel, PatchesHeader, PointCoding};
-use surfabet_models::{Budget, Source, SurfaceModel};
+use surfabet_models::patches::{Cubes, PatchModel, PatchesHeader, PointCoding, Recipe, Views};
+use surfabet_models::{Budget, Sensor, Source, SurfaceModel};
 
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::container::{Container, ContainerWriter, Features, Limits, Tag};
@@ -19,6 +19,9 @@ pub const TILE_INDEX: Tag = Tag::new(b"TIDX");
 
 /// Tag of the tiles.
 pub const TILES: Tag = Tag::new(b"TILE");
+
+/// Tag of what tiles were learned by; readers that only decode may skip it.
+pub const RECIPE: Tag = Tag::new(b"plan");
 
 /// Most levels of detail.
 pub const MAX_DETAILS: usize = 8;
@@ -42,6 +45,8 @@ pub struct TiledHeader {
     pub details: Vec<PatchesHeader>,
     /// The cubes, in finest pixels of the last level of detail.
     pub cubes: Cubes,
+    /// What tiles were learned by, where the map can be learned on.
+    pub recipe: Option<Recipe>,
 }
 
 /// A tile in the index.
@@ -149,7 +154,7 @@ impl TiledHeader {
             if header.n_instances > 0 {
                 return fail("instances in a map of tiles".into());
             }
-            let other = |a: &PatchesHeader| (a.color.is_some(), a.unblended, a.prediction);
+            let other = |a: &PatchesHeader| (a.color.is_some(), a.unblended, a.coding);
             let first = &self.details[0];
             if other(header) != other(first) || header.attributes != first.attributes {
                 return fail(format!(
@@ -165,6 +170,37 @@ impl TiledHeader {
         let of = |header| features::<PatchModel>(header, false);
         self.details.iter().map(of).fold(Features::TILES, Features::with)
     }
+}
+
+/// Writes or reads what tiles were learned by.
+fn code_recipe<F: Fields>(fields: &mut F, recipe: &mut Recipe) -> Result<()> {
+    fields.f64(&mut recipe.density)?;
+    fields.f64(&mut recipe.tolerance)?;
+    let mut gap = recipe.layer_gap.unwrap_or(0.0);
+    fields.f64(&mut gap)?;
+    recipe.layer_gap = (gap != 0.0).then_some(gap);
+    let views = [Views::None, Views::Viewpoints, Views::Normals];
+    recipe.views = one_of(fields, "kind of views", recipe.views, &views)?;
+    let sensors = [Sensor::StructuredLight, Sensor::Constant];
+    recipe.sensor = one_of(fields, "kind of sensor", recipe.sensor, &sensors)?;
+    fields.f64(&mut recipe.rate)?;
+    fields.f64(&mut recipe.completeness)?;
+    fields.f64(&mut recipe.color_rate)?;
+    fields.f64(&mut recipe.attribute_rate)?;
+    fields.bounded("number of rounds", &mut recipe.rounds, u32::MAX)
+}
+
+/// Writes or reads the number of one of some values.
+fn one_of<F: Fields, T: Copy + PartialEq>(
+    fields: &mut F,
+    what: &'static str,
+    value: T,
+    all: &[T],
+) -> Result<T> {
+    let mut number = all.iter().position(|other| *other == value).unwrap_or(0) as u32;
+    fields.bounded(what, &mut number, all.len() as u32 - 1)?;
+    // `bounded` has checked it.
+    Ok(all.get(number as usize).copied().unwrap_or(value))
 }
 
 /// The bytes of a tile: numbers of patches and points beside them, lengths of the streams, streams.
@@ -251,8 +287,13 @@ impl TileIndex {
         let checksum = self.entries.iter().fold(crc32c::crc32c(&[]), sum);
         let mut writer = ContainerWriter::new(PatchModel::FAMILY, features)
             .section(META, meta.bytes.finish())
-            .section(TILE_INDEX, self.write())
-            .section_elsewhere(TILES, self.tile_bytes(), checksum);
+            .section(TILE_INDEX, self.write());
+        if let Some(mut recipe) = header.recipe {
+            let mut fields = FieldWriter::default();
+            code_recipe(&mut fields, &mut recipe)?;
+            writer = writer.section(RECIPE, fields.bytes.finish());
+        }
+        writer = writer.section_elsewhere(TILES, self.tile_bytes(), checksum);
         let note = note.as_bytes().to_vec();
         if !note.is_empty() {
             writer = writer.section(NOTE, note.clone());
@@ -292,7 +333,8 @@ impl TileIndex {
         bytes.finish()
     }
 
-    /// Reads `META` and the index of a file with `features`, whose tiles have `tile_bytes` in all.
+    /// Reads `META`, the index and what tiles were learned by, where that is there, of a file with `features`, whose tiles have
+    /// `tile_bytes` in all.
     ///
     /// # Errors
     /// Any error of reading; nothing is trusted.
@@ -300,6 +342,7 @@ impl TileIndex {
         features: Features,
         meta: &[u8],
         index: &[u8],
+        recipe: Option<&[u8]>,
         tile_bytes: u64,
         limits: &Limits,
     ) -> Result<Self> {
@@ -308,6 +351,14 @@ impl TileIndex {
         header.code(&mut fields, features)?;
         fields.finish()?;
         header.check()?;
+        if let Some(bytes) = recipe {
+            let mut fields = FieldReader::new(bytes, *limits);
+            let mut recipe = Recipe::default();
+            code_recipe(&mut fields, &mut recipe)?;
+            fields.finish()?;
+            recipe.check().map_err(|what| Error::corrupt(RECIPE, 0, what.to_string()))?;
+            header.recipe = Some(recipe);
+        }
         if features != header.features() {
             let names: Vec<&str> = features.names().collect();
             let what = format!("the features {names:?} do not go together with these tiles");
@@ -402,12 +453,14 @@ pub fn inspect_tiles(container: &Container<'_>) -> Result<Option<FileSummary>> {
     }
     let limits = Limits { max_items: u64::MAX, max_bytes: u64::MAX };
     let (meta, tiles) = (container.require(META)?, container.require(TILES)?);
-    let read =
-        |index| TileIndex::read(container.features(), meta, index, tiles.len() as u64, &limits);
-    let index = read(container.require(TILE_INDEX)?)?;
+    let recipe = container.sections().iter().find(|s| s.tag == RECIPE).map(|s| s.bytes);
+    let index = container.require(TILE_INDEX)?;
+    let n_bytes = tiles.len() as u64;
+    let index = TileIndex::read(container.features(), meta, index, recipe, n_bytes, &limits)?;
     let name = |tag: Tag| match tag {
         META => "header".to_owned(),
         TILE_INDEX => "index of the tiles".to_owned(),
+        RECIPE => "how tiles are learned".to_owned(),
         NOTE => "note".to_owned(),
         other => other.to_string(),
     };

@@ -46,12 +46,17 @@ impl Region {
     /// # Errors
     /// None: all of them are points of the cloud.
     pub fn crop(&self, cloud: &PointCloud) -> Result<PointCloud> {
+        Ok(cloud.select(&self.numbers_in(cloud))?)
+    }
+
+    /// Numbers of the points of a cloud that lie in the box, growing.
+    pub fn numbers_in(&self, cloud: &PointCloud) -> Vec<usize> {
         let numbers: Vec<usize> = (0..cloud.len()).collect();
         let of_blocks = parallel::map_chunks(&numbers, BLOCK, |numbers| {
             let inside = numbers.iter().copied().filter(|&i| self.contains(cloud.world(i)));
             inside.collect::<Vec<usize>>()
         });
-        Ok(cloud.select(&of_blocks.concat())?)
+        of_blocks.concat()
     }
 
     /// False only where this box and another have no point in common. The other lies from `low` to `high` along axes that

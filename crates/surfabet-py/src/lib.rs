@@ -6,6 +6,7 @@
 mod alphabet;
 mod arrays;
 mod bic_alphabet;
+mod changes;
 mod cloud;
 mod errors;
 mod files;
@@ -65,6 +66,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     range_image::register(module)?;
     voxel_grid::register(module)?;
     sparse::register(module)?;
+    changes::register(module)?;
     survey::register(module)?;
     tiles::register(module)?;
     Ok(())

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use numpy::ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
 use surfabet_base::parallel;
 use surfabet_sim::{
     GroundTruth, Intrinsics, LidarOptions, Pose, PoseError, RgbdFrame, RgbdOptions, RoomKind,
@@ -290,6 +291,21 @@ impl PyScene {
     #[getter]
     fn interior(&self) -> ([f64; 3], [f64; 3]) {
         self.scene.interior()
+    }
+
+    /// The scene with instances in other poses, (4, 4) each, or without them.
+    fn rearranged(&self, changes: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let changes = changes.iter().map(|(row, pose)| {
+            let row: u32 = row.extract()?;
+            if pose.is_none() {
+                return Ok((row, None));
+            }
+            let stacked = poses_of(PyList::new(pose.py(), [pose])?.as_any())?;
+            Ok((row, stacked.first().copied()))
+        });
+        let changes = changes.collect::<PyResult<Vec<_>>>()?;
+        let scene = self.scene.rearranged(&changes).map_err(IntoPyErr::into_py_err)?;
+        Ok(Self { scene: Arc::new(scene) })
     }
 
     fn default_poses<'py>(&self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyArray3<f64>>> {

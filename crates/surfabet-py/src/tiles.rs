@@ -12,7 +12,7 @@ use pyo3::types::{PyBytes, PyDict};
 use surfabet::geom::{Dtype, Survey};
 use surfabet::patches::{
     AttributeContent, AttributeHeader, AttributeRange, Cubes, INTENSITIES, Lattice, Orientation,
-    TilePlan, learn_tile as learn, plan,
+    Recipe, TilePlan, Views, learn_tile as learn, plan,
 };
 use surfabet::{
     AnyModel, DecodeOptions, Limits, OpenError, Part, ReadAt, ScalarScale, TileEntry, TiledModel,
@@ -61,6 +61,20 @@ impl PyTiledModel {
         let part = Part { region: region_of(region)?, level };
         let decode = |monitor: &dyn surfabet::Progress| model.decode_part(part, options, monitor);
         Ok(run(slf.py(), progress, decode)?.into())
+    }
+
+    /// The map with what another scan shows, the number of tiles that were learned, and of points that were left out.
+    #[pyo3(signature = (cloud, *, alone, progress))]
+    fn update(
+        &self,
+        py: Python<'_>,
+        cloud: &Bound<'_, PyPointCloud>,
+        alone: bool,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Py<Self>, usize, usize)> {
+        let cloud = &cloud.get().cloud;
+        let updated = run(py, progress, |monitor| self.model.update(cloud, alone, monitor))?;
+        Ok((Self::wrap(py, updated.model)?, updated.learned, updated.left_out))
     }
 
     /// Writes the file, with a note if it is not empty, and returns its size in bytes.
@@ -203,9 +217,14 @@ fn holds_tiles(start: &[u8]) -> bool {
 
 /// The model of all tiles of some models.
 #[pyfunction]
-fn merge_tiles(py: Python<'_>, models: Vec<Py<PyTiledModel>>) -> PyResult<Py<PyTiledModel>> {
+#[pyo3(signature = (models, *, progress))]
+fn merge_tiles(
+    py: Python<'_>,
+    models: Vec<Py<PyTiledModel>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Py<PyTiledModel>> {
     let models: Vec<TiledModel> = models.iter().map(|m| m.get().model.as_ref().clone()).collect();
-    let merged = py.detach(|| TiledModel::merge(&models)).map_err(IntoPyErr::into_py_err)?;
+    let merged = run(py, progress, |monitor| TiledModel::merge(&models, monitor))?;
     PyTiledModel::wrap(py, merged)
 }
 
@@ -265,8 +284,10 @@ fn learn_tile<'py>(
     let (plan, options) = (plan_of(plan)?, options_of(options)?);
     let cloud = &cloud.get().cloud;
     let bytes = run(py, progress, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
-        let model = learn(cloud, cube, &plan, &options, monitor)?;
-        model.map(|m| TiledModel::of_tile(plan.cubes, cube, &m)?.to_bytes()).transpose()
+        let model = learn(cloud, None, cube, &plan, &options, monitor)?;
+        let recipe = Recipe::of(&plan, &options);
+        let file = |m| TiledModel::of_tile(plan.cubes, cube, &m)?.with_recipe(recipe).to_bytes();
+        model.map(file).transpose()
     })?;
     Ok(bytes.map(|bytes| PyBytes::new(py, &bytes)))
 }
@@ -274,6 +295,14 @@ fn learn_tile<'py>(
 fn dtype_of(name: &str) -> PyResult<Dtype> {
     let found = Dtype::ALL.iter().find(|dtype| dtype.name() == name);
     found.copied().ok_or_else(|| invalid_input(format!("no attribute has the type {name:?}")))
+}
+
+/// Kinds of views by number.
+const VIEWS: [Views; 3] = [Views::None, Views::Viewpoints, Views::Normals];
+
+fn views_of(number: usize) -> PyResult<Views> {
+    let unknown = || invalid_input(format!("no plan of tiles has views of kind {number}"));
+    VIEWS.get(number).copied().ok_or_else(unknown)
 }
 
 /// An attribute of a plan: name, type, labels, or low end, high end and step of its scale.
@@ -307,6 +336,7 @@ fn state<'py>(py: Python<'py>, plan: &TilePlan) -> PyResult<Bound<'py, PyDict>> 
     dict.set_item("bounds", survey.bounds)?;
     dict.set_item("tolerance", plan.tolerance)?;
     dict.set_item("density", plan.density)?;
+    dict.set_item("views", VIEWS.iter().position(|views| *views == plan.views))?;
     dict.set_item("attributes", plan.attributes.iter().map(attribute).collect::<Vec<_>>())?;
     let chosen = plan.chosen.iter().map(|c| (c.option, c.value, c.reason.clone()));
     dict.set_item("chosen", chosen.collect::<Vec<_>>())?;
@@ -348,6 +378,7 @@ fn plan_of(state: &Bound<'_, PyDict>) -> PyResult<TilePlan> {
         },
         tolerance: item("tolerance")?.extract()?,
         density: item("density")?.extract()?,
+        views: views_of(item("views")?.extract()?)?,
         attributes: attributes.into_iter().map(attribute).collect::<PyResult<_>>()?,
         chosen: Vec::new(),
     };

@@ -29,12 +29,14 @@ mod error;
 mod model;
 mod registry;
 mod save;
+mod sessions;
 mod tiled;
 
 pub use any_model::AnyModel;
 pub use error::{Error, Result};
 pub use model::{KnownVocabulary, Model};
 pub use save::{Save, write};
+pub use sessions::Updated;
 pub use surfabet_codec::{
     Container, ContentHash, Family, FileSummary, Layout, Limits, MAX_NOTE, TileEntry, TiledHeader,
     Vocabulary, note, with_note, write_tile,

@@ -7,7 +7,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use surfabet_codec::{
-    ContentHash, Family, Features, Frame, Limits, TILE_INDEX, TILES, Tag, TileEntry, TileIndex,
+    ContentHash, Family, Features, Frame, Limits, RECIPE, TILE_INDEX, TILES, Tag, TileEntry,
+    TileIndex,
 };
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 use surfabet_models::patches::{self, INTENSITIES, PatchModel, PatchesHeader, PatchesReport};
@@ -136,8 +137,13 @@ impl TiledModel {
         frame.expect_only(&[surfabet_codec::META, TILE_INDEX, TILES])?;
         let meta = section(file, &frame, surfabet_codec::META, limits)?;
         let index = section(file, &frame, TILE_INDEX, limits)?;
+        let recipe = match frame.sections.iter().any(|section| section.tag == RECIPE) {
+            true => Some(section(file, &frame, RECIPE, limits)?),
+            false => None,
+        };
         let (start, tiles) = frame.require(TILES)?;
-        let index = TileIndex::read(frame.features, &meta, &index, tiles.len, limits)?;
+        let recipe = recipe.as_deref();
+        let index = TileIndex::read(frame.features, &meta, &index, recipe, tiles.len, limits)?;
         let size = file.size()?;
         let end = frame.sections.iter().try_fold(frame.len, |end, s| end.checked_add(s.len));
         if end != Some(size) {
@@ -203,33 +209,6 @@ impl TiledModel {
         Ok(Self { index: Arc::new(index), tiles, part: Part::default(), limits, report })
     }
 
-    /// The model of all tiles of some models, in any order.
-    ///
-    /// # Errors
-    /// [`Error::Codec`] for models that share no lattice, or more than one of which has a tile at a place.
-    pub fn merge(models: &[Self]) -> Result<Self> {
-        let Some(first) = models.first() else {
-            return Err(surfabet_models::Error::EmptyCloud.into());
-        };
-        let shared = |model: &Self| {
-            let mut header = model.index.header.clone();
-            header.details.iter_mut().for_each(|detail| detail.n_points = 0);
-            header
-        };
-        let header = shared(first);
-        if models.iter().any(|model| shared(model) != header) {
-            let what = "models whose tiles have another lattice, or other attributes, than those of the first";
-            return Err(
-                surfabet_models::Error::invalid("models", what, "made with one plan").into()
-            );
-        }
-        let tiles = models.iter().flat_map(|model| {
-            let all = model.index.entries.iter().zip(&model.tiles);
-            all.filter_map(|(entry, tile)| Some((*entry, tile.clone()?)))
-        });
-        Self::of_tiles(header, tiles.collect())
-    }
-
     /// The model of one tile.
     ///
     /// # Errors
@@ -243,7 +222,7 @@ impl TiledModel {
             extra_size: lattice.pixel_size,
             ..model.header()
         };
-        let header = surfabet_codec::TiledHeader { details: vec![detail], cubes };
+        let header = surfabet_codec::TiledHeader { details: vec![detail], cubes, recipe: None };
         let bytes = surfabet_codec::write_tile(model);
         let entry = TileEntry {
             len: bytes.len() as u64,
@@ -251,6 +230,29 @@ impl TiledModel {
             ..header.entry(0, cube, model)
         };
         Self::of_tiles(header, vec![(entry, bytes.into())])
+    }
+
+    /// The model with what its tiles were learned by, so that it can be learned on.
+    #[must_use]
+    pub fn with_recipe(mut self, recipe: patches::Recipe) -> Self {
+        Arc::make_mut(&mut self.index).header.recipe = Some(recipe);
+        self
+    }
+
+    /// All tiles that are here, with their bytes.
+    pub(crate) fn held(&self) -> impl Iterator<Item = (TileEntry, Arc<[u8]>)> {
+        let all = self.index.entries.iter().zip(&self.tiles);
+        all.filter_map(|(entry, tile)| Some((*entry, tile.clone()?)))
+    }
+
+    /// The tiles that are here and may decode to points in a region.
+    pub(crate) fn held_in(&self, region: &Region) -> impl Iterator<Item = (TileEntry, Arc<[u8]>)> {
+        self.held().filter(|(entry, _)| meets(&self.index, entry, region))
+    }
+
+    /// The model of a tile from its bytes.
+    pub(crate) fn read_tile(&self, entry: &TileEntry, bytes: &[u8]) -> Result<PatchModel> {
+        Ok(self.index.read_tile(entry, bytes, &self.limits)?)
     }
 
     /// What all tiles share.
@@ -397,15 +399,13 @@ impl TiledModel {
 
     /// The model with an index of the tiles that are here alone.
     fn kept(&self) -> Result<Self> {
-        let all = self.index.entries.iter().zip(&self.tiles);
-        let tiles = all.filter_map(|(entry, tile)| Some((*entry, tile.clone()?)));
-        let kept = Self::of_tiles(self.index.header.clone(), tiles.collect())?;
+        let kept = Self::of_tiles(self.index.header.clone(), self.held().collect())?;
         Ok(Self { part: self.part, limits: self.limits, ..kept })
     }
 }
 
 /// Stops when the other does, but tells no progress: that of one tile is none of the whole.
-struct Quiet<'a>(&'a dyn Progress);
+pub(crate) struct Quiet<'a>(pub &'a dyn Progress);
 
 impl Progress for Quiet<'_> {
     fn update(&self, _: &'static str, _: f32) {}

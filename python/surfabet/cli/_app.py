@@ -13,15 +13,19 @@ from cyclopts import App, CycloptsError
 
 import surfabet
 from surfabet.cli._options import COMMON, UsageError, in_own_words, spelled
+from surfabet.cli.append import append
 from surfabet.cli.compare import compare
+from surfabet.cli.completion import completion
 from surfabet.cli.compress import compress
 from surfabet.cli.convert import convert
 from surfabet.cli.decompress import decompress
+from surfabet.cli.diff import diff
 from surfabet.cli.evaluate import evaluate
 from surfabet.cli.export import export
 from surfabet.cli.find import find
 from surfabet.cli.info import info
 from surfabet.cli.locate import locate
+from surfabet.cli.merge import merge
 from surfabet.cli.places import places
 from surfabet.cli.plan import plan
 from surfabet.cli.recurring import recurring
@@ -63,9 +67,13 @@ for verb in (
     recurring,
     locate,
     places,
+    append,
+    merge,
+    diff,
     export,
     plan,
     convert,
+    completion,
 ):
     app.command(verb)
 

@@ -18,6 +18,7 @@ from surfabet.files import AnyModel, Vocabulary
 from surfabet.io import Format, detect, formats, named_format
 
 MODEL_SUFFIX = ".sfb"
+MAGIC = b"\x89SFB"
 HTML_SUFFIXES = frozenset({".html", ".htm"})
 
 
@@ -76,7 +77,7 @@ def read_cloud(
 
     Options that are for another file, too, may be those of its format, which is `beside`.
     """
-    if path.suffix.lower() == MODEL_SUFFIX:
+    if path.suffix.lower() == MODEL_SUFFIX or is_model(path):
         raise UsageError(
             f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
         )
@@ -101,6 +102,7 @@ def load_model(
 ) -> AnyModel:
     """The model in a `.sfb` file, which may name a vocabulary instead of holding it, or the `part`
     of one in tiles."""
+    refuse_cloud(path)
     progress(f"load {path.name}", 0.0)
     try:
         return surfabet.load(path, vocabulary=vocabulary, **part)
@@ -115,8 +117,30 @@ def load_model(
     )
 
 
+def is_model(path: Path) -> bool:
+    """True for a file that begins as a model does."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+def refuse_cloud(path: Path) -> None:
+    """Says so where a folder or a cloud is given in the place of a model."""
+    if path.is_dir():
+        raise UsageError(f"{path}: is a folder; name a model file ({MODEL_SUFFIX})")
+    if is_model(path) or path.suffix.lower() == MODEL_SUFFIX:
+        return
+    with suppress(FormatError, OSError):
+        known = detect(path)
+        raise UsageError(
+            f"{path}: is a cloud ({known.name}), not a model; surfabet compress makes a model of it"
+        )
+
+
 def holds_tiles(path: Path) -> bool:
     """True for a model file with tiles."""
+    refuse_cloud(path)
     with path.open("rb") as file:
         return _core.holds_tiles(file.read(1 << 13))
 

@@ -17,6 +17,7 @@ from surfabet._progress import ProgressCallback
 from surfabet.cli._files import (
     MODEL_SUFFIX,
     check_output,
+    is_model,
     load_model,
     load_vocabulary,
     read_cloud,
@@ -36,8 +37,6 @@ from surfabet.cli._options import (
 )
 from surfabet.files import AnyModel
 from surfabet.io import detect, list_topics, named_format, read_bag
-
-_MAGIC = b"\x89SFB"
 
 HOLDS = {
     "patches": "surface patches on the scene's own lattice, each a piece of surface with its mask",
@@ -85,7 +84,7 @@ def info(
     json
         Print one JSON object instead of tables.
     """
-    if not _is_model(file):
+    if file.is_dir() or not (file.suffix.lower() == MODEL_SUFFIX or is_model(file)):
         if picture is not None:
             raise UsageError(f"--picture: {file} is no model and has no words to draw")
         _info_of_cloud(file, read, common, json)
@@ -194,15 +193,6 @@ def _in_words(
     yield "        --resolution METRES gives another spacing" + (
         ", --as-measured the thickness of the scan" if model.keeps_thickness else ""
     )
-
-
-def _is_model(file: Path) -> bool:
-    if file.is_dir():
-        return False
-    if file.suffix.lower() == MODEL_SUFFIX:
-        return True
-    with file.open("rb") as opened:
-        return opened.read(len(_MAGIC)) == _MAGIC
 
 
 def _info_of_cloud(file: Path, read: ReadOptions, common: Common, json: bool) -> None:

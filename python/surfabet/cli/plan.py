@@ -72,9 +72,10 @@ def plan(
         )
     elif not common.quiet:
         openings = [opening for wall in drawn.walls for opening in wall.openings]
+        rooms = "room" if len(drawn.rooms) == 1 else "rooms"
         print(
             f"{output}: {len(drawn.walls)} faces of walls, {len(openings)} openings, "
-            f"{len(drawn.rooms)} rooms of {drawn.area:.2f} m2, {bytes_text(n_bytes)}, "
+            f"{len(drawn.rooms)} {rooms} of {drawn.area:.2f} m2, {bytes_text(n_bytes)}, "
             f"{seconds:.1f} s"
         )
         for number, room in enumerate(drawn.rooms, 1):

@@ -123,7 +123,9 @@ def named_format(name: str) -> Format:
 
 
 def _suffixes(which: str) -> str:
-    return ", ".join(s for known in _FORMATS if getattr(known, which) for s in known.suffixes)
+    found = (s for known in _FORMATS if getattr(known, which) for s in known.suffixes)
+    # Several formats have one suffix.
+    return ", ".join(dict.fromkeys(found))
 
 
 def detect(path: str | os.PathLike[str]) -> Format:

@@ -9,8 +9,9 @@ use surfabet::patches;
 use surfabet::{
     CloudParts, DecodeOptions, PatchModel, PatchesOptions, PointCloud, Save, Silent, Viewpoints,
 };
+use surfabet_codec::Features;
 use surfabet_models::Error;
-use surfabet_tests::files::read;
+use surfabet_tests::files::{codec_error, put_together, read, sections};
 
 const PIXEL: f64 = 0.01;
 
@@ -319,6 +320,22 @@ fn blended_colors_are_those_of_the_samples() {
     // adds f^4 of what is missed: 3 are left, and the rounding of colours to whole numbers.
     let rmse = (sum / n).sqrt();
     assert!(rmse < 6.0, "{rmse}");
+}
+
+/// The two codings of attributes exclude each other, and neither reads what the other wrote as its own.
+#[test]
+fn attributes_are_coded_in_one_way() {
+    let model = learn(&corner(0.003, 0.3, 1).0, &options());
+    let file = bytes(&model);
+    let parts = sections(&file);
+    assert_eq!(put_together::<PatchModel>(Features::WHOLE_FIELDS, &parts), file);
+    let both = Features::WHOLE_FIELDS.with(Features::BESIDE);
+    let error = codec_error::<PatchModel>(&put_together::<PatchModel>(both, &parts));
+    assert!(error.to_string().contains("two ways to code attributes"), "{error}");
+    // Without checks of their content the streams of one coding may be some of the other's.
+    if let Ok(other) = read::<PatchModel>(&put_together::<PatchModel>(Features::BESIDE, &parts)) {
+        assert_ne!(other, model);
+    }
 }
 
 #[test]

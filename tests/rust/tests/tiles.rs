@@ -57,7 +57,9 @@ fn tiles(
     let mut found = Vec::new();
     for i in 0..7 * 7 * 7 {
         let cube = [i % 7 - 3, i / 7 % 7 - 3, i / 49 - 3];
-        found.extend(learn_tile(cloud, cube, plan, options, &Silent).unwrap().map(|m| (cube, m)));
+        found.extend(
+            learn_tile(cloud, None, cube, plan, options, &Silent).unwrap().map(|m| (cube, m)),
+        );
     }
     found
 }
@@ -66,7 +68,7 @@ fn merged(plan: &TilePlan, tiles: &[([i32; 3], PatchModel)]) -> TiledModel {
     let of = |(cube, model): &([i32; 3], PatchModel)| {
         TiledModel::of_tile(plan.cubes, *cube, model).unwrap()
     };
-    TiledModel::merge(&tiles.iter().map(of).collect::<Vec<_>>()).unwrap()
+    TiledModel::merge(&tiles.iter().map(of).collect::<Vec<_>>(), &Silent).unwrap()
 }
 
 fn open(bytes: &[u8], part: Part) -> Result<Option<TiledModel>, surfabet::OpenError> {
@@ -102,7 +104,7 @@ fn tiles_hold_every_point_once_and_the_surface_once() {
     // One cube around everything, of the same lattice.
     let cubes = Cubes { side: 4096, offset: [2048; 3] };
     let one = TilePlan { cubes, ..plan.clone() };
-    let whole = learn_tile(&cloud, [-1; 3], &one, &options, &Silent).unwrap().unwrap();
+    let whole = learn_tile(&cloud, None, [-1; 3], &one, &options, &Silent).unwrap().unwrap();
     assert_eq!(whole.n_points(), cloud.len() as u64);
     let wanted: u64 = whole
         .level_sizes()
@@ -135,7 +137,7 @@ fn points_beyond_the_margin_make_no_difference() {
         let near: Vec<usize> = (0..cloud.len()).filter(near).collect();
         assert!(near.len() < cloud.len());
         let part = cloud.select(&near).unwrap();
-        let again = learn_tile(&part, *cube, &plan, &options, &Silent).unwrap().unwrap();
+        let again = learn_tile(&part, None, *cube, &plan, &options, &Silent).unwrap().unwrap();
         assert_eq!(&again, model);
     }
 }

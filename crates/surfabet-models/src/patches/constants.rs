@@ -169,27 +169,20 @@ pub(super) const MAX_STRAY: f32 = 1e4;
 
 // Colour and scalars. All are part of the file format: the first two that of older files.
 
-/// Weight of the parent next to a cell's own along each axis, where colours are predicted. Linear interpolation between
-/// middles would be 1/4; more smooths the noise of single parents. 0.25 changes bytes by -1.4 to 0.8
-/// percent, 0.4 costs 2.
-pub(super) const NEIGHBOUR_SHARE: f32 = 0.32;
+/// Weight of a cell's own parent, and of the one next to it, along each axis, where colours are predicted; of 64. Linear interpolation
+/// between middles would be 48 and 16. On a simulated scan shares of 0.28, 0.24 and 0.2 took 10.2, 13.1 and 14.9 percent off the bytes of
+/// colour at equal error, against what older files do, 0.32 took 4.4; on the fused frames of a kitchen 0.28 took 6.4, 0.22 with the steps
+/// below 5.4 and 0.26 with them 6.2. Here it is 0.266.
+pub(super) const PARENT_WEIGHTS: [i64; 2] = [47, 17];
 
-/// Step of a level of the pyramid against that of the model: for the cells themselves, their parents, and so on.
-/// Coefficients of coarse cells also predict the finer ones, so they are rounded more finely. All times 0.8
-/// costs 1.5 percent of the bytes, times 1.25 saves 1.5 to 3.5; the error of colour changes by -0.5 to 1.3 percent.
-pub(super) const STEP_SHARES: [f32; 4] = [1.25, 1.0, 0.85, 0.7];
+/// The share, of 256, of what the prediction missed at each of up to three cells beside a child that is added to its own: 0.3.
+/// 0.25 and 0.35 changed bytes at equal error by less than half a percent.
+pub(super) const MISSED_SHARE: i64 = 77;
 
-/// As [`NEIGHBOUR_SHARE`], where cells beside the child that are coded already help. On a simulated scan 0.28, 0.24 and 0.2
-/// take 10.2, 13.1 and 14.9 percent off the bytes of colour at equal error, 0.32 takes 4.4; on the fused frames of a kitchen
-/// 0.28 takes 6.4, 0.22 with the steps below 5.4 and 0.26 with them 6.2.
-pub(super) const NEIGHBOUR_SHARE_BESIDE: f32 = 0.26;
-
-/// The share of what the prediction missed at each of up to three cells beside a child that is added to its own. 0.25 and
-/// 0.35 change bytes at equal error by less than half a percent.
-pub(super) const RESIDUAL_SHARE: f32 = 0.3;
-
-/// As [`STEP_SHARES`], where cells beside the child that are coded already help: 1 percent less at equal error than those.
-pub(super) const STEP_SHARES_BESIDE: [f32; 4] = [1.15, 1.0, 0.9, 0.8];
+/// Step of a level of the pyramid against that of the model, of 32: for the cells themselves, their parents, and so on.
+/// Coefficients of coarse cells also predict the finer ones, so they are rounded more finely. 1.15, 1, 0.9 and 0.8 took 1
+/// percent less at equal error than the steps of older files; these are the nearest to them.
+pub(super) const STEP_SHARES: [u32; 4] = [37, 32, 29, 26];
 
 // Points beside the patches.
 

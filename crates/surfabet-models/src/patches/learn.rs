@@ -9,7 +9,7 @@ use surfabet_geom::{PointCloud, Progress, Survey};
 use super::attributes::cells::{attribute_cells, sides_of_cells};
 use super::attributes::chosen::{Chosen, Fields};
 use super::attributes::targets::Targets;
-use super::attributes::{AttributeHeader, Prediction};
+use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
 use super::choice::Choice;
 use super::coding::{Geometry, GeometryModels, code_geometry};
@@ -22,8 +22,8 @@ use super::instances::Instances;
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::{DEPTH_STEPS, PatchesOptions};
 use super::recurrence::{Learned, recurring};
-use super::samples::SidedSamples;
 use super::samples::cells::LIMIT;
+use super::samples::{SidedSamples, Weights};
 use super::sheets::{Reach, Sheet, sheets};
 use super::supported::with_support;
 use super::surface::basis::Basis;
@@ -107,7 +107,15 @@ pub fn learn(
     let lattice = stages.run("finding axes", |_| {
         Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
     })?;
-    let ground = Ground { lattice, survey, tolerance, density: None, attributes: &[], tile: None };
+    let ground = Ground {
+        lattice,
+        survey,
+        tolerance,
+        density: None,
+        attributes: &[],
+        tile: None,
+        weights: None,
+    };
     let (model, mut report) = on_lattice(&ground, cloud, options, &mut stages)?;
     report.stages = stages.finish();
     start.report(tolerance, &mut report);
@@ -126,6 +134,8 @@ pub(super) struct Ground<'a> {
     pub attributes: &'a [AttributeHeader],
     /// The part of the scene that is described; all of it without.
     pub tile: Option<Tile>,
+    /// Weights of the points, beside what their ranges give; all are 1 without.
+    pub weights: Option<&'a [f32]>,
 }
 
 /// Steps 2 to 9: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
@@ -139,7 +149,8 @@ pub(super) fn on_lattice(
     let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
-        SidedSamples::merge(cloud, &lattice, options.sensor, survey, progress)
+        let weights = Weights { sensor: options.sensor, of_points: ground.weights };
+        SidedSamples::merge(cloud, &lattice, weights, survey, progress)
     })?;
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;
@@ -362,8 +373,8 @@ fn attributes(
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
     let Fields { color, others, figures } =
         chosen.fields(&cells, &targets, options, ground.attributes)?;
-    let prediction = Prediction::Beside;
-    Ok((Attributes { cells, color, others, unblended, prediction }, figures))
+    let coding = FieldCoding::Whole;
+    Ok((Attributes { cells, color, others, unblended, coding }, figures))
 }
 
 /// What the report says of each level.

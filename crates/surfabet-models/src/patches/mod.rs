@@ -53,8 +53,8 @@ mod whole;
 
 pub use attributes::color::ColorSteps;
 pub use attributes::{
-    AttributeContent, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS, MAX_NAME,
-    Prediction,
+    AttributeContent, AttributeHeader, FieldCoding, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS,
+    MAX_NAME,
 };
 pub use axes::Orientation;
 pub use coding::PointCoding;
@@ -66,4 +66,4 @@ pub use model::{
 };
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;
-pub use tiles::{AttributeRange, Cubes, TilePlan, learn_tile, plan};
+pub use tiles::{AttributeRange, Cubes, Recipe, TilePlan, Views, learn_tile, plan};

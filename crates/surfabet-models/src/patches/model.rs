@@ -5,7 +5,7 @@ use surfabet_entropy::Coder;
 use super::attributes::cells::{attribute_cells, cell_key, cell_of_key};
 use super::attributes::color::{ColorField, ColorSteps};
 use super::attributes::{
-    AttributeField, AttributeHeader, INTENSITIES, MAX_ATTRIBUTES, Prediction, check,
+    AttributeField, AttributeHeader, FieldCoding, INTENSITIES, MAX_ATTRIBUTES, check,
 };
 use super::axes::Orientation;
 use super::coding::near_points::{NearPointModels, code_near_points};
@@ -212,10 +212,10 @@ pub struct PatchesHeader {
     /// A point has the attributes of the cell that it lies in, instead of a mean of those around it: where surfaces lie close
     /// behind one another, the mean would be of both.
     pub unblended: bool,
-    /// What colours and scalars are predicted from.
-    pub prediction: Prediction,
     /// Number of instances.
     pub n_instances: u64,
+    /// How colours and scalars are coded.
+    pub coding: FieldCoding,
 }
 
 /// Attributes on the cells around the surface.
@@ -228,8 +228,8 @@ pub(super) struct Attributes {
     pub others: Vec<AttributeField>,
     /// See [`PatchesHeader::unblended`].
     pub unblended: bool,
-    /// What colours and scalars are predicted from.
-    pub prediction: Prediction,
+    /// How colours and scalars are coded.
+    pub coding: FieldCoding,
 }
 
 /// The streams of a model.
@@ -344,8 +344,8 @@ impl PatchModel {
             max_error_forward: self.max_error_forward,
             attributes: self.attributes.others.iter().map(AttributeField::header).collect(),
             unblended: self.attributes.unblended,
-            prediction: self.attributes.prediction,
             n_instances: self.instances.all.len() as u64,
+            coding: self.attributes.coding,
         }
     }
 
@@ -529,16 +529,16 @@ impl Attributes {
         color: &mut C,
         others: [&mut C; MAX_ATTRIBUTES],
     ) -> Result<Self, C::Error> {
-        let prediction = header.prediction;
+        let coding = header.coding;
         let color = match header.color {
-            Some(steps) => Some(ColorField::read(color, &cells, steps, prediction)?),
+            Some(steps) => Some(ColorField::read(color, &cells, steps, coding)?),
             None => None,
         };
         let fields = header.attributes.iter().zip(others);
         let others =
-            fields.map(|(header, coder)| AttributeField::read(coder, &cells, header, prediction));
+            fields.map(|(header, coder)| AttributeField::read(coder, &cells, header, coding));
         let others = others.collect::<Result<_, _>>()?;
-        Ok(Self { cells, color, others, unblended: header.unblended, prediction })
+        Ok(Self { cells, color, others, unblended: header.unblended, coding })
     }
 }
 

@@ -146,6 +146,16 @@ pub(super) const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
 
 // Scoring and suppressing.
 
+/// How far beyond the border of an example it is asked whether the place goes on, spacings: two are within what samples of a border
+/// miss it by.
+pub(super) const BORDER_STEP: f64 = 3.0;
+
+/// A position is beyond the border when the nearest sample is farther than this share of the step.
+pub(super) const BEYOND_BORDER: f64 = 0.75;
+
+/// Directions in which the border is looked for about a sample.
+pub(super) const BORDER_DIRECTIONS: u32 = 8;
+
 /// Samples of the example that places are scored with.
 pub(super) const SCORED_SAMPLES: usize = 4096;
 
@@ -171,6 +181,10 @@ pub(super) const LEAST_SPACING_OF_THINGS: f64 = 0.015;
 
 /// Samples up to this many spacings apart hang together.
 pub(super) const LINK_REACH: f64 = 2.1;
+
+/// What lies up to this many spacings from a large surface, and half as many from its plane, belongs to it: scraps along
+/// its edges look alike.
+pub(super) const ON_LARGE: f64 = 4.0;
 
 /// Samples that a thing needs, as a share of a square of the least size that is filled.
 pub(super) const LEAST_FILLED: f64 = 0.1;

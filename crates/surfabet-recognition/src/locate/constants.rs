@@ -184,13 +184,34 @@ pub(super) const SECTORS: usize = 36;
 /// A view of less than this share of the circle is narrow: 144 degrees.
 pub(super) const NARROW: f64 = 0.4;
 
-/// Least share explained of a narrow view: in the hall wrong places explain 80 to 90 % of one.
-pub(super) const NARROW_EXPLAINED: f64 = 0.9;
+/// Least share explained of a narrow view: in the hall, half mapped, wrong places explain up to 0.89 of one, right ones from 0.41 on;
+/// what tells them apart is how many places fit.
+pub(super) const NARROW_EXPLAINED: f64 = 0.6;
+
+/// Most places that a narrow view may fit: of more the right one may be missing.
+pub(super) const MOST_ALIKE: usize = 5;
 
 /// Independent facts that the samples of a scan amount to for a pose, by closeness, and against it.
 pub(super) const FACTS_FOR: f64 = 30.0;
 /// The same against it.
 pub(super) const FACTS_AGAINST: f64 = 60.0;
+
+/// What the map cannot say anything about, over the same share explained: a map of few scans does not reach everywhere.
+pub(super) const UNKNOWN: f64 = 0.5;
+
+/// Least likelihood, over that of the best, of an accepted place that fewer mapped surfaces contradict. From the other end of a
+/// corridor the wrong place may be explained by 0.98 with 0.05 contradicted, the right one by 0.72 with 0.01.
+pub(super) const DOUBT: f64 = 0.1;
+
+/// Share of what fixes a position, over all directions, below which one of them may be free. A first value: it only bounds where the
+/// shift is tried, which decides.
+pub(super) const LOOSE: f64 = 0.04;
+
+/// How far a position is shifted along a direction that may be free, metres: more than a door frame is wide.
+pub(super) const SLIDE: f64 = 1.0;
+
+/// A position is free where it is as likely after the shift, up to this logarithm.
+pub(super) const FREE: f64 = 1.0;
 
 /// Independent facts of the covariance: surfaces of a model share their errors over some metres.
 pub(super) const FACTS: f64 = 60.0;

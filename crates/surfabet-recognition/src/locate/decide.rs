@@ -6,14 +6,16 @@ use surfabet_geom::vector;
 use surfabet_models::Result;
 
 use super::constants::{
-    AGAINST_PER_EXPLAINED, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH, FINE_SAMPLES, FULLY_INSIDE,
-    HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST, NARROW, NARROW_EXPLAINED,
-    SAME_PLACE, SECTORS, TILTED_AGAINST, TILTED_EXPLAINED,
+    AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH,
+    FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST,
+    MOST_ALIKE, NARROW, NARROW_EXPLAINED, SAME_PLACE, SECTORS, TILTED_AGAINST, TILTED_EXPLAINED,
+    UNKNOWN,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
 use super::refine::covariance;
 use super::samples::Sample;
+use super::slide::free_direction;
 use super::verify::Evidence;
 use super::{Located, Location};
 
@@ -24,6 +26,13 @@ pub(super) struct Candidate {
     pub evidence: Evidence,
 }
 
+impl Candidate {
+    /// Whether it is accepted and explains so much that no other place need be looked for.
+    pub fn is_clear(&self, demands: &Demands) -> bool {
+        self.evidence.explained >= CLEARLY_EXPLAINED && self.evidence.refusal(demands).is_none()
+    }
+}
+
 /// What a place must meet to be accepted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Demands {
@@ -31,19 +40,31 @@ pub(super) struct Demands {
     explained: f64,
     /// Largest share against, beside the limit that grows with what is explained.
     against: f64,
+    /// Most places that may be as likely.
+    alike: usize,
+    /// Whether surfaces must fix the position in every direction.
+    fixed: bool,
 }
 
 impl Demands {
     /// More is asked of what is tilted, since an upside-down room looks much like a mirrored one; and of a narrow view, since a part
-    /// of a scan fits in many places.
-    pub fn of(samples: &[Sample], is_tilted: bool) -> Self {
-        let narrow = if share_of_circle(samples) < NARROW { NARROW_EXPLAINED } else { 0.0 };
+    /// of a scan fits in many places. A prior holds what no surface fixes.
+    pub fn of(samples: &[Sample], is_tilted: bool, has_prior: bool) -> Self {
+        let is_narrow = is_narrow(samples);
+        let narrow = if is_narrow { NARROW_EXPLAINED } else { 0.0 };
         let tilted = if is_tilted { TILTED_EXPLAINED } else { 0.0 };
         Self {
             explained: LEAST_EXPLAINED.max(narrow).max(tilted),
             against: if is_tilted { TILTED_AGAINST } else { 1.0 },
+            alike: if is_narrow { MOST_ALIKE } else { usize::MAX },
+            fixed: !has_prior,
         }
     }
+}
+
+/// Whether a scan shows a part of what is around the sensor.
+pub(super) fn is_narrow(samples: &[Sample]) -> bool {
+    share_of_circle(samples) < NARROW
 }
 
 /// The share of the directions around the sensor's own vertical in which samples lie.
@@ -82,6 +103,16 @@ pub enum Refusal {
         /// The largest share that is accepted.
         limit: f64,
     },
+    /// A narrow view fits in too many places for the right one to be among those that are found.
+    Alike {
+        /// How many were found.
+        places: usize,
+    },
+    /// The best place is as likely farther along a line, such as a corridor without ends.
+    Loose {
+        /// Direction of the line in the world.
+        along: [f64; 3],
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -103,15 +134,25 @@ impl fmt::Display for Refusal {
                 100.0 * contradicted,
                 100.0 * limit
             ),
+            Self::Alike { places } => {
+                write!(f, "a view this narrow fits in at least {places} places alike")
+            }
+            Self::Loose { along: [x, y, z] } => write!(
+                f,
+                "the map looks the same along the direction ({x:.2}, {y:.2}, {z:.2}), and nothing \
+                 in the scan tells where on it"
+            ),
         }
     }
 }
 
 impl Evidence {
-    /// Logarithm of the likelihood, up to a constant. What the map cannot say anything about weighs less than what speaks
-    /// against: the scan may see beyond the map.
-    fn rank(&self) -> f64 {
-        FACTS_FOR * self.closeness - FACTS_AGAINST * (self.contradicted + 0.5 * self.in_front)
+    /// Logarithm of the likelihood, up to a constant. What the map cannot say anything about counts as a share [`UNKNOWN`] of what
+    /// is explained as closely as the rest: the scan may see beyond the map.
+    pub fn rank(&self) -> f64 {
+        let unknown = (1.0 - self.explained - self.contradicted - self.in_front).max(0.0);
+        let closeness = self.closeness * (1.0 + UNKNOWN * unknown / self.explained.max(0.1));
+        FACTS_FOR * closeness - FACTS_AGAINST * (self.contradicted + 0.5 * self.in_front)
     }
 
     /// The largest share against that is accepted: more of it where more is explained.
@@ -181,20 +222,37 @@ pub(super) fn decide(
         return Ok(Located { refusal: Some(Refusal::NoPlace), ..Located::default() });
     };
     // Probabilities among all, also those that are refused: a place that is refused by little still makes another doubtful.
-    let weight = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
-    let total: f64 = candidates.iter().map(weight).sum();
+    let ratio = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
+    let sum: f64 = candidates.iter().map(ratio).sum();
+    let places = candidates.iter().filter(|c| ratio(c) / sum >= LEAST_PROBABILITY).count();
+    let refusal = |c: &Candidate| -> Option<Refusal> {
+        let too_many = || (places > demands.alike).then_some(Refusal::Alike { places });
+        let loose = || {
+            let along = demands.fixed.then(|| free_direction(map, samples, c)).flatten();
+            along.map(|along| Refusal::Loose { along })
+        };
+        c.evidence.refusal(demands).or_else(too_many).or_else(loose)
+    };
+    let refusals: Vec<Option<Refusal>> = candidates.iter().map(refusal).collect();
+    // What the map contradicts less than the best may be the right one, of which less is mapped.
+    let weight = |(c, refusal): (&Candidate, &Option<Refusal>)| {
+        let is_doubt = refusal.is_none() && c.evidence.contradicted < best.evidence.contradicted;
+        ratio(c).max(if is_doubt { DOUBT } else { 0.0 })
+    };
+    let weights: Vec<f64> = candidates.iter().zip(&refusals).map(weight).collect();
+    let total: f64 = weights.iter().sum();
     let mut answer = Located::default();
-    for c in candidates {
-        let probability = weight(c) / total;
-        if probability >= LEAST_PROBABILITY && c.evidence.refusal(demands).is_none() {
-            answer.locations.push(location(c, probability)?);
+    for ((c, refusal), weight) in candidates.iter().zip(&refusals).zip(weights) {
+        if weight / total >= LEAST_PROBABILITY && refusal.is_none() {
+            answer.locations.push(location(c, weight / total)?);
         } else {
             answer.rejected.push(location(c, 0.0)?);
         }
     }
     if answer.locations.is_empty() {
-        answer.refusal = best.evidence.refusal(demands);
+        answer.refusal = refusals[0];
     }
+    answer.locations.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     answer.locations.truncate(top);
     answer.rejected.truncate(top);
     Ok(answer)

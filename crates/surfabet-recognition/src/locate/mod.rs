@@ -13,6 +13,7 @@
 //! | `search` | translations by branch and bound on the pyramid |
 //! | `refine` | point to plane on the map's surfaces, and the covariance |
 //! | `verify` | surfaces explained and rays through mapped surfaces |
+//! | `slide` | whether the position is fixed in every direction |
 //! | `decide` | which poses are accepted, with what probability; why none is |
 //! | `placement` | a pose in the map's own frame |
 //! | `constants` | tuned constants of all steps |
@@ -34,16 +35,17 @@ mod refine;
 mod rotations;
 mod samples;
 mod search;
+mod slide;
 mod verify;
 
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitQuaternion, Vector3};
 use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Pose, Progress};
 use surfabet_models::{Error, Result};
 
 use self::constants::{
-    CLEARLY_EXPLAINED, FINALISTS, FINE_REACH, FINE_SAMPLES, FINE_STEPS, ROUGH_REACH, ROUGH_SAMPLES,
-    ROUGH_STEPS, SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
+    FINALISTS, FINE_REACH, FINE_SAMPLES, FINE_STEPS, ROUGH_REACH, ROUGH_SAMPLES, ROUGH_STEPS,
+    SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
 };
 pub use self::decide::Refusal;
 use self::decide::{Candidate, Demands, decide};
@@ -153,21 +155,36 @@ impl Localizer {
         };
         let mut answer = Located::default();
         for allowed in searches {
+            let before = std::mem::take(&mut answer);
             let rotations = query.rotations(allowed);
-            let demands = Demands::of(&samples.all, allowed == Allowed::Tilted);
-            // What is tilted needs a clear answer.
-            let n_shares = if allowed == Allowed::Tilted { 1 } else { SHARES_OF_BEST.len() };
-            for share in SHARES_OF_BEST.into_iter().take(n_shares) {
+            let is_tilted = allowed == Allowed::Tilted;
+            let demands = Demands::of(&samples.all, is_tilted, options.prior.is_some());
+            let is_narrow = decide::is_narrow(&samples.all);
+            // What is tilted needs a clear answer; what a narrow view fits has to be counted.
+            let shares = match (is_tilted, is_narrow) {
+                (true, _) => &SHARES_OF_BEST[..1],
+                (_, true) => &SHARES_OF_BEST[1..],
+                _ => &SHARES_OF_BEST[..],
+            };
+            for &share in shares {
                 progress.check()?;
-                let candidates = query.candidates(&rotations, domain, share);
+                let mut candidates = query.candidates(&rotations, domain, share);
                 progress.check()?;
+                let is_clear = candidates.first().is_some_and(|c| c.is_clear(&demands));
+                if is_clear && !is_tilted && !is_narrow && options.prior.is_none() {
+                    query.add_alternatives(&mut candidates, domain);
+                }
                 answer = decide(self, &samples.all, &candidates, &demands, (sensor, options.top))?;
-                if answer.locations.first().is_some_and(|l| l.explained >= CLEARLY_EXPLAINED) {
+                if is_clear && !answer.locations.is_empty() {
                     return Ok(answer);
                 }
             }
             if !answer.locations.is_empty() {
                 break;
+            }
+            // Why no upright place is accepted says more than why no tilted one is.
+            if !before.rejected.is_empty() {
+                answer = before;
             }
         }
         Ok(answer)
@@ -216,6 +233,17 @@ impl Query<'_> {
             .collect();
         let directions = Directions::of(&normals, SCAN_DIRECTIONS);
         rotations(self.map, &directions, allowed)
+    }
+
+    /// Adds to a clear answer what is as good after half a turn about the vertical, or elsewhere in the same direction, though
+    /// less of it is mapped: a corridor is nearly the same from both ends.
+    fn add_alternatives(&self, candidates: &mut Vec<Candidate>, domain: [[f32; 3]; 2]) {
+        let Some(best) = candidates.first() else { return };
+        let half = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
+        let rotations = [best.placement.rotation, half * best.placement.rotation];
+        let [_, share] = SHARES_OF_BEST;
+        candidates.extend(self.candidates(&rotations, domain, share));
+        decide::best_first(candidates, FINALISTS);
     }
 
     /// Refined poses with their evidence, the best first, of those that explain at least a share of what the best does.

@@ -1,6 +1,6 @@
 //! A pose refined on the surfaces of the map: point to plane, robustly, by Gauss-Newton.
 
-use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use surfabet_geom::vector::{cross, dot, minus};
 
 use super::constants::{HOLD, SAME_NORMAL};
@@ -105,6 +105,19 @@ pub(super) fn covariance(
     // Translations first.
     let of = |i: usize| (i + 3) % 6;
     std::array::from_fn(|r| std::array::from_fn(|c| scaled[(of(r), of(c))]))
+}
+
+/// Mean over what the samples meet of n n^T, with the weights of the refinement and normals n of the map: how much of it fixes
+/// the position along each direction, 1 in all. `None` where they meet nothing.
+pub(super) fn facing(
+    map: &Localizer,
+    samples: &[Sample],
+    placement: &Placement,
+    reach: f64,
+) -> Option<Matrix3<f64>> {
+    let system = System::of(map, samples, placement, map.cell * reach);
+    let shifts = system.matrix.fixed_view::<3, 3>(3, 3).into_owned();
+    (shifts.trace() > 0.0).then(|| shifts / shifts.trace())
 }
 
 impl System {

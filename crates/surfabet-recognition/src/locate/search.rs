@@ -108,8 +108,10 @@ impl<'a> Search<'a> {
             let half = 1 << (node.level - 1);
             for k in 0..8 {
                 let corner = std::array::from_fn(|a| node.corner[a] + half * (k >> a & 1));
-                let level = node.level - 1;
-                let node = self.node(level, node.rotation, corner, least);
+                if !self.is_in_domain(corner) {
+                    continue;
+                }
+                let node = self.node(node.level - 1, node.rotation, corner, least);
                 if node.bound >= least {
                     heap.push(node);
                 }
@@ -149,6 +151,11 @@ impl<'a> Search<'a> {
 
     fn corner(&self, corner: [i32; 3]) -> [f32; 3] {
         std::array::from_fn(|a| self.low[a] + corner[a] as f32 * self.leaf())
+    }
+
+    /// Whether a box from this corner on meets the domain: the coarsest boxes are larger than it may be.
+    fn is_in_domain(&self, corner: [i32; 3]) -> bool {
+        (0..3).all(|a| corner[a] as f32 * self.leaf() <= self.extent[a])
     }
 
     fn node(&self, level: u8, rotation: u16, corner: [i32; 3], least: u32) -> Node {

@@ -2,6 +2,7 @@
 
 mod builder;
 mod closest;
+mod rearranged;
 mod samples;
 mod surfaces;
 

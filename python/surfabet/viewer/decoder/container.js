@@ -21,11 +21,12 @@ export const TILES = 128;
 export const FORWARD_BOUND = 256;
 export const NEAR_POINTS = 512;
 export const INSTANCES = 1024;
+export const WHOLE_FIELDS = 2048;
 
 /** All features that this decoder knows. A new one is refused by name of the release until it is added here. */
 const KNOWN =
   SHARED_DICTIONARY | LATTICE | BIC_ALPHABET | ATTRIBUTES | UNBLENDED | HIERARCHY | BESIDE | TILES |
-  FORWARD_BOUND | NEAR_POINTS | INSTANCES;
+  FORWARD_BOUND | NEAR_POINTS | INSTANCES | WHOLE_FIELDS;
 
 function newer(what, [major, minor]) {
   return new SfbError(
@@ -34,8 +35,11 @@ function newer(what, [major, minor]) {
   );
 }
 
-/** The bytes of a file as `{family, features, sections, note}`; `sections` maps tags to bytes, in order. */
-export function openContainer(bytes) {
+/** No header is longer. */
+export const HEADER_BYTES = 8192;
+
+/** What a file begins with: `{family, features, table, end}`; `table` has tag, length and checksum of each section. */
+export function openHeader(bytes) {
   const begins = Math.min(4, bytes.length);
   for (let i = 0; i < begins; i++) {
     if (bytes[i] !== MAGIC[i]) throw new SfbError("this is no .sfb file: it does not begin as one");
@@ -60,7 +64,15 @@ export function openContainer(bytes) {
   const unknown = features & ~BigInt(KNOWN);
   if (unknown !== 0n) throw newer(`features unknown here (bits ${unknown.toString(2)})`, needed);
   if (family < ALPHABET || family > GAS) throw newer(`family ${family}`, needed);
-  return { family, features: Number(features), ...readSections(bytes, fields, table) };
+  return { family, features: Number(features), table, end: fields.at };
+}
+
+/** The bytes of a file as `{family, features, sections, note}`; `sections` maps tags to bytes, in order. */
+export function openContainer(bytes) {
+  const { family, features, table, end } = openHeader(bytes);
+  const fields = new Fields(bytes, "HEAD");
+  fields.take(end);
+  return { family, features, ...readSections(bytes, fields, table) };
 }
 
 function readSections(bytes, fields, table) {

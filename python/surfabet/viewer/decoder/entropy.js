@@ -86,10 +86,12 @@ function probability(sum) {
   return sum < 0 ? TWO_16 - P : P;
 }
 
-/** `count` pairs of weights of two adaptive bits (2.8). */
+/** `count` sets of weights of some adaptive bits (2.8), each at first `weight`. */
 export class Mixers {
-  constructor(count) {
-    this.weights = new Float64Array(2 * count).fill(32768);
+  constructor(count, bits = 2, weight = 32768) {
+    this.bits = bits;
+    this.weights = new Float64Array(bits * count).fill(weight);
+    this.odds = new Float64Array(bits);
     this.mixed = new Bits(1);
   }
 }
@@ -171,22 +173,23 @@ export class Stream {
     return bit;
   }
 
-  /** Bits `i` of model `a` and `j` of model `b` at once, with the weights of `mixers` number `m` (2.8). */
-  mixedBit(mixers, m, a, i, b, j) {
-    const odds = [logOdds(a, i), logOdds(b, j)];
-    const { weights, mixed } = mixers;
-    const P = probability(
-      Math.floor((weights[2 * m] * odds[0] + weights[2 * m + 1] * odds[1]) / TWO_16),
-    );
+  /** Bits number `at[k]` of `models[k]` at once, with the weights of `mixers` number `m` (2.8). */
+  mixedBit(mixers, m, models, at) {
+    const { weights, odds, mixed, bits } = mixers;
+    let sum = 0;
+    for (let k = 0; k < bits; k++) {
+      odds[k] = logOdds(models[k], at[k]);
+      sum += weights[bits * m + k] * odds[k];
+    }
+    const P = probability(Math.floor(sum / TWO_16));
     mixed.one[0] = P * TWO_16;
     const bit = this.bit(mixed, 0);
     const error = bit * TWO_16 - P;
-    odds.forEach((of, k) => {
-      const moved = weights[2 * m + k] + Math.floor((error * of + 131072) / 262144);
-      weights[2 * m + k] = Math.min(Math.max(moved, -524288), 524288);
-    });
-    adapt(a, i, bit);
-    adapt(b, j, bit);
+    for (let k = 0; k < bits; k++) {
+      const moved = weights[bits * m + k] + Math.floor((error * odds[k] + 131072) / 262144);
+      weights[bits * m + k] = Math.min(Math.max(moved, -524288), 524288);
+      adapt(models[k], at[k], bit);
+    }
     return bit;
   }
 

@@ -36,8 +36,7 @@ class Places {
 /** The models of all nodes. */
 class Models {
   constructor() {
-    this.counts = new Bits(4 << 13);
-    this.places = new Bits(4 << 15);
+    this.bits = [new Bits(4 << 13), new Bits(4 << 15)];
     this.mixers = new Mixers(16);
   }
 }
@@ -66,7 +65,7 @@ function readChildren(stream, models, h, around) {
     for (const field of [COUNT[faces], b, COUNT[ahead], COUNT[edges], m]) count = (count << 2) | field;
     let place = h;
     for (const field of [c, faces, k, edges, ahead]) place = (place << 3) | field;
-    if (stream.mixedBit(models.mixers, 4 * h + b, models.counts, count, models.places, place)) {
+    if (stream.mixedBit(models.mixers, 4 * h + b, models.bits, [count, place])) {
       coded |= 1 << c;
       k++;
     }

@@ -173,15 +173,15 @@ function normalOf(side, slopeU, slopeV) {
   return normal;
 }
 
-/** Rows of the rotation from the lattice to the world, in single precision. */
-function rotationRows(quaternion) {
+/** Rows of the rotation from the lattice to the world. */
+export function latticeRows(quaternion) {
   const length = Math.hypot(...quaternion);
   const [w, x, y, z] = quaternion.map((c) => c / length);
   return [
     [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-  ].map((row) => row.map(fround));
+  ];
 }
 
 /** Points of one model at one spacing. */
@@ -331,7 +331,8 @@ class PatchDecoder {
 
   /** From pixels of the lattice to metres about the origin. */
   rotate(columns) {
-    const rows = rotationRows(this.model.meta.quaternion);
+    // In single precision, as surfabet does.
+    const rows = latticeRows(this.model.meta.quaternion).map((row) => row.map(fround));
     const turn = (array, scale) => {
       for (let i = 0; i < array.length; i += 3) {
         const x = fround(array[i] * scale);

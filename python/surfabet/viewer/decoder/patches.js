@@ -3,7 +3,7 @@
 
 import { Fields, checkCount, fail, mostBits, readScale } from "./bytes.js";
 import {
-  ATTRIBUTES, BESIDE, FORWARD_BOUND, INSTANCES, LATTICE, NEAR_POINTS, UNBLENDED, expectFeatures,
+  ATTRIBUTES, BESIDE, FORWARD_BOUND, INSTANCES, LATTICE, NEAR_POINTS, UNBLENDED, WHOLE_FIELDS, expectFeatures,
   expectSections,
 } from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned, readOctree } from "./entropy.js";
@@ -326,7 +326,7 @@ function readExtraPoints(bytes, meta, near) {
 
 /** All features of patches. */
 export const FEATURES =
-  LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS | INSTANCES;
+  LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS | INSTANCES | WHOLE_FIELDS;
 
 /** Reads a model of `learn_patches`. */
 export function readPatches({ features, sections }) {
@@ -366,24 +366,25 @@ export function readStreams(meta, features, streams) {
     cells: null, colors: null, attributes: [],
   };
   if (meta.lumaStep > 0 || meta.attributes.length > 0) {
-    const beside = (features & BESIDE) !== 0;
-    model.complete = () => readAttributes(model, streams, attributeTags(meta), beside);
+    const both = BESIDE | WHOLE_FIELDS;
+    if ((features & both) === both) fail("META", "two ways to code attributes at once");
+    model.complete = () => readAttributes(model, streams, attributeTags(meta), features & both);
   }
   return model;
 }
 
 /** Reads what the cells carry, which takes most of the time of reading. */
-function readAttributes(model, sections, tags, beside) {
+function readAttributes(model, sections, tags, coding) {
   const { meta } = model;
   const cells = attributeCells(model);
   if (meta.lumaStep > 0) {
-    model.colors = readColors(new Stream(sections.get("COLR"), "COLR"), { meta, cells }, beside);
+    model.colors = readColors(new Stream(sections.get("COLR"), "COLR"), { meta, cells }, coding);
   }
   model.attributes = meta.attributes.map((attribute, i) => {
     const stream = new Stream(sections.get(tags[i]), tags[i]);
     const values = attribute.labels
       ? readLabels(stream, cells, attribute.labels.length)
-      : readScalar(stream, cells, beside);
+      : readScalar(stream, cells, coding);
     return { ...attribute, values };
   });
   model.cells = cells;

@@ -14,33 +14,57 @@ function readLevels(bytes, features) {
   const levels = Array.from({ length: count }, () => readMeta(fields, features));
   const side = fields.varint(MAX_SIDE, "a side of a cube");
   if (side < 1) fail("META", "cubes without a side");
-  for (let a = 0; a < 3; a++) fields.varint(side, "a corner of a cube");
+  const corner = Array.from({ length: 3 }, () => fields.varint(side, "a corner of a cube"));
   fields.end();
-  return levels;
+  return { levels, side, corner };
 }
 
-/** Length and checksum of every tile, level by level. */
+/** Coordinates of the cube at a place of the index. */
+function cubeAt(place, low) {
+  return low.map((least, a) => {
+    let coordinate = 0;
+    for (let bit = 0; bit < 21; bit++) coordinate += Number((place >> BigInt(3 * bit + a)) & 1n) * 2 ** bit;
+    return coordinate + least;
+  });
+}
+
+/** Length, checksum and cube of every tile, and the box in it that it decodes to, level by level. */
 function readIndex(bytes, levels) {
   const fields = new Fields(bytes, "TIDX");
   const index = levels.map(() => {
     // A tile takes at least 13 bytes here.
     const count = fields.varint(Math.floor(bytes.length / 13), "a number of tiles");
-    for (let a = 0; a < 3; a++) fields.signed(MAX_SIDE, "a cube");
+    const low = Array.from({ length: 3 }, () => fields.signed(MAX_SIDE, "a cube"));
+    let place = -1n;
     return Array.from({ length: count }, () => {
-      fields.big();
+      place += fields.big() + 1n;
       fields.varint();
       const length = fields.varint();
       const checksum = fields.u32();
-      for (let a = 0; a < 3; a++) fields.signed(2 ** 31, "a corner of a box");
-      for (let a = 0; a < 3; a++) fields.varint(2 ** 31, "a side of a box");
-      return { length, checksum };
+      const from = Array.from({ length: 3 }, () => fields.signed(2 ** 31, "a corner of a box"));
+      const sides = Array.from({ length: 3 }, () => fields.varint(2 ** 31, "a side of a box"));
+      return { length, checksum, cube: cubeAt(place, low), from, sides };
     });
   });
   fields.end();
   return index;
 }
 
-function readTile(bytes, checksum, level, features) {
+/** The box that a tile of the last level decodes to, in its pixels: lowest and highest corner. */
+export function boxOf({ side, corner }, level, { cube, from, sides }) {
+  const square = 8 * 2 ** (level.levels - 1);
+  const low = cube.map((c, a) => c * side + corner[a] + from[a] * square);
+  return [low, low.map((c, a) => c + sides[a] * square)];
+}
+
+/** What stands before the tiles: levels of detail, cubes, and the index. */
+export function openTiles(features, meta, index) {
+  expectFeatures(features, (FEATURES & ~INSTANCES) | TILES);
+  const head = readLevels(meta, features);
+  return { ...head, index: readIndex(index, head.levels) };
+}
+
+export function readTile(bytes, checksum, level, features) {
   if (crc32c(bytes) !== checksum) throw new SfbError("the file is damaged: the checksum of a tile does not match");
   const fields = new Fields(bytes, "TILE");
   const meta = { ...level, nPatches: fields.varint(), nExtra: fields.varint() };
@@ -57,7 +81,7 @@ function readTile(bytes, checksum, level, features) {
 export function readTiles({ features, sections }) {
   expectFeatures(features, (FEATURES & ~INSTANCES) | TILES);
   expectSections(sections, ["META", "TIDX", "TILE"]);
-  const levels = readLevels(sections.get("META"), features);
+  const { levels } = readLevels(sections.get("META"), features);
   const index = readIndex(sections.get("TIDX"), levels);
   const all = new Fields(sections.get("TILE"), "TILE");
   const parts = index.map((of) => of.map(({ length, checksum }) => ({ bytes: all.raw(length), checksum })));

@@ -1,7 +1,7 @@
 // The page: a model on the screen, and what its user may do with it.
 
 import { Camera, UPS } from "./camera.js";
-import { colorModes, colorsOf, highlighted, limits } from "./colors.js";
+import { GRADIENT, colorModes, colorsOf, highlighted, limits, rangeOf } from "./colors.js";
 import { controlCamera } from "./controls.js";
 import { Decoding } from "./decoding.js";
 import { Renderer } from "./renderer.js";
@@ -10,6 +10,8 @@ const BACKGROUND = [0.086, 0.094, 0.11];
 /** Milliseconds that a picture may take while the camera moves: 30 pictures per second, with room for the rest of the page. */
 const FRAME = 26;
 const MOVING = 250;
+/** Fewest points while moving, drawn as large squares. */
+const FEWEST = 15_000;
 /** Points of the first picture, which is to be there at once. */
 const FIRST = 150_000;
 
@@ -23,8 +25,11 @@ function lengthText(metres) {
 }
 
 class Viewer {
-  constructor(bytes, name, decoding) {
-    this.bytes = bytes;
+  constructor(source, name, decoding, against) {
+    /** The bytes of the model, or the URL of its file. */
+    this.source = source;
+    /** Distances to a second cloud, packed, or null. */
+    this.against = against;
     this.name = name;
     this.canvas = element("view");
     this.renderer = new Renderer(this.canvas);
@@ -47,7 +52,10 @@ class Viewer {
 
   async start() {
     this.listen();
-    this.info = await this.decoding.ask("open", { bytes: this.bytes });
+    const isLinked = typeof this.source === "string";
+    const request = isLinked ? { url: this.source } : { bytes: this.source };
+    this.info = await this.decoding.ask(isLinked ? "link" : "open", { ...request, against: this.against });
+    if (this.info.against) this.mode = `attribute ${this.info.against}`;
     this.setUp();
     // The shape first; colours of a large map take a while.
     await this.decode(FIRST, true);
@@ -63,19 +71,36 @@ class Viewer {
     element("title").textContent = this.name;
     const count = (n, word) => `${n.toLocaleString("en")} ${word}${n === 1 ? "" : word.endsWith("ch") ? "es" : "s"}`;
     element("about").textContent =
-      `${info.method.replace("_", " ")}: ${count(info.nParts, info.part)}, made from ${count(info.nPoints, "point")}, ` +
+      `${info.method.replace("_", " ")}: ${info.nTiles ? count(info.nTiles, "tile") : count(info.nParts, info.part)}, made from ${count(info.nPoints, "point")}, ` +
       `${info.bytes.toLocaleString("en")} bytes`;
     if (info.note) element("about").title = info.note;
     element("measuredRow").hidden = !info.keepsThickness;
     element("measuredRow").style.display = info.keepsThickness ? "" : "none";
-    const hasLines = ["planes", "gas"].includes(info.method);
-    element("linesRow").style.display = hasLines ? "" : "none";
-    element("linesName").textContent = info.method === "planes" ? "outlines of the planes" : "edges";
+    const linesName = info.nTiles ? "outlines of the tiles" : { planes: "outlines of the planes", gas: "edges" }[info.method];
+    element("linesRow").style.display = linesName ? "" : "none";
+    element("linesName").textContent = linesName ?? "";
+    if (info.nTiles) {
+      element("lines").checked = true;
+      this.toggleLines().catch(showError);
+    }
     this.resize();
   }
 
   get spacing() {
     return this.info.spacing * 2 ** Number(element("spacing").value);
+  }
+
+  /** Of a map in tiles those nearest to this place are shown. */
+  get place() {
+    const [low, high] = this.info.bounds ?? [[0, 0, 0], [0, 0, 0]];
+    return this.points ? this.camera.target : low.map((c, a) => (c + high[a]) / 2);
+  }
+
+  /** Shows other tiles where the camera has come to another place. */
+  follow() {
+    if (!this.info?.nTiles || !this.points || this.points.nShown === this.info.nTiles) return;
+    const moved = Math.hypot(...this.place.map((c, a) => c - this.shownAbout[a]));
+    if (moved > 0.05 * this.camera.distance) this.decode().catch(showError);
   }
 
   /** Decodes at the chosen spacing; of several wishes the last counts. */
@@ -87,7 +112,9 @@ class Viewer {
     const request = {
       spacing: this.spacing, asMeasured: element("measured").checked, budget,
       normals: element("mode").value === "normal" || element("facing").checked,
+      place: this.place,
     };
+    this.shownAbout = request.place;
     const points = await this.decoding.ask("decode", request);
     if (number !== this.lastDecode) return;
     this.isDecoding = isFirst;
@@ -104,7 +131,8 @@ class Viewer {
     element("spacingText").textContent = lengthText(points.spacing);
     element("status").textContent = isFirst
       ? "decoding all points ..."
-      : `${points.count.toLocaleString("en")} points` + (isCoarser ? "; closer together they are more than allowed below" : "");
+      : (points.nShown < this.info.nTiles ? `${points.nShown} of ${this.info.nTiles} tiles, ` : "") +
+        `${points.count.toLocaleString("en")} points` + (isCoarser ? "; closer together they are more than allowed below" : "");
     this.draw();
   }
 
@@ -121,13 +149,14 @@ class Viewer {
       low.fill(0);
       high.fill(1);
     }
-    this.bounds = [low, high];
+    this.bounds = this.info.bounds ?? [low, high];
     // A few points far away do not make the map small.
     const inner = [0, 1, 2].map((a) => limits(positions, 3, a));
     const margin = inner.map(([from, to]) => 0.04 * (to - from));
     this.camera.frame(
       inner.map(([from], a) => Math.max(from - margin[a], low[a])), inner.map(([, to], a) => Math.min(to + margin[a], high[a])));
-    this.camera.reach = Math.hypot(...low.map((c, a) => Math.max(Math.abs(c - this.camera.middle[a]), Math.abs(high[a] - this.camera.middle[a]))));
+    const [least, most] = this.bounds;
+    this.camera.reach = Math.hypot(...least.map((c, a) => Math.max(Math.abs(c - this.camera.middle[a]), Math.abs(most[a] - this.camera.middle[a]))));
     this.fillCrop();
   }
 
@@ -144,7 +173,21 @@ class Viewer {
     let colors = colorsOf(this.points, element("mode").value);
     if (this.found) colors = highlighted(colors, this.points.parts, this.found);
     this.renderer.points.setColors(colors);
+    this.showScale();
     this.draw();
+  }
+
+  /** What the colours at both ends stand for. */
+  showScale() {
+    const mode = element("mode").value;
+    const range = rangeOf(this.points, mode);
+    element("scale").hidden = range === null;
+    if (range === null) return;
+    const above = mode === "height" ? this.info.origin[2] : 0;
+    const isLength = mode === "height" || mode === `attribute ${this.info.against}`;
+    const text = (value) => (isLength ? lengthText(above + value) : String(Number(value.toPrecision(3))));
+    element("scaleEnds").replaceChildren(...range.map((value) => Object.assign(document.createElement("span"), { textContent: text(value) })));
+    element("scaleBar").style.background = GRADIENT;
   }
 
   async toggleLines() {
@@ -175,7 +218,10 @@ class Viewer {
     this.moving.until = performance.now() + MOVING;
     this.draw();
     clearTimeout(this.settle);
-    this.settle = setTimeout(() => this.draw(), MOVING + 20);
+    this.settle = setTimeout(() => {
+      this.draw();
+      this.follow();
+    }, MOVING + 20);
   }
 
   draw() {
@@ -216,20 +262,26 @@ class Viewer {
     this.stats = { frames: this.stats.frames + 1, drawn: count, milliseconds: performance.now() - began };
   }
 
-  /** While moving: without lighting where there is no time for it, then fewer points, then fewer pixels. */
+  /**
+   * While moving, where there is no time for all: a quarter of the pixels, then fewer points, then no lighting, then a
+   * sixteenth of the pixels. Back in the other order; more pixels only where four times the time is left.
+   */
   adapt(milliseconds) {
     const { moving } = this;
-    if (milliseconds > FRAME) {
-      if (moving.light) {
-        moving.light = false;
-        return;
-      }
-      moving.count = Math.max(15_000, Math.round(moving.count * Math.max(0.5, (0.9 * FRAME) / milliseconds)));
-      if (moving.count === 15_000) moving.scale = 0.5;
-    } else if (milliseconds < 0.7 * FRAME) {
-      if (moving.count < this.points.count) moving.count = Math.round(moving.count * 1.15);
-      if (moving.count > 60_000) moving.scale = 1;
-      if (milliseconds < 0.25 * FRAME) moving.light = true;
+    const share = milliseconds / FRAME;
+    if (share > 1) {
+      if (moving.scale === 1) moving.scale = 0.5;
+      else if (moving.count > FEWEST) moving.count = Math.max(FEWEST, Math.round(moving.count * Math.max(0.2, 0.9 / share)));
+      else if (moving.light) moving.light = false;
+      else moving.scale = 0.25;
+    } else if (moving.scale < 0.5) {
+      if (share < 0.2) moving.scale = 0.5;
+    } else if (!moving.light) {
+      moving.light = share < 0.7;
+    } else if (moving.count < this.points.count) {
+      if (share < 0.7) moving.count = Math.round(moving.count * 1.15);
+    } else if (share < 0.2) {
+      moving.scale = 1;
     }
   }
 
@@ -300,7 +352,8 @@ class Viewer {
     const { colors, attributes } = this.points;
     if (colors) rows.push(["colour", [...colors.subarray(3 * number, 3 * number + 3)].join(", ")]);
     for (const { name, labels, values } of attributes) {
-      rows.push([name, labels ? labels[values[number]] : Number(values[number].toPrecision(6))]);
+      const value = values[number];
+      rows.push([name, labels ? labels[value] : Number.isNaN(value) ? "unknown" : Number(value.toPrecision(6))]);
     }
     rows.push([this.info.part, isPart ? part : "none: a point of its own"], ...Object.entries(facts));
     this.fillCard(rows);
@@ -546,11 +599,16 @@ function bytesOf(text) {
   return Uint8Array.from(binary, (character) => character.charCodeAt(0));
 }
 
-/** Opens the model that the page holds; `decoder` is the source of the decoder, `script` runs a source on the page. */
-export function run(decoder, script) {
+/**
+ * Opens the model that the page holds; `decoder` is the source of the decoder, `script` runs a source on the page,
+ * `against` is null or the bytes of the distances to a second cloud. Where there is a link, it opens what that leads to.
+ */
+export function run(decoder, script, against) {
   try {
     const decoding = new Decoding(decoder, script);
-    const viewer = new Viewer(bytesOf(element("model").textContent), document.title, decoding);
+    const link = element("link").textContent;
+    const source = link ? new URL(link, location.href).href : bytesOf(element("model").textContent);
+    const viewer = new Viewer(source, document.title, decoding, against);
     window.surfabet = viewer;
     viewer.ready = viewer.start().then(() => true, (error) => {
       showError(error);

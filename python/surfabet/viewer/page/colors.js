@@ -5,6 +5,9 @@ const RAMP = [
   [48, 18, 59], [70, 107, 227], [40, 188, 235], [50, 242, 152], [164, 252, 60], [238, 207, 58], [251, 126, 33], [208, 47, 5],
 ];
 
+/** Of points without a value. */
+const UNKNOWN = [120, 120, 120];
+
 function ramp(share, into, at) {
   const place = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1);
   const low = Math.min(Math.floor(place), RAMP.length - 2);
@@ -28,7 +31,10 @@ export function limits(values, stride = 1, first = 0) {
   const sample = [];
   const n = Math.floor(values.length / stride);
   const step = Math.max(1, Math.floor(n / 5000));
-  for (let i = 0; i < n; i += step) sample.push(Number(values[stride * i + first]));
+  for (let i = 0; i < n; i += step) {
+    const value = Number(values[stride * i + first]);
+    if (!Number.isNaN(value)) sample.push(value);
+  }
   sample.sort((a, b) => a - b);
   const low = sample[Math.floor(0.01 * (sample.length - 1))] ?? 0;
   const high = sample[Math.ceil(0.99 * (sample.length - 1))] ?? 1;
@@ -37,9 +43,23 @@ export function limits(values, stride = 1, first = 0) {
 
 function byValue(count, value, [low, high]) {
   const colors = new Uint8Array(3 * count);
-  for (let i = 0; i < count; i++) ramp((value(i) - low) / (high - low), colors, 3 * i);
+  for (let i = 0; i < count; i++) {
+    const share = (value(i) - low) / (high - low);
+    if (Number.isNaN(share)) colors.set(UNKNOWN, 3 * i);
+    else ramp(share, colors, 3 * i);
+  }
   return colors;
 }
+
+/** The values at both ends of the colours, for colourings by a number; null for others. */
+export function rangeOf(points, mode) {
+  if (mode === "height") return limits(points.positions, 3, 2);
+  const attribute = points.attributes.find(({ name }) => mode === `attribute ${name}`);
+  return attribute && !attribute.labels ? limits(attribute.values) : null;
+}
+
+/** The colours of a range, as CSS has gradients. */
+export const GRADIENT = `linear-gradient(to right, ${RAMP.map((color) => `rgb(${color.join(" ")})`).join(", ")})`;
 
 /** The ways in which points of a model can be coloured: names that `colorsOf` takes. */
 export function colorModes(points, part) {
@@ -53,12 +73,13 @@ export function colorModes(points, part) {
 export function colorsOf(points, mode) {
   const { count, positions, normals, parts } = points;
   if (mode === "color" && points.colors) return points.colors;
-  if (mode === "height") return byValue(count, (i) => positions[3 * i + 2], limits(positions, 3, 2));
+  const range = rangeOf(points, mode);
+  if (mode === "height") return byValue(count, (i) => positions[3 * i + 2], range);
   if (mode === "normal" && normals) {
     return Uint8Array.from(normals, (c) => 127.5 + 127.5 * c);
   }
   const attribute = points.attributes.find(({ name }) => mode === `attribute ${name}`);
-  if (attribute && !attribute.labels) return byValue(count, (i) => attribute.values[i], limits(attribute.values));
+  if (range) return byValue(count, (i) => attribute.values[i], range);
   const colors = new Uint8Array(3 * count);
   const numbers = attribute ? attribute.values : mode === "part" ? parts : null;
   const known = new Map();

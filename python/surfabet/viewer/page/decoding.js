@@ -25,7 +25,11 @@ export class Decoding {
   goOnWithout() {
     this.worker = null;
     this.script(this.source);
-    for (const { message } of [...this.waiting.values()]) setTimeout(() => this.answer(surfabetWorker.handle(message)));
+    for (const { message } of [...this.waiting.values()]) setTimeout(() => this.handle(message));
+  }
+
+  async handle(message) {
+    this.answer(await surfabetWorker.handle(message));
   }
 
   answer({ id, result, error, name }) {
@@ -41,7 +45,7 @@ export class Decoding {
       this.waiting.set(message.id, { message, resolve, reject });
       if (this.worker) this.worker.postMessage(message);
       // A picture goes first.
-      else setTimeout(() => this.answer(surfabetWorker.handle(message)), 20);
+      else setTimeout(() => this.handle(message), 20);
     });
   }
 }

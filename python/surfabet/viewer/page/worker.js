@@ -1,85 +1,13 @@
-// Opens and decodes the model for the page, in a worker where the browser has them.
+// The decoder of a page that holds its model.
 
-import { openModel } from "../decoder/model.js";
-
-let model = null;
-
-/** The finest spacing from `wanted` on that makes no more points than the budget. */
-function affordable(wanted, asMeasured, budget) {
-  let spacing = wanted;
-  for (let i = 0; i < 200 && model.mostPoints(spacing, asMeasured) > budget; i++) spacing *= 1.1;
-  return spacing;
-}
-
-/** The same order for all, in which every beginning is spread over the whole scene. */
-function shuffled(count) {
-  const order = new Uint32Array(count);
-  let state = 1;
-  for (let i = 0; i < count; i++) {
-    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
-    const j = Math.floor((state / 4294967296) * (i + 1));
-    order[i] = order[j];
-    order[j] = i;
-  }
-  return order;
-}
-
-function reordered(array, order) {
-  const width = array.length / order.length;
-  const result = new array.constructor(array.length);
-  for (let i = 0; i < order.length; i++) {
-    for (let k = 0; k < width; k++) result[width * i + k] = array[width * order[i] + k];
-  }
-  return result;
-}
-
-const answers = {
-  open({ bytes }) {
-    model = openModel(bytes, { isGeometryOnly: true });
-    return {
-      method: model.name, part: model.part, origin: model.origin, nPoints: model.nPoints, nParts: model.nParts,
-      spacing: model.spacing, keepsThickness: model.keepsThickness, note: model.note, bytes: bytes.length,
-      hasWords: model.method.sameAs !== undefined, isComplete: model.isComplete,
-    };
-  },
-
-  complete: () => model.complete(),
-
-  decode({ spacing, asMeasured, normals, budget }) {
-    const used = affordable(spacing, asMeasured, budget);
-    // One spacing for all: words would have their own, and a gas its neurons alone.
-    const points = model.decode({ resolution: used, asMeasured, normals, maxPoints: 2 * budget });
-    const order = shuffled(points.positions.length / 3);
-    const result = { spacing: used, count: order.length, attributes: [] };
-    for (const name of ["positions", "parts", "colors", "normals"]) {
-      result[name] = points[name] ? reordered(points[name], order) : null;
-    }
-    for (const attribute of points.attributes) {
-      result.attributes.push({ ...attribute, values: reordered(attribute.values, order) });
-    }
-    return result;
-  },
-
-  lines: () => model.lines(),
-  describe: ({ part }) => model.describe(part),
-  sameAs: ({ part }) => model.sameAs(part),
-};
+import { answer, listen } from "./answers.js";
 
 /** Answers one message of the page. */
-export function handle({ id, kind, ...request }) {
-  try {
-    return { id, result: answers[kind](request) };
-  } catch (error) {
-    return { id, error: error.message, name: error.name };
-  }
+export function handle(message) {
+  return answer(message);
 }
 
 /** In a worker: answers all messages of the page. */
 export function serve(scope) {
-  scope.onmessage = ({ data }) => {
-    const answer = handle(data);
-    const { result } = answer;
-    const buffers = ["positions", "parts", "colors", "normals"].flatMap((name) => result?.[name]?.buffer ?? []);
-    scope.postMessage(answer, data.kind === "decode" ? buffers : []);
-  };
+  listen(scope);
 }

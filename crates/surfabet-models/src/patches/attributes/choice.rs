@@ -1,10 +1,9 @@
 //! Choice of the coefficients of a cell: of least Lagrangian cost `J = D + lambda R`.
 
-use super::butterflies::Butterflies;
-use super::field::{Coefficients, MAX_COEFFICIENT, Steps};
-use super::models::{CellContext, FieldModels};
+use super::field::{Coefficients, Steps};
+use super::field_models::{CellContext, FieldModels, MAX_COEFFICIENT, Prices};
 
-/// Coefficients q of a cell that cost least.
+/// Coefficients q of a cell that cost least; coefficient `i` of `residuals` is in slot `slots[i]`.
 ///
 /// The transform is orthonormal, so the squared error is that of the transformed residuals r:
 /// `D = sum of (r - q step)^2`, in squares of the unit of the values. One after another each q is zero, the nearest to `r / step`, or
@@ -12,38 +11,45 @@ use super::models::{CellContext, FieldModels};
 /// compared with none.
 pub(super) fn choose<const N: usize>(
     models: &FieldModels<N>,
-    context: &CellContext,
-    butterflies: &Butterflies,
+    context: &CellContext<N>,
+    slots: &[usize],
     residuals: &[[f32; 8]; N],
     steps: Steps<N>,
     lambda: f32,
 ) -> Coefficients<N> {
     let mut coefficients = [[0; 7]; N];
-    let any = &models.any[context.any()];
-    let (mut distortion_of_none, mut cost) = (0.0, lambda * any.cost(true));
-    let mut before = 0;
-    for (i, butterfly) in butterflies.all().iter().enumerate() {
+    let steps = steps.of_level(context.level);
+    let reach = |c: usize| slots.iter().any(|&s| residuals[c][s].abs() >= 0.5 * steps[c]);
+    if !(0..N).any(reach) {
+        return coefficients;
+    }
+    let mut prices = Prices::new(models, context);
+    let (mut distortion_of_none, mut cost) = (0.0, lambda * prices.any(true));
+    for (i, &slot) in slots.iter().enumerate() {
         for channel in 0..N {
-            let step = steps.of(channel, context.level);
-            let residual = residuals[channel][butterfly.difference];
-            let model = &models.coefficients[context.coefficient(channel, before)];
+            let (step, residual) = (steps[channel], residuals[channel][slot]);
             let limit = MAX_COEFFICIENT as f32;
             let nearest = (residual / step).round().clamp(-limit, limit) as i32;
-            let cost_of = |q: i32| (residual - q as f32 * step).powi(2) + lambda * model.cost(q);
+            let others = std::array::from_fn(|c| coefficients[c][i]);
+            let bits = prices.coefficient((i, channel), others);
+            let cost_of = |q: i32| (residual - q as f32 * step).powi(2) + lambda * bits(q);
             let mut best = (0, cost_of(0));
-            for q in [nearest, nearest - nearest.signum()] {
-                let cost = cost_of(q);
-                if cost < best.1 {
-                    best = (q, cost);
+            if nearest != 0 {
+                for q in [nearest, nearest - nearest.signum()] {
+                    let cost = cost_of(q);
+                    if cost < best.1 {
+                        best = (q, cost);
+                    }
                 }
             }
             coefficients[channel][i] = best.0;
             cost += best.1;
             distortion_of_none += residual * residual;
-            before += best.0.unsigned_abs().min(2);
+            drop(bits);
+            prices.add((i, channel), best.0);
         }
     }
-    if distortion_of_none + lambda * any.cost(false) <= cost {
+    if distortion_of_none + lambda * prices.any(false) <= cost {
         return [[0; 7]; N];
     }
     coefficients

@@ -1,9 +1,9 @@
 //! Colour as a field of luma and two chromas.
 
-use surfabet_entropy::{Coder, Price};
+use surfabet_entropy::Coder;
 
-use super::field::{CellValues, FieldSource, Steps, code_field};
-use super::prediction::Prediction;
+use super::field::{CellValues, Steps, choose_field, code_field};
+use super::field_coding::FieldCoding;
 use crate::color::rounded;
 
 /// How finely colour is coded.
@@ -22,9 +22,8 @@ impl ColorSteps {
     }
 
     /// By channel.
-    fn of_channels(self, prediction: Prediction) -> Steps<3> {
-        let of_channels = [self.luma, self.chroma, self.chroma].map(|step| step as f32);
-        Steps { of_channels, prediction }
+    fn of_channels(self) -> Steps<3> {
+        Steps([self.luma, self.chroma, self.chroma])
     }
 }
 
@@ -32,7 +31,7 @@ impl ColorSteps {
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::patches) struct ColorField {
     pub steps: ColorSteps,
-    prediction: Prediction,
+    coding: FieldCoding,
     /// Coefficients of the transform, as a file stores them.
     coefficients: Vec<i32>,
     /// Red, green and blue of each cell.
@@ -44,17 +43,14 @@ impl ColorField {
     /// 0 to 255; `lambda` the squared grey levels that a bit must save.
     pub fn choose(cells: &[u64], targets: &[[f32; 3]], steps: ColorSteps, lambda: f32) -> Self {
         let values: Vec<[f32; 3]> = targets.iter().map(|&color| to_channels(color)).collect();
-        let source = FieldSource::Targets { values: &values, lambda };
-        let prediction = Prediction::Beside;
-        let channels = steps.of_channels(prediction);
-        let Ok(coded) = code_field(&mut Price::default(), cells, channels, source);
-        Self::of(steps, prediction, coded)
+        let coded = choose_field(cells, steps.of_channels(), &values, lambda);
+        Self::of(steps, FieldCoding::Whole, coded)
     }
 
-    fn of(steps: ColorSteps, prediction: Prediction, coded: CellValues<3>) -> Self {
+    fn of(steps: ColorSteps, coding: FieldCoding, coded: CellValues<3>) -> Self {
         let CellValues { values, coefficients } = coded;
         let colors = values.into_iter().map(|value| rounded(to_rgb(value))).collect();
-        Self { steps, prediction, coefficients, colors }
+        Self { steps, coding, coefficients, colors }
     }
 
     /// Writes or prices the field.
@@ -62,8 +58,8 @@ impl ColorField {
     /// # Errors
     /// Those of the coder.
     pub fn write<C: Coder>(&self, coder: &mut C, cells: &[u64]) -> Result<(), C::Error> {
-        let source = FieldSource::Model(&self.coefficients);
-        code_field(coder, cells, self.steps.of_channels(self.prediction), source).map(|_| ())
+        let given = Some(self.coefficients.as_slice());
+        code_field(coder, cells, self.steps.of_channels(), self.coding, given).map(|_| ())
     }
 
     /// Reads the field that [`ColorField::write`] wrote.
@@ -74,14 +70,13 @@ impl ColorField {
         coder: &mut C,
         cells: &[u64],
         steps: ColorSteps,
-        prediction: Prediction,
+        coding: FieldCoding,
     ) -> Result<Self, C::Error> {
         if !steps.is_valid() {
             return Err(coder.corrupt(format!("{steps:?} are not 1 to 4096")));
         }
-        let channels = steps.of_channels(prediction);
-        let coded = code_field(coder, cells, channels, FieldSource::Stream)?;
-        Ok(Self::of(steps, prediction, coded))
+        let coded = code_field(coder, cells, steps.of_channels(), coding, None)?;
+        Ok(Self::of(steps, coding, coded))
     }
 }
 

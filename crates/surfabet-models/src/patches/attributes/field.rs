@@ -5,37 +5,41 @@
 //! transform (R. L. de Queiroz, P. A. Chou: *Compression of 3D Point Clouds Using a Region-Adaptive Hierarchical
 //! Transform*, 2016), orthonormal for any set of cells, and rounded. Where no coefficient is coded the field is smooth,
 //! not blocky.
+//!
+//! Values are whole numbers, in units of 2^-6, and so is all that is computed from them. So readers and writers agree
+//! on every platform, and the models of a coefficient may depend on what is predicted: where it changes much, more is missed.
 
 use std::ops::Range;
 
 use surfabet_entropy::Coder;
-use surfabet_geom::morton::{MortonMap, step};
+use surfabet_geom::morton::step;
 
 use super::butterflies::Butterflies;
 use super::cells::index;
 use super::choice::choose;
-use super::models::{CellContext, FieldModels};
-use super::prediction::Prediction;
-use super::pyramid::{PyramidLevel, predict, pyramid};
+use super::field_coding::FieldCoding;
+use super::field_models::{Beside, CellContext, FieldModels};
+use super::older_field::{self, OlderField};
+use super::pyramid::{PyramidLevel, from_parents, pyramid};
+use super::whole_butterflies::{FRACTION, WholeButterflies, bounded};
+use crate::patches::constants::{MISSED_SHARE, PARENT_WEIGHTS, STEP_SHARES};
 
 /// Coefficients of the butterflies of a cell, by channel.
 pub(super) type Coefficients<const N: usize> = [[i32; 7]; N];
 
-/// Largest coefficient.
-pub(super) const MAX_COEFFICIENT: i32 = 1 << 24;
-
-/// How a field is predicted and rounded.
+/// Rounding of the coefficients of each channel, for values times the root of the number of cells; 1 to 4096.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Steps<const N: usize> {
-    /// Rounding of the coefficients of each channel, for values times the root of the number of cells.
-    pub of_channels: [f32; N],
-    pub prediction: Prediction,
-}
+pub(super) struct Steps<const N: usize>(pub [u32; N]);
 
 impl<const N: usize> Steps<N> {
-    /// Step of a channel at a level of the pyramid.
-    pub fn of(self, channel: usize, level: usize) -> f32 {
-        self.of_channels[channel] * self.prediction.step_share(level)
+    /// Step of a channel at a level of the pyramid, in 32nds.
+    fn of(self, channel: usize, level: usize) -> i64 {
+        i64::from(self.0[channel] * STEP_SHARES[level.min(STEP_SHARES.len() - 1)])
+    }
+
+    /// The steps of a level.
+    pub fn of_level(self, level: usize) -> [f32; N] {
+        std::array::from_fn(|c| self.of(c, level) as f32 / 32.0)
     }
 }
 
@@ -60,11 +64,47 @@ pub(super) struct CellValues<const N: usize> {
     pub coefficients: Vec<i32>,
 }
 
-/// Writes, reads or prices a field of N channels on sorted `cells`.
+/// The values of least cost for `targets`, on sorted `cells`; `lambda` is the squared error that a bit must save.
+pub(super) fn choose_field<const N: usize>(
+    cells: &[u64],
+    steps: Steps<N>,
+    targets: &[[f32; N]],
+    lambda: f32,
+) -> CellValues<N> {
+    let source = FieldSource::Targets { values: targets, lambda };
+    let Ok(chosen) = code_whole(&mut surfabet_entropy::Price::default(), cells, steps, source);
+    chosen
+}
+
+/// Reads a field of N channels on sorted `cells`, or writes or prices one of these coefficients.
 ///
 /// # Errors
 /// Whatever the coder finds wrong with what it reads.
 pub(super) fn code_field<C: Coder, const N: usize>(
+    coder: &mut C,
+    cells: &[u64],
+    steps: Steps<N>,
+    coding: FieldCoding,
+    coefficients: Option<&[i32]>,
+) -> Result<CellValues<N>, C::Error> {
+    let older = |coder: &mut C, coding| {
+        older_field::code_field(coder, cells, steps.0, coding, coefficients)
+    };
+    match coding {
+        FieldCoding::Whole => {
+            let source = coefficients.map_or(FieldSource::Stream, FieldSource::Model);
+            code_whole(coder, cells, steps, source)
+        }
+        FieldCoding::Beside => older(coder, OlderField::BESIDE),
+        FieldCoding::Parents => older(coder, OlderField::PARENTS),
+    }
+}
+
+/// Writes, reads or prices a field of N channels on sorted `cells`.
+///
+/// # Errors
+/// Whatever the coder finds wrong with what it reads.
+fn code_whole<C: Coder, const N: usize>(
     coder: &mut C,
     cells: &[u64],
     steps: Steps<N>,
@@ -85,12 +125,32 @@ pub(super) fn code_field<C: Coder, const N: usize>(
     let mut activity = vec![0_u8];
     for l in (0..top).rev() {
         let (parents, children) = (&levels[l + 1], &levels[l]);
-        let mut decoded = predict(parents, &means, children, steps.prediction.neighbour_share());
+        let mut decoded = predict(parents, &means, children);
         let active = walk.level(l, parents, children, &means, &activity, &mut decoded)?;
         activity = parents.for_children(&active);
         means = decoded;
     }
-    Ok(CellValues { values: means, coefficients: walk.coefficients })
+    let unit = (1 << FRACTION) as f32;
+    let values = means.into_iter().map(|value| value.map(|v| v as f32 / unit)).collect();
+    Ok(CellValues { values, coefficients: walk.coefficients })
+}
+
+/// Predicts the mean of every child: the means of its parent and of the seven parents next to it on the child's
+/// side, interpolated; parents that do not exist are left out.
+fn predict<const N: usize>(
+    parents: &PyramidLevel<'_, N>,
+    means: &[[i32; N]],
+    children: &PyramidLevel<'_, N>,
+) -> Vec<[i32; N]> {
+    from_parents(parents, children, |around| {
+        let (mut sum, mut total) = ([0_i64; N], 0_i64);
+        for &(parent, corner) in around {
+            let weight: i64 = (0..3).map(|axis| PARENT_WEIGHTS[corner >> axis & 1]).product();
+            (0..N).for_each(|c| sum[c] += weight * i64::from(means[parent][c]));
+            total += weight;
+        }
+        sum.map(|s| (2 * s + total).div_euclid(2 * total) as i32)
+    })
 }
 
 /// The walk down the pyramid.
@@ -107,16 +167,16 @@ struct Walk<'a, C, const N: usize> {
 struct Children<'a, const N: usize> {
     /// Octants of the children in the cell.
     octants: Vec<usize>,
-    weights: &'a [f32],
+    weights: &'a [u32],
     targets: Option<&'a [[f32; N]]>,
     /// Decoded mean of the cell.
-    mean: [f32; N],
+    mean: [i32; N],
 }
 
 impl<C: Coder, const N: usize> Walk<'_, C, N> {
     /// Mean of all cells, rounded to whole numbers.
-    fn mean(&mut self, top: &PyramidLevel<'_, N>) -> Result<[f32; N], C::Error> {
-        let mut mean = [0.0; N];
+    fn mean(&mut self, top: &PyramidLevel<'_, N>) -> Result<[i32; N], C::Error> {
+        let mut mean = [0; N];
         for (c, value) in mean.iter_mut().enumerate() {
             let wanted = match self.source {
                 FieldSource::Stream => 0,
@@ -125,7 +185,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
             };
             let coded = self.coder.sint(&mut self.models.mean[c], wanted)?;
             self.coefficients.push(coded);
-            *value = coded as f32;
+            *value = bounded(i64::from(coded) << FRACTION);
         }
         Ok(mean)
     }
@@ -137,44 +197,68 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
         l: usize,
         parents: &PyramidLevel<'_, N>,
         children: &PyramidLevel<'_, N>,
-        means: &[[f32; N]],
+        means: &[[i32; N]],
         activity: &[u8],
-        decoded: &mut [[f32; N]],
+        decoded: &mut [[i32; N]],
     ) -> Result<Vec<u8>, C::Error> {
         let places = index(&parents.keys);
         let mut active = vec![0_u8; parents.keys.len()];
-        let mut missed = Missed::new(self.steps.prediction, children.keys.len());
-        for (p, range) in parents.children().enumerate() {
+        let mut coded = vec![Beside::default(); parents.keys.len()];
+        let mut missed = vec![[0; N]; children.keys.len()];
+        let of_parents = parents.children().enumerate();
+        for (p, range) in of_parents {
             let key = parents.keys[p];
-            missed.begin(range.clone(), decoded);
+            missed[range.clone()].copy_from_slice(&decoded[range.clone()]);
             if range.len() == 1 {
                 decoded[range.start] = means[p];
                 active[p] = activity[p].saturating_sub(1);
             } else {
-                let family = |key: u64| places.get(&key).map(|&p| parents.children_of(p as usize));
-                missed.add_beside(key, family, children, range.clone(), decoded);
+                let at =
+                    |axis: usize, up: bool| places.get(&step(key, axis, up)).map(|&i| i as usize);
                 // Cells before this one are coded at this level, of those that follow only the level above is.
-                let around = sum_beside(&places, key, false, &active);
-                let ahead = sum_beside(&places, key, true, activity);
+                let below: [Option<usize>; 3] = std::array::from_fn(|axis| at(axis, false));
+                let above = (0..3).filter_map(|axis| at(axis, true));
+                let families = below.map(|q| q.map(|q| parents.children_of(q)));
+                add_missed(&families, children, &range, &missed, decoded);
+                let ahead: usize = above.map(|i| usize::from(activity[i])).sum();
+                let around = below.iter().flatten().map(|&i| usize::from(active[i])).sum();
                 let parent = usize::from(activity[p]) + ahead.div_ceil(2);
-                let context = CellContext::new(l, parent, around);
+                let beside = Beside::along(below.map(|q| q.map(|q| &coded[q])));
+                let context = CellContext::new(l, parent, around, beside);
                 let cell = Children::new(children, range.clone(), means[p]);
-                active[p] = self.cell(&context, &cell, &mut decoded[range.clone()])?;
+                (active[p], coded[p]) = self.cell(context, &cell, &mut decoded[range.clone()])?;
             }
-            missed.end(range, decoded);
+            // Until here what was predicted from the parents, now what that missed.
+            for i in range {
+                let predicted = missed[i];
+                missed[i] = std::array::from_fn(|c| decoded[i][c] - predicted[c]);
+            }
         }
         Ok(active)
     }
 
-    /// Adds the coefficients of a cell to the prediction of its children; gives its activity.
+    /// Adds the coefficients of a cell to the prediction of its children; gives its activity, and what cells beside it
+    /// look at.
     fn cell(
         &mut self,
-        context: &CellContext,
+        mut context: CellContext<N>,
         cell: &Children<'_, N>,
-        decoded: &mut [[f32; N]],
-    ) -> Result<u8, C::Error> {
-        let butterflies = Butterflies::new(&cell.octants, cell.weights);
+        decoded: &mut [[i32; N]],
+    ) -> Result<(u8, Beside<N>), C::Error> {
+        let butterflies = WholeButterflies::new(&cell.octants, cell.weights);
         let n = butterflies.all().len();
+        let steps: [_; N] = std::array::from_fn(|c| self.steps.of(c, context.level));
+        let mut means = [0; N];
+        for c in 0..N {
+            let mut slots = [0; 8];
+            cell.octants.iter().zip(&*decoded).for_each(|(&o, value)| slots[o] = value[c]);
+            means[c] = butterflies.forward(&mut slots, |i, butterfly, change| {
+                context.set_change(i, c, butterfly.change_class(change, steps[c]));
+            });
+        }
+        for (i, butterfly) in butterflies.all().iter().enumerate() {
+            context.set_axis(i, butterfly.axis, n);
+        }
         let mut coefficients = match self.source {
             FieldSource::Stream => [[0; 7]; N],
             FieldSource::Model(given) => {
@@ -186,87 +270,59 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
                 coefficients
             }
             FieldSource::Targets { lambda, .. } => {
-                let residuals = cell.residuals(&butterflies, decoded);
-                choose(&self.models, context, &butterflies, &residuals, self.steps, lambda)
+                let (residuals, slots) = cell.residuals(decoded);
+                choose(&self.models, &context, &slots, &residuals, self.steps, lambda)
             }
         };
-        code_coefficients(self.coder, &mut self.models, context, n, &mut coefficients)?;
+        let coded = self.models.code(self.coder, &context, &mut coefficients)?;
         for i in 0..n {
             self.coefficients.extend(coefficients.iter().map(|of| of[i]));
         }
-        let steps = std::array::from_fn(|c| self.steps.of(c, context.level));
-        cell.add(&butterflies, &coefficients, steps, decoded);
+        for c in 0..N {
+            // All children move by what the mean of their predictions is off, and by their coefficients.
+            let mut slots = [0; 8];
+            let off = i64::from(cell.mean[c]) - i64::from(means[c]);
+            butterflies.inverse(&mut slots, off, &coefficients[c], steps[c]);
+            for (&octant, value) in cell.octants.iter().zip(&mut *decoded) {
+                value[c] = bounded(i64::from(value[c]) + slots[octant]);
+            }
+        }
         let sum: u32 = coefficients.iter().flatten().map(|c| c.unsigned_abs().min(4)).sum();
-        Ok(sum.min(4) as u8)
+        Ok((sum.min(4) as u8, coded))
     }
 }
 
-/// What the prediction from the parents missed at the cells of a level that are coded already.
-struct Missed<const N: usize> {
-    /// The share of it that is added beside each; `None` for nothing.
-    share: Option<f32>,
-    /// By cell; empty where nothing is added.
-    values: Vec<[f32; N]>,
-}
-
-impl<const N: usize> Missed<N> {
-    fn new(prediction: Prediction, cells: usize) -> Self {
-        let share = prediction.residual_share();
-        Self { share, values: vec![[0.0; N]; share.map_or(0, |_| cells)] }
-    }
-
-    /// Adds its share of what was missed beside them to the predictions of the children `range` of the cell of `key`. Of
-    /// the cells that share a face with a child those of smaller coordinates in other parents are coded: those parents'
-    /// keys are smaller. `family` gives the children of a cell of this key.
-    fn add_beside(
-        &self,
-        key: u64,
-        family: impl Fn(u64) -> Option<Range<usize>>,
-        children: &PyramidLevel<'_, N>,
-        range: Range<usize>,
-        predicted: &mut [[f32; N]],
-    ) {
-        let Some(share) = self.share else { return };
-        for axis in 0..3 {
-            let Some(beside) = family(step(key, axis, false)) else { continue };
-            for i in range.clone().filter(|&i| children.keys[i] >> axis & 1 == 0) {
+/// Adds its share of what was missed beside them to the predictions of the children `range` of a cell. Of the cells that share a
+/// face with a child those of smaller coordinates in other parents are coded: those parents' keys are smaller. `below` are
+/// the children of the cell one down along each axis.
+fn add_missed<const N: usize>(
+    below: &[Option<Range<usize>>; 3],
+    children: &PyramidLevel<'_, N>,
+    range: &Range<usize>,
+    missed: &[[i32; N]],
+    predicted: &mut [[i32; N]],
+) {
+    for i in range.clone() {
+        let mut sum = [0_i64; N];
+        for (axis, family) in below.iter().enumerate() {
+            let Some(family) = family else { continue };
+            if children.keys[i] >> axis & 1 == 0 {
                 let octant = children.keys[i] & 7 | 1 << axis;
-                if let Some(j) = beside.clone().find(|&j| children.keys[j] & 7 == octant) {
-                    (0..N).for_each(|c| predicted[i][c] += share * self.values[j][c]);
+                if let Some(j) = family.clone().find(|&j| children.keys[j] & 7 == octant) {
+                    (0..N).for_each(|c| sum[c] += i64::from(missed[j][c]));
                 }
             }
         }
-    }
-
-    /// Keeps what the parents predict of the cells `range`, until they are coded.
-    fn begin(&mut self, range: Range<usize>, predicted: &[[f32; N]]) {
-        if self.share.is_some() {
-            self.values[range.clone()].copy_from_slice(&predicted[range]);
+        for c in 0..N {
+            let share = (MISSED_SHARE * sum[c] + 128) >> 8;
+            predicted[i][c] = bounded(i64::from(predicted[i][c]) + share);
         }
     }
-
-    /// Keeps what was missed at the cells `range`: their values less what the parents predicted.
-    fn end(&mut self, range: Range<usize>, decoded: &[[f32; N]]) {
-        if self.share.is_some() {
-            for i in range {
-                let predicted = self.values[i];
-                self.values[i] = std::array::from_fn(|c| decoded[i][c] - predicted[c]);
-            }
-        }
-    }
-}
-
-/// Sum of the activities of the three cells beside the one of `key`, up or down the axes.
-fn sum_beside(places: &MortonMap<u32>, key: u64, up: bool, activity: &[u8]) -> usize {
-    (0..3)
-        .filter_map(|axis| places.get(&step(key, axis, up)))
-        .map(|&i| usize::from(activity[i as usize]))
-        .sum()
 }
 
 impl<'a, const N: usize> Children<'a, N> {
     /// The children `range` of a cell with this mean.
-    fn new(level: &'a PyramidLevel<'_, N>, range: Range<usize>, mean: [f32; N]) -> Self {
+    fn new(level: &'a PyramidLevel<'_, N>, range: Range<usize>, mean: [i32; N]) -> Self {
         Self {
             octants: level.keys[range.clone()].iter().map(|k| (k & 7) as usize).collect(),
             weights: &level.weights[range.clone()],
@@ -275,67 +331,22 @@ impl<'a, const N: usize> Children<'a, N> {
         }
     }
 
-    /// The transform of what the prediction misses, by channel; in the slots of the butterflies.
-    fn residuals(&self, butterflies: &Butterflies, predicted: &[[f32; N]]) -> [[f32; 8]; N] {
+    /// The transform of what the prediction misses, by channel, and the slots in which its coefficients are.
+    fn residuals(&self, predicted: &[[i32; N]]) -> ([[f32; 8]; N], Vec<usize>) {
+        let weights: Vec<f32> = self.weights.iter().map(|&w| w as f32).collect();
+        let butterflies = Butterflies::new(&self.octants, &weights);
         let mut residuals = [[0.0_f32; 8]; N];
         let targets = self.targets.unwrap_or(&[]);
+        let unit = (1 << FRACTION) as f32;
         for (i, (&octant, target)) in self.octants.iter().zip(targets).enumerate() {
-            let root = self.weights[i].sqrt();
-            (0..N).for_each(|c| residuals[c][octant] = root * (target[c] - predicted[i][c]));
+            let root = weights[i].sqrt();
+            for c in 0..N {
+                residuals[c][octant] = root * (target[c] - predicted[i][c] as f32 / unit);
+            }
         }
         residuals.iter_mut().for_each(|r| butterflies.forward(r));
-        residuals
+        (residuals, butterflies.all().iter().map(|butterfly| butterfly.difference).collect())
     }
-
-    /// Adds the inverse transform of the coefficients to the predicted values. The mean of the cell is known: the
-    /// coefficient of the mean is what the mean of the prediction misses.
-    fn add(
-        &self,
-        butterflies: &Butterflies,
-        coefficients: &Coefficients<N>,
-        steps: [f32; N],
-        decoded: &mut [[f32; N]],
-    ) {
-        let total: f32 = self.weights.iter().sum();
-        // The last butterfly leaves the mean of all in its first slot.
-        let root = butterflies.all()[butterflies.all().len() - 1].mean;
-        for (c, of) in coefficients.iter().enumerate() {
-            let mut values = [0.0_f32; 8];
-            for (butterfly, &q) in butterflies.all().iter().zip(of) {
-                values[butterfly.difference] = q as f32 * steps[c];
-            }
-            let predicted: f32 = decoded.iter().zip(self.weights).map(|(d, w)| w * d[c]).sum();
-            values[root] = total.sqrt() * (self.mean[c] - predicted / total);
-            butterflies.inverse(&mut values);
-            for (i, &octant) in self.octants.iter().enumerate() {
-                decoded[i][c] += values[octant] / self.weights[i].sqrt();
-            }
-        }
-    }
-}
-
-/// Writes, reads or prices the coefficients of the first `n` butterflies of a cell: whether any is not zero, then all,
-/// channel by channel.
-fn code_coefficients<C: Coder, const N: usize>(
-    coder: &mut C,
-    models: &mut FieldModels<N>,
-    context: &CellContext,
-    n: usize,
-    coefficients: &mut Coefficients<N>,
-) -> Result<(), C::Error> {
-    let any = coefficients.iter().flatten().any(|&c| c != 0);
-    if !coder.bit(&mut models.any[context.any()], any)? {
-        return Ok(());
-    }
-    let mut before = 0;
-    for i in 0..n {
-        for (channel, of) in coefficients.iter_mut().enumerate() {
-            let model = &mut models.coefficients[context.coefficient(channel, before)];
-            of[i] = coder.sint(model, of[i])?.clamp(-MAX_COEFFICIENT, MAX_COEFFICIENT);
-            before += of[i].unsigned_abs().min(2);
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -344,31 +355,45 @@ mod tests {
     use proptest::prelude::*;
     use surfabet_entropy::Price;
 
+    use super::super::field_models::MAX_COEFFICIENT;
+
     proptest! {
         #[test]
         fn a_field_comes_back_to_within_its_step(
             cells in prop::collection::btree_map(0_u64..512, prop::array::uniform2(-300.0_f32..300.0), 1..60),
-            prediction in prop::sample::select(vec![Prediction::Parents, Prediction::Beside]),
         ) {
             let keys: Vec<u64> = cells.keys().copied().collect();
             let targets: Vec<[f32; 2]> = cells.values().copied().collect();
-            let steps = Steps { of_channels: [1.0, 2.0], prediction };
-            let source = FieldSource::Targets { values: &targets, lambda: 1e-6 };
-            let mut price = Price::default();
-            let Ok(coded) = code_field(&mut price, &keys, steps, source);
+            let steps = Steps([1, 2]);
+            let coded = choose_field(&keys, steps, &targets, 1e-6);
             prop_assert_eq!(coded.coefficients.len(), 2 * keys.len());
             // Rounding to a step of s leaves an error of s / 2 in each of the orthonormal coefficients, of which a
-            // value has 7 per level and its share of the top's.
+            // value has 7 per level and its share of the top's; rounding of values adds some 64ths.
             for (value, wanted) in coded.values.iter().zip(cells.values()) {
                 for c in 0..2 {
-                    prop_assert!((value[c] - wanted[c]).abs() <= 4.0 * (c + 1) as f32, "{value:?} {wanted:?}");
+                    prop_assert!((value[c] - wanted[c]).abs() <= 4.2 * (c + 1) as f32, "{value:?} {wanted:?}");
                 }
             }
-            // The chosen coefficients give the same values again.
-            let source = FieldSource::Model(&coded.coefficients);
-            let Ok(again) = code_field(&mut price, &keys, steps, source);
-            prop_assert_eq!(again.values, coded.values);
-            prop_assert_eq!(again.coefficients, coded.coefficients);
+            // The chosen coefficients give the same values again, by all three codings.
+            for coding in [FieldCoding::Whole, FieldCoding::Beside, FieldCoding::Parents] {
+                let given = Some(coded.coefficients.as_slice());
+                let Ok(again) = code_field(&mut Price::default(), &keys, steps, coding, given);
+                prop_assert_eq!(&again.coefficients, &coded.coefficients);
+                prop_assert!(coding != FieldCoding::Whole || again.values == coded.values);
+            }
+        }
+
+        /// Coefficients that no learned model has, as of a hostile file.
+        #[test]
+        fn any_coefficients_give_values_within_bounds(
+            cells in prop::collection::btree_set(0_u64..512, 1..40),
+            coefficients in prop::collection::vec(-MAX_COEFFICIENT..=MAX_COEFFICIENT, 80),
+        ) {
+            let keys: Vec<u64> = cells.iter().copied().collect();
+            let given = Some(&coefficients[..2 * keys.len()]);
+            let steps = Steps([4096, 1]);
+            let Ok(coded) = code_field(&mut Price::default(), &keys, steps, FieldCoding::Whole, given);
+            prop_assert!(coded.values.iter().flatten().all(|v| v.abs() <= (1 << 24) as f32));
         }
     }
 
@@ -376,35 +401,11 @@ mod tests {
     fn one_value_everywhere_takes_hardly_a_bit_per_thousand_cells() {
         let cells: Vec<u64> = (0..4096).collect();
         let targets = vec![[200.0, 100.0, 50.0]; cells.len()];
-        for prediction in [Prediction::Parents, Prediction::Beside] {
-            let mut price = Price::default();
-            let source = FieldSource::Targets { values: &targets, lambda: 100.0 };
-            let steps = Steps { of_channels: [64.0; 3], prediction };
-            let Ok(coded) = code_field(&mut price, &cells, steps, source);
-            assert!(price.bits < 120.0, "{}", price.bits);
-            // Single precision, a few roundings per level.
-            let near = |v: &[f32; 3]| (0..3).all(|c| (v[c] - [200.0, 100.0, 50.0][c]).abs() < 1e-2);
-            assert!(coded.values.iter().all(near));
-        }
-    }
-
-    /// Along the first axis: a cell of one parent, then both cells of the next, of which only the first touches it.
-    #[test]
-    fn what_was_missed_counts_at_cells_that_share_a_face() {
-        let cells = [1, 8, 9];
-        let levels = pyramid::<1>(&cells, None);
-        let (children, parents) = (&levels[0], &levels[1]);
-        let family = |key: u64| (key == 0).then(|| parents.children_of(0));
-        let mut missed = Missed::<1>::new(Prediction::Beside, cells.len());
-        let mut values = [[7.0], [20.0], [30.0]];
-        missed.begin(0..1, &values);
-        values[0] = [17.0];
-        missed.end(0..1, &values);
-        missed.add_beside(1, family, children, 1..3, &mut values);
-        assert_eq!(values, [[17.0], [23.0], [30.0]]);
-        // Older files do not know of it.
-        let missed = Missed::<1>::new(Prediction::Parents, cells.len());
-        missed.add_beside(1, family, children, 1..3, &mut values);
-        assert_eq!(values, [[17.0], [23.0], [30.0]]);
+        let coded = choose_field(&cells, Steps([64; 3]), &targets, 100.0);
+        let mut price = Price::default();
+        let given = Some(coded.coefficients.as_slice());
+        let Ok(_) = code_field(&mut price, &cells, Steps([64; 3]), FieldCoding::Whole, given);
+        assert!(price.bits < 120.0, "{}", price.bits);
+        assert!(coded.values.iter().all(|v| *v == [200.0, 100.0, 50.0]));
     }
 }

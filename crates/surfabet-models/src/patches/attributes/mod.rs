@@ -13,11 +13,13 @@
 //! | `scalar` | intensities and other scalars, in steps of a share of their standard deviation |
 //! | `labels` | labels, given those of the cells around |
 //! | `field` | a field of any number of channels down the pyramid |
-//! | `prediction` | what the cells of a level are predicted from |
-//! | `pyramid` | cells joined by eights, and prediction from the level above |
-//! | `butterflies` | the transform of a cell's children |
+//! | `field_coding` | the ways to code a field that files have |
+//! | `field_models` | models of the coefficients, and what they depend on |
+//! | `pyramid` | cells joined by eights, and the parents around a cell |
+//! | `whole_butterflies` | the transform of a cell's children, in whole numbers |
+//! | `butterflies` | the same in single precision |
 //! | `choice` | when learning: coefficients of least cost |
-//! | `models` | adaptive models of the coefficients |
+//! | `older_field`, `older_models` | fields of older files |
 
 pub(in crate::patches) mod blending;
 mod butterflies;
@@ -26,20 +28,23 @@ mod choice;
 pub(in crate::patches) mod chosen;
 pub(in crate::patches) mod color;
 mod field;
+mod field_coding;
+mod field_models;
 pub(in crate::patches) mod labels;
-mod models;
-mod prediction;
+mod older_field;
+mod older_models;
 mod pyramid;
 pub(in crate::patches) mod scalar;
 pub(in crate::patches) mod targets;
+mod whole_butterflies;
 
 use surfabet_entropy::Coder;
 use surfabet_geom::Dtype;
 
 use crate::scalar::ScalarScale;
+pub use field_coding::FieldCoding;
 use labels::LabelField;
 pub use labels::MAX_LABELS;
-pub use prediction::Prediction;
 use scalar::ScalarField;
 
 /// Most attributes beside colour.
@@ -170,11 +175,11 @@ impl AttributeField {
         coder: &mut C,
         cells: &[u64],
         header: &AttributeHeader,
-        prediction: Prediction,
+        coding: FieldCoding,
     ) -> Result<Self, C::Error> {
         let values = match &header.content {
             AttributeContent::Scalar(scale) => {
-                Values::Scalar(ScalarField::read(coder, cells, *scale, prediction)?)
+                Values::Scalar(ScalarField::read(coder, cells, *scale, coding)?)
             }
             AttributeContent::Labels(values) => {
                 Values::Labels(LabelField::read(coder, cells, values.clone())?)

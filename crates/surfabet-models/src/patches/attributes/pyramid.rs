@@ -13,7 +13,7 @@ pub(super) struct PyramidLevel<'a, const N: usize> {
     /// Sorted.
     pub keys: Cow<'a, [u64]>,
     /// Number of cells of the first level in each cell.
-    pub weights: Vec<f32>,
+    pub weights: Vec<u32>,
     /// Children of cell i are cells `children[i]..children[i + 1]` of the level before; empty at the first.
     children: Vec<u32>,
     /// Means of the values that are to be coded; empty when reading.
@@ -49,7 +49,7 @@ pub(super) fn pyramid<'a, const N: usize>(
 ) -> Vec<PyramidLevel<'a, N>> {
     let mut levels = vec![PyramidLevel {
         keys: cells.into(),
-        weights: vec![1.0; cells.len()],
+        weights: vec![1; cells.len()],
         children: Vec::new(),
         targets: targets.unwrap_or_default().into(),
     }];
@@ -71,12 +71,14 @@ fn parents<const N: usize>(below: &PyramidLevel<'_, N>) -> PyramidLevel<'static,
     children.push(below.keys.len() as u32);
     let (mut weights, mut targets) = (Vec::new(), Vec::new());
     for range in children.windows(2).map(|range| range[0] as usize..range[1] as usize) {
-        let weight: f32 = below.weights[range.clone()].iter().sum();
+        // No more cells than a key of 63 bits tells apart in memory: a file has at most 2^26.
+        let weight: u32 = below.weights[range.clone()].iter().sum();
         weights.push(weight);
         if !below.targets.is_empty() {
             let mut mean = [0.0; N];
             for i in range {
-                (0..N).for_each(|c| mean[c] += below.weights[i] * below.targets[i][c] / weight);
+                let share = below.weights[i] as f32 / weight as f32;
+                (0..N).for_each(|c| mean[c] += share * below.targets[i][c]);
             }
             targets.push(mean);
         }
@@ -84,39 +86,29 @@ fn parents<const N: usize>(below: &PyramidLevel<'_, N>) -> PyramidLevel<'static,
     PyramidLevel { keys: keys.into(), weights, children, targets: targets.into() }
 }
 
-/// Predicts the mean of every child: the means of its parent and of the seven parents next to it on the child's
-/// side, interpolated. Along each axis the parent counts `1 - s` and its neighbour s, `neighbour_share`; parents that do not
-/// exist are left out.
-pub(super) fn predict<const N: usize>(
+/// Calls `value` for every child with its parent and those of the seven parents next to it on the child's side that exist:
+/// their numbers, and the axes along which each is displaced as bits. The child's own comes first.
+pub(super) fn from_parents<const N: usize, V: Send>(
     parents: &PyramidLevel<'_, N>,
-    means: &[[f32; N]],
     children: &PyramidLevel<'_, N>,
-    neighbour_share: f32,
-) -> Vec<[f32; N]> {
+    value: impl Fn(&[(usize, usize)]) -> V + Sync,
+) -> Vec<V> {
     let places = index(&parents.keys);
     let numbers: Vec<u32> = (0..parents.keys.len() as u32).collect();
     let of_parent = parents.for_children(&numbers);
     parallel::map_range(children.keys.len(), |i| {
         let (child, parent) = (children.keys[i], of_parent[i]);
         let own = parents.keys[parent as usize];
-        let (mut sum, mut total) = ([0.0; N], 0.0);
+        let (mut around, mut n) = ([(0, 0); 8], 0);
         for corner in 0..8_usize {
-            let mut key = own;
-            let mut weight = 1.0;
-            for axis in 0..3 {
-                if corner >> axis & 1 != 0 {
-                    key = step(key, axis, child >> axis & 1 != 0);
-                    weight *= neighbour_share;
-                } else {
-                    weight *= 1.0 - neighbour_share;
-                }
-            }
+            let displaced = (0..3).filter(|axis| corner >> axis & 1 != 0);
+            let key = displaced.fold(own, |key, axis| step(key, axis, child >> axis & 1 != 0));
             let found = if corner == 0 { Some(&parent) } else { places.get(&key) };
-            if let Some(&i) = found {
-                (0..N).for_each(|c| sum[c] += weight * means[i as usize][c]);
-                total += weight;
+            if let Some(&found) = found {
+                around[n] = (found as usize, corner);
+                n += 1;
             }
         }
-        sum.map(|s| s / total)
+        value(&around[..n])
     })
 }

@@ -5,7 +5,7 @@
 //! `n`, which are all that are displaced downwards; and whether the other nodes around are occupied at all. Scans are surfaces
 //! and lines, and what goes on there goes on here.
 
-use surfabet_entropy::{Bit, Coder, Mixer};
+use surfabet_entropy::{Bit, Coder, MixedBits, MixedContext};
 use surfabet_geom::morton::{self, MortonMap, step};
 
 use crate::patches::attributes::cells::index;
@@ -16,24 +16,18 @@ const HEIGHTS: usize = 4;
 /// Counts of occupied children before, and of nodes around, are told apart up to this.
 const MOST: usize = 3;
 
-/// Adaptive models of the points.
+/// Weight of each of the two models at first: half of each.
+const WEIGHT: i32 = 1 << 15;
+
+/// Adaptive models of the points: one by how many of the cells around are occupied, one by which of them are; weights by
+/// height and number of occupied children before.
 #[derive(Debug, Clone)]
-pub(in crate::patches) struct NearPointModels {
-    /// By how many of the cells around are occupied.
-    counts: Vec<Bit>,
-    /// By which of them are.
-    places: Vec<Bit>,
-    /// By height and number of occupied children before.
-    mixers: [[Mixer; MOST + 1]; HEIGHTS],
-}
+pub(in crate::patches) struct NearPointModels(MixedBits<2>);
 
 impl Default for NearPointModels {
     fn default() -> Self {
-        Self {
-            counts: vec![Bit::new(); HEIGHTS << 13],
-            places: vec![Bit::new(); HEIGHTS << 15],
-            mixers: [[Mixer::default(); MOST + 1]; HEIGHTS],
-        }
+        let contexts = [HEIGHTS << 13, HEIGHTS << 15];
+        Self(MixedBits::new(contexts, Bit::DEFAULT_MEMORY, HEIGHTS * (MOST + 1), WEIGHT))
     }
 }
 
@@ -136,9 +130,9 @@ impl<'a> Around<'a> {
         // Fields of 3 bits, but the height.
         let by_place = [child, faces, before, edges, ahead];
         let by_place = by_place.iter().fold(self.height, |all, &k| all << 3 | k);
-        let NearPointModels { counts, places, mixers } = &mut *self.models;
-        let models = [&mut counts[by_count], &mut places[by_place]];
-        mixers[self.height][before.min(MOST)].bit(coder, models, wanted)
+        let mixer = self.height * (MOST + 1) + before.min(MOST);
+        let at = MixedContext { mixer, models: [by_count, by_place] };
+        self.models.0.bit(coder, at, wanted)
     }
 }
 

@@ -50,8 +50,29 @@ impl PatchModel {
         options: DecodeOptions,
         progress: &dyn Progress,
     ) -> Result<PointCloud> {
+        self.decode_with(region, options, Layers::Even, progress)
+    }
+
+    /// What the model holds of a region, to be learned from again: as measured, with normals, and with the variance of the
+    /// thickness about each patch.
+    ///
+    /// # Errors
+    /// As [`PatchModel::decode`].
+    pub fn remembered(&self, region: &Region, progress: &dyn Progress) -> Result<PointCloud> {
+        let options =
+            DecodeOptions { as_measured: true, normals: true, ..DecodeOptions::default() };
+        self.decode_with(Some(region), options, Layers::OfVariance, progress)
+    }
+
+    fn decode_with(
+        &self,
+        region: Option<&Region>,
+        options: DecodeOptions,
+        spread: Layers,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud> {
         let motions = self.instances().motions();
-        let mut surface = self.surface(region, options, &motions, progress)?;
+        let mut surface = self.surface(region, options, (&motions, spread), progress)?;
         let attributes = self.attributes_of(&mut surface, options, progress)?;
         progress.update("decoding", 1.0);
         surface.move_instances();
@@ -102,6 +123,18 @@ impl PatchModel {
         sampler.at(&sources, progress)
     }
 
+    /// Number of points that the model decodes to as measured, at the spacing that it was made for.
+    pub fn n_measured(&self) -> f64 {
+        let lattice = self.lattice();
+        let of_patch = |leaf: &Leaf| {
+            let width = lattice.patch_width(leaf.level);
+            let per_pixel = samples(width, 0.5) / f64::from(PATCH_PIXELS);
+            let pixels = f64::from(leaf.patch.mask.count_ones());
+            pixels * per_pixel * per_pixel * layers(leaf, 0.5, true)
+        };
+        self.leaves().iter().map(of_patch).sum::<f64>() + self.header().n_extra as f64
+    }
+
     /// What some patches of the model decode to as measured, at the spacing that it was made for, metres about the origin.
     ///
     /// # Errors
@@ -142,7 +175,7 @@ impl PatchModel {
         &'a self,
         region: Option<&Region>,
         options: DecodeOptions,
-        motions: &'a [Motion],
+        (motions, spread): (&'a [Motion], Layers),
         progress: &dyn Progress,
     ) -> Result<Surface<'a>> {
         options.check()?;
@@ -172,6 +205,7 @@ impl PatchModel {
             .collect();
         let beside = self.header().n_extra + self.instances().n_points();
         let decoder = Decoder::new(lattice, wanted.iter().flatten().copied(), beside, options)?;
+        let decoder = Decoder { spread, ..decoder };
         let mut points = Points::default();
         let mut moved = Vec::new();
         for (leaves, (_, motion)) in wanted.iter().zip(&parts) {
@@ -323,6 +357,27 @@ impl PatchDecoder {
     }
 }
 
+/// How the layers that fill a thickness lie in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Layers {
+    /// Evenly.
+    Even,
+    /// So that they have the variance of the slab, `half^2 / 3`: n even layers have `1 - 1 / n^2` of it, and a scan that is
+    /// learned again and again from them would become thinner and thinner.
+    OfVariance,
+}
+
+impl Layers {
+    /// Distance of the outer of `n` layers from the middle, as a multiple of what it is for even ones.
+    fn stretch(self, n: usize) -> f32 {
+        let n = n as f32;
+        match self {
+            Self::OfVariance if n > 1.0 => 1.0 / (1.0 - 1.0 / (n * n)).sqrt(),
+            _ => 1.0,
+        }
+    }
+}
+
 struct Decoder {
     lattice: Lattice,
     /// Samples per side of a patch, and the values of all shapes' factors there, per level.
@@ -330,6 +385,7 @@ struct Decoder {
     /// Spacing, pixels.
     spacing: f64,
     options: DecodeOptions,
+    spread: Layers,
 }
 
 /// Layers that fill the thickness of a patch; spacing in pixels.
@@ -398,7 +454,7 @@ impl Decoder {
         check_points(resolution, n_points, options.max_points)?;
         let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
         let grids = widths.map(|width| Grid::new(width, spacing)).collect();
-        Ok(Self { lattice, grids, spacing, options })
+        Ok(Self { lattice, grids, spacing, options, spread: Layers::Even })
     }
 
     /// Adds what some patches give.
@@ -453,7 +509,7 @@ impl Decoder {
             slope[1] += c * x[i] * dy[j];
         }
         let layers = self.layers(leaf);
-        let half = leaf.patch.half_thickness();
+        let half = leaf.patch.half_thickness() * self.spread.stretch(layers);
         let mut position = [0.0; 3];
         position[u] = leaf.corner[0] as f32 + grid.at[column];
         position[v] = leaf.corner[1] as f32 + grid.at[row];

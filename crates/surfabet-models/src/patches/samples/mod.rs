@@ -36,9 +36,30 @@ pub(in crate::patches) struct SidedSamples<'a> {
     /// Twice the axis that the surface is closest to being orthogonal to, plus one where it faces down that axis.
     pub sides: Vec<u8>,
     cloud: &'a PointCloud,
-    sensor: Sensor,
+    weights: Weights<'a>,
     /// Points of each sample.
     groups: Groups,
+}
+
+/// How much points count.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::patches) struct Weights<'a> {
+    pub sensor: Sensor,
+    /// What they count beside what their ranges give; 1 without.
+    pub of_points: Option<&'a [f32]>,
+}
+
+impl Weights<'_> {
+    /// What the ranges give alone.
+    pub fn of(sensor: Sensor) -> Self {
+        Self { sensor, of_points: None }
+    }
+
+    /// Weight of point `i` of `cloud`.
+    fn at(&self, cloud: &PointCloud, i: usize) -> f32 {
+        let own = self.of_points.map_or(1.0, |weights| weights[i]);
+        own * self.sensor.weight_of(cloud, i)
+    }
 }
 
 /// Rows of the rotation from the world to the lattice.
@@ -57,7 +78,7 @@ impl<'a> SidedSamples<'a> {
     pub fn merge(
         cloud: &'a PointCloud,
         lattice: &Lattice,
-        sensor: Sensor,
+        weights: Weights<'a>,
         survey: &Survey,
         progress: &dyn Progress,
     ) -> Result<Self> {
@@ -74,7 +95,7 @@ impl<'a> SidedSamples<'a> {
         let view = |i: usize| normals.map_or_else(|| to_sensor(cloud, i), |n| n[i]);
         let groups = cells.into_groups();
         let samples: Vec<SeenSample> = parallel::map_range(groups.len(), |g| {
-            merge_cell(cloud, &rows, &rotated, sensor, &view, groups.of(g))
+            merge_cell(cloud, &rows, &rotated, weights, &view, groups.of(g))
         });
         drop(rotated);
         progress.check()?;
@@ -90,7 +111,7 @@ impl<'a> SidedSamples<'a> {
         progress.check()?;
         // Into memory of its own: that of the views is to be free.
         let all = samples.iter().map(|seen| seen.sample).collect();
-        Ok(Self { all, sides, cloud, sensor, groups })
+        Ok(Self { all, sides, cloud, weights, groups })
     }
 
     /// The points of each sample.
@@ -109,7 +130,7 @@ impl<'a> SidedSamples<'a> {
             for i in self.groups.of(sample).iter().map(|&i| i as usize) {
                 let value = value(i);
                 if value.iter().all(|c| c.is_finite()) {
-                    let weight = f64::from(self.sensor.weight_of(self.cloud, i));
+                    let weight = f64::from(self.weights.at(self.cloud, i));
                     weights += weight;
                     (0..N).for_each(|c| sum[c] += weight * value[c]);
                 }
@@ -125,7 +146,7 @@ fn merge_cell(
     cloud: &PointCloud,
     rows: &[[f32; 3]; 3],
     rotated: &[[f32; 3]],
-    sensor: Sensor,
+    weights_of: Weights<'_>,
     view_of: &(impl Fn(usize) -> [f32; 3] + Sync),
     points: &[u32],
 ) -> SeenSample {
@@ -133,7 +154,7 @@ fn merge_cell(
     let (mut position, mut view) = ([0.0_f64; 3], [0.0_f64; 3]);
     for &i in points {
         let i = i as usize;
-        let weight = f64::from(sensor.weight_of(cloud, i));
+        let weight = f64::from(weights_of.at(cloud, i));
         weights += weight;
         (0..3).for_each(|a| position[a] += weight * f64::from(rotated[i][a]));
         let direction = view_of(i);

@@ -10,23 +10,32 @@
 //! |---|---|
 //! | `plan` | what all tiles share, from a sample of the scene |
 //! | `bounds` | the box that a tile decodes to |
+//! | `recipe` | what a map remembers, so that a tile can be learned again |
+//! | `views` | how the sides of surfaces are known, and points that say so |
 
 mod bounds;
 mod plan;
+mod recipe;
+mod views;
+
+use std::collections::BTreeMap;
 
 use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Progress, cells};
 
-use super::learn::{Ground, STAGES, on_lattice};
+use super::learn::{Ground, STAGES, check_size, on_lattice};
 use super::model::{Lattice, PatchModel};
 use super::options::PatchesOptions;
 use super::samples::{rotate, rows_of};
 use super::sheets::{Run, Sheet, axes_of};
 use crate::error::{Error, Result};
+use crate::extent::reach;
 use crate::options::Options;
 use crate::stages::Stages;
 pub(super) use bounds::ROUNDING;
 pub use plan::{AttributeRange, TilePlan, plan};
+pub use recipe::Recipe;
+pub use views::Views;
 
 /// Points that one task sorts by cubes.
 const BLOCK: usize = 1 << 14;
@@ -88,8 +97,8 @@ impl Tile {
         of_blocks.concat()
     }
 
-    /// The points within `margin` finest pixels of the tile.
-    fn around(self, cloud: &PointCloud, lattice: &Lattice, margin: i32) -> Result<PointCloud> {
+    /// Numbers of the points within `margin` finest pixels of the tile.
+    fn around(self, cloud: &PointCloud, lattice: &Lattice, margin: i32) -> Vec<usize> {
         let pixel = PixelOf::new(lattice);
         let numbers: Vec<usize> = (0..cloud.len()).collect();
         let positions = cloud.positions();
@@ -97,11 +106,7 @@ impl Tile {
             let is_near = |i: &usize| self.distance(pixel.of(positions[*i])) <= i64::from(margin);
             numbers.iter().copied().filter(is_near).collect::<Vec<_>>()
         });
-        let near = of_blocks.concat();
-        if near.len() == cloud.len() {
-            return Ok(cloud.clone());
-        }
-        Ok(cloud.select(&near)?)
+        of_blocks.concat()
     }
 }
 
@@ -119,6 +124,39 @@ impl PixelOf {
 
     fn of(&self, position: [f32; 3]) -> [i32; 3] {
         cells::cell_of(rotate(&self.rows, position), self.cell).map(|c| c >> 1)
+    }
+}
+
+impl TilePlan {
+    /// The cubes that points of a cloud about the origin of the lattice lie in, each with their number.
+    pub fn cubes_of(&self, cloud: &PointCloud) -> BTreeMap<[i32; 3], u64> {
+        let pixel = PixelOf::new(&self.lattice);
+        let of_blocks = parallel::map_chunks(cloud.positions(), BLOCK, |points| {
+            let mut counts = BTreeMap::new();
+            for &p in points {
+                *counts.entry(self.cubes.of(pixel.of(p))).or_insert(0) += 1;
+            }
+            counts
+        });
+        let mut all = BTreeMap::new();
+        for (cube, n) in of_blocks.into_iter().flatten() {
+            *all.entry(cube).or_insert(0) += n;
+        }
+        all
+    }
+
+    /// A cloud as tiles are learned from it when their scans are no longer there: about the origin of the lattice, with what
+    /// tells the sides of surfaces and without ranges.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] for a cloud that does not fit the lattice; [`Error::InvalidParameter`] for one that does not know
+    /// the sides of its surfaces where the map does.
+    pub fn prepared(&self, cloud: &PointCloud) -> Result<PointCloud> {
+        let mut parts = about(cloud, self.lattice.origin)?.into_parts();
+        parts.ranges = None;
+        let cloud = PointCloud::from_parts(parts).map_err(Error::from)?.0;
+        check_size(reach(&cloud)?, self.lattice.pixel_size)?;
+        self.views.unified(&cloud)
     }
 }
 
@@ -164,12 +202,14 @@ fn place(sheet: &Sheet, tile_pixels: i32) -> [i32; 3] {
 /// Learns the tile in a cube of `plan` from points among which are all within [`TilePlan::margin`] of it; `None` where no
 /// point lies in it. Points further away make no difference.
 ///
-/// The tile depends on the points, their order, the plan and the options alone.
+/// The tile depends on the points, their order, the plan and the options alone. `weights` are those of the points, beside what
+/// their ranges give; all are 1 without.
 ///
 /// # Errors
-/// As [`super::learn`]; [`Error::Inconsistent`] for a plan that no scene has.
+/// As [`super::learn`]; [`Error::Inconsistent`] for a plan that no scene has, and for weights of other points.
 pub fn learn_tile(
     cloud: &PointCloud,
+    weights: Option<&[f32]>,
     cube: [i32; 3],
     plan: &TilePlan,
     options: &PatchesOptions,
@@ -177,9 +217,18 @@ pub fn learn_tile(
 ) -> Result<Option<PatchModel>> {
     options.check()?;
     plan.check()?;
+    if let Some(weights) = weights.filter(|weights| weights.len() != cloud.len()) {
+        let what = format!("{} weights of {} points", weights.len(), cloud.len());
+        return Err(Error::Inconsistent(what));
+    }
     let tile = Tile { cubes: plan.cubes, cube };
-    let cloud = about(cloud, plan.lattice.origin)?;
-    let cloud = tile.around(&cloud, &plan.lattice, plan.margin_pixels())?;
+    let mut cloud = about(cloud, plan.lattice.origin)?;
+    let near = tile.around(&cloud, &plan.lattice, plan.margin_pixels());
+    let weights: Option<Vec<f32>> = weights.map(|all| near.iter().map(|&i| all[i]).collect());
+    if near.len() < cloud.len() {
+        cloud = cloud.select(&near)?;
+    }
+    drop(near);
     progress.check()?;
     if tile.own(&cloud, &plan.lattice).is_empty() {
         return Ok(None);
@@ -191,6 +240,7 @@ pub fn learn_tile(
         density: Some(plan.density),
         attributes: &plan.attributes,
         tile: Some(tile),
+        weights: weights.as_deref(),
     };
     let mut stages = Stages::new(STAGES, progress);
     let (model, mut report) = on_lattice(&ground, &cloud, options, &mut stages)?;

@@ -2,7 +2,7 @@
 
 use surfabet_geom::{Dtype, PointCloud, Progress, Survey};
 
-use super::{Cubes, MARGIN_PIXELS, MARGIN_SQUARES, about};
+use super::{Cubes, MARGIN_PIXELS, MARGIN_SQUARES, Views, about};
 use crate::error::{Error, Result, positive};
 use crate::options::Options;
 use crate::patches::attributes::chosen::Chosen as ChosenAttributes;
@@ -11,7 +11,7 @@ use crate::patches::constants::SPACINGS_PER_PIXEL;
 use crate::patches::learn::{check_size, depth_step, lattice_of, samples_per_pixel, sheets_of};
 use crate::patches::model::Lattice;
 use crate::patches::options::PatchesOptions;
-use crate::patches::samples::{Sample, SidedSamples};
+use crate::patches::samples::{Sample, SidedSamples, Weights};
 use crate::scalar::ScalarScale;
 use crate::stages::Stages;
 use crate::start::{Chosen, Leave, Start};
@@ -80,6 +80,8 @@ pub struct TilePlan {
     pub tolerance: f64,
     /// Samples of a pixel, mean.
     pub density: f64,
+    /// How the sides of surfaces are known.
+    pub views: Views,
     /// Attributes beside colour, as they are stored.
     pub attributes: Vec<AttributeHeader>,
     /// Options that were not given, and what the sample made of them.
@@ -146,8 +148,9 @@ fn side_of(lattice: &Lattice, side: Option<f64>) -> Result<i32> {
     if !(least * (1.0 - 1e-9)..=most).contains(&side) {
         let requirement = format!(
             "from {} to {} metres with pixels of {} m",
-            crate::start::significant(least),
-            crate::start::significant(most),
+            // In whole millimetres within the limits, so that what is named is allowed.
+            (1e3 * least).ceil() / 1e3,
+            (1e3 * most).floor() / 1e3,
             lattice.pixel_size
         );
         return Err(Error::invalid("tile", side, requirement));
@@ -187,7 +190,7 @@ pub fn plan(
         Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
     })?;
     let samples = stages.run("merging points", |progress| {
-        SidedSamples::merge(cloud, &lattice, options.sensor, survey, progress)
+        SidedSamples::merge(cloud, &lattice, Weights::of(options.sensor), survey, progress)
     })?;
     let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;
     let side = side_of(&lattice, side)?;
@@ -201,6 +204,7 @@ pub fn plan(
         survey: Survey { outliers: Vec::new(), strays: Vec::new(), ..survey.clone() },
         tolerance,
         density: samples_per_pixel(&sheets),
+        views: Views::of(cloud, survey),
         attributes: attributes.collect::<Result<_>>()?,
         chosen: start.into_chosen(),
     })

@@ -9,9 +9,11 @@
 //! | `motion` | a turn about the vertical and a shift |
 //! | `guess`, `occupancy` | motions from pairs of occurrences, tried on coarse cells |
 //! | `refine` | motions improved by least squares |
+//! | `border` | where the example ends, and whether a place ends there too |
 //! | `score` | how much of the example is found at a place, and how much of the place is explained |
 //! | `suppression` | of motions to one place the best |
 
+mod border;
 mod guess;
 mod lengths;
 mod motion;

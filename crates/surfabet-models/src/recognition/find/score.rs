@@ -3,6 +3,7 @@
 use surfabet_base::parallel;
 use surfabet_geom::{Neighbor, Progress};
 
+use super::border::Border;
 use super::motion::Motion;
 use super::scene::SearchScene;
 use super::template::Template;
@@ -10,8 +11,9 @@ use crate::error::Result;
 use crate::recognition::constants::{COVERED, LEAST_OWN_WEIGHT, RAREST, SCORED_SAMPLES};
 
 impl Template {
-    /// Scores of all motions: `sqrt(found * explained)`, with `found` the share of the example that is matched, by rarity
-    /// of its samples, and `explained` that of the place.
+    /// Scores of all motions: `sqrt(found * explained * kept)`, with `found` the share of the example that is matched, by rarity
+    /// of its samples, `explained` that of the place, and `kept` the share of its border at which the place ends too, for an example
+    /// that is a whole model, where colours count: by shape alone the sizes of pieces say that.
     pub fn score_all(
         &self,
         scene: &SearchScene,
@@ -23,11 +25,16 @@ impl Template {
             Ok(self.matches(scene, motion, self.tolerance, SCORED_SAMPLES))
         })?;
         let rarity = self.rarity(&matches);
+        let has_border = self.surroundings.is_some() && scene.color_tolerance.is_some();
+        let border = has_border.then(|| Border::of(self));
         parallel::try_map_range(motions.len(), |k| {
             progress.check()?;
             let found = matched_share(&matches[k], &rarity);
             let explained = self.explained(scene, &motions[k], self.tolerance);
-            Ok(((found * explained).sqrt(), motions[k]))
+            let kept = border
+                .as_ref()
+                .map_or(1.0, |border| border.kept(self, scene, &motions[k], &matches[k]));
+            Ok(((found * explained * kept).sqrt(), motions[k]))
         })
     }
 

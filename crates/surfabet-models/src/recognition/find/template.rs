@@ -111,12 +111,16 @@ impl Template {
 
     /// Similarity of the i-th sample and the j-th of the scene in the sizes of their pieces and in colour, 1 to 0.
     pub fn similarity(&self, scene: &SearchScene, i: usize, j: usize) -> f64 {
-        let size = size_similarity(self.piece_sizes[i], scene.piece_size(j));
-        let color = match (scene.color_tolerance, &self.colors, &scene.surface.colors) {
+        size_similarity(self.piece_sizes[i], scene.piece_size(j))
+            * self.color_similarity(scene, i, j)
+    }
+
+    /// Similarity of their colours alone; 1 where shape alone counts.
+    pub fn color_similarity(&self, scene: &SearchScene, i: usize, j: usize) -> f64 {
+        match (scene.color_tolerance, &self.colors, &scene.surface.colors) {
             (Some(tolerance), Some(a), Some(b)) => color_similarity(a[i], b[j], tolerance),
             _ => 1.0,
-        };
-        size * color
+        }
     }
 
     /// How well the scene matches each of the first `n` samples after a motion, 1 to 0.

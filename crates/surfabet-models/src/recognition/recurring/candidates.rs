@@ -6,8 +6,11 @@ use surfabet_geom::{Neighbor, Progress};
 
 use super::options::RecurringOptions;
 use crate::error::Result;
-use crate::recognition::constants::{LEAST_FILLED, LINK_REACH, MARGIN_OF_THINGS, PART_MARGIN};
+use crate::recognition::constants::{
+    LEAST_FILLED, LINK_REACH, MARGIN_OF_THINGS, ON_LARGE, PART_MARGIN,
+};
 use crate::recognition::find::{Region, SearchScene};
+use crate::vector::{dot, minus};
 
 /// A set of samples with the box around it.
 #[derive(Clone, Copy)]
@@ -39,7 +42,7 @@ impl Group {
 }
 
 /// Boxes about the origin of the model, those with most samples first: each around samples that hang together, without smooth
-/// surfaces larger than `options.max_size`. What hangs together over more than that is taken apart: the box of each of its
+/// surfaces larger than `options.max_size` and without their edges. What hangs together over more than that is taken apart: the box of each of its
 /// smooth pieces, with a margin, is one.
 ///
 /// # Errors
@@ -53,8 +56,9 @@ pub(super) fn candidates(
     let points = &scene.surface.points;
     let (pieces, _) = scene.surface.pieces(&scene.tree, progress)?;
     let boxes = groups(points, |i| Some(pieces[i]));
-    let is_part = |i: usize| boxes[pieces[i] as usize].diagonal() <= options.max_size;
-    let parts: Vec<bool> = (0..points.len()).map(is_part).collect();
+    let is_small = |i: usize| boxes[pieces[i] as usize].diagonal() <= options.max_size;
+    let small: Vec<bool> = (0..points.len()).map(is_small).collect();
+    let parts = beside_large(scene, &small, progress)?;
     let together = linked(scene, &parts, (LINK_REACH * spacing) as f32, progress)?;
     let things = groups(points, |i| parts[i].then_some(together[i]));
     // A square of the least size, filled in part.
@@ -81,6 +85,27 @@ pub(super) fn candidates(
     // The order of samples decides among equal ones.
     found.sort_by_key(|&(n, _)| std::cmp::Reverse(n));
     Ok(found.into_iter().map(|f| f.1).collect())
+}
+
+/// Which of the `small` samples are more than the edge of what is large: beside every large surface near them they stand out of its
+/// plane.
+fn beside_large(scene: &SearchScene, small: &[bool], progress: &dyn Progress) -> Result<Vec<bool>> {
+    let surface = &scene.surface;
+    let limit = (ON_LARGE * surface.spacing) as f32;
+    parallel::try_map_range_with(surface.len(), Vec::new, |near: &mut Vec<Neighbor>, i| {
+        if i % 1024 == 0 {
+            progress.check()?;
+        }
+        if !small[i] {
+            return Ok(false);
+        }
+        scene.tree.within(surface.points[i], limit, near);
+        let is_on = |j: usize| {
+            let d = minus(surface.points[i], surface.points[j]);
+            !small[j] && dot(d, surface.normals[j]).abs() < 0.5 * limit
+        };
+        Ok(!near.iter().any(|n| is_on(n.index())))
+    })
 }
 
 /// The boxes of groups of samples, each at the number of its first sample.

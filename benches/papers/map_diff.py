@@ -1,0 +1,201 @@
+"""Differences between maps: furniture that was moved, taken away and brought between two scans.
+
+    python benches/papers/map_diff.py [--seeds 0 8] [--sensor rgbd|lidar]
+
+Rooms of the simulator. Of the things that stand free two are moved, one is taken away and one is
+brought. Both maps are learned from frames of their own, with noise and errors of the poses, and
+compared without viewpoints and with them.
+
+A thing is found when a change of its kind covers a quarter of its surface that both maps could
+judge: what the map that has it shows, and the other has not within the tolerance. A change is right
+when half of its points are on things that changed so. The least area of a change was chosen on
+seeds 0 to 6, all other constants on 0 and 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from paper_bench import print_header, print_row
+
+import surfabet as sb
+from surfabet import datasets
+
+FREE = ("chair", "bin", "plant", "carton", "ball", "table", "armchair", "stool")
+"""Classes of things that stand free on the floor."""
+
+NEAR = 0.05
+"""A point that is so near to the surface of a thing is on it, metres."""
+
+COVERED = 0.25
+"""Least share of a thing that a change covers to have found it."""
+
+
+def stands_free(scene: datasets.Scene) -> list[datasets.Instance]:
+    return [thing for thing in scene.instances if thing.class_name in FREE]
+
+
+def clear_of_others(
+    scene: datasets.Scene, moved: datasets.Instance, shift: NDArray[np.float64]
+) -> bool:
+    """Whether a thing can stand elsewhere: in the room, and in no box of another."""
+    low, high = (np.array(corner) + shift for corner in moved.bounds)
+    inner = np.array(scene.interior)
+    if (low[:2] < inner[0][:2] + 0.05).any() or (high[:2] > inner[1][:2] - 0.05).any():
+        return False
+    for other in scene.instances:
+        a, b = map(np.array, other.bounds)
+        is_flat = b[2] - a[2] < 0.05
+        around = (a[:2] <= inner[0][:2]).all() and (b[:2] >= inner[1][:2]).all()
+        if other.id == moved.id or is_flat or around or other.class_name in ("wall", "skirting"):
+            continue
+        if ((low < b + 0.02) & (high > a - 0.02)).all():
+            return False
+    return True
+
+
+def carries(scene: datasets.Scene, thing: datasets.Instance) -> bool:
+    """Whether something stands on a thing."""
+    low, high = map(np.array, thing.bounds)
+    for other in scene.instances:
+        a, b = map(np.array, other.bounds)
+        on = other.id != thing.id and abs(a[2] - high[2]) < 0.1 and a[2] > 0.2
+        if on and (a[:2] < high[:2]).all() and (b[:2] > low[:2]).all():
+            return True
+    return False
+
+
+def changed_scenes(
+    seed: int,
+) -> tuple[datasets.Scene, datasets.Scene, dict[str, list[tuple[datasets.Scene, int]]]]:
+    """Scenes before and after, and the things that vanished and appeared, each with the scene that
+    has it."""
+    scene = datasets.make_room(seed=seed)
+    rng = np.random.default_rng(seed)
+    things = [thing for thing in stands_free(scene) if not carries(scene, thing)]
+    things = [things[i] for i in rng.permutation(len(things))]
+    moved: dict[int, NDArray[np.float64]] = {}
+    for thing in things:
+        for _ in range(200):
+            shift = np.append(rng.uniform(-3, 3, 2), 0.0)
+            if np.linalg.norm(shift) > 0.6 and clear_of_others(scene, thing, shift):
+                pose = np.array(thing.pose)
+                pose[:3, 3] += shift
+                moved[thing.id] = pose
+                break
+        if len(moved) == 2:
+            break
+    rest = [thing.id for thing in things if thing.id not in moved]
+    brought, taken = rest[0], rest[1]
+    before = scene.rearranged({brought: None})
+    after = scene.rearranged({**moved, taken: None})
+
+    def row(of: datasets.Scene, missing: int, thing: int) -> tuple[datasets.Scene, int]:
+        return of, thing - (thing > missing)
+
+    truth = {
+        "vanished": [row(before, brought, thing) for thing in (*moved, taken)],
+        "appeared": [row(after, taken, thing) for thing in (*moved, brought)],
+    }
+    return before, after, truth
+
+
+def learned(
+    scene: datasets.Scene, sensor: str, seed: int
+) -> tuple[sb.PatchModel, NDArray[np.float64]]:
+    """The map of a scan, and where its sensors stood."""
+    errors = {"translation_std": 0.003, "rotation_std": 0.1, "random_state": seed}
+    if sensor == "lidar":
+        poses = scene.default_lidar_poses(4)
+        scan = datasets.scan_lidar(scene, poses, **errors)
+    else:
+        # Those of a second scan are not those of the first.
+        poses = scene.default_poses(24 + seed % 2 * 3)
+        scan = datasets.scan_rgbd(scene, poses, width=320, height=240, **errors)
+    return sb.learn_patches(scan.cloud), np.array([pose[:3, 3] for pose in poses])
+
+
+def on_thing(scene: datasets.Scene, row: int, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points lie on a thing."""
+    found = np.zeros(len(points), bool)
+    low, high = map(np.array, scene.instances[row].bounds)
+    inside = ((points > low - NEAR) & (points < high + NEAR)).all(axis=1)
+    distance, _, _, instance, _ = scene.closest_points(points[inside])
+    found[inside] = (instance == row) & (distance < NEAR)
+    return found
+
+
+def score(
+    changes: sb.Changes,
+    truth: dict[str, list[tuple[datasets.Scene, int]]],
+    maps: dict[str, tuple[sb.PointCloud, sb.KdTree]],
+) -> tuple[int, int, int, int]:
+    """Things found, things that could be found, changes that are right, and all changes."""
+    cloud = changes.cloud
+    found = shown = right = 0
+    for kind, number in (("appeared", 1), ("vanished", 2)):
+        own, other = maps[kind]
+        is_kind = cloud["change"] == number
+        changed, group = cloud.points[is_kind], cloud["group"][is_kind]
+        of_things = np.zeros(len(changed), bool)
+        tree = sb.KdTree(changed) if len(changed) else None
+        for scene, row in truth[kind]:
+            of_things |= on_thing(scene, row, changed)
+            points = own.points[on_thing(scene, row, own.points)]
+            if len(points):
+                distance, _ = other.query(points)
+                points = points[distance[:, 0] > changes.tolerance]
+            if len(points) < 50:
+                continue
+            shown += 1
+            if tree is not None:
+                distance, _ = tree.query(points)
+                found += int((distance[:, 0] < 0.01).mean() >= COVERED)
+        for i in np.unique(group):
+            right += int(of_things[group == i].mean() >= 0.5)
+    return found, shown, right, len(changes)
+
+
+def one(seed: int, sensor: str) -> list[tuple[str, tuple[int, int, int, int], sb.Changes]]:
+    """Scores without viewpoints and with them."""
+    before, after, truth = changed_scenes(seed)
+    (a, from_a), (b, from_b) = (
+        learned(scene, sensor, 2 * seed + i) for i, scene in enumerate((before, after))
+    )
+    surfaces = {"vanished": a.decode(), "appeared": b.decode()}
+    thick = {"vanished": b, "appeared": a}
+    maps = {
+        kind: (surfaces[kind], sb.KdTree(thick[kind].decode(as_measured=True))) for kind in surfaces
+    }
+    found = []
+    for name, sensors in (("none", (None, None)), ("given", (from_a, from_b))):
+        changes = sb.diff(a, b, viewpoints=sensors)
+        found.append((name, score(changes, truth, maps), changes))
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seeds", nargs=2, type=int, default=(8, 16))
+    parser.add_argument("--sensor", choices=("rgbd", "lidar"), default="rgbd")
+    options = parser.parse_args(argv)
+    print_header(
+        "seed", "viewpoints", "things", "found", "changes", "right", "tolerance (m)", "unseen (m2)"
+    )
+    totals: dict[str, np.ndarray] = {}
+    for seed in range(*options.seeds):
+        for name, counts, changes in one(seed, options.sensor):
+            totals[name] = totals.get(name, 0) + np.array(counts)
+            found, shown, right, n = counts
+            unseen = " / ".join(f"{area:.1f}" for area in changes.unseen)
+            print_row(seed, name, shown, found, n, right, f"{changes.tolerance:.3f}", unseen)
+    for name, (found, shown, right, n) in totals.items():
+        print_row("all", name, shown, found, n, right, "", "")
+        print(f"viewpoints {name}: recall {found / shown:.3f}, precision {right / max(1, n):.3f}")
+
+
+if __name__ == "__main__":
+    main()

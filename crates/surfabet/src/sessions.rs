@@ -1,0 +1,363 @@
+//! Maps in tiles that go on: another scan of the same place, and maps of one plan as one.
+//!
+//! A tile is learned again from what maps hold of it, decoded with the thickness that was measured, and from the points of a
+//! new scan. A decoded point counts as much as the points that it stands for: those that its tile was learned from, shared
+//! evenly. Tiles that nothing new lies in keep their bytes.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use surfabet_codec::{TileEntry, TiledHeader};
+use surfabet_geom::{PointCloud, Progress, Survey};
+use surfabet_models::patches::{
+    self, AttributeContent, AttributeHeader, Lattice, PatchModel, PatchesOptions, Recipe, TilePlan,
+};
+use surfabet_models::{Error, Region};
+
+use crate::error::Result;
+use crate::tiled::{Quiet, TiledModel};
+
+/// A map after another scan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Updated {
+    /// The map.
+    pub model: TiledModel,
+    /// Number of tiles that were learned again or anew.
+    pub learned: usize,
+    /// Points of the scan that are far from all others, which are no part of the map.
+    pub left_out: usize,
+}
+
+type Tile = (TileEntry, Arc<[u8]>);
+
+impl TiledModel {
+    /// The map with what another scan of the same world shows. Tiles that none of its points lies in keep their bytes; points
+    /// outside of all tiles make new ones. What a map was loaded without is not known. With `alone` it is a map of what the scan
+    /// shows by itself, by the same plan.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for a scan without what the map keeps (attributes, sides of surfaces), and for a map that
+    /// does not say how it was learned, has several levels of detail, or keeps a bound on its error, which cannot be kept
+    /// without the points; [`Error::TooLarge`], [`Error::Cancelled`].
+    pub fn update(
+        &self,
+        cloud: &PointCloud,
+        alone: bool,
+        progress: &dyn Progress,
+    ) -> Result<Updated> {
+        let rules = Rules::of(self.header(), "model")?;
+        let strays = Survey::of(cloud, &Quiet(progress))?.strays;
+        let scan = Scan::new(&without(cloud, &strays)?, &rules)?;
+        let cubes = rules.plan.cubes_of(&scan.cloud);
+        let own = [self];
+        let maps = if alone { &own[..0] } else { &own[..] };
+        let learner = Learner { rules: &rules, maps, scan: Some(&scan) };
+        let held = maps.iter().flat_map(|map| map.held());
+        let mut tiles: Vec<Tile> =
+            held.filter(|(entry, _)| !cubes.contains_key(&entry.cube)).collect();
+        learner.add(&cubes, &mut tiles, progress)?;
+        let model = Self::of_tiles(self.header().clone(), tiles)?;
+        Ok(Updated { model, learned: cubes.len(), left_out: strays.len() })
+    }
+
+    /// The map of all tiles of some maps of one plan, in any order. A tile that one of them has, or that is the same in all,
+    /// keeps its bytes; where tiles of several differ, one is learned from them all.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] without maps, and for maps of different plans; where tiles differ as
+    /// [`TiledModel::update`].
+    pub fn merge(maps: &[Self], progress: &dyn Progress) -> Result<Self> {
+        let Some(first) = maps.first() else { return Err(Error::EmptyCloud.into()) };
+        for map in &maps[1..] {
+            if let Some(what) = difference(first.header(), map.header()) {
+                let requirement = "made with one plan: add the scan of one to the other with update, or decode one as \
+                    measured and update the other with that";
+                return Err(Error::invalid("models", what, requirement).into());
+            }
+        }
+        let mut of_places: BTreeMap<(usize, [i32; 3]), Vec<Tile>> = BTreeMap::new();
+        for tile in maps.iter().flat_map(Self::held) {
+            let same = of_places.entry((tile.0.level, tile.0.cube)).or_default();
+            if !same.iter().any(|other| is_copy(other, &tile)) {
+                same.push(tile);
+            }
+        }
+        let cubes: BTreeMap<[i32; 3], u64> = of_places
+            .iter()
+            .filter(|(_, tiles)| tiles.len() > 1)
+            .map(|(&(_, cube), _)| (cube, 0))
+            .collect();
+        let alone = of_places.into_values().filter(|tiles| tiles.len() == 1);
+        let mut tiles: Vec<Tile> = alone.flatten().collect();
+        if !cubes.is_empty() {
+            let rules = Rules::of(first.header(), "models")?;
+            let all: Vec<&Self> = maps.iter().collect();
+            let learner = Learner { rules: &rules, maps: &all, scan: None };
+            learner.add(&cubes, &mut tiles, progress)?;
+        }
+        Self::of_tiles(first.header().clone(), tiles)
+    }
+}
+
+/// True for two tiles that hold the same.
+fn is_copy((a, of_a): &Tile, (b, of_b): &Tile) -> bool {
+    (a.level, a.cube, a.n_points) == (b.level, b.cube, b.n_points) && of_a == of_b
+}
+
+/// The cloud without some of its points.
+fn without(cloud: &PointCloud, strays: &[u32]) -> Result<PointCloud> {
+    if strays.is_empty() {
+        return Ok(cloud.clone());
+    }
+    let mut out = strays.iter().map(|&i| i as usize).peekable();
+    let kept: Vec<usize> = (0..cloud.len()).filter(|i| out.next_if_eq(i).is_none()).collect();
+    Ok(cloud.select(&kept)?)
+}
+
+/// What differs between the plans of two maps, in words; `None` for one plan.
+fn difference(a: &TiledHeader, b: &TiledHeader) -> Option<String> {
+    let lattices = [a, b].map(|h| h.details.last().map(|d| d.lattice).unwrap_or_default());
+    let [one, other] = lattices;
+    let is_placed = |l: Lattice| (l.origin, l.orientation.quaternion);
+    let kept = |h: &TiledHeader| {
+        let detail = h.details.last();
+        let colors = detail.and_then(|d| d.color);
+        (colors, detail.map(|d| d.attributes.clone()))
+    };
+    let mut plans = [a.clone(), b.clone()];
+    plans.iter_mut().flat_map(|h| &mut h.details).for_each(|detail| detail.n_points = 0);
+    Some(if one.pixel_size != other.pixel_size {
+        format!("maps with pixels of {} and {} m", one.pixel_size, other.pixel_size)
+    } else if is_placed(one) != is_placed(other) {
+        "maps whose axes, or the places that these are counted from, differ".into()
+    } else if a.cubes != b.cubes {
+        let side = |h: &TiledHeader| f64::from(h.cubes.side) * one.pixel_size;
+        format!("maps with tiles of {:.3} and {:.3} m, or at other places", side(a), side(b))
+    } else if kept(a) != kept(b) {
+        "maps that keep other attributes, or round them differently".into()
+    } else if plans[0] != plans[1] {
+        "maps whose points or options ask for other rules of learning".into()
+    } else {
+        return None;
+    })
+}
+
+/// What tiles of a map are learned by.
+struct Rules {
+    plan: TilePlan,
+    options: PatchesOptions,
+}
+
+impl Rules {
+    /// Those of a map; `name` is the argument that it is.
+    fn of(header: &TiledHeader, name: &'static str) -> Result<Self> {
+        let refuse = |what: &str, requirement: &'static str| {
+            Err(Error::invalid(name, what, requirement).into())
+        };
+        let [detail] = header.details.as_slice() else {
+            return refuse("of several levels of detail", "of one");
+        };
+        let Some(recipe) = &header.recipe else {
+            return refuse(
+                "a file that does not say how its tiles were learned",
+                "made by this version of surfabet",
+            );
+        };
+        if detail.max_error.is_some() || detail.max_error_forward.is_some() {
+            return refuse(
+                "learned with max_error or max_error_forward",
+                "without: a bound on the error holds for points that are no longer there",
+            );
+        }
+        let recipe: &Recipe = recipe;
+        let (plan, options) = recipe.plan_of(detail, header.cubes);
+        plan.check()?;
+        Ok(Self { plan, options })
+    }
+
+    /// The box of a tile and all points that matter to it.
+    fn region(&self, cube: [i32; 3]) -> Result<Region> {
+        let lattice = &self.plan.lattice;
+        let rotation = lattice.orientation.rotation();
+        let corner = self.plan.cubes.corner(cube).map(|c| c as f64 * lattice.pixel_size);
+        // Half a pixel more than rounding to single precision takes.
+        let margin = self.plan.margin() + 0.5 * lattice.pixel_size;
+        let middle = corner.map(|c| c + 0.5 * self.plan.side());
+        let half = 0.5 * self.plan.side() + margin;
+        let world = |k: usize| {
+            let at: f64 = (0..3).map(|a| rotation[k][a] * middle[a]).sum();
+            let reach: f64 = (0..3).map(|a| rotation[k][a].abs() * half).sum();
+            (lattice.origin[k] + at, reach)
+        };
+        let ends = [0, 1, 2].map(world);
+        Ok(Region::new(ends.map(|(at, reach)| at - reach), ends.map(|(at, reach)| at + reach))?)
+    }
+}
+
+/// A scan as tiles of a plan are learned from it.
+struct Scan {
+    cloud: PointCloud,
+    /// Weights of its points, by their ranges.
+    weights: Vec<f32>,
+}
+
+impl Scan {
+    fn new(cloud: &PointCloud, rules: &Rules) -> Result<Self> {
+        if cloud.is_empty() {
+            return Err(Error::EmptyCloud.into());
+        }
+        let names = rules.options.attributes.iter().flatten();
+        if let Some(name) = names.clone().find(|name| !cloud.attributes().contains(&name.as_str()))
+        {
+            let requirement = "with all attributes that the map keeps";
+            return Err(Error::invalid("cloud", format!("one without {name}"), requirement).into());
+        }
+        rules.plan.attributes.iter().try_for_each(|known| check_column(cloud, known))?;
+        let sensor = rules.options.sensor;
+        let weights = match cloud.ranges() {
+            Some(ranges) => ranges.iter().map(|&range| sensor.weight(range)).collect(),
+            None => vec![1.0; cloud.len()],
+        };
+        Ok(Self { cloud: rules.plan.prepared(cloud)?, weights })
+    }
+
+    /// Mean weight of a point.
+    fn mean_weight(&self) -> f64 {
+        self.weights.iter().map(|&w| f64::from(w)).sum::<f64>() / self.weights.len().max(1) as f64
+    }
+}
+
+/// The completeness of a tile with `own` points, `n_new` of which are from a scan: of these some may be left out, of what a map
+/// holds none, since it was left out before. Otherwise each scan would cost points beside the patches.
+fn completeness(share: f64, n_new: u64, own: u64) -> f64 {
+    if share == 0.0 {
+        return 0.0;
+    }
+    1.0 - (1.0 - share) * n_new as f64 / own.max(1) as f64
+}
+
+/// Refuses a column that is no more of what the map keeps.
+fn check_column(cloud: &PointCloud, known: &AttributeHeader) -> Result<()> {
+    let Some((name, column)) = cloud.extra().iter().find(|(name, _)| *name == known.name) else {
+        return Ok(());
+    };
+    let refuse = |given: String, requirement: String| {
+        Err(Error::invalid("cloud", given, requirement).into())
+    };
+    if column.typed() != known.dtype {
+        let given = format!("one with {name} of type {}", column.typed().name());
+        return refuse(given, format!("with the type of the map, {}", known.dtype.name()));
+    }
+    let AttributeContent::Labels(labels) = &known.content else { return Ok(()) };
+    let is_new = |label: &i64| labels.binary_search(label).is_err();
+    match (0..cloud.len()).filter_map(|i| column.integer(i)).find(is_new) {
+        Some(label) => refuse(
+            format!("one with {label} in {name}"),
+            format!("with labels that the map has: {labels:?}"),
+        ),
+        None => Ok(()),
+    }
+}
+
+/// Learns tiles from maps and a scan.
+struct Learner<'a> {
+    rules: &'a Rules,
+    maps: &'a [&'a TiledModel],
+    scan: Option<&'a Scan>,
+}
+
+impl Learner<'_> {
+    /// Adds tiles, given with the number of points of the scan in each.
+    fn add(
+        &self,
+        cubes: &BTreeMap<[i32; 3], u64>,
+        tiles: &mut Vec<Tile>,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        for (i, (&cube, &n_points)) in cubes.iter().enumerate() {
+            progress.check().map_err(Error::from)?;
+            progress.update("learning tiles", i as f32 / cubes.len() as f32);
+            tiles.extend(self.tile(cube, n_points, &Quiet(progress))?);
+        }
+        progress.update("learning tiles", 1.0);
+        Ok(())
+    }
+
+    fn tile(&self, cube: [i32; 3], n_new: u64, progress: &dyn Progress) -> Result<Option<Tile>> {
+        let (cloud, weights, n_known) = self.points(cube, progress)?;
+        let Rules { plan, options } = self.rules;
+        let own = plan.cubes_of(&cloud).get(&cube).copied().unwrap_or_default();
+        let completeness = completeness(options.completeness, n_new, own);
+        let options = &PatchesOptions { completeness, ..options.clone() };
+        let learned = patches::learn_tile(&cloud, Some(&weights), cube, plan, options, progress)?;
+        let Some(model) = learned else { return Ok(None) };
+        let map = TiledModel::of_tile(plan.cubes, cube, &model)?;
+        let n_points = n_known + n_new;
+        Ok(map.held().map(|(entry, bytes)| (TileEntry { n_points, ..entry }, bytes)).next())
+    }
+
+    /// The points that a tile is learned from, their weights, and the number of points that the maps' tiles there were learned
+    /// from.
+    fn points(
+        &self,
+        cube: [i32; 3],
+        progress: &dyn Progress,
+    ) -> Result<(PointCloud, Vec<f32>, u64)> {
+        let region = self.rules.region(cube)?;
+        let of_scan = self.scan.map_or(1.0, Scan::mean_weight);
+        let (mut clouds, mut weights, mut n_known) = (Vec::new(), Vec::<f32>::new(), 0);
+        let mut seen: Vec<Tile> = Vec::new();
+        for map in self.maps {
+            for tile in map.held_in(&region) {
+                // Maps may have a tile from one that both go on from.
+                if seen.iter().any(|other| is_copy(other, &tile)) {
+                    continue;
+                }
+                let (entry, bytes) = &tile;
+                let model = map.read_tile(entry, bytes)?;
+                if entry.cube == cube {
+                    n_known += entry.n_points;
+                }
+                let share = entry.n_points.max(1) as f64 / model.n_measured().max(1.0);
+                let cloud = self.decoded(&model, &region, progress)?;
+                weights.resize(weights.len() + cloud.len(), (of_scan * share) as f32);
+                clouds.push(cloud);
+                seen.push(tile);
+            }
+        }
+        if let Some(scan) = self.scan {
+            let inside = region.numbers_in(&scan.cloud);
+            weights.extend(inside.iter().map(|&i| scan.weights[i]));
+            clouds.push(scan.cloud.select(&inside)?);
+        }
+        Ok((PointCloud::concat(&clouds).0, weights, n_known))
+    }
+
+    /// What a tile holds of a region, as points like those of a scan.
+    fn decoded(
+        &self,
+        tile: &PatchModel,
+        region: &Region,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud> {
+        let cloud = tile.remembered(region, progress)?;
+        if cloud.is_empty() {
+            return Ok(cloud);
+        }
+        Ok(self.rules.plan.prepared(&cloud)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_what_a_map_holds_nothing_is_left_out() {
+        assert_eq!(completeness(0.99, 0, 500), 1.0);
+        assert_eq!(completeness(0.99, 500, 500), 0.99);
+        assert!((completeness(0.9, 100, 400) - 0.975).abs() < 1e-12);
+        assert_eq!(completeness(0.0, 100, 400), 0.0);
+        assert_eq!(completeness(1.0, 0, 0), 1.0);
+    }
+}

@@ -1,0 +1,375 @@
+// Section 5.4 of docs/format.md: colours and scalars in whole numbers (feature bit 11).
+//
+// All numbers are whole and below 2^53, so that doubles hold them.
+
+import { Bits, Mixers, Signed } from "./entropy.js";
+import { pyramid } from "./pyramid.js";
+
+const MAX_VALUE = 2 ** 30 - 1;
+const MAX_COEFFICIENT = 2 ** 24;
+const SHARES = [37, 32, 29, 26];
+const PARENT_WEIGHTS = Float64Array.from({ length: 8 }, (_, k) =>
+  [0, 1, 2].reduce((product, a) => product * ((k >> a) & 1 ? 17 : 47), 1));
+const MEMORY = 1023;
+
+const bounded = (value) => Math.min(Math.max(value, -MAX_VALUE), MAX_VALUE);
+
+/** Sizes and signs of coefficients along each axis, by channel: entry `channels * axis + channel`. */
+class Along {
+  constructor(channels) {
+    this.channels = channels;
+    this.sizes = new Int16Array(3 * channels);
+    this.signs = new Int16Array(3 * channels);
+  }
+
+  clear() {
+    this.sizes.fill(0);
+    this.signs.fill(0);
+  }
+
+  add(axis, c, value) {
+    this.sizes[this.channels * axis + c] += Math.min(Math.abs(value), 2);
+    this.signs[this.channels * axis + c] += Math.sign(value);
+  }
+
+  size(axis, c, most) {
+    return Math.min(this.sizes[this.channels * axis + c], most);
+  }
+
+  sign(axis, c) {
+    return Math.min(Math.max(this.signs[this.channels * axis + c], -2), 2) + 2;
+  }
+}
+
+/** Pairs of slots that meet, in whole numbers; made once and used for all parents. */
+class WholePairs {
+  constructor() {
+    this.weight = new Float64Array(8);
+    this.slot = new Uint8Array(8);
+    this.first = new Uint8Array(7);
+    this.second = new Uint8Array(7);
+    this.axis = new Uint8Array(7);
+    this.share = new Float64Array(7);
+    this.F = new Float64Array(7);
+    this.G = new Float64Array(7);
+  }
+
+  begin() {
+    this.n = 0;
+    this.weight.fill(0);
+    for (let o = 0; o < 8; o++) this.slot[o] = o;
+  }
+
+  pair() {
+    const { weight, slot } = this;
+    for (let axis = 0; axis < 3; axis++) {
+      const stride = 1 << axis;
+      for (let o = 0; o < 8; o += 2 * stride) {
+        const a = slot[o];
+        const b = slot[o + stride];
+        if (weight[a] > 0 && weight[b] > 0) {
+          this.meet(a, b, axis);
+        } else if (weight[b] > 0) {
+          slot[o] = b;
+        }
+      }
+    }
+  }
+
+  meet(a, b, axis) {
+    const { weight, n } = this;
+    const [v, w] = [weight[a], weight[b]];
+    const share = (of) => Math.floor((of * 2 ** 26) / (v + w));
+    const factor = (of, by) => Math.floor(Math.sqrt(Math.floor((share(of) * 2 ** 14) / by)));
+    this.first[n] = a;
+    this.second[n] = b;
+    this.axis[n] = axis;
+    this.share[n] = Math.floor(share(w) / 1024);
+    this.F[n] = factor(w, v);
+    this.G[n] = factor(v, w);
+    this.n++;
+    weight[a] = v + w;
+  }
+
+  /** Size class of a difference of two values in pair i, with its sign; `step` in 32nds. */
+  changeClass(i, difference, step) {
+    const size = Math.abs(difference) * 2 ** 19;
+    const one = (this.F[i] + this.G[i]) * step;
+    let k = 0;
+    while (k < 6 && size >= one * 2 ** (k - 3)) k++;
+    return difference < 0 ? -k : k;
+  }
+}
+
+/** Reads means of cells, channel after channel within each cell; `steps[channel]` are whole steps. */
+export class WholeFieldReader {
+  constructor(stream, cells, steps) {
+    const C = steps.length;
+    this.stream = stream;
+    this.levels = pyramid(cells);
+    this.steps = steps;
+    this.channels = C;
+    const bits = (sizes) => sizes.map((size) => new Bits(size, MEMORY));
+    this.any = bits([12 * 49, 12 * 49]);
+    this.anyMixers = new Mixers(12, 2, 32768);
+    this.nonzero = bits([C * 36, C * 105, C * 180, C * 60, C * 168]);
+    this.nonzeroMixers = new Mixers(C * 3, 5, 19661);
+    this.negative = bits([C * 13, C * 9, C * 25]);
+    this.negativeMixers = new Mixers(C, 3, 26214);
+    this.exponent = bits([C * 432, C * 336]);
+    this.exponentMixers = new Mixers(C * 12, 2, 32768);
+    this.mantissa = new Bits(25 * 3, MEMORY);
+    // Of one parent: predictions of its children and their mean, how these change, its coefficients, its pairs.
+    this.changed = new Float64Array(8 * C);
+    this.mean = new Float64Array(C);
+    this.changes = new Int8Array(7 * C);
+    this.coefficients = new Float64Array(7 * C);
+    this.pairs = new WholePairs();
+    this.value = new Float64Array(8);
+    this.before = new Along(C);
+    this.beside = new Along(C);
+  }
+
+  read() {
+    const { levels, channels: C, stream } = this;
+    const models = new Signed(C);
+    let means = new Float64Array(C);
+    for (let c = 0; c < C; c++) means[c] = bounded(stream.signed(models, c) * 64);
+    let activity = new Uint8Array(1);
+    for (let j = levels.length - 2; j >= 0; j--) {
+      const now = new Uint8Array(levels[j + 1].n);
+      means = this.readLevel(j, means, activity, now);
+      activity = new Uint8Array(levels[j].n);
+      const { first, n } = levels[j + 1];
+      for (let p = 0; p < n; p++) activity.fill(now[p], first[p], first[p + 1]);
+    }
+    stream.end();
+    return means.map((mean) => mean / 64);
+  }
+
+  /** Predictions of all cells of level j from the means of the level above. */
+  predictions(j, means) {
+    const level = this.levels[j];
+    const above = this.levels[j + 1];
+    const C = this.channels;
+    const predicted = new Float64Array(C * level.n);
+    const { index, first } = above;
+    for (let p = 0; p < above.n; p++) {
+      for (let i = first[p]; i < first[p + 1]; i++) {
+        const dx = level.x[i] & 1 ? 1 : -1;
+        const dy = level.y[i] & 1 ? 1 : -1;
+        const dz = level.z[i] & 1 ? 1 : -1;
+        let total = 0;
+        for (let k = 0; k < 8; k++) {
+          const q = k === 0 ? p : index.find(
+            above.x[p] + (k & 1) * dx, above.y[p] + ((k >> 1) & 1) * dy, above.z[p] + (k >> 2) * dz,
+          );
+          if (q < 0) continue;
+          const w = PARENT_WEIGHTS[k];
+          total += w;
+          for (let c = 0; c < C; c++) predicted[C * i + c] += w * means[C * q + c];
+        }
+        for (let c = 0; c < C; c++) {
+          predicted[C * i + c] = Math.floor((2 * predicted[C * i + c] + total) / (2 * total));
+        }
+      }
+    }
+    return predicted;
+  }
+
+  readLevel(j, parentMeans, activity, now) {
+    const level = this.levels[j];
+    const above = this.levels[j + 1];
+    const C = this.channels;
+    const predicted = this.predictions(j, parentMeans);
+    const means = new Float64Array(C * level.n);
+    const missed = new Float64Array(C * level.n);
+    // Sizes, then signs, of what each parent has along each axis.
+    const coded = new Int8Array(6 * C * above.n);
+    for (let p = 0; p < above.n; p++) {
+      const from = above.first[p];
+      const to = above.first[p + 1];
+      if (to - from === 1) {
+        for (let c = 0; c < C; c++) means[C * from + c] = parentMeans[C * p + c];
+        now[p] = Math.max(activity[p] - 1, 0);
+      } else {
+        for (let i = from; i < to; i++) this.change(level, i, predicted, missed, i - from);
+        this.pairsOf(j, p);
+        this.readCell(j, p, activity, now, coded);
+        this.transform(j, p, parentMeans, means);
+      }
+      for (let i = C * from; i < C * to; i++) missed[i] = means[i] - predicted[i];
+    }
+    return means;
+  }
+
+  /** The prediction of a child with what was missed beside it, as child `at` of `this.changed`. */
+  change(level, i, predicted, missed, at) {
+    const C = this.channels;
+    const own = [level.x[i], level.y[i], level.z[i]];
+    const sum = new Array(C).fill(0);
+    for (let a = 0; a < 3; a++) {
+      if (own[a] & 1) continue;
+      const q = level.index.find(own[0] - (a === 0 ? 1 : 0), own[1] - (a === 1 ? 1 : 0), own[2] - (a === 2 ? 1 : 0));
+      if (q < 0) continue;
+      for (let c = 0; c < C; c++) sum[c] += missed[C * q + c];
+    }
+    for (let c = 0; c < C; c++) {
+      this.changed[C * at + c] = bounded(predicted[C * i + c] + Math.floor((77 * sum[c] + 128) / 256));
+    }
+  }
+
+  /** The pairs of a parent, the mean of its predictions, and how these change. */
+  pairsOf(j, p) {
+    const level = this.levels[j];
+    const { first } = this.levels[j + 1];
+    const { pairs, value, changed, channels: C } = this;
+    const octants = [];
+    pairs.begin();
+    for (let i = first[p]; i < first[p + 1]; i++) {
+      octants.push((level.x[i] & 1) | ((level.y[i] & 1) << 1) | ((level.z[i] & 1) << 2));
+      pairs.weight[octants[octants.length - 1]] = level.weight[i];
+    }
+    pairs.pair();
+    this.octants = octants;
+    for (let c = 0; c < C; c++) {
+      octants.forEach((o, at) => { value[o] = changed[C * at + c]; });
+      const step = this.step(c, j);
+      for (let i = 0; i < pairs.n; i++) {
+        const [a, b] = [pairs.first[i], pairs.second[i]];
+        const difference = value[b] - value[a];
+        this.changes[C * i + c] = pairs.changeClass(i, difference, step);
+        value[a] += Math.floor((difference * pairs.share[i] + 32768) / 65536);
+      }
+      this.mean[c] = value[pairs.first[pairs.n - 1]];
+    }
+  }
+
+  /** Step of a channel at a level, in 32nds. */
+  step(c, j) {
+    return this.steps[c] * SHARES[Math.min(j, 3)];
+  }
+
+  /** Coefficients of a parent into `this.coefficients`. */
+  readCell(j, p, activity, now, coded) {
+    const { stream, channels: C, coefficients, before, beside } = this;
+    const { x, y, z, index } = this.levels[j + 1];
+    let up = 0;
+    let down = 0;
+    beside.clear();
+    for (let a = 0; a < 3; a++) {
+      const [dx, dy, dz] = [a === 0 ? 1 : 0, a === 1 ? 1 : 0, a === 2 ? 1 : 0];
+      const higher = index.find(x[p] + dx, y[p] + dy, z[p] + dz);
+      if (higher >= 0) up += activity[higher];
+      const lower = index.find(x[p] - dx, y[p] - dy, z[p] - dz);
+      if (lower < 0) continue;
+      down += now[lower];
+      for (let k = 0; k < 3 * C; k++) {
+        if (Math.floor(k / C) === a) continue;
+        beside.sizes[k] += coded[6 * C * lower + k];
+        beside.signs[k] += coded[6 * C * lower + 3 * C + k];
+      }
+    }
+    const level = Math.min(j, 11);
+    const parent = Math.min(6, activity[p] + Math.ceil(up / 2));
+    coefficients.fill(0);
+    before.clear();
+    const [luma, chroma] = this.largestChanges();
+    const at = [(7 * level + parent) * 7 + Math.min(6, down), (7 * level + luma) * 7 + chroma];
+    if (!stream.mixedBit(this.anyMixers, level, this.any, at)) return;
+    this.size = 0;
+    let sum = 0;
+    for (let i = 0; i < this.pairs.n; i++) {
+      for (let c = 0; c < C; c++) {
+        const value = this.readCoefficient(level, i, c);
+        coefficients[C * i + c] = value;
+        before.add(this.pairs.axis[i], c, value);
+        this.size += Math.min(Math.abs(value), 2);
+        sum += Math.min(Math.abs(value), 4);
+      }
+    }
+    now[p] = Math.min(4, sum);
+    coded.set(before.sizes, 6 * C * p);
+    coded.set(before.signs, 6 * C * p + 3 * C);
+  }
+
+  largestChanges() {
+    const { channels: C, changes, pairs } = this;
+    const largest = [0, 0];
+    for (let i = 0; i < pairs.n; i++) {
+      for (let c = 0; c < C; c++) {
+        const of = Math.min(c, 1);
+        largest[of] = Math.max(largest[of], Math.abs(changes[C * i + c]));
+      }
+    }
+    return largest;
+  }
+
+  /** Coefficient i of a channel. */
+  readCoefficient(level, i, c) {
+    const { stream, channels: C, coefficients, before, beside, pairs } = this;
+    const axis = pairs.axis[i];
+    const size = Math.min(this.size, 2);
+    const change = this.changes[C * i + c];
+    const steep = Math.abs(change);
+    const few = Math.min(level, 4);
+    const other = (k) => (k < c ? coefficients[C * i + k] : 0);
+    const sizeOf = (k) => Math.min(Math.abs(other(k)), 2);
+    const nonzero = [
+      (12 * c + level) * 3 + size,
+      ((5 * c + few) * 3 + axis) * 7 + steep,
+      (((5 * c + few) * 3 + sizeOf(0)) * 3 + sizeOf(1)) * 4 + Math.min(this.size, 3),
+      ((3 * c + axis) * 5 + beside.size(axis, c, 4)) * 4 + before.size(axis, c, 3),
+      ((7 * c + pairs.n - 1 - i) * 8 + pairs.n) * 3 + size,
+    ];
+    if (!stream.mixedBit(this.nonzeroMixers, 3 * c + size, this.nonzero, nonzero)) return 0;
+    const negative = [
+      13 * c + change + 6,
+      (3 * c + Math.sign(other(0)) + 1) * 3 + Math.sign(other(1)) + 1,
+      (5 * c + beside.sign(axis, c)) * 5 + before.sign(axis, c),
+    ];
+    const sign = stream.mixedBit(this.negativeMixers, c, this.negative, negative) ? -1 : 1;
+    let e = 0;
+    while (e < 24) {
+      const k = Math.min(e, 11);
+      const exponent = [
+        ((12 * c + level) * 3 + size) * 12 + k,
+        ((4 * c + Math.min(level, 3)) * 7 + steep) * 12 + k,
+      ];
+      if (!stream.mixedBit(this.exponentMixers, 12 * c + k, this.exponent, exponent)) break;
+      e++;
+    }
+    let value = 1;
+    if (e >= 1) {
+      value = 2 * value + stream.bit(this.mantissa, 3 * e);
+      if (e >= 2) {
+        value = 2 * value + stream.bit(this.mantissa, 3 * e + (value & 1 ? 2 : 1));
+        value = value * 2 ** (e - 2) + stream.bypass(e - 2);
+      }
+    }
+    return sign * Math.min(value, MAX_COEFFICIENT);
+  }
+
+  /** Means of the children of p from their predictions and coefficients. */
+  transform(j, p, parentMeans, means) {
+    const { first: children } = this.levels[j + 1];
+    const { changed, coefficients, pairs, value, octants, channels: C } = this;
+    for (let c = 0; c < C; c++) {
+      const step = this.step(c, j);
+      value[pairs.first[pairs.n - 1]] = parentMeans[C * p + c] - this.mean[c];
+      for (let i = pairs.n - 1; i >= 0; i--) {
+        const scaled = Math.min(Math.max(coefficients[C * i + c] * step, -(2 ** 41)), 2 ** 41);
+        const part = (factor) => {
+          const product = Math.min(Math.max(scaled * factor, -(2 ** 51)), 2 ** 51);
+          return Math.floor((product + 2 ** 18) / 2 ** 19);
+        };
+        const mean = value[pairs.first[i]];
+        value[pairs.first[i]] = mean - part(pairs.F[i]);
+        value[pairs.second[i]] = mean + part(pairs.G[i]);
+      }
+      octants.forEach((o, at) => {
+        means[C * (children[p] + at) + c] = bounded(changed[C * at + c] + value[o]);
+      });
+    }
+  }
+}

@@ -1,0 +1,302 @@
+"""Maps that go on: what a scan does not touch stays, and what it shows is in the map once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import surfabet as sb
+from surfabet.cli import main
+from surfabet.errors import DroppedPointsWarning, InvalidInputError
+from test_format import Fields, sections
+from test_tiles import OPTIONS, PIXEL, TILE, TILED, cropped, same
+from test_tiles import room as room_of_tiles
+
+EAST = 2.0
+"""The room is 4 m long; in its own frame the east begins here."""
+
+
+def room(seed: int = 0) -> sb.PointCloud:
+    """The room of the tests of tiles, with both labels in the west and in the east."""
+    cloud = room_of_tiles(seed)
+    turn = np.deg2rad(17)
+    y = (cloud.points - [5000.0, -200.0, 40.0]) @ [-np.sin(turn), np.cos(turn), 0.0]
+    return sb.PointCloud(
+        cloud.points,
+        colors=cloud.colors,
+        intensities=cloud.intensities,
+        extra={"label": (y > 1.5).astype(np.uint8)},
+    )
+
+
+def local_x(cloud: sb.PointCloud) -> Any:
+    """Where points lie along the room."""
+    turn = np.deg2rad(17)
+    return (cloud.points - [5000.0, -200.0, 40.0]) @ [np.cos(turn), np.sin(turn), 0.0]
+
+
+def part(cloud: sb.PointCloud, low: float, high: float) -> sb.PointCloud:
+    x = local_x(cloud)
+    return cloud.select((x >= low) & (x < high))
+
+
+def learned(cloud: sb.PointCloud, path: Path, **options: Any) -> sb.TiledPatchModel:
+    names = ["colors", "intensities", "label"]
+    given = {"tile": TILE, "attributes": names, **OPTIONS, **options}
+    sb.learn_patches_tiled(cloud, path, **given)
+    model = sb.load(path)
+    assert isinstance(model, sb.TiledPatchModel)
+    return model
+
+
+@pytest.fixture(scope="module")
+def cloud() -> sb.PointCloud:
+    return room()
+
+
+@pytest.fixture(scope="module")
+def whole(cloud: sb.PointCloud, tmp_path_factory: pytest.TempPathFactory) -> sb.TiledPatchModel:
+    return learned(cloud, tmp_path_factory.mktemp("sessions") / "whole.sfb")
+
+
+@pytest.fixture(scope="module")
+def west(cloud: sb.PointCloud, tmp_path_factory: pytest.TempPathFactory) -> sb.TiledPatchModel:
+    return learned(part(cloud, -1, EAST), tmp_path_factory.mktemp("sessions") / "west.sfb")
+
+
+def tiles(model: sb.TiledPatchModel) -> dict[tuple[int, ...], bytes]:
+    """The bytes of each tile, by its cube."""
+    data = sections(model.to_bytes(), TILED)["TILE"]
+    ends = np.cumsum(model.tiles.bytes.astype(np.int64))
+    starts = ends - model.tiles.bytes.astype(np.int64)
+    return {
+        tuple(cube): data[a:b]
+        for cube, a, b in zip(model.tiles.cubes.tolist(), starts, ends, strict=True)
+    }
+
+
+def test_tiles_without_new_points_keep_their_bytes(
+    whole: sb.TiledPatchModel, cloud: sb.PointCloud
+) -> None:
+    scan = part(room(1), 3.2, 5)
+    before, after = tiles(whole), tiles(updated := whole.update(scan))
+    changed = {cube for cube in before if after[cube] != before[cube]}
+    assert 0 < len(changed) < len(before)
+    assert set(before) <= set(after)
+    # The sum of the points is that of both, and each point counts for one tile.
+    assert updated.n_points == len(cloud) + len(scan)
+    grown = {
+        tuple(cube): int(n)
+        for cube, n in zip(updated.tiles.cubes.tolist(), updated.tiles.points, strict=True)
+    }
+    for cube, n in zip(whole.tiles.cubes.tolist(), whole.tiles.points, strict=True):
+        assert (grown[tuple(cube)] > n) == (tuple(cube) in changed)
+    # This one stays as it is.
+    assert tiles(whole) == before
+
+
+def test_sessions_are_as_near_and_small_as_all_at_once(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    model = west
+    for low in (2.0, 3.0):
+        model = model.update(part(cloud, low, 3.0 if low < 3 else 5.0))
+    assert model.n_points == len(cloud)
+    at_once = west.update(cloud, alone=True)
+    assert at_once.n_points == len(cloud)
+    for as_measured in (False, True):
+        errors = [
+            sb.evaluate(cloud, m.decode(as_measured=as_measured), normal_neighbors=None)
+            for m in (model, at_once)
+        ]
+        assert errors[0].rmse <= 1.1 * errors[1].rmse
+        assert errors[0].color_rmse_pooled <= 1.1 * errors[1].color_rmse_pooled
+    assert len(model.to_bytes()) <= 1.1 * len(at_once.to_bytes())
+
+
+def test_a_second_pass_adds_little(cloud: sb.PointCloud, tmp_path: Path) -> None:
+    """Without points beside the patches, which are other ones in each scan."""
+    whole = learned(cloud, tmp_path / "map.sfb", completeness=0.0)
+    second = room(1)
+    both, alone = whole.update(second), whole.update(second, alone=True)
+    added = len(both.to_bytes()) - len(whole.to_bytes())
+    assert added <= 0.1 * len(alone.to_bytes())
+    truth = sb.evaluate(cloud, both.decode(), normal_neighbors=None)
+    assert truth.rmse <= 1.1 * sb.evaluate(cloud, whole.decode(), normal_neighbors=None).rmse
+
+
+def test_old_points_count_as_many_as_they_were(tmp_path: Path) -> None:
+    """A plane that was measured at two heights lies between them, by the numbers of points."""
+    rng = np.random.default_rng(5)
+
+    def plane(height: float, n: int) -> sb.PointCloud:
+        points = np.column_stack([rng.uniform(0, 1.2, (n, 2)), np.full(n, height)])
+        return sb.PointCloud(points + [0, 0, 1e-4] * rng.standard_normal((n, 3)))
+
+    def height(model: sb.TiledPatchModel) -> float:
+        points = model.decode().points
+        inner = ((points[:, :2] > 0.3) & (points[:, :2] < 0.9)).all(axis=1)
+        return float(points[inner, 2].mean())
+
+    options: dict[str, Any] = {"resolution": PIXEL, "depth_step": 0.0625, "completeness": 0.0}
+    path = tmp_path / "plane.sfb"
+    for n_old, n_new in ((90_000, 30_000), (30_000, 90_000)):
+        sb.learn_patches_tiled(plane(0.0, n_old), path, **options)
+        model = sb.load(path)
+        found = height(model.update(plane(0.008, n_new)))
+        wanted = 0.008 * n_new / (n_old + n_new)
+        assert found == pytest.approx(wanted, abs=0.0015)
+
+
+def test_updates_are_the_same_on_any_number_of_threads(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud
+) -> None:
+    scan = part(cloud, EAST, 3)
+    once = west.update(scan).to_bytes()
+    n = sb.get_num_threads()
+    try:
+        sb.set_num_threads(1)
+        assert west.update(scan).to_bytes() == once
+    finally:
+        sb.set_num_threads(n)
+
+
+def test_maps_of_one_plan_are_put_together(west: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:
+    east = west.update(part(cloud, EAST, 5), alone=True)
+    shared = set(tiles(east)) & set(tiles(west))
+    assert shared
+    merged = sb.merge_tiles([west, east])
+    assert merged.n_points == len(cloud)
+    assert set(tiles(merged)) == set(tiles(west)) | set(tiles(east))
+    for model in (west, east):
+        for cube, data in tiles(model).items():
+            assert (tiles(merged)[cube] == data) == (cube not in shared)
+    again = sb.evaluate(cloud, merged.decode(), normal_neighbors=None)
+    at_once = sb.evaluate(cloud, west.update(cloud, alone=True).decode(), normal_neighbors=None)
+    assert again.rmse <= 1.1 * at_once.rmse
+    # The order makes no difference to what is in one of them alone, and copies are one.
+    assert sb.merge_tiles([west, west, west]) == west
+    assert sb.merge_tiles([merged, west.update(part(cloud, 3.9, 5))]).n_points > 0
+
+
+def test_a_box_of_an_updated_map_is_the_whole_cropped(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    path = tmp_path / "map.sfb"
+    model = west.update(part(cloud, EAST, 3))
+    model.save(path)
+    box = ([5000.5, -200, 39], [5002.5, -197, 42])
+    wanted = cropped(model.decode(), box)
+    assert len(wanted) > 100
+    assert same(sb.load(path, box=box).decode(), wanted)
+
+
+def test_what_maps_and_scans_must_be(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidInputError, match=r"cloud is .*one without colors"):
+        west.update(sb.PointCloud(cloud.points))
+    with pytest.raises(InvalidInputError, match="empty"):
+        west.update(cloud.select(np.zeros(0, int)))
+    columns = {name: getattr(cloud, name) for name in ("colors", "intensities")}
+    for label, what in ((cloud["label"] + 5, "in label"), (cloud["label"] * 1.0, "type f64")):
+        with pytest.raises(InvalidInputError, match=f"cloud is one with .*{what}"):
+            west.update(sb.PointCloud(cloud.points, **columns, extra={"label": label}))
+    other = learned(cloud, tmp_path / "other.sfb", resolution=0.03, tile=1.92)
+    with pytest.raises(InvalidInputError, match=r"models is .*pixels of 0\.02 and 0\.03 m"):
+        sb.merge_tiles([west, other])
+    turned = learned(part(cloud, 1, 5), tmp_path / "turned.sfb")
+    with pytest.raises(InvalidInputError, match=r"models is .*one plan"):
+        sb.merge_tiles([west, turned])
+    bounded = learned(cloud, tmp_path / "bounded.sfb", max_error=0.02)
+    with pytest.raises(InvalidInputError, match=r"model is .*max_error"):
+        bounded.update(cloud)
+    far = np.concatenate([cloud.points[:5000], [[9_000_000.0, 0.0, 0.0]]])
+    names = {name: np.resize(cloud[name], (5001, *cloud[name].shape[1:])) for name in ("colors",)}
+    scan = sb.PointCloud(
+        far,
+        **names,
+        intensities=np.resize(cloud.intensities, 5001),
+        extra={"label": np.resize(cloud["label"], 5001)},
+    )
+    with pytest.warns(DroppedPointsWarning, match="1 points are far"):
+        assert west.update(scan).n_points == west.n_points + 5000
+
+
+def test_files_without_the_plan_are_read_but_not_learned_on(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud
+) -> None:
+    """A file as it was before: the section `plan` left out of the table."""
+    data = west.to_bytes()
+    found = sections(data, TILED)
+    assert list(found) == ["META", "TIDX", "plan", "TILE"]
+    old = sb.from_bytes(without_section(data, "plan"))
+    assert same(old.decode(), west.decode())
+    with pytest.raises(InvalidInputError, match="how its tiles were learned"):
+        old.update(cloud)
+
+
+def test_the_plan_is_as_the_page_has_it(west: sb.TiledPatchModel) -> None:
+    """5.7: what the map remembers of how it was learned."""
+    fields = Fields(sections(west.to_bytes(), TILED)["plan"])
+    density, tolerance, gap = (fields.f64() for _ in range(3))
+    assert density > 1
+    assert 0 < tolerance < 0.1
+    assert gap == 0
+    assert (fields.varint(), fields.varint()) == (0, 0)
+    assert [fields.f64() for _ in range(4)] == [1.4, 0.99, 0.15, 0.15]
+    assert fields.varint() == 3
+    assert fields.at == len(fields.data)
+
+
+def without_section(data: bytes, tag: str) -> bytes:
+    from test_tiles import crc32c, varint
+
+    head = data[:8] + varint(TILED)
+    parts = {name: part for name, part in sections(data, TILED).items() if name != tag}
+    head += varint(len(parts))
+    for name, part in parts.items():
+        head += name.encode() + varint(len(part)) + crc32c(part).to_bytes(4, "little")
+    head += crc32c(head).to_bytes(4, "little")
+    return head + b"".join(parts.values())
+
+
+def test_the_command_line_adds_and_merges(
+    west: sb.TiledPatchModel,
+    cloud: sb.PointCloud,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path, scan, east, out = (
+        str(tmp_path / name) for name in ("map.sfb", "scan.ply", "east.sfb", "out.sfb")
+    )
+    west.save(path, note="the west")
+    sb.write(scan, part(cloud, EAST, 5))
+    scanned = sb.read(scan)
+    if "label" not in scanned.attributes:
+        pytest.fail("PLY lost a column")
+    assert main(["append", path, scan, "--alone", "--out", east]) in (None, 0)
+    assert main(["append", path, scan, "--alone"]) == 2
+    assert "--alone" in capsys.readouterr().err
+    assert main(["merge", path, east, "--out", out]) in (None, 0)
+    assert sb.load(out) == sb.merge_tiles([west, sb.load(east)])
+    assert main(["append", path, scan]) in (None, 0)
+    assert sb.load(path) == west.update(scanned)
+    assert sb.inspect(path).note == "the west"
+    plain = str(tmp_path / "plain.sfb")
+    sb.learn_patches(part(cloud, 0, 1), resolution=0.05).save(plain)
+    assert main(["append", plain, scan]) == 2
+    assert "has no tiles" in capsys.readouterr().err
+    assert main(["merge", path, "--out", out]) == 2
+
+
+def test_new_surface_is_in_the_map_once(west: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:
+    at_once = west.update(cloud, alone=True).decode()
+    model = west.update(part(cloud, EAST, 5)).decode()
+    assert abs(len(model) - len(at_once)) <= 0.03 * len(at_once)
+    distance, _ = cKDTree(at_once.points).query(model.points)
+    assert np.quantile(distance, 0.99) < 2 * PIXEL
