@@ -226,7 +226,7 @@ mod tests {
         for i in 0..1000 {
             let part = |k: f32| (i as f32 * k).fract();
             let from = [part(0.618_034), part(0.754_878), part(0.569_84)].map(|c| 1.6 * c - 0.8);
-            let (z, angle) = (2.0 * part(0.367_879) - 1.0, std::f64::consts::TAU * part(0.718_282));
+            let (z, angle) = (2.0 * part(0.367_879) - 1.0, std::f32::consts::TAU * part(0.718_282));
             let r = (1.0 - z * z).sqrt();
             let direction = [r * angle.cos(), r * angle.sin(), z];
             let exits: [f32; 3] =
