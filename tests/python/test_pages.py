@@ -29,6 +29,7 @@ PAGES = [
     "tasks/robot",
     "tasks/floor_plan",
     "tasks/localise",
+    "tasks/session",
     "tasks/cluster",
     "plan",
 ]
