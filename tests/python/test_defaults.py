@@ -155,7 +155,8 @@ def test_nothing_is_decoded_between_the_faces_of_a_thin_wall(
     found = sb.survey(cloud)
     assert found.layer_gap == pytest.approx(gap, rel=0.05)
     assert found.has_facings == (seen != "nothing")
-    decoded = sb.learn_patches(cloud).decode(as_measured=False)
+    # A fine step, so that what colours miss is what leaks from face to face and not rounding.
+    decoded = sb.learn_patches(cloud, color_step=50).decode(as_measured=False)
 
     def between(points: NDArray[np.float64]) -> float:
         depth = points @ across
@@ -168,7 +169,7 @@ def test_nothing_is_decoded_between_the_faces_of_a_thin_wall(
     red = decoded.colors[:, 0].astype(int) - decoded.colors[:, 2]
     own = np.where(decoded.points @ across < 0.5 * gap, red, -red)
     assert np.mean(own > 0) > 0.99
-    assert np.mean(own > 100) > 0.9
+    assert np.mean(own > 100) > 0.98
 
 
 def test_a_mad_point_costs_neither_precision_nor_the_model() -> None:
