@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, InvalidTypeError
 from surfabet.model import Model
 from surfabet.survey import survey
 
@@ -22,6 +22,9 @@ Kind = Literal["appeared", "vanished"]
 
 _SPACINGS = 4.0
 """Tolerance in spacings of the decoded points: two pixels of patches."""
+
+_LEAST_SPACINGS = 2.0
+"""Least tolerance likewise: below a pixel what is rounded otherwise counts as a change."""
 
 _SAME, _APPEARED, _VANISHED, _UNSEEN = range(4)
 
@@ -97,8 +100,8 @@ def diff(
         The map before and the map after, in the same world frame. Of large maps load a box.
     tolerance
         Surfaces that are nearer to one another are the same, metres; by default four spacings of
-        the points that the coarser map decodes to, which are two pixels of patches. Thickness that
-        the maps keep adds to it.
+        the points that the coarser map decodes to, which are two pixels of patches, and at least
+        two. Thickness that the maps keep adds to it.
     min_area
         Least surface of a change, square metres.
     viewpoints
@@ -114,7 +117,7 @@ def diff(
     Raises
     ------
     InvalidInputError
-        For maps without surface, and options outside of their domain.
+        For maps without surface, other things than maps, and options outside of their domain.
 
     Examples
     --------
@@ -138,9 +141,18 @@ def diff(
     with progress_callback(progress) as callback:
         tell: ProgressCallback = callback or (lambda stage, fraction: None)
         maps = [_decoded(model, name, tell) for model, name in ((a, "a"), (b, "b"))]
+        spacing = max(survey(surface).spacing for surface, _ in maps)
         if tolerance is None:
-            spacings = [survey(surface).spacing for surface, _ in maps]
-            tolerance = _SPACINGS * max(spacings)
+            tolerance = _SPACINGS * spacing
+        elif 0 < tolerance < _LEAST_SPACINGS * spacing * (1 - 1e-3):
+            raise InvalidInputError(
+                f"tolerance is {tolerance:g}, but must be at least {_LEAST_SPACINGS * spacing:.3g} "
+                "m, two spacings of what the coarser map decodes to: less tells rounding and change "
+                "apart no more",
+                argument="tolerance",
+                value=f"{tolerance:g}",
+                requirement=f"at least {_LEAST_SPACINGS * spacing:.3g} m",
+            )
         options = {"tolerance": float(tolerance), "min_area": float(min_area)}
         (before, before_thick), (after, after_thick) = maps
         gone = _core.changes(
@@ -154,6 +166,8 @@ def diff(
 
 def _decoded(model: Model[Any], name: str, tell: ProgressCallback) -> tuple[PointCloud, PointCloud]:
     """The surface of a map with its normals, and its points with the thickness of the scan."""
+    if not isinstance(model, Model):
+        raise InvalidTypeError(f"{name} is a {type(model).__name__}, but must be a model")
     surface = model.decode(normals=True, progress=tell)
     if len(surface) < 2:
         raise InvalidInputError(

@@ -135,6 +135,13 @@ def _pose(prior: ArrayLike) -> list[list[float]]:
         raise InvalidInputError(
             f"prior has the shape {array.shape}, expected a (4, 4) pose or x, y, z and yaw"
         )
+    if not np.isfinite(array).all():
+        raise InvalidInputError(
+            f"prior is {np.asarray(prior).tolist()}, but must be finite numbers",
+            argument="prior",
+            value=repr(np.asarray(prior).tolist()),
+            requirement="finite numbers",
+        )
     return [[float(value) for value in row] for row in array]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import DroppedPointsWarning
+from surfabet.errors import DroppedPointsWarning, InvalidInputError, InvalidTypeError
 from surfabet.model import MAX_POINTS, Box, Model, corners
 
 __all__ = ["TiledPatchModel", "Tiles", "merge_tiles"]
@@ -114,7 +114,8 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
         -------
         TiledPatchModel
             The same for the same map and cloud, whatever the number of threads. Of a map that was
-            loaded with a box it has the tiles that were read and those of the scan.
+            loaded with a box it has the tiles that were read and those of the scan, the latter
+            without what the file holds there: update the whole map to save it in its place.
 
         Raises
         ------
@@ -197,8 +198,6 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
 
 
 def _level(level: int | None) -> int | None:
-    from surfabet.errors import InvalidInputError
-
     if level is not None and (isinstance(level, bool) or not isinstance(level, int) or level < 0):
         raise InvalidInputError(
             f"level is {level!r}, but must be an integer of at least 0",
@@ -219,9 +218,17 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
     Raises
     ------
     InvalidInputError
-        Without models, and for models of different plans, with what differs. Where tiles of several
+        Without models, for others than maps in tiles, and for models of different plans, with what
+        differs. Where tiles of several
         differ, for models that cannot be learned on, as `TiledPatchModel.update`.
     """
+    for model in models:
+        if not isinstance(model, TiledPatchModel):
+            raise InvalidTypeError(
+                f"models has a {type(model).__name__}, but must be of TiledPatchModel alone"
+            )
+    if not models:
+        raise InvalidInputError("models is empty, but must be one map in tiles or more")
     with progress_callback(progress) as callback:
         cores = [model._core for model in models]
         return TiledPatchModel(_core.merge_tiles(cores, progress=callback))

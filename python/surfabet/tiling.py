@@ -64,7 +64,8 @@ class TilingReport:
     """Points far from all others, which are no part of the map."""
     n_tiles: int
     n_learned: int
-    """Tiles that this run learned; the others were there from a run that was stopped."""
+    """Cubes that this run learned, also those that turned out to have no tile; the others were
+    there from a run that was stopped."""
     tile: float
     """Side of a tile, metres."""
     n_bytes: int
@@ -210,6 +211,7 @@ def learn_patches_tiled(
     (True, True)
     """
     _core.check_options("patches", options)
+    _check_recurrence(options)
     path = Path(path)
     _check_memory(max_memory)
     chunks = chunks_of(source)
@@ -228,6 +230,17 @@ def learn_patches_tiled(
         report = _written(path, spill, plan, jobs, note, left_out, n_learned)
     _warn(spill, report)
     return report
+
+
+def _check_recurrence(options: Mapping[str, Any]) -> None:
+    if options.get("recurrence"):
+        raise InvalidInputError(
+            "recurrence is True, but tiles are read one by one and hold nothing of one another; "
+            "leave it out, or learn the map without tiles",
+            argument="recurrence",
+            value="True",
+            requirement="False for a map in tiles",
+        )
 
 
 def _check_memory(max_memory: int) -> None:

@@ -12,7 +12,7 @@ import pytest
 import surfabet as sb
 from surfabet import datasets
 from surfabet.cli import main
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, InvalidTypeError
 
 
 def learned(scene: datasets.Scene, seed: int) -> tuple[sb.PatchModel, Any]:
@@ -116,6 +116,10 @@ def test_maps_of_other_methods_and_in_tiles(
 
 def test_what_options_must_be(maps: Any) -> None:
     (a, _), (b, _) = maps
+    with pytest.raises(InvalidInputError, match="tolerance is 0.0001, but must be at least"):
+        sb.diff(a, b, tolerance=1e-4)
+    with pytest.raises(InvalidTypeError, match="b is a PointCloud"):
+        sb.diff(a, b.decode())  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="tolerance is -1"):
         sb.diff(a, b, tolerance=-1.0)
     with pytest.raises(InvalidInputError, match="min_area is 0"):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import surfabet as sb
 from surfabet import datasets
 from surfabet.cli import main
+from surfabet.errors import InvalidInputError
 
 Array = NDArray[np.float64]
 Boxes = list[tuple[Array, Array]]
@@ -280,3 +281,16 @@ def test_a_model_without_surface_is_refused() -> None:
     assert len(model) == 0
     with pytest.raises(sb.InvalidInputError):
         model.localizer()
+
+
+def test_a_prior_that_says_little_bounds_the_search_by_the_map(room: sb.PatchModel) -> None:
+    """Further from the map than the scan reaches none of it falls on the map."""
+    pose = POSES[0]
+    query = scan(ROOM, pose)
+    wide = room.locate(query, prior=pose, radius=1e9)
+    assert errors(wide[0], pose)[0] < 0.03
+    away = pose.copy()
+    away[0, 3] += 1e6
+    assert not room.locate(query, prior=away, radius=1e3)
+    with pytest.raises(InvalidInputError, match="prior is"):
+        room.locate(query, prior=(0.0, 0.0, np.nan, 0.0))

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 import surfabet as sb
 from surfabet.cli import main
-from surfabet.errors import DroppedPointsWarning, InvalidInputError
+from surfabet.errors import DroppedPointsWarning, InvalidInputError, InvalidTypeError
 from test_format import Fields, sections
 from test_tiles import OPTIONS, PIXEL, TILE, TILED, cropped, same
 from test_tiles import room as room_of_tiles
@@ -300,3 +300,17 @@ def test_new_surface_is_in_the_map_once(west: sb.TiledPatchModel, cloud: sb.Poin
     assert abs(len(model) - len(at_once)) <= 0.03 * len(at_once)
     distance, _ = cKDTree(at_once.points).query(model.points)
     assert np.quantile(distance, 0.99) < 2 * PIXEL
+
+
+def test_what_is_no_map_in_tiles_is_named() -> None:
+    with pytest.raises(InvalidInputError, match="models is empty"):
+        sb.merge_tiles([])
+    with pytest.raises(InvalidTypeError, match="models has a str"):
+        sb.merge_tiles(["map.sfb"])  # type: ignore[list-item]
+
+
+def test_maps_in_tiles_refuse_recurrence(tmp_path: Path) -> None:
+    cloud = sb.PointCloud(np.random.default_rng(0).uniform(0, 1, (1000, 3)))
+    with pytest.raises(InvalidInputError, match="recurrence is True"):
+        sb.learn_patches_tiled(cloud, tmp_path / "map.sfb", recurrence=True)
+    assert not list(tmp_path.iterdir())

@@ -44,6 +44,8 @@ def merge(
         raise UsageError("MAP: give two maps or more")
     check_output(out, frozenset({MODEL_SUFFIX}))
     started = time.perf_counter()
+    # Before the map is written, which may be one of these.
+    inputs = [{"path": str(path), "bytes": size_on_disk(path)} for path in maps if path.exists()]
     with common.progress() as progress:
         models = [load_tiled(path, progress) for path in maps]
         merged = surfabet.merge_tiles(models, progress=progress)
@@ -52,7 +54,7 @@ def merge(
     if json:
         print_json(
             {
-                "inputs": [{"path": str(path), "bytes": size_on_disk(path)} for path in maps],
+                "inputs": inputs,
                 "output": {"path": str(out), "bytes": n_bytes, "tiles": len(merged.tiles)},
                 "seconds": seconds,
             }

@@ -145,8 +145,13 @@ impl Localizer {
             (Some(prior), _) => {
                 let near = Placement::of(&prior.pose, self.origin, sensor);
                 let at = near.translation;
-                let radius = prior.radius;
-                domain = [-radius, radius].map(|r| std::array::from_fn(|a| (at[a] + r) as f32));
+                // From further away than the scan reaches none of it falls on the map.
+                let reach = samples.reach();
+                let [low, high] = self.bounds;
+                domain = [
+                    std::array::from_fn(|a| ((at[a] - prior.radius) as f32).max(low[a] - reach)),
+                    std::array::from_fn(|a| ((at[a] + prior.radius) as f32).min(high[a] + reach)),
+                ];
                 vec![Allowed::About(near.rotation, prior.angle)]
             }
             (None, None) => vec![Allowed::Upright, Allowed::Tilted],

@@ -77,6 +77,12 @@ impl ScanSamples {
         let first = self.all.first().map_or([0.0; 3], |s| s.viewpoint);
         std::array::from_fn(|a| self.origin[a] + f64::from(first[a]))
     }
+
+    /// Largest distance of a sample from where it was seen, metres.
+    pub fn reach(&self) -> f32 {
+        let ranges = self.all.iter().map(|s| vector::distance(s.point, s.viewpoint));
+        ranges.fold(0.0, f32::max)
+    }
 }
 
 impl Sums {
