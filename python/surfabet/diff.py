@@ -147,8 +147,8 @@ def diff(
         elif 0 < tolerance < _LEAST_SPACINGS * spacing * (1 - 1e-3):
             raise InvalidInputError(
                 f"tolerance is {tolerance:g}, but must be at least {_LEAST_SPACINGS * spacing:.3g} "
-                "m, two spacings of what the coarser map decodes to: less tells rounding and change "
-                "apart no more",
+                "m, two spacings of what the coarser map decodes to: below, rounding counts as "
+                "change",
                 argument="tolerance",
                 value=f"{tolerance:g}",
                 requirement=f"at least {_LEAST_SPACINGS * spacing:.3g} m",

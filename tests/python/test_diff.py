@@ -116,7 +116,7 @@ def test_maps_of_other_methods_and_in_tiles(
 
 def test_what_options_must_be(maps: Any) -> None:
     (a, _), (b, _) = maps
-    with pytest.raises(InvalidInputError, match="tolerance is 0.0001, but must be at least"):
+    with pytest.raises(InvalidInputError, match=r"tolerance is 0\.0001, but must be at least"):
         sb.diff(a, b, tolerance=1e-4)
     with pytest.raises(InvalidTypeError, match="b is a PointCloud"):
         sb.diff(a, b.decode())  # type: ignore[arg-type]
