@@ -44,8 +44,11 @@ def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality | None) 
     share = None if quality is None else quality.inliers
     if share is None or share >= 0.99 or model.report.tolerance == 0:
         return None
+    # With a bound completeness says nothing.
+    is_bounded = isinstance(model, surfabet.PatchModel) and model.max_error is not None
+    share_or_bound = "--max-error" if is_bounded else "--completeness 0.99"
     remedies = {
-        "patches": "--quality fine, a smaller --resolution or --completeness 0.99 keep more",
+        "patches": f"--quality fine, a smaller --resolution or {share_or_bound} keep more",
         "hscsm": "--quality fine or a smaller --resolution keep more",
         "gas": "--quality fine or more neurons (--n-neurons) keep more",
     }
