@@ -44,10 +44,10 @@ def merge(
         raise UsageError("MAP: give two maps or more")
     check_output(out, frozenset({MODEL_SUFFIX}))
     started = time.perf_counter()
-    # Before the map is written, which may be one of these.
-    inputs = [{"path": str(path), "bytes": size_on_disk(path)} for path in maps if path.exists()]
     with common.progress() as progress:
         models = [load_tiled(path, progress) for path in maps]
+        # Before the map is written, which may be one of these.
+        inputs = [{"path": str(path), "bytes": size_on_disk(path)} for path in maps]
         merged = surfabet.merge_tiles(models, progress=progress)
         n_bytes = merged.save(out)
     seconds = time.perf_counter() - started

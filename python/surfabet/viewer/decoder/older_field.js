@@ -1,7 +1,7 @@
 // Section 5.4 of docs/format.md: colours and scalars without feature bit 11.
 
 import { Bits, Signed } from "./entropy.js";
-import { pyramid } from "./pyramid.js";
+import { SlotPairs, interpolated, pyramid } from "./pyramid.js";
 
 /** Reads means of cells, channel after channel within each cell (5.4); `steps[channel]` are whole steps. */
 export class OlderFieldReader {
@@ -40,34 +40,11 @@ export class OlderFieldReader {
 
   /** Predictions of all cells of level j from the means of the level above. */
   predictions(j, means) {
-    const level = this.levels[j];
-    const above = this.levels[j + 1];
-    const C = this.channels;
     const share = this.beside ? 0.26 : 0.32;
     const weights = Float64Array.from({ length: 8 }, (_, k) =>
       [0, 1, 2].reduce((product, a) => product * ((k >> a) & 1 ? share : 1 - share), 1));
-    const predicted = new Float64Array(C * level.n);
-    const { index, first } = above;
-    for (let p = 0; p < above.n; p++) {
-      const px = above.x[p];
-      const py = above.y[p];
-      const pz = above.z[p];
-      for (let i = first[p]; i < first[p + 1]; i++) {
-        const dx = level.x[i] & 1 ? 1 : -1;
-        const dy = level.y[i] & 1 ? 1 : -1;
-        const dz = level.z[i] & 1 ? 1 : -1;
-        let total = 0;
-        for (let k = 0; k < 8; k++) {
-          const q = k === 0 ? p : index.find(px + (k & 1) * dx, py + ((k >> 1) & 1) * dy, pz + (k >> 2) * dz);
-          if (q < 0) continue;
-          const w = weights[k];
-          total += w;
-          for (let c = 0; c < C; c++) predicted[C * i + c] += w * means[C * q + c];
-        }
-        for (let c = 0; c < C; c++) predicted[C * i + c] /= total;
-      }
-    }
-    return predicted;
+    const { levels, channels } = this;
+    return interpolated(levels[j], levels[j + 1], weights, means, channels, (sum, total) => sum / total);
   }
 
   readLevel(j, parentMeans, activity, now) {
@@ -182,40 +159,18 @@ export class OlderFieldReader {
   }
 }
 
-/** Pairs of slots that meet, with their shares; made once and used for all parents. */
-class HaarPairs {
+/** Pairs with their shares. */
+class HaarPairs extends SlotPairs {
   constructor() {
-    this.weight = new Float64Array(8);
-    this.slot = new Uint8Array(8);
-    this.first = new Uint8Array(7);
-    this.second = new Uint8Array(7);
+    super();
     this.A = new Float64Array(7);
     this.B = new Float64Array(7);
   }
 
-  begin() {
-    this.n = 0;
-    this.weight.fill(0);
-    for (let o = 0; o < 8; o++) this.slot[o] = o;
-  }
-
-  pair() {
-    const { weight, slot } = this;
-    for (let stride = 1; stride < 8; stride *= 2) {
-      for (let o = 0; o < 8; o += 2 * stride) {
-        const a = slot[o];
-        const b = slot[o + stride];
-        if (weight[a] > 0 && weight[b] > 0) {
-          const sum = weight[a] + weight[b];
-          this.first[this.n] = a;
-          this.second[this.n] = b;
-          this.A[this.n] = Math.sqrt(weight[a] / sum);
-          this.B[this.n++] = Math.sqrt(weight[b] / sum);
-          weight[a] = sum;
-        } else if (weight[b] > 0) {
-          slot[o] = b;
-        }
-      }
-    }
+  meet(a, b) {
+    const { weight, n } = this;
+    const sum = weight[a] + weight[b];
+    this.A[n] = Math.sqrt(weight[a] / sum);
+    this.B[n] = Math.sqrt(weight[b] / sum);
   }
 }

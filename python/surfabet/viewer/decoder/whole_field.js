@@ -3,7 +3,7 @@
 // All numbers are whole and below 2^53, so that doubles hold them.
 
 import { Bits, Mixers, Signed } from "./entropy.js";
-import { pyramid } from "./pyramid.js";
+import { SlotPairs, interpolated, pyramid } from "./pyramid.js";
 
 const MAX_VALUE = 2 ** 30 - 1;
 const MAX_COEFFICIENT = 2 ** 24;
@@ -41,39 +41,14 @@ class Along {
   }
 }
 
-/** Pairs of slots that meet, in whole numbers; made once and used for all parents. */
-class WholePairs {
+/** Pairs in whole numbers. */
+class WholePairs extends SlotPairs {
   constructor() {
-    this.weight = new Float64Array(8);
-    this.slot = new Uint8Array(8);
-    this.first = new Uint8Array(7);
-    this.second = new Uint8Array(7);
+    super();
     this.axis = new Uint8Array(7);
     this.share = new Float64Array(7);
     this.F = new Float64Array(7);
     this.G = new Float64Array(7);
-  }
-
-  begin() {
-    this.n = 0;
-    this.weight.fill(0);
-    for (let o = 0; o < 8; o++) this.slot[o] = o;
-  }
-
-  pair() {
-    const { weight, slot } = this;
-    for (let axis = 0; axis < 3; axis++) {
-      const stride = 1 << axis;
-      for (let o = 0; o < 8; o += 2 * stride) {
-        const a = slot[o];
-        const b = slot[o + stride];
-        if (weight[a] > 0 && weight[b] > 0) {
-          this.meet(a, b, axis);
-        } else if (weight[b] > 0) {
-          slot[o] = b;
-        }
-      }
-    }
   }
 
   meet(a, b, axis) {
@@ -81,14 +56,10 @@ class WholePairs {
     const [v, w] = [weight[a], weight[b]];
     const share = (of) => Math.floor((of * 2 ** 26) / (v + w));
     const factor = (of, by) => Math.floor(Math.sqrt(Math.floor((share(of) * 2 ** 14) / by)));
-    this.first[n] = a;
-    this.second[n] = b;
     this.axis[n] = axis;
     this.share[n] = Math.floor(share(w) / 1024);
     this.F[n] = factor(w, v);
     this.G[n] = factor(v, w);
-    this.n++;
-    weight[a] = v + w;
   }
 
   /** Size class of a difference of two values in pair i, with its sign; `step` in 32nds. */
@@ -149,32 +120,9 @@ export class WholeFieldReader {
 
   /** Predictions of all cells of level j from the means of the level above. */
   predictions(j, means) {
-    const level = this.levels[j];
-    const above = this.levels[j + 1];
-    const C = this.channels;
-    const predicted = new Float64Array(C * level.n);
-    const { index, first } = above;
-    for (let p = 0; p < above.n; p++) {
-      for (let i = first[p]; i < first[p + 1]; i++) {
-        const dx = level.x[i] & 1 ? 1 : -1;
-        const dy = level.y[i] & 1 ? 1 : -1;
-        const dz = level.z[i] & 1 ? 1 : -1;
-        let total = 0;
-        for (let k = 0; k < 8; k++) {
-          const q = k === 0 ? p : index.find(
-            above.x[p] + (k & 1) * dx, above.y[p] + ((k >> 1) & 1) * dy, above.z[p] + (k >> 2) * dz,
-          );
-          if (q < 0) continue;
-          const w = PARENT_WEIGHTS[k];
-          total += w;
-          for (let c = 0; c < C; c++) predicted[C * i + c] += w * means[C * q + c];
-        }
-        for (let c = 0; c < C; c++) {
-          predicted[C * i + c] = Math.floor((2 * predicted[C * i + c] + total) / (2 * total));
-        }
-      }
-    }
-    return predicted;
+    const divide = (sum, total) => Math.floor((2 * sum + total) / (2 * total));
+    const { levels, channels } = this;
+    return interpolated(levels[j], levels[j + 1], PARENT_WEIGHTS, means, channels, divide);
   }
 
   readLevel(j, parentMeans, activity, now) {
