@@ -138,6 +138,17 @@ pub(super) const THIN_WEIGHT: f32 = 0.5;
 /// rmse in the room for 11 percent fewer.
 pub(super) const DECODED_WEIGHT: f32 = 2.0;
 
+/// The same where points beside the patches stand for input that these do not reach: then all input is near something
+/// decoded, and what is left to choose is how far decoded points are from it. TO BE MEASURED
+pub(super) const DECODED_WEIGHT_WITH_POINTS: f32 = 12.0;
+
+/// Bits of a point beside the patches, as the choice of patches prices it. TO BE MEASURED
+pub(super) const POINT_BITS: f64 = 12.0;
+
+/// How far from the decoded slab input needs no point, as a share of the bound: decoded points lie half a pixel apart, so
+/// that the nearest one is off along the surface too. TO BE MEASURED
+pub(super) const POINT_REACH: f64 = 0.85;
+
 /// Most shapes in a patch: bounds the time. Half and double change bytes by at most 0.3 percent.
 pub(super) const MAX_SHAPES: usize = 12;
 

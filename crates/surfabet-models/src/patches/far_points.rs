@@ -5,6 +5,7 @@ use surfabet_geom::{Aabb, KdTree, Progress};
 
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
+use super::options::PatchesOptions;
 use super::samples::cells::LIMIT;
 use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
@@ -60,6 +61,26 @@ pub(super) struct Completeness {
     pub forward: Option<f64>,
 }
 
+impl Completeness {
+    /// What options ask for, where the decoded cloud may be `tolerance` away from points and surfaces lie `layer_gap` behind
+    /// one another, both metres.
+    pub fn of(options: &PatchesOptions, tolerance: f64, layer_gap: Option<f64>) -> Self {
+        let (share, forward) = (options.completeness, options.max_error_forward);
+        Self { share, tolerance, layer_gap, forward }
+    }
+
+    /// The distance beyond which points stand for the input, metres; none where no point is to be near.
+    pub fn bound(&self) -> Option<f64> {
+        let bound = TOLERANCE_SHARE * self.tolerance.min(self.in_gaps(POINT_TOLERANCE_IN_GAPS));
+        (self.share > 0.0 && bound > 0.0).then_some(bound)
+    }
+
+    /// So many gaps between surfaces, metres; infinite without any.
+    fn in_gaps(&self, gaps: f64) -> f64 {
+        self.layer_gap.map_or(f64::INFINITY, |gap| gaps * gap)
+    }
+}
+
 /// Adds points until the decoded cloud, as measured, is complete: those first that stand for most input points. Patches
 /// `beside` those of the model count as decoded too.
 ///
@@ -72,12 +93,8 @@ pub(super) fn with_share_of_points(
     wanted: Completeness,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
-    let Completeness { share, tolerance, layer_gap, forward } = wanted;
-    let in_gaps = |gaps: f64| layer_gap.map_or(f64::INFINITY, |gap| gaps * gap);
-    let bound = TOLERANCE_SHARE * tolerance.min(in_gaps(POINT_TOLERANCE_IN_GAPS));
-    if share <= 0.0 || bound <= 0.0 {
-        return Ok(model);
-    }
+    let Some(bound) = wanted.bound() else { return Ok(model) };
+    let Completeness { share, forward, .. } = wanted;
     let near = limit(positions, bound)?;
     let step = positions.len().div_ceil(PROBES);
     if step > 1 {
@@ -91,7 +108,7 @@ pub(super) fn with_share_of_points(
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
     let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
-    let of_cells = near.min(in_gaps(POINT_CELL_IN_GAPS)).min(forward);
+    let of_cells = near.min(wanted.in_gaps(POINT_CELL_IN_GAPS)).min(forward);
     let Cells { mut counted, size } = Cells::of(&model, &far, of_cells);
     counted.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
     let mut missing = far.len();

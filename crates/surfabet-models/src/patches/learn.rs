@@ -11,7 +11,7 @@ use super::attributes::chosen::{Chosen, Fields};
 use super::attributes::targets::Targets;
 use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
-use super::choice::Choice;
+use super::choice::{Choice, PointPrice};
 use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
@@ -158,10 +158,13 @@ pub(super) fn on_lattice(
     // 4. to 6. Shapes, least cost, bits.
     let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
     let n_sheets = sheets.len();
+    let completeness = Completeness::of(options, ground.tolerance, survey.layer_gap);
+    let bound = options.max_error.or_else(|| completeness.bound());
+    let points = bound.map(|bound| PointPrice::new(bound, lattice.pixel_size));
     let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
-        let of_tile = choose(lattice, &sheets, density, options, progress)?;
+        let of_tile = choose(lattice, &sheets, density, points, options, progress)?;
         let once = PatchesOptions { rounds: 1, ..options.clone() };
-        let (beside, _) = choose(lattice, &near, density, &once, progress)?;
+        let (beside, _) = choose(lattice, &near, density, points, &once, progress)?;
         Ok((of_tile, beside.leaves))
     })?;
     // Memory that the last stages need.
@@ -207,12 +210,7 @@ pub(super) fn on_lattice(
         positions: &positions,
         near: &near,
         max_error: options.max_error,
-        completeness: Completeness {
-            share: options.completeness,
-            tolerance: ground.tolerance,
-            layer_gap: survey.layer_gap,
-            forward: options.max_error_forward,
-        },
+        completeness,
     };
     let Whole { model, attribute_cells, attributes } =
         stages.run("checking the bound", |progress| wanted.smaller(coded, recurring, progress))?;
@@ -301,6 +299,7 @@ fn choose(
     lattice: Lattice,
     sheets: &[Sheet],
     density: f64,
+    points: Option<PointPrice>,
     options: &PatchesOptions,
     progress: &dyn Progress,
 ) -> Result<(Geometry, Vec<f64>)> {
@@ -318,6 +317,7 @@ fn choose(
             lambda: (options.rate * density) as f32,
             step: lattice.depth_step as f32 / DEPTH_STEPS as f32,
             lattice,
+            points,
         };
         // A scattered cloud has trees as large as itself: not two rounds of them at once.
         drop(std::mem::take(&mut chosen));

@@ -2,7 +2,7 @@
 
 use super::{BESIDE, Choice, SheetPixels, TileSquare};
 use crate::patches::coding::{UNKNOWN, beside_context, pixel_context};
-use crate::patches::constants::{DECODED_WEIGHT, HOLE_WEIGHT, MASK_PASSES, NEAREST_SAMPLE};
+use crate::patches::constants::{HOLE_WEIGHT, MASK_PASSES, NEAREST_SAMPLE};
 use crate::patches::model::PATCH_PIXELS;
 use crate::patches::sheets::Run;
 
@@ -22,7 +22,7 @@ impl Choice<'_> {
     /// Pixels that are worth setting, and the cost J of them and of those that are not. At least one of the set pixels
     /// holds a run.
     pub(super) fn mask(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> (u64, f32) {
-        let costs = pixel_costs(pixels, runs, at);
+        let costs = self.pixel_costs(pixels, runs, at);
         let PixelCosts { set, unset } = &costs;
         let full = &self.models.full[beside_context(at.level, BESIDE)];
         let all: f32 = set.iter().sum::<f32>() + self.lambda * full.cost(true);
@@ -90,28 +90,29 @@ impl Choice<'_> {
         let states = [state(-1, 0), state(0, -1), state(-1, -1), state(1, -1)];
         self.models.mask[pixel_context(level, states)].cost(mask >> pixel & 1 != 0)
     }
-}
 
-/// What each pixel costs without its bits. Unset, its n samples lie at a mean squared distance of `side^2 / 3` from
-/// what remains; set, points are decoded where there may be no sample.
-fn pixel_costs(pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> PixelCosts {
-    let side = 1_usize << at.doublings;
-    let mut costs = PixelCosts { set: [0.0; AREA], unset: [0.0; AREA] };
-    for run in runs {
-        let pixel = side as f32;
-        costs.unset[at.pixel_of(run)] += run.n * pixel * pixel / 3.0;
-    }
-    for (pixel, cost) in costs.set.iter_mut().enumerate() {
-        let u = at.corner[0] + ((pixel % SIDE) << at.doublings);
-        let v = at.corner[1] + ((pixel / SIDE) << at.doublings);
-        for dv in 0..side {
-            for du in 0..side {
-                let squared = pixels.squared_distances[(v + dv) * pixels.width + u + du];
-                *cost += DECODED_WEIGHT * pixels.density * squared;
+    /// What each pixel costs without its bits. Unset, its n samples lie at a mean squared distance of `side^2 / 3` from
+    /// what remains, and may need points; set, points are decoded where there may be no sample.
+    fn pixel_costs(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> PixelCosts {
+        let side = 1_usize << at.doublings;
+        let mut costs = PixelCosts { set: [0.0; AREA], unset: [0.0; AREA] };
+        for run in runs {
+            let pixel = side as f32;
+            costs.unset[at.pixel_of(run)] +=
+                run.n * pixel * pixel / 3.0 + self.cost_of_points(run.n);
+        }
+        for (pixel, cost) in costs.set.iter_mut().enumerate() {
+            let u = at.corner[0] + ((pixel % SIDE) << at.doublings);
+            let v = at.corner[1] + ((pixel / SIDE) << at.doublings);
+            for dv in 0..side {
+                for du in 0..side {
+                    let squared = pixels.squared_distances[(v + dv) * pixels.width + u + du];
+                    *cost += self.decoded_weight() * pixels.density * squared;
+                }
             }
         }
+        costs
     }
-    costs
 }
 
 /// Adds a run of little weight at each pixel of `holes`, as deep as the nearest measured one: where nothing was

@@ -1,6 +1,6 @@
 //! Distance of what is decoded from what was measured, of slabs of depth.
 
-use crate::patches::constants::{DECODED_WEIGHT, THIN_WEIGHT};
+use crate::patches::constants::THIN_WEIGHT;
 use crate::patches::sheets::Run;
 
 /// Mean squared distance of points spread evenly over the slab `A = [a0, a1]` from the slab `B = [b0, b1]`.
@@ -18,11 +18,11 @@ fn excess(a: [f32; 2], b: [f32; 2]) -> f32 {
 /// Distortion per sample of a run in the slab A, decoded as the slab B of half thickness `half` about `depth`, squared
 /// pixels: `E(A, B) + w E(B, A) + s (m - depth)^2`, with the middle m of the run and the weights w of decoded points
 /// and s of the thin surface.
-pub(super) fn misfit(run: &Run, depth: f32, half: f32) -> f32 {
+pub(super) fn misfit(run: &Run, depth: f32, half: f32, decoded_weight: f32) -> f32 {
     let input = [run.depth - run.half, run.depth + run.half];
     let decoded = [depth - half, depth + half];
     let off = run.depth - depth;
-    excess(input, decoded) + DECODED_WEIGHT * excess(decoded, input) + THIN_WEIGHT * off * off
+    excess(input, decoded) + decoded_weight * excess(decoded, input) + THIN_WEIGHT * off * off
 }
 
 #[cfg(test)]
@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn equal_slabs_have_no_misfit() {
         let run = Run { u: 0, v: 0, n: 1.0, depth: 3.0, half: 1.5, stray: 0.0 };
-        assert_eq!(misfit(&run, 3.0, 1.5), 0.0);
-        assert!(misfit(&run, 3.5, 1.5) > 0.0 && misfit(&run, 3.0, 1.0) > 0.0);
+        assert_eq!(misfit(&run, 3.0, 1.5, 2.0), 0.0);
+        assert!(misfit(&run, 3.5, 1.5, 2.0) > 0.0 && misfit(&run, 3.0, 1.0, 2.0) > 0.0);
     }
 }

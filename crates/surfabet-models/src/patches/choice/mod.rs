@@ -3,23 +3,28 @@
 //!
 //! The distortion D is the squared distance that input points would have from the decoded surface with its
 //! thickness, plus that of decoded points from the input, in squared finest pixels. The rate R is the price in bits
-//! under the models of the coder, as trained by the round before.
+//! under the models of the coder, as trained by the round before; input that no patch is near to adds that of points.
 //!
 //! | file | what is chosen |
 //! |---|---|
 //! | `misfit` | distance of two slabs |
+//! | `beside` | price of points beside the patches |
 //! | `mask` | pixels of a patch |
 //! | `shape` | depth of a patch as a sum of shapes, and its thickness |
 
+mod beside;
 mod mask;
 mod misfit;
 mod shape;
 
 use crate::patches::coding::{GeometryModels, SET, beside_context, split_context};
-use crate::patches::constants::{MAX_STRAY, SHEET_BITS};
+use crate::patches::constants::{
+    DECODED_WEIGHT, DECODED_WEIGHT_WITH_POINTS, MAX_STRAY, SHEET_BITS,
+};
 use crate::patches::model::{Lattice, LatticePatch, PATCH_PIXELS, Square};
 use crate::patches::sheets::{Run, Sheet};
 use crate::patches::surface::basis::Basis;
+pub(super) use beside::PointPrice;
 use mask::{distances_to_runs, fill_holes};
 
 /// States of the pixels beside a square as the choice assumes them: what lies there is chosen at the same time.
@@ -39,6 +44,8 @@ pub(in crate::patches) struct Choice<'a> {
     /// Depth step in pixels.
     pub step: f32,
     pub lattice: Lattice,
+    /// Of points for what is left out, where there will be some.
+    pub points: Option<PointPrice>,
 }
 
 /// What all squares of a sheet share.
@@ -89,12 +96,29 @@ impl Choice<'_> {
         };
         let best = self.square(&pixels, runs, self.tile_square(0, [0, 0]));
         if sheet.small {
-            let left_out: f32 = runs.iter().map(|r| r.n * r.stray.min(MAX_STRAY).powi(2)).sum();
+            let left_out: f32 = runs.iter().map(|r| self.cost_of_stray(r)).sum();
             if left_out < best.cost + SHEET_BITS * self.lambda {
                 return Square::Empty;
             }
         }
         best.square
+    }
+
+    /// Cost J of the points that stand for `n` samples without a patch; zero where none will.
+    fn cost_of_points(&self, n: f32) -> f32 {
+        self.points.map_or(0.0, |points| self.lambda * points.bits(n))
+    }
+
+    /// Cost J of a run of a small sheet that is left out.
+    fn cost_of_stray(&self, run: &Run) -> f32 {
+        let is_far = self.points.is_some_and(|points| points.is_beyond(run.stray));
+        let points = if is_far { self.cost_of_points(run.n) } else { 0.0 };
+        run.n * run.stray.min(MAX_STRAY).powi(2) + points
+    }
+
+    /// How much the error of decoded points counts against that of input points.
+    fn decoded_weight(&self) -> f32 {
+        if self.points.is_some() { DECODED_WEIGHT_WITH_POINTS } else { DECODED_WEIGHT }
     }
 
     fn tile_square(&self, level: u32, corner: [usize; 2]) -> TileSquare {
@@ -123,7 +147,8 @@ impl Choice<'_> {
             // Left out: as if all samples were half a square away from what remains.
             let away = (0.5 * self.lattice.patch_width(level) as f32).powi(2);
             let bits = empty_bit(true);
-            let cost = runs.iter().map(|r| r.n * away).sum::<f32>() + self.lambda * bits;
+            let left_out = |r: &Run| r.n * away + self.cost_of_points(r.n);
+            let cost = runs.iter().map(left_out).sum::<f32>() + self.lambda * bits;
             if cost < best.cost {
                 best = Chosen { square: Square::Empty, cost };
             }
@@ -171,9 +196,10 @@ impl Choice<'_> {
         let (mask, mut cost) = self.mask(pixels, runs, at);
         let mut inside: Vec<Run> =
             runs.iter().filter(|r| mask >> at.pixel_of(r) & 1 != 0).copied().collect();
+        let n_measured = inside.len();
         let measured = inside.iter().fold(0_u64, |measured, r| measured | 1 << at.pixel_of(r));
         fill_holes(&mut inside, mask & !measured, at, pixels.density);
-        let shape = self.shape(&inside, at);
+        let shape = self.shape(&inside, n_measured, at);
         cost += shape.cost;
         let patch = LatticePatch { mask, ..shape.patch };
         Chosen { square: Square::Patch(Box::new(patch)), cost }

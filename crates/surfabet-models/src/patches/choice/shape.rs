@@ -20,6 +20,8 @@ pub(super) struct PricedPatch {
 /// The runs that a patch is fitted to.
 struct Fit<'a> {
     runs: &'a [Run],
+    /// Of the runs, those that hold samples come first; the others are of pixels without.
+    n_measured: usize,
     /// Values of the shapes at each run.
     values: Vec<ShapeValues>,
     /// Number of samples of all runs.
@@ -38,12 +40,12 @@ struct NormalEquations {
 }
 
 impl Choice<'_> {
-    /// Coefficients and thickness of least cost for the runs of set pixels.
+    /// Coefficients and thickness of least cost for the runs of set pixels, of which the first `n_measured` hold samples.
     ///
     /// Matching pursuit: the shape that explains most of the residual joins, all coefficients are solved for again, and
     /// the patch with the least cost on the way is kept. Then each coefficient is tried at zero and a step nearer to it.
-    pub(super) fn shape(&self, runs: &[Run], at: TileSquare) -> PricedPatch {
-        let fit = Fit::new(runs, &self.bases[at.level as usize], at);
+    pub(super) fn shape(&self, runs: &[Run], n_measured: usize, at: TileSquare) -> PricedPatch {
+        let fit = Fit::new(runs, n_measured, &self.bases[at.level as usize], at);
         let equations = NormalEquations::new(&fit);
         let mut chosen = vec![0_usize];
         let mut best: Option<PricedPatch> = None;
@@ -101,7 +103,8 @@ impl Choice<'_> {
         best
     }
 
-    /// A patch with its best thickness, and its cost `J = sum of n misfit + lambda R`.
+    /// A patch with its best thickness, and its cost `J = sum of n misfit + lambda R`, R with the points
+    /// for what it does not reach.
     fn priced(&self, mut patch: LatticePatch, fit: &Fit<'_>) -> PricedPatch {
         let used: Vec<usize> = (0..N_SHAPES).filter(|&k| patch.coefficients[k] != 0).collect();
         let depths: Vec<f32> = fit
@@ -109,7 +112,7 @@ impl Choice<'_> {
             .iter()
             .map(|s| used.iter().map(|&k| patch.coefficients[k] as f32 * self.step * s[k]).sum())
             .collect();
-        let (thickness, distortion) = best_thickness(fit, &depths);
+        let (thickness, distortion) = self.best_thickness(fit, &depths);
         patch.thickness = thickness;
         PricedPatch { patch, cost: distortion + self.lambda * self.patch_bits(&patch, fit.level) }
     }
@@ -131,37 +134,43 @@ impl Choice<'_> {
             + self.models.thickness[1].cost(1);
         bits
     }
-}
 
-/// The thickness, in steps, with which decoded `depths` fit the runs best, and the distortion then: from the thickness
-/// of a slab with the samples' variance about the surface, thinner as long as the distortion falls.
-fn best_thickness(fit: &Fit<'_>, depths: &[f32]) -> (u8, f32) {
-    let distortion = |steps: u8| -> f32 {
-        let half = (f32::from(steps) / f32::from(THICKNESS_STEPS)).max(THINNEST);
-        fit.runs.iter().zip(depths).map(|(r, &d)| r.n * misfit(r, d, half)).sum()
-    };
-    let variance = fit
-        .runs
-        .iter()
-        .zip(depths)
-        .map(|(r, d)| r.n * (r.half * r.half / 3.0 + (r.depth - d) * (r.depth - d)))
-        .sum::<f32>()
-        / fit.total;
-    let guess = ((3.0 * variance).sqrt() * f32::from(THICKNESS_STEPS)).round();
-    let mut thickness = guess.clamp(0.0, f32::from(MAX_THICKNESS)) as u8;
-    let mut least = distortion(thickness);
-    while thickness > 0 {
-        let thinner = distortion(thickness - 1);
-        if thinner >= least {
-            break;
+    /// The thickness, in steps, with which decoded `depths` fit the runs best, and the distortion then: from the thickness
+    /// of a slab with the samples' variance about the surface, thinner as long as the distortion falls.
+    fn best_thickness(&self, fit: &Fit<'_>, depths: &[f32]) -> (u8, f32) {
+        let decoded_weight = self.decoded_weight();
+        let distortion = |steps: u8| -> f32 {
+            let half = (f32::from(steps) / f32::from(THICKNESS_STEPS)).max(THINNEST);
+            let all = fit.runs.iter().zip(depths);
+            let distance: f32 = all.map(|(r, &d)| r.n * misfit(r, d, half, decoded_weight)).sum();
+            let Some(points) = self.points else { return distance };
+            let measured = fit.runs[..fit.n_measured].iter().zip(depths);
+            let bits: f32 = measured.map(|(r, &d)| points.bits_beyond(r, d, half)).sum();
+            distance + self.lambda * bits
+        };
+        let variance = fit
+            .runs
+            .iter()
+            .zip(depths)
+            .map(|(r, d)| r.n * (r.half * r.half / 3.0 + (r.depth - d) * (r.depth - d)))
+            .sum::<f32>()
+            / fit.total;
+        let guess = ((3.0 * variance).sqrt() * f32::from(THICKNESS_STEPS)).round();
+        let mut thickness = guess.clamp(0.0, f32::from(MAX_THICKNESS)) as u8;
+        let mut least = distortion(thickness);
+        while thickness > 0 {
+            let thinner = distortion(thickness - 1);
+            if thinner >= least {
+                break;
+            }
+            (least, thickness) = (thinner, thickness - 1);
         }
-        (least, thickness) = (thinner, thickness - 1);
+        (thickness, least)
     }
-    (thickness, least)
 }
 
 impl<'a> Fit<'a> {
-    fn new(runs: &'a [Run], basis: &Basis, at: TileSquare) -> Self {
+    fn new(runs: &'a [Run], n_measured: usize, basis: &Basis, at: TileSquare) -> Self {
         let scale = 1.0 / (1_u32 << FRACTION) as f32;
         let half_pixel = |x: u8, corner: usize| 2 * (usize::from(x) - corner) + 1;
         let values_at = |r: &Run| {
@@ -170,7 +179,7 @@ impl<'a> Fit<'a> {
         };
         let values = runs.iter().map(values_at).collect();
         let total = runs.iter().map(|r| r.n).sum::<f32>().max(1e-6);
-        Self { runs, values, total, level: at.level }
+        Self { runs, n_measured, values, total, level: at.level }
     }
 }
 

@@ -1,0 +1,90 @@
+//! The price of points beside the patches, for the samples that no patch is near enough to.
+
+use crate::patches::constants::{EXTRA_CELL, POINT_BITS, POINT_REACH, SAMPLE_SIZE};
+use crate::patches::sheets::Run;
+
+/// What it costs to leave samples out where points will stand for them.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::patches) struct PointPrice {
+    /// Samples further than this from the decoded slab need a point, finest pixels.
+    reach: f32,
+    /// Bits of the points of a sample.
+    per_sample: f32,
+}
+
+impl PointPrice {
+    /// For points that stand for what is further than `bound` metres from what is decoded, with finest pixels of `pixel_size`.
+    pub fn new(bound: f64, pixel_size: f64) -> Self {
+        let bound = bound / pixel_size;
+        // On a surface, a cell of points that is larger than those of the samples holds several of these.
+        let points_per_sample = (SAMPLE_SIZE / (EXTRA_CELL * bound)).powi(2).min(1.0);
+        Self {
+            reach: (POINT_REACH * bound) as f32,
+            per_sample: (POINT_BITS * points_per_sample) as f32,
+        }
+    }
+
+    /// Bits of the points that stand for `n` samples.
+    pub fn bits(&self, n: f32) -> f32 {
+        self.per_sample * n
+    }
+
+    /// True for a run whose samples need points: `distance` pixels lie between the middles of its pixel and of the nearest one
+    /// that is decoded, of which half a pixel is decoded too.
+    pub fn is_beyond(&self, distance: f32) -> bool {
+        distance > self.reach + 0.5
+    }
+
+    /// Bits of the points for the part of a run that is not reached by what is decoded as the slab of half thickness `half`
+    /// about `depth`.
+    pub fn bits_beyond(&self, run: &Run, depth: f32, half: f32) -> f32 {
+        self.bits(run.n * share_beyond(run, depth, half + self.reach))
+    }
+}
+
+/// Share of a run, spread evenly over its thickness, that is further than `reach` from `depth`.
+fn share_beyond(run: &Run, depth: f32, reach: f32) -> f32 {
+    let off = (run.depth - depth).abs();
+    let above = off + run.half - reach;
+    let below = run.half - off - reach;
+    let length = 2.0 * run.half;
+    (above.max(0.0) + below.max(0.0)).min(length) / length
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn run(depth: f32, half: f32) -> Run {
+        Run { u: 0, v: 0, n: 8.0, depth, half, stray: 0.0 }
+    }
+
+    proptest! {
+        #[test]
+        fn the_share_beyond_is_that_of_evenly_spread_points(
+            depth in -4.0_f32..4.0, half in 0.25_f32..3.0, of in -4.0_f32..4.0, reach in 0.1_f32..3.0,
+        ) {
+            let n = 4000;
+            let at = |i: i32| depth - half + 2.0 * half * (i as f32 + 0.5) / n as f32;
+            let beyond = (0..n).filter(|&i| (at(i) - of).abs() > reach).count() as f32 / n as f32;
+            let share = share_beyond(&run(depth, half), of, reach);
+            prop_assert!((share - beyond).abs() < 1e-3, "{share} {beyond}");
+        }
+    }
+
+    #[test]
+    fn what_is_reached_costs_nothing_and_what_is_not_all_of_its_points() {
+        let price = PointPrice::new(0.05, 0.1);
+        assert_eq!(price.bits_beyond(&run(0.0, 0.25), 0.2, 0.25), 0.0);
+        assert_eq!(price.bits_beyond(&run(0.0, 0.25), 2.0, 0.25), price.bits(8.0));
+    }
+
+    #[test]
+    fn a_large_cell_stands_for_many_samples() {
+        let price = |bound: f64| PointPrice::new(bound, 0.1).bits(1.0);
+        // Cells of the samples are half a pixel wide; those of points 1.15 bounds: 0.115 m are 2.3 of the former.
+        assert_eq!(price(0.01), POINT_BITS as f32);
+        assert!((price(0.1) - POINT_BITS as f32 / 2.3_f32.powi(2)).abs() < 1e-4);
+    }
+}
