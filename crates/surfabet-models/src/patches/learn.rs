@@ -138,6 +138,33 @@ pub(super) struct Ground<'a> {
     pub weights: Option<&'a [f32]>,
 }
 
+impl Ground<'_> {
+    /// The points that the model has to be near to: those of the tile.
+    fn positions<'a>(&self, cloud: &'a PointCloud) -> Cow<'a, [[f32; 3]]> {
+        match self.tile {
+            Some(tile) => Cow::Owned(tile.own(cloud, &self.lattice)),
+            None => Cow::Borrowed(cloud.positions()),
+        }
+    }
+
+    /// How many of them, and how near; `near` are the patches just beyond the tile.
+    fn wanted<'a>(
+        &self,
+        positions: &'a [[f32; 3]],
+        near: &'a [Leaf],
+        options: &PatchesOptions,
+    ) -> Wanted<'a> {
+        let completeness = Completeness {
+            share: options.completeness,
+            tolerance: self.tolerance,
+            layer_gap: self.survey.layer_gap,
+            forward: options.max_error_forward,
+        };
+        let (lattice, max_error) = (self.lattice, options.max_error);
+        Wanted { lattice, positions, near, max_error, completeness }
+    }
+}
+
 /// Steps 2 to 9: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
 pub(super) fn on_lattice(
     ground: &Ground<'_>,
@@ -145,32 +172,16 @@ pub(super) fn on_lattice(
     options: &PatchesOptions,
     stages: &mut Stages<'_>,
 ) -> Result<(PatchModel, PatchesReport)> {
-    let &Ground { lattice, survey, tile, .. } = ground;
+    let &Ground { lattice, tile, .. } = ground;
     let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
         let weights = Weights { sensor: options.sensor, of_points: ground.weights };
-        SidedSamples::merge(cloud, &lattice, weights, survey, progress)
+        SidedSamples::merge(cloud, &lattice, weights, ground.survey, progress)
     })?;
-    // 3. Sheets.
-    let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;
-    let Shares { own: sheets, near } = Shares::of(sheets, tile, &lattice);
-    // 4. to 6. Shapes, least cost, bits.
-    let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
-    let n_sheets = sheets.len();
-    let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
-        let of_tile = choose(lattice, &sheets, density, options, progress)?;
-        let once = PatchesOptions { rounds: 1, ..options.clone() };
-        let (beside, _) = choose(lattice, &near, density, &once, progress)?;
-        Ok((of_tile, beside.leaves))
-    })?;
-    // Memory that the last stages need.
-    drop(sheets);
-    let geometry =
-        stages.run("keeping to the input", |progress| match options.max_error_forward {
-            Some(bound) => with_support(geometry, lattice, cloud, bound, progress),
-            None => Ok(geometry),
-        })?;
+    // 3. to 6. Sheets; shapes, least cost, bits.
+    let Surface { geometry, near, bytes, n_sheets, density } =
+        surface(ground, cloud, &samples, options, stages)?;
     // 7. Colour and other attributes.
     let add = |geometry: Geometry, instances| -> Result<Described> {
         let (attributes, figures) =
@@ -197,23 +208,9 @@ pub(super) fn on_lattice(
     })?;
     let n_samples = samples.all.len();
     drop(samples);
-    let positions = match tile {
-        Some(tile) => Cow::Owned(tile.own(cloud, &lattice)),
-        None => Cow::Borrowed(cloud.positions()),
-    };
     // 9. Points beside the patches.
-    let wanted = Wanted {
-        lattice,
-        positions: &positions,
-        near: &near,
-        max_error: options.max_error,
-        completeness: Completeness {
-            share: options.completeness,
-            tolerance: ground.tolerance,
-            layer_gap: survey.layer_gap,
-            forward: options.max_error_forward,
-        },
-    };
+    let positions = ground.positions(cloud);
+    let wanted = ground.wanted(&positions, &near, options);
     let Whole { model, attribute_cells, attributes } =
         stages.run("checking the bound", |progress| wanted.smaller(coded, recurring, progress))?;
 
@@ -235,6 +232,49 @@ pub(super) fn on_lattice(
         ..choice_report(&model, bytes)
     };
     Ok((model, report))
+}
+
+/// What steps 3 to 6 give.
+struct Surface {
+    geometry: Geometry,
+    /// Patches just beyond the tile.
+    near: Vec<Leaf>,
+    /// Of the geometry, after each round of the choice.
+    bytes: Vec<f64>,
+    n_sheets: usize,
+    /// Samples of a pixel.
+    density: f64,
+}
+
+/// Steps 3 to 6: the patches of least cost, without attributes.
+fn surface(
+    ground: &Ground<'_>,
+    cloud: &PointCloud,
+    samples: &SidedSamples<'_>,
+    options: &PatchesOptions,
+    stages: &mut Stages<'_>,
+) -> Result<Surface> {
+    let &Ground { lattice, survey, tile, .. } = ground;
+    // 3. Sheets.
+    let sheets = stages.run("growing sheets", |_| sheets_of(samples, &lattice, survey))?;
+    let Shares { own: sheets, near } = Shares::of(sheets, tile, &lattice);
+    // 4. to 6. Shapes, least cost, bits.
+    let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
+    let n_sheets = sheets.len();
+    let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
+        let of_tile = choose(lattice, &sheets, density, options, progress)?;
+        let once = PatchesOptions { rounds: 1, ..options.clone() };
+        let (beside, _) = choose(lattice, &near, density, &once, progress)?;
+        Ok((of_tile, beside.leaves))
+    })?;
+    // Memory that the next stage needs.
+    drop(sheets);
+    let geometry =
+        stages.run("keeping to the input", |progress| match options.max_error_forward {
+            Some(bound) => with_support(geometry, lattice, cloud, bound, progress),
+            None => Ok(geometry),
+        })?;
+    Ok(Surface { geometry, near, bytes, n_sheets, density })
 }
 
 /// Samples of all sides as sheets.
