@@ -7,7 +7,7 @@ use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use super::attributes::cells::{attribute_cells, sides_of_cells};
-use super::attributes::chosen::{Chosen, Fields};
+use super::attributes::chosen::{ChosenAttributes, Fields};
 use super::attributes::targets::Targets;
 use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
@@ -173,7 +173,7 @@ pub(super) fn on_lattice(
     stages: &mut Stages<'_>,
 ) -> Result<(PatchModel, PatchesReport)> {
     let &Ground { lattice, tile, .. } = ground;
-    let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
+    let chosen = ChosenAttributes::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
         let weights = Weights { sensor: options.sensor, of_points: ground.weights };
@@ -394,7 +394,7 @@ pub(super) fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
 
 /// The attributes of least cost on the cells around the patches, with what each takes and misses.
 fn attributes(
-    chosen: &Chosen<'_>,
+    chosen: &ChosenAttributes<'_>,
     samples: &SidedSamples<'_>,
     leaves: &[Leaf],
     ground: &Ground<'_>,
