@@ -6,7 +6,7 @@
 
 use surfabet_entropy::{Bit, Coder, Mantissa, MixedBits, MixedContext, SInt};
 
-use super::field::Coefficients;
+use super::coefficients::Coefficients;
 
 /// Largest coefficient.
 pub(super) const MAX_COEFFICIENT: i32 = 1 << MAX_EXPONENT;
