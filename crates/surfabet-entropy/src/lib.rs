@@ -12,5 +12,5 @@ mod octree;
 pub use coder::{Coder, Price};
 pub use error::InvalidAlphabet;
 pub use mixing::{MixedBits, MixedContext, Mixer};
-pub use models::{Bit, PRECISION, SInt, Symbols, UInt};
+pub use models::{Bit, Mantissa, PRECISION, SInt, Symbols, UInt};
 pub use octree::{Cell, Cells, MortonCode, Octree, Quadtree, Tree};

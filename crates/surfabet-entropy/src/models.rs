@@ -153,6 +153,60 @@ impl Bit {
     }
 }
 
+/// The bits of a number below its highest one: the first two with bits of their own, the second by the first, the rest at a
+/// bit per bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mantissa {
+    first: Bit,
+    /// After 0, after 1.
+    second: [Bit; 2],
+}
+
+impl Mantissa {
+    /// Bits of which nothing is known, with this memory, see [`Bit::with_memory`].
+    pub const fn with_memory(memory: u16) -> Self {
+        let bit = Bit::with_memory(memory);
+        Self { first: bit, second: [bit; 2] }
+    }
+
+    /// Writes, reads or prices the lowest `n_bits` of a number, at most 31; those above are of no account.
+    ///
+    /// # Errors
+    /// Whatever the coder finds wrong with what it reads.
+    pub fn code<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        number: u32,
+        n_bits: u32,
+    ) -> Result<u32, C::Error> {
+        if n_bits == 0 {
+            return Ok(0);
+        }
+        let high = coder.bit(&mut self.first, number >> (n_bits - 1) & 1 != 0)?;
+        if n_bits == 1 {
+            return Ok(u32::from(high));
+        }
+        let rest = n_bits - 2;
+        let low = coder.bit(&mut self.second[usize::from(high)], number >> rest & 1 != 0)?;
+        let leading = u32::from(high) << 1 | u32::from(low);
+        Ok(leading << rest | coder.bypass(u64::from(number), rest)? as u32)
+    }
+
+    /// Bits that the lowest `n_bits` of a number take now.
+    pub fn cost(&self, number: u32, n_bits: u32) -> f32 {
+        if n_bits == 0 {
+            return 0.0;
+        }
+        let high = number >> (n_bits - 1) & 1 != 0;
+        let first = self.first.cost(high);
+        if n_bits == 1 {
+            return first;
+        }
+        let rest = n_bits - 2;
+        first + self.second[usize::from(high)].cost(number >> rest & 1 != 0) + rest as f32
+    }
+}
+
 /// An adaptive unsigned integer over all of `u32`, best for small values and wide tails.
 ///
 /// Elias gamma (1975) with adaptive bits: `value + 1 = 2^e + m`; the exponent `e` in unary, a bit per step, then
@@ -162,8 +216,8 @@ impl Bit {
 pub struct UInt {
     /// `exponent[e]`: is the exponent above `e`?
     exponent: [Bit; Self::MAX_EXPONENT as usize],
-    /// `mantissa[e]`: first bit, second bit after 0, second bit after 1.
-    mantissa: [[Bit; 3]; Self::MAX_EXPONENT as usize],
+    /// By exponent.
+    mantissa: [Mantissa; Self::MAX_EXPONENT as usize],
 }
 
 impl Default for UInt {
@@ -183,10 +237,9 @@ impl UInt {
 
     /// An integer whose bits have the given memory, see [`Bit::with_memory`].
     pub const fn with_memory(memory: u16) -> Self {
-        let bit = Bit::with_memory(memory);
         Self {
-            exponent: [bit; Self::MAX_EXPONENT as usize],
-            mantissa: [[bit; 3]; Self::MAX_EXPONENT as usize],
+            exponent: [Bit::with_memory(memory); Self::MAX_EXPONENT as usize],
+            mantissa: [Mantissa::with_memory(memory); Self::MAX_EXPONENT as usize],
         }
     }
 
@@ -207,24 +260,11 @@ impl UInt {
             }
             exponent += 1;
         }
-        let Some([first, after_0, after_1]) = self.mantissa.get_mut(exponent as usize) else {
+        let Some(model) = self.mantissa.get_mut(exponent as usize) else {
             return Ok(u32::MAX);
         };
-        // Bits of the mantissa from the highest; when reading, `mantissa` is of no account and the shifts only
-        // must not overflow: the exponent is at most 31 here.
-        let bit_at = |shift: u32| mantissa >> shift & 1 != 0;
-        let mut shifted = 1_u32;
-        if exponent >= 1 {
-            let high = coder.bit(first, bit_at(exponent - 1))?;
-            shifted = shifted << 1 | u32::from(high);
-            if exponent >= 2 {
-                let second = if high { after_1 } else { after_0 };
-                shifted = shifted << 1 | u32::from(coder.bit(second, bit_at(exponent - 2))?);
-                let rest = coder.bypass(u64::from(mantissa), exponent - 2)?;
-                shifted = shifted << (exponent - 2) | rest as u32;
-            }
-        }
         // 2^e + m with e <= 31, hence from 1 to u32::MAX.
+        let shifted = 1 << exponent | model.code(coder, mantissa, exponent)?;
         Ok(shifted - 1)
     }
 
@@ -238,18 +278,7 @@ impl UInt {
                 break;
             }
         }
-        let Some([first, after_0, after_1]) = self.mantissa.get(exponent as usize) else {
-            return cost;
-        };
-        if exponent >= 1 {
-            let high = mantissa >> (exponent - 1) & 1 != 0;
-            cost += first.cost(high);
-            if exponent >= 2 {
-                let second = if high { after_1 } else { after_0 };
-                cost += second.cost(mantissa >> (exponent - 2) & 1 != 0) + (exponent - 2) as f32;
-            }
-        }
-        cost
+        cost + self.mantissa.get(exponent as usize).map_or(0.0, |of| of.cost(mantissa, exponent))
     }
 }
 

@@ -41,6 +41,6 @@ pub use region::Region;
 pub use report::{AttributeFigures, Figures, Named, Report, Stage};
 pub use scalar::ScalarScale;
 pub use sensor::Sensor;
-pub use start::Chosen;
+pub use start::ChosenOption;
 pub use summary::{Fact, Summary};
 use surfabet_geom::vector;

@@ -2,7 +2,7 @@
 
 use surfabet_geom::{PointCloud, Survey};
 
-use crate::start::Chosen;
+use crate::start::ChosenOption;
 
 /// One stage of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,7 +135,7 @@ pub struct Report<F: ?Sized> {
     /// What the cloud had and the model does not keep.
     pub not_kept: Vec<String>,
     /// Options that were not given, and what the data made of them.
-    pub chosen: Vec<Chosen>,
+    pub chosen: Vec<ChosenOption>,
     /// Points that were left out as outliers.
     pub left_out: usize,
     /// The figures of the cloud, which the options that were not given follow from.

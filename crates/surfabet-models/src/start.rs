@@ -39,7 +39,7 @@ const TOLERANCE_PER_PIXEL: f64 = 2.0 / 3.0;
 
 /// An option that was not given, and what the data made of it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Chosen {
+pub struct ChosenOption {
     /// Name of the option.
     pub option: &'static str,
     /// Its value.
@@ -65,7 +65,7 @@ pub(crate) struct Start<'a> {
     /// Points of the input that were left out, by number, ascending.
     pub left_out: Vec<u32>,
     quality: Quality,
-    chosen: Vec<Chosen>,
+    chosen: Vec<ChosenOption>,
 }
 
 impl<'a> Start<'a> {
@@ -135,7 +135,7 @@ impl<'a> Start<'a> {
 
     /// Notes the value of an option that follows from the data.
     pub fn note(&mut self, option: &'static str, value: f64, reason: String) {
-        self.chosen.push(Chosen { option, value, reason });
+        self.chosen.push(ChosenOption { option, value, reason });
     }
 
     /// Side of a pixel, metres: the one that was given, or so many spacings, unless noise or layers ask for another.
@@ -154,7 +154,7 @@ impl<'a> Start<'a> {
     }
 
     /// Options that were not given, and what the data made of them.
-    pub fn into_chosen(self) -> Vec<Chosen> {
+    pub fn into_chosen(self) -> Vec<ChosenOption> {
         self.chosen
     }
 

@@ -55,8 +55,8 @@ pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
 pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
 pub use surfabet_models::{
-    AttributeFigures, Chosen, DecodeOptions, Fact, Figures, Named, Region, Report, ScalarScale,
-    Sensor, Stage, Summary, SurfaceModel,
+    AttributeFigures, ChosenOption, DecodeOptions, Fact, Figures, Named, Region, Report,
+    ScalarScale, Sensor, Stage, Summary, SurfaceModel,
 };
 pub use surfabet_recognition::locate::{
     self, Localizer, LocateOptions, Located, Location, Prior, Refusal,

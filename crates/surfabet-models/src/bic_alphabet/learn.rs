@@ -9,7 +9,7 @@
 use surfabet_geom::vector::length;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
-use super::choice::{Chosen, Matching, PreparedScene, Reconstruction, choose_words, reduce};
+use super::choice::{ChosenWords, Matching, PreparedScene, Reconstruction, choose_words, reduce};
 use super::constants::{ANY_RADIUS, RADII_PER_SCENE, RADIUS_IN_SPACINGS};
 use super::model::{BicAlphabet, BicAlphabetModel, BicHeader};
 use super::options::BicAlphabetOptions;
@@ -99,7 +99,7 @@ impl BicAlphabet {
         })?;
         let best =
             stages.run("placing words", |_| Ok(Reconstruction::new(&scene, words, matching)))?;
-        let chosen = Chosen { best, bics: None, stop_reason: "the alphabet was given" };
+        let chosen = ChosenWords { best, bics: None, stop_reason: "the alphabet was given" };
         finish(&start, &scene, chosen, stages)
     }
 }
@@ -133,7 +133,7 @@ fn radius(survey: &Survey, quality: Quality) -> (f64, String) {
 fn finish(
     start: &Start<'_>,
     scene: &PreparedScene<'_>,
-    Chosen { mut best, bics, stop_reason }: Chosen,
+    ChosenWords { mut best, bics, stop_reason }: ChosenWords,
     mut stages: Stages<'_>,
 ) -> Result<BicAlphabetModel> {
     let cloud: &PointCloud = &start.cloud;

@@ -59,12 +59,7 @@ pub(super) fn finish(
     }
     let Graph { positions, edges } = graph;
     let exponent = step_exponent(&positions, &edges, options)?;
-    let step = f64::from(exponent).exp2();
-    let rounded: Vec<[i32; 3]> =
-        positions.iter().map(|p| p.map(|c| (f64::from(c) / step).round() as i32)).collect();
-    // As they are decoded.
-    let positions: Vec<[f32; 3]> =
-        rounded.iter().map(|p| p.map(|c| (f64::from(c) * step) as f32)).collect();
+    let (rounded, positions) = rounded(&positions, exponent);
     let adjacency = Adjacency::new(positions.len(), &edges);
     let statistics = stages.run("describing neurons", |progress| {
         describe(&positions, &adjacency, observed, progress)
@@ -82,15 +77,7 @@ pub(super) fn finish(
     };
     let mut report = GasReport {
         figures: Some(figures),
-        levels: Vec::new(),
-        objectives: [
-            ("mean distance of signals", grown.trace),
-            ("mean distance in the polish", trace),
-        ]
-        .into_iter()
-        .filter(|(_, values)| !values.is_empty())
-        .map(|(name, values)| (name.into(), values))
-        .collect(),
+        objectives: objectives(grown.trace, trace),
         iterations: grown.signals as usize,
         stop_reason: grown.stop_reason,
         not_kept: lost(&start.cloud, &KEPT),
@@ -115,6 +102,24 @@ pub(super) fn finish(
     let report = model.report_mut();
     (report.attributes, report.stages) = (attributes, stages.finish());
     Ok(model)
+}
+
+/// Positions in steps of `2^exponent`, and as they are decoded.
+fn rounded(positions: &[[f32; 3]], exponent: i32) -> (Vec<[i32; 3]>, Vec<[f32; 3]>) {
+    let step = f64::from(exponent).exp2();
+    let rounded: Vec<[i32; 3]> =
+        positions.iter().map(|p| p.map(|c| (f64::from(c) / step).round() as i32)).collect();
+    let decoded = rounded.iter().map(|p| p.map(|c| (f64::from(c) * step) as f32)).collect();
+    (rounded, decoded)
+}
+
+/// The mean distances while the network grew and while it was polished, for the report; a part that did not run has none.
+fn objectives(growing: Vec<f64>, polishing: Vec<f64>) -> Vec<(String, Vec<f64>)> {
+    [("mean distance of signals", growing), ("mean distance in the polish", polishing)]
+        .into_iter()
+        .filter(|(_, values)| !values.is_empty())
+        .map(|(name, values)| (name.into(), values))
+        .collect()
 }
 
 /// The position step as a power of two: the largest that is no larger than `position_step`, or, without one, no larger

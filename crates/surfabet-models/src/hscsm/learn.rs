@@ -130,15 +130,11 @@ fn run(
     // Dictionaries and sparse codes c of both channels (III-B), of all levels together or one by one.
     let one_dictionary =
         frozen.map_or(options.levels > 1 && options.one_dictionary, HscsmDictionary::is_one);
-    let mut levels = Vec::with_capacity(placed.len());
-    if one_dictionary {
-        levels = learn_levels(placed, options, 1, &mut stages)?;
+    let levels = if one_dictionary {
+        learn_levels(placed, options, 1, &mut stages)?
     } else {
-        let rounds = placed.len();
-        for level in placed {
-            levels.extend(learn_levels(vec![level], options, rounds, &mut stages)?);
-        }
-    }
+        learn_one_by_one(placed, options, &mut stages)?
+    };
 
     let mut report = HscsmReport {
         stop_reason: match frozen {
@@ -239,6 +235,20 @@ fn place_level<'a>(
         Ok(project(samples, &patches, grid, mask_scale, task.planes))
     })?;
     Ok(PlacedLevel { task, patches, images, mask_scale, distance })
+}
+
+/// Learns dictionaries of its own for each level.
+fn learn_one_by_one(
+    placed: Vec<PlacedLevel<'_>>,
+    options: &HscsmOptions,
+    stages: &mut Stages<'_>,
+) -> Result<Vec<LearnedLevel>> {
+    let rounds = placed.len();
+    let mut levels = Vec::with_capacity(rounds);
+    for level in placed {
+        levels.extend(learn_levels(vec![level], options, rounds, stages)?);
+    }
+    Ok(levels)
 }
 
 /// Learns dictionaries for these levels together, and codes their patches in them.

@@ -5,7 +5,6 @@ use surfabet_geom::{Aabb, KdTree, Progress};
 
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
 use super::model::{PatchModel, extra_key};
-use super::options::PatchesOptions;
 use super::samples::cells::LIMIT;
 use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
@@ -62,13 +61,6 @@ pub(super) struct Completeness {
 }
 
 impl Completeness {
-    /// What options ask for, where the decoded cloud may be `tolerance` away from points and surfaces lie `layer_gap` behind
-    /// one another, both metres.
-    pub fn of(options: &PatchesOptions, tolerance: f64, layer_gap: Option<f64>) -> Self {
-        let (share, forward) = (options.completeness, options.max_error_forward);
-        Self { share, tolerance, layer_gap, forward }
-    }
-
     /// The distance beyond which points stand for the input, metres; none where no point is to be near.
     pub fn bound(&self) -> Option<f64> {
         let bound = TOLERANCE_SHARE * self.tolerance.min(self.in_gaps(POINT_TOLERANCE_IN_GAPS));

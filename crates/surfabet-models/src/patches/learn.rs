@@ -7,7 +7,7 @@ use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use super::attributes::cells::{attribute_cells, sides_of_cells};
-use super::attributes::chosen::{Chosen, Fields};
+use super::attributes::chosen::{ChosenAttributes, Fields};
 use super::attributes::targets::Targets;
 use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
@@ -138,6 +138,43 @@ pub(super) struct Ground<'a> {
     pub weights: Option<&'a [f32]>,
 }
 
+impl Ground<'_> {
+    /// The points that the model has to be near to: those of the tile.
+    fn positions<'a>(&self, cloud: &'a PointCloud) -> Cow<'a, [[f32; 3]]> {
+        match self.tile {
+            Some(tile) => Cow::Owned(tile.own(cloud, &self.lattice)),
+            None => Cow::Borrowed(cloud.positions()),
+        }
+    }
+
+    /// How many of them, and how near; `near` are the patches just beyond the tile.
+    fn wanted<'a>(
+        &self,
+        positions: &'a [[f32; 3]],
+        near: &'a [Leaf],
+        options: &PatchesOptions,
+    ) -> Wanted<'a> {
+        let (lattice, max_error) = (self.lattice, options.max_error);
+        let completeness = self.completeness(options);
+        Wanted { lattice, positions, near, max_error, completeness }
+    }
+
+    fn completeness(&self, options: &PatchesOptions) -> Completeness {
+        Completeness {
+            share: options.completeness,
+            tolerance: self.tolerance,
+            layer_gap: self.survey.layer_gap,
+            forward: options.max_error_forward,
+        }
+    }
+
+    /// The price of points beside the patches, where there will be some.
+    fn point_price(&self, options: &PatchesOptions) -> Option<PointPrice> {
+        let bound = options.max_error.or_else(|| self.completeness(options).bound());
+        bound.map(|bound| PointPrice::new(bound, self.lattice.pixel_size))
+    }
+}
+
 /// Steps 2 to 9: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
 pub(super) fn on_lattice(
     ground: &Ground<'_>,
@@ -145,35 +182,16 @@ pub(super) fn on_lattice(
     options: &PatchesOptions,
     stages: &mut Stages<'_>,
 ) -> Result<(PatchModel, PatchesReport)> {
-    let &Ground { lattice, survey, tile, .. } = ground;
-    let chosen = Chosen::of(cloud, options.attributes.as_deref())?;
+    let &Ground { lattice, tile, .. } = ground;
+    let chosen = ChosenAttributes::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
         let weights = Weights { sensor: options.sensor, of_points: ground.weights };
-        SidedSamples::merge(cloud, &lattice, weights, survey, progress)
+        SidedSamples::merge(cloud, &lattice, weights, ground.survey, progress)
     })?;
-    // 3. Sheets.
-    let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;
-    let Shares { own: sheets, near } = Shares::of(sheets, tile, &lattice);
-    // 4. to 6. Shapes, least cost, bits.
-    let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
-    let n_sheets = sheets.len();
-    let completeness = Completeness::of(options, ground.tolerance, survey.layer_gap);
-    let bound = options.max_error.or_else(|| completeness.bound());
-    let points = bound.map(|bound| PointPrice::new(bound, lattice.pixel_size));
-    let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
-        let of_tile = choose(lattice, &sheets, density, points, options, progress)?;
-        let once = PatchesOptions { rounds: 1, ..options.clone() };
-        let (beside, _) = choose(lattice, &near, density, points, &once, progress)?;
-        Ok((of_tile, beside.leaves))
-    })?;
-    // Memory that the last stages need.
-    drop(sheets);
-    let geometry =
-        stages.run("keeping to the input", |progress| match options.max_error_forward {
-            Some(bound) => with_support(geometry, lattice, cloud, bound, progress),
-            None => Ok(geometry),
-        })?;
+    // 3. to 6. Sheets; shapes, least cost, bits.
+    let Surface { geometry, near, bytes, n_sheets, density } =
+        surface(ground, cloud, &samples, options, stages)?;
     // 7. Colour and other attributes.
     let add = |geometry: Geometry, instances| -> Result<Described> {
         let (attributes, figures) =
@@ -200,18 +218,9 @@ pub(super) fn on_lattice(
     })?;
     let n_samples = samples.all.len();
     drop(samples);
-    let positions = match tile {
-        Some(tile) => Cow::Owned(tile.own(cloud, &lattice)),
-        None => Cow::Borrowed(cloud.positions()),
-    };
     // 9. Points beside the patches.
-    let wanted = Wanted {
-        lattice,
-        positions: &positions,
-        near: &near,
-        max_error: options.max_error,
-        completeness,
-    };
+    let positions = ground.positions(cloud);
+    let wanted = ground.wanted(&positions, &near, options);
     let Whole { model, attribute_cells, attributes } =
         stages.run("checking the bound", |progress| wanted.smaller(coded, recurring, progress))?;
 
@@ -233,6 +242,50 @@ pub(super) fn on_lattice(
         ..choice_report(&model, bytes)
     };
     Ok((model, report))
+}
+
+/// What steps 3 to 6 give.
+struct Surface {
+    geometry: Geometry,
+    /// Patches just beyond the tile.
+    near: Vec<Leaf>,
+    /// Of the geometry, after each round of the choice.
+    bytes: Vec<f64>,
+    n_sheets: usize,
+    /// Samples of a pixel.
+    density: f64,
+}
+
+/// Steps 3 to 6: the patches of least cost, without attributes.
+fn surface(
+    ground: &Ground<'_>,
+    cloud: &PointCloud,
+    samples: &SidedSamples<'_>,
+    options: &PatchesOptions,
+    stages: &mut Stages<'_>,
+) -> Result<Surface> {
+    let &Ground { lattice, survey, tile, .. } = ground;
+    // 3. Sheets.
+    let sheets = stages.run("growing sheets", |_| sheets_of(samples, &lattice, survey))?;
+    let Shares { own: sheets, near } = Shares::of(sheets, tile, &lattice);
+    // 4. to 6. Shapes, least cost, bits.
+    let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
+    let n_sheets = sheets.len();
+    let points = ground.point_price(options);
+    let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
+        let of_tile = choose(lattice, &sheets, density, points, options, progress)?;
+        let once = PatchesOptions { rounds: 1, ..options.clone() };
+        let (beside, _) = choose(lattice, &near, density, points, &once, progress)?;
+        Ok((of_tile, beside.leaves))
+    })?;
+    // Memory that the next stage needs.
+    drop(sheets);
+    let geometry =
+        stages.run("keeping to the input", |progress| match options.max_error_forward {
+            Some(bound) => with_support(geometry, lattice, cloud, bound, progress),
+            None => Ok(geometry),
+        })?;
+    Ok(Surface { geometry, near, bytes, n_sheets, density })
 }
 
 /// Samples of all sides as sheets.
@@ -354,7 +407,7 @@ pub(super) fn samples_per_pixel(sheets: &[Sheet]) -> f64 {
 
 /// The attributes of least cost on the cells around the patches, with what each takes and misses.
 fn attributes(
-    chosen: &Chosen<'_>,
+    chosen: &ChosenAttributes<'_>,
     samples: &SidedSamples<'_>,
     leaves: &[Leaf],
     ground: &Ground<'_>,

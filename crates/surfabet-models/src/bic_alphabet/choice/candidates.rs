@@ -12,7 +12,7 @@ use crate::bic_alphabet::words::MAX_WORD_POINTS;
 use crate::error::Result;
 
 /// The alphabet that was chosen, and how.
-pub(in crate::bic_alphabet) struct Chosen {
+pub(in crate::bic_alphabet) struct ChosenWords {
     pub best: Reconstruction,
     /// The BIC after each candidate; `None` when the alphabet was given.
     pub bics: Option<Vec<f64>>,
@@ -27,7 +27,7 @@ pub(in crate::bic_alphabet) struct Chosen {
 pub(in crate::bic_alphabet) fn choose_words(
     scene: &PreparedScene<'_>,
     progress: &dyn Progress,
-) -> Result<Chosen> {
+) -> Result<ChosenWords> {
     let options = scene.options;
     let candidates = candidates(scene);
     let threads = rayon::current_num_threads();
@@ -69,7 +69,7 @@ pub(in crate::bic_alphabet) fn choose_words(
             stop_reason = "iterations reached";
         }
     }
-    Ok(Chosen { best, bics: Some(bics), stop_reason })
+    Ok(ChosenWords { best, bics: Some(bics), stop_reason })
 }
 
 /// The features to take words at: at most `iterations` of those with enough points, in an order drawn by the seed.

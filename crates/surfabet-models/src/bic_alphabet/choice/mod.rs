@@ -19,7 +19,7 @@ mod reconstruction;
 mod reduce;
 mod trial;
 
-pub(super) use candidates::{Chosen, choose_words};
+pub(super) use candidates::{ChosenWords, choose_words};
 pub(super) use matching::Matching;
 pub(super) use prepared::PreparedScene;
 pub(super) use quality::{Fidelity, fidelity};

@@ -20,7 +20,7 @@ use crate::scalar::ScalarScale;
 const COLORS: &str = "colors";
 
 /// The attributes of a cloud that are kept.
-pub(in crate::patches) struct Chosen<'a> {
+pub(in crate::patches) struct ChosenAttributes<'a> {
     pub colors: Option<&'a [[u8; 3]]>,
     others: Vec<Source<'a>>,
 }
@@ -45,7 +45,7 @@ pub(in crate::patches) struct Fields {
     pub figures: Vec<AttributeFigures>,
 }
 
-impl<'a> Chosen<'a> {
+impl<'a> ChosenAttributes<'a> {
     /// Those called `names`; `None` for colours and intensities where there are any.
     ///
     /// # Errors

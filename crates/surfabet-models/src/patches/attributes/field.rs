@@ -17,15 +17,13 @@ use surfabet_geom::morton::step;
 use super::butterflies::Butterflies;
 use super::cells::index;
 use super::choice::choose;
+use super::coefficients::Coded;
 use super::field_coding::FieldCoding;
 use super::field_models::{Beside, CellContext, FieldModels};
 use super::older_field::{self, OlderField};
-use super::pyramid::{PyramidLevel, from_parents, pyramid};
+use super::pyramid::{PyramidLevel, descend, from_parents, pyramid};
 use super::whole_butterflies::{FRACTION, WholeButterflies, bounded};
 use crate::patches::constants::{MISSED_SHARE, PARENT_WEIGHTS, STEP_SHARES};
-
-/// Coefficients of the butterflies of a cell, by channel.
-pub(super) type Coefficients<const N: usize> = [[i32; 7]; N];
 
 /// Rounding of the coefficients of each channel, for values times the root of the number of cells; 1 to 4096.
 #[derive(Debug, Clone, Copy)]
@@ -118,21 +116,17 @@ fn code_whole<C: Coder, const N: usize>(
         _ => None,
     };
     let levels = pyramid(cells, targets);
-    let top = levels.len() - 1;
-    let coefficients = Vec::with_capacity(N * cells.len());
-    let mut walk = Walk { coder, models: FieldModels::default(), steps, source, coefficients };
-    let mut means = vec![walk.mean(&levels[top])?];
-    let mut activity = vec![0_u8];
-    for l in (0..top).rev() {
-        let (parents, children) = (&levels[l + 1], &levels[l]);
-        let mut decoded = predict(parents, &means, children);
-        let active = walk.level(l, parents, children, &means, &activity, &mut decoded)?;
-        activity = parents.for_children(&active);
-        means = decoded;
-    }
+    let (models, coded) = (FieldModels::default(), Coded::with_capacity(cells.len()));
+    let mut walk = Walk { coder, models, steps, source, coded };
+    let top = walk.mean(&levels[levels.len() - 1])?;
+    let means = descend(&levels, top, |l, [parents, children], means, activity| {
+        let mut decoded = predict(parents, means, children);
+        let active = walk.level(l, parents, children, means, activity, &mut decoded)?;
+        Ok((decoded, active))
+    })?;
     let unit = (1 << FRACTION) as f32;
     let values = means.into_iter().map(|value| value.map(|v| v as f32 / unit)).collect();
-    Ok(CellValues { values, coefficients: walk.coefficients })
+    Ok(CellValues { values, coefficients: walk.coded.all })
 }
 
 /// Predicts the mean of every child: the means of its parent and of the seven parents next to it on the child's
@@ -159,8 +153,7 @@ struct Walk<'a, C, const N: usize> {
     models: FieldModels<N>,
     steps: Steps<N>,
     source: FieldSource<'a, N>,
-    /// All coefficients so far.
-    coefficients: Vec<i32>,
+    coded: Coded<N>,
 }
 
 /// A cell with at least two children.
@@ -184,7 +177,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
                 FieldSource::Targets { .. } => top.targets[0][c].round() as i32,
             };
             let coded = self.coder.sint(&mut self.models.mean[c], wanted)?;
-            self.coefficients.push(coded);
+            self.coded.all.push(coded);
             *value = bounded(i64::from(coded) << FRACTION);
         }
         Ok(mean)
@@ -261,23 +254,13 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
         }
         let mut coefficients = match self.source {
             FieldSource::Stream => [[0; 7]; N],
-            FieldSource::Model(given) => {
-                let mut coefficients = [[0; 7]; N];
-                let from = self.coefficients.len();
-                for (i, of) in given[from..from + N * n].chunks(N).enumerate() {
-                    (0..N).for_each(|c| coefficients[c][i] = of[c]);
-                }
-                coefficients
-            }
+            FieldSource::Model(given) => self.coded.next_of(given, n),
             FieldSource::Targets { lambda, .. } => {
                 let (residuals, slots) = cell.residuals(decoded);
                 choose(&self.models, &context, &slots, &residuals, self.steps, lambda)
             }
         };
-        let coded = self.models.code(self.coder, &context, &mut coefficients)?;
-        for i in 0..n {
-            self.coefficients.extend(coefficients.iter().map(|of| of[i]));
-        }
+        let beside = self.models.code(self.coder, &context, &mut coefficients)?;
         for c in 0..N {
             // All children move by what the mean of their predictions is off, and by their coefficients.
             let mut slots = [0; 8];
@@ -287,8 +270,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
                 value[c] = bounded(i64::from(value[c]) + slots[octant]);
             }
         }
-        let sum: u32 = coefficients.iter().flatten().map(|c| c.unsigned_abs().min(4)).sum();
-        Ok((sum.min(4) as u8, coded))
+        Ok((self.coded.add(&coefficients, n), beside))
     }
 }
 

@@ -4,9 +4,9 @@
 //! around, how much the prediction changes, what was coded along the same axis beside and before. Which of them pay was
 //! found on coefficients of a kitchen and of a simulated room (docs/benchmarks/patches.md).
 
-use surfabet_entropy::{Bit, Coder, MixedBits, MixedContext, SInt};
+use surfabet_entropy::{Bit, Coder, Mantissa, MixedBits, MixedContext, SInt};
 
-use super::field::Coefficients;
+use super::coefficients::Coefficients;
 
 /// Largest coefficient.
 pub(super) const MAX_COEFFICIENT: i32 = 1 << MAX_EXPONENT;
@@ -237,8 +237,8 @@ pub(super) struct FieldModels<const N: usize> {
     negative: MixedBits<3>,
     /// Is the exponent of its size, `floor(log2)`, above another?
     exponent: MixedBits<2>,
-    /// By exponent: the first bit below the highest of the size, the second after 0, and after 1.
-    mantissa: Vec<[Bit; 3]>,
+    /// The bits of the size below the highest, by exponent.
+    mantissa: Vec<Mantissa>,
 }
 
 impl<const N: usize> Default for FieldModels<N> {
@@ -260,7 +260,7 @@ impl<const N: usize> Default for FieldModels<N> {
             nonzero: MixedBits::new(nonzero, memory, N * BEFORE, OF_FIVE),
             negative: MixedBits::new(negative, memory, N, OF_THREE),
             exponent: MixedBits::new(exponent, memory, N * EXPONENTS, OF_TWO),
-            mantissa: vec![[Bit::with_memory(memory); 3]; MAX_EXPONENT as usize + 1],
+            mantissa: vec![Mantissa::with_memory(memory); MAX_EXPONENT as usize + 1],
         }
     }
 }
@@ -313,20 +313,8 @@ impl<const N: usize> FieldModels<N> {
             }
             exponent += 1;
         }
-        let mut size = 1_u32;
-        let [first, after_0, after_1] = &mut self.mantissa[exponent as usize];
-        let bit_at = |shift: u32| wanted >> shift & 1 != 0;
-        if exponent >= 1 {
-            let high = coder.bit(first, bit_at(exponent - 1))?;
-            size = size << 1 | u32::from(high);
-            if exponent >= 2 {
-                let second = if high { after_1 } else { after_0 };
-                size = size << 1 | u32::from(coder.bit(second, bit_at(exponent - 2))?);
-                let rest = exponent - 2;
-                let low = u64::from(wanted) & ((1 << rest) - 1);
-                size = size << rest | coder.bypass(low, rest)? as u32;
-            }
-        }
+        let size =
+            1_u32 << exponent | self.mantissa[exponent as usize].code(coder, wanted, exponent)?;
         // Below 2^25, then at most 2^24.
         let size = (size as i32).min(MAX_COEFFICIENT);
         Ok(if negative { -size } else { size })
@@ -343,17 +331,8 @@ impl<const N: usize> FieldModels<N> {
         let above = (0..exponent).map(|e| self.exponent.cost(context.exponent(e), true));
         let sum: f32 = above.sum();
         let end = self.exponent.cost(context.exponent(exponent), false);
-        let mut cost = cost + self.negative.cost(context.negative, coefficient < 0) + sum + end;
-        if exponent >= 1 {
-            let [first, after_0, after_1] = &self.mantissa[exponent as usize];
-            let high = size >> (exponent - 1) & 1 != 0;
-            cost += first.cost(high);
-            if exponent >= 2 {
-                let second = if high { after_1 } else { after_0 };
-                cost += second.cost(size >> (exponent - 2) & 1 != 0) + (exponent - 2) as f32;
-            }
-        }
-        cost
+        let cost = cost + self.negative.cost(context.negative, coefficient < 0) + sum + end;
+        cost + self.mantissa[exponent as usize].cost(size, exponent)
     }
 }
 

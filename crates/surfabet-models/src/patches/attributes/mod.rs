@@ -14,8 +14,9 @@
 //! | `labels` | labels, given those of the cells around |
 //! | `field` | a field of any number of channels down the pyramid |
 //! | `field_coding` | the ways to code a field that files have |
+//! | `coefficients` | all coefficients of a field, in their order |
 //! | `field_models` | models of the coefficients, and what they depend on |
-//! | `pyramid` | cells joined by eights, and the parents around a cell |
+//! | `pyramid` | cells joined by eights, the way down them, and the parents around a cell |
 //! | `whole_butterflies` | the transform of a cell's children, in whole numbers |
 //! | `butterflies` | the same in single precision |
 //! | `choice` | when learning: coefficients of least cost |
@@ -26,6 +27,7 @@ mod butterflies;
 pub(in crate::patches) mod cells;
 mod choice;
 pub(in crate::patches) mod chosen;
+mod coefficients;
 pub(in crate::patches) mod color;
 mod field;
 mod field_coding;

@@ -13,10 +13,11 @@ use surfabet_geom::morton::{MortonMap, step};
 
 use super::butterflies::Butterflies;
 use super::cells::index;
-use super::field::{CellValues, Coefficients};
+use super::coefficients::{Coded, Coefficients};
+use super::field::CellValues;
 use super::field_models::MAX_COEFFICIENT;
 use super::older_models::{CellContext, FieldModels};
-use super::pyramid::{PyramidLevel, from_parents, pyramid};
+use super::pyramid::{PyramidLevel, descend, from_parents, pyramid};
 
 /// What an older way to code a field is made of.
 #[derive(Debug, Clone, Copy)]
@@ -54,20 +55,15 @@ pub(super) fn code_field<C: Coder, const N: usize>(
         return Ok(CellValues { values: Vec::new(), coefficients: Vec::new() });
     }
     let levels = pyramid::<N>(cells, None);
-    let top = levels.len() - 1;
-    let coefficients = Vec::with_capacity(N * cells.len());
-    let models = FieldModels::default();
-    let mut walk = Walk { coder, models, steps, coding, given, coefficients };
-    let mut means = vec![walk.mean()?];
-    let mut activity = vec![0_u8];
-    for l in (0..top).rev() {
-        let (parents, children) = (&levels[l + 1], &levels[l]);
-        let mut decoded = predict(parents, &means, children, coding.neighbour_share);
-        let active = walk.level(l, parents, children, &means, &activity, &mut decoded)?;
-        activity = parents.for_children(&active);
-        means = decoded;
-    }
-    Ok(CellValues { values: means, coefficients: walk.coefficients })
+    let (models, coded) = (FieldModels::default(), Coded::with_capacity(cells.len()));
+    let mut walk = Walk { coder, models, steps, coding, given, coded };
+    let top = walk.mean()?;
+    let values = descend(&levels, top, |l, [parents, children], means, activity| {
+        let mut decoded = predict(parents, means, children, coding.neighbour_share);
+        let active = walk.level(l, parents, children, means, activity, &mut decoded)?;
+        Ok((decoded, active))
+    })?;
+    Ok(CellValues { values, coefficients: walk.coded.all })
 }
 
 /// Predicts the mean of every child: the means of its parent and of the seven parents next to it on the child's
@@ -99,8 +95,7 @@ struct Walk<'a, C, const N: usize> {
     coding: OlderField,
     /// A model's coefficients, N times the number of cells, of which the first N are the mean; `None` for a reader.
     given: Option<&'a [i32]>,
-    /// All coefficients so far.
-    coefficients: Vec<i32>,
+    coded: Coded<N>,
 }
 
 /// A cell with at least two children.
@@ -119,7 +114,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
         for (c, value) in mean.iter_mut().enumerate() {
             let wanted = self.given.map_or(0, |coefficients| coefficients[c]);
             let coded = self.coder.sint(&mut self.models.mean[c], wanted)?;
-            self.coefficients.push(coded);
+            self.coded.all.push(coded);
             *value = coded as f32;
         }
         Ok(mean)
@@ -170,23 +165,14 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
     ) -> Result<u8, C::Error> {
         let butterflies = Butterflies::new(&cell.octants, &cell.weights);
         let n = butterflies.all().len();
-        let mut coefficients = [[0; 7]; N];
-        if let Some(given) = self.given {
-            let from = self.coefficients.len();
-            for (i, of) in given[from..from + N * n].chunks(N).enumerate() {
-                (0..N).for_each(|c| coefficients[c][i] = of[c]);
-            }
-        }
+        let given = self.given.map(|given| self.coded.next_of(given, n));
+        let mut coefficients = given.unwrap_or([[0; 7]; N]);
         code_coefficients(self.coder, &mut self.models, context, n, &mut coefficients)?;
-        for i in 0..n {
-            self.coefficients.extend(coefficients.iter().map(|of| of[i]));
-        }
         let shares = self.coding.step_shares;
         let share = shares[context.level.min(shares.len() - 1)];
         let steps = self.steps.map(|step| step as f32 * share);
         cell.add(&butterflies, &coefficients, steps, decoded);
-        let sum: u32 = coefficients.iter().flatten().map(|c| c.unsigned_abs().min(4)).sum();
-        Ok(sum.min(4) as u8)
+        Ok(self.coded.add(&coefficients, n))
     }
 }
 

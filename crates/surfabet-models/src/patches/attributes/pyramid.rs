@@ -86,6 +86,24 @@ fn parents<const N: usize>(below: &PyramidLevel<'_, N>) -> PyramidLevel<'static,
     PyramidLevel { keys: keys.into(), weights, children, targets: targets.into() }
 }
 
+/// Goes down from the mean of all cells, `top`, to the values of the cells: `level` gives those of a level, and how active
+/// each of its parents was, from its number in the pyramid, the parents, their children, and the values and activities of
+/// the parents.
+pub(super) fn descend<const N: usize, V, E>(
+    levels: &[PyramidLevel<'_, N>],
+    top: V,
+    mut level: impl FnMut(usize, [&PyramidLevel<'_, N>; 2], &[V], &[u8]) -> Result<(Vec<V>, Vec<u8>), E>,
+) -> Result<Vec<V>, E> {
+    let (mut values, mut activity) = (vec![top], vec![0]);
+    for l in (0..levels.len() - 1).rev() {
+        let (parents, children) = (&levels[l + 1], &levels[l]);
+        let (of_children, active) = level(l, [parents, children], &values, &activity)?;
+        activity = parents.for_children(&active);
+        values = of_children;
+    }
+    Ok(values)
+}
+
 /// Calls `value` for every child with its parent and those of the seven parents next to it on the child's side that exist:
 /// their numbers, and the axes along which each is displaced as bits. The child's own comes first.
 pub(super) fn from_parents<const N: usize, V: Send>(

@@ -78,7 +78,7 @@ impl TileSquare {
 }
 
 /// What to code at a square, and its cost J.
-struct Chosen {
+struct ChosenSquare {
     square: Square,
     cost: f32,
 }
@@ -126,7 +126,7 @@ impl Choice<'_> {
     }
 
     /// The best of one patch, four squares of the next level, and nothing.
-    fn square(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> Chosen {
+    fn square(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> ChosenSquare {
         let level = at.level;
         let (is_root, is_finest) = (level == 0, level + 1 == self.lattice.levels);
         let empty_bit = |empty: bool| {
@@ -134,7 +134,7 @@ impl Choice<'_> {
             if is_root { 0.0 } else { self.models.empty[context].cost(empty) }
         };
         if runs.is_empty() {
-            return Chosen { square: Square::Empty, cost: self.lambda * empty_bit(true) };
+            return ChosenSquare { square: Square::Empty, cost: self.lambda * empty_bit(true) };
         }
         let split_bit = |split: bool| {
             let context = split_context(level, NEIGHBOURS, false);
@@ -150,7 +150,7 @@ impl Choice<'_> {
             let left_out = |r: &Run| r.n * away + self.cost_of_points(r.n);
             let cost = runs.iter().map(left_out).sum::<f32>() + self.lambda * bits;
             if cost < best.cost {
-                best = Chosen { square: Square::Empty, cost };
+                best = ChosenSquare { square: Square::Empty, cost };
             }
         }
         if !is_finest {
@@ -170,7 +170,7 @@ impl Choice<'_> {
         at: TileSquare,
         mut cost: f32,
         limit: f32,
-    ) -> Option<Chosen> {
+    ) -> Option<ChosenSquare> {
         let half = self.lattice.patch_width(at.level + 1) as usize;
         let mut children: [Square; 4] = Default::default();
         for (child, square) in children.iter_mut().enumerate() {
@@ -188,11 +188,11 @@ impl Choice<'_> {
             }
         }
         let any = children.iter().any(|c| *c != Square::Empty);
-        any.then(|| Chosen { square: Square::Split(Box::new(children)), cost })
+        any.then(|| ChosenSquare { square: Square::Split(Box::new(children)), cost })
     }
 
     /// One patch for all runs of a square: first its mask, then depth and thickness for the runs of set pixels.
-    fn patch(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> Chosen {
+    fn patch(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> ChosenSquare {
         let (mask, mut cost) = self.mask(pixels, runs, at);
         let mut inside: Vec<Run> =
             runs.iter().filter(|r| mask >> at.pixel_of(r) & 1 != 0).copied().collect();
@@ -202,6 +202,6 @@ impl Choice<'_> {
         let shape = self.shape(&inside, n_measured, at);
         cost += shape.cost;
         let patch = LatticePatch { mask, ..shape.patch };
-        Chosen { square: Square::Patch(Box::new(patch)), cost }
+        ChosenSquare { square: Square::Patch(Box::new(patch)), cost }
     }
 }

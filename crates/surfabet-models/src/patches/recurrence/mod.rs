@@ -31,7 +31,7 @@ use self::refine::refined;
 use self::seen::Seen;
 use self::surface::Surface;
 use self::votes::candidates;
-use super::attributes::chosen::Chosen;
+use super::attributes::chosen::ChosenAttributes;
 use super::coding::{Geometry, GeometryModels, code_geometry};
 use super::instances::{Instance, Instances, Motion, Place};
 use super::model::{Lattice, SheetTree, Square};
@@ -47,7 +47,7 @@ pub(super) struct Learned<'a> {
     pub lattice: Lattice,
     pub coded: &'a Described,
     pub samples: &'a SidedSamples<'a>,
-    pub chosen: &'a Chosen<'a>,
+    pub chosen: &'a ChosenAttributes<'a>,
     /// Bytes of the geometry.
     pub geometry_bytes: f64,
     /// Samples of a pixel.

@@ -5,7 +5,7 @@ use surfabet_geom::{CloudParts, Column, Progress};
 
 use super::surface::Surface;
 use crate::error::Result;
-use crate::patches::attributes::chosen::Chosen;
+use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, INTENSITIES};
 use crate::patches::decode::Sampler;
 use crate::patches::model::{Attributes, Lattice};
@@ -56,7 +56,7 @@ impl<'a> Seen<'a> {
         samples: &SidedSamples<'_>,
         lattice: &Lattice,
         surface: &Surface<'_>,
-        (attributes, chosen): (&'a Attributes, &Chosen<'_>),
+        (attributes, chosen): (&'a Attributes, &ChosenAttributes<'_>),
         (options, tolerance): (&PatchesOptions, f32),
         progress: &dyn Progress,
     ) -> Result<Self> {

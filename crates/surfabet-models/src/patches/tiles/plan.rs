@@ -5,7 +5,7 @@ use surfabet_geom::{Dtype, PointCloud, Progress, Survey};
 use super::{Cubes, MARGIN_PIXELS, MARGIN_SQUARES, Views, about};
 use crate::error::{Error, Result, positive};
 use crate::options::Options;
-use crate::patches::attributes::chosen::Chosen as ChosenAttributes;
+use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, AttributeHeader, INTENSITIES, check};
 use crate::patches::constants::SPACINGS_PER_PIXEL;
 use crate::patches::learn::{check_size, depth_step, lattice_of, samples_per_pixel, sheets_of};
@@ -14,7 +14,7 @@ use crate::patches::options::PatchesOptions;
 use crate::patches::samples::{Sample, SidedSamples, Weights};
 use crate::scalar::ScalarScale;
 use crate::stages::Stages;
-use crate::start::{Chosen, Leave, Start};
+use crate::start::{ChosenOption, Leave, Start};
 
 /// Side of a tile where it is not given, finest pixels: 15 m at 1 cm. Small tiles take more bytes, since all adaptive models
 /// start afresh in each: 24 percent more with 64 pixels (`docs/benchmarks/tiles.md`).
@@ -85,7 +85,7 @@ pub struct TilePlan {
     /// Attributes beside colour, as they are stored.
     pub attributes: Vec<AttributeHeader>,
     /// Options that were not given, and what the sample made of them.
-    pub chosen: Vec<Chosen>,
+    pub chosen: Vec<ChosenOption>,
 }
 
 impl TilePlan {
