@@ -1,6 +1,8 @@
 //! Lattice patches on scenes whose surface is known exactly, and their files.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+use std::collections::BTreeSet;
+
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -252,6 +254,37 @@ fn the_bound_holds_for_every_input_point() {
         assert!(!model.points().is_empty());
         assert!(bytes(&model).len() > bytes(&free).len());
     }
+}
+
+#[test]
+fn patches_follow_the_input_where_points_beside_them_would_cost_more() {
+    // Waves three pixels deep and a pixel high: without a bound the patches smooth them.
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut points = Vec::new();
+    for i in 0..300 {
+        for j in 0..300 {
+            let (x, y) = (i as f32 * 0.004, j as f32 * 0.004);
+            let off: f64 = rng.sample(StandardNormal);
+            let wave = 0.01 * (x / 0.02).sin() * (y / 0.03).sin();
+            points.push([x, y, wave + 0.0005 * off as f32]);
+        }
+    }
+    let cloud = plain(points);
+    let bound = 0.007;
+    let free = learn(&cloud, &options());
+    let tree = KdTree::new(decode(&free, 0.5 * PIXEL, true).positions()).unwrap();
+    let is_far =
+        |p: &&Point| f64::from(tree.nearest(**p).unwrap().squared_distance()).sqrt() > bound;
+    // Points would have to stand for all that is far: cells whose corners are twice the bound apart.
+    let cell =
+        |p: &Point| p.map(|c| (f64::from(c) / (2.0 * bound / 3.0_f64.sqrt())).floor() as i64);
+    let needed: BTreeSet<[i64; 3]> = cloud.positions().iter().filter(is_far).map(cell).collect();
+    let bounded = learn(&cloud, &PatchesOptions { max_error: Some(bound), ..options() });
+    let kept = bounded.header().n_extra as usize;
+    assert!(needed.len() > 500 && 10 * kept < needed.len(), "{kept} of {}", needed.len());
+    // A point is no cheaper than two bits here.
+    let all_points = bytes(&free).len() + needed.len() / 4;
+    assert!(bytes(&bounded).len() < all_points, "{} {all_points}", bytes(&bounded).len());
 }
 
 #[test]

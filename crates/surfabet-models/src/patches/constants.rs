@@ -140,7 +140,7 @@ pub(super) const DECODED_WEIGHT: f32 = 2.0;
 
 /// The same where points beside the patches stand for input that these do not reach: then all input is near something
 /// decoded, and what is left to choose is how far decoded points are from it. TO BE MEASURED
-pub(super) const DECODED_WEIGHT_WITH_POINTS: f32 = 12.0;
+pub(super) const DECODED_WEIGHT_WITH_POINTS: f32 = 10.0;
 
 /// Bits of a point beside the patches, as the choice of patches prices it. TO BE MEASURED
 pub(super) const POINT_BITS: f64 = 12.0;
