@@ -338,6 +338,7 @@ fn state<'py>(py: Python<'py>, plan: &TilePlan) -> PyResult<Bound<'py, PyDict>> 
     dict.set_item("density", plan.density)?;
     dict.set_item("views", VIEWS.iter().position(|views| *views == plan.views))?;
     dict.set_item("attributes", plan.attributes.iter().map(attribute).collect::<Vec<_>>())?;
+    dict.set_item("corrected", plan.corrected)?;
     let chosen = plan.chosen.iter().map(|c| (c.option, c.value, c.reason.clone()));
     dict.set_item("chosen", chosen.collect::<Vec<_>>())?;
     Ok(dict)
@@ -380,6 +381,7 @@ fn plan_of(state: &Bound<'_, PyDict>) -> PyResult<TilePlan> {
         density: item("density")?.extract()?,
         views: views_of(item("views")?.extract()?)?,
         attributes: attributes.into_iter().map(attribute).collect::<PyResult<_>>()?,
+        corrected: item("corrected")?.extract()?,
         chosen: Vec::new(),
     };
     plan.check().map_err(IntoPyErr::into_py_err)?;

@@ -220,6 +220,7 @@ impl TiledModel {
             n_patches: 0,
             n_extra: 0,
             extra_size: lattice.pixel_size,
+            border: model.header().border.map(|_| Default::default()),
             ..model.header()
         };
         let header = surfabet_codec::TiledHeader { details: vec![detail], cubes, recipe: None };

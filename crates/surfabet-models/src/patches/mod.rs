@@ -51,6 +51,7 @@ mod surface;
 mod tiles;
 mod whole;
 
+pub use attributes::borders::Border;
 pub use attributes::color::ColorSteps;
 pub use attributes::{
     AttributeContent, AttributeHeader, FieldCoding, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS,

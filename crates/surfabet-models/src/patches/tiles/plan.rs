@@ -84,6 +84,8 @@ pub struct TilePlan {
     pub views: Views,
     /// Attributes beside colour, as they are stored.
     pub attributes: Vec<AttributeHeader>,
+    /// Whether colours and scalars are corrected at the borders of tiles; those of maps of older versions are not.
+    pub corrected: bool,
     /// Options that were not given, and what the sample made of them.
     pub chosen: Vec<Chosen>,
 }
@@ -206,6 +208,7 @@ pub fn plan(
         density: samples_per_pixel(&sheets),
         views: Views::of(cloud, survey),
         attributes: attributes.collect::<Result<_>>()?,
+        corrected: true,
         chosen: start.into_chosen(),
     })
 }

@@ -97,6 +97,7 @@ impl Recipe {
             density: self.density,
             views: self.views,
             attributes: header.attributes.clone(),
+            corrected: header.border.is_some(),
             chosen: Vec::new(),
         };
         let colors = header.color.map(|_| "colors".to_owned());
