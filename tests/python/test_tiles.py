@@ -279,8 +279,9 @@ def test_what_boxes_and_levels_must_be(
 
 
 def across(model: sb.TiledPatchModel, again: sb.PointCloud) -> tuple[Any, Any]:
-    """Steps of depth (m), of colour and of intensity from points on the floor of the room to the nearest ones
-    half a pixel further along an axis of the lattice: over borders of tiles, and inside."""
+    """Steps of depth (m), of colour and of intensity from points on the floor of the room to the
+    nearest ones half a pixel further along an axis of the lattice: over borders of tiles, and
+    inside."""
     local = (again.points - model.origin) @ model.rotation
     cubes = np.floor(local / PIXEL).astype(int)
     vertical = int(np.argmax(np.abs(model.rotation[2])))
@@ -298,7 +299,7 @@ def across(model: sb.TiledPatchModel, again: sb.PointCloud) -> tuple[Any, Any]:
         near = distance < 0.2 * PIXEL
         first, second = own[near], own[nearest[near]]
         # The borders are where most points change their tile: known by the corner of the cubes.
-        offset = corner(model)[axis]
+        offset = round(model.tile_corner[axis] / PIXEL)
         crosses = (cubes[first, axis] - offset) // side != (cubes[second, axis] - offset) // side
         depth = np.abs(local[first, vertical] - local[second, vertical])
         color = np.abs(again.colors[first].astype(float) - again.colors[second]).mean(axis=1)
@@ -319,14 +320,6 @@ class Page(Fields):
 
     def doubles(self, n: int) -> list[float]:
         return [self.f64() for _ in range(n)]
-
-
-def corner(model: sb.TiledPatchModel) -> Any:
-    """Lowest corner of cube (0, 0, 0), finest pixels, from the header of the file."""
-    fields = Page(sections(model.to_bytes(), TILED)["META"])
-    read_details(fields)
-    fields.varint()
-    return [fields.varint() for _ in range(3)]
 
 
 def read_details(fields: Any) -> list[dict[str, Any]]:
@@ -391,7 +384,8 @@ def test_a_tile_decodes_alone(model: sb.TiledPatchModel) -> None:
     (detail,) = read_details(meta)
     side = meta.varint()
     assert side * detail["pixel"] == pytest.approx(model.tile_side)
-    [meta.varint() for _ in range(3)]
+    corner = [meta.varint() * detail["pixel"] for _ in range(3)]
+    assert corner == pytest.approx(model.tile_corner.tolist())
     assert meta.at == len(found["META"])
     index = Page(found["TIDX"])
     n = index.varint()

@@ -67,4 +67,6 @@ pub use model::{
 };
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;
-pub use tiles::{AttributeRange, Cubes, Recipe, TilePlan, Views, learn_tile, plan};
+pub use tiles::{
+    AttributeRange, Cubes, MAX_DETAILS, Recipe, TilePlan, Views, learn_details, learn_tile, plan,
+};

@@ -10,10 +10,12 @@
 //! |---|---|
 //! | `plan` | what all tiles share, from a sample of the scene |
 //! | `bounds` | the box that a tile decodes to |
+//! | `details` | coarser models of the same tiles |
 //! | `recipe` | what a map remembers, so that a tile can be learned again |
 //! | `views` | how the sides of surfaces are known, and points that say so |
 
 mod bounds;
+mod details;
 mod plan;
 mod recipe;
 mod views;
@@ -34,6 +36,7 @@ use crate::extent::reach;
 use crate::options::Options;
 use crate::stages::Stages;
 pub(super) use bounds::ROUNDING;
+pub use details::{MAX_DETAILS, learn_details};
 pub use plan::{AttributeRange, TilePlan, plan};
 pub use recipe::Recipe;
 pub use views::Views;
