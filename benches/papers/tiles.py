@@ -1,9 +1,11 @@
-"""Maps in tiles: what tiles cost, what a part of a map reads, and memory.
+"""Maps in tiles: what tiles cost, colours at their borders, levels of detail, what a part of a map
+reads, and memory.
 
-    python benches/papers/tiles.py [--part overhead|query|memory] [--points 10e6]
+    python benches/papers/tiles.py [--part overhead|borders|details|query|memory] [--points 10e6]
 
 The hall is the drive of `multi_scan`, 42 scans by their poses. The building has 20 simulated rooms
-beside one another.
+beside one another. For colours there are simulated rooms, each scanned from four places by a laser
+with colours, and the 50 frames of the kitchen, every third pixel.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ import locate
 import numpy as np
 from gas_scans import cpu_seconds
 from paper_bench import check_data, print_header, print_row, room
+from scipy.spatial import cKDTree
+from sessions import frames, joined
 
 import surfabet as sb
 from surfabet import datasets
@@ -53,7 +57,25 @@ def room_points(seed: int, spacing: float) -> np.ndarray:
     return np.asarray(points + noise)
 
 
-SCENES = {"hall": hall, "building": building, "kitchen": room}
+def scanned(seeds: tuple[int, ...]) -> sb.PointCloud:
+    """Rooms beside one another as a laser with colours scans them."""
+    points, colors = [], []
+    for i, seed in enumerate(seeds):
+        cloud = datasets.simulated_room(sensor="lidar", seed=seed).cloud
+        points.append(cloud.points + np.array([7.0 * i, 0.0, 0.0]))
+        colors.append(cloud.colors)
+    return sb.PointCloud(np.concatenate(points), colors=np.concatenate(colors))
+
+
+SCENES = {
+    "hall": hall,
+    "building": building,
+    "kitchen": room,
+    "rooms 0, 1": lambda: scanned((0, 1)),
+    "rooms 2, 3": lambda: scanned((2, 3)),
+    "rooms 2 to 5": lambda: scanned((2, 3, 4, 5)),
+    "kitchen, thinned": lambda: joined(frames()),
+}
 
 
 def tiled(cloud: sb.PointCloud, tile: float | None, **options: object) -> tuple[bytes, float]:
@@ -97,6 +119,79 @@ def row(
     color = "" if found.color_rmse_pooled is None else f"{found.color_rmse_pooled:.2f}"
     more = f"{size / of - 1:+.1%}"
     print_row(name, tile, n, f"{size:,}", more, f"{1e3 * found.rmse:.2f}", color, f"{seconds:.0f}")
+
+
+def borders(names: list[str], sides: tuple[float, ...]) -> None:
+    """How far colours differ between points and those half a pixel further, across borders of tiles
+    and inside; grey levels, means over the channels."""
+    print_header(
+        "scene", "tile (m)", "pixel (m)", "tiles", "bytes", "colour", "pairs", "across", "inside"
+    )
+    for name in names:
+        cloud = SCENES[name]()
+        for tile in sides:
+            data, _ = tiled(cloud, tile)
+            model = sb.from_bytes(data)
+            found = sb.evaluate(cloud, model.decode(as_measured=True), normal_neighbors=None)
+            across, inside = color_steps(model)
+            print_row(
+                name,
+                f"{model.tile_side:.3g}",
+                f"{model.pixel_sizes[-1]:.3g}",
+                len(model.tiles),
+                f"{len(data):,}",
+                f"{found.color_rmse_pooled:.2f}",
+                len(across),
+                f"{across.mean():.2f}",
+                f"{inside.mean():.2f}",
+            )
+
+
+def color_steps(model: sb.TiledPatchModel, n_inside: int = 200_000) -> tuple[np.ndarray, ...]:
+    """Differences of colour across borders, and of pairs of `n_inside` points per axis inside."""
+    pixel = model.pixel_sizes[-1]
+    cloud = model.decode(resolution=0.5 * pixel)
+    local = (cloud.points - model.origin) @ model.rotation / pixel
+    side = model.tile_side / pixel
+    from_corner = local - model.tile_corner / pixel
+    cubes = np.floor(from_corner / side)
+    tree, colors = cKDTree(local), cloud.colors.astype(float)
+    some = np.random.default_rng(0).permutation(len(local))[:n_inside]
+    found: dict[bool, list[np.ndarray]] = {True: [], False: []}
+    for axis in range(3):
+        before_border = np.flatnonzero(from_corner[:, axis] % side > side - 0.6)
+        for is_across, chosen in ((True, before_border), (False, some)):
+            distance, nearest = tree.query(local[chosen] + 0.5 * np.eye(3)[axis])
+            first, second = chosen[distance < 0.2], nearest[distance < 0.2]
+            crosses = cubes[first, axis] != cubes[second, axis]
+            kept = crosses if is_across else (cubes[first] == cubes[second]).all(axis=1)
+            off = np.abs(colors[first[kept]] - colors[second[kept]])
+            found[is_across].append(off.mean(axis=1))
+    return np.concatenate(found[True]), np.concatenate(found[False])
+
+
+def details(names: list[str]) -> None:
+    """Bytes and error of each level of detail, of maps with two and three."""
+    print_header("scene", "levels", "level", "pixel (m)", "bytes", "share", "rmse (mm)", "colour")
+    for name in names:
+        cloud = SCENES[name]()
+        for n in (2, 3):
+            data, _ = tiled(cloud, None, details=n)
+            for level in range(n):
+                model = sb.load(io.BytesIO(data), level=level)
+                found = sb.evaluate(cloud, model.decode(), normal_neighbors=None)
+                color = found.color_rmse_pooled
+                size = int(model.tiles.bytes.sum())
+                print_row(
+                    name,
+                    n,
+                    level,
+                    f"{model.pixel_sizes[level]:.3g}",
+                    f"{size:,}",
+                    f"{size / len(data):.1%}",
+                    f"{1e3 * found.rmse:.2f}",
+                    "" if color is None else f"{color:.2f}",
+                )
 
 
 class Counting(io.BytesIO):
@@ -170,7 +265,9 @@ def one(n_points: int, limit: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--part", choices=("overhead", "query", "memory"), default="overhead")
+    parts = ("overhead", "borders", "details", "query", "memory")
+    parser.add_argument("--part", choices=parts, default="overhead")
+    parser.add_argument("--tile", nargs="+", type=float, default=[4.0], help="sides for borders")
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=["hall", "building"])
     parser.add_argument("--points", type=float, default=10e6)
     parser.add_argument("--one", nargs=2, type=int, help=argparse.SUPPRESS)
@@ -182,7 +279,10 @@ def main() -> None:
         memory(int(options.points))
         return
     check_data()
-    {"overhead": overhead, "query": query}[options.part](options.scene)
+    if options.part == "borders":
+        borders(options.scene, tuple(options.tile))
+        return
+    {"overhead": overhead, "details": details, "query": query}[options.part](options.scene)
 
 
 if __name__ == "__main__":

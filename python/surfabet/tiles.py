@@ -121,7 +121,8 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
         ------
         InvalidInputError
             For a scan without what it needs, or without points; for a map of an older file, which
-            does not say how its tiles were learned, and for one with `max_error` or
+            does not say how its tiles were learned, for one that was loaded with one of several
+            levels of detail or with a box of it, and for one with `max_error` or
             `max_error_forward`, which cannot be kept without the points.
 
         Warns
@@ -158,6 +159,12 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
     def tile_side(self) -> float:
         """Side of a tile, metres."""
         return self._core.tile_side
+
+    @property
+    def tile_corner(self) -> NDArray[np.float64]:
+        """Lowest corner of the cube (0, 0, 0), (3,), metres along the axes of the lattice from
+        `origin`."""
+        return np.array(self._core.tile_corner)
 
     @property
     def pixel_sizes(self) -> tuple[float, ...]:

@@ -74,6 +74,10 @@ class TilingReport:
     """Options that follow from the data, and why."""
 
 
+_Tiles = tuple[float | None, int]
+"""Side of a tile in metres, and number of levels of detail."""
+
+
 @dataclass(frozen=True)
 class TileJob:
     """One tile to learn: all that a worker needs to know."""
@@ -130,6 +134,7 @@ def learn_patches_tiled(
     path: str | os.PathLike[str],
     *,
     tile: float | None = None,
+    details: int = 1,
     max_memory: int = 2 << 30,
     executor: Executor | None = None,
     workers: int = 1,
@@ -157,6 +162,11 @@ def learn_patches_tiled(
     tile
         Side of a tile, metres; rounded to whole squares of the coarsest patches. By default 1536
         pixels, or less where the memory asks for it.
+    details
+        Number of levels of detail, 1 to 3. Each but the last, the finest, has pixels four times as
+        large as the next; they stand in the file before it, and `surfabet.load(path, level=0)`
+        reads the coarsest alone. With more than one, sides of tiles are rounded to squares of the
+        coarsest.
     max_memory
         Memory that all workers may take together, bytes. Tiles are made small enough for it.
     executor
@@ -214,8 +224,9 @@ def learn_patches_tiled(
     _check_recurrence(options)
     path = Path(path)
     _check_memory(max_memory)
+    _check_details(details)
     chunks = chunks_of(source)
-    identity = _identity(chunks, tile, max_memory, workers, options)
+    identity = _identity(chunks, (tile, details), max_memory, workers, options)
     folder = Path(f"{path}.work") if work is None else Path(work)
     with (
         progress_callback(progress) as callback,
@@ -224,7 +235,7 @@ def learn_patches_tiled(
         tell: ProgressCallback = callback or (lambda stage, fraction: None)
         spill = _spilled(chunks, work_folder, tile, options, tell)
         plan, jobs, left_out = _planned(
-            spill, work_folder, tile, max_memory // max(1, workers), options, tell
+            spill, work_folder, (tile, details), max_memory // max(1, workers), options, tell
         )
         n_learned = _learn(jobs, executor, workers, tell)
         report = _written(path, spill, plan, jobs, note, left_out, n_learned)
@@ -254,14 +265,26 @@ def _check_memory(max_memory: int) -> None:
         )
 
 
+def _check_details(details: int) -> None:
+    if not isinstance(details, int) or isinstance(details, bool) or not 1 <= details <= 3:
+        requirement = "from 1 to 3"
+        raise InvalidInputError(
+            f"details is {details!r}, but must be {requirement}",
+            argument="details",
+            value=repr(details),
+            requirement=requirement,
+        )
+
+
 def _identity(
-    chunks: Chunks, tile: float | None, max_memory: int, workers: int, options: Mapping[str, Any]
+    chunks: Chunks, tiles: _Tiles, max_memory: int, workers: int, options: Mapping[str, Any]
 ) -> str:
     """What a run must share with one that was stopped to go on from it."""
     named = {
         "version": _core.__version__,
         "source": chunks.identity,
-        "tile": tile,
+        "tile": tiles[0],
+        "details": tiles[1],
         "max_memory": max_memory,
         "workers": workers,
         "options": {name: repr(value) for name, value in sorted(options.items())},
@@ -348,7 +371,7 @@ def _spilled(
 def _planned(
     spill: Spill,
     folder: Path,
-    tile: float | None,
+    tiles: _Tiles,
     memory: int,
     options: Mapping[str, Any],
     tell: ProgressCallback,
@@ -362,7 +385,7 @@ def _planned(
         plan["bounds"] = plan["bounds"] and tuple(plan["bounds"])
     else:
         tell("plan tiles", 0.3)
-        plan = _plan(spill, bricks, tile, memory, options)
+        plan = _plan(spill, bricks, tiles, memory, options)
         _write_json(known, plan)
     jobs = [
         TileJob(str(folder), cube, tuple(members), plan, dict(options))
@@ -387,7 +410,7 @@ def _scene(spill: Spill, keep_outliers: bool) -> tuple[NDArray[np.int64], int]:
 def _plan(
     spill: Spill,
     bricks: NDArray[np.int64],
-    tile: float | None,
+    tiles: _Tiles,
     memory: int,
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
@@ -407,9 +430,9 @@ def _plan(
         dtype = f"{kind[0]}{8 * int(kind[1:])}"
         ranges.append((name.removeprefix("attribute "), dtype, labels, least, largest, deviation))
     box = (bounds[0].tolist(), bounds[1].tolist())
-    plan = _core.plan_tiles(sample, box, ranges, tile, dict(options), progress=None)
+    plan = _core.plan_tiles(sample, box, ranges, *tiles, dict(options), progress=None)
     del sample
-    return _fitting(spill, bricks, plan, tile, memory)
+    return _fitting(spill, bricks, plan, tiles[0], memory)
 
 
 def _fitting(

@@ -32,6 +32,10 @@ class TileOptions:
     tile: PositiveFloat = None
     """Learn the map in tiles of this side, metres, of which parts can be read alone."""
 
+    details: Annotated[int | None, Parameter(validator=Number(gte=1, lte=3))] = None
+    """Levels of detail of a map in tiles, of which the coarsest can be read alone; pixels of each
+    but the last are four times as large as those of the next. By default 1."""
+
     max_memory: str | None = None
     """Learn in tiles with at most this memory: 2G, 500M. By default all points are in memory at
     once, and with --tile alone 2G."""
@@ -47,7 +51,7 @@ class TileOptions:
     def is_given(self) -> bool:
         """Whether tiles were asked for."""
         if self.tile is None and self.max_memory is None:
-            for name in ("workers", "work"):
+            for name in ("details", "workers", "work"):
                 if getattr(self, name) is not None:
                     raise UsageError(f"{spelled(name)}: needs --tile or --max-memory")
             return False
@@ -88,6 +92,7 @@ def compress_tiles(
     started = time.perf_counter()
     options = {
         "tile": tiles.tile,
+        "details": tiles.details or 1,
         "max_memory": memory_of(tiles.max_memory),
         "work": tiles.work,
         "progress": progress,
