@@ -66,21 +66,27 @@ def tiled(cloud: sb.PointCloud, tile: float | None, **options: object) -> tuple[
 
 
 def overhead(names: list[str]) -> None:
-    """Bytes and error by the side of a tile, beside the map without tiles."""
-    print_header("scene", "tile (m)", "tiles", "bytes", "more", "rmse (mm)", "colour", "CPU s")
+    """Bytes and error by the side of a tile, beside the map without tiles and beside one tile with
+    what all tiles share."""
+    print_header(
+        "scene", "tile (m)", "tiles", "bytes", "to none", "to the first", "rmse (mm)", "CPU s"
+    )
     for name in names:
         cloud = SCENES[name]()
+        cloud = cloud.select(np.setdiff1d(np.arange(len(cloud)), sb.survey(cloud).strays))
         began = cpu_seconds()
         whole = sb.learn_patches(cloud)
         seconds = cpu_seconds() - began
         size = len(whole.to_bytes())
-        row(name, "none", 1, size, size, cloud, whole, seconds)
+        row(name, "none", 1, size, (size, None), cloud, whole, seconds)
         pixel = whole.levels[-1].pixel_size
-        for tile in (None, 16.0, 8.0, 4.0):
-            data, seconds = tiled(cloud, tile, resolution=pixel)
+        first = None
+        for tile in (4096 * pixel, 16.0, 8.0, 4.0):
+            data, seconds = tiled(cloud, tile, resolution=pixel, max_memory=6 << 30)
+            first = first or len(data)
             model = sb.from_bytes(data)
-            side = f"{model.tile_side:.3g}" + ("" if tile else " (default)")
-            row(name, side, len(model.tiles), len(data), size, cloud, model, seconds)
+            side = f"{model.tile_side:.3g}"
+            row(name, side, len(model.tiles), len(data), (size, first), cloud, model, seconds)
 
 
 def row(
@@ -88,15 +94,14 @@ def row(
     tile: str,
     n: int,
     size: int,
-    of: int,
+    of: tuple[int, int | None],
     cloud: sb.PointCloud,
     model: sb.PatchModel | sb.TiledPatchModel,
     seconds: float,
 ) -> None:
     found = sb.evaluate(cloud, model.decode(as_measured=True), normal_neighbors=None)
-    color = "" if found.color_rmse_pooled is None else f"{found.color_rmse_pooled:.2f}"
-    more = f"{size / of - 1:+.1%}"
-    print_row(name, tile, n, f"{size:,}", more, f"{1e3 * found.rmse:.2f}", color, f"{seconds:.0f}")
+    more = ["" if other is None else f"{size / other - 1:+.1%}" for other in of]
+    print_row(name, tile, n, f"{size:,}", *more, f"{1e3 * found.rmse:.2f}", f"{seconds:.0f}")
 
 
 class Counting(io.BytesIO):

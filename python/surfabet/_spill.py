@@ -146,6 +146,7 @@ class SpillWriter:
         self.viewpoints: list[NDArray[np.float64]] = []
         self.n_viewpoints = 0
         self.n_points = 0
+        self.dropped = 0
         self.too_far = 0
         self.crs = first.crs
         self.lost: list[str] = []
@@ -250,6 +251,7 @@ class SpillWriter:
             "lost": self.lost,
             "n_points": self.n_points,
             "too_far": self.too_far,
+            "dropped": self.dropped,
             "crs": self.crs,
             "figures": {
                 name: [f.labels, f.low, f.high, f.deviation]
@@ -278,6 +280,8 @@ class Spill:
     n_points: int
     too_far: int
     """Points that were left out: a million bricks from the first ones."""
+    dropped: int
+    """Points that the readers of the source left out."""
     crs: str | None
     figures: dict[str, list[Any]]
     keys: NDArray[np.int64]
@@ -304,6 +308,7 @@ class Spill:
             lost=about["lost"],
             n_points=about["n_points"],
             too_far=about["too_far"],
+            dropped=about["dropped"],
             crs=about["crs"],
             figures=about["figures"],
             keys=keys,

@@ -382,11 +382,13 @@ def build_cloud(
     notes = Notes(path) if notes is None else notes
     per_point = [colors, intensities, normals, ranges, viewpoint_index]
     extra = dict(extra or {})
-    if origin is None and (empty := no_returns(points, facts)).any():
+    if origin is None:
+        empty = no_returns(points, facts)
         notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(points))
-        points = points[~empty]
-        per_point = [None if column is None else column[~empty] for column in per_point]
-        extra = {name: column[~empty] for name, column in extra.items()}
+        if empty.any():
+            points = points[~empty]
+            per_point = [None if column is None else column[~empty] for column in per_point]
+            extra = {name: column[~empty] for name, column in extra.items()}
     colors, intensities, normals, ranges, viewpoint_index = per_point
     if intensities is not None and intensities.dtype.kind in "iu":
         _note_beyond_single(intensities, notes)
@@ -407,8 +409,7 @@ def build_cloud(
             )
     except InvalidInputError as error:
         raise format_error(path, str(error)) from error
-    if dropped is not None:
-        notes.points(dropped, len(points) - len(cloud))
+    notes.not_finite(len(points) - len(cloud), len(points), dropped)
     notes.warn()
     return cloud
 
@@ -640,19 +641,21 @@ def cloud_from_columns(
     )
 
 
+Part = tuple[Mapping[str, Column], Column | None]
+"""Columns of some points of a file, and the table of their viewpoints where it is known."""
+
+
 def clouds_of_parts(
-    path: Path,
-    parts: Callable[[Notes], Iterator[Mapping[str, Column]]],
-    *,
-    viewpoints: Column | None = None,
+    path: Path, parts: Callable[[Notes], Iterator[Part]], notes: HeldNotes | None = None
 ) -> Iterator[PointCloud]:
-    """The clouds of the parts of a file, which are read twice: first for what is known of all."""
-    facts = Facts.of(parts(HeldNotes(path)))
-    notes = HeldNotes(path)
-    for columns in parts(notes):
-        yield cloud_from_columns(
-            path, columns, viewpoints=viewpoints, notes=notes, facts=facts
-        )
+    """The clouds of the parts of a file, which are read twice: first for what is known of all.
+
+    What is to say, also what `notes` have, is said at the end.
+    """
+    notes = HeldNotes(path) if notes is None else notes
+    facts = Facts.of(columns for columns, _ in parts(HeldNotes(path)))
+    for columns, viewpoints in parts(notes):
+        yield cloud_from_columns(path, columns, viewpoints=viewpoints, notes=notes, facts=facts)
     notes.release()
 
 

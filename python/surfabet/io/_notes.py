@@ -49,6 +49,7 @@ class Notes:
         self.path = path
         self.n_dropped = 0
         self._dropped: list[str] = []
+        self._not_finite = 0, 0
         # By reason, of how many points how many; by remark, of how many points it is made.
         self._left_out: dict[str, tuple[int, int]] = {}
         self._remarks: dict[str, int] = {}
@@ -64,6 +65,15 @@ class Notes:
         self.n_dropped += count
         before, of = self._left_out.get(reason, (0, 0))
         self._left_out[reason] = before + count, of + total
+
+    def not_finite(self, count: int, total: int, said: str | None) -> None:
+        """`count` of `total` points were dropped since their coordinates are not finite; `said` has
+        that and what became of attributes."""
+        self.n_dropped += count
+        before, of = self._not_finite
+        self._not_finite = before + count, of + total
+        if said is not None and (rest := said.split("; ")[1 if count else 0 :]):
+            self.points("; ".join(rest))
 
     def remark(self, text: str, count: int = 0) -> None:
         """What was read in another way than its name says, or has a unit of its own.
@@ -85,6 +95,9 @@ class Notes:
             for reason, (count, total) in self._left_out.items()
             if count
         ]
+        count, total = self._not_finite
+        if count:
+            dropped.append(f"dropped {count} of {total} points with NaN or infinite coordinates")
         dropped += self._dropped
         parts = dropped + [f"{text}: {n:,}" if n else text for text, n in self._remarks.items()]
         if self._aside:

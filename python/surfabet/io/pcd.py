@@ -22,6 +22,7 @@ from surfabet.errors import InvalidInputError
 from surfabet.io._columns import (
     PACKED_COLOR,
     Column,
+    Part,
     add_columns,
     cloud_from_columns,
     clouds_of_parts,
@@ -70,6 +71,11 @@ class _Header:
                 for i, f in enumerate(self.fields)
             ]
         )
+
+    @property
+    def viewpoints(self) -> Column | None:
+        """The sensor's position as a table."""
+        return None if self.viewpoint is None else np.array([self.viewpoint])
 
     def columns(self, by_place: dict[str, Column], notes: Notes) -> dict[str, Column]:
         """A column per value of each field, but of padding; the first field of each name."""
@@ -290,11 +296,10 @@ def read_pcd_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
         header = _checked_header(Lines(path, file), Notes(path))
     if header.encoding == "binary_compressed":
         return None
-    viewpoints = None if header.viewpoint is None else np.array([header.viewpoint])
-    return clouds_of_parts(path, lambda notes: _parts(path, n, notes), viewpoints=viewpoints)
+    return clouds_of_parts(path, lambda notes: _parts(path, n, notes))
 
 
-def _parts(path: Path, n: int, notes: Notes) -> Iterator[dict[str, Column]]:
+def _parts(path: Path, n: int, notes: Notes) -> Iterator[Part]:
     """The columns of a file, at most `n` points at a time."""
     with path.open("rb") as file:
         lines = Lines(path, file)
@@ -305,7 +310,7 @@ def _parts(path: Path, n: int, notes: Notes) -> Iterator[dict[str, Column]]:
                 by_place = _read_ascii(lines, header, start, count)
             else:
                 by_place = _read_binary(file, header, count)
-            yield header.columns(by_place, notes)
+            yield header.columns(by_place, notes), header.viewpoints
 
 
 def read_pcd(path: Path) -> PointCloud:
@@ -352,8 +357,7 @@ def read_pcd(path: Path) -> PointCloud:
         else:
             by_place = _read_compressed(path, file, header)
     columns = header.columns(by_place, notes)
-    viewpoints = None if header.viewpoint is None else np.array([header.viewpoint])
-    return cloud_from_columns(path, columns, viewpoints=viewpoints, notes=notes)
+    return cloud_from_columns(path, columns, viewpoints=header.viewpoints, notes=notes)
 
 
 def _write_columns(cloud: PointCloud) -> tuple[dict[str, Column], str]:

@@ -26,6 +26,7 @@ from surfabet._core import PointCloud
 from surfabet.io._columns import (
     VIEWPOINT_INDEX,
     Column,
+    Part,
     cloud_from_columns,
     clouds_of_parts,
     columns_from_cloud,
@@ -353,13 +354,14 @@ def read_ply_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
         start = file.tell()
     dtype = first.dtype(order)
 
-    def parts(notes: Notes) -> Iterator[dict[str, Column]]:
+    def parts(notes: Notes) -> Iterator[Part]:
         _note_rest(elements, {"vertex"}, notes)
         with path.open("rb") as file:
             file.seek(start)
             for at in range(0, first.count, n):
                 rows = np.fromfile(file, dtype, min(n, first.count - at))
-                yield _splat_colors({p.name: rows[p.name] for p in first.properties}, notes)
+                columns = {p.name: rows[p.name] for p in first.properties}
+                yield _splat_colors(columns, notes), None
 
     return clouds_of_parts(path, parts)
 
