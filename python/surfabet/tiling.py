@@ -25,6 +25,7 @@ from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet._spill import Spill, SpillWriter, check_space
 from surfabet.errors import DroppedPointsWarning, InvalidInputError, LostAttributeWarning
+from surfabet.io._crs import unit_name
 from surfabet.io._notes import counted
 from surfabet.io.chunks import Chunks, chunks_of
 from surfabet.survey import survey
@@ -75,6 +76,10 @@ class TilingReport:
     """Size of the file."""
     chosen: dict[str, tuple[float, str]]
     """Options that follow from the data, and why."""
+    not_kept: tuple[str, ...]
+    """Attributes of the source that the map does not keep; `attributes` names what to keep."""
+    unit: str
+    """Unit of the lengths: `m`, or the one of the source's coordinate reference system."""
 
 
 @dataclass(frozen=True)
@@ -605,6 +610,8 @@ def _written(
         tile=model.tile_side,
         n_bytes=n_bytes,
         chosen=chosen,
+        not_kept=tuple(spill.not_kept),
+        unit="m" if spill.crs is None else unit_name(spill.crs),
     )
 
 

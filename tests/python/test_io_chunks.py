@@ -157,9 +157,7 @@ def test_columns_of_any_name(seed: int, tmp_path: Path) -> None:
     table = ROOM.columns() | columns(random.Random(seed), types=TYPES)
     (tmp_path / "a.ply").write_bytes(made.ply(table))
     assert_chunks(tmp_path / "a.ply", 7)
-    table = ROOM.columns() | columns(
-        random.Random(seed), most_values=4, types=[*TYPES, "u8", "i8"]
-    )
+    table = ROOM.columns() | columns(random.Random(seed), most_values=4, types=[*TYPES, "u8", "i8"])
     viewpoint = "0 0 0 1 0 0 0" if "viewpoint_index" in table else "1 2 3 1 0 0 0"
     (tmp_path / "a.pcd").write_bytes(made.pcd(table, viewpoint=viewpoint))
     assert_chunks(tmp_path / "a.pcd", 7)
@@ -333,11 +331,12 @@ def broken(path: Path, data: bytes) -> tuple[str, str]:
     """What reading the whole and reading chunks say of a file."""
     path.write_bytes(data)
     said = []
-    for read in (lambda: sb.read(path), lambda: list(read_chunks(path, 7))):
-        with warnings.catch_warnings(), pytest.raises(sb.FormatError) as error:
-            warnings.simplefilter("ignore")
-            read()
-        said.append(str(error.value))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for read in (lambda: sb.read(path), lambda: list(read_chunks(path, 7))):
+            with pytest.raises(sb.FormatError) as error:
+                read()
+            said.append(str(error.value))
     return said[0], said[1]
 
 
@@ -416,5 +415,9 @@ def test_counts_add_up(suffix: str, tmp_path: Path) -> None:
     assert report.n_kept == len(points) - 81
     assert sb.load(tmp_path / "a.sfb").n_points == report.n_kept
     said = " ".join(str(one.message) for one in caught)
-    for part in ("dropped 30 of 119,950 points with NaN", "50 of 120,000 points at exactly 0 0 0", "1 points"):
+    for part in (
+        "dropped 30 of 119,950 points with NaN",
+        "50 of 120,000 points at exactly 0 0 0",
+        "1 points",
+    ):
         assert part.replace(",", "") in said.replace(",", "")

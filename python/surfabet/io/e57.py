@@ -7,13 +7,14 @@ columns by the fields of the standard where they have its names, else by an exte
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 import re
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,10 @@ _COLOR_INVALID, _INTENSITY_INVALID = "isColorInvalid", "isIntensityInvalid"
 _STANDARD_INTEGERS = ("rowIndex", "columnIndex", "returnIndex", "returnCount", "isTimeStampInvalid")
 _STANDARD_FLOATS = ("timeStamp",)
 _ATTRIBUTES = {
-    "colors": "colours", "intensities": "intensities", "normals": "normals", "ranges": "ranges"
+    "colors": "colours",
+    "intensities": "intensities",
+    "normals": "normals",
+    "ranges": "ranges",
 }
 _PREFIX = "surfabet"
 _PREFIX_URI = "urn:surfabet:columns"
@@ -304,7 +308,9 @@ def _measured(
         fields = {name: column[valid] for name, column in fields.items()}
     local = _local(fields, is_cartesian)
     empty = no_returns(local)
-    notes.left_out("at exactly 0 0 0 (no returns) in the frame of the scanner", int(empty.sum()), len(local))
+    notes.left_out(
+        "at exactly 0 0 0 (no returns) in the frame of the scanner", int(empty.sum()), len(local)
+    )
     if empty.any():
         local = local[~empty]
         fields = {name: column[~empty] for name, column in fields.items()}
@@ -500,11 +506,11 @@ class _Common:
     """What is known of all scans with points."""
 
     n_scans: int = 0
-    n_with: dict[str, int] = field(default_factory=dict)
+    n_with: dict[str, int] = dataclasses.field(default_factory=dict)
     """How many scans have an attribute."""
-    types: dict[str, np.dtype[Any]] = field(default_factory=dict)
+    types: dict[str, np.dtype[Any]] = dataclasses.field(default_factory=dict)
     """Of extra columns, wide enough for all scans."""
-    facts: NoReturnFacts = field(default_factory=NoReturnFacts)
+    facts: NoReturnFacts = dataclasses.field(default_factory=NoReturnFacts)
 
     def add(self, scan: _Scan) -> None:
         """Adds a scan, if it has points."""
@@ -530,8 +536,8 @@ class _Common:
         for name, what in _ATTRIBUTES.items():
             if self.n_with.get(what, 0) == self.n_scans:
                 given[name] = getattr(scan, name)[part]
-        if "ranges" in given:
-            given["viewpoints"] = np.stack([scan.viewpoint])
+        if "ranges" in given and scan.viewpoint is not None:
+            given["viewpoints"] = scan.viewpoint[None]
             given["viewpoint_index"] = np.zeros(len(given["ranges"]), np.uint32)
         extra: dict[str, Column] = {}
         for name, dtype in self.types.items():

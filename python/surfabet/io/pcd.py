@@ -219,9 +219,7 @@ def _check_body(lines: Lines, header: _Header) -> None:
         _check_room(lines.path, lines.file, f"{n} points take at least", least)
 
 
-def _read_ascii(
-    lines: Lines, header: _Header, start: int, n: int
-) -> dict[str, Column]:
+def _read_ascii(lines: Lines, header: _Header, start: int, n: int) -> dict[str, Column]:
     """The next `n` points, of which the first is number `start`."""
     names: list[tuple[str, str]] = []
     for i, f in enumerate(header.fields):

@@ -62,9 +62,9 @@ class _Tally:
         if self.n_lost == 0:
             return None
         return (
-            f"left out {self.n_lost:,} of {self.n_lost + self.n_seen:,} pixels outside depth_limits="
-            f"({limits[0]:g}, {limits[1]:g}) metres: {self.n_nearer:,} nearer, {self.n_farther:,} "
-            "farther"
+            f"left out {self.n_lost:,} of {self.n_lost + self.n_seen:,} pixels outside "
+            f"depth_limits=({limits[0]:g}, {limits[1]:g}) metres: {self.n_nearer:,} nearer, "
+            f"{self.n_farther:,} farther"
         )
 
 

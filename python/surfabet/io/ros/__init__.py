@@ -103,7 +103,9 @@ def _scans(
 def _drop_no_returns(scan: Scan, notes: Notes) -> None:
     """Leaves out points at exactly 0 0 0, which would become the sensor's position."""
     empty = no_returns(np.stack([scan.columns[axis] for axis in "xyz"], axis=1))
-    notes.left_out("at exactly 0 0 0 (no returns) in the frame of the sensor", int(empty.sum()), len(empty))
+    notes.left_out(
+        "at exactly 0 0 0 (no returns) in the frame of the sensor", int(empty.sum()), len(empty)
+    )
     if empty.any():
         scan.columns = {name: column[~empty] for name, column in scan.columns.items()}
 
