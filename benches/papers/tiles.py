@@ -70,9 +70,7 @@ def tiled(cloud: sb.PointCloud, tile: float | None, **options: object) -> tuple[
 
 
 def overhead(names: list[str]) -> None:
-    """Bytes and error by the side of a tile, beside the map without tiles and beside one tile with
-    what all tiles share, which follows from all points here."""
-    tiling._SAMPLE_POINTS = 1 << 40
+    """Bytes and error by the side of a tile, beside the map without tiles and beside one tile."""
     print_header(
         "scene", "tile (m)", "tiles", "bytes", "to none", "to the first", "rmse (mm)", "CPU s"
     )
@@ -244,6 +242,9 @@ def main() -> None:
     parser.add_argument("--part", choices=("overhead", "query", "memory"), default="overhead")
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=["hall", "building"])
     parser.add_argument("--points", type=float, nargs="+", default=[1e6, 10e6])
+    parser.add_argument(
+        "--plan-by-all", action="store_true", help="what tiles share follows from all points"
+    )
     parser.add_argument("--learned", nargs="+", choices=MODES, default=list(MODES))
     parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -254,6 +255,8 @@ def main() -> None:
         memory([int(n) for n in options.points], options.learned)
         return
     check_data()
+    if options.plan_by_all:
+        tiling._SAMPLE_POINTS = 1 << 40
     {"overhead": overhead, "query": query}[options.part](options.scene)
 
 

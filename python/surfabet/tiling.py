@@ -158,8 +158,8 @@ def learn_patches_tiled(
     ----------
     source
         A file or folder that `surfabet.read` reads, several of these in one frame, a `PointCloud`,
-        or an iterable of clouds. LAS, LAZ, COPC and binary PLY are read in chunks, other files as a
-        whole, one after another.
+        or an iterable of clouds. LAS, LAZ, COPC, binary PLY, PCD, E57, RGB-D frames and ROS bags
+        are read in chunks, other files as a whole, one after another.
     path
         The model file to write (`.sfb`); an existing one is replaced when the new one is complete.
     tile
