@@ -2,6 +2,7 @@
 
     python benches/papers/map_diff.py [--seeds 0 8] [--sensor rgbd|lidar]
     python benches/papers/map_diff.py --part real
+    python benches/papers/map_diff.py --part cut
 
 Rooms of the simulator. Of the things that stand free two are moved, one is taken away and one is
 brought. Both maps are learned from frames of their own, with noise and errors of the poses, and
@@ -13,8 +14,10 @@ when half of its points are on things that changed so. The least area of a chang
 seeds 0 to 6, all other constants on 0 and 1.
 
 The part `real` compares scans of one place with others of it, where nothing changed: each change is
-false. Then the points of one thing on the table are cut from one half of the frames of a kitchen.
-What it hid stays a hole, so that this is not quite a scan of a kitchen without it.
+false. In the part `cut` the points of one thing on the table are taken from one half of the frames
+of a kitchen. What it hid is a hole then, through which no line meets a surface, so that no map can
+say that it looked there. A scan without the thing would show what is behind: so the points are put
+there instead, each along its line of sight onto the plane of the table or of the wall.
 """
 
 from __future__ import annotations
@@ -187,6 +190,9 @@ def one(seed: int, sensor: str) -> list[tuple[str, tuple[int, int, int, int], sb
 TABLE = np.array([0.0, -0.8924, -0.4512]), -0.8022
 """The table of the kitchen: what is up there, and its height along it, metres."""
 
+WALL = np.array([0.0074, -0.4707, 0.8823]), 3.32
+"""The wall behind it likewise: its normal and its place along it."""
+
 THINGS = {
     "a": ([-1.36, -0.28, 1.73], [-1.07, -0.02, 2.13]),
     "b": ([-0.70, -0.41, 2.19], [-0.18, -0.25, 2.38]),
@@ -205,14 +211,29 @@ def of_thing(points: NDArray[np.float64], name: str) -> NDArray[np.bool_]:
     return np.asarray(above & ((points > low - 0.02) & (points < high + 0.02)).all(axis=1))
 
 
-def of_frames(frames: list[sb.PointCloud], without: str | None = None) -> sb.PatchModel:
-    """The map of some frames, perhaps without a thing."""
+def behind(points: NDArray[np.float64], viewpoints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where lines of sight through points end on the table or on the wall."""
+    along = points - viewpoints
+    reach = np.full(len(points), np.inf)
+    for normal, at in (TABLE, WALL):
+        t = (at - viewpoints @ normal) / (along @ normal)
+        reach = np.where(t > 1, np.minimum(reach, t), reach)
+    return viewpoints + np.where(np.isfinite(reach), reach, 1.0)[:, None] * along
+
+
+def of_frames(
+    frames: list[sb.PointCloud], without: str | None = None, fill: bool = False
+) -> sb.PatchModel:
+    """The map of some frames, perhaps without a thing, whose points go or are put behind it."""
     points = np.concatenate([frame.points for frame in frames])
     viewpoints = np.stack([frame.viewpoints[0] for frame in frames])  # type: ignore[index]
     index = np.repeat(np.arange(len(frames), dtype=np.uint32), [len(frame) for frame in frames])
     if without is not None:
-        kept = ~of_thing(points, without)
-        points, index = points[kept], index[kept]
+        thing = of_thing(points, without)
+        if fill:
+            points[thing] = behind(points[thing], viewpoints[index[thing]])
+        else:
+            points, index = points[~thing], index[~thing]
     cloud = sb.PointCloud(points, viewpoints=viewpoints, viewpoint_index=index)
     return sb.learn_patches(cloud, resolution=0.0165)
 
@@ -259,16 +280,22 @@ def real() -> None:
         halls.append(sb.learn_patches(sb.PointCloud(points, viewpoints=at, viewpoint_index=index)))
         sensors.append(at)
     compared("hall, every second scan and the others", halls, sensors)
-    print()
-    print_header("thing cut out", "viewpoints", "its points", "covered", "found", "other changes")
-    even, odd = splits["kitchen, even and odd frames"]
-    before = of_frames(even)
+
+
+def cut() -> None:
+    """A thing that one half of the frames of the kitchen does not show."""
+    print_header("thing", "behind it", "viewpoints", "its points", "covered", "found", "others")
+    frames = read_rgbd(DATA / "rgbd_room", pixel_stride=3, fused=False)
+    even, odd = frames[::2], frames[1::2]
+    before, sensors = of_frames(even), (sensors_of(even), sensors_of(odd))
     for thing in THINGS:
-        cut_out(thing, before, of_frames(odd, thing), (sensors_of(even), sensors_of(odd)))
+        for what, fill in (("a hole", False), ("table or wall", True)):
+            cut_out(thing, what, before, of_frames(odd, thing, fill), sensors)
 
 
 def cut_out(
     thing: str,
+    what: str,
     before: sb.PatchModel,
     after: sb.PatchModel,
     sensors: tuple[NDArray[np.float64], NDArray[np.float64]],
@@ -286,18 +313,20 @@ def cut_out(
             share = float((distance[:, 0] < 0.01).mean())
             right = {g for g in np.unique(group) if of_thing(gone[group == g], thing).mean() >= 0.5}
         found = "yes" if share >= COVERED else "no"
-        print_row(thing, how, f"{len(own):,}", f"{share:.0%}", found, len(changes) - len(right))
+        print_row(
+            thing, what, how, f"{len(own):,}", f"{share:.0%}", found, len(changes) - len(right)
+        )
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", nargs=2, type=int, default=(8, 16))
     parser.add_argument("--sensor", choices=("rgbd", "lidar"), default="rgbd")
-    parser.add_argument("--part", choices=("simulated", "real"), default="simulated")
+    parser.add_argument("--part", choices=("simulated", "real", "cut"), default="simulated")
     options = parser.parse_args(argv)
-    if options.part == "real":
+    if options.part != "simulated":
         check_data()
-        real()
+        {"real": real, "cut": cut}[options.part]()
         return
     print_header(
         "seed", "viewpoints", "things", "found", "changes", "right", "tolerance (m)", "unseen (m2)"
