@@ -25,6 +25,8 @@ from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet._spill import Spill, SpillWriter, check_space
 from surfabet.errors import DroppedPointsWarning, InvalidInputError, LostAttributeWarning
+from surfabet.io._crs import unit_name
+from surfabet.io._notes import counted
 from surfabet.io.chunks import Chunks, chunks_of
 from surfabet.survey import survey
 from surfabet.tiles import merge_tiles, open_tiled
@@ -38,8 +40,8 @@ patches, the rest for reading the points."""
 BASE_MEMORY = 200 << 20
 """Memory beside that of the points: the interpreter, its packages, and a chunk of the source."""
 
-_BRICK_SPACINGS = 1200
-"""Side of a brick in spacings of the points: a quarter of a tile with the default pixels."""
+_BRICK_SPACINGS = 300
+"""Side of a brick in spacings of the points: a sixteenth of a tile with the default pixels."""
 
 _SAMPLE_POINTS = 3_000_000
 """Points that what all tiles share is measured of, about."""
@@ -57,11 +59,13 @@ class TilingReport:
     """How a map in tiles came about."""
 
     n_points: int
-    """Points of the source."""
+    """Points of the source: `n_kept`, `left_out` and `dropped` together."""
     n_kept: int
     """Points of all tiles."""
     left_out: int
     """Points far from all others, which are no part of the map."""
+    dropped: int
+    """Points that readers leave out, as those with NaN coordinates and beams that met nothing."""
     n_tiles: int
     n_learned: int
     """Cubes that this run learned, also those that turned out to have no tile; the others were
@@ -72,6 +76,10 @@ class TilingReport:
     """Size of the file."""
     chosen: dict[str, tuple[float, str]]
     """Options that follow from the data, and why."""
+    not_kept: tuple[str, ...]
+    """Attributes of the source that the map does not keep; `attributes` names what to keep."""
+    unit: str
+    """Unit of the lengths: `m`, or the one of the source's coordinate reference system."""
 
 
 _Tiles = tuple[float | None, int]
@@ -155,8 +163,8 @@ def learn_patches_tiled(
     ----------
     source
         A file or folder that `surfabet.read` reads, several of these in one frame, a `PointCloud`,
-        or an iterable of clouds. LAS, LAZ, COPC and binary PLY are read in chunks, other files as a
-        whole, one after another.
+        or an iterable of clouds. LAS, LAZ, COPC, binary PLY, PCD, E57, RGB-D frames and ROS bags
+        are read in chunks, other files as a whole, one after another.
     path
         The model file to write (`.sfb`); an existing one is replaced when the new one is complete.
     tile
@@ -340,6 +348,20 @@ def _spilled(
     """All points on disk: those that are there already, or else from the source."""
     if Spill.is_finished(folder):
         return Spill.open(folder)
+    with counted() as dropped:
+        writer = _written_points(chunks, folder, tile, options, tell)
+    writer.dropped = dropped.n
+    return writer.finish()
+
+
+def _written_points(
+    chunks: Chunks,
+    folder: Path,
+    tile: float | None,
+    options: Mapping[str, Any],
+    tell: ProgressCallback,
+) -> SpillWriter:
+    """All points of the source on disk."""
     named = options.get("attributes")
     writer: SpillWriter | None = None
     n_read = 0
@@ -362,7 +384,7 @@ def _spilled(
             tell("read points", 0.3 * min(1.0, n_read / known) if known else 0.0)
         if writer is None:
             raise InvalidInputError("the source has no points; a map needs at least one")
-        return writer.finish()
+        return writer
     finally:
         if writer is not None:
             writer.close()
@@ -417,10 +439,11 @@ def _plan(
     low = spill.corners(bricks)
     bounds = (low.min(axis=0), low.max(axis=0) + spill.side)
     origin = np.rint((bounds[0] + bounds[1]) / 2)
-    n_points = int(spill.counts[bricks].sum())
     most = min(_SAMPLE_POINTS, (memory - BASE_MEMORY) // BYTES_PER_POINT)
-    stride = max(1, -(-n_points // max(1, most)))
-    sample = spill.read(bricks[::stride].tolist(), origin.tolist())
+    # At random: every n-th one would be those of one height in places.
+    mixed = np.random.default_rng(0).permutation(bricks)
+    n_sampled = int(np.searchsorted(np.cumsum(spill.counts[mixed]), most, side="right"))
+    sample = spill.read(mixed[: max(1, n_sampled)].tolist(), origin.tolist())
     if len(sample) > 2 * most:
         # One brick may have more points than the memory: then it is a sample of its own.
         sample = sample.select(np.arange(2 * most))
@@ -601,14 +624,17 @@ def _written(
     path.parent.mkdir(parents=True, exist_ok=True)
     n_bytes = model.save(path, note=(note or said)[:1000])
     return TilingReport(
-        n_points=spill.n_points + spill.too_far,
+        n_points=spill.n_points + spill.too_far + spill.dropped,
         n_kept=model.n_points,
         left_out=left_out + spill.too_far,
+        dropped=spill.dropped,
         n_tiles=len(model.tiles),
         n_learned=n_learned,
         tile=model.tile_side,
         n_bytes=n_bytes,
         chosen=chosen,
+        not_kept=tuple(spill.not_kept),
+        unit="m" if spill.crs is None else unit_name(spill.crs),
     )
 
 

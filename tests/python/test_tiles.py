@@ -690,3 +690,41 @@ def test_the_command_line_learns_and_reads_parts(
     assert "index of the tiles" in out
     assert "side of a tile (m)" in out
     assert main(["evaluate", source, path]) in (None, 0)
+
+
+def wall(path: Path, crs: str = "") -> Path:
+    """A LAS file of a wall, with classes, in the units of a reference system."""
+    laspy = pytest.importorskip("laspy")
+    u, v = np.meshgrid(np.arange(0, 2, 0.01), np.arange(0, 1, 0.01))
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, 0.001)
+    if crs:
+        header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", crs.encode() + b"\0"))
+    data = laspy.LasData(header)
+    data.x, data.y, data.z = u.ravel(), 1 + 0 * u.ravel(), v.ravel()
+    data.classification = np.full(u.size, 6)
+    data.return_number = data.number_of_returns = np.ones(u.size, np.uint8)
+    data.write(str(path))
+    return path
+
+
+FOOT = 'PROJCS["a",UNIT["US survey foot",0.304800609601219]]'
+
+
+@pytest.mark.parametrize(("crs", "unit"), [("", "m"), (FOOT, "ft")])
+def test_the_command_line_names_units_and_what_is_not_kept(
+    crs: str, unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("lazrs")
+    source, path = str(wall(tmp_path / "a.las", crs)), str(tmp_path / "a.sfb")
+    arguments = ["compress", source, path, "--tile", "1.28", "--resolution", "0.02"]
+    assert main(arguments) in (None, 0)
+    told = capsys.readouterr()
+    assert f"of 1.28 {unit}," in told.out
+    said = " ".join(told.err.split())
+    assert "does not keep classification" in said
+    assert ("US survey foot" in said) == bool(crs)
+    assert main([*arguments, "--attributes", "classification"]) in (None, 0)
+    assert "does not keep" not in capsys.readouterr().err
+    report = sb.learn_patches_tiled(source, path, tile=1.28, resolution=0.02)
+    assert (report.not_kept, report.unit) == (("classification",), unit)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -122,7 +123,14 @@ def tell(
     json: bool,
     quiet: bool,
 ) -> None:
-    """Prints what came out."""
+    """Prints what came out, and names what was lost."""
+    if report.not_kept:
+        lost = ", ".join(report.not_kept)
+        warnings.warn(
+            f"{output}: the map does not keep {lost}; --attributes names what to keep",
+            surfabet.LostAttributeWarning,
+            stacklevel=1,
+        )
     if json:
         print_json(
             {
@@ -137,6 +145,7 @@ def tell(
             print(f"{source}: by the data: {option.replace('_', '-')} {value:.6g} ({why})")
         tiles = "tile" if report.n_tiles == 1 else "tiles"
         print(
-            f"{output}: {report.n_points:,} points, {report.n_tiles} {tiles} of {report.tile:g} m, "
+            f"{output}: {report.n_points:,} points, {report.n_tiles} {tiles} of "
+            f"{report.tile:g} {report.unit}, "
             f"{bytes_text(report.n_bytes)}, {seconds['learn']:.1f} s"
         )
