@@ -17,6 +17,7 @@ from surfabet.diff import Change, Changes, diff
 from surfabet.errors import (
     DroppedPointsWarning,
     FormatError,
+    FrameWarning,
     IncompleteModelWarning,
     IncompleteReadWarning,
     InvalidInputError,
@@ -82,6 +83,7 @@ __all__ = [
     "FileInfo",
     "FormatError",
     "FoundOccurrence",
+    "FrameWarning",
     "GasModel",
     "HscsmDictionary",
     "HscsmModel",

@@ -146,9 +146,11 @@ class SpillWriter:
         self.viewpoints: list[NDArray[np.float64]] = []
         self.n_viewpoints = 0
         self.n_points = 0
+        self.dropped = 0
         self.too_far = 0
         self.crs = first.crs
         self.lost: list[str] = []
+        self.not_kept: list[str] = []
         self._pages: list[NDArray[np.int64]] = []
         self._written = 0
         self._file = (folder / _POINTS).open("wb")
@@ -168,6 +170,11 @@ class SpillWriter:
         if not len(cloud):
             return
         check_space(self.folder, len(cloud) * self.record.itemsize)
+        for name in cloud.attributes:
+            # Sides of surfaces follow from these, and are kept.
+            is_used = name in self.names or name in ("normals", "ranges", "viewpoints")
+            if not is_used and name not in self.not_kept:
+                self.not_kept.append(name)
         known = {column.name for column in self.columns}
         for column in _columns_of(cloud, self.names):
             if column.name not in known:
@@ -248,8 +255,10 @@ class SpillWriter:
             "base": self.base.tolist(),
             "columns": [[c.name, c.dtype, c.width] for c in self.columns],
             "lost": self.lost,
+            "not_kept": self.not_kept,
             "n_points": self.n_points,
             "too_far": self.too_far,
+            "dropped": self.dropped,
             "crs": self.crs,
             "figures": {
                 name: [f.labels, f.low, f.high, f.deviation]
@@ -275,9 +284,13 @@ class Spill:
     columns: list[Column]
     lost: list[str]
     """Columns that some chunk did not have."""
+    not_kept: list[str]
+    """Attributes of the source that no column is of."""
     n_points: int
     too_far: int
     """Points that were left out: a million bricks from the first ones."""
+    dropped: int
+    """Points that the readers of the source left out."""
     crs: str | None
     figures: dict[str, list[Any]]
     keys: NDArray[np.int64]
@@ -302,8 +315,10 @@ class Spill:
             base=np.array(about["base"], np.int64),
             columns=[Column(*column) for column in about["columns"]],
             lost=about["lost"],
+            not_kept=about["not_kept"],
             n_points=about["n_points"],
             too_far=about["too_far"],
+            dropped=about["dropped"],
             crs=about["crs"],
             figures=about["figures"],
             keys=keys,

@@ -69,3 +69,7 @@ class IncompleteModelWarning(UserWarning):
 
 class UnitWarning(UserWarning):
     """Coordinates look as if their unit was another than the metre."""
+
+
+class FrameWarning(UserWarning):
+    """Two things that are to be in one frame are so far apart that they are perhaps not."""

@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -14,7 +15,12 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import DroppedPointsWarning, InvalidInputError, InvalidTypeError
+from surfabet.errors import (
+    DroppedPointsWarning,
+    FrameWarning,
+    InvalidInputError,
+    InvalidTypeError,
+)
 from surfabet.model import MAX_POINTS, Box, Model, corners
 
 __all__ = ["TiledPatchModel", "Tiles", "merge_tiles"]
@@ -38,6 +44,39 @@ class Tiles:
         return len(self.points)
 
 
+@dataclass(frozen=True, slots=True)
+class _PartOf:
+    """The file that a part of a map was read from."""
+
+    path: Path
+    n_tiles: int
+    """Tiles that were read."""
+
+    def check(self, target: Path) -> None:
+        """Refuses to write over the file when it has tiles that were not read.
+
+        Raises
+        ------
+        InvalidInputError
+            With their number and what to do.
+        """
+        if not (target.exists() and self.path.exists() and target.samefile(self.path)):
+            return
+        size = target.stat().st_size
+        whole = open_tiled(
+            target, box=None, level=None, max_items=1 << 40, max_bytes=8 * size + (1 << 30)
+        )
+        n = 0 if whole is None else len(whole.tiles)
+        if n > self.n_tiles:
+            raise InvalidInputError(
+                f"path is {str(target)!r}, of which only {self.n_tiles} of {n} tiles were loaded; "
+                "the others would be lost: write to another file, or load the whole map",
+                argument="path",
+                value=repr(str(target)),
+                requirement="another file than the one that a part was loaded from",
+            )
+
+
 @final
 class TiledPatchModel(Model[_core.TiledPatchModel]):
     """A cloud as surface patches in tiles, with thickness and attributes; immutable.
@@ -48,7 +87,11 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
     attributes and normals of points beside the patches are those of each tile by itself.
     """
 
-    __slots__ = ()
+    __slots__ = ("_read_from",)
+
+    def __init__(self, core: _core.TiledPatchModel, read_from: _PartOf | None = None) -> None:
+        super().__init__(core)
+        self._read_from = read_from
 
     def decode(
         self,
@@ -120,28 +163,49 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
         Raises
         ------
         InvalidInputError
-            For a scan without what it needs, or without points; for a map of an older file, which
-            does not say how its tiles were learned, and for one with `max_error` or
-            `max_error_forward`, which cannot be kept without the points.
+            For a scan without what it needs, or without points, or so far from the map that one
+            lattice cannot hold both; for a map of an older file, which does not say how its tiles
+            were learned, for one that was loaded with one of several levels of detail or with a
+            box of it, and for one with `max_error` or `max_error_forward`, which cannot be kept
+            without the points.
 
         Warns
         -----
         DroppedPointsWarning
             Points far from all others of the scan are no part of the map.
+        FrameWarning
+            More than a tile lies between the scan and the map, which are perhaps not in one frame.
         """
-        with progress_callback(progress) as callback:
-            core, _, left_out = self._core.update(cloud, alone=alone, progress=callback)
+        apart = _distance(self, cloud)
+        is_apart = apart > self.tile_side
+        try:
+            with progress_callback(progress) as callback:
+                core, _, left_out = self._core.update(cloud, alone=alone, progress=callback)
+        except InvalidInputError as error:
+            if not is_apart or error.argument is not None:
+                raise
+            raise InvalidInputError(f"cloud {_lies_apart(apart)}: {error}") from None
+        if is_apart:
+            warnings.warn(f"the scan {_lies_apart(apart)}", FrameWarning, stacklevel=2)
         if left_out:
             warnings.warn(
                 f"{left_out:,} points are far from all others and no part of the map",
                 DroppedPointsWarning,
                 stacklevel=2,
             )
-        return TiledPatchModel(core)
+        return TiledPatchModel(core, self._read_from)
 
     def save(self, path: str | os.PathLike[str], *, note: str = "") -> int:
         """As `Model.save`. Of a model that was loaded with a box, the tiles that were read are
-        written, whole."""
+        written, whole.
+
+        Raises
+        ------
+        InvalidInputError
+            For the file that a part was loaded from, which would lose its other tiles.
+        """
+        if self._read_from is not None:
+            self._read_from.check(Path(path))
         return self._core.save_tiles(os.fspath(path), note)
 
     @property
@@ -158,6 +222,12 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
     def tile_side(self) -> float:
         """Side of a tile, metres."""
         return self._core.tile_side
+
+    @property
+    def tile_corner(self) -> NDArray[np.float64]:
+        """Lowest corner of the cube (0, 0, 0), (3,), metres along the axes of the lattice from
+        `origin`."""
+        return np.array(self._core.tile_corner)
 
     @property
     def pixel_sizes(self) -> tuple[float, ...]:
@@ -197,6 +267,23 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
         )
 
 
+def _distance(model: TiledPatchModel, cloud: PointCloud) -> float:
+    """Distance between the boxes about a map and about a cloud, metres."""
+    tiles, bounds = model.tiles.bounds, cloud.bounds
+    if bounds is None or not len(tiles):
+        return 0.0
+    low, high = tiles[:, 0].min(axis=0), tiles[:, 1].max(axis=0)
+    gap = np.maximum(np.array(bounds[0]) - high, low - np.array(bounds[1]))
+    return float(np.linalg.norm(np.maximum(gap, 0)))
+
+
+def _lies_apart(distance: float) -> str:
+    return (
+        f"lies {distance:,.0f} m from the map; if it is in a frame of its own, put it into that of "
+        "the map first, by the pose that locate finds or the sensor gives"
+    )
+
+
 def _level(level: int | None) -> int | None:
     if level is not None and (isinstance(level, bool) or not isinstance(level, int) or level < 0):
         raise InvalidInputError(
@@ -231,7 +318,26 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
         raise InvalidInputError("models is empty, but must be one map in tiles or more")
     with progress_callback(progress) as callback:
         cores = [model._core for model in models]
-        return TiledPatchModel(_core.merge_tiles(cores, progress=callback))
+        try:
+            return TiledPatchModel(_core.merge_tiles(cores, progress=callback))
+        except InvalidInputError as error:
+            if not (old := [i for i, core in enumerate(cores) if not _has_plan(core)]):
+                raise
+            which = ", ".join(map(str, old))
+            raise InvalidInputError(
+                f"models[{which}] does not say how its tiles were learned, since it was made "
+                "before maps kept that: learn it again from its scans, or decode it as measured "
+                "and add that to another with update",
+                argument="models",
+                value=f"maps without a plan at {which}",
+                requirement="maps that say how their tiles were learned",
+            ) from error
+
+
+def _has_plan(core: _core.TiledPatchModel) -> bool:
+    """Whether a map says how its tiles were learned."""
+    sections = _core.inspect(core.to_bytes(), max_items=1 << 40, max_bytes=1 << 40)[3]
+    return "how tiles are learned" in dict(sections)
 
 
 def open_tiled(
@@ -256,4 +362,9 @@ def open_tiled(
             return data
 
         core = _core.open_tiles_of(read, size, **options)
-    return None if core is None else TiledPatchModel(core)
+    if core is None:
+        return None
+    model = TiledPatchModel(core)
+    if (box is None and level is None) or not isinstance(source, str | os.PathLike):
+        return model
+    return TiledPatchModel(core, _PartOf(Path(source), len(model.tiles)))

@@ -25,6 +25,8 @@ from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet._spill import Spill, SpillWriter, check_space
 from surfabet.errors import DroppedPointsWarning, InvalidInputError, LostAttributeWarning
+from surfabet.io._crs import unit_name
+from surfabet.io._notes import counted
 from surfabet.io.chunks import Chunks, chunks_of
 from surfabet.survey import survey
 from surfabet.tiles import merge_tiles, open_tiled
@@ -38,8 +40,8 @@ patches, the rest for reading the points."""
 BASE_MEMORY = 200 << 20
 """Memory beside that of the points: the interpreter, its packages, and a chunk of the source."""
 
-_BRICK_SPACINGS = 1200
-"""Side of a brick in spacings of the points: a quarter of a tile with the default pixels."""
+_BRICK_SPACINGS = 300
+"""Side of a brick in spacings of the points: a sixteenth of a tile with the default pixels."""
 
 _SAMPLE_POINTS = 3_000_000
 """Points that what all tiles share is measured of, about."""
@@ -57,11 +59,13 @@ class TilingReport:
     """How a map in tiles came about."""
 
     n_points: int
-    """Points of the source."""
+    """Points of the source: `n_kept`, `left_out` and `dropped` together."""
     n_kept: int
     """Points of all tiles."""
     left_out: int
     """Points far from all others, which are no part of the map."""
+    dropped: int
+    """Points that readers leave out, as those with NaN coordinates and beams that met nothing."""
     n_tiles: int
     n_learned: int
     """Cubes that this run learned, also those that turned out to have no tile; the others were
@@ -72,6 +76,14 @@ class TilingReport:
     """Size of the file."""
     chosen: dict[str, tuple[float, str]]
     """Options that follow from the data, and why."""
+    not_kept: tuple[str, ...]
+    """Attributes of the source that the map does not keep; `attributes` names what to keep."""
+    unit: str
+    """Unit of the lengths: `m`, or the one of the source's coordinate reference system."""
+
+
+_Tiles = tuple[float | None, int]
+"""Side of a tile in metres, and number of levels of detail."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +142,7 @@ def learn_patches_tiled(
     path: str | os.PathLike[str],
     *,
     tile: float | None = None,
+    details: int = 1,
     max_memory: int = 2 << 30,
     executor: Executor | None = None,
     workers: int = 1,
@@ -150,13 +163,18 @@ def learn_patches_tiled(
     ----------
     source
         A file or folder that `surfabet.read` reads, several of these in one frame, a `PointCloud`,
-        or an iterable of clouds. LAS, LAZ, COPC and binary PLY are read in chunks, other files as a
-        whole, one after another.
+        or an iterable of clouds. LAS, LAZ, COPC, binary PLY, PCD, E57, RGB-D frames and ROS bags
+        are read in chunks, other files as a whole, one after another.
     path
         The model file to write (`.sfb`); an existing one is replaced when the new one is complete.
     tile
         Side of a tile, metres; rounded to whole squares of the coarsest patches. By default 1536
         pixels, or less where the memory asks for it.
+    details
+        Number of levels of detail, 1 to 3. Each but the last, the finest, has pixels four times as
+        large as the next; they stand in the file before it, and `surfabet.load(path, level=0)`
+        reads the coarsest alone. With more than one, sides of tiles are rounded to squares of the
+        coarsest.
     max_memory
         Memory that all workers may take together, bytes. Tiles are made small enough for it.
     executor
@@ -214,8 +232,9 @@ def learn_patches_tiled(
     _check_recurrence(options)
     path = Path(path)
     _check_memory(max_memory)
+    _check_details(details)
     chunks = chunks_of(source)
-    identity = _identity(chunks, tile, max_memory, workers, options)
+    identity = _identity(chunks, (tile, details), max_memory, workers, options)
     folder = Path(f"{path}.work") if work is None else Path(work)
     with (
         progress_callback(progress) as callback,
@@ -224,7 +243,7 @@ def learn_patches_tiled(
         tell: ProgressCallback = callback or (lambda stage, fraction: None)
         spill = _spilled(chunks, work_folder, tile, options, tell)
         plan, jobs, left_out = _planned(
-            spill, work_folder, tile, max_memory // max(1, workers), options, tell
+            spill, work_folder, (tile, details), max_memory // max(1, workers), options, tell
         )
         n_learned = _learn(jobs, executor, workers, tell)
         report = _written(path, spill, plan, jobs, note, left_out, n_learned)
@@ -254,14 +273,26 @@ def _check_memory(max_memory: int) -> None:
         )
 
 
+def _check_details(details: int) -> None:
+    if not isinstance(details, int) or isinstance(details, bool) or not 1 <= details <= 3:
+        requirement = "from 1 to 3"
+        raise InvalidInputError(
+            f"details is {details!r}, but must be {requirement}",
+            argument="details",
+            value=repr(details),
+            requirement=requirement,
+        )
+
+
 def _identity(
-    chunks: Chunks, tile: float | None, max_memory: int, workers: int, options: Mapping[str, Any]
+    chunks: Chunks, tiles: _Tiles, max_memory: int, workers: int, options: Mapping[str, Any]
 ) -> str:
     """What a run must share with one that was stopped to go on from it."""
     named = {
         "version": _core.__version__,
         "source": chunks.identity,
-        "tile": tile,
+        "tile": tiles[0],
+        "details": tiles[1],
         "max_memory": max_memory,
         "workers": workers,
         "options": {name: repr(value) for name, value in sorted(options.items())},
@@ -317,6 +348,20 @@ def _spilled(
     """All points on disk: those that are there already, or else from the source."""
     if Spill.is_finished(folder):
         return Spill.open(folder)
+    with counted() as dropped:
+        writer = _written_points(chunks, folder, tile, options, tell)
+    writer.dropped = dropped.n
+    return writer.finish()
+
+
+def _written_points(
+    chunks: Chunks,
+    folder: Path,
+    tile: float | None,
+    options: Mapping[str, Any],
+    tell: ProgressCallback,
+) -> SpillWriter:
+    """All points of the source on disk."""
     named = options.get("attributes")
     writer: SpillWriter | None = None
     n_read = 0
@@ -339,7 +384,7 @@ def _spilled(
             tell("read points", 0.3 * min(1.0, n_read / known) if known else 0.0)
         if writer is None:
             raise InvalidInputError("the source has no points; a map needs at least one")
-        return writer.finish()
+        return writer
     finally:
         if writer is not None:
             writer.close()
@@ -348,7 +393,7 @@ def _spilled(
 def _planned(
     spill: Spill,
     folder: Path,
-    tile: float | None,
+    tiles: _Tiles,
     memory: int,
     options: Mapping[str, Any],
     tell: ProgressCallback,
@@ -362,7 +407,7 @@ def _planned(
         plan["bounds"] = plan["bounds"] and tuple(plan["bounds"])
     else:
         tell("plan tiles", 0.3)
-        plan = _plan(spill, bricks, tile, memory, options)
+        plan = _plan(spill, bricks, tiles, memory, options)
         _write_json(known, plan)
     jobs = [
         TileJob(str(folder), cube, tuple(members), plan, dict(options))
@@ -387,17 +432,18 @@ def _scene(spill: Spill, keep_outliers: bool) -> tuple[NDArray[np.int64], int]:
 def _plan(
     spill: Spill,
     bricks: NDArray[np.int64],
-    tile: float | None,
+    tiles: _Tiles,
     memory: int,
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
     low = spill.corners(bricks)
     bounds = (low.min(axis=0), low.max(axis=0) + spill.side)
     origin = np.rint((bounds[0] + bounds[1]) / 2)
-    n_points = int(spill.counts[bricks].sum())
     most = min(_SAMPLE_POINTS, (memory - BASE_MEMORY) // BYTES_PER_POINT)
-    stride = max(1, -(-n_points // max(1, most)))
-    sample = spill.read(bricks[::stride].tolist(), origin.tolist())
+    # At random: every n-th one would be those of one height in places.
+    mixed = np.random.default_rng(0).permutation(bricks)
+    n_sampled = int(np.searchsorted(np.cumsum(spill.counts[mixed]), most, side="right"))
+    sample = spill.read(mixed[: max(1, n_sampled)].tolist(), origin.tolist())
     if len(sample) > 2 * most:
         # One brick may have more points than the memory: then it is a sample of its own.
         sample = sample.select(np.arange(2 * most))
@@ -407,9 +453,9 @@ def _plan(
         dtype = f"{kind[0]}{8 * int(kind[1:])}"
         ranges.append((name.removeprefix("attribute "), dtype, labels, least, largest, deviation))
     box = (bounds[0].tolist(), bounds[1].tolist())
-    plan = _core.plan_tiles(sample, box, ranges, tile, dict(options), progress=None)
+    plan = _core.plan_tiles(sample, box, ranges, *tiles, dict(options), progress=None)
     del sample
-    return _fitting(spill, bricks, plan, tile, memory)
+    return _fitting(spill, bricks, plan, tiles[0], memory)
 
 
 def _fitting(
@@ -578,14 +624,17 @@ def _written(
     path.parent.mkdir(parents=True, exist_ok=True)
     n_bytes = model.save(path, note=(note or said)[:1000])
     return TilingReport(
-        n_points=spill.n_points + spill.too_far,
+        n_points=spill.n_points + spill.too_far + spill.dropped,
         n_kept=model.n_points,
         left_out=left_out + spill.too_far,
+        dropped=spill.dropped,
         n_tiles=len(model.tiles),
         n_learned=n_learned,
         tile=model.tile_side,
         n_bytes=n_bytes,
         chosen=chosen,
+        not_kept=tuple(spill.not_kept),
+        unit="m" if spill.crs is None else unit_name(spill.crs),
     )
 
 

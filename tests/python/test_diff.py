@@ -112,6 +112,12 @@ def test_maps_of_other_methods_and_in_tiles(
     assert "has no tiles" in capsys.readouterr().err
     (tmp_path / "poses.txt").write_text("1 2\n")
     assert main([*arguments, "--viewpoints-a", str(tmp_path / "poses.txt")]) == 2
+    assert "--viewpoints-a" in capsys.readouterr().err
+    missing = str(tmp_path / "missing.txt")
+    assert main([*arguments, "--viewpoints-b", missing]) == 2
+    said = capsys.readouterr().err
+    assert "--viewpoints-b" in said
+    assert "missing.txt: there is no such file" in said.replace("\n", "")
 
 
 def test_what_options_must_be(maps: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -238,6 +239,64 @@ def test_files_without_the_plan_are_read_but_not_learned_on(
     assert same(old.decode(), west.decode())
     with pytest.raises(InvalidInputError, match="how its tiles were learned"):
         old.update(cloud)
+
+
+def test_maps_without_the_plan_are_named_when_they_are_merged(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud
+) -> None:
+    old = sb.from_bytes(without_section(west.to_bytes(), "plan"))
+    with pytest.raises(InvalidInputError, match=r"models\[1\] does not say .* learn it again"):
+        sb.merge_tiles([west, old])
+
+
+def moved(cloud: sb.PointCloud, shift: list[float]) -> sb.PointCloud:
+    return sb.PointCloud(
+        cloud.points + shift,
+        colors=cloud.colors,
+        intensities=cloud.intensities,
+        extra={"label": cloud["label"]},
+    )
+
+
+def test_scans_in_another_frame_are_told_by_their_distance(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud
+) -> None:
+    bounds = west.tiles.bounds
+    near = moved(cloud, [bounds[:, 1, 0].max() - cloud.points[:, 0].min() + 0.9 * TILE, 0, 0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        west.update(near)
+    apart = 300 - np.ptp(bounds[..., 0])
+    with pytest.warns(sb.FrameWarning, match=r"lies (29\d) m from the map; .* locate") as warned:
+        west.update(moved(cloud, [300.0, 0, 0]))
+    (said,) = (str(one.message) for one in warned if one.category is sb.FrameWarning)
+    assert abs(int(said.split()[3]) - apart) < 5
+    with pytest.raises(InvalidInputError, match=r"cloud lies 999,99\d m from the map.*spans"):
+        west.update(moved(cloud, [1e6, 0, 0]))
+
+
+def test_a_part_does_not_replace_the_map_that_it_is_of(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    path = tmp_path / "map.sfb"
+    west.save(path)
+    data = path.read_bytes()
+    low, high = west.tiles.bounds[0]
+    part_of = sb.load(path, box=(low, (low + high) / 2))
+    assert isinstance(part_of, sb.TiledPatchModel)
+    assert len(part_of.tiles) < len(west.tiles)
+    (tmp_path / "link.sfb").symlink_to(path)
+    for target in (path, str(path), tmp_path / "link.sfb"):
+        with pytest.raises(InvalidInputError, match=r"of 12 tiles were loaded.*another file"):
+            part_of.save(target)
+        with pytest.raises(InvalidInputError, match="tiles were loaded"):
+            part_of.update(part(cloud, 0, EAST)).save(target)
+    assert path.read_bytes() == data
+    part_of.save(tmp_path / "part.sfb")
+    assert len(sb.load(tmp_path / "part.sfb").tiles) == len(part_of.tiles)
+    # A box about all of it leaves nothing out.
+    sb.load(path, box=([-1e5] * 3, [1e5] * 3)).save(path)
+    assert sb.load(path) == west
 
 
 def test_the_plan_is_as_the_page_has_it(west: sb.TiledPatchModel) -> None:

@@ -21,9 +21,9 @@ from surfabet.cli import main
 from surfabet.errors import FormatError, InvalidInputError
 from test_format import Fields, sections
 
-FEATURES = 1 << 1 | 1 << 3 | 1 << 11
-"""Features of the page: a lattice, attributes, predicted from those beside."""
-TILED = FEATURES | 1 << 7
+TILED = 1 << 1 | 1 << 3 | 1 << 7 | 1 << 11 | 1 << 12
+"""Features of the page: a lattice, attributes, tiles, whole numbers, corrected at borders."""
+GOLDEN = Path(__file__).parents[1] / "golden"
 
 PIXEL = 0.02
 TILE = 1.28
@@ -279,8 +279,9 @@ def test_what_boxes_and_levels_must_be(
 
 
 def across(model: sb.TiledPatchModel, again: sb.PointCloud) -> tuple[Any, Any]:
-    """Steps of depth (m) and of colour from points on the floor of the room to the nearest ones
-    half a pixel further along an axis of the lattice: over borders of tiles, and inside."""
+    """Steps of depth (m), of colour and of intensity from points on the floor of the room to the
+    nearest ones half a pixel further along an axis of the lattice: over borders of tiles, and
+    inside."""
     local = (again.points - model.origin) @ model.rotation
     cubes = np.floor(local / PIXEL).astype(int)
     vertical = int(np.argmax(np.abs(model.rotation[2])))
@@ -298,13 +299,15 @@ def across(model: sb.TiledPatchModel, again: sb.PointCloud) -> tuple[Any, Any]:
         near = distance < 0.2 * PIXEL
         first, second = own[near], own[nearest[near]]
         # The borders are where most points change their tile: known by the corner of the cubes.
-        offset = corner(model)[axis]
+        offset = round(model.tile_corner[axis] / PIXEL)
         crosses = (cubes[first, axis] - offset) // side != (cubes[second, axis] - offset) // side
         depth = np.abs(local[first, vertical] - local[second, vertical])
         color = np.abs(again.colors[first].astype(float) - again.colors[second]).mean(axis=1)
+        intensity = np.abs(again.intensities[first] - again.intensities[second])
         for which in (True, False):
             chosen = crosses == which
-            found[which].append(np.column_stack([depth[chosen], color[chosen]]))
+            steps = np.column_stack([depth, color, intensity])
+            found[which].append(steps[chosen])
     return tuple(np.concatenate(found[which]) for which in (True, False))
 
 
@@ -319,19 +322,11 @@ class Page(Fields):
         return [self.f64() for _ in range(n)]
 
 
-def corner(model: sb.TiledPatchModel) -> Any:
-    """Lowest corner of cube (0, 0, 0), finest pixels, from the header of the file."""
-    fields = Page(sections(model.to_bytes(), TILED)["META"])
-    read_details(fields)
-    fields.varint()
-    return [fields.varint() for _ in range(3)]
-
-
 def read_details(fields: Any) -> list[dict[str, Any]]:
     """The levels of detail of the page (5.7), of a file with attributes."""
     details = []
     for _ in range(fields.varint()):
-        detail: dict[str, Any] = {"start": fields.at, "n_points": fields.varint()}
+        detail: dict[str, Any] = {"n_points": fields.varint(), "start": fields.at}
         fields.doubles(3)
         [fields.signed() for _ in range(4)]
         detail["pixel"], detail["levels"] = fields.doubles(1)[0], fields.varint()
@@ -340,7 +335,6 @@ def read_details(fields: Any) -> list[dict[str, Any]]:
         [fields.varint() for _ in range(2)]
         assert fields.varint() == 0
         fields.doubles(2)
-        detail["counts_end"] = fields.at
         detail["attributes"] = fields.varint()
         for _ in range(detail["attributes"]):
             [fields.varint() for _ in range(fields.varint())]
@@ -350,7 +344,6 @@ def read_details(fields: Any) -> list[dict[str, Any]]:
                 [fields.signed() for _ in range(labels)]
             else:
                 fields.doubles(3)
-        detail["end"] = fields.at
         details.append(detail)
     return details
 
@@ -359,11 +352,31 @@ def test_surfaces_go_on_across_borders(model: sb.TiledPatchModel) -> None:
     borders, inside = across(model, model.decode(resolution=0.5 * PIXEL))
     assert len(borders) > 200
     assert np.quantile(borders[:, 0], 0.99) <= max(0.005, 1.1 * np.quantile(inside[:, 0], 0.99))
+    # Colours and intensities, which change with the place: half a pixel further by so much.
+    for column in (1, 2):
+        assert 0.5 < borders[:, column].mean() / inside[:, column].mean() <= 2.5
 
 
-def test_a_tile_holds_what_a_file_of_its_own_would(model: sb.TiledPatchModel) -> None:
-    """The index and the tiles as the page has them (5.7): a tile's streams in the sections of a
-    file without tiles are the same model."""
+def test_maps_from_before_corrections_at_borders_stay_as_they_were(tmp_path: Path) -> None:
+    """Its listing is of the version that wrote it: positions, colours, intensities."""
+    data = (GOLDEN / "patches_tiles.sfb").read_bytes()
+    model = sb.from_bytes(data)
+    assert isinstance(model, sb.TiledPatchModel)
+    assert model.to_bytes() == data
+    decoded = model.decode(0.2)
+    listed = np.loadtxt(GOLDEN / "patches_tiles.txt")
+    np.testing.assert_allclose(decoded.points - model.origin, listed[:, :3], atol=2e-5)
+    np.testing.assert_allclose(decoded.colors, listed[:, 3:6], atol=1)
+    np.testing.assert_allclose(decoded.intensities, listed[:, 6], rtol=1e-4, atol=1e-3)
+    # Learned on, they are still files that older versions read.
+    updated = model.update(model.decode(as_measured=True))
+    assert sections(updated.to_bytes(), TILED & ~(1 << 12))
+    assert len(updated.decode()) > 0.9 * len(model.decode())
+
+
+def test_a_tile_decodes_alone(model: sb.TiledPatchModel) -> None:
+    """The index and the tiles as the page has them (5.7): what a tile decodes to follows from the
+    header, its entry and its bytes."""
     data = model.to_bytes()
     found = sections(data, TILED)
     assert list(found) == ["META", "TIDX", "plan", "TILE"]
@@ -371,7 +384,8 @@ def test_a_tile_holds_what_a_file_of_its_own_would(model: sb.TiledPatchModel) ->
     (detail,) = read_details(meta)
     side = meta.varint()
     assert side * detail["pixel"] == pytest.approx(model.tile_side)
-    [meta.varint() for _ in range(3)]
+    corner = [meta.varint() * detail["pixel"] for _ in range(3)]
+    assert corner == pytest.approx(model.tile_corner.tolist())
     assert meta.at == len(found["META"])
     index = Page(found["TIDX"])
     n = index.varint()
@@ -383,13 +397,18 @@ def test_a_tile_holds_what_a_file_of_its_own_would(model: sb.TiledPatchModel) ->
         assert model.tiles.cubes[i].tolist() == [c + at for c, at in zip(cube, low, strict=True)]
         n_points, size = index.varint(), index.varint()
         checksum = index.bytes(4)
+        box = index.at
         [index.signed() for _ in range(3)]
         [index.varint() for _ in range(3)]
         tile = found["TILE"][offset : offset + size]
         offset += size
         assert (n_points, size) == (model.tiles.points[i], model.tiles.bytes[i])
         assert int.from_bytes(checksum, "little") == crc32c(tile)
-        clouds.append(standalone(tile, n_points, found["META"], detail).decode())
+        entry = b"".join(signed(c) for c in model.tiles.cubes[i].tolist()) + varint(0)
+        entry += varint(n_points) + varint(size) + checksum + found["TIDX"][box : index.at]
+        own = varint(1) + varint(n_points) + found["META"][detail["start"] :]
+        parts = {"META": own, "TIDX": varint(1) + entry, "TILE": tile}
+        clouds.append(together(parts).decode())
     assert offset == len(found["TILE"])
     assert index.at == len(found["TIDX"])
     whole = model.decode()
@@ -416,40 +435,13 @@ def varint(value: int) -> bytes:
     return bytes([*out, value])
 
 
-def standalone(tile: bytes, n_points: int, meta: bytes, detail: dict[str, Any]) -> Any:
-    """The model of a tile from a file without tiles, put together by the page."""
-    fields = Page(tile)
-    n_patches, n_extra = fields.varint(), fields.varint()
-    extra_size = fields.bytes(8) if n_extra else None
-    tags = ["GEOM", "COLR", *(["PNTS"] if n_extra else [])]
-    tags += [f"AT{i:02}" for i in range(detail["attributes"])]
-    sizes = [fields.varint() for _ in tags]
-    streams = {}
-    for tag, size in zip(tags, sizes, strict=True):
-        streams[tag] = fields.bytes(size)
-    assert fields.at == len(tile)
-    shared = Page(meta)
-    shared.at = detail["start"]
-    shared.varint()
-    lattice = shared.at
-    shared.doubles(3)
-    [shared.signed() for _ in range(4)]
-    shared.doubles(1)
-    shared.varint()
-    shared.varint()
-    before = meta[lattice : shared.at]
-    shared.varint()
-    colors = shared.at
-    shared.varint()
-    shared.varint()
-    steps = meta[colors : shared.at]
-    shared.varint()
-    size = extra_size or shared.bytes(8)
-    own = varint(n_points) + before + varint(n_patches) + steps + varint(n_extra) + size
-    own += meta[detail["counts_end"] - 8 : detail["end"]]
-    parts = {"META": own, **streams}
-    near = 1 << 9 if n_extra else 0
-    head = b"\x89SFB\x01\x00\x01\x02" + varint(FEATURES | near) + varint(len(parts))
+def signed(value: int) -> bytes:
+    return varint(2 * value if value >= 0 else -2 * value - 1)
+
+
+def together(parts: dict[str, bytes]) -> Any:
+    """The model of a file of these sections, put together by the page."""
+    head = b"\x89SFB\x01\x00\x01\x02" + varint(TILED) + varint(len(parts))
     for tag, part in parts.items():
         head += tag.encode() + varint(len(part)) + crc32c(part).to_bytes(4, "little")
     head += crc32c(head).to_bytes(4, "little")
@@ -698,3 +690,41 @@ def test_the_command_line_learns_and_reads_parts(
     assert "index of the tiles" in out
     assert "side of a tile (m)" in out
     assert main(["evaluate", source, path]) in (None, 0)
+
+
+def wall(path: Path, crs: str = "") -> Path:
+    """A LAS file of a wall, with classes, in the units of a reference system."""
+    laspy = pytest.importorskip("laspy")
+    u, v = np.meshgrid(np.arange(0, 2, 0.01), np.arange(0, 1, 0.01))
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, 0.001)
+    if crs:
+        header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", crs.encode() + b"\0"))
+    data = laspy.LasData(header)
+    data.x, data.y, data.z = u.ravel(), 1 + 0 * u.ravel(), v.ravel()
+    data.classification = np.full(u.size, 6)
+    data.return_number = data.number_of_returns = np.ones(u.size, np.uint8)
+    data.write(str(path))
+    return path
+
+
+FOOT = 'PROJCS["a",UNIT["US survey foot",0.304800609601219]]'
+
+
+@pytest.mark.parametrize(("crs", "unit"), [("", "m"), (FOOT, "ft")])
+def test_the_command_line_names_units_and_what_is_not_kept(
+    crs: str, unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("lazrs")
+    source, path = str(wall(tmp_path / "a.las", crs)), str(tmp_path / "a.sfb")
+    arguments = ["compress", source, path, "--tile", "1.28", "--resolution", "0.02"]
+    assert main(arguments) in (None, 0)
+    told = capsys.readouterr()
+    assert f"of 1.28 {unit}," in told.out
+    said = " ".join(told.err.split())
+    assert "does not keep classification" in said
+    assert ("US survey foot" in said) == bool(crs)
+    assert main([*arguments, "--attributes", "classification"]) in (None, 0)
+    assert "does not keep" not in capsys.readouterr().err
+    report = sb.learn_patches_tiled(source, path, tile=1.28, resolution=0.02)
+    assert (report.not_kept, report.unit) == (("classification",), unit)

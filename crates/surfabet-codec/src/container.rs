@@ -123,8 +123,11 @@ impl Features {
     /// Colours and scalars of patches are whole numbers, with models that look at several things at once.
     pub const WHOLE_FIELDS: Self = Self(2048);
 
+    /// Colours and scalars of tiles are corrected at their borders.
+    pub const BORDERS: Self = Self(4096);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 12] = [
+    const KNOWN: [(Self, &'static str, Version); 13] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -137,6 +140,7 @@ impl Features {
         (Self::NEAR_POINTS, "points given those around", Version { major: 0, minor: 1 }),
         (Self::INSTANCES, "instances", Version { major: 0, minor: 1 }),
         (Self::WHOLE_FIELDS, "attributes in whole numbers", Version { major: 0, minor: 1 }),
+        (Self::BORDERS, "attributes corrected at borders", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

@@ -59,6 +59,7 @@ impl Layout for PatchModel {
         .with(Features::UNBLENDED)
         .with(Features::BESIDE)
         .with(Features::WHOLE_FIELDS)
+        .with(Features::BORDERS)
         .with(Features::FORWARD_BOUND)
         .with(Features::NEAR_POINTS)
         .with(Features::INSTANCES);
@@ -97,6 +98,7 @@ impl Layout for PatchModel {
             .with(of(header.unblended, Features::UNBLENDED))
             .with(of(header.coding == FieldCoding::Beside, Features::BESIDE))
             .with(of(header.coding == FieldCoding::Whole, Features::WHOLE_FIELDS))
+            .with(of(header.border.is_some(), Features::BORDERS))
             .with(of(header.max_error_forward.is_some(), Features::FORWARD_BOUND))
             .with(of(is_around(header), Features::NEAR_POINTS))
             .with(of(header.n_instances > 0, Features::INSTANCES))
@@ -117,6 +119,8 @@ impl Layout for PatchModel {
             false if is_whole => FieldCoding::Whole,
             false => FieldCoding::Parents,
         };
+        header.border =
+            features.contains(Features::BORDERS).then(|| header.border.unwrap_or_default());
         // Without points the feature is not there, and either would do.
         let is_near = features.contains(Features::NEAR_POINTS) || header.n_extra == 0;
         header.point_coding = if is_near { PointCoding::Around } else { PointCoding::Alone };

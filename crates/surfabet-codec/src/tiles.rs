@@ -3,7 +3,9 @@
 //! Byte by byte in `docs/format.md`, section 5.7.
 
 use surfabet_geom::morton;
-use surfabet_models::patches::{Cubes, PatchModel, PatchesHeader, PointCoding, Recipe, Views};
+use surfabet_models::patches::{
+    Border, Cubes, PatchModel, PatchesHeader, PointCoding, Recipe, Views,
+};
 use surfabet_models::{Budget, Sensor, Source, SurfaceModel};
 
 use crate::bytes::{ByteReader, ByteWriter};
@@ -78,6 +80,14 @@ impl TiledHeader {
             Some(last) => pixel(&self.details[level]) / pixel(last),
             None => 1.0,
         }
+    }
+
+    /// The cube of a tile in finest pixels of its level of detail.
+    fn border(&self, entry: &TileEntry) -> Border {
+        let factor = self.factor(entry.level);
+        let Border { low, side } = self.cubes.border(entry.cube);
+        let scaled = |c: i64| (c as f64 / factor).round() as i64;
+        Border { low: low.map(scaled), side: scaled(side) }
     }
 
     /// A tile's place in an index, still without its bytes: the cube, the points and the box of a model.
@@ -400,6 +410,7 @@ impl TileIndex {
         let mut reader = ByteReader::new(TILES, bytes);
         let mut header = self.header.details[entry.level].clone();
         header.n_points = entry.n_points;
+        header.border = header.border.map(|_| self.header.border(entry));
         header.n_patches = reader.varint()?;
         header.n_extra = reader.varint()?;
         if header.n_extra > 0 {

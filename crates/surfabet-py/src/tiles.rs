@@ -12,7 +12,7 @@ use pyo3::types::{PyBytes, PyDict};
 use surfabet::geom::{Dtype, Survey};
 use surfabet::patches::{
     AttributeContent, AttributeHeader, AttributeRange, Cubes, INTENSITIES, Lattice, Orientation,
-    Recipe, TilePlan, Views, learn_tile as learn, plan,
+    Recipe, TilePlan, Views, learn_details, plan,
 };
 use surfabet::{
     AnyModel, DecodeOptions, Limits, OpenError, Part, ReadAt, ScalarScale, TileEntry, TiledModel,
@@ -120,6 +120,14 @@ impl PyTiledModel {
         let header = self.model.header();
         let pixel = header.details.last().map_or(0.0, |detail| detail.lattice.pixel_size);
         f64::from(header.cubes.side) * pixel
+    }
+
+    /// Lowest corner of cube (0, 0, 0) along the axes of the lattice, metres from the origin.
+    #[getter]
+    fn tile_corner(&self) -> [f64; 3] {
+        let header = self.model.header();
+        let pixel = header.details.last().map_or(0.0, |detail| detail.lattice.pixel_size);
+        header.cubes.offset.map(|c| f64::from(c) * pixel)
     }
 
     /// Place of each tile among the cubes, (n, 3).
@@ -233,13 +241,15 @@ type Range = (String, String, Option<Vec<i64>>, f64, f64, f64);
 
 /// What all tiles of a scene share, as a dict of plain values.
 #[pyfunction]
-#[pyo3(signature = (sample, bounds, ranges, tile, options, *, progress))]
+#[pyo3(signature = (sample, bounds, ranges, tile, details, options, *, progress))]
+#[allow(clippy::too_many_arguments)]
 fn plan_tiles<'py>(
     py: Python<'py>,
     sample: &Bound<'py, PyPointCloud>,
     bounds: Corners,
     ranges: Vec<Range>,
     tile: Option<f64>,
+    details: u32,
     options: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -251,7 +261,7 @@ fn plan_tiles<'py>(
     let ranges: Vec<AttributeRange> = ranges.into_iter().map(of_range).collect::<PyResult<_>>()?;
     let sample = &sample.get().cloud;
     let made = run(py, progress, |monitor| {
-        plan(sample, [bounds.0, bounds.1], &ranges, tile, &options, monitor)
+        plan(sample, [bounds.0, bounds.1], &ranges, tile, details, &options, monitor)
     })?;
     state(py, &made)
 }
@@ -284,10 +294,12 @@ fn learn_tile<'py>(
     let (plan, options) = (plan_of(plan)?, options_of(options)?);
     let cloud = &cloud.get().cloud;
     let bytes = run(py, progress, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
-        let model = learn(cloud, None, cube, &plan, &options, monitor)?;
-        let recipe = Recipe::of(&plan, &options);
-        let file = |m| TiledModel::of_tile(plan.cubes, cube, &m)?.with_recipe(recipe).to_bytes();
-        model.map(file).transpose()
+        let models = learn_details(cloud, None, cube, &plan, &options, monitor)?;
+        if models.is_empty() {
+            return Ok(None);
+        }
+        let tile = TiledModel::of_tile(&plan, cube, &models)?;
+        tile.with_recipe(Recipe::of(&plan, &options)).to_bytes().map(Some)
     })?;
     Ok(bytes.map(|bytes| PyBytes::new(py, &bytes)))
 }
@@ -338,6 +350,8 @@ fn state<'py>(py: Python<'py>, plan: &TilePlan) -> PyResult<Bound<'py, PyDict>> 
     dict.set_item("density", plan.density)?;
     dict.set_item("views", VIEWS.iter().position(|views| *views == plan.views))?;
     dict.set_item("attributes", plan.attributes.iter().map(attribute).collect::<Vec<_>>())?;
+    dict.set_item("corrected", plan.corrected)?;
+    dict.set_item("details", plan.details)?;
     let chosen = plan.chosen.iter().map(|c| (c.option, c.value, c.reason.clone()));
     dict.set_item("chosen", chosen.collect::<Vec<_>>())?;
     Ok(dict)
@@ -380,6 +394,8 @@ fn plan_of(state: &Bound<'_, PyDict>) -> PyResult<TilePlan> {
         density: item("density")?.extract()?,
         views: views_of(item("views")?.extract()?)?,
         attributes: attributes.into_iter().map(attribute).collect::<PyResult<_>>()?,
+        corrected: item("corrected")?.extract()?,
+        details: item("details")?.extract()?,
         chosen: Vec::new(),
     };
     plan.check().map_err(IntoPyErr::into_py_err)?;

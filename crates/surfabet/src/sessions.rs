@@ -37,15 +37,15 @@ impl TiledModel {
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] for a scan without what the map keeps (attributes, sides of surfaces), and for a map that
-    /// does not say how it was learned, has several levels of detail, or keeps a bound on its error, which cannot be kept
-    /// without the points; [`Error::TooLarge`], [`Error::Cancelled`].
+    /// does not say how it was learned, was loaded with one of several levels of detail, or keeps a bound on its error, which
+    /// cannot be kept without the points; [`Error::TooLarge`], [`Error::Cancelled`].
     pub fn update(
         &self,
         cloud: &PointCloud,
         alone: bool,
         progress: &dyn Progress,
     ) -> Result<Updated> {
-        let rules = Rules::of(self.header(), "model")?;
+        let rules = Rules::of(self, "model")?;
         let strays = Survey::of(cloud, &Quiet(progress))?.strays;
         let scan = Scan::new(&without(cloud, &strays)?, &rules)?;
         let cubes = rules.plan.cubes_of(&scan.cloud);
@@ -82,17 +82,19 @@ impl TiledModel {
                 same.push(tile);
             }
         }
+        // A cube that differs at one level of detail is learned again at all of them.
         let cubes: BTreeMap<[i32; 3], u64> = of_places
             .iter()
             .filter(|(_, tiles)| tiles.len() > 1)
             .map(|(&(_, cube), _)| (cube, 0))
             .collect();
-        let alone = of_places.into_values().filter(|tiles| tiles.len() == 1);
-        let mut tiles: Vec<Tile> = alone.flatten().collect();
+        let alone = of_places.into_iter().filter(|((_, cube), _)| !cubes.contains_key(cube));
+        let mut tiles: Vec<Tile> = alone.flat_map(|(_, tiles)| tiles).collect();
         if !cubes.is_empty() {
-            let rules = Rules::of(first.header(), "models")?;
+            let rules: Vec<Rules> =
+                maps.iter().map(|map| Rules::of(map, "models")).collect::<Result<_>>()?;
             let all: Vec<&Self> = maps.iter().collect();
-            let learner = Learner { rules: &rules, maps: &all, scan: None };
+            let learner = Learner { rules: &rules[0], maps: &all, scan: None };
             learner.add(&cubes, &mut tiles, progress)?;
         }
         Self::of_tiles(first.header().clone(), tiles)
@@ -150,13 +152,17 @@ struct Rules {
 
 impl Rules {
     /// Those of a map; `name` is the argument that it is.
-    fn of(header: &TiledHeader, name: &'static str) -> Result<Self> {
+    fn of(map: &TiledModel, name: &'static str) -> Result<Self> {
+        let header = map.header();
         let refuse = |what: &str, requirement: &'static str| {
             Err(Error::invalid(name, what, requirement).into())
         };
-        let [detail] = header.details.as_slice() else {
-            return refuse("of several levels of detail", "of one");
+        let Some(detail) = header.details.last() else {
+            return refuse("without levels of detail", "of one or more");
         };
+        if header.details.len() > 1 && map.is_of_one_level() {
+            return refuse("loaded with one level of detail", "loaded with all of them");
+        }
         let Some(recipe) = &header.recipe else {
             return refuse(
                 "a file that does not say how its tiles were learned",
@@ -170,8 +176,16 @@ impl Rules {
             );
         }
         let recipe: &Recipe = recipe;
-        let (plan, options) = recipe.plan_of(detail, header.cubes);
+        let n_details = header.details.len() as u32;
+        let (plan, options) = recipe.plan_of(detail, header.cubes, n_details);
         plan.check()?;
+        let lattices = (0..n_details).map(|level| plan.of_detail(level, &options).0.lattice);
+        if !lattices.eq(header.details.iter().map(|detail| detail.lattice)) {
+            return refuse(
+                "with levels of detail of other pixels than this version learns",
+                "with pixels four times as large from level to level",
+            );
+        }
         Ok(Self { plan, options })
     }
 
@@ -283,17 +297,20 @@ impl Learner<'_> {
         Ok(())
     }
 
-    fn tile(&self, cube: [i32; 3], n_new: u64, progress: &dyn Progress) -> Result<Option<Tile>> {
+    /// A tile at all levels of detail; none where no point lies in it.
+    fn tile(&self, cube: [i32; 3], n_new: u64, progress: &dyn Progress) -> Result<Vec<Tile>> {
         let (cloud, weights, n_known) = self.points(cube, progress)?;
         let Rules { plan, options } = self.rules;
         let own = plan.cubes_of(&cloud).get(&cube).copied().unwrap_or_default();
         let completeness = completeness(options.completeness, n_new, own);
         let options = &PatchesOptions { completeness, ..options.clone() };
-        let learned = patches::learn_tile(&cloud, Some(&weights), cube, plan, options, progress)?;
-        let Some(model) = learned else { return Ok(None) };
-        let map = TiledModel::of_tile(plan.cubes, cube, &model)?;
+        let models = patches::learn_details(&cloud, Some(&weights), cube, plan, options, progress)?;
+        if models.is_empty() {
+            return Ok(Vec::new());
+        }
+        let map = TiledModel::of_tile(plan, cube, &models)?;
         let n_points = n_known + n_new;
-        Ok(map.held().map(|(entry, bytes)| (TileEntry { n_points, ..entry }, bytes)).next())
+        Ok(map.held().map(|(entry, bytes)| (TileEntry { n_points, ..entry }, bytes)).collect())
     }
 
     /// The points that a tile is learned from, their weights, and the number of points that the maps' tiles there were learned
@@ -308,7 +325,8 @@ impl Learner<'_> {
         let (mut clouds, mut weights, mut n_known) = (Vec::new(), Vec::<f32>::new(), 0);
         let mut seen: Vec<Tile> = Vec::new();
         for map in self.maps {
-            for tile in map.held_in(&region) {
+            let last = map.header().details.len() - 1;
+            for tile in map.held_in(&region).filter(|(entry, _)| entry.level == last) {
                 // Maps may have a tile from one that both go on from.
                 if seen.iter().any(|other| is_copy(other, &tile)) {
                     continue;

@@ -209,27 +209,45 @@ impl TiledModel {
         Ok(Self { index: Arc::new(index), tiles, part: Part::default(), limits, report })
     }
 
-    /// The model of one tile.
+    /// The model of one tile, from its models at the levels of detail of `plan`, coarsest first; the last is there.
     ///
     /// # Errors
-    /// As [`TileIndex::new`].
-    pub fn of_tile(cubes: patches::Cubes, cube: [i32; 3], model: &PatchModel) -> Result<Self> {
-        let lattice = model.lattice();
-        let detail = PatchesHeader {
-            n_points: 0,
-            n_patches: 0,
-            n_extra: 0,
-            extra_size: lattice.pixel_size,
-            ..model.header()
+    /// As [`TileIndex::new`], also without the last.
+    pub fn of_tile(
+        plan: &patches::TilePlan,
+        cube: [i32; 3],
+        models: &[Option<PatchModel>],
+    ) -> Result<Self> {
+        let last = models.last().and_then(Option::as_ref).map(PatchModel::header);
+        let detail = |level: u32| {
+            let last = last.clone().unwrap_or_default();
+            let (of_detail, _) = plan.of_detail(level, &patches::PatchesOptions::default());
+            PatchesHeader {
+                n_points: 0,
+                lattice: of_detail.lattice,
+                n_patches: 0,
+                n_extra: 0,
+                extra_size: of_detail.lattice.pixel_size,
+                max_error: last.max_error.filter(|_| level + 1 == plan.details),
+                border: last.border.map(|_| Default::default()),
+                ..last
+            }
         };
-        let header = surfabet_codec::TiledHeader { details: vec![detail], cubes, recipe: None };
-        let bytes = surfabet_codec::write_tile(model);
-        let entry = TileEntry {
-            len: bytes.len() as u64,
-            checksum: surfabet_codec::checksum(&bytes),
-            ..header.entry(0, cube, model)
-        };
-        Self::of_tiles(header, vec![(entry, bytes.into())])
+        let details = (0..plan.details).map(detail).collect();
+        let header = surfabet_codec::TiledHeader { details, cubes: plan.cubes, recipe: None };
+        let of_levels = models.iter().enumerate();
+        let tiles = of_levels.filter_map(|(level, model)| {
+            let model = model.as_ref()?;
+            let bytes = surfabet_codec::write_tile(model);
+            let entry = TileEntry {
+                len: bytes.len() as u64,
+                checksum: surfabet_codec::checksum(&bytes),
+                ..header.entry(level, cube, model)
+            };
+            Some((entry, bytes.into()))
+        });
+        let tiles = tiles.collect();
+        Self::of_tiles(header, tiles)
     }
 
     /// The model with what its tiles were learned by, so that it can be learned on.
@@ -237,6 +255,11 @@ impl TiledModel {
     pub fn with_recipe(mut self, recipe: patches::Recipe) -> Self {
         Arc::make_mut(&mut self.index).header.recipe = Some(recipe);
         self
+    }
+
+    /// Whether the model was read with the tiles of one level of detail alone.
+    pub(crate) fn is_of_one_level(&self) -> bool {
+        self.part.level.is_some()
     }
 
     /// All tiles that are here, with their bytes.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -32,6 +33,10 @@ class TileOptions:
     tile: PositiveFloat = None
     """Learn the map in tiles of this side, metres, of which parts can be read alone."""
 
+    details: Annotated[int | None, Parameter(validator=Number(gte=1, lte=3))] = None
+    """Levels of detail of a map in tiles, of which the coarsest can be read alone; pixels of each
+    but the last are four times as large as those of the next. By default 1."""
+
     max_memory: str | None = None
     """Learn in tiles with at most this memory: 2G, 500M. By default all points are in memory at
     once, and with --tile alone 2G."""
@@ -47,7 +52,7 @@ class TileOptions:
     def is_given(self) -> bool:
         """Whether tiles were asked for."""
         if self.tile is None and self.max_memory is None:
-            for name in ("workers", "work"):
+            for name in ("details", "workers", "work"):
                 if getattr(self, name) is not None:
                     raise UsageError(f"{spelled(name)}: needs --tile or --max-memory")
             return False
@@ -88,6 +93,7 @@ def compress_tiles(
     started = time.perf_counter()
     options = {
         "tile": tiles.tile,
+        "details": tiles.details or 1,
         "max_memory": memory_of(tiles.max_memory),
         "work": tiles.work,
         "progress": progress,
@@ -117,7 +123,14 @@ def tell(
     json: bool,
     quiet: bool,
 ) -> None:
-    """Prints what came out."""
+    """Prints what came out, and names what was lost."""
+    if report.not_kept:
+        lost = ", ".join(report.not_kept)
+        warnings.warn(
+            f"{output}: the map does not keep {lost}; --attributes names what to keep",
+            surfabet.LostAttributeWarning,
+            stacklevel=1,
+        )
     if json:
         print_json(
             {
@@ -132,6 +145,7 @@ def tell(
             print(f"{source}: by the data: {option.replace('_', '-')} {value:.6g} ({why})")
         tiles = "tile" if report.n_tiles == 1 else "tiles"
         print(
-            f"{output}: {report.n_points:,} points, {report.n_tiles} {tiles} of {report.tile:g} m, "
+            f"{output}: {report.n_points:,} points, {report.n_tiles} {tiles} of "
+            f"{report.tile:g} {report.unit}, "
             f"{bytes_text(report.n_bytes)}, {seconds['learn']:.1f} s"
         )

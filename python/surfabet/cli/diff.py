@@ -80,7 +80,10 @@ def diff(
     for path in (a, b):
         if region and not holds_tiles(path):
             raise UsageError(f"--box: {path} has no tiles")
-    sensors = (_positions(viewpoints_a), _positions(viewpoints_b))
+    sensors = (
+        _positions(viewpoints_a, "--viewpoints-a"),
+        _positions(viewpoints_b, "--viewpoints-b"),
+    )
     with common.progress() as progress:
         words = load_vocabulary(vocabulary, progress)
         before, after = (load_model(path, progress, words, **region) for path in (a, b))
@@ -124,14 +127,17 @@ def diff(
         )
 
 
-def _positions(path: Path | None) -> NDArray[np.float64] | None:
+def _positions(path: Path | None, option: str) -> NDArray[np.float64] | None:
     """The positions in a text file."""
     if path is None:
         return None
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "there is no such file"
+        raise UsageError(f"{option} {path}: {what}; name a text file of X Y Z in each line")
     try:
         rows = np.loadtxt(path, ndmin=2)
     except ValueError as error:
-        raise UsageError(f"{path}: needs three numbers in each line ({error})") from error
+        raise UsageError(f"{option} {path}: needs three numbers in each line ({error})") from error
     if rows.ndim != 2 or rows.shape[1] != 3:
-        raise UsageError(f"{path}: needs three numbers in each line")
+        raise UsageError(f"{option} {path}: needs three numbers in each line")
     return rows

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from surfabet._core import LARGEST_UNSHIFTED, RESERVED_NAMES, PointCloud
 from surfabet.errors import InvalidInputError, LostAttributeWarning
 from surfabet.io._crs import crs_name
 from surfabet.io._files import format_error, warn
-from surfabet.io._notes import Notes
+from surfabet.io._notes import HeldNotes, Notes
 
 Column = NDArray[Any]
 
@@ -49,6 +50,7 @@ _STRAY = 0.05
 _UNIT_TOLERANCE = 0.05
 # Steps of 8 bits; more than the rounding of single precision, less than a step of 16 bits.
 _SAME_COLOR = 1e-3
+_FULL_LIGHTS = (1, 255, 65535)
 
 DEEP_COLORS = "what colours have beyond 8 bits per channel"
 """What clouds do not keep of deeper colours, for messages."""
@@ -91,30 +93,65 @@ def _stack(columns: Iterable[Column], dtype: Any) -> Column:
     return rows
 
 
-def _largest_color(rows: Column) -> int | None:
-    """What full brightness is in these colours: 1, 255 or 65535; `None` if they are no colours.
+@dataclass
+class ColorFacts:
+    """What is known of all numbers that stand for colours."""
 
-    It is the smallest of these that all but a few of the values, zeros aside, are within.
-    """
-    lit = rows[rows != 0]
-    if len(lit) == 0:
-        return 255
-    integral = rows.dtype.kind != "f" or bool((lit == np.rint(lit)).all())
-    if (lit < 0).mean() > _STRAY:
-        return None
-    limits: tuple[int, ...] = (255, 65535)
-    if integral:
-        # Integers to 1 are nearly black, unless a file of floats has only full and no light.
-        if rows.dtype.kind == "f" and lit.max() <= 1:
-            return 1
-    else:
-        limits = (1, 255)
-        if lit.max() > 255 and (lit > 255).mean() > _STRAY:
-            limits = (65535,)
-    # A lone value past the last limit is no stray colour: the column is another thing.
-    if lit.max() > 65535:
-        return None
-    return next((limit for limit in limits if (lit > limit).mean() <= _STRAY), None)
+    is_float: bool = False
+    n_lit: int = 0
+    """Values other than 0."""
+    low: float = np.inf
+    high: float = -np.inf
+    is_integral: bool = True
+    n_negative: int = 0
+    n_beyond: dict[int, int] = field(default_factory=lambda: dict.fromkeys(_FULL_LIGHTS, 0))
+    """Values beyond full brightness, for each that it may be."""
+    has_low_bits: bool = False
+    """Whether colours of 16 bits are more than 8 bits times 256."""
+
+    def add(self, rows: Column) -> None:
+        """Adds the colours of some points, finite numbers, (n, 3)."""
+        lit = rows[rows != 0]
+        self.is_float = self.is_float or rows.dtype.kind == "f"
+        if len(rows):
+            self.low = min(self.low, float(rows.min()))
+            self.high = max(self.high, float(rows.max()))
+        self.n_lit += len(lit)
+        if rows.dtype.kind == "f":
+            self.is_integral = self.is_integral and bool((lit == np.rint(lit)).all())
+        self.n_negative += int((lit < 0).sum())
+        for limit in _FULL_LIGHTS:
+            self.n_beyond[limit] += int((lit > limit).sum())
+        if not self.has_low_bits:
+            whole = np.rint(np.clip(lit, 0, 65535)).astype(np.uint16)
+            self.has_low_bits = bool((whole & 255).any())
+
+    def largest(self) -> int | None:
+        """What full brightness is: 1, 255 or 65535; `None` if these are no colours.
+
+        It is the smallest of these that all but a few of the values, zeros aside, are within.
+        """
+        if self.n_lit == 0:
+            return 255
+
+        def is_few(n: int) -> bool:
+            return n / self.n_lit <= _STRAY
+
+        if not is_few(self.n_negative):
+            return None
+        limits: tuple[int, ...] = (255, 65535)
+        if self.is_integral:
+            # Integers to 1 are nearly black, unless a file of floats has only full and no light.
+            if self.is_float and self.high <= 1:
+                return 1
+        else:
+            limits = (1, 255)
+            if not is_few(self.n_beyond[255]):
+                limits = (65535,)
+        # A lone value past the last limit is no stray colour: the column is another thing.
+        if self.high > 65535:
+            return None
+        return next((limit for limit in limits if is_few(self.n_beyond[limit])), None)
 
 
 def note_rounded(values: Column, colors: NDArray[np.uint8], full: float, notes: Notes) -> None:
@@ -132,10 +169,21 @@ def note_rounded(values: Column, colors: NDArray[np.uint8], full: float, notes: 
             return
 
 
+def _color_rows(channels: Sequence[Column]) -> Column:
+    """Colours that are not all of 8 bits as rows of finite numbers."""
+    dtype = np.result_type(*channels)
+    # Half precision does not reach 65535.
+    rows = _stack(channels, np.float32 if dtype == np.float16 else dtype)
+    return np.where(np.isfinite(rows), rows, 0) if rows.dtype.kind == "f" else rows
+
+
 def colors_from(
-    path: Path, channels: Iterable[Column], notes: Notes | None = None
+    path: Path,
+    channels: Iterable[Column],
+    notes: Notes | None = None,
+    facts: ColorFacts | None = None,
 ) -> NDArray[np.uint8]:
-    """Colours of any numeric type as (n, 3) uint8.
+    """Colours of any numeric type as (n, 3) uint8; `facts` are of all points where these are not.
 
     Integers count to 255, or to 65535 if more than a few are larger than 255 (tools stretch by 257,
     or by 256); other numbers to 1, or to 255 or 65535 in the same way. A few values beyond are
@@ -144,36 +192,35 @@ def colors_from(
     channels = list(channels)
     if all(c.dtype == np.uint8 for c in channels):
         return _stack(channels, np.uint8)
-    dtype = np.result_type(*channels)
-    # Half precision does not reach 65535.
-    rows = _stack(channels, np.float32 if dtype == np.float16 else dtype)
+    rows = _color_rows(channels)
     if len(rows) == 0:
         return np.empty((0, 3), np.uint8)
-    if rows.dtype.kind == "f":
-        rows = np.where(np.isfinite(rows), rows, 0)
-    largest = _largest_color(rows)
+    if facts is None:
+        facts = ColorFacts()
+        facts.add(rows)
+    largest = facts.largest()
     if largest is None:
         raise format_error(
             path,
-            f"colours lie between {rows.min()} and {rows.max()}; they must lie within 0..1, 0..255 "
-            "or 0..65535",
+            f"colours lie between {facts.low:g} and {facts.high:g}; they must lie within 0..1, "
+            "0..255 or 0..65535",
         )
     # Rounding may leave a little more than 1.
     beyond = int(((rows < 0) | (rows > largest * (1 + 1e-6))).sum())
     if beyond and notes is not None:
         notes.remark(f"colour values clipped to 0..{largest}", beyond)
     rows = np.clip(rows, 0, largest)
-    colors = _of_8_bits(rows, largest)
+    colors = _of_8_bits(rows, largest, facts.has_low_bits)
     if notes is not None:
         note_rounded(rows, colors, largest, notes)
     return colors
 
 
-def _of_8_bits(rows: Column, largest: int) -> NDArray[np.uint8]:
+def _of_8_bits(rows: Column, largest: int, has_low_bits: bool) -> NDArray[np.uint8]:
     """Values from 0 to 1, 255 or 65535 as colours; those of 16 bits by the factor they have."""
     if largest == 65535:
         values = np.rint(rows).astype(np.uint16)
-        if not (values & 255).any():
+        if not has_low_bits:
             return (values >> 8).astype(np.uint8)
         return ((values.astype(np.uint32) + 128) // 257).astype(np.uint8)
     if rows.dtype.kind == "f":
@@ -181,28 +228,62 @@ def _of_8_bits(rows: Column, largest: int) -> NDArray[np.uint8]:
     return rows.astype(np.uint8)
 
 
-def _unpacked(packed: Column) -> list[Column] | None:
-    """Blue, green, red and alpha of colours in the bits of one number of 32 bits.
+@dataclass
+class _PackedFacts:
+    """What is known of all numbers that hold colours in 32 bits."""
 
-    The number may be an integer, a float of the same bits, or a float of the integer's value, as
-    text files have it.
-    """
-    if packed.dtype.itemsize < 4:
-        return None
-    if packed.dtype.kind == "f":
-        known = packed[np.isfinite(packed)]
-        digits = (known >= 0) & (known < 2**32) & (known == np.rint(known))
-        if len(known) and digits.all() and known.max() >= 1:
-            packed = np.where(np.isfinite(packed), packed, 0).astype(np.uint32)
-        else:
-            with np.errstate(over="ignore"):
-                packed = packed.astype(np.float32)
-    if packed.dtype.itemsize == 8:
-        if len(packed) and (packed.min() < 0 or packed.max() >= 2**32):
-            return None
+    is_digits: bool = True
+    """Of floats: whether all are integers of 32 bits by their value."""
+    low: float = np.inf
+    high: float = -np.inf
+    alpha: list[set[int]] = field(default_factory=lambda: [set(), set()])
+    """Some of the different values of alpha, of the bits of floats and of their values."""
+
+    def add(self, packed: Column) -> None:
+        """Adds the numbers of some points."""
+        if packed.dtype.itemsize < 4:
+            return
+        known = packed
+        if packed.dtype.kind == "f":
+            known = packed[np.isfinite(packed)]
+            digits = (known >= 0) & (known < 2**32) & (known == np.rint(known))
+            self.is_digits = self.is_digits and bool(digits.all())
+        if len(known):
+            self.low = min(self.low, float(known.min()))
+            self.high = max(self.high, float(known.max()))
+        for by_value, found in zip((False, True), self.alpha, strict=True):
+            # Two different ones say all that is asked.
+            if len(found) < 2 and (self.is_digits or not by_value):
+                alpha = _bits(packed, by_value) >> 24
+                found |= {int(alpha.min()), int(alpha.max())} if len(alpha) else set()
+
+    @property
+    def by_value(self) -> bool:
+        """Whether floats have the value of the integer, not its bits."""
+        return self.is_digits and self.high >= 1
+
+    def are_colors(self, dtype: np.dtype[Any]) -> bool:
+        """Whether numbers of this type fit 32 bits."""
+        if dtype.kind == "f" or dtype.itemsize <= 4:
+            return dtype.itemsize >= 4
+        return not (self.low < 0 or self.high >= 2**32)
+
+    def has_alpha(self, dtype: np.dtype[Any]) -> bool:
+        """Whether alpha is not the same everywhere."""
+        return len(self.alpha[dtype.kind == "f" and self.by_value]) > 1
+
+
+def _bits(packed: Column, by_value: bool) -> NDArray[np.uint32]:
+    """The 32 bits of numbers: integers, floats of the same bits, or, as text files have them,
+    floats of the integer's value."""
+    if packed.dtype.kind == "f" and not by_value:
+        with np.errstate(over="ignore"):
+            packed = packed.astype(np.float32)
+    elif packed.dtype.kind == "f":
+        packed = np.where(np.isfinite(packed), packed, 0)
+    if packed.dtype.itemsize == 8 or by_value:
         packed = packed.astype(np.uint32)
-    bits = np.ascontiguousarray(packed).view(np.uint32)
-    return [(bits >> shift).astype(np.uint8) for shift in (0, 8, 16, 24)]
+    return np.ascontiguousarray(packed).view(np.uint32)
 
 
 def _single(values: Column | None) -> Column | None:
@@ -217,32 +298,64 @@ def _note_beyond_single(intensities: Column, notes: Notes) -> None:
         notes.aside("what intensities have beyond single precision")
 
 
-def no_returns(points: Column) -> NDArray[np.bool_]:
+@dataclass
+class NoReturnFacts:
+    """What tells whether points at exactly 0 0 0 stand for beams that met nothing."""
+
+    n_zero: int = 0
+    low: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
+    high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
+    near: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    """The nearest of the others."""
+
+    def add(self, points: Column) -> None:
+        """Adds some points, (n, 3)."""
+        zero = _at_zero(points)
+        self.n_zero += int(zero.sum())
+        others = points[~zero] if zero.any() else points
+        others = others[np.isfinite(others).all(axis=1)].astype(np.float64)
+        if len(others):
+            self.low = np.minimum(self.low, others.min(axis=0))
+            self.high = np.maximum(self.high, others.max(axis=0))
+            self.near = np.concatenate([self.near, others])
+            squares = (self.near**2).sum(axis=1)
+            nearest = np.argpartition(squares, min(_NEAR, len(squares)) - 1)[:_NEAR]
+            self.near = self.near[nearest]
+
+    @property
+    def are_none(self) -> bool:
+        """Whether the points at 0 0 0 are no measurements."""
+        if self.n_zero == 0 or len(self.near) == 0:
+            return False
+        if self.n_zero == 1:
+            extent = float(np.linalg.norm(self.high - self.low))
+            nearest = float(np.sqrt((self.near**2).sum(axis=1).min()))
+            return nearest > max(LARGEST_UNSHIFTED, extent)
+        # Rounded coordinates put several measurements at one place.
+        _, counts = np.unique(self.near, axis=0, return_counts=True)
+        return bool(self.n_zero > counts.max())
+
+
+def _at_zero(points: Column) -> NDArray[np.bool_]:
+    """Which of (n, 3) points lie at exactly 0 0 0."""
+    zero: NDArray[np.bool_] = np.zeros(len(points), bool)
+    candidates = np.flatnonzero(points[:, 0] == 0)
+    zero[candidates] = (points[candidates, 1:] == 0).all(axis=1)
+    return zero
+
+
+def no_returns(points: Column, facts: NoReturnFacts | None = None) -> NDArray[np.bool_]:
     """Which of (n, 3) points stand for beams that met nothing: those at exactly 0 0 0.
 
     That is where drivers put them. They are measurements if all points are there, or no more than
     at one of the other places near; a single one is, too, unless all others are farther than a
-    kilometre and than their own extent.
+    kilometre and than their own extent. `facts` are of all points where these are a part.
     """
-    zero: NDArray[np.bool_] = np.zeros(len(points), bool)
-    none = zero.copy()
-    candidates = np.flatnonzero(points[:, 0] == 0)
-    zero[candidates] = (points[candidates, 1:] == 0).all(axis=1)
-    found = int(zero.sum())
-    if found == 0:
-        return none
-    others = points[~zero]
-    others = others[np.isfinite(others).all(axis=1)].astype(np.float64)
-    if len(others) == 0:
-        return none
-    squares = (others**2).sum(axis=1)
-    if found == 1:
-        extent = float(np.linalg.norm(others.max(axis=0) - others.min(axis=0)))
-        return zero if np.sqrt(squares.min()) > max(LARGEST_UNSHIFTED, extent) else none
-    # Rounded coordinates put several measurements at one place.
-    near = np.argpartition(squares, min(_NEAR, len(others)) - 1)[:_NEAR]
-    _, counts = np.unique(others[near], axis=0, return_counts=True)
-    return zero if found > counts.max() else none
+    zero = _at_zero(points)
+    if facts is None and zero.any():
+        facts = NoReturnFacts()
+        facts.add(points)
+    return zero if facts is not None and facts.are_none else np.zeros(len(points), bool)
 
 
 def build_cloud(
@@ -259,20 +372,23 @@ def build_cloud(
     crs: str | None = None,
     origin: Column | None = None,
     notes: Notes | None = None,
+    facts: NoReturnFacts | None = None,
 ) -> PointCloud:
     """The cloud of a file; says in one warning what of the file it has not.
 
     Points at exactly 0 0 0 are left out where they are no returns; with an `origin`, `points` are
-    a cloud's own and stay as they are.
+    a cloud's own and stay as they are. `facts` are of all points where these are a part.
     """
     notes = Notes(path) if notes is None else notes
     per_point = [colors, intensities, normals, ranges, viewpoint_index]
     extra = dict(extra or {})
-    if origin is None and (empty := no_returns(points)).any():
+    if origin is None:
+        empty = no_returns(points, facts)
         notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(points))
-        points = points[~empty]
-        per_point = [None if column is None else column[~empty] for column in per_point]
-        extra = {name: column[~empty] for name, column in extra.items()}
+        if empty.any():
+            points = points[~empty]
+            per_point = [None if column is None else column[~empty] for column in per_point]
+            extra = {name: column[~empty] for name, column in extra.items()}
     colors, intensities, normals, ranges, viewpoint_index = per_point
     if intensities is not None and intensities.dtype.kind in "iu":
         _note_beyond_single(intensities, notes)
@@ -293,8 +409,7 @@ def build_cloud(
             )
     except InvalidInputError as error:
         raise format_error(path, str(error)) from error
-    if dropped is not None:
-        notes.points(dropped)
+    notes.not_finite(len(points) - len(cloud), len(points), dropped)
     notes.warn()
     return cloud
 
@@ -314,22 +429,6 @@ def _table(path: Path, rows: Column) -> tuple[Column | None, Column | None]:
     return distinct[order], rank[inverse.reshape(-1)]
 
 
-def _take_colors(path: Path, columns: _Columns, notes: Notes) -> Column | None:
-    colors: Column | None = None
-    if (keys := columns.keys3(_COLOR)) is not None:
-        colors = colors_from(path, columns.take(keys), notes)
-    elif (key := columns.key(PACKED_COLOR)) is not None:
-        channels = _unpacked(columns.left[key])
-        if channels is None:
-            return None
-        del columns.left[key]
-        *bgr, alpha = channels
-        colors = _stack(bgr[::-1], np.uint8)
-        if len(alpha) and (alpha != alpha[0]).any():
-            add_columns(columns.left, {"alpha": alpha}, notes)
-    return colors
-
-
 def recorded(values: Column | None, what: str, notes: Notes) -> Column | None:
     """The values, or none where they are zero everywhere, which means that there were none."""
     if values is not None and len(values) and not values.any():
@@ -338,32 +437,126 @@ def recorded(values: Column | None, what: str, notes: Notes) -> Column | None:
     return values
 
 
+@dataclass
+class _NormalFacts:
+    """What is known of all vectors that may be normals."""
+
+    n_finite: int = 0
+    n_unit: int = 0
+    is_zero: bool = True
+
+    def add(self, rows: Column) -> None:
+        """Adds the vectors of some points, (n, 3)."""
+        self.is_zero = self.is_zero and not rows.any()
+        with np.errstate(over="ignore", invalid="ignore"):
+            lengths = np.sqrt((rows.astype(np.float64) ** 2).sum(axis=1))
+        lengths = lengths[np.isfinite(lengths)]
+        fits = (np.abs(lengths - 1) <= _UNIT_TOLERANCE) | (lengths <= 1e-6)
+        self.n_finite += len(fits)
+        self.n_unit += int(fits.sum())
+
+    @property
+    def are_normals(self) -> bool:
+        """Whether they have lengths of 0 or 1, up to rounding and a few strays."""
+        return self.n_finite == 0 or self.n_unit / self.n_finite >= 1 - _STRAY
+
+
 def is_normals(rows: Column) -> bool:
     """Whether (n, 3) finite numbers have lengths of 0 or 1, up to rounding and a few strays."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        lengths = np.sqrt((rows.astype(np.float64) ** 2).sum(axis=1))
-    lengths = lengths[np.isfinite(lengths)]
-    fits = (np.abs(lengths - 1) <= _UNIT_TOLERANCE) | (lengths <= 1e-6)
-    return bool(fits.mean() >= 1 - _STRAY) if len(fits) else True
+    facts = _NormalFacts()
+    facts.add(rows)
+    return facts.are_normals
 
 
-def _take_normals(columns: _Columns, notes: Notes) -> Column | None:
+@dataclass
+class Facts:
+    """What is known of all points of a file, by which the columns of each part are read alike."""
+
+    n: int = 0
+    zero: set[str] = field(default_factory=set)
+    """Columns that may be intensities and are 0 so far."""
+    negative: set[str] = field(default_factory=set)
+    """Columns that may be ranges and are less than 0 somewhere."""
+    colors: ColorFacts = field(default_factory=ColorFacts)
+    packed: _PackedFacts = field(default_factory=_PackedFacts)
+    normals: _NormalFacts = field(default_factory=_NormalFacts)
+    no_returns: NoReturnFacts | None = None
+    """Needed of parts only: a whole file is asked when it has a point at 0 0 0."""
+
+    @classmethod
+    def of(cls, parts: Iterable[Mapping[str, Column]]) -> Facts:
+        """Of all parts of a file."""
+        facts = cls(no_returns=NoReturnFacts())
+        for columns in parts:
+            facts.add(columns)
+        return facts
+
+    def add(self, columns: Mapping[str, Column]) -> None:
+        """Adds the columns of some points, which all parts have."""
+        found = _Columns(columns)
+        first = self.n == 0
+        if (position := found.keys3(_POSITION)) is not None:
+            points = _points(found.take(position))
+            self.n += len(points)
+            if self.no_returns is not None:
+                self.no_returns.add(points)
+        for name, values in found.left.items():
+            if name.lower() in _INTENSITY and (first or name in self.zero):
+                (self.zero.discard if values.any() else self.zero.add)(name)
+            if name.lower() in _RANGE and values.dtype.kind == "f" and (values < 0).any():
+                self.negative.add(name)
+        if (keys := found.keys3(_COLOR)) is not None:
+            channels = [found.left[key] for key in keys]
+            if any(channel.dtype != np.uint8 for channel in channels):
+                self.colors.add(_color_rows(channels))
+        elif (key := found.key(PACKED_COLOR)) is not None:
+            self.packed.add(found.left[key])
+        if (keys := found.keys3(_NORMAL)) is not None:
+            self.normals.add(_stack((found.left[key] for key in keys), np.float32))
+
+
+def _points(axes: list[Column]) -> Column:
+    """Coordinates as rows, in single precision if the file has them so."""
+    single = all(c.dtype.kind == "f" and c.dtype.itemsize <= 4 for c in axes)
+    return _stack(axes, np.float32 if single else np.float64)
+
+
+def _take_colors(path: Path, columns: _Columns, facts: Facts, notes: Notes) -> Column | None:
+    colors: Column | None = None
+    if (keys := columns.keys3(_COLOR)) is not None:
+        colors = colors_from(path, columns.take(keys), notes, facts.colors)
+    elif (key := columns.key(PACKED_COLOR)) is not None:
+        packed = columns.left[key]
+        if not facts.packed.are_colors(packed.dtype):
+            return None
+        del columns.left[key]
+        bits = _bits(packed, packed.dtype.kind == "f" and facts.packed.by_value)
+        blue, green, red, alpha = ((bits >> shift).astype(np.uint8) for shift in (0, 8, 16, 24))
+        colors = _stack([red, green, blue], np.uint8)
+        if facts.packed.has_alpha(packed.dtype):
+            add_columns(columns.left, {"alpha": alpha}, notes)
+    return colors
+
+
+def _take_normals(columns: _Columns, facts: _NormalFacts, notes: Notes) -> Column | None:
     if (keys := columns.keys3(_NORMAL)) is None:
         return None
-    rows = _stack((columns.left[key] for key in keys), np.float32)
-    if not is_normals(rows):
+    if not facts.are_normals:
         notes.remark(f"{', '.join(keys)} are no unit vectors and are kept as columns, not normals")
         return None
-    columns.take(keys)
-    return recorded(rows, "normals", notes)
+    rows = _stack(columns.take(keys), np.float32)
+    if facts.is_zero and len(rows):
+        notes.aside("normals, which are 0 everywhere")
+        return None
+    return rows
 
 
-def _take_intensities(columns: _Columns, notes: Notes) -> Column | None:
+def _take_intensities(columns: _Columns, facts: Facts, notes: Notes) -> Column | None:
     """The first column of this meaning that is not zero everywhere."""
     empty: list[str] = []
     while (key := columns.key(_INTENSITY)) is not None:
         (values,) = columns.take([key])
-        if values.any() or len(values) == 0:
+        if facts.n == 0 or key not in facts.zero:
             break
         empty.append(key)
     for name in empty:
@@ -371,12 +564,11 @@ def _take_intensities(columns: _Columns, notes: Notes) -> Column | None:
     return None if key is None else values
 
 
-def _take_ranges(columns: _Columns) -> Column | None:
+def _take_ranges(columns: _Columns, facts: Facts) -> Column | None:
     """Distances in metres; drivers write integer ranges in units of their own."""
     if (key := columns.key(_RANGE)) is None:
         return None
-    values = columns.left[key]
-    if values.dtype.kind != "f" or (values < 0).any():
+    if columns.left[key].dtype.kind != "f" or key in facts.negative:
         return None
     return columns.left.pop(key)
 
@@ -401,20 +593,23 @@ def cloud_from_columns(
     viewpoints: Column | None = None,
     crs: str | None = None,
     notes: Notes | None = None,
+    facts: Facts | None = None,
 ) -> PointCloud:
     """The cloud that columns of equal length describe, found by the names that tools give them.
 
     `viewpoints` is the (m, 3) table for a column `viewpoint_index`; without such a column it holds
-    one row for all points. Columns of other names are kept as extra columns.
+    one row for all points. Columns of other names are kept as extra columns. `facts` are of all
+    points where these are a part.
     """
     notes = Notes(path) if notes is None else notes
+    if facts is None:
+        facts = Facts()
+        facts.add(columns)
     found = _Columns(columns)
     position = found.keys3(_POSITION)
     if position is None:
         raise format_error(path, f"no columns x, y and z among {sorted(columns) or 'none at all'}")
-    axes = found.take(position)
-    single = all(c.dtype.kind == "f" and c.dtype.itemsize <= 4 for c in axes)
-    points = _stack(axes, np.float32 if single else np.float64)
+    points = _points(found.take(position))
     index: Column | None = None
     if (keys := found.keys3(_VIEWPOINT)) is not None:
         rows = _stack(found.take(keys), np.float64)
@@ -433,16 +628,35 @@ def cloud_from_columns(
     return build_cloud(
         path,
         points,
-        colors=_take_colors(path, found, notes),
-        normals=_take_normals(found, notes),
-        intensities=_take_intensities(found, notes),
-        ranges=_take_ranges(found),
+        colors=_take_colors(path, found, facts, notes),
+        normals=_take_normals(found, facts.normals, notes),
+        intensities=_take_intensities(found, facts, notes),
+        ranges=_take_ranges(found, facts),
         viewpoints=viewpoints if index is not None else None,
         viewpoint_index=index,
         extra=_extra(found, notes),
         crs=crs,
         notes=notes,
+        facts=facts.no_returns,
     )
+
+
+Part = tuple[Mapping[str, Column], Column | None]
+"""Columns of some points of a file, and the table of their viewpoints where it is known."""
+
+
+def clouds_of_parts(
+    path: Path, parts: Callable[[Notes], Iterator[Part]], notes: HeldNotes | None = None
+) -> Iterator[PointCloud]:
+    """The clouds of the parts of a file, which are read twice: first for what is known of all.
+
+    What is to say, also what `notes` have, is said at the end.
+    """
+    notes = HeldNotes(path) if notes is None else notes
+    facts = Facts.of(columns for columns, _ in parts(HeldNotes(path)))
+    for columns, viewpoints in parts(notes):
+        yield cloud_from_columns(path, columns, viewpoints=viewpoints, notes=notes, facts=facts)
+    notes.release()
 
 
 def lists_of(name: str, rows: Column, notes: Notes) -> dict[str, Column]:

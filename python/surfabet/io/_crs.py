@@ -163,6 +163,14 @@ def unit_remark(crs: str) -> str | None:
     )
 
 
+def unit_name(crs: str) -> str:
+    """The horizontal unit of a system in short; `m` where it is the metre or not known."""
+    unit = crs_units(crs)[0]
+    if unit is None or unit[1] == 1:
+        return "m"
+    return "ft" if re.search("foot|feet|ft", unit[0], re.IGNORECASE) else unit[0]
+
+
 def crs_name(crs: str) -> str:
     """A short name of a coordinate reference system."""
     if crs.startswith(_KEYS):

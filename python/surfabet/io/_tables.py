@@ -113,11 +113,18 @@ def load_table(lines: Lines, count: int, n_columns: int) -> NDArray[np.float64]:
 
 
 def load_fields(
-    lines: Lines, count: int, fields: Sequence[tuple[str, str]], *, empty: int | None = None
+    lines: Lines,
+    count: int,
+    fields: Sequence[tuple[str, str]],
+    *,
+    empty: int | None = None,
+    before: int = 0,
+    total: int | None = None,
 ) -> dict[str, Column]:
     """The next `count` rows as columns of the given names and types.
 
-    `empty` stands in columns of integers where the file has NaN, which else is refused.
+    `empty` stands in columns of integers where the file has NaN, which else is refused. Of `total`
+    rows of a file that is read in parts, `before` were read.
     """
     wide = [i for i, (_, type_) in enumerate(fields) if np.dtype(type_) in (np.int64, np.uint64)]
     texts: list[list[str]] = [[] for _ in wide]
@@ -130,7 +137,8 @@ def load_fields(
             yield row
 
     table = parse_rows(lines, watched(), len(fields))
-    check_count(lines, len(table), count)
+    if len(table) < count:
+        check_count(lines, before + len(table), count if total is None else total)
     if empty is not None:
         integers = [i for i, (_, type_) in enumerate(fields) if np.dtype(type_).kind in "iu"]
         table[:, integers] = np.where(np.isnan(table[:, integers]), empty, table[:, integers])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,15 @@ import numpy as np
 
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
+from surfabet.io._packed import first_bytes, unpacked
+from surfabet.io.e57 import read_e57_chunks
 from surfabet.io.las import read_las_chunks
+from surfabet.io.pcd import read_pcd_chunks
 from surfabet.io.ply import read_ply_chunks
+from surfabet.io.rgbd import read_rgbd_chunks
+from surfabet.io.ros import read_bag_chunks
 
-__all__ = ["CHUNK", "Chunks", "chunks_of"]
+__all__ = ["CHUNK", "Chunks", "chunks_of", "read_chunks"]
 
 CHUNK = 2_000_000
 """Points of a chunk, at most."""
@@ -75,7 +81,6 @@ def _clouds(source: Iterable[Any]) -> Iterator[PointCloud]:
 
 def _of_files(paths: list[Path]) -> Chunks:
     identity: list[list[Any]] = []
-    counts: list[int | None] = []
     for path in paths:
         if not path.exists():
             raise FileNotFoundError(f"there is no file {path}")
@@ -83,42 +88,69 @@ def _of_files(paths: list[Path]) -> Chunks:
         for file in found:
             about = file.stat()
             identity.append([str(file.resolve()), about.st_size, about.st_mtime_ns])
-        counts.append(_count(path))
+    counts = [_las_count(path) for path in paths]
     known = [count for count in counts if count is not None]
     n_points = sum(known) if len(known) == len(counts) else None
     # LAS has the same fields in all records of a file.
     is_las = len(paths) == 1 and n_points is not None
-    return Chunks(lambda: _read(paths), n_points, True, is_las, identity)
+    return Chunks(lambda: _read_all(paths), n_points, True, is_las, identity)
 
 
-def _count(path: Path) -> int | None:
-    """Points of a file, where its header tells them."""
+def _las_count(path: Path) -> int | None:
+    """Points of a LAS file by its header; None for others."""
     from surfabet.io import detect
 
     if path.is_dir() or detect(path).name not in ("las", "copc"):
         return None
-    import struct
-
-    with path.open("rb") as file:
-        header = file.read(375)
+    header = first_bytes(path)
     if len(header) >= 255 and header[25] >= 4:
         return int(struct.unpack_from("<Q", header, 247)[0])
     return int(struct.unpack_from("<I", header, 107)[0]) if len(header) > 111 else None
 
 
-def _read(paths: list[Path]) -> Iterator[PointCloud]:
+def _read_all(paths: list[Path]) -> Iterator[PointCloud]:
+    for path in paths:
+        yield from read_chunks(path)
+
+
+_READERS: dict[str, Callable[[Path, int], Iterator[PointCloud] | None]] = {
+    "las": read_las_chunks,
+    "copc": read_las_chunks,
+    "ply": read_ply_chunks,
+    "pcd": read_pcd_chunks,
+    "e57": read_e57_chunks,
+    "rgbd": read_rgbd_chunks,
+    "bag": read_bag_chunks,
+    "mcap": read_bag_chunks,
+}
+
+
+def read_chunks(path: Path, n: int = CHUNK) -> Iterator[PointCloud]:
+    """The points of a file or folder as clouds of at most `n`, with what `surfabet.read` gives in
+    its order.
+
+    Where a file can only be read as a whole, that is in memory while its chunks are given. Of LAS a
+    column that is 0 in all points of a chunk is not in its cloud.
+
+    Raises
+    ------
+    FormatError, MissingDependencyError
+        As `surfabet.read`.
+
+    Warns
+    -----
+    DroppedPointsWarning, LostAttributeWarning
+        As `surfabet.read`, after the last chunk.
+    """
     from surfabet.io import detect, read
 
-    for path in paths:
-        name = "" if path.is_dir() else detect(path).name
-        chunks: Iterable[PointCloud] | None = None
-        if name in ("las", "copc"):
-            chunks = read_las_chunks(path, CHUNK)
-        elif name == "ply":
-            chunks = read_ply_chunks(path, CHUNK)
-        if chunks is not None:
-            yield from chunks
-        else:
+    reader = _READERS.get(detect(path).name)
+    with unpacked(path) as there:
+        chunks = None if reader is None else reader(there, n)
+        if chunks is None:
             cloud = read(path)
-            for start in range(0, len(cloud), CHUNK):
-                yield cloud.select(np.arange(start, min(start + CHUNK, len(cloud))))
+            chunks = (
+                cloud.select(np.arange(start, min(start + n, len(cloud))))
+                for start in range(0, len(cloud), n)
+            )
+        yield from chunks

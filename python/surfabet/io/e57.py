@@ -7,6 +7,7 @@ columns by the fields of the standard where they have its names, else by an exte
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 import re
@@ -24,6 +25,7 @@ from surfabet._core import RESERVED_NAMES, KdTree, PointCloud
 from surfabet.errors import FormatError
 from surfabet.io._columns import (
     Column,
+    NoReturnFacts,
     add_columns,
     build_cloud,
     colors_from,
@@ -35,7 +37,7 @@ from surfabet.io._columns import (
 )
 from surfabet.io._crs import unit_remark
 from surfabet.io._files import format_error, optional_module, written_whole
-from surfabet.io._notes import Notes
+from surfabet.io._notes import HeldNotes, Notes
 
 _POINTS_AT_A_TIME = 250_000
 # E57 may store a constant column in no bytes at all; a scan with fewer than a bit per point is no
@@ -53,6 +55,12 @@ _COLOR_INVALID, _INTENSITY_INVALID = "isColorInvalid", "isIntensityInvalid"
 # Fields of the standard that extra columns are written to, and what these must be.
 _STANDARD_INTEGERS = ("rowIndex", "columnIndex", "returnIndex", "returnCount", "isTimeStampInvalid")
 _STANDARD_FLOATS = ("timeStamp",)
+_ATTRIBUTES = {
+    "colors": "colours",
+    "intensities": "intensities",
+    "normals": "normals",
+    "ranges": "ranges",
+}
 _PREFIX = "surfabet"
 _PREFIX_URI = "urn:surfabet:columns"
 
@@ -299,8 +307,11 @@ def _measured(
         notes.left_out("that are marked as invalid", int((~valid).sum()), len(valid))
         fields = {name: column[valid] for name, column in fields.items()}
     local = _local(fields, is_cartesian)
-    if (empty := no_returns(local)).any():
-        notes.left_out("at exactly 0 0 0 (no returns)", int(empty.sum()), len(local))
+    empty = no_returns(local)
+    notes.left_out(
+        "at exactly 0 0 0 (no returns) in the frame of the scanner", int(empty.sum()), len(local)
+    )
+    if empty.any():
         local = local[~empty]
         fields = {name: column[~empty] for name, column in fields.items()}
     return local, fields
@@ -379,6 +390,44 @@ def _joined_extra(scans: list[_Scan], notes: Notes) -> dict[str, Column]:
     return extra
 
 
+@dataclass(frozen=True)
+class _File:
+    """An open file."""
+
+    path: Path
+    libe57: Any
+    image: Any
+    data: Any
+    crs: str | None
+
+    @property
+    def n_scans(self) -> int:
+        return len(self.data)
+
+    def scan(self, number: int, notes: Notes) -> _Scan:
+        """One of the scans."""
+        return _read_scan(self.path, self.libe57, self.image, self.data[number], notes)
+
+
+@contextmanager
+def _opened(path: Path, notes: Notes) -> Iterator[_File]:
+    """The file, to read its scans; notes what else it holds."""
+    _check_header(path)
+    libe57 = _pye57().libe57
+    with _own_errors(path), np.errstate(over="ignore", invalid="ignore"):
+        image = libe57.ImageFile(os.fspath(path), "r")
+        try:
+            root = image.root()
+            if not root.isDefined("data3D"):
+                raise format_error(path, "the file has no scans")
+            crs = _crs(root, notes)
+            if root.isDefined("images2D") and (n_images := root["images2D"].childCount()):
+                notes.aside(f"images ({n_images:,})")
+            yield _File(path, libe57, image, root["data3D"], crs)
+        finally:
+            image.close()
+
+
 def _crs(root: Any, notes: Notes) -> str | None:
     """The coordinate reference system, whose units are noted."""
     if not root.isDefined("coordinateMetadata"):
@@ -428,22 +477,9 @@ def read_e57(path: Path) -> PointCloud:
         aside; colours or intensities were filled; a pose has the quaternion 0 0 0 0; coordinates
         are not in metres.
     """
-    _check_header(path)
-    libe57 = _pye57().libe57
     notes = Notes(path)
-    with _own_errors(path), np.errstate(over="ignore", invalid="ignore"):
-        image = libe57.ImageFile(os.fspath(path), "r")
-        try:
-            root = image.root()
-            if not root.isDefined("data3D"):
-                raise format_error(path, "the file has no scans")
-            data = root["data3D"]
-            scans = [_read_scan(path, libe57, image, data[i], notes) for i in range(len(data))]
-            crs = _crs(root, notes)
-            if root.isDefined("images2D") and (n_images := root["images2D"].childCount()):
-                notes.aside(f"images ({n_images:,})")
-        finally:
-            image.close()
+    with _opened(path, notes) as file:
+        scans = [file.scan(i, notes) for i in range(file.n_scans)]
     scans = [scan for scan in scans if len(scan.points)] or scans[:1]
     if not scans:
         raise format_error(path, "the file has no scans")
@@ -460,9 +496,91 @@ def read_e57(path: Path) -> PointCloud:
         viewpoints=None if ranges is None else np.stack(origins),
         viewpoint_index=None if ranges is None else index,
         extra=_joined_extra(scans, notes),
-        crs=crs,
+        crs=file.crs,
         notes=notes,
     )
+
+
+@dataclass
+class _Common:
+    """What is known of all scans with points."""
+
+    n_scans: int = 0
+    n_with: dict[str, int] = dataclasses.field(default_factory=dict)
+    """How many scans have an attribute."""
+    types: dict[str, np.dtype[Any]] = dataclasses.field(default_factory=dict)
+    """Of extra columns, wide enough for all scans."""
+    facts: NoReturnFacts = dataclasses.field(default_factory=NoReturnFacts)
+
+    def add(self, scan: _Scan) -> None:
+        """Adds a scan, if it has points."""
+        if not len(scan.points):
+            return
+        self.n_scans += 1
+        self.facts.add(scan.points)
+        has = {what: getattr(scan, name) is not None for name, what in _ATTRIBUTES.items()}
+        for what in (*(what for what in has if has[what]), *scan.extra):
+            self.n_with[what] = self.n_with.get(what, 0) + 1
+        for name, column in scan.extra.items():
+            self.types[name] = np.result_type(self.types.get(name, column.dtype), column.dtype)
+
+    def note(self, notes: Notes) -> None:
+        """Says which attributes go, since only some scans have them."""
+        for what, n in self.n_with.items():
+            if n < self.n_scans:
+                notes.aside(f"{what}, since only {n} of {self.n_scans} scans have them")
+
+    def given(self, scan: _Scan, part: slice) -> dict[str, Any]:
+        """The attributes that all scans have of a part of one."""
+        given: dict[str, Any] = {}
+        for name, what in _ATTRIBUTES.items():
+            if self.n_with.get(what, 0) == self.n_scans:
+                given[name] = getattr(scan, name)[part]
+        if "ranges" in given and scan.viewpoint is not None:
+            given["viewpoints"] = scan.viewpoint[None]
+            given["viewpoint_index"] = np.zeros(len(given["ranges"]), np.uint32)
+        extra: dict[str, Column] = {}
+        for name, dtype in self.types.items():
+            if self.n_with[name] == self.n_scans:
+                free = name
+                while free in RESERVED_NAMES or free in extra:
+                    free += "_"
+                extra[free] = scan.extra[name][part].astype(dtype, copy=False)
+        return given | {"extra": extra}
+
+
+def read_e57_chunks(path: Path, n: int) -> Iterator[PointCloud]:
+    """The scans of a file as clouds of at most `n` points, with the points and attributes of
+    `read_e57` in its order; one scan is in memory at a time.
+
+    A file of several scans is read twice: first for what all of them have.
+
+    Raises
+    ------
+    FormatError, MissingDependencyError
+        As `read_e57`.
+    """
+    notes, common = HeldNotes(path), _Common()
+    with _opened(path, HeldNotes(path)) as file:
+        n_scans, crs = file.n_scans, file.crs
+        if not n_scans:
+            raise format_error(path, "the file has no scans")
+        for i in range(n_scans if n_scans > 1 else 0):
+            common.add(file.scan(i, HeldNotes(path)))
+    for i in range(n_scans):
+        # A bounded time in the package's hands: what is done with a cloud is none of its errors.
+        with _opened(path, notes) as file:
+            scan = file.scan(i, notes)
+        if n_scans == 1:
+            common.add(scan)
+        for start in range(0, len(scan.points), n):
+            part = slice(start, start + n)
+            given = common.given(scan, part)
+            yield build_cloud(
+                path, scan.points[part], crs=crs, notes=notes, facts=common.facts, **given
+            )
+    common.note(notes)
+    notes.release()
 
 
 class _Writer:

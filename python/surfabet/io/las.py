@@ -299,7 +299,7 @@ def _collected(
     if kept < found:
         # A point may be counted for several reasons.
         reasons = ", ".join(f"{count:,} {reason}" for reason, count in counts.items() if count)
-        notes.points(f"left out {found - kept:,} of {found:,} points: {reasons}")
+        notes.points(f"left out {found - kept:,} of {found:,} points: {reasons}", found - kept)
     columns: dict[str, Column] = {}
     dark = not any(part.any() for name in _COLORS for part in parts.get(name, []))
     if found and set(_COLORS) <= wanted.keys() and dark:
@@ -355,6 +355,9 @@ def read_las_chunks(path: Path, n: int) -> Iterator[PointCloud]:
             notes = Notes(path)
             points = (reader.header, iter([chunk]), None)
             columns, crs = _collected(path, points, choice, notes)
+            is_first = found == len(chunk)
+            if is_first and crs is not None and (remark := unit_remark(crs)) is not None:
+                notes.remark(remark)
             yield cloud_from_columns(path, columns, crs=crs, notes=notes)
         if found != reader.header.point_count:
             total = reader.header.point_count

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import zipfile
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -256,7 +256,9 @@ def _own_cloud(path: Path, arrays: dict[str, Column], notes: Notes) -> PointClou
     origin = arrays.pop("origin", np.zeros(3))
     crs = _text(arrays, "crs")
     del arrays["local_points"]
-    own = {name: _native(arrays.pop(name)) for name in _ATTRIBUTES if name in arrays}
+    own: dict[str, Any] = {
+        name: _native(arrays.pop(name)) for name in _ATTRIBUTES if name in arrays
+    }
     extra: dict[str, Column] = {}
     for name, array in arrays.items():
         if array.shape == (len(points),) and array.dtype.kind in "fiub":

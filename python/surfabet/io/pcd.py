@@ -10,6 +10,7 @@ All other fields are extra columns; a field of several values becomes a column f
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
@@ -21,8 +22,10 @@ from surfabet.errors import InvalidInputError
 from surfabet.io._columns import (
     PACKED_COLOR,
     Column,
+    Part,
     add_columns,
     cloud_from_columns,
+    clouds_of_parts,
     columns_from_cloud,
     lists_of,
     lost_crs,
@@ -69,13 +72,18 @@ class _Header:
             ]
         )
 
+    @property
+    def viewpoints(self) -> Column | None:
+        """The sensor's position as a table."""
+        return None if self.viewpoint is None else np.array([self.viewpoint])
+
     def columns(self, by_place: dict[str, Column], notes: Notes) -> dict[str, Column]:
         """A column per value of each field, but of padding; the first field of each name."""
         columns: dict[str, Column] = {}
         for i, f in enumerate(self.fields):
             if f.name == "_" or f.count == 0:
                 continue
-            values = by_place[str(i)].reshape(self.n_points, f.count)
+            values = by_place[str(i)].reshape(-1, f.count)
             named = {f.name: values[:, 0]} if f.count == 1 else lists_of(f.name, values, notes)
             add_columns(columns, named, notes)
         return columns
@@ -201,12 +209,18 @@ def _check_room(path: Path, file: BinaryIO, what: str, needed: int) -> None:
         )
 
 
-def _read_ascii(lines: Lines, header: _Header) -> dict[str, Column]:
-    n_columns = sum(f.count for f in header.fields)
-    _check_room(
-        lines.path, lines.file, f"{header.n_points} points take at least",
-        header.n_points * 2 * n_columns - 1,
-    )  # fmt: skip
+def _check_body(lines: Lines, header: _Header) -> None:
+    """Refuses a file that is too short for the points that its header promises."""
+    n, needed = header.n_points, header.n_points * header.dtype.itemsize
+    if n and header.encoding == "binary":
+        _check_room(lines.path, lines.file, f"{n} points take", needed)
+    elif n and header.encoding == "ascii":
+        least = n * 2 * sum(f.count for f in header.fields) - 1
+        _check_room(lines.path, lines.file, f"{n} points take at least", least)
+
+
+def _read_ascii(lines: Lines, header: _Header, start: int, n: int) -> dict[str, Column]:
+    """The next `n` points, of which the first is number `start`."""
     names: list[tuple[str, str]] = []
     for i, f in enumerate(header.fields):
         # Packed colours stand there as the digits of their integer, which no float holds, or as
@@ -214,19 +228,18 @@ def _read_ascii(lines: Lines, header: _Header) -> dict[str, Column]:
         is_packed = f.name.lower() in PACKED_COLOR and f.dtype == "f4"
         dtype = "f8" if is_packed else f.dtype
         names += [(f"{i} {k}", dtype) for k in range(f.count)]
-    columns = load_fields(lines, header.n_points, names, empty=0)
+    columns = load_fields(lines, n, names, empty=0, before=start, total=header.n_points)
     return {
         str(i): np.stack([columns[f"{i} {k}"] for k in range(f.count)], axis=1)
         if f.count
-        else np.empty((header.n_points, 0))
+        else np.empty((n, 0))
         for i, f in enumerate(header.fields)
     }
 
 
-def _read_binary(path: Path, file: BinaryIO, header: _Header) -> dict[str, Column]:
+def _read_binary(file: BinaryIO, header: _Header, n: int) -> dict[str, Column]:
     dtype = header.dtype
-    _check_room(path, file, f"{header.n_points} points take", header.n_points * dtype.itemsize)
-    rows = np.fromfile(file, dtype, header.n_points)
+    rows = np.fromfile(file, dtype, n)
     return {name: rows[name] for name in dtype.names or ()}
 
 
@@ -255,6 +268,47 @@ def _read_compressed(path: Path, file: BinaryIO, header: _Header) -> dict[str, C
         at += column.nbytes
         columns[str(i)] = column
     return columns
+
+
+def _checked_header(lines: Lines, notes: Notes) -> _Header:
+    """The header of a file that has what it promises."""
+    header = _parse_header(lines, notes)
+    if header.n_points and not sum(f.count for f in header.fields):
+        raise format_error(lines.path, "the header names no fields", line=lines.number)
+    _check_body(lines, header)
+    return header
+
+
+def read_pcd_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
+    """The points of a file as clouds of at most `n`, in its order, alike as `read_pcd` reads them;
+    None for a file that is packed by LZF, which is one block.
+
+    The file is read twice: first for what is known of all points.
+
+    Raises
+    ------
+    FormatError
+        As `read_pcd`.
+    """
+    with path.open("rb") as file:
+        header = _checked_header(Lines(path, file), Notes(path))
+    if header.encoding == "binary_compressed":
+        return None
+    return clouds_of_parts(path, lambda notes: _parts(path, n, notes))
+
+
+def _parts(path: Path, n: int, notes: Notes) -> Iterator[Part]:
+    """The columns of a file, at most `n` points at a time."""
+    with path.open("rb") as file:
+        lines = Lines(path, file)
+        header = _checked_header(lines, notes)
+        for start in range(0, header.n_points, n):
+            count = min(n, header.n_points - start)
+            if header.encoding == "ascii":
+                by_place = _read_ascii(lines, header, start, count)
+            else:
+                by_place = _read_binary(file, header, count)
+            yield header.columns(by_place, notes), header.viewpoints
 
 
 def read_pcd(path: Path) -> PointCloud:
@@ -289,22 +343,19 @@ def read_pcd(path: Path) -> PointCloud:
     notes = Notes(path)
     with path.open("rb") as file:
         lines = Lines(path, file)
-        header = _parse_header(lines, notes)
-        if header.n_points and not sum(f.count for f in header.fields):
-            raise format_error(path, "the header names no fields", line=lines.number)
+        header = _checked_header(lines, notes)
         if header.n_points == 0:
             by_place = {
                 str(i): np.empty((0, f.count), f.dtype) for i, f in enumerate(header.fields)
             }
         elif header.encoding == "ascii":
-            by_place = _read_ascii(lines, header)
+            by_place = _read_ascii(lines, header, 0, header.n_points)
         elif header.encoding == "binary":
-            by_place = _read_binary(path, file, header)
+            by_place = _read_binary(file, header, header.n_points)
         else:
             by_place = _read_compressed(path, file, header)
     columns = header.columns(by_place, notes)
-    viewpoints = None if header.viewpoint is None else np.array([header.viewpoint])
-    return cloud_from_columns(path, columns, viewpoints=viewpoints, notes=notes)
+    return cloud_from_columns(path, columns, viewpoints=header.viewpoints, notes=notes)
 
 
 def _write_columns(cloud: PointCloud) -> tuple[dict[str, Column], str]:

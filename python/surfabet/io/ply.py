@@ -26,7 +26,9 @@ from surfabet._core import PointCloud
 from surfabet.io._columns import (
     VIEWPOINT_INDEX,
     Column,
+    Part,
     cloud_from_columns,
+    clouds_of_parts,
     columns_from_cloud,
     lost_crs,
     records,
@@ -330,8 +332,10 @@ def _note_rest(elements: list[_Element], used: set[str], notes: Notes) -> None:
 
 
 def read_ply_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
-    """The vertices of a binary file as clouds of at most `n`, in its order; None for a file that
-    can only be read as a whole: text, or with lists or viewpoints.
+    """The vertices of a binary file as clouds of at most `n`, in its order, alike as `read_ply`
+    reads them; None for a file that can only be read as a whole: text, or with lists or viewpoints.
+
+    The file is read twice: first for what is known of all vertices.
 
     Raises
     ------
@@ -348,20 +352,18 @@ def read_ply_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
             return None
         _check_room(path, file, first, order)
         start = file.tell()
-    return _vertex_chunks(path, start, first, order, n)
+    dtype = first.dtype(order)
 
+    def parts(notes: Notes) -> Iterator[Part]:
+        _note_rest(elements, {"vertex"}, notes)
+        with path.open("rb") as file:
+            file.seek(start)
+            for at in range(0, first.count, n):
+                rows = np.fromfile(file, dtype, min(n, first.count - at))
+                columns = {p.name: rows[p.name] for p in first.properties}
+                yield _splat_colors(columns, notes), None
 
-def _vertex_chunks(
-    path: Path, start: int, element: _Element, order: str, n: int
-) -> Iterator[PointCloud]:
-    dtype = element.dtype(order)
-    with path.open("rb") as file:
-        file.seek(start)
-        for at in range(0, element.count, n):
-            rows = np.fromfile(file, dtype, min(n, element.count - at))
-            columns = {p.name: rows[p.name] for p in element.properties}
-            notes = Notes(path)
-            yield cloud_from_columns(path, _splat_colors(columns, notes), notes=notes)
+    return clouds_of_parts(path, parts)
 
 
 def read_ply(path: Path) -> PointCloud:

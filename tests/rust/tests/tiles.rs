@@ -45,7 +45,7 @@ fn options() -> PatchesOptions {
 
 fn plan_of(cloud: &PointCloud, options: &PatchesOptions) -> TilePlan {
     let (low, high) = cloud.bounds().unwrap();
-    plan(cloud, [low, high], &[], Some(SIDE), options, &Silent).unwrap()
+    plan(cloud, [low, high], &[], Some(SIDE), 1, options, &Silent).unwrap()
 }
 
 /// All tiles, with their cubes.
@@ -66,7 +66,7 @@ fn tiles(
 
 fn merged(plan: &TilePlan, tiles: &[([i32; 3], PatchModel)]) -> TiledModel {
     let of = |(cube, model): &([i32; 3], PatchModel)| {
-        TiledModel::of_tile(plan.cubes, *cube, model).unwrap()
+        TiledModel::of_tile(plan, *cube, &[Some(model.clone())]).unwrap()
     };
     TiledModel::merge(&tiles.iter().map(of).collect::<Vec<_>>(), &Silent).unwrap()
 }

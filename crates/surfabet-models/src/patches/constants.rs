@@ -195,6 +195,15 @@ pub(super) const MISSED_SHARE: i64 = 77;
 /// percent less at equal error than the steps of older files; these are the nearest to them.
 pub(super) const STEP_SHARES: [u32; 4] = [37, 32, 29, 26];
 
+/// Doublings from the side of a cell to that of a block of cells at the border of a tile, and the part of the steps of colours and
+/// scalars by which what is missed there is rounded. With blocks of 8 and 4 cells and 64 parts colours jumped 2.2 and 1.5 times as
+/// far across borders as inside in simulated rooms with tiles of 152 pixels, for 1.0 and 2.1 percent more bytes; with 4 cells and 16
+/// or 32 parts 2.2 and 1.75 times, for 0.9 and 1.45 percent. Uncorrected it is 5 times.
+pub(super) const BORDER_BLOCK_BITS: u32 = 2;
+
+/// See [`BORDER_BLOCK_BITS`].
+pub(super) const BORDER_FINENESS: i64 = 64;
+
 // Points beside the patches.
 
 /// The largest tolerance in gaps between surfaces that lie close behind one another: so that one surface does not stand for

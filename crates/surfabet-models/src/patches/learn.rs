@@ -6,6 +6,7 @@ use surfabet_base::parallel;
 use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
+use super::attributes::borders::{BorderBlocks, FieldCells};
 use super::attributes::cells::{attribute_cells, sides_of_cells};
 use super::attributes::chosen::{ChosenAttributes, Fields};
 use super::attributes::targets::Targets;
@@ -424,10 +425,12 @@ fn attributes(
     // Elsewhere surfaces of two sides meet, and all cells may share what is known.
     let sides = unblended.then(|| sides_of_cells(lattice, leaves, &cells));
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
+    let border = ground.tile.and_then(Tile::border).map(|border| BorderBlocks::new(border, &cells));
+    let of = FieldCells { keys: &cells, border: border.as_ref() };
     let Fields { color, others, figures } =
-        chosen.fields(&cells, &targets, options, ground.attributes)?;
+        chosen.fields(of, &targets, options, ground.attributes)?;
     let coding = FieldCoding::Whole;
-    Ok((Attributes { cells, color, others, unblended, coding }, figures))
+    Ok((Attributes { cells, color, others, unblended, coding, border }, figures))
 }
 
 /// What the report says of each level.

@@ -51,6 +51,7 @@ mod surface;
 mod tiles;
 mod whole;
 
+pub use attributes::borders::Border;
 pub use attributes::color::ColorSteps;
 pub use attributes::{
     AttributeContent, AttributeHeader, FieldCoding, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS,
@@ -66,4 +67,6 @@ pub use model::{
 };
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;
-pub use tiles::{AttributeRange, Cubes, Recipe, TilePlan, Views, learn_tile, plan};
+pub use tiles::{
+    AttributeRange, Cubes, MAX_DETAILS, Recipe, TilePlan, Views, learn_details, learn_tile, plan,
+};

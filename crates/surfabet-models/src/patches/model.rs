@@ -2,6 +2,7 @@
 
 use surfabet_entropy::Coder;
 
+use super::attributes::borders::{Border, BorderBlocks, FieldCells};
 use super::attributes::cells::{attribute_cells, cell_key, cell_of_key};
 use super::attributes::color::{ColorField, ColorSteps};
 use super::attributes::{
@@ -216,6 +217,9 @@ pub struct PatchesHeader {
     pub n_instances: u64,
     /// How colours and scalars are coded.
     pub coding: FieldCoding,
+    /// The cube of a tile whose colours and scalars are corrected at its borders; in the header of a map in tiles any, where those
+    /// of all are.
+    pub border: Option<Border>,
 }
 
 /// Attributes on the cells around the surface.
@@ -230,6 +234,8 @@ pub(super) struct Attributes {
     pub unblended: bool,
     /// How colours and scalars are coded.
     pub coding: FieldCoding,
+    /// The blocks of cells at the borders, where values are corrected there.
+    pub border: Option<BorderBlocks>,
 }
 
 /// The streams of a model.
@@ -346,6 +352,7 @@ impl PatchModel {
             unblended: self.attributes.unblended,
             n_instances: self.instances.all.len() as u64,
             coding: self.attributes.coding,
+            border: self.attributes.border.as_ref().map(|blocks| blocks.border),
         }
     }
 
@@ -356,7 +363,8 @@ impl PatchModel {
     pub(super) fn write<C: Coder>(&self, streams: Streams<'_, C>) -> Result<(), C::Error> {
         let mut models = GeometryModels::default();
         code_geometry(streams.geometry, &mut models, self.lattice, &self.sheets, usize::MAX)?;
-        let Attributes { cells, color, others, .. } = &self.attributes;
+        let Attributes { color, others, .. } = &self.attributes;
+        let cells = self.attributes.cells();
         if let Some(field) = color {
             field.write(streams.color, cells)?;
         }
@@ -401,6 +409,9 @@ impl PatchModel {
             })?,
             false => Vec::new(),
         };
+        if header.border.is_some_and(|border| border.side < 1) {
+            return Err(geometry.corrupt("corrections at borders without tiles".into()));
+        }
         let attributes = Attributes::read(header, cells, color, attributes)?;
         let extra = read_extra(header, extra)?;
         let instances = read_instances(header, (&leaves, &extra), max_copies, instances)?;
@@ -522,6 +533,11 @@ impl PatchModel {
 }
 
 impl Attributes {
+    /// The cells as fields are coded on them.
+    fn cells(&self) -> FieldCells<'_> {
+        FieldCells { keys: &self.cells, border: self.border.as_ref() }
+    }
+
     /// Reads the attributes of these cells; what `header` has of those beside colour was checked.
     fn read<C: Coder>(
         header: &PatchesHeader,
@@ -530,15 +546,16 @@ impl Attributes {
         others: [&mut C; MAX_ATTRIBUTES],
     ) -> Result<Self, C::Error> {
         let coding = header.coding;
+        let border = header.border.map(|border| BorderBlocks::new(border, &cells));
+        let of = FieldCells { keys: &cells, border: border.as_ref() };
         let color = match header.color {
-            Some(steps) => Some(ColorField::read(color, &cells, steps, coding)?),
+            Some(steps) => Some(ColorField::read(color, of, steps, coding)?),
             None => None,
         };
         let fields = header.attributes.iter().zip(others);
-        let others =
-            fields.map(|(header, coder)| AttributeField::read(coder, &cells, header, coding));
+        let others = fields.map(|(header, coder)| AttributeField::read(coder, of, header, coding));
         let others = others.collect::<Result<_, _>>()?;
-        Ok(Self { cells, color, others, unblended: header.unblended, coding })
+        Ok(Self { cells, color, others, unblended: header.unblended, coding, border })
     }
 }
 

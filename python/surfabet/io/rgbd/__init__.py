@@ -8,8 +8,9 @@ value is no measurement.
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -21,7 +22,7 @@ from surfabet._core import LARGEST_UNSHIFTED, PointCloud, get_num_threads
 from surfabet.errors import InvalidInputError
 from surfabet.io._columns import DEEP_COLORS, build_cloud
 from surfabet.io._files import format_error
-from surfabet.io._notes import Notes
+from surfabet.io._notes import HeldNotes, Notes
 from surfabet.io.rgbd import _open3d, _scannet, _seven_scenes, _tum
 from surfabet.io.rgbd._frames import Camera, Frame, Listing, check_intrinsics
 from surfabet.io.rgbd._images import has_deep_colors
@@ -29,6 +30,8 @@ from surfabet.io.rgbd._projector import Points, Projector
 
 DEFAULT_DEPTH_LIMITS = (0.3, 4.0)
 """Metres within which structured-light cameras measure well."""
+
+_TIME_DIFFERENCE = 0.02
 
 LAYOUTS = ", or ".join(layout.HINT for layout in (_seven_scenes, _tum, _scannet, _open3d))
 """What folders of RGB-D frames hold, for messages."""
@@ -42,32 +45,47 @@ class _Tally:
     n_nearer: int = 0
     n_farther: int = 0
 
-    def add(self, points: Points) -> None:
+    def of(self, points: Points) -> Points:
+        """Counts the points of a frame and gives them back."""
         self.n_seen += len(points.positions)
         self.n_nearer += points.n_nearer
         self.n_farther += points.n_farther
+        return points
+
+    @property
+    def n_lost(self) -> int:
+        """Pixels outside of the limits."""
+        return self.n_nearer + self.n_farther
 
     def losses(self, limits: tuple[float, float]) -> str | None:
         """What the limits left out; `None` for nothing."""
-        n_lost = self.n_nearer + self.n_farther
-        if n_lost == 0:
+        if self.n_lost == 0:
             return None
         return (
-            f"left out {n_lost:,} of {n_lost + self.n_seen:,} pixels outside depth_limits="
-            f"({limits[0]:g}, {limits[1]:g}) metres: {self.n_nearer:,} nearer, {self.n_farther:,} "
-            "farther"
+            f"left out {self.n_lost:,} of {self.n_lost + self.n_seen:,} pixels outside "
+            f"depth_limits=({limits[0]:g}, {limits[1]:g}) metres: {self.n_nearer:,} nearer, "
+            f"{self.n_farther:,} farther"
         )
 
 
-def _decode(projector: Projector, frames: Sequence[Frame], tally: _Tally) -> Iterator[Points]:
-    """The frames' points in order, decoded by threads (Pillow and numpy release the GIL)."""
+def _decode(
+    projector: Projector, frames: Sequence[Frame], tally: _Tally, ahead: int | None = None
+) -> Iterator[Points]:
+    """The frames' points in order, decoded by threads (Pillow and numpy release the GIL).
+
+    At most `ahead` frames per thread are decoded before they are asked for, or all of them.
+    """
     n_threads = max(1, min(get_num_threads(), len(frames), (os.cpu_count() or 1) * 2))
+    window = len(frames) if ahead is None else ahead * n_threads
+    waiting: deque[Future[Points]] = deque()
     with ThreadPoolExecutor(n_threads) as pool:
         try:
-            # Eagerly: what has been decoded and not fused yet is never more than the cloud itself.
-            for points in pool.map(projector.points, frames):
-                tally.add(points)
-                yield points
+            for frame in frames:
+                waiting.append(pool.submit(projector.points, frame))
+                if len(waiting) >= window:
+                    yield tally.of(waiting.popleft().result())
+            while waiting:
+                yield tally.of(waiting.popleft().result())
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -166,7 +184,7 @@ def read_rgbd(
     depth_limits: tuple[float, float] | None = None,
     frame_stride: int = 1,
     pixel_stride: int = 1,
-    max_time_difference: float = 0.02,
+    max_time_difference: float = _TIME_DIFFERENCE,
     fused: bool = True,
 ) -> PointCloud | list[PointCloud]:
     """Reads a folder of RGB-D frames with poses into one cloud or one per frame, in the world.
@@ -238,10 +256,7 @@ def read_rgbd(
         )
     scale = None if depth_scale is None else _positive("depth_scale", depth_scale)
     listing = _find_frames(folder, max_time_difference)
-    frames = listing.usable(frame_stride)
-    lost = listing.losses(len(frames))
-    if not frames:
-        raise format_error(folder, lost or f"no RGB-D frames: expected {LAYOUTS}")
+    frames, lost = _usable(listing, frame_stride)
     projector = Projector(
         _camera_of(listing, intrinsics),
         None if intrinsics is not None else listing.color_camera,
@@ -256,15 +271,74 @@ def read_rgbd(
         clouds = _fuse(folder, frames, projector, tally)
     else:
         clouds = _separate(frames, projector, tally)
-    # Limits that were asked for leave out what was asked for.
-    beyond = tally.losses(limits) if depth_limits is None else None
     notes = Notes(folder)
-    for loss in filter(None, (lost, beyond)):
-        notes.points(loss)
-    if any(frame.color is not None and has_deep_colors(frame.color) for frame in frames):
-        notes.aside(DEEP_COLORS)
+    # Limits that were asked for leave out what was asked for.
+    _note(notes, frames, lost, None if depth_limits is not None else (tally, limits))
     notes.warn()
     return clouds
+
+
+def read_rgbd_chunks(folder: Path, n: int) -> Iterator[PointCloud]:
+    """The frames of a folder as clouds of at most `n` points, with the points of `read_rgbd` in its
+    order; a few frames are in memory at a time.
+
+    Raises
+    ------
+    FormatError, InvalidInputError, MissingDependencyError
+        As `read_rgbd`.
+    """
+    listing = _find_frames(folder, _TIME_DIFFERENCE)
+    frames, lost = _usable(listing, 1)
+    projector = Projector(
+        _camera_of(listing, None),
+        listing.color_camera,
+        (listing.depth_scale, 1.0),
+        DEFAULT_DEPTH_LIMITS,
+        1,
+        _origin_of(frames),
+    )
+    tally, notes = _Tally(), HeldNotes(folder)
+    decoded = _decode(projector, frames, tally, ahead=1)
+    for frame, points in zip(frames, decoded, strict=True):
+        for start in range(0, len(points.positions), n):
+            part = slice(start, start + n)
+            positions = points.positions[part]
+            yield build_cloud(
+                folder,
+                positions,
+                colors=None if points.colors is None else points.colors[part],
+                ranges=points.ranges[part],
+                viewpoints=frame.pose[None, :3, 3],
+                viewpoint_index=np.zeros(len(positions), np.uint32),
+                origin=projector.origin,
+                notes=notes,
+            )
+    _note(notes, frames, lost, (tally, DEFAULT_DEPTH_LIMITS))
+    notes.release()
+
+
+def _usable(listing: Listing, stride: int) -> tuple[list[Frame], str | None]:
+    """The frames that have all their parts, and what is said of the others."""
+    frames = listing.usable(stride)
+    lost = listing.losses(len(frames))
+    if not frames:
+        raise format_error(listing.folder, lost or f"no RGB-D frames: expected {LAYOUTS}")
+    return frames, lost
+
+
+def _note(
+    notes: Notes,
+    frames: Iterable[Frame],
+    lost: str | None,
+    seen: tuple[_Tally, tuple[float, float]] | None,
+) -> None:
+    """Notes frames that were lost, pixels outside of the limits, and what colours are not kept."""
+    if lost is not None:
+        notes.points(lost)
+    if seen is not None and (beyond := seen[0].losses(seen[1])) is not None:
+        notes.points(beyond, seen[0].n_lost)
+    if any(frame.color is not None and has_deep_colors(frame.color) for frame in frames):
+        notes.aside(DEEP_COLORS)
 
 
 def _find_frames(folder: Path, max_time_difference: float) -> Listing:

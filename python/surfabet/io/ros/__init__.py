@@ -7,7 +7,8 @@ the times of their headers. Written are MCAP files of one message.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, overload
 
@@ -16,9 +17,16 @@ from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
-from surfabet.io._columns import VIEWPOINT_INDEX, Column, cloud_from_columns, no_returns
+from surfabet.io._columns import (
+    VIEWPOINT_INDEX,
+    Column,
+    Part,
+    cloud_from_columns,
+    clouds_of_parts,
+    no_returns,
+)
 from surfabet.io._files import format_error
-from surfabet.io._notes import Notes
+from surfabet.io._notes import HeldNotes, Notes
 from surfabet.io._packed import unpacked
 from surfabet.io.ros._bags import (
     Topic,
@@ -31,7 +39,16 @@ from surfabet.io.ros._bags import (
     topics_of,
 )
 from surfabet.io.ros._mcap import write_mcap
-from surfabet.io.ros._placing import NO_POSES, TREE, Placing, Scan, placed, wrong_option
+from surfabet.io.ros._placing import (
+    NO_POSES,
+    TREE,
+    Place,
+    Placing,
+    Scan,
+    places_of,
+    put,
+    wrong_option,
+)
 from surfabet.io.ros._point_cloud2 import TYPE, decode
 
 __all__ = ["Topic", "is_bag", "list_topics", "read_bag", "write_mcap"]
@@ -72,28 +89,25 @@ def _choose_topic(path: Path, topics: Sequence[Topic], name: str | None) -> Topi
     return chosen
 
 
-def _read_scans(
+def _scans(
     path: Path, reader: Any, topic: Topic, number: int | None, notes: Notes
-) -> list[Scan]:
-    scans = []
+) -> Iterator[Scan]:
+    """The messages of a topic in order, or one by its number."""
     for _, stamp, message in messages(path, reader, [topic.name], number):
         with as_defined(path, topic.type):
             frame = frame_of(message.header.frame_id)
-            scans.append(Scan(decode(path, message, notes), stamp_of(message, stamp), frame))
-    return scans
+            scan = Scan(decode(path, message, notes), stamp_of(message, stamp), frame)
+        yield scan
 
 
-def _drop_no_returns(scans: Sequence[Scan], notes: Notes) -> None:
+def _drop_no_returns(scan: Scan, notes: Notes) -> None:
     """Leaves out points at exactly 0 0 0, which would become the sensor's position."""
-    n_empty = n_points = 0
-    for scan in scans:
-        empty = no_returns(np.stack([scan.columns[axis] for axis in "xyz"], axis=1))
-        n_points += len(empty)
-        if empty.any():
-            n_empty += int(empty.sum())
-            scan.columns = {name: column[~empty] for name, column in scan.columns.items()}
-    if n_empty:
-        notes.points(f"left out {n_empty:,} of {n_points:,} points at exactly 0 0 0 (no returns)")
+    empty = no_returns(np.stack([scan.columns[axis] for axis in "xyz"], axis=1))
+    notes.left_out(
+        "at exactly 0 0 0 (no returns) in the frame of the sensor", int(empty.sum()), len(empty)
+    )
+    if empty.any():
+        scan.columns = {name: column[~empty] for name, column in scan.columns.items()}
 
 
 def _joined(scans: Sequence[Scan], notes: Notes) -> dict[str, Column]:
@@ -116,12 +130,43 @@ def _fused(
     return cloud_from_columns(path, columns, viewpoints=centers, notes=notes)
 
 
-def _check_positions(path: Path, topic: Topic, scans: Sequence[Scan]) -> None:
-    for scan in scans:
-        if not {"x", "y", "z"} <= scan.columns.keys():
-            raise format_error(
-                path, f"{topic.name} has no fields x, y and z among {sorted(scan.columns)}"
-            )
+def _check_positions(path: Path, topic: Topic, scan: Scan) -> None:
+    if not {"x", "y", "z"} <= scan.columns.keys():
+        raise format_error(
+            path, f"{topic.name} has no fields x, y and z among {sorted(scan.columns)}"
+        )
+
+
+def _as_they_are(n: int) -> list[Place]:
+    """Messages that stay in their own frame."""
+    return [Place(number, np.eye(4), False) for number in range(n)]
+
+
+def _route(
+    path: Path,
+    reader: Any,
+    topic: Topic,
+    heads: Sequence[tuple[str, int]],
+    options: tuple[str | None, str | None],
+    is_one: bool,
+    notes: Notes,
+) -> tuple[list[Place], NDArray[np.float64] | None] | None:
+    """Where the messages go, by `poses` and `frame`; None to leave them as they are.
+
+    `is_one` says that nothing more than one message is asked for, or clouds one by one.
+    """
+    poses, target = options
+    first = heads[0][0]
+    placing = Placing(path, reader, first, poses)
+    known = placing.moves(first) or placing.is_fixed(first)
+    if known or placing.track or poses == TREE:
+        return places_of(path, heads, placing, target, notes)
+    if not is_one:
+        raise InvalidInputError(
+            f"{path} has {len(heads)} messages on {topic.name} and no poses for them; "
+            "read one with message=, or all in the sensor's frame with poses='none'"
+        )
+    return None
 
 
 @overload
@@ -209,22 +254,20 @@ def read_bag(
             raise wrong_option(
                 "message", message, f"less than {chosen.count}, as {chosen.name} has"
             )
-        scans = _read_scans(path, reader, chosen, message, notes)
+        scans = list(_scans(path, reader, chosen, message, notes))
         if not scans:
             raise format_error(path, f"{chosen.name} has no messages")
-        _check_positions(path, chosen, scans)
-        _drop_no_returns(scans, notes)
-        centers = None
+        for scan in scans:
+            _check_positions(path, chosen, scan)
+        places, centers = _as_they_are(len(scans)), None
         if poses != NO_POSES and (message is None or poses is not None):
-            placing = Placing(path, reader, scans[0].frame, poses)
-            known = placing.moves(scans[0].frame) or placing.is_fixed(scans[0].frame)
-            if known or placing.track or poses == TREE:
-                scans, centers = placed(path, scans, placing, frame, notes)
-            elif fused and len(scans) > 1:
-                raise InvalidInputError(
-                    f"{path} has {len(scans)} messages on {chosen.name} and no poses for them; "
-                    "read one with message=, or all in the sensor's frame with poses='none'"
-                )
+            heads = [(scan.frame, scan.stamp) for scan in scans]
+            is_one = not fused or len(scans) == 1
+            route = _route(path, reader, chosen, heads, (poses, frame), is_one, notes)
+            places, centers = route or (places, centers)
+        for place in places:
+            _drop_no_returns(scans[place.number], notes)
+        scans = [put(scans[place.number], place) for place in places]
     if fused:
         return _fused(path, scans, centers, notes)
     clouds = [
@@ -233,3 +276,95 @@ def read_bag(
     ]
     notes.warn()
     return clouds
+
+
+@dataclass(frozen=True)
+class _Head:
+    """What is kept of a message while others are read."""
+
+    frame: str
+    stamp: int
+    types: Mapping[str, np.dtype[Any]]
+    """Of its columns as they are, and placed."""
+    placed: Mapping[str, np.dtype[Any]]
+
+    @classmethod
+    def of(cls, scan: Scan) -> _Head:
+        types = {name: column.dtype for name, column in scan.columns.items()}
+        one = Scan({name: np.zeros(1, dtype) for name, dtype in types.items()}, 0, scan.frame)
+        put(one, Place(0, np.eye(4), True))
+        return cls(
+            scan.frame, scan.stamp, types, {name: c.dtype for name, c in one.columns.items()}
+        )
+
+
+def read_bag_chunks(path: Path, n: int) -> Iterator[PointCloud]:
+    """The messages of a bag as clouds of at most `n` points, with the points and attributes of
+    `read_bag` in its order; one message is in memory at a time.
+
+    The bag is read three times: for the times of its messages, for what is known of all points, and
+    for these.
+
+    Raises
+    ------
+    FormatError, InvalidInputError, MissingDependencyError
+        As `read_bag`.
+    """
+    notes = HeldNotes(path)
+    with open_bag(path) as reader:
+        topic = _choose_topic(path, topics_of(reader), None)
+        heads: list[_Head] = []
+        for scan in _scans(path, reader, topic, None, HeldNotes(path)):
+            _check_positions(path, topic, scan)
+            heads.append(_Head.of(scan))
+        if not heads:
+            raise format_error(path, f"{topic.name} has no messages")
+        route = _route(
+            path, reader, topic, [(head.frame, head.stamp) for head in heads], (None, None),
+            len(heads) == 1, notes,
+        )  # fmt: skip
+        places, centers = route or (_as_they_are(len(heads)), None)
+        types = _common_types(heads, places, notes)
+
+        def parts(notes: Notes) -> Iterator[Part]:
+            for i, scan in enumerate(_in_order(path, reader, topic, places, notes)):
+                columns = {name: scan.columns[name].astype(types[name]) for name in types}
+                if centers is not None:
+                    columns[VIEWPOINT_INDEX] = np.zeros(len(columns["x"]), np.uint32)
+                for start in range(0, len(columns["x"]), n):
+                    part = {name: c[start : start + n] for name, c in columns.items()}
+                    yield part, None if centers is None else centers[i : i + 1]
+
+        yield from clouds_of_parts(path, parts, notes)
+
+
+def _common_types(
+    heads: Sequence[_Head], places: Sequence[Place], notes: Notes
+) -> dict[str, np.dtype[Any]]:
+    """The columns that all messages have, of types that are wide enough for all."""
+    of_all = [
+        heads[place.number].placed if place.is_moved else heads[place.number].types
+        for place in places
+    ]
+    types = {}
+    for name in dict.fromkeys(name for own in of_all for name in own):
+        found = [own[name] for own in of_all if name in own]
+        if len(found) == len(of_all):
+            types[name] = np.result_type(*set(found))
+        else:
+            notes.aside(f"{name!r:.40}, which {len(found)} of {len(of_all)} messages have")
+    return types
+
+
+def _in_order(
+    path: Path, reader: Any, topic: Topic, places: Sequence[Place], notes: Notes
+) -> Iterator[Scan]:
+    """The scans that are placed, in the order of their places: once through the bag for each
+    frame."""
+    at = 0
+    while at < len(places):
+        for number, scan in enumerate(_scans(path, reader, topic, None, notes)):
+            if at < len(places) and places[at].number == number:
+                _drop_no_returns(scan, notes)
+                yield put(scan, places[at])
+                at += 1

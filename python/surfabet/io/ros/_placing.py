@@ -128,31 +128,49 @@ def _place(scan: Scan, pose: NDArray[np.float64]) -> None:
     columns.setdefault("range", distance.astype(np.float32))
 
 
-def placed(
-    path: Path, scans: Sequence[Scan], placing: Placing, target: str | None, notes: Notes
-) -> tuple[list[Scan], NDArray[np.float64] | None]:
-    """The scans that could be placed, in the common frame, and where the sensor was for each."""
-    found: list[Scan] = []
-    centers: list[NDArray[np.float64]] = []
+@dataclass(frozen=True)
+class Place:
+    """Where a message goes."""
+
+    number: int
+    pose: NDArray[np.float64]
+    is_moved: bool
+    """Whether its points are in another frame than the common one."""
+
+
+def places_of(
+    path: Path,
+    heads: Sequence[tuple[str, int]],
+    placing: Placing,
+    target: str | None,
+    notes: Notes,
+) -> tuple[list[Place], NDArray[np.float64] | None]:
+    """The messages that can be placed, given by frame and time, frame by frame, and where the
+    sensor was for each."""
+    found: list[Place] = []
     moved = False
-    for frame in dict.fromkeys(scan.frame for scan in scans):
-        own = [scan for scan in scans if scan.frame == frame]
+    for frame in dict.fromkeys(frame for frame, _ in heads):
+        own = [number for number, (other, _) in enumerate(heads) if other == frame]
         steps = placing.steps(frame, target, notes)
         moved = moved or bool(steps)
-        poses, known = poses_along(steps, np.array([scan.stamp for scan in own], np.int64))
-        for scan, pose, there in zip(own, poses, known, strict=True):
+        poses, known = poses_along(steps, np.array([heads[i][1] for i in own], np.int64))
+        for number, pose, there in zip(own, poses, known, strict=True):
             if there:
-                if steps:
-                    _place(scan, pose)
-                found.append(scan)
-                centers.append(pose[:3, 3])
+                found.append(Place(number, pose, bool(steps)))
     note_invalid(placing.tree, notes)
-    if n_lost := len(scans) - len(found):
+    if n_lost := len(heads) - len(found):
         notes.points(
-            f"left out {n_lost} of {len(scans)} messages, for whose times there is no pose"
+            f"left out {n_lost} of {len(heads)} messages, for whose times there is no pose"
         )
     if not found:
         raise format_error(
             path, "no message could be placed; read one with message=, or all with poses='none'"
         )
-    return found, np.array(centers) if moved else None
+    return found, np.array([place.pose[:3, 3] for place in found]) if moved else None
+
+
+def put(scan: Scan, place: Place) -> Scan:
+    """The scan in the common frame; changes it."""
+    if place.is_moved:
+        _place(scan, place.pose)
+    return scan

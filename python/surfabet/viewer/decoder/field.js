@@ -3,6 +3,7 @@
 import { checkCount, fail } from "./bytes.js";
 import { BESIDE, WHOLE_FIELDS } from "./container.js";
 import { Bits, Symbols } from "./entropy.js";
+import { BorderBlocks } from "./borders.js";
 import { CellIndex, byte } from "./geometry.js";
 import { OlderFieldReader } from "./older_field.js";
 import { WholeFieldReader } from "./whole_field.js";
@@ -100,20 +101,26 @@ function uniqueCells(words, count) {
   return { n, x, y, z, index: new CellIndex(x, y, z) };
 }
 
-/** Means of cells, channel after channel within each; `coding` is a feature or 0. */
-function readField(stream, cells, steps, coding) {
-  if (coding === WHOLE_FIELDS) return new WholeFieldReader(stream, cells, steps).read();
-  return new OlderFieldReader(stream, cells, steps, coding === BESIDE).read();
+/** Means of cells, channel after channel within each, from a whole stream; `coding` is a feature or 0, `border` the cube of a tile. */
+function readField(stream, { cells, border }, steps, coding) {
+  const whole = (of) => new WholeFieldReader(stream, of, steps).read();
+  const means = coding === WHOLE_FIELDS ? whole(cells) : new OlderFieldReader(stream, cells, steps, coding === BESIDE).read();
+  if (border) {
+    const corrected = new BorderBlocks(border, cells);
+    if (corrected.blocks.n > 0) corrected.add(whole(corrected.blocks), means, steps.length);
+  }
+  stream.end();
+  return means;
 }
 
 /** Red, green and blue of each cell. */
-export function readColors(stream, { cells, meta }, coding) {
+export function readColors(stream, { cells, border, meta }, coding) {
   if (cells.n === 0) {
     if (stream.length > 0) fail(stream.section, "colours without cells");
     return new Uint8Array(0);
   }
   const steps = [meta.lumaStep, meta.chromaStep, meta.chromaStep];
-  const means = readField(stream, cells, steps, coding);
+  const means = readField(stream, { cells, border }, steps, coding);
   const colors = new Uint8Array(3 * cells.n);
   const [T, Q, R] = [1 / Math.sqrt(3), 1 / Math.SQRT2, 1 / Math.sqrt(6)];
   for (let i = 0; i < cells.n; i++) {
@@ -126,12 +133,12 @@ export function readColors(stream, { cells, meta }, coding) {
 }
 
 /** Steps of a scalar of each cell. */
-export function readScalar(stream, cells, coding) {
+export function readScalar(stream, { cells, border }, coding) {
   if (cells.n === 0) {
     if (stream.length > 0) fail(stream.section, "values without cells");
     return new Float64Array(0);
   }
-  return readField(stream, cells, [1], coding);
+  return readField(stream, { cells, border }, [1], coding);
 }
 
 /** Displacements of the cells that vote for a label, with their votes: those with a smaller key. */

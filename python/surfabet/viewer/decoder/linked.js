@@ -25,7 +25,7 @@ class LinkedModel extends Model {
   constructor(head, start, read, features) {
     const level = head.levels[head.levels.length - 1];
     super({ method: "patches", meta: level, tiles: [] }, tilesMethod, "");
-    Object.assign(this, { read, features, level });
+    Object.assign(this, { head, read, features, level });
     this.rows = latticeRows(level.quaternion);
     this.index = head.index[head.index.length - 1];
     let at = start + head.index.slice(0, -1).flat().reduce((sum, { length }) => sum + length, 0);
@@ -54,7 +54,7 @@ class LinkedModel extends Model {
   async load(tile) {
     if (!this.loaded.has(tile)) {
       const bytes = await this.read(tile.start, tile.start + tile.length);
-      const content = readTile(bytes, tile.checksum, this.level, this.features);
+      const content = readTile(bytes, tile, this.head, this.features);
       content.complete?.();
       content.complete = undefined;
       this.loaded.set(tile, content);

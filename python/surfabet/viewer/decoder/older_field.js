@@ -21,6 +21,7 @@ export class OlderFieldReader {
     this.value = new Float64Array(8);
   }
 
+  /** Reads on; the stream need not end here. */
   read() {
     const { levels, channels, stream } = this;
     const models = new Signed(channels);
@@ -34,7 +35,6 @@ export class OlderFieldReader {
       const { first, n } = levels[j + 1];
       for (let p = 0; p < n; p++) activity.fill(now[p], first[p], first[p + 1]);
     }
-    stream.end();
     return means;
   }
 

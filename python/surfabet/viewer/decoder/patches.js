@@ -378,13 +378,13 @@ function readAttributes(model, sections, tags, coding) {
   const { meta } = model;
   const cells = attributeCells(model);
   if (meta.lumaStep > 0) {
-    model.colors = readColors(new Stream(sections.get("COLR"), "COLR"), { meta, cells }, coding);
+    model.colors = readColors(new Stream(sections.get("COLR"), "COLR"), { meta, cells, border: meta.border }, coding);
   }
   model.attributes = meta.attributes.map((attribute, i) => {
     const stream = new Stream(sections.get(tags[i]), tags[i]);
     const values = attribute.labels
       ? readLabels(stream, cells, attribute.labels.length)
-      : readScalar(stream, cells, coding);
+      : readScalar(stream, { cells, border: meta.border }, coding);
     return { ...attribute, values };
   });
   model.cells = cells;

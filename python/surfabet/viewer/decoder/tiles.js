@@ -1,8 +1,11 @@
 // Section 5.7 of docs/format.md: patches in tiles. All tiles of the finest level of detail, one after another.
 
 import { Fields, SfbError, crc32c, fail } from "./bytes.js";
-import { INSTANCES, NEAR_POINTS, TILES, expectFeatures, expectSections } from "./container.js";
+import { BORDERS, INSTANCES, NEAR_POINTS, TILES, expectFeatures, expectSections } from "./container.js";
 import { FEATURES, patchesMethod, readMeta, readStreams, streamsOf } from "./patches.js";
+
+/** Features of a map in tiles. */
+const TILE_FEATURES = (FEATURES & ~INSTANCES) | TILES | BORDERS;
 
 const MAX_LEVELS = 8;
 const MAX_SIDE = 2 ** 20;
@@ -50,24 +53,31 @@ function readIndex(bytes, levels) {
   return index;
 }
 
+/** Lowest corner of a cube, pixels of the last level. */
+function lowest({ side, corner }, cube) {
+  return cube.map((c, a) => c * side + corner[a]);
+}
+
 /** The box that a tile of the last level decodes to, in its pixels: lowest and highest corner. */
-export function boxOf({ side, corner }, level, { cube, from, sides }) {
+export function boxOf(head, level, { cube, from, sides }) {
   const square = 8 * 2 ** (level.levels - 1);
-  const low = cube.map((c, a) => c * side + corner[a] + from[a] * square);
+  const low = lowest(head, cube).map((c, a) => c + from[a] * square);
   return [low, low.map((c, a) => c + sides[a] * square)];
 }
 
 /** What stands before the tiles: levels of detail, cubes, and the index. */
 export function openTiles(features, meta, index) {
-  expectFeatures(features, (FEATURES & ~INSTANCES) | TILES);
+  expectFeatures(features, TILE_FEATURES);
   const head = readLevels(meta, features);
   return { ...head, index: readIndex(index, head.levels) };
 }
 
-export function readTile(bytes, checksum, level, features) {
+/** Reads a tile of the last level of `head`, which `openTiles` gives. */
+export function readTile(bytes, { checksum, cube }, head, features) {
   if (crc32c(bytes) !== checksum) throw new SfbError("the file is damaged: the checksum of a tile does not match");
   const fields = new Fields(bytes, "TILE");
-  const meta = { ...level, nPatches: fields.varint(), nExtra: fields.varint() };
+  const meta = { ...head.levels[head.levels.length - 1], nPatches: fields.varint(), nExtra: fields.varint() };
+  if (features & BORDERS) meta.border = { low: lowest(head, cube), side: head.side };
   if (meta.nExtra > 0) meta.extraCell = fields.positive();
   const tags = streamsOf(meta);
   const lengths = tags.map(() => fields.varint());
@@ -79,15 +89,16 @@ export function readTile(bytes, checksum, level, features) {
 
 /** Reads a map in tiles. */
 export function readTiles({ features, sections }) {
-  expectFeatures(features, (FEATURES & ~INSTANCES) | TILES);
+  expectFeatures(features, TILE_FEATURES);
   expectSections(sections, ["META", "TIDX", "TILE"]);
-  const { levels } = readLevels(sections.get("META"), features);
+  const head = readLevels(sections.get("META"), features);
+  const { levels } = head;
   const index = readIndex(sections.get("TIDX"), levels);
   const all = new Fields(sections.get("TILE"), "TILE");
-  const parts = index.map((of) => of.map(({ length, checksum }) => ({ bytes: all.raw(length), checksum })));
+  const parts = index.map((of) => of.map((tile) => ({ bytes: all.raw(tile.length), tile })));
   all.end();
   const level = levels[levels.length - 1];
-  const tiles = parts[parts.length - 1].map((tile) => readTile(tile.bytes, tile.checksum, level, features));
+  const tiles = parts[parts.length - 1].map(({ bytes, tile }) => readTile(bytes, tile, head, features));
   const model = { method: "patches", meta: level, tiles };
   if (tiles.some((tile) => tile.complete)) model.complete = () => tiles.forEach((tile) => tile.complete?.());
   return model;

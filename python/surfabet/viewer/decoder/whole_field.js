@@ -101,6 +101,7 @@ export class WholeFieldReader {
     this.beside = new Along(C);
   }
 
+  /** Reads on; the stream need not end here. */
   read() {
     const { levels, channels: C, stream } = this;
     const models = new Signed(C);
@@ -114,7 +115,6 @@ export class WholeFieldReader {
       const { first, n } = levels[j + 1];
       for (let p = 0; p < n; p++) activity.fill(now[p], first[p], first[p + 1]);
     }
-    stream.end();
     return means.map((mean) => mean / 64);
   }
 

@@ -3,7 +3,8 @@
 use surfabet_entropy::Price;
 use surfabet_geom::{Column, Dtype, PointCloud};
 
-use super::color::{ColorField, ColorSteps};
+use super::borders::{BorderBlocks, FieldCells};
+use super::color::{ColorField, ColorSteps, to_channels};
 use super::labels::LabelField;
 use super::scalar::ScalarField;
 use super::targets::Targets;
@@ -93,14 +94,14 @@ impl<'a> ChosenAttributes<'a> {
         colors.into_iter().chain(self.others.iter().map(|source| source.name)).collect()
     }
 
-    /// The fields of least cost on the sorted `cells`; `known` are the headers of attributes whose labels or scale follow from
+    /// The fields of least cost on the `cells`; `known` are the headers of attributes whose labels or scale follow from
     /// more than this cloud.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] for an attribute with values too large for a scalar.
     pub fn fields(
         &self,
-        cells: &[u64],
+        cells: FieldCells<'_>,
         targets: &Targets<'_>,
         options: &PatchesOptions,
         known: &[AttributeHeader],
@@ -152,7 +153,7 @@ fn present(cloud: &PointCloud) -> String {
 /// The field of colours.
 fn color(
     colors: &[[u8; 3]],
-    cells: &[u64],
+    cells: FieldCells<'_>,
     targets: &Targets<'_>,
     options: &PatchesOptions,
 ) -> (ColorField, AttributeFigures) {
@@ -162,7 +163,10 @@ fn color(
     };
     let lambda = options.color_rate * f64::from(options.color_step).powi(2);
     let wanted = targets.wanted(|i| colors[i].map(f64::from));
-    let field = ColorField::choose(cells, &wanted, steps, lambda as f32);
+    let channels = |i: usize| to_channels(colors[i].map(f32::from)).map(f64::from);
+    let missed =
+        |border: &BorderBlocks, decoded: &[_]| targets.missed_across(border, channels, decoded);
+    let field = ColorField::choose(cells, &wanted, steps, lambda as f32, missed);
     let mut price = Price::default();
     let Ok(()) = field.write(&mut price, cells);
     let squared = |i: usize, decoded: [f32; 3]| {
@@ -203,7 +207,7 @@ impl Source<'_> {
     /// The field of the attribute: of labels where there are few, else of a scalar.
     fn field(
         &self,
-        cells: &[u64],
+        cells: FieldCells<'_>,
         targets: &Targets<'_>,
         options: &PatchesOptions,
         known: Option<&AttributeContent>,
@@ -233,7 +237,7 @@ impl Source<'_> {
     /// The field of a scalar, and its root mean square error over the points.
     fn scalar_field(
         &self,
-        cells: &[u64],
+        cells: FieldCells<'_>,
         targets: &Targets<'_>,
         options: &PatchesOptions,
         scale: Option<ScalarScale>,
@@ -245,8 +249,12 @@ impl Source<'_> {
         let all = (0..n).map(|i| self.number(i));
         let own = || ScalarScale::of(self.name, all, options.attribute_step);
         let scale = scale.map_or_else(own, Ok)?;
-        let wanted = targets.wanted(|i| [scale.in_steps(self.number(i))]);
-        let field = ScalarField::choose(cells, &wanted, scale, options.attribute_rate as f32);
+        let in_steps = |i: usize| [scale.in_steps(self.number(i))];
+        let wanted = targets.wanted(in_steps);
+        let missed =
+            |border: &BorderBlocks, decoded: &[_]| targets.missed_across(border, in_steps, decoded);
+        let lambda = options.attribute_rate as f32;
+        let field = ScalarField::choose(cells, &wanted, scale, lambda, missed);
         let squared = |i: usize, [steps]: [f32; 1]| {
             let value = self.number(i);
             let error = value - scale.value(f64::from(steps));

@@ -2,6 +2,7 @@
 
 use surfabet_entropy::Coder;
 
+use super::borders::{BorderBlocks, Corrections, FieldCells};
 use super::field::{CellValues, Steps, choose_field, code_field};
 use super::field_coding::FieldCoding;
 use crate::color::rounded;
@@ -34,32 +35,55 @@ pub(in crate::patches) struct ColorField {
     coding: FieldCoding,
     /// Coefficients of the transform, as a file stores them.
     coefficients: Vec<i32>,
+    corrections: Option<Corrections>,
     /// Red, green and blue of each cell.
     pub colors: Vec<[u8; 3]>,
 }
 
 impl ColorField {
-    /// The field that costs least: `targets` are the colours that the sorted `cells` should have, red, green and blue,
-    /// 0 to 255; `lambda` the squared grey levels that a bit must save.
-    pub fn choose(cells: &[u64], targets: &[[f32; 3]], steps: ColorSteps, lambda: f32) -> Self {
+    /// The field that costs least: `targets` are the colours that the `cells` should have, red, green and blue,
+    /// 0 to 255; `lambda` the squared grey levels that a bit must save. `missed` gives what decoded values, channels, miss at the
+    /// blocks of a border.
+    pub fn choose(
+        cells: FieldCells<'_>,
+        targets: &[[f32; 3]],
+        steps: ColorSteps,
+        lambda: f32,
+        missed: impl Fn(&BorderBlocks, &[[f32; 3]]) -> Vec<[f32; 3]>,
+    ) -> Self {
         let values: Vec<[f32; 3]> = targets.iter().map(|&color| to_channels(color)).collect();
-        let coded = choose_field(cells, steps.of_channels(), &values, lambda);
-        Self::of(steps, FieldCoding::Whole, coded)
+        let mut coded = choose_field(cells.keys, steps.of_channels(), &values, lambda);
+        let corrections = cells.border.map(|border| {
+            let missed = missed(border, &coded.values);
+            let values = &mut coded.values;
+            border.choose(steps.of_channels(), &missed, lambda, cells.keys, values)
+        });
+        Self::of(steps, FieldCoding::Whole, coded, corrections)
     }
 
-    fn of(steps: ColorSteps, coding: FieldCoding, coded: CellValues<3>) -> Self {
+    fn of(
+        steps: ColorSteps,
+        coding: FieldCoding,
+        coded: CellValues<3>,
+        corrections: Option<Corrections>,
+    ) -> Self {
         let CellValues { values, coefficients } = coded;
         let colors = values.into_iter().map(|value| rounded(to_rgb(value))).collect();
-        Self { steps, coding, coefficients, colors }
+        Self { steps, coding, coefficients, corrections, colors }
     }
 
     /// Writes or prices the field.
     ///
     /// # Errors
     /// Those of the coder.
-    pub fn write<C: Coder>(&self, coder: &mut C, cells: &[u64]) -> Result<(), C::Error> {
-        let given = Some(self.coefficients.as_slice());
-        code_field(coder, cells, self.steps.of_channels(), self.coding, given).map(|_| ())
+    pub fn write<C: Coder>(&self, coder: &mut C, cells: FieldCells<'_>) -> Result<(), C::Error> {
+        let (steps, given) = (self.steps.of_channels(), Some(self.coefficients.as_slice()));
+        let mut coded = code_field(coder, cells.keys, steps, self.coding, given)?;
+        if let Some(border) = cells.border {
+            let given = self.corrections.as_ref();
+            border.code(coder, steps, given, cells.keys, &mut coded.values)?;
+        }
+        Ok(())
     }
 
     /// Reads the field that [`ColorField::write`] wrote.
@@ -68,15 +92,22 @@ impl ColorField {
     /// Those of the coder, also for steps that no model has.
     pub fn read<C: Coder>(
         coder: &mut C,
-        cells: &[u64],
+        cells: FieldCells<'_>,
         steps: ColorSteps,
         coding: FieldCoding,
     ) -> Result<Self, C::Error> {
         if !steps.is_valid() {
             return Err(coder.corrupt(format!("{steps:?} are not 1 to 4096")));
         }
-        let coded = code_field(coder, cells, steps.of_channels(), coding, None)?;
-        Ok(Self::of(steps, coding, coded))
+        let channels = steps.of_channels();
+        let mut coded = code_field(coder, cells.keys, channels, coding, None)?;
+        let corrections = match cells.border {
+            Some(border) => {
+                Some(border.code(coder, channels, None, cells.keys, &mut coded.values)?)
+            }
+            None => None,
+        };
+        Ok(Self::of(steps, coding, coded, corrections))
     }
 }
 
@@ -90,7 +121,7 @@ const H: f32 = std::f32::consts::FRAC_1_SQRT_2;
 const S: f32 = 0.408_248_3;
 
 /// Luma and two chromas, orange and green, by an orthonormal matrix.
-fn to_channels([r, g, b]: [f32; 3]) -> [f32; 3] {
+pub(super) fn to_channels([r, g, b]: [f32; 3]) -> [f32; 3] {
     [T * (r + g + b), H * (r - b), S * (2.0 * g - r - b)]
 }
 

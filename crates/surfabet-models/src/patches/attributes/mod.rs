@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `cells` | the cells that carry attributes, from the geometry |
 //! | `blending` | the cells that a position takes its attributes from |
+//! | `borders` | what is coded once more at the borders of a tile |
 //! | `targets` | when learning: the value or label that each should have |
 //! | `chosen` | when learning: which attributes of the cloud, and what each is stored as |
 //! | `color` | luma and two chromas, and their steps |
@@ -23,6 +24,7 @@
 //! | `older_field`, `older_models` | fields of older files |
 
 pub(in crate::patches) mod blending;
+pub(in crate::patches) mod borders;
 mod butterflies;
 pub(in crate::patches) mod cells;
 mod choice;
@@ -44,6 +46,7 @@ use surfabet_entropy::Coder;
 use surfabet_geom::Dtype;
 
 use crate::scalar::ScalarScale;
+use borders::FieldCells;
 pub use field_coding::FieldCoding;
 use labels::LabelField;
 pub use labels::MAX_LABELS;
@@ -158,14 +161,14 @@ impl AttributeField {
         AttributeHeader { name: self.name.clone(), dtype: self.dtype, content }
     }
 
-    /// Writes or prices the attribute of the sorted `cells`.
+    /// Writes or prices the attribute of the `cells`.
     ///
     /// # Errors
     /// Those of the coder.
-    pub fn write<C: Coder>(&self, coder: &mut C, cells: &[u64]) -> Result<(), C::Error> {
+    pub fn write<C: Coder>(&self, coder: &mut C, cells: FieldCells<'_>) -> Result<(), C::Error> {
         match &self.values {
             Values::Scalar(field) => field.write(coder, cells),
-            Values::Labels(field) => field.write(coder, cells),
+            Values::Labels(field) => field.write(coder, cells.keys),
         }
     }
 
@@ -175,7 +178,7 @@ impl AttributeField {
     /// Those of the coder.
     pub fn read<C: Coder>(
         coder: &mut C,
-        cells: &[u64],
+        cells: FieldCells<'_>,
         header: &AttributeHeader,
         coding: FieldCoding,
     ) -> Result<Self, C::Error> {
@@ -184,7 +187,7 @@ impl AttributeField {
                 Values::Scalar(ScalarField::read(coder, cells, *scale, coding)?)
             }
             AttributeContent::Labels(values) => {
-                Values::Labels(LabelField::read(coder, cells, values.clone())?)
+                Values::Labels(LabelField::read(coder, cells.keys, values.clone())?)
             }
         };
         Ok(Self { name: header.name.clone(), dtype: header.dtype, values })

@@ -1,10 +1,13 @@
 //! The values that each cell should have: those of the samples it will be compared with.
 
+use std::collections::BTreeMap;
+
 use surfabet_base::parallel;
 use surfabet_geom::morton::{MortonMap, step};
 
 use super::blending::{Corners, Weighted};
-use super::cells::{cell_key, index};
+use super::borders::BorderBlocks;
+use super::cells::{cell_key, cell_of_key, index};
 use crate::patches::samples::{Sample, SidedSamples};
 
 /// Samples that one task looks at.
@@ -107,6 +110,58 @@ impl<'a> Targets<'a> {
             }
         }
         sums
+    }
+
+    /// What the cells beside a border miss, mean by block: of what lies on both sides of it, so that the tile beyond finds the same.
+    /// `decoded` are the values of the cells.
+    pub fn missed_across<const N: usize>(
+        &self,
+        border: &BorderBlocks,
+        value: impl Fn(usize) -> [f64; N] + Sync,
+        decoded: &[[f32; N]],
+    ) -> Vec<[f32; N]> {
+        let mut sums = vec![([0.0_f32; N], 0.0_f32); border.len()];
+        let mut add = |of: usize, value: &dyn Fn(usize) -> f32| {
+            let (sum, n) = &mut sums[of];
+            (0..N).for_each(|c| sum[c] += value(c));
+            *n += 1.0;
+        };
+        let beside = self.beside(border, value);
+        for (&key, outside) in &beside {
+            for (axis, up) in border.border.crossed(cell_of_key(key)) {
+                let next = step(key, axis, up);
+                let others = (0..3).filter(|&other| other != axis);
+                let around = others.flat_map(|other| [false, true].map(|up| step(next, other, up)));
+                let known = |key: u64| {
+                    Some((beside.get(&key)?, *self.places.get(&key)?, border.block_of(key)?))
+                };
+                if let Some((inside, cell, block)) =
+                    std::iter::once(next).chain(around).find_map(known)
+                {
+                    add(block, &|c| 0.5 * (inside[c] + outside[c]) - decoded[cell as usize][c]);
+                }
+            }
+        }
+        sums.into_iter().map(|(sum, n)| sum.map(|s| s / n.max(1.0))).collect()
+    }
+
+    /// Means of the samples in each cell on either side of a border.
+    fn beside<const N: usize>(
+        &self,
+        border: &BorderBlocks,
+        value: impl Fn(usize) -> [f64; N] + Sync,
+    ) -> BTreeMap<u64, [f32; N]> {
+        let mut sums: BTreeMap<u64, ([f32; N], f32)> = BTreeMap::new();
+        let of_samples = self.samples.means(value);
+        for (sample, mean) in self.samples.all.iter().zip(of_samples) {
+            let cell = sample.position.map(|c| (c / self.size).floor() as i32);
+            if let Some(mean) = mean.filter(|_| border.border.is_beside(cell)) {
+                let (sum, n) = sums.entry(cell_key(cell)).or_insert(([0.0; N], 0.0));
+                (0..N).for_each(|c| sum[c] += mean[c]);
+                *n += 1.0;
+            }
+        }
+        sums.into_iter().map(|(key, (sum, n))| (key, sum.map(|s| s / n))).collect()
     }
 
     /// The cells that a sample takes its values from.

@@ -10,10 +10,12 @@
 //! |---|---|
 //! | `plan` | what all tiles share, from a sample of the scene |
 //! | `bounds` | the box that a tile decodes to |
+//! | `details` | coarser models of the same tiles |
 //! | `recipe` | what a map remembers, so that a tile can be learned again |
 //! | `views` | how the sides of surfaces are known, and points that say so |
 
 mod bounds;
+mod details;
 mod plan;
 mod recipe;
 mod views;
@@ -23,6 +25,7 @@ use std::collections::BTreeMap;
 use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Progress, cells};
 
+use super::attributes::borders::Border;
 use super::learn::{Ground, STAGES, check_size, on_lattice};
 use super::model::{Lattice, PatchModel};
 use super::options::PatchesOptions;
@@ -33,6 +36,7 @@ use crate::extent::reach;
 use crate::options::Options;
 use crate::stages::Stages;
 pub(super) use bounds::ROUNDING;
+pub use details::{MAX_DETAILS, learn_details};
 pub use plan::{AttributeRange, TilePlan, plan};
 pub use recipe::Recipe;
 pub use views::Views;
@@ -67,6 +71,11 @@ impl Cubes {
         let at = |a: usize| i64::from(cube[a]) * i64::from(self.side) + i64::from(self.offset[a]);
         std::array::from_fn(at)
     }
+
+    /// A cube as cells of attributes, each a finest pixel.
+    pub fn border(self, cube: [i32; 3]) -> Border {
+        Border { low: self.corner(cube), side: i64::from(self.side) }
+    }
 }
 
 /// One of the cubes.
@@ -74,9 +83,16 @@ impl Cubes {
 pub(super) struct Tile {
     pub cubes: Cubes,
     pub cube: [i32; 3],
+    /// Whether colours and scalars are corrected at its borders.
+    pub corrected: bool,
 }
 
 impl Tile {
+    /// The cube, where colours and scalars are corrected at its borders.
+    pub fn border(self) -> Option<Border> {
+        self.corrected.then(|| self.cubes.border(self.cube))
+    }
+
     /// Finest pixels from the tile to a pixel, along the axis where these are most; 0 inside.
     fn distance(self, pixel: [i32; 3]) -> i64 {
         let corner = self.cubes.corner(self.cube);
@@ -221,7 +237,7 @@ pub fn learn_tile(
         let what = format!("{} weights of {} points", weights.len(), cloud.len());
         return Err(Error::Inconsistent(what));
     }
-    let tile = Tile { cubes: plan.cubes, cube };
+    let tile = Tile { cubes: plan.cubes, cube, corrected: plan.corrected };
     let mut cloud = about(cloud, plan.lattice.origin)?;
     let near = tile.around(&cloud, &plan.lattice, plan.margin_pixels());
     let weights: Option<Vec<f32>> = weights.map(|all| near.iter().map(|&i| all[i]).collect());

@@ -2,7 +2,8 @@
 
 use surfabet_geom::{Dtype, PointCloud, Progress, Survey};
 
-use super::{Cubes, MARGIN_PIXELS, MARGIN_SQUARES, Views, about};
+use super::details::coarsest_pixel;
+use super::{Cubes, MARGIN_PIXELS, MARGIN_SQUARES, MAX_DETAILS, Views, about};
 use crate::error::{Error, Result, positive};
 use crate::options::Options;
 use crate::patches::attributes::chosen::ChosenAttributes;
@@ -84,14 +85,23 @@ pub struct TilePlan {
     pub views: Views,
     /// Attributes beside colour, as they are stored.
     pub attributes: Vec<AttributeHeader>,
+    /// Whether colours and scalars are corrected at the borders of tiles; those of maps of older versions are not.
+    pub corrected: bool,
+    /// Number of levels of detail.
+    pub details: u32,
     /// Options that were not given, and what the sample made of them.
     pub chosen: Vec<ChosenOption>,
 }
 
 impl TilePlan {
-    /// Finest pixels about a tile that its surfaces depend on.
+    /// Finest pixels about a tile that its surfaces depend on, at all levels of detail.
     pub(super) fn margin_pixels(&self) -> i32 {
-        MARGIN_SQUARES * self.lattice.tile_pixels() + MARGIN_PIXELS
+        (MARGIN_SQUARES * self.lattice.tile_pixels() + MARGIN_PIXELS) * coarsest_pixel(self.details)
+    }
+
+    /// Finest pixels of which the side of a tile and its corners are multiples: squares of all levels of detail are whole.
+    fn square(&self) -> i32 {
+        self.lattice.tile_pixels() * coarsest_pixel(self.details)
     }
 
     /// How far from a tile points still matter to it, metres.
@@ -107,10 +117,10 @@ impl TilePlan {
     /// The plan with tiles of about `side` metres, whole squares of the coarsest level.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for a side below four squares or above a million pixels.
+    /// [`Error::InvalidParameter`] for a side below four squares, or one of the coarsest level of detail, or above a million pixels.
     pub fn with_side(mut self, side: f64) -> Result<Self> {
-        self.cubes.side = side_of(&self.lattice, Some(side))?;
-        let square = self.lattice.tile_pixels();
+        let square = self.square();
+        self.cubes.side = side_of(&self.lattice, square, Some(side))?;
         self.cubes.offset =
             self.cubes.offset.map(|c| c.rem_euclid(self.cubes.side).div_euclid(square) * square);
         Ok(self)
@@ -123,7 +133,11 @@ impl TilePlan {
     pub fn check(&self) -> Result<()> {
         self.lattice.check()?;
         check(&self.attributes).map_err(Error::Inconsistent)?;
-        let square = self.lattice.tile_pixels();
+        if !(1..=MAX_DETAILS).contains(&self.details) {
+            let what = format!("{} levels of detail, not 1 to {MAX_DETAILS}", self.details);
+            return Err(Error::Inconsistent(what));
+        }
+        let square = self.square();
         let whole = |c: i32| c % square == 0;
         let Cubes { side, offset } = self.cubes;
         let is_side = (square..=MOST_PIXELS).contains(&side) && whole(side);
@@ -139,11 +153,11 @@ impl TilePlan {
     }
 }
 
-/// Side of a tile in finest pixels: the nearest whole number of squares of the coarsest level to `side` metres.
-fn side_of(lattice: &Lattice, side: Option<f64>) -> Result<i32> {
-    let square = lattice.tile_pixels();
-    let Some(side) = side else { return Ok(SIDE) };
-    let least = f64::from(LEAST_SQUARES * square) * lattice.pixel_size;
+/// Side of a tile in finest pixels: the nearest multiple of `square` to `side` metres.
+fn side_of(lattice: &Lattice, square: i32, side: Option<f64>) -> Result<i32> {
+    let Some(side) = side else { return Ok(((SIDE + square / 2) / square).max(1) * square) };
+    let least_pixels = square.max(LEAST_SQUARES * lattice.tile_pixels());
+    let least = f64::from(least_pixels) * lattice.pixel_size;
     let most = f64::from(MOST_PIXELS - square) * lattice.pixel_size;
     if !(least * (1.0 - 1e-9)..=most).contains(&side) {
         let requirement = format!(
@@ -156,12 +170,13 @@ fn side_of(lattice: &Lattice, side: Option<f64>) -> Result<i32> {
         return Err(Error::invalid("tile", side, requirement));
     }
     let squares = (side / (f64::from(square) * lattice.pixel_size)).round();
-    Ok((squares as i32).max(LEAST_SQUARES) * square)
+    Ok((squares as i32 * square).max(least_pixels))
 }
 
 /// What all tiles of a scene share, from a sample of it in which neighbours are as near as in the scene: some whole blocks,
 /// or the scene itself. `bounds` is the box of the scene, and `ranges` what is known of its attributes beside colour; those
-/// that the options name, or the intensities, are kept. `side` is that of a tile in metres.
+/// that the options name, or the intensities, are kept. `side` is that of a tile in metres, `details` the number of levels of
+/// detail.
 ///
 /// # Errors
 /// As [`super::super::learn`].
@@ -170,10 +185,14 @@ pub fn plan(
     bounds: [[f64; 3]; 2],
     ranges: &[AttributeRange],
     side: Option<f64>,
+    details: u32,
     options: &PatchesOptions,
     progress: &dyn Progress,
 ) -> Result<TilePlan> {
     options.check()?;
+    if !(1..=MAX_DETAILS).contains(&details) {
+        return Err(Error::invalid("details", details, format!("from 1 to {MAX_DETAILS}")));
+    }
     let [low, high] = bounds;
     let origin: [f64; 3] = std::array::from_fn(|a| (0.5 * (low[a] + high[a])).round());
     let mut stages = Stages::new(STAGES, progress);
@@ -193,27 +212,29 @@ pub fn plan(
         SidedSamples::merge(cloud, &lattice, Weights::of(options.sensor), survey, progress)
     })?;
     let sheets = stages.run("growing sheets", |_| sheets_of(&samples, &lattice, survey))?;
-    let side = side_of(&lattice, side)?;
-    let cubes = Cubes { side, offset: offset(&samples.all, &lattice, side) };
     let kept = ChosenAttributes::of(cloud, options.attributes.as_deref())?.names();
     let ranges = ranges.iter().filter(|range| kept.contains(&range.name.as_str()));
     let attributes = ranges.map(|range| range.header(options.attribute_step));
+    let square = lattice.tile_pixels() * coarsest_pixel(details);
+    let side = side_of(&lattice, square, side)?;
+    let offset = offset(&samples.all, &lattice, square, side);
     Ok(TilePlan {
         lattice,
-        cubes,
+        cubes: Cubes { side, offset },
         survey: Survey { outliers: Vec::new(), strays: Vec::new(), ..survey.clone() },
         tolerance,
         density: samples_per_pixel(&sheets),
         views: Views::of(cloud, survey),
         attributes: attributes.collect::<Result<_>>()?,
+        corrected: true,
+        details,
         chosen: start.into_chosen(),
     })
 }
 
 /// The corner of the cubes for which fewest samples lie beside a border: a floor or a wall along a border would be in two
 /// tiles.
-fn offset(samples: &[Sample], lattice: &Lattice, side: i32) -> [i32; 3] {
-    let square = lattice.tile_pixels();
+fn offset(samples: &[Sample], lattice: &Lattice, square: i32, side: i32) -> [i32; 3] {
     let pixel = lattice.pixel_size as f32;
     let mut counts = vec![[0_u64; 3]; side as usize];
     for sample in samples {

@@ -81,8 +81,13 @@ impl Recipe {
         }
     }
 
-    /// The plan and the options of a map.
-    pub fn plan_of(&self, header: &PatchesHeader, cubes: Cubes) -> (TilePlan, PatchesOptions) {
+    /// The plan and the options of a map with so many levels of detail, of which `header` is the last.
+    pub fn plan_of(
+        &self,
+        header: &PatchesHeader,
+        cubes: Cubes,
+        details: u32,
+    ) -> (TilePlan, PatchesOptions) {
         let lattice = header.lattice;
         let survey = Survey {
             layer_gap: self.layer_gap,
@@ -97,6 +102,8 @@ impl Recipe {
             density: self.density,
             views: self.views,
             attributes: header.attributes.clone(),
+            corrected: header.border.is_some(),
+            details,
             chosen: Vec::new(),
         };
         let colors = header.color.map(|_| "colors".to_owned());
