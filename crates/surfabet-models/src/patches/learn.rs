@@ -169,8 +169,12 @@ impl Ground<'_> {
         }
     }
 
-    /// The price of points beside the patches, where there will be some.
+    /// The price of points beside the patches, where there will be some. With a bound forward there is none: patches then
+    /// lose what is further from the input, so that points stand beside them whatever is chosen.
     fn point_price(&self, options: &PatchesOptions) -> Option<PointPrice> {
+        if options.max_error_forward.is_some() {
+            return None;
+        }
         let bound = options.max_error.or_else(|| self.completeness(options).bound());
         bound.map(|bound| PointPrice::new(bound, self.lattice.pixel_size))
     }
