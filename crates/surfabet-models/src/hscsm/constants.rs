@@ -92,7 +92,8 @@ pub(super) const ALIGNED_COVERAGE: f32 = 0.5;
 pub(super) const TILING_COVERAGE: f32 = 0.75;
 
 /// A trial whose samples were partly taken in the meantime is committed when this fraction of its pixels is left;
-/// else its candidate is scored again. 0.5 and 0.9 give the same files.
+/// else its candidate is scored again. 0.5 and 0.9 give the same files: it counts where patches that are tried at once want the
+/// same samples, and keeps them from being placed for a few pixels.
 pub(super) const KEPT_PIXELS: f32 = 0.75;
 
 /// A proposal is tried when its approximate coverage is this fraction of what it needs: saves trials, which are dearer
