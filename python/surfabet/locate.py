@@ -117,6 +117,8 @@ class Localizer:
                 top=top,
                 progress=callback,
             )
+        if reason is not None and prior is not None:
+            reason += f" (within {radius:g} m and {angle:g} degrees of the prior)"
         return locations_of(accepted, rejected, reason)
 
     def __len__(self) -> int:

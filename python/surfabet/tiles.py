@@ -165,9 +165,8 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
         InvalidInputError
             For a scan without what it needs, or without points, or so far from the map that one
             lattice cannot hold both; for a map of an older file, which does not say how its tiles
-            were learned, for one that was loaded with one of several levels of detail or with a
-            box of it, and for one with `max_error` or `max_error_forward`, which cannot be kept
-            without the points.
+            were learned, for one that was loaded with one of several levels of detail, and for one
+            with `max_error` or `max_error_forward`, which cannot be kept without the points.
 
         Warns
         -----

@@ -255,7 +255,14 @@ def test_wrong_options_are_named(
 def test_too_few_points_are_no_scan(room: sb.PatchModel) -> None:
     found = room.locate(sb.PointCloud(np.eye(3) * 2))
     assert len(found) == 0
-    assert "surface" in str(found.reason)
+    assert found.reason == "the scan has points in 3 voxels only, and at least 30 are needed"
+    assert room.locate(sb.PointCloud(np.zeros((0, 3)))).reason == "the scan has no points"
+
+
+def test_a_refusal_names_where_it_looked(room: sb.PatchModel) -> None:
+    found = room.locate(scan(ROOM, POSES[0], step=6), prior=[500.0, 0.0, 0.0, 0.0], radius=2)
+    assert len(found) == 0
+    assert str(found.reason).endswith("(within 2 m and 20 degrees of the prior)")
 
 
 def test_the_command_line(

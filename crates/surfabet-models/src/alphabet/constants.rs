@@ -11,6 +11,20 @@
 /// explains most others too. Half and double change bytes by -2.3 to -0.9 percent, the length by -2.2 to 1.
 pub(super) const THINNING_SIDE: f32 = 0.5;
 
+/// The same of a large scene. Up to 1.15, two over the root of three, the middle of a cell is within sigma of all of it, so
+/// that a sample on a dense surface has a point near it. At 1 the merged hall takes a fifth less time and 0.3 percent more of
+/// its points are not explained, in 4 percent more bytes (`docs/benchmarks/constants.md`).
+pub(super) const COARSE_THINNING_SIDE: f32 = 0.8;
+
+/// Points of a scene that is thinned to half a sigma, at most; beyond it, a scene is large. Learning takes about 30
+/// microseconds of CPU time for each. All scenes but the merged hall that figures were published of have fewer.
+pub(super) const MOST_FINE_POINTS: usize = 1_200_000;
+
+/// Share of the samples of a plane that explain nothing, at most, where in a large scene its points are taken for explained
+/// before smaller planes are sought: where an eighth is missing, a plane still explains three times what one of half its
+/// size can.
+pub(super) const WHOLE_PLANE_OUTLIERS: f32 = 0.125;
+
 /// Points that a normal is fitted to. Half and double change bytes by -1.3 to -0.5 percent, the length by -0.9 to -0.1.
 pub(super) const NORMAL_NEIGHBORS: usize = 12;
 
@@ -98,6 +112,10 @@ pub(super) const FIRST_PLANE_BITS: f32 = 1.0;
 /// Added to how often a word occurs before its bits are taken from its share: words that do not occur have a price.
 /// Half and double change bytes by -0.1 to 0 percent, the length by 0.
 pub(super) const WORD_PRIOR: f32 = 0.5;
+
+/// Share of the description that a round of covering saves at least in a large scene, or it is the last. The rounds of the
+/// hall save -1, 0.6 and 0.1 percent; words that do not pay go in the first ones.
+pub(super) const LEAST_SAVING: f64 = 0.01;
 
 /// Passes of refining occurrences one by one. 1 and 4 change bytes by 0.2 to 1 percent, the length by -0.5 to 2.3.
 pub(super) const REFINEMENT_PASSES: usize = 2;

@@ -3,17 +3,19 @@
 use surfabet_geom::{Neighborhood, PointCloud, Progress, estimate_normals};
 
 use super::candidates::{
-    Candidate, CandidatePlane, Descriptor, cluster_words, find_planes, place_words,
+    Candidate, CandidatePlane, Descriptor, PlaneSearch, WordPlaces, cluster_words, find_planes,
+    sample_grid,
 };
 use super::channels::Channels;
-use super::choice::{Choice, Prices};
+use super::choice::{Choice, CoverCounts, Prices, add_best};
 use super::coding::CodingParams;
 use super::constants::{
-    FIRST_OCCURRENCE_BITS, NORMAL_NEIGHBORS, RADIUS_IN_SIGMAS, RADIUS_IN_SPACINGS,
+    FIRST_OCCURRENCE_BITS, MOST_FINE_POINTS, NORMAL_NEIGHBORS, RADIUS_IN_SIGMAS,
+    RADIUS_IN_SPACINGS, REFINEMENT_PASSES, WHOLE_PLANE_OUTLIERS,
 };
 use super::model::{Alphabet, AlphabetModel, Header};
 use super::options::AlphabetOptions;
-use super::scene::{Cells, LatticeScene, thinned};
+use super::scene::{Cells, LatticeScene, Thinned};
 use super::word::Word;
 use crate::error::Result;
 use crate::options::Options;
@@ -97,17 +99,15 @@ fn run(
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
 
-    // 1. Points denser than half a sigma are thinned out (eq. 13).
+    // 1. Points denser than half a sigma are thinned out (eq. 13), those of a large scene further.
     let prepared = stages
         .run("preparing the scene", |progress| Prepared::new(&mut start, options, progress))?;
     let scene = &prepared.lattice;
 
-    // 2. Planes at every cell of every scale, rounded, with descriptors of the surface about them (III-C).
-    let mut scales = stages.run("finding planes", |progress| {
-        (0..options.scales)
-            .map(|scale| Scale::new(scene, scale, options, progress))
-            .collect::<Result<Vec<_>>>()
-    })?;
+    // 2. Planes at every cell of every scale, rounded, with descriptors of the surface about them (III-C); in a large scene
+    // only where no larger plane will do.
+    let mut scales =
+        stages.run("finding planes", |progress| scales_of(scene, options, progress))?;
 
     // 3. Words are the centroids of clustered descriptors (III-C), or given (IV-B).
     let words = stages.run("clustering words", |progress| {
@@ -132,6 +132,7 @@ fn run(
     })?;
 
     let Choice { words, lengths, .. } = choice;
+    let every_round = options.rounds as usize + REFINEMENT_PASSES + 1;
     let alphabet = match frozen {
         Some(alphabet) => alphabet.clone(),
         None => Alphabet::new(scene.radius, options.scales, words)?,
@@ -140,9 +141,13 @@ fn run(
     let mut report = AlphabetReport {
         stages: stages.finish(),
         figures: Some(prepared.figures(candidates.len())),
+        stop_reason: if lengths.len() == every_round {
+            "every round was run"
+        } else {
+            "a round saved less than a hundredth"
+        },
         iterations: lengths.len(),
         objectives: vec![("bits, misfit included".into(), lengths)],
-        stop_reason: "every round was run",
         not_kept: prepared.not_kept(cloud),
         ..Report::default()
     };
@@ -171,9 +176,9 @@ impl Prepared {
         let n_points = start.cloud.len();
         let scene = Scene::new(&start.cloud, options.deviation(), options.min_range, progress)?;
         progress.check()?;
-        let kept = thinned(&scene);
+        let thinning = Thinned::of(&scene, MOST_FINE_POINTS);
         progress.check()?;
-        let thinned = scene.select(&kept);
+        let thinned = scene.select(&thinning.kept);
         let (points, _) = PointCloud::from_positions(thinned.positions.clone());
         let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
         let normals = estimate_normals(&points, near, progress)?.normals;
@@ -192,7 +197,7 @@ impl Prepared {
             }
         });
         progress.check()?;
-        let lattice = LatticeScene::new(&thinned, normals, radius)?;
+        let lattice = LatticeScene::new(&thinned, thinning, normals, radius)?;
         Ok(Self { n_points, scene, thinned, lattice })
     }
 
@@ -252,18 +257,56 @@ impl Scale {
         scene: &LatticeScene,
         scale: u32,
         options: &AlphabetOptions,
+        explained: Option<&CoverCounts>,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let cells = Cells::new(&scene.points, scale);
-        let planes = find_planes(scene, &cells, scale, options.spacing, progress)?;
+        let least = FIRST_OCCURRENCE_BITS / options.inlier_bits() as f32;
+        let explained = explained.map(|counts| (counts, least));
+        let search =
+            PlaneSearch { scene, cells: &cells, scale, spacing: options.spacing, explained };
+        let planes = find_planes(&search, progress)?;
         Ok(Self { cells, planes })
+    }
+
+    /// The planes that are whole: of whose samples at most [`WHOLE_PLANE_OUTLIERS`] explain nothing.
+    fn whole_planes(&self, spacing: f64) -> Vec<&Candidate> {
+        let is_whole = |c: &&Candidate| {
+            let (n, _) = sample_grid(&c.pose, spacing);
+            c.coverage.outliers as f32 <= WHOLE_PLANE_OUTLIERS * (n * n) as f32
+        };
+        self.planes.iter().map(|p| &p.candidate).filter(is_whole).collect()
     }
 
     /// Drops the planes that explain too little to pay for an occurrence; no word is tried in their place.
     fn drop_poor_planes(&mut self, inlier_bits: f32) {
-        let n_points = |p: &CandidatePlane| p.candidate.coverage.points.len() as f32;
+        let n_points = |p: &CandidatePlane| p.candidate.coverage.weight as f32;
         self.planes.retain(|p| inlier_bits * n_points(p) > FIRST_OCCURRENCE_BITS);
     }
+}
+
+/// All scales of the scene, the smallest first. Of a large scene the largest is searched first, and what its whole planes
+/// explain, chosen as for the description, is left out of the search on smaller ones: a smaller plane does not explain it
+/// for fewer bits.
+fn scales_of(
+    scene: &LatticeScene,
+    options: &AlphabetOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Scale>> {
+    let mut counts = scene.is_coarse.then(|| CoverCounts::new(&scene.weights));
+    let scales = options.scales;
+    let [inlier, outlier] = [options.inlier_bits(), options.outlier_bits()].map(|b| b as f32);
+    let prices = Prices::first(inlier, outlier, scales as usize, 1);
+    let mut found = Vec::new();
+    for scale in (0..scales).rev() {
+        let of_scale = Scale::new(scene, scale, options, counts.as_ref(), progress)?;
+        if let Some(counts) = counts.as_mut() {
+            add_best(&of_scale.whole_planes(options.spacing), &prices, counts, progress)?;
+        }
+        found.push(of_scale);
+    }
+    found.reverse();
+    Ok(found)
 }
 
 /// The plane, and at most `max_words` words of the scene.
@@ -312,10 +355,11 @@ fn candidates(
     let Choice { scene, words, prices, spacing, .. } = choice;
     let mut all: Vec<Candidate> = Vec::new();
     for Scale { cells, planes } in scales {
-        all.extend(place_words(scene, cells, planes, words, *spacing, progress)?);
-        all.extend(planes.iter().map(|p| p.candidate.clone()));
+        let place = WordPlaces { scene, cells, planes, words, spacing: *spacing, prices };
+        all.extend(place.words(progress)?);
+        let paying = planes.iter().map(|p| &p.candidate).filter(|c| prices.gain_alone(c) > 0.0);
+        all.extend(paying.cloned());
     }
-    all.retain(|c| prices.pays_alone(c));
     all.sort_by_key(|c| c.placement);
     Ok(all)
 }

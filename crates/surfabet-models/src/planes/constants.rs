@@ -2,18 +2,22 @@
 //!
 //! `sigma` is the standard deviation of the points across the surface: the noise.
 //!
-//! `SIGMAS_PER_GRID_SIZE` is the paper's (section II-E). How much the result depends on the others one by one is not
-//! measured; docs/benchmarks/planes.md has the results of all of them together.
+//! `SIGMAS_PER_GRID_SIZE` is the paper's (section II-E). What half and double of each change on coarse scans of two simulated
+//! rooms, on a hall and on the four walls of experiment I is in `docs/benchmarks/constants.md`, section "Planes"; comments have it
+//! where it is much, or nothing. `docs/benchmarks/planes.md` has the results of all of them together.
 
 // Points.
 
-/// Points per cell in which the spacing of the points is estimated, on average.
+/// Points per cell in which the spacing of the points is estimated, on average. Half finds 35 planes of the hall in place of 50,
+/// double the same.
 pub(super) const SPACING_POINTS: usize = 8;
 
 // First patches.
 
 /// Sides of the largest and smallest cells in which flat parts are searched, in sigma and in spacings of the points;
-/// the larger of both counts.
+/// the larger of both counts. Spacings decide where it was measured: half and double of the sigmas gave the same planes, but
+/// for double of the smallest at a noise of 20 mm; they are for scans whose noise is large beside their spacing. A smallest cell of 6
+/// spacings finds 28 planes of the hall in place of 50.
 pub(super) const LARGEST_CELL_SIGMAS: f64 = 12.0;
 pub(super) const LARGEST_CELL_SPACINGS: f64 = 6.0;
 pub(super) const SMALLEST_CELL_SIGMAS: f64 = 5.0;
@@ -38,11 +42,12 @@ pub(super) const CELL_SPREAD: f64 = 0.01;
 pub(super) const NOISE_FLATNESS: f64 = 0.1;
 
 /// Levels by which cells are larger where patches are added to those of the first: surfaces seen at a small angle have points four
-/// times as far apart as most.
+/// times as far apart as most. 1 and 4 gave the same planes: the first cells had found them.
 pub(super) const COARSER_LEVELS: u32 = 2;
 
 /// Noise is along the rays if the deviations of cells then spread by this factor less, the least cosine that they are divided by,
-/// and the least factor of the noise at any angle: rounding and the width of the beam are left along a surface.
+/// and the least factor of the noise at any angle: rounding and the width of the beam are left along a surface. Half and double of
+/// the cosine gave the same planes: it keeps cells seen at a few degrees from dividing by nearly zero.
 pub(super) const INCIDENCE_GAIN: f64 = 0.8;
 /// Noise along the rays, by the median noise across surfaces, up to which it is believed: 1.3 to 1.4 in simulated rooms; in a scan of a street,
 /// whose ground is seen at a few degrees, it would be so much that walls melt into bushes.
@@ -59,10 +64,12 @@ pub(super) const RANDOM_TILES: f64 = 8.0;
 /// Grid size per standard deviation of the distances.
 pub(super) const SIGMAS_PER_GRID_SIZE: f64 = 3.0;
 
-/// Smallest grid size by default, in sigma as estimated beforehand.
+/// Smallest grid size by default, in sigma as estimated beforehand. Half gave the same planes; double finds 44 planes of the room
+/// with 20 mm of noise in place of 20, with more precision and recall: a coarse scan of much noise profits from larger tiles.
 pub(super) const LEAST_GRID_SIZE_SIGMAS: f64 = 3.0;
 
-/// Smallest scale of the weights as a share of the grid size, for points that fit exactly.
+/// Smallest scale of the weights as a share of the grid size: points that fit exactly would divide by zero. Of noisy points half and
+/// double gave the same planes.
 pub(super) const LEAST_SCALE: f64 = 0.01;
 
 // Trimming.
@@ -100,7 +107,8 @@ pub(super) const CHANCE: f64 = 4.0;
 
 // Removal of patches that the others explain as well.
 
-/// What a point that is on no patch costs beyond one that is, in the logarithm of the likelihood.
+/// What a point that is on no patch costs beyond one that is, in the logarithm of the likelihood. It trades precision against
+/// recall: half keeps 6 of 20 and 8 of 50 planes, double 61 and 103.
 pub(super) const OUTLIER_COST: f64 = 4.0;
 
 /// Parameters of a patch: plane, sides and density. And what a patch that is none may gain per point, as noise is not normal: of 0.05,
@@ -130,11 +138,13 @@ pub(super) const SPLIT_DEPTH: u32 = 12;
 
 // The end of a fit.
 
-/// Points that a patch needs by default: one in so many, and at least this number.
+/// Points that a patch needs by default: one in so many, and at least this number. Half of the latter finds 80 planes of the hall in
+/// place of 50, double 24.
 pub(super) const POINTS_PER_PATCH_POINT: usize = 4000;
 pub(super) const LEAST_PATCH_POINTS: usize = 30;
 
-/// Share of these that a patch needs before the end of the fit.
+/// Share of these that a patch needs before the end of the fit. Half and double gave the same planes: it keeps patches of a few
+/// points from taking part in a fit.
 pub(super) const PART_SHARE: f64 = 0.25;
 
 /// Logistic regression of whether a patch is one surface on the logarithms of its figures, and its offset. Learned from 3,271 patches of
@@ -148,13 +158,14 @@ pub(super) const CERTAINTY_WEIGHT: f64 = -6.5;
 pub(super) const LENGTH_WEIGHT: f64 = 0.3;
 pub(super) const SURFACE_OFFSET: f64 = -7.4;
 
-/// What a figure counts as at least, so that its logarithm is finite.
+/// What a figure counts as at least, so that its logarithm is finite. Half and double gave the same planes.
 pub(super) const LEAST_FIGURE: f64 = 0.01;
 
 /// The kurtosis of points that fit exactly: that of normal noise.
 pub(super) const NORMAL_KURTOSIS: f64 = 3.0;
 
-/// Noise that is assumed at least, in grid sizes: points that fit exactly still deviate by their rounding.
+/// Noise that is assumed at least, in grid sizes: points that fit exactly still deviate by their rounding. It trades precision
+/// against recall as [`OUTLIER_COST`] does: half keeps 35, 20 and 17 planes in place of 53, 20 and 50, double 86, 48 and 109.
 pub(super) const LEAST_NOISE: f64 = 0.25;
 
 /// A patch with this many times the points that it needs is kept, however improbable: no heap of things is that large, and a

@@ -7,9 +7,9 @@ use surfabet_models::Result;
 
 use super::constants::{
     AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH,
-    FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, MOST_AGAINST,
-    MOST_ALIKE, NARROW, NARROW_EXPLAINED, SAME_PLACE, SECTORS, TILTED_AGAINST, TILTED_EXPLAINED,
-    UNKNOWN,
+    FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, LEAST_SAMPLES,
+    MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, SAME_PLACE, SECTORS, TILTED_AGAINST,
+    TILTED_EXPLAINED, UNKNOWN,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -118,9 +118,11 @@ pub enum Refusal {
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::TooFewSurfaces { samples } => {
-                write!(f, "the scan has surface in {samples} voxels only")
-            }
+            Self::TooFewSurfaces { samples: 0 } => write!(f, "the scan has no points"),
+            Self::TooFewSurfaces { samples } => write!(
+                f,
+                "the scan has points in {samples} voxels only, and at least {LEAST_SAMPLES} are needed"
+            ),
             Self::NoPlace => write!(f, "nowhere in the map do the surfaces of the scan fit"),
             Self::Unexplained { explained, limit } => write!(
                 f,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use crate::alphabet::lattice::sigma;
 use crate::alphabet::placement::WordPose;
-use crate::alphabet::scene::LocalPoint;
+use crate::alphabet::scene::{LocalPoint, whole_numbers};
 use crate::alphabet::word::{HEIGHT_STEPS, Word};
 
 /// What an occurrence explains.
@@ -13,6 +13,8 @@ use crate::alphabet::word::{HEIGHT_STEPS, Word};
 pub(in crate::alphabet) struct Coverage {
     /// Points with a sample within their sigma, ascending.
     pub points: Vec<u32>,
+    /// How many points of the scan these count for.
+    pub weight: u32,
     /// Samples of the word that are within the sigma of no point.
     pub outliers: u32,
 }
@@ -38,11 +40,13 @@ pub(in crate::alphabet) struct WordSamples<'a> {
     known: HashMap<(usize, usize), Vec<f32>>,
     /// Buffer: which samples explain a point.
     explains: Vec<bool>,
+    /// Buffer: the points that are explained.
+    explained: Vec<u32>,
 }
 
 impl<'a> WordSamples<'a> {
     pub fn new(words: &'a [Word]) -> Self {
-        Self { words, known: HashMap::new(), explains: Vec::new() }
+        Self { words, known: HashMap::new(), explains: Vec::new(), explained: Vec::new() }
     }
 
     /// What the k-th word explains with this pose, of the points about it: those with
@@ -61,10 +65,10 @@ impl<'a> WordSamples<'a> {
         self.explains.resize(n * n, false);
         let [radius, step] = [pose.radius, step].map(|c| c as f32);
         let per_step = 1.0 / step;
-        let last = n as f32 - 1.0;
         let highest = word.heights.iter().fold(0, |m, h| m.max(h.abs()));
         let highest = f32::from(highest) / HEIGHT_STEPS as f32 * radius;
-        let mut explained = Vec::new();
+        self.explained.clear();
+        let mut weight = 0;
         for p in points {
             if p.height.abs() > highest + p.sigma {
                 continue;
@@ -73,34 +77,40 @@ impl<'a> WordSamples<'a> {
             // Rows or columns within sigma.
             let range = |c: f32| {
                 let at = (c + radius) * per_step - 0.5;
-                let first = (at - reach).ceil().max(0.0);
-                let end = (at + reach).floor().min(last) + 1.0;
-                first as usize..end.max(0.0) as usize
+                whole_numbers(at - reach, at + reach, n)
             };
             let most = p.sigma * p.sigma;
-            let columns = range(p.right);
+            let (rows, columns) = (range(p.up), range(p.right));
             let mut is_explained = false;
-            for row in range(p.up) {
+            if columns.is_empty() {
+                continue;
+            }
+            for row in rows {
                 let dv = (row as f32 + 0.5) * step - radius - p.up;
-                for column in columns.clone() {
+                let heights = &heights[row * n..][columns.clone()];
+                let explains = &mut self.explains[row * n..][columns.clone()];
+                for (column, (height, explains)) in
+                    columns.clone().zip(heights.iter().zip(explains))
+                {
                     let du = (column as f32 + 0.5) * step - radius - p.right;
-                    let sample = row * n + column;
-                    let dh = heights[sample] * radius - p.height;
+                    let dh = height * radius - p.height;
                     // Never true of a hole: its height is not a number.
-                    if du * du + dv * dv + dh * dh <= most {
-                        is_explained = true;
-                        self.explains[sample] = true;
-                    }
+                    let is_near = du * du + dv * dv + dh * dh <= most;
+                    is_explained |= is_near;
+                    *explains |= is_near;
                 }
             }
             if is_explained {
-                explained.push(p.index);
+                self.explained.push(p.index);
+                weight += u32::from(p.weight);
             }
         }
-        explained.sort_unstable();
+        self.explained.sort_unstable();
         let n_samples = heights.iter().filter(|h| !h.is_nan()).count();
         let n_explaining = self.explains.iter().filter(|&&explains| explains).count();
-        Coverage { points: explained, outliers: (n_samples - n_explaining) as u32 }
+        let outliers = (n_samples - n_explaining) as u32;
+        // Of its exact size: there are hundreds of thousands.
+        Coverage { points: self.explained.clone(), weight, outliers }
     }
 }
 
@@ -131,7 +141,7 @@ mod tests {
             let points: Vec<LocalPoint> = (0..)
                 .zip(&points)
                 .map(|(index, &(right, up, height, sigma))| {
-                    LocalPoint { right, up, height, sigma, index }
+                    LocalPoint { right, up, height, sigma, index, weight: (index % 3 + 1) as u16 }
                 })
                 .collect();
             let pose = pose(level);
@@ -155,6 +165,8 @@ mod tests {
             let covered = points.iter().filter(|p| samples.iter().any(|s| over(p, s) <= 0.0));
             let covered: Vec<u32> = covered.map(|p| p.index).collect();
             let outliers = samples.iter().filter(|s| points.iter().all(|p| over(p, s) > 0.0)).count();
+            let weight: u32 = covered.iter().map(|index| index % 3 + 1).sum();
+            prop_assert_eq!(found.weight, weight);
             prop_assert_eq!(found.points, covered);
             prop_assert_eq!(found.outliers as usize, outliers);
         }

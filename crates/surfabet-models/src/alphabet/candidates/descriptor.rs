@@ -3,7 +3,7 @@
 use crate::alphabet::constants::HOLE;
 use crate::alphabet::lattice::sigma;
 use crate::alphabet::placement::WordPose;
-use crate::alphabet::scene::{LocalPoint, descriptor_reach};
+use crate::alphabet::scene::{LocalPoint, descriptor_reach, whole_numbers};
 use crate::alphabet::word::{HEIGHT_STEPS, MAX_HEIGHT, PIXELS, Word};
 
 /// Pixels of a descriptor.
@@ -27,9 +27,9 @@ impl Descriptor {
         let reach = descriptor_reach(pose);
         let most = f32::from(MAX_HEIGHT) / HEIGHT_STEPS as f32 * radius;
         let pixels_about = |c: f32| {
-            let first = ((c - reach + radius) / pixel - 0.5).ceil().max(0.0) as usize;
-            let last = ((c + reach + radius) / pixel - 0.5).floor().min(PIXELS as f32 - 1.0);
-            first..(last + 1.0).max(0.0) as usize
+            let first = (c - reach + radius) / pixel - 0.5;
+            let last = (c + reach + radius) / pixel - 0.5;
+            whole_numbers(first, last, PIXELS)
         };
         let seen = || points.iter().filter(|p| p.height.abs() <= most);
         let mut top = [f32::NEG_INFINITY; N_PIXELS];

@@ -19,10 +19,11 @@ use surfabet_geom::Progress;
 pub(super) use self::clusters::{cluster_words, nearest_words};
 pub(super) use self::coverage::{Coverage, WordSamples, sample_grid};
 pub(super) use self::descriptor::Descriptor;
-pub(super) use self::planes::{CandidatePlane, find_planes};
+pub(super) use self::planes::{CandidatePlane, PlaneSearch, find_planes};
+use super::choice::Prices;
 use super::constants::{PLANE_DISTANCE, WORDS_PER_PLACE};
 use super::placement::{Placement, WordPose};
-use super::scene::{Cells, LatticeScene, LocalPoint, local_points};
+use super::scene::{Cells, LatticeScene, LocalPoint, Rows, local_points};
 use super::word::Word;
 use crate::error::Result;
 
@@ -35,41 +36,75 @@ pub(super) struct Candidate {
     pub coverage: Coverage,
 }
 
-/// The words whose descriptors are nearest to those of `planes`, in their places; all of one scale. The plane itself is
-/// not among them, and none is tried where the surface is a plane.
-pub(super) fn place_words(
-    scene: &LatticeScene,
-    cells: &Cells,
-    planes: &[CandidatePlane],
-    words: &[Word],
-    spacing: f64,
-    progress: &dyn Progress,
-) -> Result<Vec<Candidate>> {
-    let descriptors: Vec<Descriptor> = words.iter().map(Descriptor::of_word).collect();
-    let placed = parallel::try_map_range_with(
-        planes.len(),
-        || (Vec::new(), Vec::<LocalPoint>::new(), WordSamples::new(words)),
-        |(around, points, samples), k| -> Result<Vec<Candidate>> {
-            progress.check()?;
-            let plane = &planes[k];
-            if plane.descriptor.distance(&descriptors[0]) < PLANE_DISTANCE {
-                return Ok(Vec::new());
-            }
-            let mut fitting = nearest_words(&plane.descriptor, &descriptors, WORDS_PER_PLACE);
-            fitting.retain(|&word| word != 0);
-            if fitting.is_empty() {
-                return Ok(Vec::new());
-            }
-            let Candidate { placement, pose, .. } = plane.candidate;
-            cells.touched(placement.cell, &pose, around);
-            local_points(scene, &pose, around, points);
-            let with_word = |word: usize| Candidate {
-                placement: Placement { word: word as u16, ..placement },
-                pose,
-                coverage: samples.coverage(word, &pose, spacing, points),
-            };
-            Ok(fitting.into_iter().map(with_word).collect())
-        },
-    )?;
-    Ok(placed.into_iter().flatten().collect())
+/// Words in the places of planes, all of one scale.
+pub(super) struct WordPlaces<'a> {
+    pub scene: &'a LatticeScene,
+    pub cells: &'a Cells,
+    pub planes: &'a [CandidatePlane],
+    pub words: &'a [Word],
+    /// Distance of samples, in sigma.
+    pub spacing: f64,
+    pub prices: &'a Prices,
+}
+
+/// Buffers for the points about a place.
+struct Buffers<'a> {
+    rows: Rows,
+    around: Vec<u32>,
+    points: Vec<LocalPoint>,
+    samples: WordSamples<'a>,
+}
+
+impl WordPlaces<'_> {
+    /// Those that pay for themselves of the words whose descriptors are nearest to those of the planes.
+    pub fn words(&self, progress: &dyn Progress) -> Result<Vec<Candidate>> {
+        let descriptors: Vec<Descriptor> = self.words.iter().map(Descriptor::of_word).collect();
+        let buffers = || Buffers {
+            rows: Rows::default(),
+            around: Vec::new(),
+            points: Vec::new(),
+            samples: WordSamples::new(self.words),
+        };
+        let placed = parallel::try_map_range_with(
+            self.planes.len(),
+            buffers,
+            |buffers, k| -> Result<Vec<Candidate>> {
+                progress.check()?;
+                Ok(self.words_at(&self.planes[k], &descriptors, buffers))
+            },
+        )?;
+        Ok(placed.into_iter().flatten().collect())
+    }
+
+    /// The plane itself is not among them, and none is tried where the surface is a plane. In a large scene a word saves
+    /// more than the plane in its place, or it is left out.
+    fn words_at(
+        &self,
+        plane: &CandidatePlane,
+        descriptors: &[Descriptor],
+        buffers: &mut Buffers<'_>,
+    ) -> Vec<Candidate> {
+        let Buffers { rows, around, points, samples } = buffers;
+        if plane.descriptor.distance(&descriptors[0]) < PLANE_DISTANCE {
+            return Vec::new();
+        }
+        let mut fitting = nearest_words(&plane.descriptor, descriptors, WORDS_PER_PLACE);
+        fitting.retain(|&word| word != 0);
+        if fitting.is_empty() {
+            return Vec::new();
+        }
+        let Candidate { placement, pose, .. } = plane.candidate;
+        self.cells.around(placement.cell, rows);
+        self.cells.touched(rows, &pose, around);
+        local_points(self.scene, &pose, around, points);
+        let with_word = |word: usize| Candidate {
+            placement: Placement { word: word as u16, ..placement },
+            pose,
+            coverage: samples.coverage(word, &pose, self.spacing, points),
+        };
+        let of_plane = self.prices.gain_alone(&plane.candidate).max(0.0);
+        let least = if self.scene.is_coarse { of_plane } else { 0.0 };
+        let pays = |c: &Candidate| self.prices.gain_alone(c) > least;
+        fitting.into_iter().map(with_word).filter(pays).collect()
+    }
 }

@@ -5,13 +5,14 @@ use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::{Candidate, Descriptor, WordSamples};
+use crate::alphabet::choice::CoverCounts;
 use crate::alphabet::constants::{
     LEAST_RADIUS_IN_SIGMAS, MAX_FITTED, MAX_SAMPLES_PER_SIDE, ON_FIRST_PLANE, ON_PLANE,
     PLANE_ROUNDS, PLANES_PER_CELL, TILT_RIDGE,
 };
 use crate::alphabet::lattice::{MAX_SLOPE, UNITS, cell_center, offset_step, sigma, slope_steps};
 use crate::alphabet::placement::Placement;
-use crate::alphabet::scene::{Cells, LatticeScene, LocalPoint, local_points};
+use crate::alphabet::scene::{Cells, LatticeScene, LocalPoint, Rows, local_points};
 use crate::alphabet::word::Word;
 use crate::error::Result;
 use crate::scans::{Upright, upright_frame};
@@ -26,16 +27,12 @@ pub(in crate::alphabet) struct CandidatePlane {
 
 /// The planes at all cells of a scale, sorted and each once.
 pub(in crate::alphabet) fn find_planes(
-    scene: &LatticeScene,
-    cells: &Cells,
-    scale: u32,
-    spacing: f64,
+    search: &PlaneSearch<'_>,
     progress: &dyn Progress,
 ) -> Result<Vec<CandidatePlane>> {
     let plane = [Word::plane()];
-    let search = PlaneSearch { scene, cells, scale, spacing };
     let found = parallel::try_map_range_with(
-        cells.len(),
+        search.cells.len(),
         || (Buffers::default(), WordSamples::new(&plane)),
         |(buffers, samples), k| -> Result<Vec<CandidatePlane>> {
             progress.check()?;
@@ -51,17 +48,22 @@ pub(in crate::alphabet) fn find_planes(
 /// Buffers for the points about a cell.
 #[derive(Default)]
 struct Buffers {
+    rows: Rows,
     fitted: Vec<u32>,
     touched: Vec<u32>,
     local: Vec<LocalPoint>,
 }
 
 /// The search on one scale.
-struct PlaneSearch<'a> {
-    scene: &'a LatticeScene,
-    cells: &'a Cells,
-    scale: u32,
-    spacing: f64,
+pub(in crate::alphabet) struct PlaneSearch<'a> {
+    pub scene: &'a LatticeScene,
+    pub cells: &'a Cells,
+    pub scale: u32,
+    /// Distance of samples, in sigma.
+    pub spacing: f64,
+    /// What larger planes explain already, and the weight of points that it takes for a plane to pay for itself: none is
+    /// sought where fewer are left, and none starts at a point that is explained.
+    pub explained: Option<(&'a CoverCounts, f32)>,
 }
 
 impl PlaneSearch<'_> {
@@ -73,15 +75,22 @@ impl PlaneSearch<'_> {
         buffers: &mut Buffers,
         samples: &mut WordSamples<'_>,
     ) -> Vec<CandidatePlane> {
-        let Buffers { fitted, touched, local } = buffers;
+        let Buffers { rows, fitted, touched, local } = buffers;
         let (cell, inside) = self.cells.get(k);
-        self.cells.some_around(cell, MAX_FITTED, fitted);
         let scene = self.scene;
         let middle = cell_center(cell, self.scale);
         let center = middle.map(|c| c as f64);
         let radius = (UNITS << self.scale) as f64;
         let mut open: Vec<u32> = inside.to_vec();
+        if let Some((counts, least)) = self.explained {
+            if counts.n_explained_by(0, inside) <= least {
+                return Vec::new();
+            }
+            open.retain(|&i| !counts.is_explained(i));
+        }
         let mut found: Vec<CandidatePlane> = Vec::new();
+        self.cells.around(cell, rows);
+        self.cells.some_of(rows, MAX_FITTED, fitted);
         for _ in 0..PLANES_PER_CELL {
             let with_normal = open.iter().filter(|&&i| scene.normals[i as usize] != [0.0; 3]);
             let Some(&seed) = with_normal.min_by(|&&i, &&j| {
@@ -109,7 +118,7 @@ impl PlaneSearch<'_> {
             if found.iter().any(|p| p.candidate.placement == placement) {
                 continue;
             }
-            self.cells.touched(cell, &pose, touched);
+            self.cells.touched(rows, &pose, touched);
             local_points(scene, &pose, touched, local);
             let coverage = samples.coverage(0, &pose, self.spacing, local);
             if !coverage.points.is_empty() {
@@ -145,7 +154,7 @@ impl PlaneSearch<'_> {
                 let s = f64::from(scene.sigma[i as usize]);
                 if u.abs() <= radius && v.abs() <= radius && h.abs() <= tolerance * s {
                     let x = Vector3::new(1.0, u / radius, v / radius);
-                    let w = 1.0 / (s * s);
+                    let w = f64::from(scene.weights[i as usize]) / (s * s);
                     m += x * x.transpose() * w;
                     b += x * (h * w);
                 }
@@ -191,5 +200,48 @@ fn quantized(
         offset: (offset / offset_step(level) as f64).round() as i32,
         word: 0,
         view,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use surfabet_geom::{PointCloud, Silent};
+
+    use super::*;
+    use crate::alphabet::scene::Thinned;
+    use crate::scans::{Deviation, Scene};
+
+    #[test]
+    fn no_smaller_plane_is_sought_where_a_larger_one_explains() {
+        // A floor of 2 m, and a board of 0.4 m half a metre above it, a point every 2 cm.
+        let floor = (0..10_000).map(|i| [(i % 100) as f32 * 0.02, (i / 100) as f32 * 0.02, 0.0]);
+        let board = (0..400).map(|i| [(i % 20) as f32 * 0.02 + 0.8, (i / 20) as f32 * 0.02, 0.5]);
+        let (cloud, _) = PointCloud::from_positions(floor.chain(board).collect());
+        let deviation = Deviation { noise: Some(0.01), ..Deviation::default() };
+        let scene = Scene::new(&cloud, deviation, 0.0, &Silent).unwrap();
+        let thinning = Thinned::of(&scene, usize::MAX);
+        let normals = vec![[0.0, 0.0, 1.0]; thinning.kept.len()];
+        let scene =
+            LatticeScene::new(&scene.select(&thinning.kept), thinning, normals, 0.1).unwrap();
+        let cells = Cells::new(&scene.points, 0);
+        let planes = |explained| {
+            let search =
+                PlaneSearch { scene: &scene, cells: &cells, scale: 0, spacing: 1.0, explained };
+            find_planes(&search, &Silent).unwrap()
+        };
+        let all = planes(None);
+        let none = CoverCounts::new(&scene.weights);
+        assert_eq!(planes(Some((&none, 2.0))), all);
+
+        let is_floor = |i: &u32| scene.points[*i as usize][2] == 0.0;
+        let of_floor: Vec<u32> = (0..scene.points.len() as u32).filter(is_floor).collect();
+        let mut counts = CoverCounts::new(&scene.weights);
+        counts.add(&of_floor);
+        let left = planes(Some((&counts, 2.0)));
+        assert!(!left.is_empty() && left.len() < all.len() / 4);
+        assert!(left.iter().all(|p| !p.candidate.coverage.points.iter().any(is_floor)));
+        // Nor where fewer points are left than a plane has to explain.
+        let n_board = (scene.points.len() - of_floor.len()) as f32;
+        assert_eq!(planes(Some((&counts, n_board))), []);
     }
 }

@@ -11,7 +11,7 @@
 //! with the prices of [`Prices`].
 
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashSet};
 
 use surfabet_geom::Progress;
 
@@ -21,30 +21,48 @@ use crate::error::Result;
 
 /// How many of the chosen candidates explain each point.
 pub(in crate::alphabet) struct CoverCounts {
-    counts: Vec<u16>,
+    counts: Vec<Count>,
+}
+
+#[derive(Clone, Copy)]
+struct Count {
+    /// How many candidates explain the point.
+    explained: u16,
+    /// How many points of the scan it counts for.
+    weight: u16,
 }
 
 impl CoverCounts {
-    pub fn new(n_points: usize) -> Self {
-        Self { counts: vec![0; n_points] }
+    /// No candidate explains any of the points with these weights.
+    pub fn new(weights: &[u16]) -> Self {
+        Self { counts: weights.iter().map(|&weight| Count { explained: 0, weight }).collect() }
     }
 
     pub fn add(&mut self, points: &[u32]) {
-        points.iter().for_each(|&i| self.counts[i as usize] += 1);
+        points.iter().for_each(|&i| self.counts[i as usize].explained += 1);
     }
 
     pub fn remove(&mut self, points: &[u32]) {
-        points.iter().for_each(|&i| self.counts[i as usize] -= 1);
+        points.iter().for_each(|&i| self.counts[i as usize].explained -= 1);
     }
 
-    /// How many of `points` are explained by exactly `n` candidates.
+    /// Whether a candidate explains point `i`.
+    pub fn is_explained(&self, i: u32) -> bool {
+        self.counts[i as usize].explained > 0
+    }
+
+    /// How many of `points` are explained by exactly `n` candidates, with their weights.
     pub fn n_explained_by(&self, n: u16, points: &[u32]) -> f32 {
-        points.iter().filter(|&&i| self.counts[i as usize] == n).count() as f32
+        self.weight_of(n, points.iter().map(|&i| &self.counts[i as usize]))
     }
 
-    /// How many points of the scene are not explained.
+    /// How many points of the scene are not explained, with their weights.
     pub fn n_unexplained(&self) -> f32 {
-        self.counts.iter().filter(|&&n| n == 0).count() as f32
+        self.weight_of(0, self.counts.iter())
+    }
+
+    fn weight_of<'a>(&self, n: u16, counts: impl Iterator<Item = &'a Count>) -> f32 {
+        counts.map(|c| if c.explained == n { u64::from(c.weight) } else { 0 }).sum::<u64>() as f32
     }
 }
 
@@ -88,17 +106,35 @@ impl Ord for Entry {
 pub(super) fn cover(
     candidates: &[Candidate],
     prices: &Prices,
-    n_points: usize,
+    weights: &[u16],
     progress: &dyn Progress,
 ) -> Result<(Vec<u32>, CoverCounts)> {
-    let mut counts = CoverCounts::new(n_points);
+    let mut counts = CoverCounts::new(weights);
+    let candidates: Vec<&Candidate> = candidates.iter().collect();
+    let mut chosen = add_best(&candidates, prices, &mut counts, progress)?;
+    remove_redundant(&candidates, prices, &mut chosen, &mut counts, progress)?;
+    chosen.sort_unstable();
+    Ok((chosen, counts))
+}
+
+/// Chooses candidates one by one, beside those that are counted already, and counts them; in the order in which they
+/// were chosen.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(in crate::alphabet) fn add_best(
+    candidates: &[&Candidate],
+    prices: &Prices,
+    counts: &mut CoverCounts,
+    progress: &dyn Progress,
+) -> Result<Vec<u32>> {
     let cost: Vec<f32> = candidates.iter().map(|c| prices.cost(c)).collect();
     let mut heap: BinaryHeap<Entry> = candidates
         .iter()
         .zip(&cost)
         .enumerate()
         .map(|(k, (c, cost))| Entry {
-            gain: prices.inlier * c.coverage.points.len() as f32 - cost,
+            gain: prices.inlier * c.coverage.weight as f32 - cost,
             candidate: k as u32,
         })
         .filter(|e| e.gain > 0.0)
@@ -119,9 +155,7 @@ pub(super) fn cover(
         counts.add(points);
         chosen.push(top.candidate);
     }
-    remove_redundant(candidates, &cost, prices.inlier, &mut chosen, &mut counts, progress)?;
-    chosen.sort_unstable();
-    Ok((chosen, counts))
+    Ok(chosen)
 }
 
 /// Removes what later candidates made redundant, the least useful first: c goes when its worth is below 0,
@@ -130,27 +164,29 @@ pub(super) fn cover(
 /// worth(c) = L(S - c) - L(S) = inlier * |points of P(c) that no other in S explains| - cost(c)
 /// ```
 fn remove_redundant(
-    candidates: &[Candidate],
-    cost: &[f32],
-    inlier: f32,
+    candidates: &[&Candidate],
+    prices: &Prices,
     chosen: &mut Vec<u32>,
     counts: &mut CoverCounts,
     progress: &dyn Progress,
 ) -> Result<()> {
     let worth = |k: u32, counts: &CoverCounts| {
-        let alone = counts.n_explained_by(1, &candidates[k as usize].coverage.points);
-        inlier * alone - cost[k as usize]
+        let candidate = candidates[k as usize];
+        let alone = counts.n_explained_by(1, &candidate.coverage.points);
+        prices.inlier * alone - prices.cost(candidate)
     };
     // As others go, a worth only grows: each needs to be computed once more.
     let mut order: Vec<(f32, u32)> = chosen.iter().map(|&k| (worth(k, counts), k)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut removed = HashSet::new();
     for (_, k) in order.into_iter().take_while(|(worth, _)| *worth < 0.0) {
         progress.check()?;
         if worth(k, counts) < 0.0 {
             counts.remove(&candidates[k as usize].coverage.points);
-            chosen.retain(|&c| c != k);
+            removed.insert(k);
         }
     }
+    chosen.retain(|k| !removed.contains(k));
     Ok(())
 }
 
@@ -167,7 +203,11 @@ mod tests {
         let placement =
             Placement { scale: 0, cell: [0; 3], axis: 0, slopes: [0; 2], offset, word: 0, view: 0 };
         let pose = WordPose { center: [0.0; 3], rows: [[0.0; 3]; 3], radius: 1.0, level: 0 };
-        Candidate { placement, pose, coverage: Coverage { points, outliers } }
+        Candidate {
+            placement,
+            pose,
+            coverage: Coverage { weight: points.len() as u32, points, outliers },
+        }
     }
 
     fn prices() -> Prices {
@@ -190,7 +230,7 @@ mod tests {
     fn the_better_of_two_for_the_same_points_is_taken() {
         let same: Vec<u32> = (0..10).collect();
         let all = [candidate(0, same.clone(), 3), candidate(1, same, 1), candidate(2, vec![0], 0)];
-        assert_eq!(cover(&all, &prices(), 10, &Silent).unwrap().0, [1]);
+        assert_eq!(cover(&all, &prices(), &[1; 10], &Silent).unwrap().0, [1]);
     }
 
     #[test]
@@ -201,7 +241,7 @@ mod tests {
             candidate(1, (0..10).collect(), 0),
             candidate(2, (10..20).collect(), 0),
         ];
-        assert_eq!(cover(&all, &prices(), 20, &Silent).unwrap().0, [1, 2]);
+        assert_eq!(cover(&all, &prices(), &[1; 20], &Silent).unwrap().0, [1, 2]);
     }
 
     proptest! {
@@ -213,7 +253,7 @@ mod tests {
                 candidate(k as i32, points.iter().copied().collect(), *outliers)
             };
             let all: Vec<Candidate> = sets.iter().enumerate().map(one).collect();
-            let (chosen, counts) = cover(&all, &prices(), 30, &Silent).unwrap();
+            let (chosen, counts) = cover(&all, &prices(), &[1; 30], &Silent).unwrap();
             let best = length(&all, &chosen, 30);
             prop_assert!(best <= length(&all, &[], 30));
             // Nor would it be shorter without any one of them.

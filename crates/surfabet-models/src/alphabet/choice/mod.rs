@@ -14,12 +14,13 @@ mod refinement;
 use surfabet_entropy::Price;
 use surfabet_geom::Progress;
 
-use self::cover::{CoverCounts, cover};
+use self::cover::cover;
+pub(super) use self::cover::{CoverCounts, add_best};
 pub(super) use self::prices::Prices;
 use self::prices::word_counts;
 use super::candidates::Candidate;
 use super::coding::{CodingParams, code_words};
-use super::constants::REFINEMENT_PASSES;
+use super::constants::{LEAST_SAVING, REFINEMENT_PASSES};
 use super::placement::Placement;
 use super::scene::{Cells, LatticeScene};
 use super::word::Word;
@@ -60,6 +61,9 @@ impl Choice<'_> {
                 let paying = self.paying_words(candidates, &chosen, &counts);
                 self.keep_words(&paying, candidates, &mut chosen);
             }
+            if self.scene.is_coarse && self.saves_little() {
+                break;
+            }
         }
         self.covered(candidates, progress)
     }
@@ -96,13 +100,18 @@ impl Choice<'_> {
         Ok(chosen)
     }
 
+    /// Whether the last round made the description shorter by less than [`LEAST_SAVING`], or longer.
+    fn saves_little(&self) -> bool {
+        matches!(self.lengths[..], [.., before, last] if last > (1.0 - LEAST_SAVING) * before)
+    }
+
     /// The cover with the prices at hand.
     fn covered(
         &self,
         candidates: &[Candidate],
         progress: &dyn Progress,
     ) -> Result<(Vec<Candidate>, CoverCounts)> {
-        let (chosen, counts) = cover(candidates, &self.prices, self.scene.points.len(), progress)?;
+        let (chosen, counts) = cover(candidates, &self.prices, &self.scene.weights, progress)?;
         Ok((chosen.iter().map(|&k| candidates[k as usize].clone()).collect(), counts))
     }
 

@@ -38,9 +38,9 @@ impl Prices {
             + self.outlier * candidate.coverage.outliers as f32
     }
 
-    /// Whether a candidate pays for itself when nothing else is chosen.
-    pub fn pays_alone(&self, candidate: &Candidate) -> bool {
-        self.inlier * candidate.coverage.points.len() as f32 > self.cost(candidate)
+    /// What a candidate saves when nothing else is chosen.
+    pub fn gain_alone(&self, candidate: &Candidate) -> f32 {
+        self.inlier * candidate.coverage.weight as f32 - self.cost(candidate)
     }
 
     /// Takes over what the coder spends on `chosen`:

@@ -8,12 +8,13 @@ use super::cover::CoverCounts;
 use crate::alphabet::candidates::{Candidate, Descriptor, WordSamples, nearest_words};
 use crate::alphabet::constants::WORDS_PER_PLACE;
 use crate::alphabet::placement::Placement;
-use crate::alphabet::scene::{LocalPoint, local_points};
+use crate::alphabet::scene::{LocalPoint, Rows, local_points};
 use crate::error::Result;
 
 /// Buffers for the points about an occurrence.
 #[derive(Default)]
 struct Buffers {
+    rows: Rows,
     around: Vec<u32>,
     local: Vec<LocalPoint>,
 }
@@ -63,7 +64,7 @@ impl Choice<'_> {
         buffers: &mut Buffers,
         samples: &mut WordSamples<'_>,
     ) -> Vec<Candidate> {
-        let Buffers { around, local } = buffers;
+        let Buffers { rows, around, local } = buffers;
         let p = c.placement;
         let mut variants = Vec::new();
         for step in [-1, 1] {
@@ -75,7 +76,9 @@ impl Choice<'_> {
             }
         }
         variants.retain(|p| p.slopes_fit(c.pose.level));
-        self.cells[usize::from(p.scale)].touched(p.cell, &c.pose, around);
+        let cells = self.cells[usize::from(p.scale)];
+        cells.around(p.cell, rows);
+        cells.touched(rows, &c.pose, around);
         local_points(self.scene, &c.pose, around, local);
         // A step moves the pose by less than sigma: the points about it serve all variants.
         around.clear();

@@ -1,5 +1,7 @@
 //! The points of a scene by the cells of one scale.
 
+use std::ops::Range;
+
 use surfabet_base::parallel;
 
 use crate::alphabet::lattice::{UNITS, cell_center, sigma};
@@ -24,6 +26,17 @@ pub(in crate::alphabet) struct Cells {
 /// Key of a cell: x in the lowest bits, so that cells along x follow one another.
 fn key(cell: [i64; 3]) -> u64 {
     (cell[2] as u64) << (2 * KEY_BITS) | (cell[1] as u64) << KEY_BITS | cell[0] as u64
+}
+
+/// Cells around a cell, as runs of neighbours along x.
+#[derive(Default)]
+pub(in crate::alphabet) struct Rows(Vec<Range<usize>>);
+
+impl Rows {
+    /// Their numbers.
+    fn cells(&self) -> impl Iterator<Item = usize> + use<'_> {
+        self.0.iter().cloned().flatten()
+    }
 }
 
 impl Cells {
@@ -57,31 +70,29 @@ impl Cells {
         (cell, &self.points[self.starts[k] as usize..self.starts[k + 1] as usize])
     }
 
-    /// Calls `each` with the cells that a word in `cell` can reach, and their points.
-    fn around(&self, cell: [i32; 3], mut each: impl FnMut([i32; 3], &[u32])) {
+    /// The cells that a word in `cell` can reach.
+    pub fn around(&self, cell: [i32; 3], rows: &mut Rows) {
+        rows.0.clear();
         let [x, y, z] = cell.map(i64::from);
         let first = (x - REACH).max(0);
         for z in (z - REACH).max(0)..=z + REACH {
             for y in (y - REACH).max(0)..=y + REACH {
                 let from = self.keys.partition_point(|&k| k < key([first, y, z]));
                 let last = key([x + REACH, y, z]);
-                for k in (from..self.len()).take_while(|&k| self.keys[k] <= last) {
-                    let (cell, points) = self.get(k);
-                    each(cell, points);
-                }
+                let n = self.keys[from..].iter().take_while(|&&k| k <= last).count();
+                rows.0.push(from..from + n);
             }
         }
     }
 
-    /// Puts about `most` of the points that a word in `cell` can reach into `found`, or all where there are fewer: every
-    /// n-th of them.
-    pub fn some_around(&self, cell: [i32; 3], most: usize, found: &mut Vec<u32>) {
+    /// Puts about `most` of the points of some cells into `found`, or all where there are fewer: every n-th of them.
+    pub fn some_of(&self, rows: &Rows, most: usize, found: &mut Vec<u32>) {
         found.clear();
-        let mut n = 0;
-        self.around(cell, |_, points| n += points.len());
+        let n: usize = rows.cells().map(|k| self.get(k).1.len()).sum();
         let step = n.div_ceil(most).max(1);
         let mut skip = 0;
-        self.around(cell, |_, points| {
+        for k in rows.cells() {
+            let (_, points) = self.get(k);
             found.extend(points.iter().skip(skip).step_by(step));
             // Points of the next cell before the first one taken there.
             skip = if skip >= points.len() {
@@ -89,20 +100,21 @@ impl Cells {
             } else {
                 (step - (points.len() - skip) % step) % step
             };
-        });
+        }
     }
 
-    /// Puts the points of the cells that a word of `cell` with this pose can touch into `found`.
-    pub fn touched(&self, cell: [i32; 3], pose: &WordPose, found: &mut Vec<u32>) {
+    /// Puts the points of the cells that a word with this pose can touch, of those that it can reach, into `found`.
+    pub fn touched(&self, rows: &Rows, pose: &WordPose, found: &mut Vec<u32>) {
         found.clear();
         // Half the diagonal of a cell, and twice the sigma of points in it.
         let margin = (0.75_f64).sqrt() * pose.radius + 2.0 * sigma(pose.level);
-        self.around(cell, |cell, points| {
+        for k in rows.cells() {
+            let (cell, points) = self.get(k);
             let center = cell_center(cell, self.scale).map(|c| c as f64);
             let [right, up, height] = pose.to_word(center).map(f64::abs);
             if right.max(up) <= pose.radius + margin && height <= 0.5 * pose.radius + margin {
                 found.extend_from_slice(points);
             }
-        });
+        }
     }
 }

@@ -13,10 +13,10 @@ mod thinning;
 
 use surfabet_base::parallel;
 
-pub(super) use self::cells::Cells;
 use self::cells::KEY_BITS;
-pub(super) use self::local_points::{LocalPoint, descriptor_reach, local_points};
-pub(super) use self::thinning::thinned;
+pub(super) use self::cells::{Cells, Rows};
+pub(super) use self::local_points::{LocalPoint, descriptor_reach, local_points, whole_numbers};
+pub(super) use self::thinning::Thinned;
 use super::lattice::{MAX_CELL, SigmaRule, UNITS};
 use crate::error::{Error, Result};
 use crate::scans::Scene;
@@ -30,6 +30,10 @@ pub(super) struct LatticeScene {
     pub points: Vec<[f32; 3]>,
     /// Deviation allowed at each point.
     pub sigma: Vec<f32>,
+    /// How many points of the scan each counts for.
+    pub weights: Vec<u16>,
+    /// Whether the scene is so large that it was thinned further than to half a sigma.
+    pub is_coarse: bool,
     /// Unit normals, zero where unknown.
     pub normals: Vec<[f32; 3]>,
     /// Which sensor saw each point; empty when none is known.
@@ -43,7 +47,12 @@ pub(super) struct LatticeScene {
 impl LatticeScene {
     /// # Errors
     /// [`Error::TooLarge`] when the scene does not fit the lattice, [`Error::InvalidParameter`] beyond 65535 sensors.
-    pub fn new(scene: &Scene, normals: Vec<[f32; 3]>, radius: f64) -> Result<Self> {
+    pub fn new(
+        scene: &Scene,
+        thinning: Thinned,
+        normals: Vec<[f32; 3]>,
+        radius: f64,
+    ) -> Result<Self> {
         let unit = radius / UNITS as f64;
         let low: [f32; 3] = std::array::from_fn(|a| {
             scene.positions.iter().map(|p| p[a]).fold(f32::INFINITY, f32::min)
@@ -77,7 +86,19 @@ impl LatticeScene {
         let views = parallel::map(&seen_from, index);
         let rule = sigma_rule(scene, !sensors.is_empty(), unit);
         let sigma = scene.sigma.iter().map(|s| (f64::from(*s) / unit) as f32).collect();
-        Ok(Self { origin, radius, points, sigma, normals, views, sensors, rule })
+        let Thinned { weights, is_coarse, .. } = thinning;
+        Ok(Self {
+            origin,
+            radius,
+            points,
+            sigma,
+            weights,
+            is_coarse,
+            normals,
+            views,
+            sensors,
+            rule,
+        })
     }
 
     /// Where the sensor of a view stood.
