@@ -138,15 +138,17 @@ pub(super) const THIN_WEIGHT: f32 = 0.5;
 /// rmse in the room for 11 percent fewer.
 pub(super) const DECODED_WEIGHT: f32 = 2.0;
 
-/// The same where points beside the patches stand for input that these do not reach: then all input is near something
-/// decoded, and what is left to choose is how far decoded points are from it. TO BE MEASURED
-pub(super) const DECODED_WEIGHT_WITH_POINTS: f32 = 10.0;
+/// The same where points beside the patches bring the input within the tolerance: the less it can miss, the more counts how far
+/// decoded points are from the input. Six scans take 2 to 15 percent more bytes with 12, at 1 to 5 percent less rmse, and 2 gives up to 40
+/// percent more rmse (docs/benchmarks/constants.md).
+pub(super) const DECODED_WEIGHT_WITHIN_TOLERANCE: f32 = 10.0;
 
-/// Bits of a point beside the patches, as the choice of patches prices it. TO BE MEASURED
+/// Bits of a point beside the patches where the choice of patches prices it: more than most cost, since those that are left when
+/// patches have taken the others lie apart. With 8 as many bytes at larger errors, with 16 up to a tenth more.
 pub(super) const POINT_BITS: f64 = 12.0;
 
 /// How far from the decoded slab input needs no point, as a share of the bound: decoded points lie half a pixel apart, so
-/// that the nearest one is off along the surface too. TO BE MEASURED
+/// that the nearest one is off along the surface too.
 pub(super) const POINT_REACH: f64 = 0.85;
 
 /// Most shapes in a patch: bounds the time. Half and double change bytes by at most 0.3 percent.

@@ -175,8 +175,14 @@ impl Ground<'_> {
         if options.max_error_forward.is_some() {
             return None;
         }
-        let bound = options.max_error.or_else(|| self.completeness(options).bound());
-        bound.map(|bound| PointPrice::new(bound, self.lattice.pixel_size))
+        let pixel = self.lattice.pixel_size;
+        match options.max_error {
+            Some(bound) => Some(PointPrice::of_bound(bound, pixel)),
+            None => {
+                let tolerance = self.completeness(options).bound();
+                tolerance.map(|tolerance| PointPrice::of_tolerance(tolerance, pixel))
+            }
+        }
     }
 }
 

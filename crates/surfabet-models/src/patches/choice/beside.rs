@@ -1,6 +1,9 @@
 //! The price of points beside the patches, for the samples that no patch is near enough to.
 
-use crate::patches::constants::{EXTRA_CELL, POINT_BITS, POINT_REACH, SAMPLE_SIZE};
+use crate::patches::constants::{
+    DECODED_WEIGHT, DECODED_WEIGHT_WITHIN_TOLERANCE, EXTRA_CELL, POINT_BITS, POINT_REACH,
+    SAMPLE_SIZE,
+};
 use crate::patches::sheets::Run;
 
 /// What it costs to leave samples out where points will stand for them.
@@ -10,18 +13,28 @@ pub(in crate::patches) struct PointPrice {
     reach: f32,
     /// Bits of the points of a sample.
     per_sample: f32,
+    /// How much the error of decoded points counts against that of input points.
+    pub decoded_weight: f32,
 }
 
 impl PointPrice {
-    /// For points that stand for what is further than `bound` metres from what is decoded, with finest pixels of `pixel_size`.
-    pub fn new(bound: f64, pixel_size: f64) -> Self {
+    /// For points that keep a bound on the error, with finest pixels of `pixel_size`, both metres.
+    pub fn of_bound(bound: f64, pixel_size: f64) -> Self {
         let bound = bound / pixel_size;
         // On a surface, a cell of points that is larger than those of the samples holds several of these.
         let points_per_sample = (SAMPLE_SIZE / (EXTRA_CELL * bound)).powi(2).min(1.0);
         Self {
             reach: (POINT_REACH * bound) as f32,
             per_sample: (POINT_BITS * points_per_sample) as f32,
+            decoded_weight: DECODED_WEIGHT,
         }
+    }
+
+    /// The same for points that bring the input within a tolerance, which is less than a pixel: what is left to choose then is
+    /// how far decoded points are from the input.
+    pub fn of_tolerance(tolerance: f64, pixel_size: f64) -> Self {
+        let decoded_weight = DECODED_WEIGHT_WITHIN_TOLERANCE;
+        Self { decoded_weight, ..Self::of_bound(tolerance, pixel_size) }
     }
 
     /// Bits of the points that stand for `n` samples.
@@ -75,14 +88,14 @@ mod tests {
 
     #[test]
     fn what_is_reached_costs_nothing_and_what_is_not_all_of_its_points() {
-        let price = PointPrice::new(0.05, 0.1);
+        let price = PointPrice::of_bound(0.05, 0.1);
         assert_eq!(price.bits_beyond(&run(0.0, 0.25), 0.2, 0.25), 0.0);
         assert_eq!(price.bits_beyond(&run(0.0, 0.25), 2.0, 0.25), price.bits(8.0));
     }
 
     #[test]
     fn a_large_cell_stands_for_many_samples() {
-        let price = |bound: f64| PointPrice::new(bound, 0.1).bits(1.0);
+        let price = |bound: f64| PointPrice::of_bound(bound, 0.1).bits(1.0);
         // Cells of the samples are half a pixel wide; those of points 1.15 bounds: 0.115 m are 2.3 of the former.
         assert_eq!(price(0.01), POINT_BITS as f32);
         assert!((price(0.1) - POINT_BITS as f32 / 2.3_f32.powi(2)).abs() < 1e-4);

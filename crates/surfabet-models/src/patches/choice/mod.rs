@@ -18,9 +18,7 @@ mod misfit;
 mod shape;
 
 use crate::patches::coding::{GeometryModels, SET, beside_context, split_context};
-use crate::patches::constants::{
-    DECODED_WEIGHT, DECODED_WEIGHT_WITH_POINTS, MAX_STRAY, SHEET_BITS,
-};
+use crate::patches::constants::{DECODED_WEIGHT, MAX_STRAY, SHEET_BITS};
 use crate::patches::model::{Lattice, LatticePatch, PATCH_PIXELS, Square};
 use crate::patches::sheets::{Run, Sheet};
 use crate::patches::surface::basis::Basis;
@@ -118,7 +116,7 @@ impl Choice<'_> {
 
     /// How much the error of decoded points counts against that of input points.
     fn decoded_weight(&self) -> f32 {
-        if self.points.is_some() { DECODED_WEIGHT_WITH_POINTS } else { DECODED_WEIGHT }
+        self.points.map_or(DECODED_WEIGHT, |points| points.decoded_weight)
     }
 
     fn tile_square(&self, level: u32, corner: [usize; 2]) -> TileSquare {
