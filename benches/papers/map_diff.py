@@ -190,6 +190,9 @@ def one(seed: int, sensor: str) -> list[tuple[str, tuple[int, int, int, int], sb
 TABLE = np.array([0.0, -0.8924, -0.4512]), -0.8022
 """The table of the kitchen: what is up there, and its height along it, metres."""
 
+LEAST_AREAS = (0.05, 0.01)
+"""The default, and one that things of the size of a cup have."""
+
 WALL = np.array([0.0074, -0.4707, 0.8823]), 3.32
 """The wall behind it likewise: its normal and its place along it."""
 
@@ -284,7 +287,9 @@ def real() -> None:
 
 def cut() -> None:
     """A thing that one half of the frames of the kitchen does not show."""
-    print_header("thing", "behind it", "viewpoints", "its points", "covered", "found", "others")
+    print_header(
+        "thing", "m2", "behind it", "viewpoints", "least m2", "covered", "found", "other changes"
+    )
     frames = read_rgbd(DATA / "rgbd_room", pixel_stride=3, fused=False)
     even, odd = frames[::2], frames[1::2]
     before, sensors = of_frames(even), (sensors_of(even), sensors_of(odd))
@@ -301,21 +306,24 @@ def cut_out(
     sensors: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> None:
     """Rows of a thing that the second map has not."""
-    own = before.decode().points
-    own = own[of_thing(own, thing)]
+    surface = before.decode()
+    own = surface.points[of_thing(surface.points, thing)]
+    area = len(own) * sb.survey(surface).spacing ** 2
     for how, given in (("none", (None, None)), ("given", sensors)):
-        changes = sb.diff(before, after, viewpoints=given)
-        gone = changes.cloud.points[changes.cloud["change"] == 2]
-        group = changes.cloud["group"][changes.cloud["change"] == 2]
-        share, right = 0.0, set()
-        if len(gone):
-            distance, _ = sb.KdTree(gone).query(own)
-            share = float((distance[:, 0] < 0.01).mean())
-            right = {g for g in np.unique(group) if of_thing(gone[group == g], thing).mean() >= 0.5}
-        found = "yes" if share >= COVERED else "no"
-        print_row(
-            thing, what, how, f"{len(own):,}", f"{share:.0%}", found, len(changes) - len(right)
-        )
+        for least in LEAST_AREAS:
+            changes = sb.diff(before, after, viewpoints=given, min_area=least)
+            gone = changes.cloud.points[changes.cloud["change"] == 2]
+            group = changes.cloud["group"][changes.cloud["change"] == 2]
+            share, right = 0.0, set()
+            if len(gone):
+                distance, _ = sb.KdTree(gone).query(own)
+                share = float((distance[:, 0] < 0.01).mean())
+                right = {
+                    g for g in np.unique(group) if of_thing(gone[group == g], thing).mean() >= 0.5
+                }
+            found = "yes" if share >= COVERED else "no"
+            cells = (f"{area:.3f}", what, how, least, f"{share:.0%}", found)
+            print_row(thing, *cells, len(changes) - len(right))
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -40,8 +40,9 @@ patches, the rest for reading the points."""
 BASE_MEMORY = 200 << 20
 """Memory beside that of the points: the interpreter, its packages, and a chunk of the source."""
 
-_BRICK_SPACINGS = 300
-"""Side of a brick in spacings of the points: a sixteenth of a tile with the default pixels."""
+_BRICK_SPACINGS = 150
+"""Side of a brick in spacings of the points: a thirtieth of a tile with the default pixels. Whole
+bricks are read about a tile and its margin."""
 
 _SAMPLE_POINTS = 3_000_000
 """Points that what all tiles share is measured of, about."""

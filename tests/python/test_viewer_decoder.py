@@ -178,10 +178,12 @@ def test_models_of_every_kind_decode_to_the_same_points(name: str, tmp_path: Pat
     assert_same(path, tmp_path, coarse, model.keeps_thickness)
 
 
-def test_maps_in_tiles_decode_to_the_same_points(tmp_path: Path) -> None:
+@pytest.mark.parametrize("details", [1, 2])
+def test_maps_in_tiles_decode_to_the_same_points(details: int, tmp_path: Path) -> None:
     path = tmp_path / "map.sfb"
     cloud = corner(colors=colors, intensities=intensities)
-    sb.learn_patches_tiled(cloud, path, resolution=0.02, tile=1.28, max_error=0.05)
+    options: dict[str, Any] = {"resolution": 0.02, "tile": 1.28, "max_error": 0.05}
+    sb.learn_patches_tiled(cloud, path, details=details, **options)
     model = sb.load(path)
     assert len(model.tiles) > 3
     assert_same(path, tmp_path, None, False)

@@ -435,8 +435,9 @@ fn attributes(
     // Elsewhere surfaces of two sides meet, and all cells may share what is known.
     let sides = unblended.then(|| sides_of_cells(lattice, leaves, &cells));
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
-    let border = ground.tile.and_then(Tile::border).map(|border| BorderBlocks::new(border, &cells));
-    let of = FieldCells { keys: &cells, border: border.as_ref() };
+    let border = ground.tile.and_then(Tile::border);
+    let border = border.map(|border| Box::new(BorderBlocks::new(border, &cells)));
+    let of = FieldCells { keys: &cells, border: border.as_deref() };
     let Fields { color, others, figures } =
         chosen.fields(of, &targets, options, ground.attributes)?;
     let coding = FieldCoding::Whole;

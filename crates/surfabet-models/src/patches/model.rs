@@ -234,8 +234,8 @@ pub(super) struct Attributes {
     pub unblended: bool,
     /// How colours and scalars are coded.
     pub coding: FieldCoding,
-    /// The blocks of cells at the borders, where values are corrected there.
-    pub border: Option<BorderBlocks>,
+    /// The blocks of cells at the borders, where values are corrected there; boxed, since most models have none.
+    pub border: Option<Box<BorderBlocks>>,
 }
 
 /// The streams of a model.
@@ -535,7 +535,7 @@ impl PatchModel {
 impl Attributes {
     /// The cells as fields are coded on them.
     fn cells(&self) -> FieldCells<'_> {
-        FieldCells { keys: &self.cells, border: self.border.as_ref() }
+        FieldCells { keys: &self.cells, border: self.border.as_deref() }
     }
 
     /// Reads the attributes of these cells; what `header` has of those beside colour was checked.
@@ -546,8 +546,8 @@ impl Attributes {
         others: [&mut C; MAX_ATTRIBUTES],
     ) -> Result<Self, C::Error> {
         let coding = header.coding;
-        let border = header.border.map(|border| BorderBlocks::new(border, &cells));
-        let of = FieldCells { keys: &cells, border: border.as_ref() };
+        let border = header.border.map(|border| Box::new(BorderBlocks::new(border, &cells)));
+        let of = FieldCells { keys: &cells, border: border.as_deref() };
         let color = match header.color {
             Some(steps) => Some(ColorField::read(color, of, steps, coding)?),
             None => None,

@@ -187,7 +187,7 @@ pub(super) const CLEAR_SHARE: f64 = 0.3;
 pub(super) const LONG_SIGMAS: f64 = 60.0;
 
 /// A side up to which noise may hide how many surfaces there are, in sigma: EM finds the four walls of experiment I, of which
-/// two are 150 long, up to noise 8.
+/// two are 150 long, up to noise 8. At noise 22 half finds them with one of three seeds, double and this with all.
 pub(super) const MIXED_SIGMAS: f64 = 25.0;
 
 /// Most patches of a scene that are fitted together: more are a scene in which corners are few. In simulated rooms of 50 to 120 patches it
@@ -195,7 +195,8 @@ pub(super) const MIXED_SIGMAS: f64 = 25.0;
 pub(super) const MOST_FITTED: usize = 8;
 
 /// Unevenness of the points over a rectangle up to which the likelihood of even ones is taken: before merges and folds, when
-/// a patch may still lie across a corner, and after.
+/// a patch may still lie across a corner, and after. Half of the first finds the four walls at noise 22 with two of three seeds; double,
+/// and both of the second, change nothing.
 pub(super) const FIRST_UNEVEN: f64 = 1.0;
 pub(super) const MOST_UNEVEN: f64 = 0.4;
 
