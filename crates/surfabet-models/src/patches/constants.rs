@@ -138,9 +138,8 @@ pub(super) const THIN_WEIGHT: f32 = 0.5;
 /// rmse in the room for 11 percent fewer.
 pub(super) const DECODED_WEIGHT: f32 = 2.0;
 
-/// The same where points beside the patches bring the input within the tolerance: the less it can miss, the more counts how far
-/// decoded points are from the input. Six scans take 2 to 15 percent more bytes with 12, at 1 to 5 percent less rmse, and 2 gives up to 40
-/// percent more rmse (docs/benchmarks/constants.md).
+/// The same of depths where points beside the patches bring the input within the tolerance: the less it can miss, the more counts how
+/// far decoded points are from it. Which pixels are set is weighed as without, so that lines of a scan are bridged.
 pub(super) const DECODED_WEIGHT_WITHIN_TOLERANCE: f32 = 10.0;
 
 /// Bits of a point beside the patches where the choice of patches prices it: more than most cost, since those that are left when

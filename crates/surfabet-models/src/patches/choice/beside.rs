@@ -13,7 +13,7 @@ pub(in crate::patches) struct PointPrice {
     reach: f32,
     /// Bits of the points of a sample.
     per_sample: f32,
-    /// How much the error of decoded points counts against that of input points.
+    /// How much the depth of decoded points that is off counts against that of input points.
     pub decoded_weight: f32,
 }
 

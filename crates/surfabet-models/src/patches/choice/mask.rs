@@ -2,7 +2,7 @@
 
 use super::{BESIDE, Choice, SheetPixels, TileSquare};
 use crate::patches::coding::{UNKNOWN, beside_context, pixel_context};
-use crate::patches::constants::{HOLE_WEIGHT, MASK_PASSES, NEAREST_SAMPLE};
+use crate::patches::constants::{DECODED_WEIGHT, HOLE_WEIGHT, MASK_PASSES, NEAREST_SAMPLE};
 use crate::patches::model::PATCH_PIXELS;
 use crate::patches::sheets::Run;
 
@@ -107,7 +107,7 @@ impl Choice<'_> {
             for dv in 0..side {
                 for du in 0..side {
                     let squared = pixels.squared_distances[(v + dv) * pixels.width + u + du];
-                    *cost += self.decoded_weight() * pixels.density * squared;
+                    *cost += DECODED_WEIGHT * pixels.density * squared;
                 }
             }
         }

@@ -114,7 +114,7 @@ impl Choice<'_> {
         run.n * run.stray.min(MAX_STRAY).powi(2) + points
     }
 
-    /// How much the error of decoded points counts against that of input points.
+    /// How much the depth of decoded points that is off counts against that of input points.
     fn decoded_weight(&self) -> f32 {
         self.points.map_or(DECODED_WEIGHT, |points| points.decoded_weight)
     }
