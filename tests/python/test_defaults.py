@@ -310,8 +310,8 @@ def test_lines_are_bridged_and_real_gaps_are_not(
     decoded = model.decode().points @ turn
 
     on_wall = decoded[np.abs(decoded[:, 0] - HALL[1, 0]) < 0.3][:, 1:]
-    # A pixel at the rim of the window reaches into it by less than its side: that of the coarser level
-    # for patches; masks of HSCSM have the finest pixels.
+    # A pixel at the rim of the window reaches into it by less than its side: that of the coarser
+    # level for patches; masks of HSCSM have the finest pixels.
     side = pixel if isinstance(model, sb.HscsmModel) else model.levels[0].pixel_size
     in_window = (on_wall > HALL_WINDOW[0] + side) & (on_wall < HALL_WINDOW[1] - side)
     assert not in_window.all(axis=1).any()
