@@ -1,7 +1,7 @@
 """Maps in tiles: what tiles cost, colours at their borders, levels of detail, what a part of a map
 reads, and memory.
 
-    python benches/papers/tiles.py [--part overhead|borders|details|query|memory] [--points 1e6 10e6]
+    python benches/papers/tiles.py [--part overhead|borders|details|query|memory] [--points 1e6]
 
 The hall is the drive of `multi_scan`, 42 scans by their poses. The building has 20 simulated rooms
 beside one another. For colours there are simulated rooms, each scanned from four places by a laser
