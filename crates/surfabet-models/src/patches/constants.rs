@@ -140,7 +140,7 @@ pub(super) const DECODED_WEIGHT: f32 = 2.0;
 
 /// The same of depths where points beside the patches bring the input within the tolerance: the less it can miss, the more counts how
 /// far decoded points are from it. Which pixels are set is weighed as without, so that lines of a scan are bridged.
-pub(super) const DECODED_WEIGHT_WITHIN_TOLERANCE: f32 = 10.0;
+pub(super) const DECODED_WEIGHT_WITHIN_TOLERANCE: f32 = 4.0;
 
 /// Bits of a point beside the patches where the choice of patches prices it: more than most cost, since those that are left when
 /// patches have taken the others lie apart. With 8 as many bytes at larger errors, with 16 up to a tenth more.
