@@ -170,9 +170,10 @@ impl Ground<'_> {
     }
 
     /// The price of points beside the patches, where there will be some. With a bound forward there is none: patches then
-    /// lose what is further from the input, so that points stand beside them whatever is chosen.
+    /// lose what is further from the input, so that points stand beside them whatever is chosen. Nor is there where surfaces lie
+    /// close behind one another: patches thick enough for all points of one would have colours of the other.
     fn point_price(&self, options: &PatchesOptions) -> Option<PointPrice> {
-        if options.max_error_forward.is_some() {
+        if options.max_error_forward.is_some() || self.survey.layer_gap.is_some() {
             return None;
         }
         let pixel = self.lattice.pixel_size;
