@@ -139,15 +139,17 @@ pub(super) const THIN_WEIGHT: f32 = 0.5;
 pub(super) const DECODED_WEIGHT: f32 = 2.0;
 
 /// The same of depths where points beside the patches bring the input within the tolerance: the less it can miss, the more counts how
-/// far decoded points are from it. Which pixels are set is weighed as without, so that lines of a scan are bridged.
+/// far decoded points are from it. 2 gives 4 to 7 percent more forward rmse for -11 to 4 percent of the bytes, 10 takes 5 to 51 percent
+/// more bytes for 4 to 8 less. Which pixels are set is weighed as without, so that lines of a scan are bridged.
 pub(super) const DECODED_WEIGHT_WITHIN_TOLERANCE: f32 = 4.0;
 
 /// Bits of a point beside the patches where the choice of patches prices it: more than most cost, since those that are left when
-/// patches have taken the others lie apart. With 8 as many bytes at larger errors, with 16 up to a tenth more.
+/// patches have taken the others lie apart. 6 takes 4 to 28 percent more bytes for 2 to 7 less forward rmse, 24 changes bytes by -7 to
+/// 10 percent for 1 to 7 more.
 pub(super) const POINT_BITS: f64 = 12.0;
 
 /// How far from the decoded slab input needs no point, as a share of the bound: decoded points lie half a pixel apart, so
-/// that the nearest one is off along the surface too.
+/// that the nearest one is off along the surface too. 0.7 changes bytes by -13 to 3 percent and rmse by 3.
 pub(super) const POINT_REACH: f64 = 0.85;
 
 /// Most shapes in a patch: bounds the time. Half and double change bytes by at most 0.3 percent.
