@@ -88,13 +88,8 @@ pub(super) fn with_share_of_points(
     let Some(bound) = wanted.bound() else { return Ok(model) };
     let Completeness { share, forward, .. } = wanted;
     let near = limit(positions, bound)?;
-    let step = positions.len().div_ceil(PROBES);
-    if step > 1 {
-        let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
-        let far = far_points(&model, beside, &probes, near, progress)?;
-        if 1.0 - far.len() as f64 / probes.len() as f64 >= share + PROBE_MARGIN {
-            return Ok(model);
-        }
+    if positions.len() > PROBES && is_reached(&model, beside, positions, bound, share, progress)? {
+        return Ok(model);
     }
     let far = far_points(&model, beside, positions, near, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
@@ -115,6 +110,27 @@ pub(super) fn with_share_of_points(
     }
     keys.sort_unstable();
     with_shared_points(model.with_extra(keys, size, None), &far, of_cells)
+}
+
+/// True when at least the `share` of the positions is within `bound` of what a model and the patches `beside` it decode to as
+/// measured. Of many positions some are asked, and have to be a little more.
+///
+/// # Errors
+/// As [`with_points_within`].
+pub(super) fn is_reached(
+    model: &PatchModel,
+    beside: &[Leaf],
+    positions: &[[f32; 3]],
+    bound: f64,
+    share: f64,
+    progress: &dyn Progress,
+) -> Result<bool> {
+    let near = limit(positions, bound)?;
+    let step = positions.len().div_ceil(PROBES).max(1);
+    let margin = if step > 1 { PROBE_MARGIN } else { 0.0 };
+    let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
+    let far = far_points(model, beside, &probes, near, progress)?;
+    Ok(far.len() as f64 <= (1.0 - share - margin) * probes.len() as f64 + 1e-6)
 }
 
 /// The bound less what rounding of coordinates to single precision may add.

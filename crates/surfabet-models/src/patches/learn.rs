@@ -18,7 +18,7 @@ use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
     TOLERANCE_SHARE,
 };
-use super::far_points::Completeness;
+use super::far_points::{Completeness, is_reached};
 use super::instances::Instances;
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
 use super::options::{DEPTH_STEPS, PatchesOptions};
@@ -169,6 +169,28 @@ impl Ground<'_> {
         }
     }
 
+    /// True when patches alone, with those `near` the tile, are as near to the input as options ask for.
+    fn is_near_enough(
+        &self,
+        geometry: &Geometry,
+        near: &[Leaf],
+        cloud: &PointCloud,
+        options: &PatchesOptions,
+        progress: &dyn Progress,
+    ) -> Result<bool> {
+        let (bound, share) = match (options.max_error, self.completeness(options).bound()) {
+            (Some(bound), _) => (bound, 1.0),
+            (None, Some(bound)) => (bound, options.completeness),
+            (None, None) => return Ok(true),
+        };
+        let positions = self.positions(cloud);
+        let n = positions.len() as u64;
+        // Sheets matter to the file alone.
+        let patches = Geometry { sheets: Vec::new(), leaves: geometry.leaves.clone() };
+        let model = PatchModel::new(n, self.lattice, patches, Attributes::default())?;
+        is_reached(&model, near, &positions, bound, share, progress)
+    }
+
     /// The price of points beside the patches, where there will be some. With a bound forward there is none: patches then
     /// lose what is further from the input, so that points stand beside them whatever is chosen. Nor is there where surfaces lie
     /// close behind one another: patches thick enough for all points of one would have colours of the other.
@@ -283,12 +305,21 @@ fn surface(
     // 4. to 6. Shapes, least cost, bits.
     let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
     let n_sheets = sheets.len();
-    let points = ground.point_price(options);
     let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
-        let of_tile = choose(lattice, &sheets, density, points, options, progress)?;
         let once = PatchesOptions { rounds: 1, ..options.clone() };
-        let (beside, _) = choose(lattice, &near, density, points, &once, progress)?;
-        Ok((of_tile, beside.leaves))
+        let choose = |points: Option<PointPrice>| -> Result<_> {
+            let of_tile = choose(lattice, &sheets, density, points, options, progress)?;
+            let (beside, _) = choose(lattice, &near, density, points, &once, progress)?;
+            Ok((of_tile, beside.leaves))
+        };
+        let free = choose(None)?;
+        // Where no points are needed, they have no price.
+        let price = ground.point_price(options);
+        if price.is_none() || ground.is_near_enough(&free.0.0, &free.1, cloud, options, progress)? {
+            return Ok(free);
+        }
+        drop(free);
+        choose(price)
     })?;
     // Memory that the next stage needs.
     drop(sheets);
