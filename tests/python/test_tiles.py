@@ -116,8 +116,8 @@ def test_a_map_in_tiles_is_as_near_as_one_without(
         tiled, one = (m.decode(as_measured=as_measured) for m in (model, whole))
         a, b = sb.evaluate(cloud, tiled), sb.evaluate(cloud, one)
         assert a.rmse <= 1.05 * b.rmse
-        # Nothing is there twice, and nothing is missing. How thick a patch is follows from prices that
-        # each tile learns by itself, and layers fill it.
+        # Nothing is there twice, and nothing is missing. How thick a patch is, which layers fill,
+        # follows from prices that each tile learns by itself.
         assert abs(len(tiled) - len(one)) <= (0.06 if as_measured else 0.03) * len(one)
 
 
