@@ -169,6 +169,13 @@ impl Ground<'_> {
         }
     }
 
+    /// How near the decoded cloud is to be, metres, to at least which share of the points; none where nothing is asked for.
+    fn asked(&self, options: &PatchesOptions) -> Option<(f64, f64)> {
+        let of_bound = options.max_error.map(|bound| (bound, 1.0));
+        let completeness = || Some((self.completeness(options).bound()?, options.completeness));
+        of_bound.or_else(completeness)
+    }
+
     /// True when patches alone, with those `near` the tile, are as near to the input as options ask for.
     fn is_near_enough(
         &self,
@@ -178,11 +185,7 @@ impl Ground<'_> {
         options: &PatchesOptions,
         progress: &dyn Progress,
     ) -> Result<bool> {
-        let (bound, share) = match (options.max_error, self.completeness(options).bound()) {
-            (Some(bound), _) => (bound, 1.0),
-            (None, Some(bound)) => (bound, options.completeness),
-            (None, None) => return Ok(true),
-        };
+        let Some((bound, share)) = self.asked(options) else { return Ok(true) };
         let positions = self.positions(cloud);
         let n = positions.len() as u64;
         // Sheets matter to the file alone.
@@ -198,14 +201,12 @@ impl Ground<'_> {
         if options.max_error_forward.is_some() || self.survey.layer_gap.is_some() {
             return None;
         }
-        let pixel = self.lattice.pixel_size;
-        match options.max_error {
-            Some(bound) => Some(PointPrice::of_bound(bound, pixel)),
-            None => {
-                let tolerance = self.completeness(options).bound();
-                tolerance.map(|tolerance| PointPrice::of_tolerance(tolerance, pixel))
-            }
-        }
+        let (near, _) = self.asked(options)?;
+        let of = match options.max_error {
+            Some(_) => PointPrice::of_bound,
+            None => PointPrice::of_tolerance,
+        };
+        Some(of(near, self.lattice.pixel_size))
     }
 }
 

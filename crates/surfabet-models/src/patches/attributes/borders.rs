@@ -78,9 +78,57 @@ pub(in crate::patches) struct BorderBlocks {
     cells: Vec<(u32, i64)>,
 }
 
-/// Corrections of a field: coefficients of the transform, as a file stores them.
+/// What a file stores of a field: coefficients of the transform.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::patches) struct Corrections(Vec<i32>);
+pub(in crate::patches) struct Stored {
+    of_cells: Vec<i32>,
+    /// Of the corrections at the borders of a tile.
+    of_blocks: Option<Vec<i32>>,
+}
+
+impl FieldCells<'_> {
+    /// The values of least cost for `targets`, and what is stored of them; `lambda` is the squared error that a bit must save.
+    /// `missed` gives what decoded values miss at the blocks of a border.
+    pub(super) fn choose<const N: usize>(
+        self,
+        steps: Steps<N>,
+        targets: &[[f32; N]],
+        lambda: f32,
+        missed: impl Fn(&BorderBlocks, &[[f32; N]]) -> Vec<[f32; N]>,
+    ) -> (Vec<[f32; N]>, Stored) {
+        let CellValues { mut values, coefficients } =
+            choose_field(self.keys, steps, targets, lambda);
+        let of_blocks = self.border.map(|border| {
+            let missed = missed(border, &values);
+            border.choose(steps, &missed, lambda, self.keys, &mut values)
+        });
+        (values, Stored { of_cells: coefficients, of_blocks })
+    }
+
+    /// Reads values, or writes or prices the given ones.
+    ///
+    /// # Errors
+    /// Those of the coder.
+    pub(super) fn code<C: Coder, const N: usize>(
+        self,
+        coder: &mut C,
+        steps: Steps<N>,
+        coding: FieldCoding,
+        given: Option<&Stored>,
+    ) -> Result<(Vec<[f32; N]>, Stored), C::Error> {
+        let of_cells = given.map(|stored| stored.of_cells.as_slice());
+        let CellValues { mut values, coefficients } =
+            code_field(coder, self.keys, steps, coding, of_cells)?;
+        let of_blocks = match self.border {
+            Some(border) => {
+                let given = given.and_then(|stored| stored.of_blocks.as_deref());
+                Some(border.code(coder, steps, given, self.keys, &mut values)?)
+            }
+            None => None,
+        };
+        Ok((values, Stored { of_cells: coefficients, of_blocks }))
+    }
+}
 
 impl BorderBlocks {
     /// Those of a tile with these sorted cells.
@@ -109,14 +157,14 @@ impl BorderBlocks {
 
     /// The corrections of least cost for `missed`, what the cells beside a face miss in each block, added to `values`;
     /// `lambda` is the squared error that a bit must save of the cells.
-    pub(super) fn choose<const N: usize>(
+    fn choose<const N: usize>(
         &self,
         steps: Steps<N>,
         missed: &[[f32; N]],
         lambda: f32,
         cells: &[u64],
         values: &mut [[f32; N]],
-    ) -> Corrections {
+    ) -> Vec<i32> {
         // The cells beside a face take this share.
         let share = (2 * BLOCK - 1) as f32 / (2 * BLOCK) as f32;
         let scale = BORDER_FINENESS as f32 / share;
@@ -124,25 +172,24 @@ impl BorderBlocks {
         let CellValues { values: chosen, coefficients } =
             choose_field(&self.keys, steps, &targets, lambda);
         self.correct(&chosen, cells, values);
-        Corrections(coefficients)
+        coefficients
     }
 
     /// Reads corrections, or writes or prices the given ones, and adds them to `values`.
     ///
     /// # Errors
     /// Those of the coder.
-    pub(super) fn code<C: Coder, const N: usize>(
+    fn code<C: Coder, const N: usize>(
         &self,
         coder: &mut C,
         steps: Steps<N>,
-        given: Option<&Corrections>,
+        given: Option<&[i32]>,
         cells: &[u64],
         values: &mut [[f32; N]],
-    ) -> Result<Corrections, C::Error> {
-        let given = given.map(|Corrections(coefficients)| coefficients.as_slice());
+    ) -> Result<Vec<i32>, C::Error> {
         let coded = code_field(coder, &self.keys, steps, FieldCoding::Whole, given)?;
         self.correct(&coded.values, cells, values);
-        Ok(Corrections(coded.coefficients))
+        Ok(coded.coefficients)
     }
 
     /// Adds to the values of the cells what the blocks, in parts of the fineness, say.

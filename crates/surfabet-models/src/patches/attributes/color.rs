@@ -2,8 +2,8 @@
 
 use surfabet_entropy::Coder;
 
-use super::borders::{BorderBlocks, Corrections, FieldCells};
-use super::field::{CellValues, Steps, choose_field, code_field};
+use super::borders::{BorderBlocks, FieldCells, Stored};
+use super::field::Steps;
 use super::field_coding::FieldCoding;
 use crate::color::rounded;
 
@@ -33,9 +33,7 @@ impl ColorSteps {
 pub(in crate::patches) struct ColorField {
     pub steps: ColorSteps,
     coding: FieldCoding,
-    /// Coefficients of the transform, as a file stores them.
-    coefficients: Vec<i32>,
-    corrections: Option<Corrections>,
+    stored: Stored,
     /// Red, green and blue of each cell.
     pub colors: Vec<[u8; 3]>,
 }
@@ -52,24 +50,13 @@ impl ColorField {
         missed: impl Fn(&BorderBlocks, &[[f32; 3]]) -> Vec<[f32; 3]>,
     ) -> Self {
         let values: Vec<[f32; 3]> = targets.iter().map(|&color| to_channels(color)).collect();
-        let mut coded = choose_field(cells.keys, steps.of_channels(), &values, lambda);
-        let corrections = cells.border.map(|border| {
-            let missed = missed(border, &coded.values);
-            let values = &mut coded.values;
-            border.choose(steps.of_channels(), &missed, lambda, cells.keys, values)
-        });
-        Self::of(steps, FieldCoding::Whole, coded, corrections)
+        let (values, stored) = cells.choose(steps.of_channels(), &values, lambda, missed);
+        Self::of(steps, FieldCoding::Whole, values, stored)
     }
 
-    fn of(
-        steps: ColorSteps,
-        coding: FieldCoding,
-        coded: CellValues<3>,
-        corrections: Option<Corrections>,
-    ) -> Self {
-        let CellValues { values, coefficients } = coded;
+    fn of(steps: ColorSteps, coding: FieldCoding, values: Vec<[f32; 3]>, stored: Stored) -> Self {
         let colors = values.into_iter().map(|value| rounded(to_rgb(value))).collect();
-        Self { steps, coding, coefficients, corrections, colors }
+        Self { steps, coding, stored, colors }
     }
 
     /// Writes or prices the field.
@@ -77,13 +64,8 @@ impl ColorField {
     /// # Errors
     /// Those of the coder.
     pub fn write<C: Coder>(&self, coder: &mut C, cells: FieldCells<'_>) -> Result<(), C::Error> {
-        let (steps, given) = (self.steps.of_channels(), Some(self.coefficients.as_slice()));
-        let mut coded = code_field(coder, cells.keys, steps, self.coding, given)?;
-        if let Some(border) = cells.border {
-            let given = self.corrections.as_ref();
-            border.code(coder, steps, given, cells.keys, &mut coded.values)?;
-        }
-        Ok(())
+        let steps = self.steps.of_channels();
+        cells.code(coder, steps, self.coding, Some(&self.stored)).map(|_| ())
     }
 
     /// Reads the field that [`ColorField::write`] wrote.
@@ -99,15 +81,8 @@ impl ColorField {
         if !steps.is_valid() {
             return Err(coder.corrupt(format!("{steps:?} are not 1 to 4096")));
         }
-        let channels = steps.of_channels();
-        let mut coded = code_field(coder, cells.keys, channels, coding, None)?;
-        let corrections = match cells.border {
-            Some(border) => {
-                Some(border.code(coder, channels, None, cells.keys, &mut coded.values)?)
-            }
-            None => None,
-        };
-        Ok(Self::of(steps, coding, coded, corrections))
+        let (values, stored) = cells.code(coder, steps.of_channels(), coding, None)?;
+        Ok(Self::of(steps, coding, values, stored))
     }
 }
 

@@ -2,8 +2,8 @@
 
 use surfabet_entropy::Coder;
 
-use super::borders::{BorderBlocks, Corrections, FieldCells};
-use super::field::{CellValues, Steps, choose_field, code_field};
+use super::borders::{BorderBlocks, FieldCells, Stored};
+use super::field::Steps;
 use super::field_coding::FieldCoding;
 use crate::scalar::ScalarScale;
 
@@ -15,9 +15,7 @@ const STEPS: Steps<1> = Steps([1]);
 pub(in crate::patches) struct ScalarField {
     pub scale: ScalarScale,
     coding: FieldCoding,
-    /// Coefficients of the transform, as a file stores them.
-    coefficients: Vec<i32>,
-    corrections: Option<Corrections>,
+    stored: Stored,
     /// Value of each cell, in steps from the low end of the scale.
     pub values: Vec<f32>,
 }
@@ -32,23 +30,13 @@ impl ScalarField {
         lambda: f32,
         missed: impl Fn(&BorderBlocks, &[[f32; 1]]) -> Vec<[f32; 1]>,
     ) -> Self {
-        let mut coded = choose_field(cells.keys, STEPS, targets, lambda);
-        let corrections = cells.border.map(|border| {
-            let missed = missed(border, &coded.values);
-            border.choose(STEPS, &missed, lambda, cells.keys, &mut coded.values)
-        });
-        Self::of(scale, FieldCoding::Whole, coded, corrections)
+        let (values, stored) = cells.choose(STEPS, targets, lambda, missed);
+        Self::of(scale, FieldCoding::Whole, values, stored)
     }
 
-    fn of(
-        scale: ScalarScale,
-        coding: FieldCoding,
-        coded: CellValues<1>,
-        corrections: Option<Corrections>,
-    ) -> Self {
-        let CellValues { values, coefficients } = coded;
+    fn of(scale: ScalarScale, coding: FieldCoding, values: Vec<[f32; 1]>, stored: Stored) -> Self {
         let values = values.into_iter().map(|[value]| value).collect();
-        Self { scale, coding, coefficients, corrections, values }
+        Self { scale, coding, stored, values }
     }
 
     /// Writes or prices the field.
@@ -56,13 +44,7 @@ impl ScalarField {
     /// # Errors
     /// Those of the coder.
     pub fn write<C: Coder>(&self, coder: &mut C, cells: FieldCells<'_>) -> Result<(), C::Error> {
-        let given = Some(self.coefficients.as_slice());
-        let mut coded = code_field(coder, cells.keys, STEPS, self.coding, given)?;
-        if let Some(border) = cells.border {
-            let given = self.corrections.as_ref();
-            border.code(coder, STEPS, given, cells.keys, &mut coded.values)?;
-        }
-        Ok(())
+        cells.code(coder, STEPS, self.coding, Some(&self.stored)).map(|_| ())
     }
 
     /// Reads the field that [`ScalarField::write`] wrote.
@@ -75,11 +57,7 @@ impl ScalarField {
         scale: ScalarScale,
         coding: FieldCoding,
     ) -> Result<Self, C::Error> {
-        let mut coded = code_field(coder, cells.keys, STEPS, coding, None)?;
-        let corrections = match cells.border {
-            Some(border) => Some(border.code(coder, STEPS, None, cells.keys, &mut coded.values)?),
-            None => None,
-        };
-        Ok(Self::of(scale, coding, coded, corrections))
+        let (values, stored) = cells.code(coder, STEPS, coding, None)?;
+        Ok(Self::of(scale, coding, values, stored))
     }
 }
