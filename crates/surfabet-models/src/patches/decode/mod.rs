@@ -3,6 +3,7 @@
 mod attributes;
 mod fragments;
 mod nearest;
+mod reach;
 
 use std::borrow::Borrow;
 use std::ops::Range;
@@ -13,6 +14,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 pub(super) use self::attributes::Sampler;
 use self::fragments::fragments;
 use self::nearest::NearestPatch;
+pub(super) use self::reach::MeasuredReach;
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 use crate::patches::instances::Motion;
@@ -133,41 +135,6 @@ impl PatchModel {
             pixels * per_pixel * per_pixel * layers(leaf, 0.5, true)
         };
         self.leaves().iter().map(of_patch).sum::<f64>() + self.header().n_extra as f64
-    }
-
-    /// What some patches of the model decode to as measured, at the spacing that it was made for, metres about the origin.
-    ///
-    /// # Errors
-    /// As [`PatchModel::decode`].
-    pub(super) fn positions_as_measured(
-        &self,
-        patches: &[Leaf],
-        progress: &dyn Progress,
-    ) -> Result<Vec<[f32; 3]>> {
-        let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
-        let decoder = Decoder::new(self.lattice(), patches, 0, options)?;
-        let mut points = Points::default();
-        decoder.add(patches, &mut points, progress)?;
-        Ok(Rotation::of(self.lattice()).of_positions(points.positions))
-    }
-
-    /// What some patches of an instance decode to as measured, at the spacing that the model was made for, metres about the
-    /// origin.
-    ///
-    /// # Errors
-    /// As [`PatchModel::decode`].
-    pub(super) fn positions_of_instance(
-        &self,
-        patches: &[&Leaf],
-        motion: &Motion,
-        progress: &dyn Progress,
-    ) -> Result<Vec<[f32; 3]>> {
-        let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
-        let decoder = Decoder::new(self.lattice(), patches.iter().copied(), 0, options)?;
-        let mut points = Points::default();
-        decoder.add(patches, &mut points, progress)?;
-        parallel::for_each_mut(&mut points.positions, |_, p| *p = motion.of_position(*p));
-        Ok(Rotation::of(self.lattice()).of_positions(points.positions))
     }
 
     /// Points of the patches and those beside them in the frame of the lattice; those of instances where they are coded.
@@ -495,33 +462,60 @@ impl Decoder {
         }
     }
 
-    fn sample(&self, leaf: &Leaf, grid: &Grid, [column, row]: [usize; 2], points: &mut Points) {
-        let [d, u, v] = axes_of(leaf.side);
-        let step = self.lattice.depth_step as f32 / 16.0;
+    /// Depth of the surface of a patch at a sample, pixels.
+    fn depth(&self, leaf: &Leaf, grid: &Grid, [column, row]: [usize; 2]) -> f32 {
+        let (x, y) = (&grid.values[column], &grid.values[row]);
+        let mut depth = 0.0;
+        for (c, [i, j]) in self.shapes(leaf) {
+            depth += c * x[i] * y[j];
+        }
+        depth
+    }
+
+    /// Its slope along columns and rows.
+    fn slope(&self, leaf: &Leaf, grid: &Grid, [column, row]: [usize; 2]) -> [f32; 2] {
         let (x, y) = (&grid.values[column], &grid.values[row]);
         let (dx, dy) = (&grid.slopes[column], &grid.slopes[row]);
-        let (mut depth, mut slope) = (0.0, [0.0; 2]);
-        for k in (0..N_SHAPES).filter(|&k| leaf.patch.coefficients[k] != 0) {
-            let (i, j) = (usize::from(DEGREES[k].0), usize::from(DEGREES[k].1));
-            let c = leaf.patch.coefficients[k] as f32 * step;
-            depth += c * x[i] * y[j];
+        let mut slope = [0.0; 2];
+        for (c, [i, j]) in self.shapes(leaf) {
             slope[0] += c * dx[i] * y[j];
             slope[1] += c * x[i] * dy[j];
         }
+        slope
+    }
+
+    /// The shapes of a patch: coefficients in pixels, and the degrees of the factors.
+    fn shapes(&self, leaf: &Leaf) -> impl Iterator<Item = (f32, [usize; 2])> {
+        let step = self.lattice.depth_step as f32 / 16.0;
+        let coefficients = leaf.patch.coefficients;
+        (0..N_SHAPES).filter(move |&k| coefficients[k] != 0).map(move |k| {
+            let degrees = [DEGREES[k].0, DEGREES[k].1].map(usize::from);
+            (coefficients[k] as f32 * step, degrees)
+        })
+    }
+
+    fn sample(&self, leaf: &Leaf, grid: &Grid, sample: [usize; 2], points: &mut Points) {
+        let [d, u, v] = axes_of(leaf.side);
+        let depth = self.depth(leaf, grid, sample);
         let layers = self.layers(leaf);
         let half = leaf.patch.half_thickness() * self.spread.stretch(layers);
         let mut position = [0.0; 3];
-        position[u] = leaf.corner[0] as f32 + grid.at[column];
-        position[v] = leaf.corner[1] as f32 + grid.at[row];
+        position[u] = leaf.corner[0] as f32 + grid.at[sample[0]];
+        position[v] = leaf.corner[1] as f32 + grid.at[sample[1]];
         for layer in 0..layers {
-            let offset = (2.0 * layer as f32 + 1.0) / layers as f32 - 1.0;
-            position[d] = depth + if layers > 1 { half * offset } else { 0.0 };
+            position[d] = depth + layer_offset(half, layer, layers);
             points.positions.push(position);
-            if self.options.normals {
-                points.normals.push(normal(leaf.side, slope));
-            }
+        }
+        if self.options.normals {
+            let normal = normal(leaf.side, self.slope(leaf, grid, sample));
+            points.normals.extend(std::iter::repeat_n(normal, layers));
         }
     }
+}
+
+/// Where a layer lies about the middle of a thickness, from `-half` to `half`.
+fn layer_offset(half: f32, layer: usize, layers: usize) -> f32 {
+    if layers > 1 { half * ((2.0 * layer as f32 + 1.0) / layers as f32 - 1.0) } else { 0.0 }
 }
 
 /// Unit normal of a surface of a side whose depth has this slope along columns and rows.

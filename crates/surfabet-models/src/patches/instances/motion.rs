@@ -95,6 +95,12 @@ impl Motion {
         std::array::from_fn(|a| (0..3).map(|k| self.rows[k][a] * back[k]).sum())
     }
 
+    /// The same in double precision.
+    pub fn exact_source_of(&self, p: [f64; 3]) -> [f64; 3] {
+        let back: [f64; 3] = std::array::from_fn(|a| p[a] - f64::from(self.shift[a]));
+        std::array::from_fn(|a| (0..3).map(|k| f64::from(self.rows[k][a]) * back[k]).sum())
+    }
+
     /// A box around what is moved out of a box, from its lowest to its highest corner.
     pub fn of_bounds(&self, [low, high]: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
         let along = |a: usize, corner: fn(f64, f64) -> f64| {
