@@ -10,7 +10,7 @@
 /// Side of a pixel in spacings, where it is not given: nine points per pixel give a mean and a thickness. Among 2, 3, 4, 6
 /// and 8, with all points within the tolerance, 3 makes the smallest files of five of ten scans, and at most 53 percent larger
 /// ones than the best of the others (4 on a scan of 16 rings, 2 on dense smooth surfaces).
-pub(super) const SPACINGS_PER_PIXEL: f64 = 3.0;
+pub(super) const SPACINGS_PER_PIXEL: f64 = 2.25;
 
 // Axes of the scene.
 
@@ -151,6 +151,13 @@ pub(super) const POINT_BITS: f64 = 12.0;
 /// How far from the decoded slab input needs no point, as a share of the bound: decoded points lie half a pixel apart, so
 /// that the nearest one is off along the surface too. 0.7 changes bytes by -13 to 3 percent and rmse by 3.
 pub(super) const POINT_REACH: f64 = 0.85;
+
+/// Where patches with the full price of points need none, less of it is tried, so many times: each share is the geometric mean of one that
+/// was too little and one that was enough.
+pub(super) const PRICE_STEPS: u32 = 4;
+
+/// A share of the price that is taken to be too little.
+pub(super) const LEAST_PRICE_SHARE: f64 = 1.0 / 64.0;
 
 /// Most shapes in a patch: bounds the time. Half and double change bytes by at most 0.3 percent.
 pub(super) const MAX_SHAPES: usize = 12;

@@ -2,8 +2,6 @@
 
 use std::borrow::Cow;
 
-use surfabet_base::parallel;
-use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use super::attributes::borders::{BorderBlocks, FieldCells};
@@ -12,22 +10,22 @@ use super::attributes::chosen::{ChosenAttributes, Fields};
 use super::attributes::targets::Targets;
 use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
-use super::choice::{Choice, PointPrice};
-use super::coding::{Geometry, GeometryModels, code_geometry};
+use super::choice::PointPrice;
+use super::coding::Geometry;
 use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
     TOLERANCE_SHARE,
 };
 use super::far_points::{Completeness, is_reached};
 use super::instances::Instances;
-use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree, Square};
+use super::model::{Attributes, Lattice, LevelSize, PatchModel};
 use super::options::{DEPTH_STEPS, PatchesOptions};
 use super::recurrence::{Learned, recurring};
+use super::rounds::{Rounds, RoundsOutcome};
 use super::samples::cells::LIMIT;
 use super::samples::{SidedSamples, Weights};
 use super::sheets::{Reach, Sheet, sheets};
 use super::supported::with_support;
-use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
 use super::tiles::{Shares, Tile};
 use super::whole::{Described, Wanted, Whole};
@@ -306,22 +304,13 @@ fn surface(
     // 4. to 6. Shapes, least cost, bits.
     let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
     let n_sheets = sheets.len();
-    let ((geometry, bytes), near) = stages.run("choosing patches", |progress| {
-        let once = PatchesOptions { rounds: 1, ..options.clone() };
-        let choose = |points: Option<PointPrice>| -> Result<_> {
-            let of_tile = choose(lattice, &sheets, density, points, options, progress)?;
-            let (beside, _) = choose(lattice, &near, density, points, &once, progress)?;
-            Ok((of_tile, beside.leaves))
-        };
-        let free = choose(None)?;
-        // Where no points are needed, they have no price.
-        let price = ground.point_price(options);
-        if price.is_none() || ground.is_near_enough(&free.0.0, &free.1, cloud, options, progress)? {
-            return Ok(free);
-        }
-        drop(free);
-        choose(price)
+    let chosen = stages.run("choosing patches", |progress| {
+        let rounds = Rounds { lattice, sheets: &sheets, near: &near, density, options, progress };
+        rounds.choose(ground.point_price(options), |chosen| {
+            ground.is_near_enough(&chosen.geometry, &chosen.near, cloud, options, progress)
+        })
     })?;
+    let RoundsOutcome { geometry, near, bytes, .. } = chosen;
     // Memory that the next stage needs.
     drop(sheets);
     let geometry =
@@ -388,56 +377,6 @@ pub(super) fn check_size(reach: [f64; 3], resolution: f64) -> Result<()> {
     // Turned to its axes, the scene may reach as far along one as its corner is from the origin.
     let extent = reach.map(|c| c * c).iter().sum::<f64>().sqrt();
     check_extent(extent, resolution, SAMPLE_SIZE * f64::from(LIMIT - 2))
-}
-
-/// Chooses the hierarchies of all sheets, a few rounds over, each with the adaptive models as coding the round before
-/// left them. Gives the bytes after each round too.
-fn choose(
-    lattice: Lattice,
-    sheets: &[Sheet],
-    density: f64,
-    points: Option<PointPrice>,
-    options: &PatchesOptions,
-    progress: &dyn Progress,
-) -> Result<(Geometry, Vec<f64>)> {
-    let bases = Basis::of_levels(options.levels);
-    let mut models = GeometryModels::default();
-    let mut bytes = Vec::new();
-    let mut chosen = Geometry::default();
-    for round in 0..options.rounds {
-        progress.update("choosing patches", round as f32 / options.rounds as f32);
-        let choice = Choice {
-            models: &models,
-            bases: &bases,
-            // Distortion is summed over samples. What a bit must save is given per pixel, so that dense and sparse
-            // scans are treated alike.
-            lambda: (options.rate * density) as f32,
-            step: lattice.depth_step as f32 / DEPTH_STEPS as f32,
-            lattice,
-            points,
-        };
-        // A scattered cloud has trees as large as itself: not two rounds of them at once.
-        drop(std::mem::take(&mut chosen));
-        let trees = trees(&choice, sheets, progress)?;
-        let mut price = Price::default();
-        models = GeometryModels::default();
-        let Ok(geometry) = code_geometry(&mut price, &mut models, lattice, &trees, usize::MAX);
-        chosen = geometry;
-        bytes.push(price.bits / 8.0);
-    }
-    Ok((chosen, bytes))
-}
-
-/// The best hierarchy of every sheet that is not left out.
-fn trees(choice: &Choice<'_>, sheets: &[Sheet], progress: &dyn Progress) -> Result<Vec<SheetTree>> {
-    let of_sheet = |sheet: &Sheet| -> Result<_> {
-        progress.check()?;
-        let root = choice.sheet(sheet);
-        let tree = SheetTree { side: sheet.side, tile: sheet.tile, root };
-        Ok((tree.root != Square::Empty).then_some(tree))
-    };
-    let trees: Vec<Option<SheetTree>> = parallel::try_map(sheets, of_sheet)?;
-    Ok(trees.into_iter().flatten().collect())
 }
 
 /// Mean number of samples of the pixels of large sheets; 1 without any.

@@ -14,6 +14,7 @@
 //! | `samples` | points merged to half a pixel, each with the side it faces | 2 |
 //! | `sheets` | samples of a side as height fields over tiles | 3 |
 //! | `surface` | the shapes, in integers; patches with their places | 4 |
+//! | `rounds` | the choice, round after round, with the price of points beside the patches | 5 |
 //! | `choice` | hierarchy, masks, shapes and thickness of least cost | 5 |
 //! | `coding` | the geometry as binary decisions, given the neighbours; points beside the patches | 6, 8 |
 //! | `supported` | only as much surface as lies near the input, where that is asked for | |
@@ -43,6 +44,7 @@ mod model;
 mod options;
 mod order;
 mod recurrence;
+mod rounds;
 mod samples;
 mod shared_points;
 mod sheets;

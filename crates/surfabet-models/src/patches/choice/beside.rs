@@ -37,6 +37,11 @@ impl PointPrice {
         Self { decoded_weight, ..Self::of_bound(tolerance, pixel_size) }
     }
 
+    /// The same with this share of the bits.
+    pub fn scaled(self, share: f64) -> Self {
+        Self { per_sample: (f64::from(self.per_sample) * share) as f32, ..self }
+    }
+
     /// Bits of the points that stand for `n` samples.
     pub fn bits(&self, n: f32) -> f32 {
         self.per_sample * n

@@ -1,0 +1,149 @@
+//! Rounds of choosing patches: each with the adaptive models as coding the round before left them, and with the price of points
+//! beside the patches that keeps enough of the input near at the fewest bytes.
+
+use surfabet_base::parallel;
+use surfabet_entropy::Price;
+use surfabet_geom::Progress;
+
+use super::choice::{Choice, PointPrice};
+use super::coding::{Geometry, GeometryModels, code_geometry};
+use super::constants::{LEAST_PRICE_SHARE, PRICE_STEPS};
+use super::model::{Lattice, SheetTree, Square};
+use super::options::{DEPTH_STEPS, PatchesOptions};
+use super::sheets::Sheet;
+use super::surface::basis::Basis;
+use super::surface::leaf::Leaf;
+use crate::error::Result;
+
+/// The sheets that patches are chosen for, and what the choice depends on.
+pub(super) struct Rounds<'a> {
+    pub lattice: Lattice,
+    /// Sheets of the part that is described.
+    pub sheets: &'a [Sheet],
+    /// Those just beyond it.
+    pub near: &'a [Sheet],
+    /// Samples of a pixel.
+    pub density: f64,
+    pub options: &'a PatchesOptions,
+    pub progress: &'a dyn Progress,
+}
+
+/// What the rounds chose.
+#[derive(Default)]
+pub(super) struct RoundsOutcome {
+    pub geometry: Geometry,
+    /// Patches just beyond the part that is described.
+    pub near: Vec<Leaf>,
+    /// Of the geometry, after each round.
+    pub bytes: Vec<f64>,
+    models: GeometryModels,
+}
+
+impl RoundsOutcome {
+    /// What the next rounds start from.
+    fn trained(&self) -> Self {
+        let (models, bytes) = (self.models.clone(), self.bytes.clone());
+        Self { models, bytes, ..Self::default() }
+    }
+}
+
+impl Rounds<'_> {
+    /// The patches of least cost. Where they are not near enough to the input by themselves, points beside them have a
+    /// `price`, if one is given: all of it where points are needed anyway, else as little as keeps the patches near enough, since
+    /// what is left out then costs nothing until the allowance is used up.
+    pub fn choose(
+        &self,
+        price: Option<PointPrice>,
+        is_near_enough: impl Fn(&RoundsOutcome) -> Result<bool>,
+    ) -> Result<RoundsOutcome> {
+        let rounds = self.options.rounds;
+        let first = self.rounds(1, None, RoundsOutcome::default())?;
+        let Some(price) = price else { return self.rounds(rounds - 1, None, first) };
+        let mut free = first;
+        if is_near_enough(&free)? {
+            free = self.rounds(rounds - 1, None, free)?;
+            if is_near_enough(&free)? {
+                return Ok(free);
+            }
+        }
+        let full = self.rounds(rounds, Some(price), free)?;
+        if !is_near_enough(&full)? {
+            return Ok(full);
+        }
+        let mut best = full;
+        let (mut too_little, mut enough) = (LEAST_PRICE_SHARE, 1.0);
+        for _ in 0..PRICE_STEPS {
+            let share = f64::sqrt(too_little * enough);
+            let chosen = self.rounds(1, Some(price.scaled(share)), best.trained())?;
+            if is_near_enough(&chosen)? {
+                (best, enough) = (chosen, share);
+            } else {
+                too_little = share;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Some more rounds.
+    fn rounds(
+        &self,
+        count: u32,
+        points: Option<PointPrice>,
+        before: RoundsOutcome,
+    ) -> Result<RoundsOutcome> {
+        // At most: one without a price, all with the full one, and those that look for less.
+        let most = 1 + self.options.rounds + PRICE_STEPS;
+        let mut outcome = before;
+        for _ in 0..count {
+            self.progress.update("choosing patches", outcome.bytes.len() as f32 / most as f32);
+            // A scattered cloud has trees as large as itself: not two rounds of them at once.
+            drop(std::mem::take(&mut outcome.geometry));
+            let trees = self.trees(self.sheets, &outcome.models, points)?;
+            let mut price = Price::default();
+            outcome.models = GeometryModels::default();
+            let models = &mut outcome.models;
+            let Ok(geometry) = code_geometry(&mut price, models, self.lattice, &trees, usize::MAX);
+            outcome.geometry = geometry;
+            outcome.bytes.push(price.bits / 8.0);
+        }
+        if count > 0 {
+            outcome.near = self.leaves_near(points)?;
+        }
+        Ok(outcome)
+    }
+
+    /// Patches beyond the part that is described, by one round.
+    fn leaves_near(&self, points: Option<PointPrice>) -> Result<Vec<Leaf>> {
+        let trees = self.trees(self.near, &GeometryModels::default(), points)?;
+        let (mut price, mut models) = (Price::default(), GeometryModels::default());
+        let Ok(geometry) = code_geometry(&mut price, &mut models, self.lattice, &trees, usize::MAX);
+        Ok(geometry.leaves)
+    }
+
+    /// The best hierarchy of every sheet that is not left out.
+    fn trees(
+        &self,
+        sheets: &[Sheet],
+        models: &GeometryModels,
+        points: Option<PointPrice>,
+    ) -> Result<Vec<SheetTree>> {
+        let choice = Choice {
+            models,
+            bases: &Basis::of_levels(self.options.levels),
+            // Distortion is summed over samples. What a bit must save is given per pixel, so that dense and sparse
+            // scans are treated alike.
+            lambda: (self.options.rate * self.density) as f32,
+            step: self.lattice.depth_step as f32 / DEPTH_STEPS as f32,
+            lattice: self.lattice,
+            points,
+        };
+        let of_sheet = |sheet: &Sheet| -> Result<_> {
+            self.progress.check()?;
+            let root = choice.sheet(sheet);
+            let tree = SheetTree { side: sheet.side, tile: sheet.tile, root };
+            Ok((tree.root != Square::Empty).then_some(tree))
+        };
+        let trees: Vec<Option<SheetTree>> = parallel::try_map(sheets, of_sheet)?;
+        Ok(trees.into_iter().flatten().collect())
+    }
+}
