@@ -232,8 +232,9 @@ def learn_patches(
         'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
     resolution
         Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method
-        follow it. A positive number of metres; by default from the data: three spacings of the
-        points, or 1.25 standard deviations of their noise where that is more.
+        follow it. A positive number of metres; by default from the data: 2.25 spacings of the
+        points, 3 on scan lines, 1.25 standard deviations of their noise or the bound of max_error,
+        whichever is most.
     levels
         Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above
         it, pixels and patches double in size. An integer from 1 to 4; by default 2.

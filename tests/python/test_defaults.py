@@ -253,7 +253,7 @@ def test_the_command_line_says_what_was_chosen_and_why(
     out, err = compressed(cloud, tmp_path, capsys)
     chosen, result = out.splitlines()
     assert "by the data: resolution 0.0" in chosen
-    assert "3 spacings of" in chosen
+    assert "2.25 spacings of" in chosen
     assert "inliers 9" in result or "inliers 100" in result
     assert err == ""
     out, _ = compressed(cloud, tmp_path, capsys, "--resolution", "0.03")

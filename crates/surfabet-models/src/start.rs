@@ -13,6 +13,10 @@ use crate::stages::Stages;
 /// flat walls half takes 14 times the bytes and is farther from the true walls (`docs/benchmarks/constants.md`).
 const DEVIATIONS_PER_PIXEL: f64 = 1.25;
 
+/// Side of a pixel in bounds on the error, where that is more: finer pixels keep what need not be kept, and coarser ones leave more
+/// input to points beside them (`docs/benchmarks/constants.md`).
+const BOUNDS_PER_PIXEL: f64 = 1.0;
+
 /// Pixels between two surfaces that lie close behind one another: one between theirs stays empty, so that neither
 /// their depths nor their colours mix.
 const PIXELS_PER_GAP: f64 = 2.0;
@@ -33,8 +37,8 @@ const MOST_PIXELS: f64 = 200_000.0;
 const ANY_LENGTH: f64 = 0.01;
 
 /// The tolerance in pixels that were asked for, where it is more than that of the survey: who asks for coarse pixels does
-/// not want each point of the scan. Of points that are decoded half a pixel apart one is always as near as this, and for
-/// the three spacings that the pixels of patches have by themselves it is the survey's two.
+/// not want each point of the scan. Of points that are decoded half a pixel apart one is always as near as this, and pixels that are
+/// finer than three spacings have the survey's.
 const TOLERANCE_PER_PIXEL: f64 = 2.0 / 3.0;
 
 /// An option that was not given, and what the data made of it.
@@ -138,9 +142,10 @@ impl<'a> Start<'a> {
         self.chosen.push(ChosenOption { option, value, reason });
     }
 
-    /// Side of a pixel, metres: the one that was given, or so many spacings, unless noise or layers ask for another.
-    pub fn pixel(&mut self, given: Option<f64>, spacings: f64) -> f64 {
-        self.choose("resolution", given, |survey, quality| pixel(survey, quality, spacings))
+    /// Side of a pixel, metres: the one that was given, or so many spacings, unless noise, a `bound` on the error or layers ask for
+    /// another.
+    pub fn pixel(&mut self, given: Option<f64>, spacings: f64, bound: Option<f64>) -> f64 {
+        self.choose("resolution", given, |survey, quality| pixel(survey, quality, spacings, bound))
     }
 
     /// How far a decoded cloud may be from a point and still show it, metres; pixels may have been asked for.
@@ -167,8 +172,8 @@ impl<'a> Start<'a> {
     }
 }
 
-/// Side of a pixel by the data, and why: `spacings`, or more for noise and less for layers.
-fn pixel(survey: &Survey, quality: Quality, spacings: f64) -> (f64, String) {
+/// Side of a pixel by the data, and why: `spacings`, or more for noise or a `bound`, and less for layers.
+fn pixel(survey: &Survey, quality: Quality, spacings: f64, bound: Option<f64>) -> (f64, String) {
     let of_spacing = spacings * survey.spacing;
     let of_noise = DEVIATIONS_PER_PIXEL * survey.noise;
     let scale = quality.scale();
@@ -192,6 +197,11 @@ fn pixel(survey: &Survey, quality: Quality, spacings: f64) -> (f64, String) {
             format!("{} {what} {} m", scale * spacings, significant(survey.spacing)),
         )
     };
+    if let Some(bound) = bound.filter(|&bound| scale * BOUNDS_PER_PIXEL * bound > side) {
+        side = scale * BOUNDS_PER_PIXEL * bound;
+        let bound = significant(bound);
+        reason = format!("{} times the bound of {bound} m", scale * BOUNDS_PER_PIXEL);
+    }
     if let Some(gap) = survey.layer_gap {
         let least = LEAST_SPACINGS_PER_PIXEL * survey.spacing;
         let most = if survey.has_facings { f64::INFINITY } else { gap / LEAST_PIXELS_PER_GAP };
@@ -244,22 +254,36 @@ mod tests {
 
     #[test]
     fn pixels_follow_the_spacing_the_noise_and_the_layers() {
-        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Balanced, 3.0).0, 0.03);
-        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Small, 3.0).0, 0.06);
-        assert_eq!(pixel(&survey(0.01, 0.001), Quality::Fine, 3.0).0, 0.015);
-        assert_eq!(pixel(&survey(0.002, 0.008), Quality::Balanced, 3.0).0, 0.01);
+        let of = |survey: &Survey, quality| pixel(survey, quality, 3.0, None);
+        assert_eq!(of(&survey(0.01, 0.001), Quality::Balanced).0, 0.03);
+        assert_eq!(of(&survey(0.01, 0.001), Quality::Small).0, 0.06);
+        assert_eq!(of(&survey(0.01, 0.001), Quality::Fine).0, 0.015);
+        assert_eq!(of(&survey(0.002, 0.008), Quality::Balanced).0, 0.01);
         let layered = |gap| Survey { layer_gap: Some(gap), ..survey(0.01, 0.001) };
-        assert_eq!(pixel(&layered(0.05), Quality::Balanced, 3.0).0, 0.025);
+        assert_eq!(of(&layered(0.05), Quality::Balanced).0, 0.025);
         // Where it is known which way surfaces face, pixels may be wider than the gap.
-        assert_eq!(pixel(&layered(0.01), Quality::Balanced, 3.0).0, 0.008);
+        assert_eq!(of(&layered(0.01), Quality::Balanced).0, 0.008);
         let faced = Survey { has_facings: true, ..layered(0.01) };
-        assert_eq!(pixel(&faced, Quality::Balanced, 3.0).0, 0.02);
-        assert_eq!(pixel(&layered(0.2), Quality::Balanced, 3.0).0, 0.03);
+        assert_eq!(of(&faced, Quality::Balanced).0, 0.02);
+        assert_eq!(of(&layered(0.2), Quality::Balanced).0, 0.03);
         assert_eq!(
-            pixel(&survey(0.0, 0.0), Quality::Balanced, 3.0).0,
+            of(&survey(0.0, 0.0), Quality::Balanced).0,
             (29.0_f64.sqrt() / MOST_PIXELS * 1e7).round() / 1e7
         );
-        assert_eq!(pixel(&Survey::default(), Quality::Balanced, 3.0).0, ANY_LENGTH);
+        assert_eq!(of(&Survey::default(), Quality::Balanced).0, ANY_LENGTH);
+    }
+
+    #[test]
+    fn pixels_are_as_large_as_a_bound_that_is_more_than_the_data_ask_for() {
+        let of = |survey: &Survey, quality, bound| pixel(survey, quality, 3.0, Some(bound));
+        let cloud = survey(0.01, 0.001);
+        assert_eq!(of(&cloud, Quality::Balanced, 0.02).0, 0.03);
+        let (side, reason) = of(&cloud, Quality::Balanced, 0.05);
+        assert_eq!((side, reason.as_str()), (0.05, "1 times the bound of 0.0500 m"));
+        assert_eq!(of(&cloud, Quality::Fine, 0.05).0, 0.025);
+        // Surfaces behind one another are kept apart all the same.
+        let layered = Survey { layer_gap: Some(0.05), ..cloud };
+        assert_eq!(of(&layered, Quality::Balanced, 0.5).0, 0.025);
     }
 
     #[test]

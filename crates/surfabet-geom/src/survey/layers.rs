@@ -8,7 +8,7 @@ use super::noise::Planes;
 use super::sample::Sample;
 use crate::vector::{dot, minus};
 
-/// How far a second surface is looked for, spacings: six make the three spacings of a pixel finer, and ten leave room for
+/// How far a second surface is looked for, spacings: pixels of three spacings become finer below six, and ten leave room for
 /// the coarser pixels of noise and of small models.
 const REACH: f64 = 10.0;
 

@@ -102,7 +102,7 @@ fn run(
     // What the data say of the options that are not given.
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
-    let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
+    let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL, None);
     let tolerance = start.tolerance(options.resolution);
     let options = &HscsmOptions { resolution: Some(resolution), ..options.clone() };
     let cloud: &PointCloud = &start.cloud;

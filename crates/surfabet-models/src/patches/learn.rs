@@ -14,7 +14,7 @@ use super::choice::PointPrice;
 use super::coding::Geometry;
 use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
-    TOLERANCE_SHARE,
+    SPACINGS_PER_PIXEL_ON_LINES, TOLERANCE_SHARE,
 };
 use super::far_points::{Completeness, is_reached};
 use super::instances::Instances;
@@ -97,7 +97,7 @@ pub fn learn(
     // What the data say of the options that are not given.
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
-    let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
+    let resolution = pixel(&mut start, options);
     let tolerance = start.tolerance(options.resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
     let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
@@ -354,6 +354,13 @@ pub(super) fn lattice_of(
     let cell = (AXES_CELL * pixel_size).max(AXES_CELL_IN_GAPS * layer_gap.unwrap_or(0.0));
     let orientation = Orientation::of(cloud, cell as f32);
     Lattice { origin: cloud.origin(), orientation, pixel_size, levels: options.levels, depth_step }
+}
+
+/// Side of a pixel of the finest level, metres.
+pub(super) fn pixel(start: &mut Start<'_>, options: &PatchesOptions) -> f64 {
+    let has_lines = start.survey.line_spacing.is_some();
+    let spacings = if has_lines { SPACINGS_PER_PIXEL_ON_LINES } else { SPACINGS_PER_PIXEL };
+    start.pixel(options.resolution, spacings, options.bound())
 }
 
 /// Rounding of depths as the file has it: the one that was given, or the usual one, unless surfaces that lie close behind one

@@ -8,8 +8,9 @@ use crate::error::{Error, Result, positive};
 use crate::options::Options;
 use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, AttributeHeader, INTENSITIES, check};
-use crate::patches::constants::SPACINGS_PER_PIXEL;
-use crate::patches::learn::{check_size, depth_step, lattice_of, samples_per_pixel, sheets_of};
+use crate::patches::learn::{
+    check_size, depth_step, lattice_of, pixel, samples_per_pixel, sheets_of,
+};
 use crate::patches::model::Lattice;
 use crate::patches::options::PatchesOptions;
 use crate::patches::samples::{Sample, SidedSamples, Weights};
@@ -200,7 +201,7 @@ pub fn plan(
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(&sample, quality, Leave::Strays, keep, &mut stages)?;
     start.survey.bounds = Some((low, high));
-    let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL);
+    let resolution = pixel(&mut start, options);
     let tolerance = start.tolerance(options.resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
     check_size(std::array::from_fn(|a| 0.5 * (high[a] - low[a]) + 1.0), resolution)?;
