@@ -94,6 +94,44 @@ def test_models_that_promise_it_are_complete_at_defaults(method: str, n: int) ->
     assert model.report.tolerance == pytest.approx(sb.survey(cloud).tolerance)
 
 
+def test_pixels_are_as_wide_as_a_bound_that_the_data_do_not_ask_for() -> None:
+    points = corner(20_000)
+    cloud = sb.PointCloud(points)
+    (by_data, _) = sb.learn_patches(cloud).report.chosen["resolution"]
+    bound = 4 * by_data
+    bounded = sb.learn_patches(cloud, max_error=bound)
+    assert bounded.report.chosen["resolution"] == (
+        pytest.approx(bound, rel=0.005),
+        f"1 times the bound of {bound:.3g} m",
+    )
+    distances, _ = cKDTree(bounded.decode(as_measured=True).points).query(points)
+    assert distances.max() <= bound
+    finer = sb.learn_patches(cloud, max_error=bound, resolution=by_data)
+    assert len(bounded.to_bytes()) < 0.7 * len(finer.to_bytes())
+    # The smaller of both bounds counts, and one below the pixels of the data changes nothing.
+    both = sb.learn_patches(cloud, max_error=bound, max_error_forward=0.5 * bound)
+    assert both.report.chosen["resolution"][0] == pytest.approx(0.5 * bound, rel=0.005)
+    tight = sb.learn_patches(cloud, max_error=0.5 * by_data)
+    assert tight.report.chosen["resolution"][0] == by_data
+
+
+@pytest.mark.parametrize(("n", "sigma"), [(600, 0.05), (1500, 0.05), (600, 0.1)])
+def test_patches_use_up_what_completeness_allows(n: int, sigma: float) -> None:
+    # Clouds of points that patches can reach: without a price of points they miss too many, with
+    # all of it hardly any. Less of it is enough, and leaves out what may be left out.
+    middles = RNG(5).uniform(0.3, 1.7, (5, 3))
+    clutter = [RNG(i).normal(middle, sigma, (n, 3)) for i, middle in enumerate(middles)]
+    points = np.vstack([corner(60_000), *clutter])
+    cloud = sb.PointCloud(points)
+    free = sb.learn_patches(cloud, resolution=0.03, completeness=0)
+    model = sb.learn_patches(cloud, resolution=0.03)
+    tolerance = 0.8 * model.report.tolerance
+    assert share_within(points, free, tolerance) < 0.985
+    # At least half of the allowance.
+    assert 0.99 <= share_within(points, model, tolerance) < 0.995
+    assert model.n_extra_points == 0
+
+
 def test_pixels_follow_the_unit() -> None:
     points = corner(20_000)
     metres, millimetres = (

@@ -8,9 +8,8 @@
 // Pixels.
 
 /// Side of a pixel in spacings, where it is not given: five points per pixel give a mean and a thickness. It trades bytes against how far
-/// decoded points are from the input, which the tolerance does not bound: 3 takes 20 to 53 percent fewer bytes for 17 to 43 percent more
-/// forward rmse. With 2.25 the errors of ten scans are about those of 3 before points beside the patches had a price, with
-/// fewer bytes.
+/// decoded points are from the input, which the tolerance does not bound: 3 takes 21 to 53 percent fewer bytes for 17 to 46 percent more
+/// forward rmse (`docs/benchmarks/constants.md`).
 pub(super) const SPACINGS_PER_PIXEL: f64 = 2.25;
 
 /// The same where points lie on the lines of a scan: pixels then bridge from line to line. Of a laser with 16 rings walls stay open
