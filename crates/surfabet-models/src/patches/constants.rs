@@ -12,9 +12,9 @@
 /// forward rmse (`docs/benchmarks/constants.md`).
 pub(super) const SPACINGS_PER_PIXEL: f64 = 2.25;
 
-/// The same where points lie on the lines of a scan: pixels then bridge from line to line. Of a laser with 16 rings walls stay open
-/// between these with 2.25.
-pub(super) const SPACINGS_PER_PIXEL_ON_LINES: f64 = 3.0;
+/// The same where points lie in rows. Pixels bridge from line to line of a scan: walls stay open between the 16 rings of a laser with 2.25. And of
+/// coordinates that were rounded every pixel holds as many steps: a tile in UTM takes three times the bytes with 2.25.
+pub(super) const SPACINGS_PER_PIXEL_IN_ROWS: f64 = 3.0;
 
 // Axes of the scene.
 

@@ -14,7 +14,7 @@ use super::choice::PointPrice;
 use super::coding::Geometry;
 use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
-    SPACINGS_PER_PIXEL_ON_LINES, TOLERANCE_SHARE,
+    SPACINGS_PER_PIXEL_IN_ROWS, TOLERANCE_SHARE,
 };
 use super::far_points::{Completeness, is_reached};
 use super::instances::Instances;
@@ -358,8 +358,8 @@ pub(super) fn lattice_of(
 
 /// Side of a pixel of the finest level, metres.
 pub(super) fn pixel(start: &mut Start<'_>, options: &PatchesOptions) -> f64 {
-    let has_lines = start.survey.line_spacing.is_some();
-    let spacings = if has_lines { SPACINGS_PER_PIXEL_ON_LINES } else { SPACINGS_PER_PIXEL };
+    let in_rows = start.survey.line_spacing.is_some() || start.survey.rounding > 0.0;
+    let spacings = if in_rows { SPACINGS_PER_PIXEL_IN_ROWS } else { SPACINGS_PER_PIXEL };
     start.pixel(options.resolution, spacings, options.bound())
 }
 

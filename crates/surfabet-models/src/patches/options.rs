@@ -15,7 +15,7 @@ options! {
         quality: Quality = Quality::Balanced;
         /// Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method follow it.
         resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
-            none = "from the data: 2.25 spacings of the points, 3 on scan lines, 1.25 standard deviations of their noise or the bound of max_error, whichever is most";
+            none = "from the data: 2.25 spacings of the points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of their noise or the bound of max_error, whichever is most";
         /// Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above it, pixels and
         /// patches double in size.
         levels: u32 = 2, range = Range::from_to(1.0, MAX_LEVELS as f64);
