@@ -234,7 +234,8 @@ def learn_patches(
         Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method
         follow it. A positive number of metres; by default from the data: 2.25 spacings of the
         points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of their noise
-        or the bound of max_error, whichever is most.
+        or half of max_error (with max_error_forward all of it, or of that where it is less),
+        whichever is most.
     levels
         Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above
         it, pixels and patches double in size. An integer from 1 to 4; by default 2.

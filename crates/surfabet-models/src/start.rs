@@ -13,10 +13,6 @@ use crate::stages::Stages;
 /// flat walls half takes 14 times the bytes and is farther from the true walls (`docs/benchmarks/constants.md`).
 const DEVIATIONS_PER_PIXEL: f64 = 1.25;
 
-/// Side of a pixel in bounds on the error, where that is more: finer pixels keep what need not be kept, and coarser ones leave more
-/// input to points beside them (`docs/benchmarks/constants.md`).
-const BOUNDS_PER_PIXEL: f64 = 1.0;
-
 /// Pixels between two surfaces that lie close behind one another: one between theirs stays empty, so that neither
 /// their depths nor their colours mix.
 const PIXELS_PER_GAP: f64 = 2.0;
@@ -59,6 +55,15 @@ pub(crate) enum Leave {
     Strays,
     /// All that are far from the others.
     Outliers,
+}
+
+/// The least side of a pixel where the error is bounded.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OfBound {
+    /// Metres.
+    pub bound: f64,
+    /// The side as a share of the bound.
+    pub share: f64,
 }
 
 /// A cloud with what was measured of it.
@@ -142,9 +147,9 @@ impl<'a> Start<'a> {
         self.chosen.push(ChosenOption { option, value, reason });
     }
 
-    /// Side of a pixel, metres: the one that was given, or so many spacings, unless noise, a `bound` on the error or layers ask for
+    /// Side of a pixel, metres: the one that was given, or so many spacings, unless noise, a bound on the error or layers ask for
     /// another.
-    pub fn pixel(&mut self, given: Option<f64>, spacings: f64, bound: Option<f64>) -> f64 {
+    pub fn pixel(&mut self, given: Option<f64>, spacings: f64, bound: Option<OfBound>) -> f64 {
         self.choose("resolution", given, |survey, quality| pixel(survey, quality, spacings, bound))
     }
 
@@ -172,8 +177,13 @@ impl<'a> Start<'a> {
     }
 }
 
-/// Side of a pixel by the data, and why: `spacings`, or more for noise or a `bound`, and less for layers.
-fn pixel(survey: &Survey, quality: Quality, spacings: f64, bound: Option<f64>) -> (f64, String) {
+/// Side of a pixel by the data, and why: `spacings`, or more for noise or a bound, and less for layers.
+fn pixel(
+    survey: &Survey,
+    quality: Quality,
+    spacings: f64,
+    bound: Option<OfBound>,
+) -> (f64, String) {
     let of_spacing = spacings * survey.spacing;
     let of_noise = DEVIATIONS_PER_PIXEL * survey.noise;
     let scale = quality.scale();
@@ -197,10 +207,9 @@ fn pixel(survey: &Survey, quality: Quality, spacings: f64, bound: Option<f64>) -
             format!("{} {what} {} m", scale * spacings, significant(survey.spacing)),
         )
     };
-    if let Some(bound) = bound.filter(|&bound| scale * BOUNDS_PER_PIXEL * bound > side) {
-        side = scale * BOUNDS_PER_PIXEL * bound;
-        let bound = significant(bound);
-        reason = format!("{} times the bound of {bound} m", scale * BOUNDS_PER_PIXEL);
+    if let Some(OfBound { bound, share }) = bound.filter(|of| scale * of.share * of.bound > side) {
+        side = scale * share * bound;
+        reason = format!("{} times the bound of {} m", scale * share, significant(bound));
     }
     if let Some(gap) = survey.layer_gap {
         let least = LEAST_SPACINGS_PER_PIXEL * survey.spacing;
@@ -274,13 +283,15 @@ mod tests {
     }
 
     #[test]
-    fn pixels_are_as_large_as_a_bound_that_is_more_than_the_data_ask_for() {
-        let of = |survey: &Survey, quality, bound| pixel(survey, quality, 3.0, Some(bound));
+    fn pixels_follow_a_bound_where_it_is_more_than_the_data_ask_for() {
+        let of = |survey: &Survey, quality, bound| {
+            pixel(survey, quality, 3.0, Some(OfBound { bound, share: 0.5 }))
+        };
         let cloud = survey(0.01, 0.001);
-        assert_eq!(of(&cloud, Quality::Balanced, 0.02).0, 0.03);
-        let (side, reason) = of(&cloud, Quality::Balanced, 0.05);
-        assert_eq!((side, reason.as_str()), (0.05, "1 times the bound of 0.0500 m"));
-        assert_eq!(of(&cloud, Quality::Fine, 0.05).0, 0.025);
+        assert_eq!(of(&cloud, Quality::Balanced, 0.05).0, 0.03);
+        let (side, reason) = of(&cloud, Quality::Balanced, 0.1);
+        assert_eq!((side, reason.as_str()), (0.05, "0.5 times the bound of 0.100 m"));
+        assert_eq!(of(&cloud, Quality::Fine, 0.1).0, 0.025);
         // Surfaces behind one another are kept apart all the same.
         let layered = Survey { layer_gap: Some(0.05), ..cloud };
         assert_eq!(of(&layered, Quality::Balanced, 0.5).0, 0.025);

@@ -38,9 +38,10 @@ class LearnOptions:
     """patches: Side of a pixel of the finest level. hscsm: Side of a pixel of the lowest level (pr,
     the patch resolution). For patches a positive number of metres; by default from the data: 2.25
     spacings of the points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of
-    their noise or the bound of max_error, whichever is most. For hscsm a positive number of metres;
-    by default from the data: two and a half spacings of the points, or 1.25 standard deviations of
-    their noise where that is more."""
+    their noise or half of max_error (with max_error_forward all of it, or of that where it is
+    less), whichever is most. For hscsm a positive number of metres; by default from the data: two
+    and a half spacings of the points, or 1.25 standard deviations of their noise where that is
+    more."""
 
     levels: Annotated[int | None, Parameter(group=SHARED)] = None
     """patches: Levels of the hierarchy. hscsm: Levels of the hierarchy; one is SCSM. For patches an

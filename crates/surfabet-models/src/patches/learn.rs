@@ -13,8 +13,9 @@ use super::axes::Orientation;
 use super::choice::PointPrice;
 use super::coding::Geometry;
 use super::constants::{
-    AXES_CELL, AXES_CELL_IN_GAPS, DEPTH_STEP, DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL,
-    SPACINGS_PER_PIXEL_IN_ROWS, TOLERANCE_SHARE,
+    AXES_CELL, AXES_CELL_IN_GAPS, BOTH_BOUNDS_PER_PIXEL, BOUNDS_PER_PIXEL, DEPTH_STEP,
+    DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL, SPACINGS_PER_PIXEL_IN_ROWS,
+    TOLERANCE_SHARE,
 };
 use super::far_points::{Completeness, is_reached};
 use super::instances::Instances;
@@ -34,7 +35,7 @@ use crate::extent::{check_extent, reach};
 use crate::options::Options;
 use crate::report::{AttributeFigures, Named, Report, figures, lost};
 use crate::stages::Stages;
-use crate::start::{Leave, Start};
+use crate::start::{Leave, OfBound, Start};
 
 /// The stages of learning, with their shares of the progress.
 pub(super) const STAGES: &[(&str, f32)] = &[
@@ -360,7 +361,11 @@ pub(super) fn lattice_of(
 pub(super) fn pixel(start: &mut Start<'_>, options: &PatchesOptions) -> f64 {
     let in_rows = start.survey.line_spacing.is_some() || start.survey.rounding > 0.0;
     let spacings = if in_rows { SPACINGS_PER_PIXEL_IN_ROWS } else { SPACINGS_PER_PIXEL };
-    start.pixel(options.resolution, spacings, options.bound())
+    let bound = options.max_error.map(|bound| match options.max_error_forward {
+        Some(forward) => OfBound { bound: bound.min(forward), share: BOTH_BOUNDS_PER_PIXEL },
+        None => OfBound { bound, share: BOUNDS_PER_PIXEL },
+    });
+    start.pixel(options.resolution, spacings, bound)
 }
 
 /// Rounding of depths as the file has it: the one that was given, or the usual one, unless surfaces that lie close behind one

@@ -15,7 +15,7 @@ options! {
         quality: Quality = Quality::Balanced;
         /// Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method follow it.
         resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
-            none = "from the data: 2.25 spacings of the points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of their noise or the bound of max_error, whichever is most";
+            none = "from the data: 2.25 spacings of the points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of their noise or half of max_error (with max_error_forward all of it, or of that where it is less), whichever is most";
         /// Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above it, pixels and
         /// patches double in size.
         levels: u32 = 2, range = Range::from_to(1.0, MAX_LEVELS as f64);
@@ -64,13 +64,5 @@ options! {
         /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
         /// large as it is are left out, and counted in the report.
         keep_outliers: bool = false;
-    }
-}
-
-impl PatchesOptions {
-    /// How near input and what is decoded are to be, metres, where `max_error` says so: the smaller bound of both directions.
-    pub(super) fn bound(&self) -> Option<f64> {
-        let forward = self.max_error_forward.unwrap_or(f64::INFINITY);
-        self.max_error.map(|bound| bound.min(forward))
     }
 }
