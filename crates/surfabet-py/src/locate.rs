@@ -4,7 +4,7 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use surfabet::geom::Pose;
-use surfabet::{Localizer, LocateOptions, Location, Prior};
+use surfabet::recognition::{Localizer, LocateOptions, Location, Prior};
 
 use crate::cloud::PyPointCloud;
 use crate::errors::IntoPyErr;
