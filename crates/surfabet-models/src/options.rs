@@ -473,7 +473,7 @@ macro_rules! choices {
 
 /// Makes a struct that implements [`Options`] of declarations
 /// `name: Type = default, range = ..., unit = "...", none = "...", another_scene = true;`, in which everything after
-/// the default may be left out. `none` tells what the method does without a value, for types `Option<_>`.
+/// the default may be left out. `none` is what the method does without a value, for types `Option<_>`.
 #[macro_export]
 macro_rules! options {
     (

@@ -11,7 +11,7 @@ use surfabet::recognition::{
 use surfabet::{AlphabetModel, Progress};
 
 use crate::alphabet::PyAlphabetModel;
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::errors::IntoPyErr;
 use crate::locate::{Columns, columns};
 use crate::run::run;
@@ -53,7 +53,7 @@ impl PyPlaceIndex {
     fn query<'py>(
         slf: &Bound<'py, Self>,
         model: &Bound<'_, PyAlphabetModel>,
-        scan: Option<&Bound<'_, PyPointCloud>>,
+        scan: Option<&Bound<'_, PyAny>>,
         top: usize,
         verify: usize,
         upright: Option<bool>,
@@ -63,7 +63,7 @@ impl PyPlaceIndex {
         let locate = LocateOptions { upright, ..LocateOptions::default() };
         let options = PlaceOptions { top, verify, locate };
         let (index, model) = (&slf.get().index, &model.get().model);
-        let scan = scan.map(|s| &s.get().cloud);
+        let scan = scan.map(|s| cloud_of("scan", s)).transpose()?.map(|s| &s.get().cloud);
         let found: Vec<PlaceMatch> =
             run(py, progress, |monitor| index.query(model, scan, &options, monitor))?;
         let matched = |m: PlaceMatch| {

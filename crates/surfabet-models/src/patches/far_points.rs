@@ -10,7 +10,7 @@ use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
 
-/// Points whose distances tell whether enough are near: with as many, a share is exact to a tenth of a percent.
+/// Points by whose distances it is decided whether enough are near: with as many, a share is exact to a tenth of a percent.
 const PROBES: usize = 100_000;
 
 /// By how much the share of the probes must be larger than the share that is asked for.
