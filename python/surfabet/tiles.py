@@ -52,8 +52,10 @@ class _PartOf:
     """The file that a part of a map was read from."""
 
     path: Path
+    n_read: int
+    """Tiles that were read, of all levels of detail."""
     n_tiles: int
-    """Tiles that were read."""
+    """Tiles that it has."""
 
     def check(self, target: Path) -> None:
         """Refuses to write over the file when it has tiles that were not read.
@@ -63,21 +65,14 @@ class _PartOf:
         InvalidInputError
             With their number and what to do.
         """
-        if not (target.exists() and self.path.exists() and target.samefile(self.path)):
+        if self.n_read == self.n_tiles or not (target.exists() and self.path.exists()):
             return
-        size = target.stat().st_size
-        whole = open_tiled(
-            target, box=None, level=None, max_items=1 << 40, max_bytes=8 * size + (1 << 30)
-        )
-        n = 0 if whole is None else len(whole.tiles)
-        if n > self.n_tiles:
-            raise InvalidInputError(
-                f"path is {str(target)!r}, of which only {self.n_tiles} of {n} tiles were loaded; "
-                "the others would be lost: write to another file, or load the whole map",
-                argument="path",
-                value=repr(str(target)),
-                requirement="another file than the one that a part was loaded from",
+        if target.samefile(self.path):
+            requirement = (
+                f"another file than the one of which only {self.n_read} of {self.n_tiles} tiles "
+                "were loaded, since the others would be lost; or load the whole map"
             )
+            raise wrong_value("path", str(target), requirement)
 
 
 @final
@@ -339,4 +334,4 @@ def open_tiled(
     model = TiledPatchModel(core)
     if (box is None and level is None) or not isinstance(source, str | os.PathLike):
         return model
-    return TiledPatchModel(core, _PartOf(Path(source), len(model.tiles)))
+    return TiledPatchModel(core, _PartOf(Path(source), *core.tile_counts))
