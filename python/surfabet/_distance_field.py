@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import KdTree, PointCloud
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.model import Model
 from surfabet.survey import survey
 
@@ -43,13 +43,8 @@ def distance_field(model: Model[Any], cloud: PointCloud, name: str) -> bytes:
     if not len(decoded):
         raise InvalidInputError("the model decodes to no points; there are no distances to show")
     if not len(cloud):
-        requirement = "a cloud with points"
-        raise InvalidInputError(
-            f"against is {name}, which has no points, but must be {requirement}",
-            argument="against",
-            value=name,
-            requirement=requirement,
-        )
+        shown = f"{name}, which has no points"
+        raise wrong_value("against", cloud, "a cloud with points", shown=shown)
     distances = KdTree(cloud).query(decoded)[0].ravel().astype(np.float64)
     local = decoded.points - np.array(model.origin)
     low = local.min(axis=0)

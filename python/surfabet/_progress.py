@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from surfabet.errors import wrong_type
+
 __all__ = ["Progress", "ProgressCallback", "progress_callback"]
 
 ProgressCallback = Callable[[str, float], object]
@@ -34,7 +36,7 @@ def progress_callback(progress: Progress) -> Iterator[ProgressCallback | None]:
         yield None
     elif progress is not True:
         if not callable(progress):
-            raise TypeError(f"progress is {progress!r}; give None, True or a callable")
+            raise wrong_type("progress", progress, "None, True or a callable")
         yield progress
     else:
         try:

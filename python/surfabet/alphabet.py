@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError, InvalidTypeError
+from surfabet.errors import InvalidInputError, wrong_type, wrong_value
 from surfabet.metrics import RangeSigma
 from surfabet.model import Model
 
@@ -527,6 +527,9 @@ def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float:
     1 for a model and itself, the same either way, and whatever the heading and position of the
     scans, as long as both are upright. Alphabets may differ: words are compared by their looks.
     """
+    for name, model in (("a", a), ("b", b)):
+        if not isinstance(model, AlphabetModel):
+            raise wrong_type(name, model, "an AlphabetModel: learn_alphabet makes one of a cloud")
     return _core.place_similarity(a._core, b._core)
 
 
@@ -534,12 +537,10 @@ def _examples(example: AlphabetModel | Sequence[AlphabetModel]) -> list[Alphabet
     models = [example] if isinstance(example, AlphabetModel) else list(example)
     for number, model in enumerate(models):
         if not isinstance(model, AlphabetModel):
-            raise InvalidTypeError(
-                f"example {number} is a {type(model).__name__}, but must be an AlphabetModel: "
-                "learn_alphabet makes one of a cloud"
-            )
+            requirement = "an AlphabetModel: learn_alphabet makes one of a cloud"
+            raise wrong_type(f"example {number}", model, requirement)
     if not models:
-        raise InvalidInputError("example is an empty list; give at least one model")
+        raise wrong_value("example", example, "at least one model", shown="empty")
     return models
 
 
@@ -559,5 +560,5 @@ def _box(
 
 def _triple(name: str, values: Sequence[float]) -> list[float]:
     if len(values) != 3:
-        raise InvalidInputError(f"{name} has {len(values)} coordinates, expected 3")
+        raise wrong_value(name, values, "three coordinates x, y, z")
     return [float(value) for value in values]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
 from surfabet.model import Model
 
 __all__ = ["BicAlphabet", "BicAlphabetModel", "learn_bic_alphabet"]
@@ -62,7 +62,7 @@ class BicAlphabet:
             `n` is not positive.
         """
         if n < 1:
-            raise InvalidInputError(f"n is {n}, but an alphabet has at least 1 word")
+            raise wrong_value("n", n, "at least 1, the words of an alphabet")
         return BicAlphabet(self._core.first(n))
 
     def describe(

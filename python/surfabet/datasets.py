@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from surfabet._core import Frame, GroundTruth, Instance, PointCloud, Scene, Surface
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError, MissingDependencyError
+from surfabet.errors import InvalidInputError, MissingDependencyError, wrong_value
 
 __all__ = [
     "Frame",
@@ -90,7 +90,7 @@ def make_room(
         InvalidInputError: an argument is outside its limits.
     """
     if len(size) != 3:
-        raise InvalidInputError(f"size has {len(size)} values, expected length, depth and height")
+        raise wrong_value("size", size, "three numbers: length, depth and height")
     x, y, z = (float(value) for value in size)
     return Scene.room(
         seed=seed,
@@ -149,9 +149,7 @@ def scan_rgbd(
     if poses is None:
         poses = scene.default_poses(n_frames)
     if intrinsics is not None and len(intrinsics) != 4:
-        raise InvalidInputError(
-            f"intrinsics has {len(intrinsics)} values, expected fx, fy, cx and cy"
-        )
+        raise wrong_value("intrinsics", intrinsics, "four numbers: fx, fy, cx and cy")
     with progress_callback(progress) as callback:
         cloud, truth, frames = scene.scan_rgbd(
             poses,
@@ -279,7 +277,7 @@ def simulated_room(
             random_state=seed,
             progress=progress,
         )
-    raise InvalidInputError(f"sensor is {sensor!r}, expected 'rgbd' or 'lidar'")
+    raise wrong_value("sensor", sensor, "'rgbd' or 'lidar'")
 
 
 def load_demo(*, progress: Progress = None) -> SimulatedScan:
@@ -312,9 +310,9 @@ def write_rgbd_folder(
             "writing RGB-D folders needs Pillow: pip install 'surfabet[io]'"
         ) from error
     if color_format not in ("jpg", "png"):
-        raise InvalidInputError(f"color_format is {color_format!r}, expected 'jpg' or 'png'")
+        raise wrong_value("color_format", color_format, "'jpg' or 'png'")
     if not frames:
-        raise InvalidInputError("frames is empty; give at least one")
+        raise wrong_value("frames", frames, "at least one frame", shown="empty")
     images = [_images(frame, number) for number, frame in enumerate(frames)]
     intrinsics = images[0][2]
     for number, (depth, _, matrix) in enumerate(images):

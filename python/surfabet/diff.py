@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
-from surfabet.errors import InvalidInputError, InvalidTypeError
+from surfabet.errors import InvalidInputError, wrong_type, wrong_value
 from surfabet.model import Model
 from surfabet.survey import survey
 
@@ -132,12 +132,7 @@ def diff(
     ['vanished']
     """
     if len(viewpoints) != 2:
-        raise InvalidInputError(
-            f"viewpoints is {viewpoints!r}, but must be those of both maps, each None or (n, 3)",
-            argument="viewpoints",
-            value=repr(viewpoints),
-            requirement="those of both maps, each None or (n, 3)",
-        )
+        raise wrong_value("viewpoints", viewpoints, "those of both maps, each None or (n, 3)")
     with progress_callback(progress) as callback:
         tell: ProgressCallback = callback or (lambda stage, fraction: None)
         maps = [_decoded(model, name, tell) for model, name in ((a, "a"), (b, "b"))]
@@ -145,14 +140,12 @@ def diff(
         if tolerance is None:
             tolerance = _SPACINGS * spacing
         elif 0 < tolerance < _LEAST_SPACINGS * spacing * (1 - 1e-3):
-            raise InvalidInputError(
-                f"tolerance is {tolerance:g}, but must be at least {_LEAST_SPACINGS * spacing:.3g} "
-                "m, two spacings of what the coarser map decodes to: below, rounding counts as "
-                "change",
-                argument="tolerance",
-                value=f"{tolerance:g}",
-                requirement=f"at least {_LEAST_SPACINGS * spacing:.3g} m",
+            least = f"{_LEAST_SPACINGS * spacing:.3g}"
+            requirement = (
+                f"at least {least} m, two spacings of what the coarser map decodes to: below, "
+                "rounding counts as change"
             )
+            raise wrong_value("tolerance", tolerance, requirement, shown=f"{tolerance:g}")
         options = {"tolerance": float(tolerance), "min_area": float(min_area)}
         (before, before_thick), (after, after_thick) = maps
         gone = _core.changes(
@@ -167,7 +160,7 @@ def diff(
 def _decoded(model: Model[Any], name: str, tell: ProgressCallback) -> tuple[PointCloud, PointCloud]:
     """The surface of a map with its normals, and its points with the thickness of the scan."""
     if not isinstance(model, Model):
-        raise InvalidTypeError(f"{name} is a {type(model).__name__}, but must be a model")
+        raise wrong_type(name, model, "a model")
     surface = model.decode(normals=True, progress=tell)
     if len(surface) < 2:
         raise InvalidInputError(

@@ -43,6 +43,34 @@ class InvalidTypeError(InvalidInputError, TypeError):
     """An argument is of another type than it must be."""
 
 
+def wrong_value(
+    argument: str, value: object, requirement: str, *, shown: str | None = None
+) -> InvalidInputError:
+    """The error for an argument of a wrong value.
+
+    `shown` is what the message has in place of the value's `repr`.
+    """
+    text = repr(value) if shown is None else shown
+    return InvalidInputError(
+        f"{argument} is {text}, but must be {requirement}",
+        argument=argument,
+        value=text,
+        requirement=requirement,
+    )
+
+
+def wrong_type(argument: str, value: object, requirement: str) -> InvalidTypeError:
+    """The error for an argument of a wrong type."""
+    kind = type(value).__name__
+    text = f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
+    return InvalidTypeError(
+        f"{argument} is {text}, but must be {requirement}",
+        argument=argument,
+        value=text,
+        requirement=requirement,
+    )
+
+
 class FormatError(OSError, ValueError):
     """A file is not what it claims to be: truncated, corrupt, of another format or version."""
 

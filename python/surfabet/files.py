@@ -13,7 +13,7 @@ from surfabet import _core
 from surfabet._remote import RemoteFile, is_url
 from surfabet.alphabet import Alphabet, AlphabetModel
 from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel
-from surfabet.errors import FormatError, InvalidInputError
+from surfabet.errors import FormatError, wrong_type, wrong_value
 from surfabet.gas import GasModel
 from surfabet.hscsm import HscsmDictionary, HscsmModel
 from surfabet.model import Box
@@ -108,6 +108,8 @@ def load(
         For a box that is none, a level that the file does not have, and for either with a file
         that has no tiles.
     """
+    if not isinstance(path, str | os.PathLike) and not hasattr(path, "seek"):
+        raise wrong_type("path", path, "a path, a URL, or a binary file that can be sought in")
     source = RemoteFile(path) if isinstance(path, str) and is_url(path) else path
     tiled = open_tiled(source, box=box, level=level, max_items=max_items, max_bytes=max_bytes)
     if tiled is not None:
@@ -115,12 +117,7 @@ def load(
     for name, given in (("box", box), ("level", level)):
         if given is not None:
             requirement = "left out: the file has no tiles, load it whole and decode with box="
-            raise InvalidInputError(
-                f"{name} is {given!r}, but must be {requirement}",
-                argument=name,
-                value=repr(given),
-                requirement=requirement,
-            )
+            raise wrong_value(name, given, requirement)
     if not isinstance(source, str | os.PathLike):
         source.seek(0)
         return from_bytes(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import KdTree, Octree, PointCloud, RangeImage, VoxelGrid
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 
 __all__ = [
     "KdTree",
@@ -148,9 +148,7 @@ def octree_downsample(
         neither, or another representative.
     """
     if representative not in ("centroid", "center"):
-        raise InvalidInputError(
-            f'representative is {representative!r}, but must be "centroid" or "center"'
-        )
+        raise wrong_value("representative", representative, "'centroid' or 'center'")
     with progress_callback(progress) as callback:
         if size is not None and count is None:
             tree = Octree(cloud, size, progress=callback)

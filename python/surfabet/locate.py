@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_type, wrong_value
 
 __all__ = ["Localizer", "Location", "Locations"]
 
@@ -107,6 +107,8 @@ class Localizer:
         progress: Progress = None,
     ) -> Locations:
         """Where a scan was taken, as `surfabet.model.Model.locate`."""
+        if not isinstance(scan, PointCloud):
+            raise wrong_type("scan", scan, "a PointCloud")
         with progress_callback(progress) as callback:
             accepted, rejected, reason = self._core.locate(
                 scan,
@@ -134,16 +136,10 @@ def _pose(prior: ArrayLike) -> list[list[float]]:
         cosine, sine = np.cos(np.deg2rad(yaw)), np.sin(np.deg2rad(yaw))
         array = np.array([[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
     if array.shape != (4, 4):
-        raise InvalidInputError(
-            f"prior has the shape {array.shape}, expected a (4, 4) pose or x, y, z and yaw"
-        )
+        shown = f"of the shape {array.shape}"
+        raise wrong_value("prior", prior, "a (4, 4) pose or x, y, z and yaw", shown=shown)
     if not np.isfinite(array).all():
-        raise InvalidInputError(
-            f"prior is {np.asarray(prior).tolist()}, but must be finite numbers",
-            argument="prior",
-            value=repr(np.asarray(prior).tolist()),
-            requirement="finite numbers",
-        )
+        raise wrong_value("prior", np.asarray(prior).tolist(), "finite numbers")
     return [[float(value) for value in row] for row in array]
 
 

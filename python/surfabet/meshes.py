@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
-from surfabet.errors import InvalidInputError
 
 __all__ = ["MESH_SUFFIXES", "Mesh"]
 
@@ -55,12 +52,7 @@ class Mesh:
         OSError
             When the file cannot be written.
         """
+        from surfabet.io._files import export
         from surfabet.io.meshes import WRITERS
 
-        target = Path(path)
-        write = WRITERS.get(target.suffix.lower())
-        if write is None:
-            known = ", ".join(sorted(WRITERS))
-            raise InvalidInputError(f"{target}: meshes are exported to {known} only")
-        write(target, self)
-        return target.stat().st_size
+        return export(path, self, WRITERS)

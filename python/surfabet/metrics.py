@@ -9,7 +9,7 @@ from typing import Any
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
 
 __all__ = ["AttributeErrors", "Quality", "RangeSigma", "evaluate"]
 
@@ -202,7 +202,7 @@ def evaluate(
         When a cloud is empty or an option makes no sense.
     """
     if bytes is not None and bytes < 0:
-        raise InvalidInputError(f"bytes is {bytes}, but must not be negative")
+        raise wrong_value("bytes", bytes, "0 or a positive integer")
     distance: float | None = None
     by_range: tuple[float, float] | None = None
     if isinstance(sigma, RangeSigma):

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
+from surfabet.io._files import path_of
 from surfabet.learning import AttributeFigures, LearningReport
 from surfabet.locate import Localizer, Locations
 
@@ -42,13 +43,7 @@ def corners(box: Box | None) -> tuple[list[float], list[float]] | None:
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.shape != (2, 3):
-        requirement = "two corners of three numbers each, (lo, hi)"
-        raise InvalidInputError(
-            f"box is {box!r}, but must be {requirement}",
-            argument="box",
-            value=repr(box),
-            requirement=requirement,
-        )
+        raise wrong_value("box", box, "two corners of three numbers each, (lo, hi)")
     return array[0].tolist(), array[1].tolist()
 
 
@@ -201,7 +196,7 @@ class Model(Generic[C]):
         at most 1024 bytes of UTF-8, which `surfabet info` and `surfabet.inspect` show; it is not
         part of the model.
         """
-        return self._core.save(os.fspath(path), note)
+        return self._core.save(str(path_of("path", path)), note)
 
     @property
     def method(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
 
 __all__ = ["NavigationGraph"]
 
@@ -21,7 +21,7 @@ def as_vector(name: str, value: ArrayLike) -> list[float]:
     except (TypeError, ValueError):
         vector = np.empty(0)
     if vector.shape != (3,):
-        raise InvalidInputError(f"{name} is {value!r}, but must be three numbers x, y, z")
+        raise wrong_value(name, value, "three numbers x, y, z")
     return [float(c) for c in vector]
 
 

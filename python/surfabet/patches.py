@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, final
+from typing import Literal, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,14 @@ from surfabet._progress import Progress, progress_callback
 from surfabet.meshes import Mesh
 from surfabet.model import Model
 
-__all__ = ["LatticeInstance", "LatticeLevel", "LatticePatches", "PatchModel", "learn_patches"]
+__all__ = [
+    "LatticeInstance",
+    "LatticeLevel",
+    "LatticeModel",
+    "LatticePatches",
+    "PatchModel",
+    "learn_patches",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +96,41 @@ class LatticeInstance:
         return 1 if np.linalg.det(self.linear) > 0 else -1
 
 
+L = TypeVar("L", _core.PatchModel, _core.TiledPatchModel)
+
+
+class LatticeModel(Model[L]):
+    """Surface patches on the lattice of a scene, in one piece or in tiles."""
+
+    __slots__ = ()
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        """Names of the attributes that the model keeps: `"colors"`, `"intensities"` and others."""
+        return (*(("colors",) if self.has_color else ()), *self._core.attribute_names)
+
+    @property
+    def max_error(self) -> float | None:
+        """Largest distance of any input point to the cloud decoded as measured at the default
+        spacing, metres; None when no bound was asked for."""
+        return self._core.max_error
+
+    @property
+    def max_error_forward(self) -> float | None:
+        """Bound on the distance of decoded points to the input, metres; None where none was asked.
+
+        It holds for the model decoded at its default spacing, as measured or as a surface.
+        """
+        return self._core.max_error_forward
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Lattice to world, (3, 3): the scene's own axes as columns."""
+        return np.array(self._core.rotation)
+
+
 @final
-class PatchModel(Model[_core.PatchModel]):
+class PatchModel(LatticeModel[_core.PatchModel]):
     """A cloud as surface patches on a lattice, with thickness and attributes; immutable.
 
     Made by `learn_patches` and `surfabet.load`. It decodes to a spacing of half a pixel of the
@@ -116,33 +156,9 @@ class PatchModel(Model[_core.PatchModel]):
         return self.mesh().export(path)
 
     @property
-    def attributes(self) -> tuple[str, ...]:
-        """Names of the attributes that the model keeps: `"colors"`, `"intensities"` and others."""
-        return (*(("colors",) if self.has_color else ()), *self._core.attribute_names)
-
-    @property
     def n_extra_points(self) -> int:
         """Points that the model keeps beside its patches, for `max_error`."""
         return self._core.n_extra_points
-
-    @property
-    def max_error(self) -> float | None:
-        """Largest distance of any input point to the cloud decoded as measured at the default
-        spacing, metres; None when no bound was asked for."""
-        return self._core.max_error
-
-    @property
-    def max_error_forward(self) -> float | None:
-        """Bound on the distance of decoded points to the input, metres; None where none was asked.
-
-        It holds for the model decoded at its default spacing, as measured or as a surface.
-        """
-        return self._core.max_error_forward
-
-    @property
-    def rotation(self) -> NDArray[np.float64]:
-        """Lattice to world, (3, 3): the scene's own axes as columns."""
-        return np.array(self._core.rotation)
 
     @property
     def levels(self) -> tuple[LatticeLevel, ...]:

@@ -14,7 +14,7 @@ from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.alphabet import AlphabetModel, learn_alphabet
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_type, wrong_value
 from surfabet.locate import Locations, locations_of
 from surfabet.model import Model
 
@@ -124,7 +124,7 @@ class PlaceIndex:
             raise InvalidInputError("the index has no places; give place_index at least one")
         for name, value, least in (("top", top, 1), ("verify", verify, 0)):
             if value < least:
-                raise InvalidInputError(f"{name} is {value}, but must be at least {least}")
+                raise wrong_value(name, value, f"an integer of at least {least}")
         model = _described(place, self._models[0])
         if scan is None:
             scan = place if isinstance(place, PointCloud) else place.decode()
@@ -229,7 +229,7 @@ def label_places(
         For an option outside of its domain.
     """
     if n_kinds is not None and n_kinds < 1:
-        raise InvalidInputError(f"n_kinds is {n_kinds}, but must be at least 1")
+        raise wrong_value("n_kinds", n_kinds, "an integer of at least 1")
     models = _all_described(list(places))
     with progress_callback(progress) as callback:
         labels, similarities = _core.label_places(
@@ -250,6 +250,8 @@ def _described(place: AnyPlace, like: AlphabetModel | None) -> AlphabetModel:
     """A place in words, of the radii of another model, so that sizes of words do not differ."""
     if isinstance(place, AlphabetModel):
         return place
+    if not isinstance(place, PointCloud | Model):
+        raise wrong_type("a place", place, "a PointCloud or a model")
     cloud = place if isinstance(place, PointCloud) else place.decode()
     radii = np.array([RADIUS]) if like is None else like.alphabet.radii
     min_range = MIN_RANGE if isinstance(place, PointCloud) and place.viewpoints is not None else 0.0

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal, final
 
 import numpy as np
@@ -19,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError
-from surfabet.io.polygons import EXPORTS, Surface
-from surfabet.meshes import Mesh
+from surfabet.errors import wrong_value
+from surfabet.io._files import export
+from surfabet.io.polygons import WRITERS, Surface
 from surfabet.model import Model
 
 __all__ = [
@@ -143,7 +142,7 @@ class PlaneModel(Model[_core.PlaneModel]):
             When there is no such patch.
         """
         if not 0 <= patch < len(self):
-            raise InvalidInputError(f"patch is {patch}, but must be 0 to {len(self) - 1}")
+            raise wrong_value("patch", patch, f"an integer from 0 to {len(self) - 1}")
         return self._core.polygons(patch)
 
     def mesh(self) -> PlaneMesh:
@@ -174,13 +173,6 @@ class PlaneModel(Model[_core.PlaneModel]):
         OSError
             When the file cannot be written.
         """
-        target = Path(path)
-        if target.suffix.lower() == ".glb":
-            return self._colored_mesh().export(target)
-        write = EXPORTS.get(target.suffix.lower())
-        if write is None:
-            known = ", ".join(sorted([*EXPORTS, ".glb"]))
-            raise InvalidInputError(f"{target}: patches are exported to {known} only")
         mesh, colors = self.mesh(), self._core.colors()
         surface = Surface(
             vertices=mesh.vertices,
@@ -190,17 +182,7 @@ class PlaneModel(Model[_core.PlaneModel]):
             polygons=self._core.polygons,
             colors=None if colors is None else _means(colors),
         )
-        write(target, surface)
-        return target.stat().st_size
-
-    def _colored_mesh(self) -> Mesh:
-        """The triangles, with the mean colour of its patch at every vertex."""
-        mesh, colors = self.mesh(), self._core.colors()
-        shades = None
-        if colors is not None:
-            shades = np.zeros((len(mesh.vertices), 3), np.uint8)
-            shades[mesh.triangles] = _means(colors)[mesh.patches][:, None]
-        return Mesh(mesh.vertices, mesh.triangles, shades)
+        return export(path, surface, WRITERS)
 
     @property
     def planes(self) -> Planes:
@@ -434,7 +416,7 @@ def random_planes(
     True
     """
     if n_planes < 1:
-        raise InvalidInputError(f"n_planes is {n_planes}, but must be 1 to 2^20")
+        raise wrong_value("n_planes", n_planes, "an integer from 1 to 2^20")
     return _core.random_planes(cloud, n_planes=n_planes, random_state=random_state)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._progress import Progress, progress_callback
 from surfabet.alphabet import AlphabetModel, FoundOccurrence
+from surfabet.errors import wrong_type
 
 __all__ = ["RecurringClass", "RecurringClasses", "recurring"]
 
@@ -154,6 +155,8 @@ def recurring(
         "color_tolerance": color_tolerance,
         "size_tolerance": size_tolerance,
     }
+    if not isinstance(scene, AlphabetModel):
+        raise wrong_type("scene", scene, "an AlphabetModel: learn_alphabet makes one of a cloud")
     with progress_callback(progress) as callback:
         found = _core.recurring(scene._core, options, progress=callback)
     return RecurringClasses(scene, [_class(*parts) for parts in found])

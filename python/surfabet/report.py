@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import AlphabetModel, KdTree, PointCloud, Quality, RecurringClasses, _html
-from surfabet.errors import InvalidInputError, MissingDependencyError
+from surfabet.errors import InvalidInputError, MissingDependencyError, wrong_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -212,7 +212,7 @@ def choose_camera(cloud: PointCloud, up: ArrayLike | None = None) -> Camera:
     points = sample.points
     upwards = _upwards(points, sample.viewpoints) if up is None else np.asarray(up, np.float64)
     if sorted(np.abs(upwards).tolist()) != [0, 0, 1]:
-        raise InvalidInputError(f"up is {upwards}, but must be a coordinate axis such as (0, 0, 1)")
+        raise wrong_value("up", up, "a coordinate axis such as (0, 0, 1)")
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
     seen_from = sample.viewpoints
     if seen_from is not None and len(seen_from) >= MANY_VIEWPOINTS:

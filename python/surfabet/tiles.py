@@ -19,9 +19,12 @@ from surfabet.errors import (
     DroppedPointsWarning,
     FrameWarning,
     InvalidInputError,
-    InvalidTypeError,
+    wrong_type,
+    wrong_value,
 )
-from surfabet.model import MAX_POINTS, Box, Model, corners
+from surfabet.io._files import path_of
+from surfabet.model import MAX_POINTS, Box, corners
+from surfabet.patches import LatticeModel
 
 __all__ = ["TiledPatchModel", "Tiles", "merge_tiles"]
 
@@ -49,8 +52,10 @@ class _PartOf:
     """The file that a part of a map was read from."""
 
     path: Path
+    n_read: int
+    """Tiles that were read, of all levels of detail."""
     n_tiles: int
-    """Tiles that were read."""
+    """Tiles that it has."""
 
     def check(self, target: Path) -> None:
         """Refuses to write over the file when it has tiles that were not read.
@@ -60,25 +65,18 @@ class _PartOf:
         InvalidInputError
             With their number and what to do.
         """
-        if not (target.exists() and self.path.exists() and target.samefile(self.path)):
+        if self.n_read == self.n_tiles or not (target.exists() and self.path.exists()):
             return
-        size = target.stat().st_size
-        whole = open_tiled(
-            target, box=None, level=None, max_items=1 << 40, max_bytes=8 * size + (1 << 30)
-        )
-        n = 0 if whole is None else len(whole.tiles)
-        if n > self.n_tiles:
-            raise InvalidInputError(
-                f"path is {str(target)!r}, of which only {self.n_tiles} of {n} tiles were loaded; "
-                "the others would be lost: write to another file, or load the whole map",
-                argument="path",
-                value=repr(str(target)),
-                requirement="another file than the one that a part was loaded from",
+        if target.samefile(self.path):
+            requirement = (
+                f"another file than the one of which only {self.n_read} of {self.n_tiles} tiles "
+                "were loaded, since the others would be lost; or load the whole map"
             )
+            raise wrong_value("path", str(target), requirement)
 
 
 @final
-class TiledPatchModel(Model[_core.TiledPatchModel]):
+class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
     """A cloud as surface patches in tiles, with thickness and attributes; immutable.
 
     Made by `learn_patches_tiled`, `update`, `surfabet.merge_tiles` and `surfabet.load`. Its tiles
@@ -203,9 +201,10 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
         InvalidInputError
             For the file that a part was loaded from, which would lose its other tiles.
         """
+        target = path_of("path", path)
         if self._read_from is not None:
-            self._read_from.check(Path(path))
-        return self._core.save_tiles(os.fspath(path), note)
+            self._read_from.check(target)
+        return self._core.save_tiles(str(target), note)
 
     @property
     def tiles(self) -> Tiles:
@@ -232,30 +231,6 @@ class TiledPatchModel(Model[_core.TiledPatchModel]):
     def pixel_sizes(self) -> tuple[float, ...]:
         """Side of the finest pixels of each level of detail, coarsest first, metres."""
         return tuple(self._core.pixel_sizes)
-
-    @property
-    def attributes(self) -> tuple[str, ...]:
-        """Names of the attributes that the model keeps: `"colors"`, `"intensities"` and others."""
-        return (*(("colors",) if self.has_color else ()), *self._core.attribute_names)
-
-    @property
-    def max_error(self) -> float | None:
-        """Largest distance of any input point to the cloud decoded as measured at the default
-        spacing, metres; None when no bound was asked for."""
-        return self._core.max_error
-
-    @property
-    def max_error_forward(self) -> float | None:
-        """Bound on the distance of decoded points to the input, metres; None where none was asked.
-
-        It holds for the model decoded at its default spacing, as measured or as a surface.
-        """
-        return self._core.max_error_forward
-
-    @property
-    def rotation(self) -> NDArray[np.float64]:
-        """Lattice to world, (3, 3): the scene's own axes as columns."""
-        return np.array(self._core.rotation)
 
     def __repr__(self) -> str:
         tiles = len(self.tiles)
@@ -285,12 +260,7 @@ def _lies_apart(distance: float) -> str:
 
 def _level(level: int | None) -> int | None:
     if level is not None and (isinstance(level, bool) or not isinstance(level, int) or level < 0):
-        raise InvalidInputError(
-            f"level is {level!r}, but must be an integer of at least 0",
-            argument="level",
-            value=repr(level),
-            requirement="an integer of at least 0",
-        )
+        raise wrong_value("level", level, "an integer of at least 0")
     return level
 
 
@@ -310,11 +280,9 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
     """
     for model in models:
         if not isinstance(model, TiledPatchModel):
-            raise InvalidTypeError(
-                f"models has a {type(model).__name__}, but must be of TiledPatchModel alone"
-            )
+            raise wrong_type("an item of models", model, "a TiledPatchModel")
     if not models:
-        raise InvalidInputError("models is empty, but must be one map in tiles or more")
+        raise wrong_value("models", models, "one map in tiles or more", shown="empty")
     with progress_callback(progress) as callback:
         cores = [model._core for model in models]
         try:
@@ -366,4 +334,4 @@ def open_tiled(
     model = TiledPatchModel(core)
     if (box is None and level is None) or not isinstance(source, str | os.PathLike):
         return model
-    return TiledPatchModel(core, _PartOf(Path(source), len(model.tiles)))
+    return TiledPatchModel(core, _PartOf(Path(source), *core.tile_counts))

@@ -24,7 +24,12 @@ from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet._spill import Spill, SpillWriter, check_space
-from surfabet.errors import DroppedPointsWarning, InvalidInputError, LostAttributeWarning
+from surfabet.errors import (
+    DroppedPointsWarning,
+    InvalidInputError,
+    LostAttributeWarning,
+    wrong_value,
+)
 from surfabet.io._crs import unit_name
 from surfabet.io._notes import counted
 from surfabet.io.chunks import Chunks, chunks_of
@@ -254,35 +259,20 @@ def learn_patches_tiled(
 
 def _check_recurrence(options: Mapping[str, Any]) -> None:
     if options.get("recurrence"):
-        raise InvalidInputError(
-            "recurrence is True, but tiles are read one by one and hold nothing of one another; "
-            "leave it out, or learn the map without tiles",
-            argument="recurrence",
-            value="True",
-            requirement="False for a map in tiles",
+        requirement = (
+            "False for a map in tiles, which are read one by one and hold nothing of one another"
         )
+        raise wrong_value("recurrence", True, requirement)
 
 
 def _check_memory(max_memory: int) -> None:
     if not isinstance(max_memory, int) or isinstance(max_memory, bool) or max_memory < BASE_MEMORY:
-        requirement = f"a number of bytes, {BASE_MEMORY} or more"
-        raise InvalidInputError(
-            f"max_memory is {max_memory!r}, but must be {requirement}",
-            argument="max_memory",
-            value=repr(max_memory),
-            requirement=requirement,
-        )
+        raise wrong_value("max_memory", max_memory, f"a number of bytes, {BASE_MEMORY} or more")
 
 
 def _check_details(details: int) -> None:
     if not isinstance(details, int) or isinstance(details, bool) or not 1 <= details <= 3:
-        requirement = "from 1 to 3"
-        raise InvalidInputError(
-            f"details is {details!r}, but must be {requirement}",
-            argument="details",
-            value=repr(details),
-            requirement=requirement,
-        )
+        raise wrong_value("details", details, "an integer from 1 to 3")
 
 
 def _identity(

@@ -10,18 +10,16 @@ import tempfile
 import webbrowser
 import zlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
 from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet._distance_field import distance_field
-from surfabet.errors import FormatError, InvalidInputError
+from surfabet.errors import FormatError, InvalidInputError, wrong_type, wrong_value
 from surfabet.files import MAX_BYTES, MAX_ITEMS, from_bytes
 from surfabet.io import read
-
-if TYPE_CHECKING:
-    from surfabet.model import Model
+from surfabet.model import Model
 
 __all__ = ["address_of", "check_page", "page_of", "temporary_page", "view"]
 
@@ -84,17 +82,13 @@ def view(
         title = title or Path(model).name
         if link and path is not None:
             address = address_of(Path(model), Path(path))
-    else:
+    elif isinstance(model, Model):
         data = model.to_bytes()
         title = title or model.method
+    else:
+        raise wrong_type("model", model, "a model or the path of its file")
     if link and not address:
-        requirement = "False without the names of a model file and of a page"
-        raise InvalidInputError(
-            f"link is True, but must be {requirement}",
-            argument="link",
-            value="True",
-            requirement=requirement,
-        )
+        raise wrong_value("link", link, "False without the names of a model file and of a page")
     check_page(data, title)
     field = b""
     if against is not None:

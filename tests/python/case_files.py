@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,26 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import surfabet as sb
+
 CASES = Path(__file__).parents[2].parent / "shared" / "cases"
 """Files of the same kinds, where they are."""
 WITHOUT_CASES = f"the files are not at {CASES}; files of the same kinds are generated"
+
+Reader = Callable[[bytes], sb.PointCloud]
+
+
+def strict_reader(path: Path) -> Reader:
+    """What reads bytes as the file `path`, with every warning an error."""
+
+    def read(data: bytes) -> sb.PointCloud:
+        path.write_bytes(data)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return sb.read(path)
+
+    return read
+
 
 UTM = np.array([500_000.0, 5_400_000.0, 100.0])
 

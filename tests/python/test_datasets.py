@@ -201,7 +201,7 @@ def test_wrong_arguments_are_named(room: datasets.Scene, tmp_path: Path) -> None
         datasets.scan_lidar(room, 2 * np.eye(4)[None])
     with pytest.raises(InvalidInputError, match="n_chairs is 100"):
         datasets.make_room(n_chairs=100)
-    with pytest.raises(InvalidInputError, match="size has 2 values"):
+    with pytest.raises(InvalidInputError, match=r"size is \(5, 5\), but must be three numbers"):
         datasets.make_room(size=(5, 5))
     with pytest.raises(InvalidInputError, match="azimuth_step is 0"):
         datasets.scan_lidar(room, azimuth_step=0)

@@ -173,7 +173,7 @@ def test_other_files_have_no_regions(tmp_path: Path) -> None:
         ({"box": (1, 2)}, "box is .* but must be two corners"),
         ({"box": ((1, 1, 1), (0, 2, 2))}, "box is .* but must be two corners"),
         ({"box": ((np.nan, 1, 1), (0, 2, 2))}, "box is .* but must be two corners"),
-        ({"level": -1}, "level is -1, but must be an integer from 0"),
+        ({"level": -1}, "level is -1, but must be an integer of at least 0"),
     ],
 )
 def test_wrong_options(path: Path, options: dict[str, Any], message: str) -> None:

@@ -80,7 +80,7 @@ def test_columns_by_name(tmp_path: Path) -> None:
     cloud = read(tmp_path / "a.txt", data, columns=names)
     np.testing.assert_array_equal(cloud.points, [[1, 2, 3], [4, 5, 6]])
     np.testing.assert_array_equal(cloud.intensities, [0.5, 0.25])
-    with pytest.raises(sb.InvalidInputError, match="must name x, y and z"):
+    with pytest.raises(sb.InvalidInputError, match="must be names of columns with x, y and z"):
         sb.read(tmp_path / "a.txt", columns=["x", "y"])
     with pytest.raises(sb.InvalidInputError, match="must be one character"):
         sb.read(tmp_path / "a.txt", delimiter="ab")

@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import struct
-import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import surfabet as sb
+from case_files import Reader, strict_reader
 from surfabet._core import lzf_compress, lzf_decompress
 
 POINTS = np.array([[0.5, -1.25, 2.0], [3.0, 4.5, -6.75], [10.0, 0.0, 0.125]])
-Reader = Callable[[bytes], sb.PointCloud]
 
 
 @pytest.fixture
 def read(tmp_path: Path) -> Reader:
-    """Reads bytes as a PCD file, with every warning an error."""
-
-    def read_bytes(data: bytes) -> sb.PointCloud:
-        path = tmp_path / "a.pcd"
-        path.write_bytes(data)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            return sb.read(path)
-
-    return read_bytes
+    return strict_reader(tmp_path / "a.pcd")
 
 
 def header(

@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 import struct
-import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import surfabet as sb
+from case_files import Reader, strict_reader
 
 POINTS = np.array([[0.5, -1.25, 2.0], [3.0, 4.5, -6.75], [10.0, 0.0, 0.125]])
 CODES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"}
 CODES |= {"float": "f", "double": "d", "int8": "b", "uint16": "H", "float32": "f", "float64": "d"}
 ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-Reader = Callable[[bytes], sb.PointCloud]
 
 
 @pytest.fixture
 def read(tmp_path: Path) -> Reader:
-    """Reads bytes as a PLY file, with every warning an error."""
-
-    def read_bytes(data: bytes) -> sb.PointCloud:
-        path = tmp_path / "a.ply"
-        path.write_bytes(data)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            return sb.read(path)
-
-    return read_bytes
+    return strict_reader(tmp_path / "a.ply")
 
 
 def read_aloud(folder: Path, data: bytes) -> sb.PointCloud:

@@ -28,7 +28,7 @@ def test_callable_is_passed_through() -> None:
 
 
 def test_other_things_are_refused() -> None:
-    with pytest.raises(TypeError, match="give None, True or a callable"), progress_callback(1.5):  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="must be None, True or a callable"), progress_callback(1.5):  # type: ignore[arg-type]
         pass
 
 

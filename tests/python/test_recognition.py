@@ -112,7 +112,7 @@ def test_of_several_examples_the_best_is_named(model: sb.AlphabetModel) -> None:
     found = model.find([example_of(pole), example_of(thing())])
     assert len(found) == 3
     assert {f.example for f in found} == {1}
-    with pytest.raises(sb.InvalidInputError, match="empty list"):
+    with pytest.raises(sb.InvalidInputError, match="example is empty, but must be at least"):
         model.find([])
     with pytest.raises(sb.InvalidTypeError, match="example 0 is a PointCloud"):
         model.find([sb.PointCloud(pole)])  # type: ignore[list-item]
@@ -143,7 +143,7 @@ def test_a_box_and_a_ball_are_refused_together(model: sb.AlphabetModel) -> None:
         model.find()
     with pytest.raises(sb.InvalidInputError, match="either"):
         model.find(point=(0, 0, 0))
-    with pytest.raises(sb.InvalidInputError, match="2 coordinates"):
+    with pytest.raises(sb.InvalidInputError, match=r"point is .*three coordinates"):
         model.find(point=(0, 0), radius=1.0)
     with pytest.raises(sb.InvalidInputError, match="region"):
         model.find(point=(90, 0, 0), radius=1.0)

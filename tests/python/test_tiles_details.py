@@ -91,6 +91,19 @@ def test_each_level_is_a_map_of_the_whole(path: Path, cloud: sb.PointCloud) -> N
     assert info["level 0: resolution (m)"] == pytest.approx(4 * PIXEL)
 
 
+@pytest.mark.parametrize("level", [0, 1])
+def test_a_level_does_not_replace_the_map_with_the_others(
+    path: Path, tmp_path: Path, level: int
+) -> None:
+    copy = tmp_path / "map.sfb"
+    copy.write_bytes(path.read_bytes())
+    one = loaded(copy, level=level)
+    n = sum(len(loaded(path, level=k).tiles) for k in (0, 1))
+    with pytest.raises(InvalidInputError, match=f"only {len(one.tiles)} of {n} tiles were loaded"):
+        one.save(copy)
+    assert copy.read_bytes() == path.read_bytes()
+
+
 def test_one_level_is_as_without_the_option(cloud: sb.PointCloud, tmp_path: Path) -> None:
     options: dict[str, Any] = {"tile": TILE, "note": "none", **OPTIONS}
     for name, details in (("a", {}), ("b", {"details": 1})):

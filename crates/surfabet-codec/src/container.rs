@@ -120,7 +120,7 @@ impl Features {
     /// Parts of patches are given once more at other places.
     pub const INSTANCES: Self = Self(1024);
 
-    /// Colours and scalars of patches are whole numbers, with models that look at several things at once.
+    /// Colours and scalars of patches are whole numbers, with models of several contexts at once.
     pub const WHOLE_FIELDS: Self = Self(2048);
 
     /// Colours and scalars of tiles are corrected at their borders.
@@ -767,7 +767,7 @@ mod tests {
         assert!(message.contains("[70, 6c, 79, 0a]"), "{message}");
     }
 
-    /// A file whose header says what `change` makes of the writer.
+    /// A file with the header that `change` makes of the writer.
     fn changed(change: impl Fn(&mut ContainerWriter)) -> Vec<u8> {
         let mut writer = writer();
         change(&mut writer);

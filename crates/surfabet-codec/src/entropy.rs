@@ -22,7 +22,7 @@ use crate::models::{Bit, SInt, Symbols, UInt};
 const WORD_BYTES: usize = 4;
 
 /// Words that the decoder's state is ahead of what the encoder had to write, at most: the encoder's last words
-/// are cut to the bytes that tell its final interval from others.
+/// are cut to the bytes that distinguish its final interval from others.
 const LOOKAHEAD_WORDS: usize = 2;
 
 /// Most bits that are coded as one equiprobable symbol.
@@ -104,7 +104,7 @@ impl Encoder {
 
     /// The stream. It does not carry its own length: store that beside it.
     ///
-    /// Of the final words only the bytes are kept that tell the final interval from its neighbours when zeros
+    /// Of the final words only the bytes are kept that distinguish the final interval from its neighbours when zeros
     /// follow, 2.5 on average.
     pub fn finish(self) -> Vec<u8> {
         let (mut words, state, situation) = self.coder.into_raw_parts();

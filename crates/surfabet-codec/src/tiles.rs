@@ -43,7 +43,7 @@ const MAX_SIDE: u32 = 1 << 20;
 /// What all tiles share.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TiledHeader {
-    /// What the models of each level of detail say of themselves, coarsest first; counts are sums over the tiles of the level.
+    /// The headers of the models of each level of detail, coarsest first; counts are sums over the tiles of the level.
     pub details: Vec<PatchesHeader>,
     /// The cubes, in finest pixels of the last level of detail.
     pub cubes: Cubes,
@@ -416,7 +416,7 @@ impl TileIndex {
         if header.n_extra > 0 {
             header.extra_size = reader.f64()?;
         }
-        // As in all tiles: the header of the map has no points that would say so.
+        // As in all tiles: the header of the map has no points to follow it from.
         header.point_coding = PointCoding::Around;
         let of_tile = PatchModel::STREAM_SECTIONS.iter().enumerate();
         let lengths = of_tile.map(|(i, _)| match PatchModel::has_section(&header, i) {

@@ -1,7 +1,7 @@
 //! Adaptive models of bits and integers, with their cost, and the [`Coder`] that streams of them go through.
 //!
 //! Nothing here knows of files: the range coder that turns decisions into bytes lives with the file format. What
-//! decides between two ways to say a thing needs only the models and their prices.
+//! decides between two encodings needs only the models and their prices.
 
 mod coder;
 mod error;

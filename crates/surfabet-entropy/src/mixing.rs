@@ -1,6 +1,6 @@
 //! A binary decision with several models at once: their log-odds are added up with weights that learn as well.
 //!
-//! The models look at different contexts. Where one has seen little, or its context says little, the other's probability counts
+//! The models look at different contexts. Where one has seen little, or in a context that predicts little, the other's probability counts
 //! more. Weights follow the gradient of the price (M. Mahoney: *Adaptive Weighing of Context Models for Lossless Data
 //! Compression*, 2005). All in integers, so that readers and writers agree on every platform.
 

@@ -2,7 +2,7 @@
 
 use crate::morton;
 
-/// Coordinates that a [`key`] tells apart: at least `-HALF` and below `HALF`.
+/// Coordinates that a [`key`] distinguishes: at least `-HALF` and below `HALF`.
 pub const HALF: i32 = 1 << (morton::BITS - 1);
 
 /// The cell of side `size` that a position lies in: `floor(p / size)`.

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::pose::Pose;
 use surfabet_base::Progress;
 
-/// Points between two looks at [`Progress`].
+/// Points between two checks of [`Progress`].
 const BATCH: usize = 1 << 16;
 
 /// Largest number of pixels: 16 times those of a 360 degree scan at 0.01 degrees by 64 rings.

@@ -23,7 +23,7 @@ const NEAR_ENOUGH: f64 = 0.995;
 /// Points per leaf of the tree of [`farthest_points`].
 const LEAF: usize = 32;
 
-/// Samples between two looks at the caller's wish to stop.
+/// Samples between two checks of the caller's wish to stop.
 const BATCH: usize = 64;
 
 /// Indices of `count` points of `len`, drawn at random without repetition, ascending.

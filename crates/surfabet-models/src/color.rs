@@ -1,7 +1,7 @@
 //! Colours as luma and two chromas (YCoCg), which vary more independently than red, green and blue do.
 
 /// Luma, orange and green chroma.
-pub(crate) fn to_ycocg([r, g, b]: [f32; 3]) -> [f32; 3] {
+pub fn to_ycocg([r, g, b]: [f32; 3]) -> [f32; 3] {
     let co = r - b;
     let t = b + 0.5 * co;
     let cg = g - t;

@@ -24,7 +24,7 @@ pub trait SurfaceModel: Debug + Clone + PartialEq + Send + Sync + 'static {
     /// True when the model keeps how thick the scan was, so that it can be decoded as measured.
     const KEEPS_THICKNESS: bool;
 
-    /// What learning can be told.
+    /// The options of learning.
     type Options: Options;
 
     /// What the file holds before the streams. The default stands for a header that is not read yet.

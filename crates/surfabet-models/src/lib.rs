@@ -1,11 +1,13 @@
-//! Compact models of point clouds, learned from what recurs in them: a folder per family, a file per verb.
+//! Compact models of point clouds, learned from what recurs in them: a folder per method, a file per verb.
 //!
-//! | family | learns | paper |
+//! | method | learns | paper |
 //! |---|---|---|
-//! | [`alphabet`] | recurrent local scans and their places | M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact 3D Models Based on the Detection of Recurrent Structures, ICRA 2010 |
-//! | [`gas`] | a growing neural gas: neurons with a topology | V. Morell, M. Cazorla, S. Orts-Escolano, J. Garcia-Rodriguez: 3D Maps Representation Using GNG, 2014 |
-//! | [`patches`] | sparse-coded surface patches | M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
+//! | [`patches`] | surface patches on the lattice of the scene | after M. Ruhnke, L. Bo, D. Fox, W. Burgard: Hierarchical Sparse Coded Surface Models, ICRA 2014 |
+//! | [`hscsm`] | sparse-coded surface patches | the same |
+//! | [`alphabet`] | words by description length, and their places | after M. Ruhnke, B. Steder, G. Grisetti, W. Burgard: Unsupervised Learning of Compact 3D Models Based on the Detection of Recurrent Structures, ICRA 2010 |
+//! | [`bic_alphabet`] | words by BIC, and their places | the same |
 //! | [`planes`] | planar patches with tiles | R. Lakaemper, L. J. Latecki: Extended EM for Planar Approximation of 3D Data, ICRA 2006 |
+//! | [`gas`] | a growing neural gas: neurons with a topology | V. Morell, M. Cazorla, S. Orts-Escolano, J. Garcia-Rodriguez: 3D Maps Representation Using GNG, 2014 |
 
 pub mod alphabet;
 mod attribute_error;
@@ -22,7 +24,6 @@ pub mod patches;
 pub mod planes;
 mod points;
 mod quality;
-pub mod recognition;
 mod region;
 mod report;
 mod scalar;
@@ -34,6 +35,7 @@ mod stages;
 mod start;
 mod summary;
 
+pub use color::to_ycocg;
 pub use contract::{Budget, DecodeOptions, NoVocabulary, Source, SurfaceModel};
 pub use error::{Error, Result};
 pub use quality::Quality;
@@ -41,6 +43,7 @@ pub use region::Region;
 pub use report::{AttributeFigures, Figures, Named, Report, Stage};
 pub use scalar::ScalarScale;
 pub use sensor::Sensor;
+pub use stages::Stages;
 pub use start::ChosenOption;
 pub use summary::{Fact, Summary};
 use surfabet_geom::vector;

@@ -473,7 +473,8 @@ macro_rules! choices {
 
 /// Makes a struct that implements [`Options`] of declarations
 /// `name: Type = default, range = ..., unit = "...", none = "...", another_scene = true;`, in which everything after
-/// the default may be left out. `none` tells what the method does without a value, for types `Option<_>`.
+/// the default may be left out. `none` is what the method does without a value, for types `Option<_>`.
+#[macro_export]
 macro_rules! options {
     (
         $(#[$attribute:meta])*
@@ -516,10 +517,10 @@ macro_rules! options {
                         let default: $type = $default;
                         $crate::options::OptionValue::to_value(&default)
                     },
-                    range: $crate::options::options!(@first $($range,)? $crate::options::Range::ANY),
-                    unit: $crate::options::options!(@first $(Some($unit),)? None),
+                    range: $crate::options!(@first $($range,)? $crate::options::Range::ANY),
+                    unit: $crate::options!(@first $(Some($unit),)? None),
                     documentation: concat!($($line, "\n"),+),
-                    another_scene: $crate::options::options!(@first $($another_scene,)? false),
+                    another_scene: $crate::options!(@first $($another_scene,)? false),
                 },
             )+];
 
@@ -552,7 +553,8 @@ macro_rules! options {
     (@first $first:expr $(, $rest:expr)*) => { $first };
 }
 
-pub(crate) use {choices, options};
+pub(crate) use choices;
+pub use options;
 
 #[cfg(test)]
 mod tests {

@@ -6,7 +6,7 @@ use surfabet_geom::PointCloud;
 use crate::error::{Error, Result};
 use crate::vector::dot;
 
-/// Points that one task looks at.
+/// Points of one task.
 const BLOCK: usize = 1 << 14;
 
 /// A box along the axes of the world, with its faces.

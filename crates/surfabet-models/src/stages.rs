@@ -20,7 +20,7 @@ use crate::report::Stage;
 /// let patches = stages.run("fitting", |progress| fit(&points, progress))?;
 /// report.stages = stages.finish();
 /// ```
-pub(crate) struct Stages<'a> {
+pub struct Stages<'a> {
     /// Names and shares.
     table: &'static [(&'static str, f32)],
     progress: &'a dyn Progress,

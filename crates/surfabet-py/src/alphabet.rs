@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use surfabet::alphabet;
 use surfabet::{Alphabet, AlphabetModel, Occurrence, Vocabulary};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::options_of;
 use crate::run::run;
@@ -33,12 +33,12 @@ model_class!(AlphabetModel, PyAlphabetModel);
 #[pyo3(signature = (cloud, options, *, progress))]
 fn learn_alphabet(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAlphabetModel>> {
     let options = options_of(options)?;
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     wrap(py, run(py, progress, |monitor| alphabet::learn(cloud, &options, monitor))?)
 }
 
@@ -48,12 +48,12 @@ impl PyAlphabet {
     #[pyo3(signature = (cloud, options, *, progress))]
     fn describe(
         slf: &Bound<'_, Self>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         options: &Bound<'_, PyDict>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Py<PyAlphabetModel>> {
         let options = options_of(options)?;
-        let (words, cloud) = (&slf.get().alphabet, &cloud.get().cloud);
+        let (words, cloud) = (&slf.get().alphabet, &cloud_of("cloud", cloud)?.get().cloud);
         let describe =
             |monitor: &dyn surfabet::Progress| alphabet::describe(cloud, words, &options, monitor);
         wrap(slf.py(), run(slf.py(), progress, describe)?)

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet::{BicAlphabet, BicAlphabetModel, Vocabulary, bic_alphabet};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::errors::invalid_input;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::{options_of, options_onto};
@@ -26,13 +26,13 @@ impl PyBicAlphabet {
     #[pyo3(signature = (cloud, options, *, progress))]
     fn describe(
         slf: &Bound<'_, Self>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         options: &Bound<'_, PyDict>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Py<PyBicAlphabetModel>> {
         let words = &slf.get().alphabet;
         let options = options_onto(words.options(), options)?;
-        let cloud = &cloud.get().cloud;
+        let cloud = &cloud_of("cloud", cloud)?.get().cloud;
         let model = run(slf.py(), progress, |monitor| words.describe(cloud, &options, monitor))?;
         wrap(slf.py(), model)
     }
@@ -89,12 +89,12 @@ model_class!(BicAlphabetModel, PyBicAlphabetModel);
 #[pyo3(signature = (cloud, options, *, progress))]
 fn learn_bic_alphabet(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyBicAlphabetModel>> {
     let options = options_of(options)?;
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     wrap(py, run(py, progress, |monitor| bic_alphabet::learn(cloud, &options, monitor))?)
 }
 

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use surfabet_geom::{Change, Fate, Other, changes as find};
 
 use crate::arrays;
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::run::run;
 
 /// Box (low, high), number of points, area.
@@ -20,9 +20,9 @@ type Found<'py> = (Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<u32>>, Vec<Row>
 #[allow(clippy::too_many_arguments)]
 fn changes<'py>(
     py: Python<'py>,
-    surface: &Bound<'py, PyPointCloud>,
-    other: &Bound<'py, PyPointCloud>,
-    measured: &Bound<'py, PyPointCloud>,
+    surface: &Bound<'py, PyAny>,
+    other: &Bound<'py, PyAny>,
+    measured: &Bound<'py, PyAny>,
     viewpoints: Option<&Bound<'py, PyAny>>,
     tolerance: f64,
     min_area: f64,
@@ -30,8 +30,9 @@ fn changes<'py>(
 ) -> PyResult<Found<'py>> {
     let rows = |all| arrays::rows3("viewpoints", all).map(arrays::Rows3::into_f64);
     let viewpoints = viewpoints.map(rows).transpose()?;
-    let surface = &surface.get().cloud;
-    let (other, measured) = (&other.get().cloud, &measured.get().cloud);
+    let surface = &cloud_of("surface", surface)?.get().cloud;
+    let (other, measured) =
+        (&cloud_of("other", other)?.get().cloud, &cloud_of("measured", measured)?.get().cloud);
     let other = Other { surface: other, measured, viewpoints: viewpoints.as_deref() };
     let found = run(py, progress, |p| find(surface, &other, tolerance, min_area, p))?;
     let row = |c: &Change| (c.bounds.low, c.bounds.high, c.n_points, c.area);

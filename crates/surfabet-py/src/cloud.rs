@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyMapping};
 use surfabet_geom::{CloudParts, Column, DroppedValues, Extra, PointCloud, Viewpoints};
 
 use crate::arrays::{self, Rows3};
-use crate::errors::{IntoPyErr, invalid_input};
+use crate::errors::{IntoPyErr, invalid_input, wrong_type};
 use crate::view::{FrozenOwner, read_only_view};
 
 /// Points in metres with what the scanner knew of them; immutable.
@@ -30,6 +30,17 @@ impl From<PointCloud> for PyPointCloud {
     fn from(cloud: PointCloud) -> Self {
         Self { cloud, world: PyOnceLock::new() }
     }
+}
+
+/// The cloud that the argument `name` is.
+///
+/// # Errors
+/// `InvalidTypeError` for anything else.
+pub fn cloud_of<'a, 'py>(
+    name: &str,
+    object: &'a Bound<'py, PyAny>,
+) -> PyResult<&'a Bound<'py, PyPointCloud>> {
+    object.cast().map_err(|_| wrong_type(name, object, "a PointCloud"))
 }
 
 fn rows<T, const N: usize>(values: &[[T; N]]) -> ArrayView2<'_, T> {

@@ -42,6 +42,15 @@ pub fn invalid_input(message: impl std::fmt::Display) -> PyErr {
     raise("InvalidInputError", message.to_string())
 }
 
+/// `surfabet.errors.InvalidTypeError` for the argument `name`, in the words of Python's own `wrong_type`.
+pub fn wrong_type(name: &str, object: &Bound<'_, PyAny>, requirement: &str) -> PyErr {
+    let made = object
+        .py()
+        .import("surfabet.errors")
+        .and_then(|errors| errors.call_method1("wrong_type", (name, object, requirement)));
+    made.map_or_else(|error| error, PyErr::from_value)
+}
+
 /// A defect of ours, never of the user's input.
 pub fn internal(message: impl std::fmt::Display) -> PyErr {
     PyRuntimeError::new_err(format!("internal error in surfabet, please report it: {message}"))

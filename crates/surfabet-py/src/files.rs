@@ -79,11 +79,11 @@ fn load(
     wrap_any(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
-/// What the bytes of an `.sfb` file say of themselves: method, oldest release that reads them, hash of the vocabulary that
+/// The header of the bytes of an `.sfb` file: method, oldest release that reads them, hash of the vocabulary that
 /// they name, bytes by section, note.
 type Inspected = (&'static str, String, Option<String>, Vec<(String, usize)>, Option<String>);
 
-/// What the bytes of an `.sfb` file say of themselves; nothing is decoded.
+/// The header of the bytes of an `.sfb` file; nothing is decoded.
 #[pyfunction]
 #[pyo3(signature = (data, *, max_items, max_bytes))]
 fn inspect(data: &[u8], max_items: u64, max_bytes: u64) -> PyResult<Inspected> {

@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use surfabet::gas::{NavigationGraph, Robot};
 use surfabet::{GasModel, gas};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::errors::IntoPyErr;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::options_of;
@@ -28,12 +28,12 @@ model_class!(GasModel, PyGasModel);
 #[pyo3(signature = (cloud, options, *, progress))]
 fn learn_gas(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyGasModel>> {
     let options = options_of(options)?;
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     wrap(py, run(py, progress, |monitor| gas::learn(cloud, &options, monitor))?)
 }
 
@@ -52,13 +52,13 @@ impl PyGasModel {
     #[pyo3(signature = (cloud, options, *, n_neurons, progress))]
     fn update(
         slf: &Bound<'_, Self>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         options: &Bound<'_, PyDict>,
         n_neurons: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Py<Self>> {
         let options = options_of(options)?;
-        let (model, cloud) = (&slf.get().model, &cloud.get().cloud);
+        let (model, cloud) = (&slf.get().model, &cloud_of("cloud", cloud)?.get().cloud);
         let updated =
             run(slf.py(), progress, |monitor| model.update(cloud, n_neurons, &options, monitor))?;
         wrap(slf.py(), updated)

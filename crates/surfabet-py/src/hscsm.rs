@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet::{HscsmDictionary, HscsmModel, Vocabulary, hscsm};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::errors::invalid_input;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::{options_of, options_onto};
@@ -34,13 +34,13 @@ impl PyHscsmDictionary {
     #[pyo3(signature = (cloud, options, *, progress))]
     fn describe(
         slf: &Bound<'_, Self>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         options: &Bound<'_, PyDict>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Py<PyHscsmModel>> {
         let dictionary = &slf.get().dictionary;
         let options = options_onto(dictionary.options(), options)?;
-        let cloud = &cloud.get().cloud;
+        let cloud = &cloud_of("cloud", cloud)?.get().cloud;
         let describe = |monitor: &dyn surfabet::Progress| {
             hscsm::describe(cloud, &options, dictionary, monitor)
         };
@@ -92,12 +92,12 @@ fn unknown_channel(other: &str) -> PyErr {
 #[pyo3(signature = (cloud, options, *, progress))]
 fn learn_hscsm(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyHscsmModel>> {
     let options = options_of(options)?;
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     wrap(py, run(py, progress, |monitor| hscsm::learn(cloud, &options, monitor))?)
 }
 

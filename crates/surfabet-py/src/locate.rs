@@ -4,9 +4,9 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use surfabet::geom::Pose;
-use surfabet::{Localizer, LocateOptions, Location, Prior};
+use surfabet::recognition::{Localizer, LocateOptions, Location, Prior};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::errors::IntoPyErr;
 use crate::run::run;
 
@@ -43,7 +43,7 @@ impl PyLocalizer {
     #[pyo3(signature = (scan, *, prior, radius, angle, upright, top, progress))]
     fn locate<'py>(
         slf: &Bound<'py, Self>,
-        scan: &Bound<'_, PyPointCloud>,
+        scan: &Bound<'_, PyAny>,
         prior: Option<[[f64; 4]; 4]>,
         radius: f64,
         angle: f64,
@@ -60,7 +60,7 @@ impl PyLocalizer {
             None => None,
         };
         let options = LocateOptions { prior, upright, top };
-        let (map, cloud) = (&slf.get().localizer, &scan.get().cloud);
+        let (map, cloud) = (&slf.get().localizer, &cloud_of("scan", scan)?.get().cloud);
         let found = run(py, progress, |monitor| map.locate(cloud, &options, monitor))?;
         let reason = found.refusal.map(|refusal| refusal.to_string());
         Ok((columns(py, &found.locations), columns(py, &found.rejected), reason))

@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet_geom::{EvaluateOptions, Tolerance, evaluate as measure};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::run::run;
 
 /// Measures by name; `None` where they do not apply. `attributes` are (name, labels, forward, backward, pooled). `sigma_by_range` is (factor, angular resolution in degrees).
@@ -13,8 +13,8 @@ use crate::run::run;
 #[allow(clippy::too_many_arguments)]
 fn evaluate<'py>(
     py: Python<'py>,
-    reference: &Bound<'py, PyPointCloud>,
-    decoded: &Bound<'py, PyPointCloud>,
+    reference: &Bound<'py, PyAny>,
+    decoded: &Bound<'py, PyAny>,
     sigma: Option<f64>,
     sigma_by_range: Option<(f64, f64)>,
     peak: Option<f64>,
@@ -28,7 +28,10 @@ fn evaluate<'py>(
         })
     });
     let options = EvaluateOptions { tolerance, peak, normal_neighbors };
-    let (reference, decoded) = (&reference.get().cloud, &decoded.get().cloud);
+    let (reference, decoded) = (
+        &cloud_of("reference", reference)?.get().cloud,
+        &cloud_of("decoded", decoded)?.get().cloud,
+    );
     let q = run(py, progress, |p| measure(reference, decoded, &options, p))?;
     let found = PyDict::new(py);
     found.set_item("reference_points", q.reference_points)?;

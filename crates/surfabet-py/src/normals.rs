@@ -4,7 +4,7 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use surfabet_geom::{Neighborhood, PointCloud, estimate_normals as estimate};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::{PyPointCloud, cloud_of};
 use crate::errors::invalid_input;
 use crate::run::run;
 
@@ -15,7 +15,7 @@ type Estimate<'py> = (PyPointCloud, Bound<'py, PyArray1<f32>>, usize);
 #[pyo3(signature = (cloud, neighbors, radius, progress))]
 fn estimate_normals<'py>(
     py: Python<'py>,
-    cloud: &Bound<'py, PyPointCloud>,
+    cloud: &Bound<'py, PyAny>,
     neighbors: Option<usize>,
     radius: Option<f32>,
     progress: Option<Py<PyAny>>,
@@ -26,7 +26,7 @@ fn estimate_normals<'py>(
         (Some(k), Some(radius)) => Neighborhood::NearestWithin(k, radius),
         (None, None) => return Err(invalid_input("give neighbors, radius or both")),
     };
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let (cloud, curvatures, unknown) = run(py, progress, |p| {
         let found = estimate(cloud, neighborhood, p)?;
         let mut parts = cloud.clone().into_parts();

@@ -4,7 +4,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use surfabet_geom::{Octree, octree_with};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::{PyPointCloud, cloud_of};
 use crate::errors::IntoPyErr;
 use crate::run::run;
 
@@ -39,13 +39,14 @@ impl PyOctree {
     #[pyo3(signature = (cloud, leaf_size, *, progress=None))]
     fn new(
         py: Python<'_>,
-        cloud: Py<PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         leaf_size: f64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let tree = run(py, progress, |p| Octree::new(points, leaf_size, p))?;
-        Ok(Self { tree, cloud })
+        Ok(Self { tree, cloud: cloud.clone().unbind() })
     }
 
     /// The tree with the smallest leaf size found that has at most `count` leaves.
@@ -53,13 +54,14 @@ impl PyOctree {
     #[pyo3(signature = (cloud, count, *, progress=None))]
     fn with_at_most(
         py: Python<'_>,
-        cloud: Py<PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         count: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let tree = run(py, progress, |p| octree_with(points, count, p))?;
-        Ok(Self { tree, cloud })
+        Ok(Self { tree, cloud: cloud.clone().unbind() })
     }
 
     /// Level of the leaves.

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfabet::{PatchModel, patches};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::options_of;
 use crate::run::run;
@@ -26,12 +26,12 @@ model_class!(PatchModel, PyPatchModel);
 #[pyo3(signature = (cloud, options, *, progress))]
 fn learn_patches(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     options: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyPatchModel>> {
     let options = options_of(options)?;
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     wrap(py, run(py, progress, |monitor| patches::learn(cloud, &options, monitor))?)
 }
 

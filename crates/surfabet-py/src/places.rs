@@ -1,18 +1,17 @@
-//! `surfabet.places`: many places in one index, and kinds of places.
+//! `surfabet.places` and `surfabet.alphabet`: many places in one index, kinds of places, and how alike two places are.
 
 use std::sync::Arc;
 
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
-use surfabet::recognition::PlaceSignature;
-use surfabet::{
-    AlphabetModel, LocateOptions, PlaceIndex, PlaceMatch, PlaceOptions, Progress, label_places,
-    places,
+use surfabet::recognition::{
+    self, LocateOptions, PlaceIndex, PlaceMatch, PlaceOptions, PlaceSignature, label_places, places,
 };
+use surfabet::{AlphabetModel, Progress};
 
 use crate::alphabet::PyAlphabetModel;
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::errors::IntoPyErr;
 use crate::locate::{Columns, columns};
 use crate::run::run;
@@ -54,7 +53,7 @@ impl PyPlaceIndex {
     fn query<'py>(
         slf: &Bound<'py, Self>,
         model: &Bound<'_, PyAlphabetModel>,
-        scan: Option<&Bound<'_, PyPointCloud>>,
+        scan: Option<&Bound<'_, PyAny>>,
         top: usize,
         verify: usize,
         upright: Option<bool>,
@@ -64,7 +63,7 @@ impl PyPlaceIndex {
         let locate = LocateOptions { upright, ..LocateOptions::default() };
         let options = PlaceOptions { top, verify, locate };
         let (index, model) = (&slf.get().index, &model.get().model);
-        let scan = scan.map(|s| &s.get().cloud);
+        let scan = scan.map(|s| cloud_of("scan", s)).transpose()?.map(|s| &s.get().cloud);
         let found: Vec<PlaceMatch> =
             run(py, progress, |monitor| index.query(model, scan, &options, monitor))?;
         let matched = |m: PlaceMatch| {
@@ -116,9 +115,45 @@ fn kinds_of_places<'py>(
     Ok((labels.into_pyarray(py), similar.into_pyarray(py)))
 }
 
+/// How alike two places are, 0 to 1.
+#[pyfunction]
+fn place_similarity(
+    py: Python<'_>,
+    a: &Bound<'_, PyAlphabetModel>,
+    b: &Bound<'_, PyAlphabetModel>,
+) -> PyResult<f64> {
+    let [a, b] = [a, b].map(|m| &m.get().model);
+    run(py, None, |monitor| recognition::place_similarity(a, b, monitor))
+}
+
+type WordShares<'py> = (
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f64>>,
+);
+
+/// Word, radius, class of inclination and share of area, as arrays.
+#[pyfunction]
+fn word_histogram<'py>(py: Python<'py>, model: &Bound<'_, PyAlphabetModel>) -> WordShares<'py> {
+    let all = recognition::word_histogram(&model.get().model);
+    let words: Vec<i64> = all.iter().map(|s| i64::from(s.word)).collect();
+    let radii: Vec<f64> = all.iter().map(|s| s.radius).collect();
+    let inclinations: Vec<i64> = all.iter().map(|s| i64::from(s.inclination)).collect();
+    let shares: Vec<f64> = all.iter().map(|s| s.share).collect();
+    (
+        words.into_pyarray(py),
+        radii.into_pyarray(py),
+        inclinations.into_pyarray(py),
+        shares.into_pyarray(py),
+    )
+}
+
 /// Adds this file's names to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("KIND_SIMILARITY", places::KIND_SIMILARITY)?;
     module.add_class::<PyPlaceIndex>()?;
-    module.add_function(wrap_pyfunction!(kinds_of_places, module)?)
+    module.add_function(wrap_pyfunction!(kinds_of_places, module)?)?;
+    module.add_function(wrap_pyfunction!(place_similarity, module)?)?;
+    module.add_function(wrap_pyfunction!(word_histogram, module)?)
 }

@@ -10,7 +10,7 @@ use surfabet::PlaneModel;
 use surfabet::planes::{self, Frame, Patch, Points};
 
 use crate::arrays::{column_f32, rows3};
-use crate::cloud::PyPointCloud;
+use crate::cloud::{PyPointCloud, cloud_of};
 use crate::errors::invalid_input;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::options_of;
@@ -33,14 +33,14 @@ fn weights_of(weights: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<f32>>> 
 #[pyo3(signature = (cloud, options, *, weights, progress))]
 fn learn_planes(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     options: &Bound<'_, PyDict>,
     weights: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyPlaneModel>> {
     let options = options_of(options)?;
     let weights = weights_of(weights)?;
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let learn = |monitor: &dyn surfabet::Progress| {
         planes::learn(cloud, weights.as_deref(), &options, monitor)
     };
@@ -61,11 +61,11 @@ type Fitted<'py> = (
 #[pyo3(signature = (cloud, *, n_planes, random_state))]
 fn random_planes<'py>(
     py: Python<'py>,
-    cloud: &Bound<'py, PyPointCloud>,
+    cloud: &Bound<'py, PyAny>,
     n_planes: usize,
     random_state: u64,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let (origin, frames) = run(py, None, |_| {
         let points = Points::new(cloud, None)?;
         let frames = planes::random_planes(&points, n_planes, random_state)?;
@@ -89,7 +89,7 @@ fn planes_of(origin: [f64; 3], frames: &[Frame]) -> (Array2<f64>, Array2<f64>) {
 #[allow(clippy::too_many_arguments)]
 fn fit_planes_em<'py>(
     py: Python<'py>,
-    cloud: &Bound<'py, PyPointCloud>,
+    cloud: &Bound<'py, PyAny>,
     centers: &Bound<'py, PyAny>,
     normals: &Bound<'py, PyAny>,
     weights: Option<&Bound<'py, PyAny>>,
@@ -104,7 +104,7 @@ fn fit_planes_em<'py>(
         return Err(invalid_input(format!("centers has {c} rows, but normals {n}")));
     }
     let weights = weights_of(weights)?;
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let (origin, fit) = run(py, progress, |monitor| {
         let points = Points::new(cloud, weights.as_deref())?;
         let origin = points.origin();
@@ -147,10 +147,10 @@ impl PyPlaneModel {
     #[pyo3(signature = (cloud, *, progress))]
     fn segment<'py>(
         slf: &Bound<'py, Self>,
-        cloud: &Bound<'py, PyPointCloud>,
+        cloud: &Bound<'py, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<i32>>> {
-        let (model, cloud) = (&slf.get().model, &cloud.get().cloud);
+        let (model, cloud) = (&slf.get().model, &cloud_of("cloud", cloud)?.get().cloud);
         let labels = run(slf.py(), progress, |monitor| model.segment(cloud, monitor))?;
         Ok(signed(&labels).into_pyarray(slf.py()))
     }
@@ -159,10 +159,10 @@ impl PyPlaneModel {
     #[pyo3(signature = (cloud, *, progress))]
     fn project(
         slf: &Bound<'_, Self>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyPointCloud> {
-        let (model, cloud) = (&slf.get().model, &cloud.get().cloud);
+        let (model, cloud) = (&slf.get().model, &cloud_of("cloud", cloud)?.get().cloud);
         Ok(run(slf.py(), progress, |monitor| model.project(cloud, monitor))?.into())
     }
 

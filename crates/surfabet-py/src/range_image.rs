@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use surfabet_geom::{Pose, Projection, RangeImage};
 
 use crate::arrays;
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::run::run;
 use crate::view::{FrozenOwner, read_only_view};
@@ -24,7 +24,7 @@ impl FrozenOwner for PyRangeImage {}
 
 fn make(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     projection: Projection,
     pose: Option<[[f64; 4]; 4]>,
     progress: Option<Py<PyAny>>,
@@ -33,7 +33,7 @@ fn make(
         Some(rows) => Pose::from_rows(rows).map_err(IntoPyErr::into_py_err)?,
         None => Pose::identity(),
     };
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let image = run(py, progress, |p| RangeImage::new(cloud, projection, pose, p))?;
     Ok(PyRangeImage { image })
 }
@@ -54,7 +54,7 @@ impl PyRangeImage {
     #[pyo3(signature = (cloud, *, azimuth_step, elevation_step, elevations, pose=None, progress=None))]
     fn spherical(
         py: Python<'_>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         azimuth_step: f64,
         elevation_step: f64,
         elevations: [f64; 2],
@@ -72,7 +72,7 @@ impl PyRangeImage {
     #[allow(clippy::too_many_arguments)]
     fn pinhole(
         py: Python<'_>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         fx: f64,
         fy: f64,
         cx: f64,

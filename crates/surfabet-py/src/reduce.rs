@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use surfabet_geom::{farthest_points, random_points};
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::{PyPointCloud, cloud_of};
 use crate::errors::IntoPyErr;
 use crate::run::run;
 
@@ -11,11 +11,11 @@ use crate::run::run;
 #[pyfunction]
 #[pyo3(signature = (cloud, count, random_state))]
 fn random_downsample(
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     count: usize,
     random_state: u64,
 ) -> PyResult<PyPointCloud> {
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let indices =
         random_points(cloud.len(), count, random_state).map_err(IntoPyErr::into_py_err)?;
     Ok(cloud.select(&indices).map_err(IntoPyErr::into_py_err)?.into())
@@ -26,12 +26,12 @@ fn random_downsample(
 #[pyo3(signature = (cloud, count, start, progress))]
 fn farthest_point_downsample(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     count: usize,
     start: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyPointCloud> {
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let chosen = run(py, progress, |monitor| {
         cloud.select(&farthest_points(cloud.positions(), count, start, monitor)?)
     })?;

@@ -4,13 +4,13 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use surfabet_geom::Survey;
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::cloud_of;
 use crate::run::run;
 
 /// Corners of the box, (low, high).
 type Bounds = Option<([f64; 3], [f64; 3])>;
 
-/// What a cloud says about itself.
+/// The figures of a cloud.
 #[pyclass(name = "Survey", module = "surfabet._core", frozen)]
 pub struct PySurvey(pub Survey);
 
@@ -86,10 +86,10 @@ impl PySurvey {
 #[pyo3(signature = (cloud, *, progress))]
 fn survey(
     py: Python<'_>,
-    cloud: &Bound<'_, PyPointCloud>,
+    cloud: &Bound<'_, PyAny>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PySurvey> {
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     Ok(PySurvey(run(py, progress, |monitor| Survey::of(cloud, monitor))?))
 }
 

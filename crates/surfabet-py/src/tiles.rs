@@ -18,7 +18,7 @@ use surfabet::{
     AnyModel, DecodeOptions, Limits, OpenError, Part, ReadAt, ScalarScale, TileEntry, TiledModel,
 };
 
-use crate::cloud::PyPointCloud;
+use crate::cloud::{PyPointCloud, cloud_of};
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::model::{PyModel, region_of};
 use crate::options::options_of;
@@ -68,11 +68,11 @@ impl PyTiledModel {
     fn update(
         &self,
         py: Python<'_>,
-        cloud: &Bound<'_, PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         alone: bool,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Py<Self>, usize, usize)> {
-        let cloud = &cloud.get().cloud;
+        let cloud = &cloud_of("cloud", cloud)?.get().cloud;
         let updated = run(py, progress, |monitor| self.model.update(cloud, alone, monitor))?;
         Ok((Self::wrap(py, updated.model)?, updated.learned, updated.left_out))
     }
@@ -84,6 +84,12 @@ impl PyTiledModel {
             return Err(invalid_input(format!("note has {n} bytes, more than {most}; shorten it")));
         }
         py.detach(|| self.model.save(&path, note)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Tiles that are here, and that the file has, of all levels of detail.
+    #[getter]
+    fn tile_counts(&self) -> (usize, usize) {
+        self.model.tile_counts()
     }
 
     /// Lattice to world, rows of a rotation.
@@ -216,7 +222,7 @@ fn open_tiles_of<'py>(
     model.map(|model| PyTiledModel::wrap(py, model)).transpose()
 }
 
-/// True for the first bytes of a file with tiles; of all that is no sound file the reader tells more.
+/// True for the first bytes of a file with tiles; of what is no sound file the error comes from the reader.
 #[pyfunction]
 fn holds_tiles(start: &[u8]) -> bool {
     let limits = Limits { max_items: u64::MAX, max_bytes: u64::MAX };
@@ -245,7 +251,7 @@ type Range = (String, String, Option<Vec<i64>>, f64, f64, f64);
 #[allow(clippy::too_many_arguments)]
 fn plan_tiles<'py>(
     py: Python<'py>,
-    sample: &Bound<'py, PyPointCloud>,
+    sample: &Bound<'py, PyAny>,
     bounds: Corners,
     ranges: Vec<Range>,
     tile: Option<f64>,
@@ -259,7 +265,7 @@ fn plan_tiles<'py>(
         Ok(AttributeRange { name, dtype, labels, range: [low, high], deviation })
     };
     let ranges: Vec<AttributeRange> = ranges.into_iter().map(of_range).collect::<PyResult<_>>()?;
-    let sample = &sample.get().cloud;
+    let sample = &cloud_of("sample", sample)?.get().cloud;
     let made = run(py, progress, |monitor| {
         plan(sample, [bounds.0, bounds.1], &ranges, tile, details, &options, monitor)
     })?;
@@ -285,14 +291,14 @@ fn plan_with_side<'py>(
 #[pyo3(signature = (cloud, cube, plan, options, *, progress))]
 fn learn_tile<'py>(
     py: Python<'py>,
-    cloud: &Bound<'py, PyPointCloud>,
+    cloud: &Bound<'py, PyAny>,
     cube: [i32; 3],
     plan: &Bound<'py, PyDict>,
     options: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Option<Bound<'py, PyBytes>>> {
     let (plan, options) = (plan_of(plan)?, options_of(options)?);
-    let cloud = &cloud.get().cloud;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let bytes = run(py, progress, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
         let models = learn_details(cloud, None, cube, &plan, &options, monitor)?;
         if models.is_empty() {

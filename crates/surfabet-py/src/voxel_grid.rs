@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use surfabet_geom::{VoxelGrid, voxel_grid_with};
 
 use crate::arrays;
-use crate::cloud::PyPointCloud;
+use crate::cloud::{PyPointCloud, cloud_of};
 use crate::run::run;
 use crate::view::{FrozenOwner, read_only_view};
 
@@ -27,13 +27,14 @@ impl PyVoxelGrid {
     #[pyo3(signature = (cloud, size, *, progress=None))]
     fn new(
         py: Python<'_>,
-        cloud: Py<PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         size: f64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let grid = run(py, progress, |p| VoxelGrid::new(points, size, p))?;
-        Ok(Self { grid, cloud })
+        Ok(Self { grid, cloud: cloud.clone().unbind() })
     }
 
     /// The grid with the smallest size found that has at most `count` voxels.
@@ -41,13 +42,14 @@ impl PyVoxelGrid {
     #[pyo3(signature = (cloud, count, *, progress=None))]
     fn with_at_most(
         py: Python<'_>,
-        cloud: Py<PyPointCloud>,
+        cloud: &Bound<'_, PyAny>,
         count: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let grid = run(py, progress, |p| voxel_grid_with(points, count, p))?;
-        Ok(Self { grid, cloud })
+        Ok(Self { grid, cloud: cloud.clone().unbind() })
     }
 
     /// Edge length in metres.

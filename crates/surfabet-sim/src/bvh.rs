@@ -1,6 +1,6 @@
 //! The bounding volume hierarchy over all solids: the only file that knows parry.
 //!
-//! parry works in single precision here; it only says which solids may matter. Its boxes are loosened by more
+//! parry works in single precision here; it only selects the solids that may matter. Its boxes are loosened by more
 //! than any rounding, and the solids themselves are asked in double precision.
 
 use std::cell::Cell;

@@ -106,7 +106,7 @@ impl LidarOptions {
 ///
 /// # Errors
 /// [`Error::InvalidParameter`] for no or more than 10000 poses, a pose that is not rigid or an option outside
-/// its range; [`Error::Cancelled`] when `progress` says so.
+/// its range; [`Error::Cancelled`] when `progress` asks to stop.
 pub fn scan_lidar(
     scene: &Scene,
     poses: &[Pose],

@@ -1,4 +1,4 @@
-//! The first dictionary: signals that the others of it say little of.
+//! The first dictionary: signals that the others of it explain least.
 //!
 //! As k-means++ (Arthur, Vassilvitskii 2007) chooses first centres: one signal after the other, each with a probability
 //! in proportion to the error that those before leave of it. Signals of the real world differ in energy by orders of

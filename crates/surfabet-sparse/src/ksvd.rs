@@ -20,7 +20,7 @@ use crate::swaps::{State, Swaps, duplicates, swaps};
 /// better use for them by itself, and splits cost as much time as coding.
 const PLATEAU: f64 = 0.1;
 
-/// Share of the signals' energy that single precision cannot tell from nothing.
+/// Share of the signals' energy that single precision cannot distinguish from zero.
 const ROUNDING: f64 = 1e-9;
 
 /// What to learn and for how long.
@@ -550,7 +550,7 @@ mod tests {
             let found = recovered(1200, missing, 40);
             assert!(found >= 0.99, "{found} recovered with {missing} missing");
         }
-        // Five values of a signal say nothing of three atoms, and 40 signals nothing of 32: whatever fits them is found.
+        // Five values do not determine three atoms, nor 40 signals 32: whatever fits them is found.
         for (n_signals, missing) in [(1200, 0.9), (40, 0.0)] {
             let found = recovered(n_signals, missing, 5);
             assert!(found < 0.5, "{found} recovered of {n_signals} with {missing} missing");

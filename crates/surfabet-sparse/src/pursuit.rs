@@ -9,7 +9,7 @@ use crate::signals::Signals;
 /// coefficient would be more rounding than signal.
 const MIN_SQUARED_LENGTH: f32 = 1e-4;
 
-/// Residual energy, relative to the signal's, that single precision cannot tell from nothing.
+/// Residual energy, relative to the signal's, that single precision cannot distinguish from zero.
 const NOTHING_LEFT: f64 = 1e-12;
 
 /// One signal on its way to a sparse code.

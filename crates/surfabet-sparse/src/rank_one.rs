@@ -124,7 +124,7 @@ fn solve(members: &mut [Member<'_>], atom: &[f32], next: &[f32]) {
             None => (dot(member.residual, next), overlap, 1.0),
             Some(w) => (dot3(w, member.residual, next), dot(w, &products), dot(w, &squares)),
         };
-        // The atom is unobserved here: no coefficient can be told from another.
+        // The atom is unobserved here: all coefficients fit equally.
         let solved =
             if length > 1e-12 { ((share + f64::from(x) * overlap) / length) as f32 } else { 0.0 };
         for ((r, &before), &after) in member.residual.iter_mut().zip(atom).zip(next) {

@@ -7,9 +7,9 @@ pub const MAX_MAGNITUDE: f32 = 1e15;
 
 /// A borrowed, checked table of signals, one row of `n_features` values each, with optional weights.
 ///
-/// A weight says how much the error of its value counts: 0 for a value that was not observed (the value is
+/// A weight is how much the error of its value counts: 0 for a value that was not observed (the value is
 /// ignored), 1 for one that was, anything between for less certain ones. Only the ratios of the weights of a
-/// signal matter for its code; across signals they say how much each counts in learning.
+/// signal matter for its code; across signals they are how much each counts in learning.
 #[derive(Debug, Clone, Copy)]
 pub struct Signals<'a> {
     n_features: usize,

@@ -52,15 +52,11 @@ pub use surfabet_models::hscsm::{self, HscsmDictionary, HscsmModel, HscsmOptions
 pub use surfabet_models::options::{self, Options};
 pub use surfabet_models::patches::{self, PatchModel, PatchesOptions};
 pub use surfabet_models::planes::{self, PlaneModel, PlanesOptions};
-pub use surfabet_models::recognition;
 pub use surfabet_models::scans::{Deviation, Upright};
 pub use surfabet_models::{
     AttributeFigures, ChosenOption, DecodeOptions, Fact, Figures, Named, Region, Report,
     ScalarScale, Sensor, Stage, Summary, SurfaceModel,
 };
-pub use surfabet_recognition::locate::{
-    self, Localizer, LocateOptions, Located, Location, Prior, Refusal,
-};
-pub use surfabet_recognition::places::{self, PlaceIndex, PlaceMatch, PlaceOptions, label_places};
+pub use surfabet_recognition as recognition;
 pub use surfabet_sparse as sparse;
 pub use tiled::{OpenError, Part, ReadAt, TiledModel, holds_tiles};

@@ -283,7 +283,7 @@ impl TiledModel {
         &self.index.header
     }
 
-    /// What the model of the level of detail that is decoded says of itself.
+    /// The header of the model of the level of detail that is decoded.
     pub fn patches(&self) -> &PatchesHeader {
         &self.index.header.details[self.level()]
     }
@@ -303,6 +303,11 @@ impl TiledModel {
     /// The tiles of the level of detail that are here.
     pub fn tiles(&self) -> impl Iterator<Item = &TileEntry> {
         self.of_level(self.level()).map(|(entry, _)| entry)
+    }
+
+    /// Number of tiles that are here, and that the file has, of all levels of detail: fewer are here of a part.
+    pub fn tile_counts(&self) -> (usize, usize) {
+        (self.tiles.iter().flatten().count(), self.index.entries.len())
     }
 
     /// Corners of the box around a tile in world coordinates, metres.
@@ -427,7 +432,7 @@ impl TiledModel {
     }
 }
 
-/// Stops when the other does, but tells no progress: that of one tile is none of the whole.
+/// Stops when the other does, but shows no progress: that of one tile is none of the whole.
 pub(crate) struct Quiet<'a>(pub &'a dyn Progress);
 
 impl Progress for Quiet<'_> {

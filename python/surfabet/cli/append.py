@@ -9,9 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import surfabet
-from surfabet._progress import ProgressCallback
-from surfabet.cli._files import MODEL_SUFFIX, check_output, load_model, read_cloud, size_on_disk
-from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_disk
+from surfabet.cli._format import bytes_text
+from surfabet.cli._maps import load_tiled, tell_map
 from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions, UsageError
 
 
@@ -59,26 +59,14 @@ def append(
         updated = model.update(cloud, alone=alone, progress=progress)
         note = surfabet.inspect(map_).note
         n_bytes = updated.save(output, note=note or "")
-    seconds = time.perf_counter() - started
-    if json:
-        print_json(
-            {
-                "map": {"path": str(map_), "bytes": before, "tiles": len(model.tiles)},
-                "scan": {"path": str(scan), "points": len(cloud)},
-                "output": {"path": str(output), "bytes": n_bytes, "tiles": len(updated.tiles)},
-                "seconds": seconds,
-            }
-        )
-    elif not common.quiet:
-        print(
-            f"{output}: {len(cloud):,} points more, {len(updated.tiles)} tiles, "
-            f"{bytes_text(n_bytes)} ({bytes_text(before)} before), {seconds:.1f} s"
-        )
-
-
-def load_tiled(path: Path, progress: ProgressCallback) -> surfabet.TiledPatchModel:
-    """The map in tiles of a file."""
-    model = load_model(path, progress)
-    if not isinstance(model, surfabet.TiledPatchModel):
-        raise UsageError(f"{path}: has no tiles; surfabet compress --tile makes a map of them")
-    return model
+    tell_map(
+        (output, updated, n_bytes),
+        {
+            "map": {"path": str(map_), "bytes": before, "tiles": len(model.tiles)},
+            "scan": {"path": str(scan), "points": len(cloud)},
+        },
+        f"{len(cloud):,} points more than in {bytes_text(before)} before",
+        started,
+        json=json,
+        quiet=common.quiet,
+    )

@@ -12,7 +12,7 @@ import surfabet
 from surfabet.cli._files import check_output, load_model, size_on_disk
 from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._options import COMMON, Common, Flag, UsageError
-from surfabet.io.polygons import EXPORTS
+from surfabet.io.polygons import WRITERS
 from surfabet.meshes import MESH_SUFFIXES
 
 PARTS = {"patches": "patches", "planes": "planes", "gas": "neurons"}
@@ -45,7 +45,7 @@ def export(
     json
         Print one JSON object instead of a line.
     """
-    check_output(output, MESH_SUFFIXES | frozenset(EXPORTS), input_)
+    check_output(output, MESH_SUFFIXES | frozenset(WRITERS), input_)
     started = time.perf_counter()
     with common.progress() as progress:
         model = load_model(input_, progress)

@@ -10,9 +10,8 @@ from cyclopts import Parameter
 
 import surfabet
 from surfabet.cli._files import MODEL_SUFFIX, check_output, size_on_disk
-from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._maps import load_tiled, tell_map
 from surfabet.cli._options import COMMON, Common, Flag, UsageError
-from surfabet.cli.append import load_tiled
 
 
 def merge(
@@ -50,17 +49,6 @@ def merge(
         inputs = [{"path": str(path), "bytes": size_on_disk(path)} for path in maps]
         merged = surfabet.merge_tiles(models, progress=progress)
         n_bytes = merged.save(out)
-    seconds = time.perf_counter() - started
-    if json:
-        print_json(
-            {
-                "inputs": inputs,
-                "output": {"path": str(out), "bytes": n_bytes, "tiles": len(merged.tiles)},
-                "seconds": seconds,
-            }
-        )
-    elif not common.quiet:
-        print(
-            f"{out}: {merged.n_points:,} points, {len(merged.tiles)} tiles, "
-            f"{bytes_text(n_bytes)}, {seconds:.1f} s"
-        )
+    points = f"{merged.n_points:,} points"
+    saved = (out, merged, n_bytes)
+    tell_map(saved, {"inputs": inputs}, points, started, json=json, quiet=common.quiet)

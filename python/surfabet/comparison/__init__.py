@@ -25,7 +25,7 @@ from typing import Any
 from surfabet._core import PointCloud, get_num_threads
 from surfabet._progress import Progress, progress_callback
 from surfabet.comparison.jobs import TOOLS, Job, all_jobs, missing
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.io import write
 from surfabet.survey import survey
 
@@ -210,7 +210,7 @@ def compare(
     max_error = 5 * error if max_error is None else max_error
     for name, value in (("error", error), ("max_error", max_error)):
         if not (math.isfinite(value) and value > 0):
-            raise InvalidInputError(f"{name} is {value}, but must be a positive number of metres")
+            raise wrong_value(name, value, "a positive number of metres")
     if len(cloud) == 0:
         raise InvalidInputError("the cloud is empty; there is nothing to compare")
     found = survey(cloud)

@@ -11,7 +11,7 @@ from typing import Any
 from surfabet._core import PointCloud
 from surfabet.comparison import own, peers
 from surfabet.comparison.coded import Coded
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
 
 __all__ = ["TOOLS", "Job", "all_jobs", "missing"]
 
@@ -126,7 +126,7 @@ def all_jobs(
     """
     for tool in tools:
         if tool not in TOOLS:
-            raise InvalidInputError(f"tools has {tool!r}, but must be of {', '.join(TOOLS)}")
+            raise wrong_value("tools", tools, f"of {', '.join(TOOLS)}")
         if missing(tool) is None:
             yield from _jobs_of(tool, resolution, max_error, colored)
 

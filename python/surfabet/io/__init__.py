@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError, LostAttributeWarning
-from surfabet.io._files import format_error, warn
+from surfabet.errors import InvalidInputError, LostAttributeWarning, wrong_type, wrong_value
+from surfabet.io._files import format_error, path_of, warn
 from surfabet.io._packed import first_bytes, unpacked, unpacked_name
 from surfabet.io._units import UNITS, metres_per, scaled
 from surfabet.io.copc import has_copc_mark, read_copc
@@ -113,13 +113,7 @@ def named_format(name: str) -> Format:
     for known in _FORMATS:
         if known.name == name.lower():
             return known
-    requirement = f"one of {', '.join(known.name for known in _FORMATS)}"
-    raise InvalidInputError(
-        f"format is {name!r}, but must be {requirement}",
-        argument="format",
-        value=repr(name),
-        requirement=requirement,
-    )
+    raise wrong_value("format", name, f"one of {', '.join(known.name for known in _FORMATS)}")
 
 
 def _suffixes(which: str) -> str:
@@ -239,7 +233,7 @@ def read(
     DroppedPointsWarning
         Points or attributes that are not finite were left out; the message counts them.
     """
-    path = Path(path)
+    path = path_of("path", path)
     if not path.exists():
         raise FileNotFoundError(f"there is no file {path}")
     chosen = detect(path) if format is None else named_format(format)
@@ -301,7 +295,9 @@ def write(
     LostAttributeWarning
         The format cannot hold an attribute of the cloud; the message names it.
     """
-    path = Path(path)
+    path = path_of("path", path)
+    if not isinstance(cloud, PointCloud):
+        raise wrong_type("cloud", cloud, "a PointCloud")
     if format is not None:
         chosen = named_format(format)
     else:

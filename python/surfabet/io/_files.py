@@ -8,13 +8,13 @@ import os
 import re
 import secrets
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
-from surfabet.errors import FormatError, MissingDependencyError
+from surfabet.errors import FormatError, MissingDependencyError, wrong_type, wrong_value
 
 # No line of a header or of a table of numbers comes near this.
 LONGEST_LINE = 1 << 16
@@ -22,6 +22,8 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _CONTROL_BYTES = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 # A temporary path, and the path that the user knows it by.
 _CALLED: ContextVar[tuple[str, str] | None] = ContextVar("called", default=None)
+
+T = TypeVar("T")
 
 
 def format_error(
@@ -81,6 +83,38 @@ def written_whole(path: Path) -> Iterator[Path]:
         os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def path_of(argument: str, value: str | os.PathLike[str]) -> Path:
+    """The path that an argument gives.
+
+    Raises
+    ------
+    InvalidTypeError
+        It is none.
+    """
+    if not isinstance(value, str | os.PathLike):
+        raise wrong_type(argument, value, "a path")
+    return Path(value)
+
+
+def export(
+    path: str | os.PathLike[str], thing: T, writers: Mapping[str, Callable[[Path, T], None]]
+) -> int:
+    """Writes a thing by the one of its writers that has the ending of the path; its size in bytes.
+
+    Raises
+    ------
+    InvalidInputError
+        No writer has that ending.
+    """
+    target = path_of("path", path)
+    write = writers.get(target.suffix.lower())
+    if write is None:
+        known = ", ".join(sorted(writers))
+        raise wrong_value("path", str(target), f"a name that ends in one of {known}")
+    write(target, thing)
+    return target.stat().st_size
 
 
 class Lines:

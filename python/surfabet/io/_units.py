@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
 
 # The international foot and inch are exact since 1959; the foot of US surveys is older.
 _METRES = {
@@ -58,13 +58,7 @@ def metres_per(unit: str) -> float:
         For a unit that is none of `UNITS`.
     """
     if unit not in _METRES:
-        requirement = f"one of {', '.join(UNITS)}"
-        raise InvalidInputError(
-            f"unit is {unit!r}, but must be {requirement}",
-            argument="unit",
-            value=repr(unit),
-            requirement=requirement,
-        )
+        raise wrong_value("unit", unit, f"one of {', '.join(UNITS)}")
     return _METRES[unit]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_type
 from surfabet.io._packed import first_bytes, unpacked
 from surfabet.io.e57 import read_e57_chunks
 from surfabet.io.las import read_las_chunks
@@ -63,19 +63,15 @@ def chunks_of(source: Any) -> Chunks:
         return _of_files([Path(p) for p in source])
     if isinstance(source, Iterable):
         return Chunks(lambda: _clouds(source), None, False, False, [])
-    raise InvalidInputError(
-        f"source is {source!r}, but must be a cloud, a path, several of these, or an iterable of "
-        "clouds",
-        argument="source",
-        value=repr(source),
-        requirement="a cloud, a path, several of these, or an iterable of clouds",
+    raise wrong_type(
+        "source", source, "a cloud, a path, several of these, or an iterable of clouds"
     )
 
 
 def _clouds(source: Iterable[Any]) -> Iterator[PointCloud]:
     for i, cloud in enumerate(source):
         if not isinstance(cloud, PointCloud):
-            raise InvalidInputError(f"item {i} of source is {cloud!r}, but must be a PointCloud")
+            raise wrong_type(f"item {i} of source", cloud, "a PointCloud")
         yield cloud
 
 
@@ -113,6 +109,8 @@ def _read_all(paths: list[Path]) -> Iterator[PointCloud]:
         yield from read_chunks(path)
 
 
+# Each takes a file and a number of points, and gives what `read` does as clouds of at most so many;
+# None for a file that can only be read as a whole.
 _READERS: dict[str, Callable[[Path, int], Iterator[PointCloud] | None]] = {
     "las": read_las_chunks,
     "copc": read_las_chunks,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
 from surfabet.io._files import format_error
 from surfabet.io.las import LasChoice, LasPoints, read_las, read_las_points
 
@@ -71,18 +71,13 @@ def _check_hierarchy(path: Path, info: Any, n_points: int) -> None:
 
 def _check_box(box: Sequence[ArrayLike]) -> NDArray[np.float64]:
     """Lower and upper corner, (2, 3)."""
-    requirement = "two corners (x, y, z), the lower one first"
     try:
         corners = np.array(box, np.float64)
     except (TypeError, ValueError):
         corners = np.empty(0)
     if corners.shape != (2, 3) or not (corners[0] <= corners[1]).all():
-        raise InvalidInputError(
-            f"box is {box!r:.80}, but must be {requirement}",
-            argument="box",
-            value=f"{box!r:.80}",
-            requirement=requirement,
-        )
+        requirement = "two corners (x, y, z), the lower one first"
+        raise wrong_value("box", box, requirement, shown=f"{box!r:.80}")
     return corners
 
 
@@ -132,12 +127,7 @@ def read_copc(
         return read_las(path, keep_noise=keep_noise, keep_class=keep_class, drop_class=drop_class)
     corners = None if box is None else _check_box(box)
     if level is not None and (isinstance(level, bool) or level < 0):
-        raise InvalidInputError(
-            f"level is {level!r}, but must be an integer from 0",
-            argument="level",
-            value=repr(level),
-            requirement="an integer from 0",
-        )
+        raise wrong_value("level", level, "an integer of at least 0")
     if not is_copc(path):
         raise format_error(path, "not a COPC file, of which box and level could be read")
 

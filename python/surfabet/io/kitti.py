@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
+from surfabet.errors import wrong_value
 from surfabet.io._columns import Column, cloud_from_columns
 from surfabet.io._files import format_error
 from surfabet.io._notes import Notes
@@ -167,9 +167,8 @@ def read_kitti(path: Path, *, columns: Sequence[str] | None = None) -> PointClou
     if columns is not None:
         names = tuple(columns)
         if not {"x", "y", "z"} <= set(names) or len(set(names)) < len(names):
-            raise InvalidInputError(
-                f"columns are {list(names)}, but must name x, y and z, and each once"
-            )
+            requirement = "names of columns with x, y and z, and each once"
+            raise wrong_value("columns", list(names), requirement)
         sizes = {len(names)}
     else:
         sizes = set(_LAYOUTS)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import FormatError, InvalidInputError
+from surfabet.errors import FormatError, InvalidInputError, wrong_value
 from surfabet.io._columns import (
     Column,
     add_columns,
@@ -191,7 +191,7 @@ def _check_classes(name: str, classes: Sequence[int] | None) -> list[int] | None
     found = [classes] if isinstance(classes, int) else list(classes)
     for one in found:
         if not (isinstance(one, (int, np.integer)) and 0 <= one <= 255):
-            raise InvalidInputError(f"{name} has {one!r}, but classes are integers from 0 to 255")
+            raise wrong_value(name, classes, "integers from 0 to 255")
     return [int(one) for one in found]
 
 
@@ -590,7 +590,7 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
         to be stretched.
     """
     if not (np.isfinite(scale) and scale > 0):
-        raise InvalidInputError(f"scale is {scale}, but must be a positive length in metres")
+        raise wrong_value("scale", scale, "a positive number of metres")
     laspy = _laspy()
     point_format = _point_format(laspy, cloud)
     fields = _fields(cloud, point_format)

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 
 from surfabet._core import PointCloud, lzf_compress, lzf_decompress
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.io._columns import (
     PACKED_COLOR,
     Column,
@@ -280,16 +280,7 @@ def _checked_header(lines: Lines, notes: Notes) -> _Header:
 
 
 def read_pcd_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
-    """The points of a file as clouds of at most `n`, in its order, alike as `read_pcd` reads them;
-    None for a file that is packed by LZF, which is one block.
-
-    The file is read twice: first for what is known of all points.
-
-    Raises
-    ------
-    FormatError
-        As `read_pcd`.
-    """
+    """As `read_chunks`; None for a file that is packed by LZF, which is one block."""
     with path.open("rb") as file:
         header = _checked_header(Lines(path, file), Notes(path))
     if header.encoding == "binary_compressed":
@@ -398,7 +389,7 @@ def write_pcd(path: Path, cloud: PointCloud, *, encoding: Encoding = "binary") -
         The cloud has a coordinate reference system, or a column whose name had to change.
     """
     if encoding not in _ENCODINGS:
-        raise InvalidInputError(f"encoding is {encoding!r}; PCD has {', '.join(_ENCODINGS)}")
+        raise wrong_value("encoding", encoding, f"one of {', '.join(_ENCODINGS)}")
     columns, viewpoint = _write_columns(cloud)
     rows = records(columns)
     if encoding == "binary_compressed" and rows.nbytes > _LARGEST_COMPRESSED:

@@ -332,16 +332,7 @@ def _note_rest(elements: list[_Element], used: set[str], notes: Notes) -> None:
 
 
 def read_ply_chunks(path: Path, n: int) -> Iterator[PointCloud] | None:
-    """The vertices of a binary file as clouds of at most `n`, in its order, alike as `read_ply`
-    reads them; None for a file that can only be read as a whole: text, or with lists or viewpoints.
-
-    The file is read twice: first for what is known of all vertices.
-
-    Raises
-    ------
-    FormatError
-        As `read_ply`.
-    """
+    """As `read_chunks`; None for what can only be read as a whole: text, lists, viewpoints."""
     with path.open("rb") as file:
         lines = Lines(path, file)
         order, elements = _parse_header(lines)

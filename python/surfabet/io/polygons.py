@@ -1,5 +1,7 @@
-"""Flat surfaces for other programs: PLY mesh, OBJ, DXF. Coordinates are the world's, in double
-precision."""
+"""Flat surfaces for other programs: PLY mesh, OBJ, DXF, glTF.
+
+Coordinates are the world's, in double precision.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from surfabet.io import meshes
 from surfabet.io._files import optional_module, written_whole
+from surfabet.meshes import Mesh
 
 METRES = 6
 """The unit as DXF numbers it."""
@@ -114,9 +118,19 @@ def write_dxf(path: Path, surface: Surface) -> None:
         drawing.saveas(temporary)
 
 
-EXPORTS: dict[str, Callable[[Path, Surface], None]] = {
+def write_glb(path: Path, surface: Surface) -> None:
+    """glTF: the triangles, with the colour of its part at every vertex."""
+    shades = None
+    if surface.colors is not None:
+        shades = np.zeros((len(surface.vertices), 3), np.uint8)
+        shades[surface.triangles] = surface.colors[surface.parts][:, None]
+    meshes.write_glb(path, Mesh(surface.vertices, surface.triangles, shades))
+
+
+WRITERS: dict[str, Callable[[Path, Surface], None]] = {
     ".ply": write_ply,
     ".obj": write_obj,
     ".dxf": write_dxf,
+    ".glb": write_glb,
 }
 """What writes a surface, by the ending of the file's name."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from surfabet._core import PointCloud
-from surfabet.errors import FormatError, InvalidInputError
+from surfabet.errors import FormatError, wrong_value
 from surfabet.io._columns import (
     KNOWN_NAMES,
     Column,
@@ -79,12 +79,8 @@ def _metres(path: Path, column: ColumnName, unit: str | None) -> float:
             f"{', '.join(UNITS)}; name the columns with columns=",
         )
     if unit is not None and column.metres != given:
-        raise InvalidInputError(
-            f"unit is {unit!r}, but column {column.written!r:.40} of {path} has its own",
-            argument="unit",
-            value=repr(unit),
-            requirement=f"left out, since column {column.written!r:.40} of {path} has its own",
-        )
+        requirement = f"left out, since column {column.written!r:.40} of {path} has its own"
+        raise wrong_value("unit", unit, requirement)
     return column.metres
 
 
@@ -274,19 +270,9 @@ def read_text(
     names = None if columns is None else column_names(list(columns))
     if columns is not None and names is None:
         requirement = "names of columns with x, y and z"
-        raise InvalidInputError(
-            f"columns are {list(columns)}, but must name x, y and z",
-            argument="columns",
-            value=",".join(columns),
-            requirement=requirement,
-        )
+        raise wrong_value("columns", columns, requirement, shown=",".join(columns))
     if delimiter is not None and len(delimiter) != 1:
-        raise InvalidInputError(
-            f"delimiter is {delimiter!r}, but must be one character",
-            argument="delimiter",
-            value=repr(delimiter),
-            requirement="one character",
-        )
+        raise wrong_value("delimiter", delimiter, "one character")
     if unit is not None:
         metres_per(unit)
     spaces = delimiter is not None and delimiter.isspace() and delimiter != "\t"
@@ -322,7 +308,7 @@ def write_text(path: Path, cloud: PointCloud, *, delimiter: str | None = None) -
         The cloud has a coordinate reference system, or a column whose name had to change.
     """
     if delimiter not in (None, " ", "\t", ",", ";"):
-        raise InvalidInputError(f"delimiter is {delimiter!r}, but must be ' ', '\\t', ',' or ';'")
+        raise wrong_value("delimiter", delimiter, "' ', '\\t', ',' or ';'")
     is_csv = path.suffix.lower() == ".csv"
     delimiter = delimiter or ("," if is_csv else " ")
     rows = records(columns_from_cloud(cloud) | viewpoint_columns(cloud))

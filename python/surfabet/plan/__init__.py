@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.plan._draw import DRAWERS
 from surfabet.plan._faces import Face, faces_of
 from surfabet.plan._model import FloorPlan, Opening, Room, Wall
@@ -74,11 +74,9 @@ def floor_plan(
     direction = np.asarray(up, np.float64)
     length = np.linalg.norm(direction) if direction.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0):
-        raise InvalidInputError(f"up is {tuple(up)}, but must be a direction of three numbers")
+        raise wrong_value("up", up, "a direction of three numbers")
     if not (np.isfinite(min_room_area) and min_room_area >= 0):
-        raise InvalidInputError(
-            f"min_room_area is {min_room_area}, but must be a number of square metres from 0"
-        )
+        raise wrong_value("min_room_area", min_room_area, "0 or a positive number of square metres")
     direction /= length
     planes = model.planes
     # Near zero, so that directions that differ a little do not tear map coordinates apart.

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-from surfabet.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -139,12 +136,7 @@ class FloorPlan:
         OSError
             When the file cannot be written.
         """
+        from surfabet.io._files import export
         from surfabet.plan._draw import DRAWERS
 
-        target = Path(path)
-        draw = DRAWERS.get(target.suffix.lower())
-        if draw is None:
-            known = ", ".join(sorted(DRAWERS))
-            raise InvalidInputError(f"{target}: plans are saved as {known} only")
-        draw(target, self)
-        return target.stat().st_size
+        return export(path, self, DRAWERS)

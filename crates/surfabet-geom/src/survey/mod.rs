@@ -1,4 +1,4 @@
-//! What a cloud says about itself before anything is learned from it: spacing, noise, layers, scan lines, extent and outliers.
+//! The figures of a cloud before anything is learned from it: spacing, noise, layers, scan lines, extent and outliers.
 //!
 //! Defaults follow from these figures. Spacing, noise, layers and lines are medians over a sample of the points, outliers and
 //! extent are of all points. All depend on the cloud alone.
@@ -187,7 +187,7 @@ mod tests {
         };
         let found = rounded(0.5);
         assert_eq!((found.rounding, found.spacing), (0.5, 0.5));
-        // A step below the distance of neighbours says nothing.
+        // A step below the distance of neighbours changes nothing.
         let found = rounded(0.001);
         assert_eq!(found.rounding, 0.0);
         assert!((found.spacing - 0.02).abs() < 1e-6);
@@ -241,7 +241,7 @@ mod tests {
         assert!(found.has_facings);
         let gap = found.layer_gap.unwrap();
         assert!((0.025..0.035).contains(&gap), "{gap}");
-        // Normals of random signs say nothing.
+        // Normals of random signs have no side.
         let found = Survey::of(&overlapping_faces(false), &Silent).unwrap();
         assert!(!found.has_facings);
         assert_eq!(found.layer_gap, None);

@@ -1,4 +1,4 @@
-//! The points that a survey looks at.
+//! The points that a survey samples.
 
 use std::collections::HashSet;
 

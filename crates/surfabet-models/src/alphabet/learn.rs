@@ -95,7 +95,7 @@ fn run(
 ) -> Result<AlphabetModel> {
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
-    // What the data say of the options that are not given.
+    // Options that are not given follow from the data.
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
 

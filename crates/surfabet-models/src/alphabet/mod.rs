@@ -33,11 +33,11 @@ mod contract;
 mod decode;
 mod lattice;
 mod learn;
-pub(crate) mod model;
+mod model;
 mod options;
 mod placement;
 mod scene;
-pub(crate) mod word;
+mod word;
 
 pub use channels::{Channels, INTENSITY_STEPS};
 pub use lattice::{MAX_SCALE, SigmaRule};

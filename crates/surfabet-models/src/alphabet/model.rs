@@ -391,4 +391,18 @@ impl AlphabetModel {
             sigma: sigma(pose.level) * unit,
         })
     }
+
+    /// Lowest and highest corner of a box around all occurrences and what is within sigma of them, world coordinates; not finite
+    /// for a model without occurrences.
+    pub fn extent(&self) -> [[f64; 3]; 2] {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for o in self.occurrences() {
+            let reach: [f64; 3] = std::array::from_fn(|a| {
+                o.radius * (o.rows[0][a].abs() + o.rows[1][a].abs()) + o.sigma
+            });
+            low = std::array::from_fn(|a| low[a].min(o.center[a] - reach[a]));
+            high = std::array::from_fn(|a| high[a].max(o.center[a] + reach[a]));
+        }
+        [low, high]
+    }
 }

@@ -15,11 +15,12 @@ pub(super) const SPACINGS_PER_PIXEL: f64 = 2.5;
 pub(super) const SAMPLE_SIZE: f64 = 0.5;
 
 /// Position lattice, pixels: a quarter of a pixel moves no sample visibly, since depth and colour are measured after
-/// the pose is rounded.
+/// the pose is rounded. Half changes bytes by -2.5 to 3.5 percent, double by -4.6 to -0.9, at rmse within 1.4.
 pub(super) const POSITION_STEP: f64 = 0.25;
 
 /// Share of the intensities that is clamped at each end, where they take the place of colours: retroreflectors are tens
-/// of times as bright as anything else, and would leave a few grey levels to all of it.
+/// of times as bright as anything else, and would leave a few grey levels to all of it: with 0 intensities of two halls are 10 percent
+/// further off. Half and double change bytes by at most 2.2 percent.
 pub(super) const CLAMPED_SHARE: f64 = 0.001;
 
 // What a level accepts.

@@ -99,7 +99,7 @@ fn run(
     options.check()?;
     let options = &options.in_force();
     let mut stages = Stages::new(STAGES, progress);
-    // What the data say of the options that are not given.
+    // Options that are not given follow from the data.
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL, None);
@@ -286,7 +286,7 @@ fn learn_levels(
             color,
         };
         let figures = LevelFigures::new(&level, &placed.patches, placed.distance);
-        // Of several levels the first tells how all were learned.
+        // The first of several levels has how all were learned.
         let (depth, color) = (depth_learning.take(), color_learning.take());
         LearnedLevel { level, figures, depth, color }
     });

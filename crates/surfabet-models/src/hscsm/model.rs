@@ -188,7 +188,7 @@ impl Level {
         self.depth.dictionary.is_wide() || color
     }
 
-    /// What the file says of this level before its streams.
+    /// The header of this level in the file.
     pub fn header(&self) -> LevelHeader {
         LevelHeader {
             pixel_size: self.pixel_size,
@@ -229,7 +229,7 @@ impl Level {
     }
 }
 
-/// What a file says of a level before its streams.
+/// The header of a level in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LevelHeader {
     /// Side of a pixel (pr), metres.
@@ -296,7 +296,7 @@ impl LevelHeader {
     }
 }
 
-/// What a model says of itself before its streams.
+/// The header of a model in the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct HscsmHeader {
     /// World position that poses are relative to, metres.
@@ -414,7 +414,7 @@ impl HscsmModel {
         self
     }
 
-    /// What the file says before its streams.
+    /// The header in the file, before the streams.
     pub fn header(&self) -> HscsmHeader {
         HscsmHeader {
             origin: self.origin(),

@@ -9,7 +9,7 @@ use super::frame::PatchPose;
 /// Position steps per side of the ordering cells: about one patch, at least 1 and at most 4096.
 pub fn steps_per_cell(pixel_size: f64, pixels: u32, position_step: f64) -> i32 {
     let ratio = pixel_size * f64::from(pixels) / position_step;
-    // Whatever a damaged file says, the cast saturates and the clamp makes it usable.
+    // Whatever a damaged file holds, the cast saturates and the clamp makes it usable.
     (ratio.round() as i32).clamp(1, 1 << 12)
 }
 

@@ -11,8 +11,8 @@ use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
 use crate::error::{Error, Result};
 
-/// Points whose distances tell whether enough are near: the share that they give has a standard deviation of 0.00016 where it is to be
-/// 0.99.
+/// Points by whose distances it is decided whether enough are near: the share that they give has a standard deviation of 0.00016 where
+/// it is to be 0.99.
 const PROBES: usize = 400_000;
 
 /// By how much the share of the probes must be larger than the share that is asked for: three such deviations.

@@ -185,7 +185,7 @@ fn check_square(square: &Square, levels_below: u32) -> Result<()> {
     }
 }
 
-/// What a lattice model says of itself before its streams.
+/// The header of a model in the file, before the streams.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PatchesHeader {
     /// Points of the cloud that the model was learned from.
@@ -336,7 +336,7 @@ impl PatchModel {
         Self { report: Beside(report), ..self }
     }
 
-    /// What the file says before its streams.
+    /// The header in the file, before the streams.
     pub fn header(&self) -> PatchesHeader {
         PatchesHeader {
             n_points: self.n_points,

@@ -1,11 +1,15 @@
 //! The scan as oriented samples, one per voxel, as the search and the refinement use it.
 
+use rustc_hash::{FxBuildHasher, FxHashMap};
 use surfabet_geom::{PointCloud, vector};
 
 use super::constants::{
     BODY_RADIUS, FLATNESS, LEAST_POINTS, LEAST_WIDTH, MAX_POINTS_USED, NORMAL_ERROR, RANGE_NOISE,
     VOXELS_PER_CELL,
 };
+
+/// Points of a voxel from which the room for voxels is reserved; more are made where it is not enough.
+const POINTS_PER_VOXEL: usize = 4;
 
 /// A sample of the scan's surface: the mean of a voxel.
 #[derive(Debug, Clone, Copy)]
@@ -54,7 +58,10 @@ impl ScanSamples {
         // The sensor at zero of the frame, about the origin.
         let zero = origin.map(|c| -c as f32);
         let stride = scan.len().div_ceil(MAX_POINTS_USED).max(1);
-        let mut voxels = Voxels::with_capacity(scan.len() / stride);
+        // 0.17 to 0.23 ms of three scans; a table of our own by open addressing took 0.16 to 0.24, the default hash 0.44 to 0.58.
+        let capacity = scan.len() / stride / POINTS_PER_VOXEL;
+        let mut voxels: FxHashMap<[i32; 3], usize> =
+            FxHashMap::with_capacity_and_hasher(capacity, FxBuildHasher);
         let mut sums: Vec<Sums> = Vec::new();
         for (i, &p) in scan.positions().iter().enumerate().step_by(stride) {
             let viewpoint = scan.local_viewpoint(i).unwrap_or(zero);
@@ -62,7 +69,7 @@ impl ScanSamples {
                 continue;
             }
             let voxel = p.map(|c| (c / side).floor() as i32);
-            let at = voxels.number(voxel, sums.len() as u32) as usize;
+            let at = *voxels.entry(voxel).or_insert(sums.len());
             if at == sums.len() {
                 let corner = voxel.map(|c| c as f32 * side);
                 sums.push(Sums { corner, n: 0.0, first: [0.0; 3], second: [0.0; 6], viewpoint });
@@ -146,53 +153,6 @@ fn plane_normal([xx, xy, xz, yy, yz, zz]: [f64; 6], n: f64, side: f64) -> Option
     (vector::dot(longest, longest) > 0.0).then(|| vector::unit(longest))
 }
 
-/// Numbers of voxels by their coordinates, by open addressing.
-struct Voxels {
-    slots: Vec<(u64, u32)>,
-    used: usize,
-}
-
-const FREE: u64 = u64::MAX;
-
-impl Voxels {
-    fn with_capacity(n: usize) -> Self {
-        Self { slots: vec![(FREE, 0); (n / 2).next_power_of_two().max(1024)], used: 0 }
-    }
-
-    /// The number of a voxel; `next` when it is new.
-    fn number(&mut self, voxel: [i32; 3], next: u32) -> u32 {
-        let low = |c: i32| u64::from(c as u32) & 0x1f_ffff;
-        let key = low(voxel[0]) | low(voxel[1]) << 21 | low(voxel[2]) << 42;
-        if 2 * self.used >= self.slots.len() {
-            self.grow();
-        }
-        let at = self.slot(key);
-        if self.slots[at].0 == FREE {
-            self.slots[at] = (key, next);
-            self.used += 1;
-        }
-        self.slots[at].1
-    }
-
-    fn slot(&self, key: u64) -> usize {
-        let mask = self.slots.len() - 1;
-        let mut at = (key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & mask;
-        while self.slots[at].0 != FREE && self.slots[at].0 != key {
-            at = (at + 1) & mask;
-        }
-        at
-    }
-
-    fn grow(&mut self) {
-        let old = std::mem::take(&mut self.slots);
-        self.slots = vec![(FREE, 0); 2 * old.len()];
-        for slot in old.into_iter().filter(|slot| slot.0 != FREE) {
-            let at = self.slot(slot.0);
-            self.slots[at] = slot;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -223,17 +183,5 @@ mod tests {
         assert!(plane_normal([1.0, 0.0, 0.0, 1.0, 0.0, 1.0], 100.0, 3.0).is_none());
         let normal = plane_normal([1.0, 0.0, 0.0, 0.01, 0.0, 1.0], 100.0, 3.0).unwrap();
         assert!(normal[1].abs() > 0.999_999);
-    }
-
-    #[test]
-    fn voxels_keep_their_numbers_when_the_table_grows() {
-        let mut voxels = Voxels::with_capacity(0);
-        let at = |i: i32| [i, -i, 7 * i];
-        for i in 0..5000 {
-            assert_eq!(voxels.number(at(i), i as u32), i as u32);
-        }
-        for i in 0..5000 {
-            assert_eq!(voxels.number(at(i), 9999), i as u32);
-        }
     }
 }

@@ -5,9 +5,9 @@ use std::sync::{Arc, OnceLock};
 use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress};
 use surfabet_models::alphabet::AlphabetModel;
-use surfabet_models::recognition::PlaceSignature;
 use surfabet_models::{Error, Result};
 
+use crate::PlaceSignature;
 use crate::locate::{Localizer, LocateOptions, Located};
 
 /// Maps, each with what it is compared by.
@@ -46,7 +46,7 @@ impl Default for PlaceOptions {
 pub struct PlaceMatch {
     /// Number of the place, from 0 in the order in which they were added.
     pub place: usize,
-    /// Similarity, 0 to 1, as [`surfabet_models::recognition::place_similarity`].
+    /// Similarity, 0 to 1, as [`place_similarity`](crate::place_similarity).
     pub similarity: f64,
     /// Where in that place the scan was taken; `None` where it was not asked.
     pub located: Option<Located>,

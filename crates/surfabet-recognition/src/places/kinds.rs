@@ -1,7 +1,8 @@
 //! Places of one kind.
 
-use surfabet_models::recognition::PlaceSignature;
 use surfabet_models::{Error, Result};
+
+use crate::PlaceSignature;
 
 /// Least mean similarity of words within a kind, unless another or a number of kinds is given. A first value: not measured yet
 /// (`docs/benchmarks/recognition.md`).

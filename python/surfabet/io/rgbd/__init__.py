@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet._core import LARGEST_UNSHIFTED, PointCloud, get_num_threads
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.io._columns import DEEP_COLORS, build_cloud
 from surfabet.io._files import format_error
 from surfabet.io._notes import HeldNotes, Notes
@@ -136,13 +136,13 @@ def _separate(frames: Sequence[Frame], projector: Projector, tally: _Tally) -> l
 
 def _positive_int(name: str, value: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InvalidInputError(f"{name} is {value!r}, but must be an integer of at least 1")
+        raise wrong_value(name, value, "an integer of at least 1")
     return int(value)
 
 
 def _positive(name: str, value: float) -> float:
     if not (np.isfinite(value) and value > 0):
-        raise InvalidInputError(f"{name} is {value!r}, but must be a positive number")
+        raise wrong_value(name, value, "a positive number")
     return float(value)
 
 
@@ -251,9 +251,7 @@ def read_rgbd(
     _positive("max_time_difference", max_time_difference)
     limits = DEFAULT_DEPTH_LIMITS if depth_limits is None else depth_limits
     if not 0 <= limits[0] < limits[1]:
-        raise InvalidInputError(
-            f"depth_limits are {depth_limits}, but must be two ascending distances in metres"
-        )
+        raise wrong_value("depth_limits", depth_limits, "two ascending distances in metres")
     scale = None if depth_scale is None else _positive("depth_scale", depth_scale)
     listing = _find_frames(folder, max_time_difference)
     frames, lost = _usable(listing, frame_stride)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.io._files import format_error
 
 # Rotations of tracked cameras are off by parts in ten thousand.
@@ -116,12 +116,7 @@ def check_intrinsics(given: ArrayLike) -> Camera:
         values = values[[0, 1, 0, 1], [0, 1, 2, 2]]
     if values.shape != (4,) or not np.isfinite(values).all() or values[0] <= 0 or values[1] == 0:
         requirement = "(fx, fy, cx, cy) in pixels or a 3 x 3 matrix, fx positive and fy not 0"
-        raise InvalidInputError(
-            f"intrinsics must be {requirement}",
-            argument="intrinsics",
-            value=repr(np.asarray(given).tolist()),
-            requirement=requirement,
-        )
+        raise wrong_value("intrinsics", np.asarray(given).tolist(), requirement)
     fx, fy, cx, cy = (float(v) for v in values)
     return Camera(fx, fy, cx, cy)
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet._core import PointCloud
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.io._columns import (
     VIEWPOINT_INDEX,
     Column,
@@ -47,7 +47,6 @@ from surfabet.io.ros._placing import (
     Scan,
     places_of,
     put,
-    wrong_option,
 )
 from surfabet.io.ros._point_cloud2 import TYPE, decode
 
@@ -85,7 +84,7 @@ def _choose_topic(path: Path, topics: Sequence[Topic], name: str | None) -> Topi
         return clouds[0]
     chosen = next((topic for topic in clouds if topic.name == name), None)
     if chosen is None:
-        raise wrong_option("topic", name, f"one with PointCloud2 messages: {known}")
+        raise wrong_value("topic", name, f"one with PointCloud2 messages: {known}")
     return chosen
 
 
@@ -246,14 +245,12 @@ def read_bag(
     """
     path = Path(path)
     if message is not None and (isinstance(message, bool) or message < 0):
-        raise wrong_option("message", message, "a number from 0")
+        raise wrong_value("message", message, "a number from 0")
     notes = Notes(path)
     with unpacked(path) as there, open_bag(there) as reader:
         chosen = _choose_topic(path, topics_of(reader), topic)
         if message is not None and message >= chosen.count:
-            raise wrong_option(
-                "message", message, f"less than {chosen.count}, as {chosen.name} has"
-            )
+            raise wrong_value("message", message, f"less than {chosen.count}, as {chosen.name} has")
         scans = list(_scans(path, reader, chosen, message, notes))
         if not scans:
             raise format_error(path, f"{chosen.name} has no messages")

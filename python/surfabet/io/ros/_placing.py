@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet.errors import InvalidInputError
+from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.io._columns import Column
 from surfabet.io._files import format_error
 from surfabet.io._notes import Notes
@@ -39,16 +39,6 @@ class Scan:
     frame: str
 
 
-def wrong_option(argument: str, value: object, requirement: str) -> InvalidInputError:
-    """The error for an option that this bag does not allow."""
-    return InvalidInputError(
-        f"{argument} is {value!r}, but must be {requirement}",
-        argument=argument,
-        value=repr(value),
-        requirement=requirement,
-    )
-
-
 class Placing:
     """How frames get into the common one: the steps from each."""
 
@@ -62,7 +52,7 @@ class Placing:
             chosen = next((topic for topic in tracks if topic.name == source), None)
             if chosen is None:
                 known = ", ".join(topic.name for topic in tracks) or "none here"
-                raise wrong_option(
+                raise wrong_value(
                     "poses", source, f"tf, none, or a topic of odometry or poses: {known}"
                 )
             self.track = read_track(path, reader, chosen.name, chosen.type, frame)
@@ -74,7 +64,7 @@ class Placing:
             if odometry:
                 self.track = read_track(path, reader, odometry[0].name, ODOMETRY_TYPE, frame)
         if source == TREE and not self.tree.chain(frame) and not self.is_fixed(frame):
-            raise wrong_option("poses", source, f"another source, since /tf has no frame {frame!r}")
+            raise wrong_value("poses", source, f"another source, since /tf has no frame {frame!r}")
 
     def moves(self, frame: str) -> bool:
         """Whether the tree knows motions of a frame."""
@@ -103,7 +93,7 @@ class Placing:
             steps = [*steps, self.track]
         if target is not None and (steps[-1].parent if steps else frame) != target:
             known = ", ".join([frame, *(step.parent for step in self.tree.chain(frame))])
-            raise wrong_option("frame", target, f"one of those above the cloud's: {known}")
+            raise wrong_value("frame", target, f"one of those above the cloud's: {known}")
         return steps
 
 

@@ -1,6 +1,6 @@
 //! Attributes on the cells around the surface: colour and scalars as fields of values, labels as symbols.
 //!
-//! Cells of a cubic grid around the surface carry them. They follow from the geometry, so that a file says nothing of
+//! Cells of a cubic grid around the surface carry them. They follow from the geometry, so that a file holds nothing of
 //! them.
 //!
 //! | file | step |
@@ -61,7 +61,7 @@ pub const MAX_NAME: usize = 255;
 /// Name of the intensities of a cloud among its attributes.
 pub const INTENSITIES: &str = "intensities";
 
-/// What a file says of an attribute before its stream.
+/// The header of an attribute in the file, before its stream.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct AttributeHeader {
     /// Its name in the cloud; [`INTENSITIES`] for these.
@@ -152,7 +152,7 @@ pub(in crate::patches) struct AttributeField {
 }
 
 impl AttributeField {
-    /// What the file says before the stream.
+    /// The header in the file, before the stream.
     pub fn header(&self) -> AttributeHeader {
         let content = match &self.values {
             Values::Scalar(field) => AttributeContent::Scalar(field.scale),

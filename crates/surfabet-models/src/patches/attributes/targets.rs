@@ -10,7 +10,7 @@ use super::borders::BorderBlocks;
 use super::cells::{cell_key, cell_of_key, index};
 use crate::patches::samples::{Sample, SidedSamples};
 
-/// Samples that one task looks at.
+/// Samples of one task.
 const BLOCK: usize = 1 << 11;
 
 /// Samples whose blends are kept at once: bounds the memory.

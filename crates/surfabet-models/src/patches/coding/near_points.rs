@@ -13,7 +13,7 @@ use crate::patches::attributes::cells::index;
 /// Heights of nodes with models of their own, from the finest; nodes further up share those of the last.
 const HEIGHTS: usize = 4;
 
-/// Counts of occupied children before, and of nodes around, are told apart up to this.
+/// Counts of occupied children before, and of nodes around, are distinguished up to this.
 const MOST: usize = 3;
 
 /// Weight of each of the two models at first: half of each.
@@ -169,7 +169,7 @@ pub(in crate::patches) fn code_near_points<C: Coder>(
     Ok(nodes)
 }
 
-/// What a writer has still to say of a level.
+/// What a writer has still to encode of a level.
 struct Wanted<'a> {
     /// Keys of cells from the next node on; empty for a reader.
     keys: &'a [u64],

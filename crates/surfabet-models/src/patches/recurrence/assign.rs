@@ -7,7 +7,7 @@ use super::fit::{Fit, Prices};
 /// Bits of an instance beside its patches: place and box.
 const INSTANCE_BITS: f32 = 110.0;
 
-/// Bits that tell where a run of patches of an instance begins and ends in the order of the file.
+/// Bits that encode where a run of patches of an instance begins and ends in the order of the file.
 const RUN_BITS: f32 = 8.0;
 
 /// A motion that many patches go with is taken where it wins at least this share of the best.

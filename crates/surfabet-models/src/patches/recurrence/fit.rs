@@ -12,13 +12,13 @@ use crate::error::Result;
 use crate::patches::instances::Motion;
 use crate::patches::order::place_in_order;
 
-/// Pixels of a patch that tell whether it is worth a closer look.
+/// Pixels of a patch by which it is decided whether all are compared.
 const PROBES: usize = 6;
 
 /// Least share of these that must have surface near.
 const LEAST_PROBES: usize = 4;
 
-/// Samples of a patch that tell whether to look at the others.
+/// Samples of a patch by which it is decided whether the others are compared.
 const FIRST: usize = 8;
 
 /// How much a difference in error counts. Whether a patch or what stands for it is a little nearer to the scan is mostly

@@ -15,7 +15,7 @@ use crate::patches::surface::leaf::Leaf;
 /// Distances beyond this count as this, pixels: what is not described at all.
 const MAX_DISTANCE: f32 = 4.0;
 
-/// Side of the coarse cells, pixels, that tell quickly whether any surface is near.
+/// Side of the coarse cells, pixels: a quick test whether any surface is near.
 const NEAR_CELL: f32 = 4.0;
 
 /// The set finest pixels of all patches. All lengths are in finest pixels, in the frame of the lattice.

@@ -55,7 +55,7 @@ pub struct AttributeRange {
 }
 
 impl AttributeRange {
-    /// What the file says of the attribute, with steps of `share` of its standard deviation.
+    /// The header of the attribute in the file, with steps of `share` of its standard deviation.
     fn header(&self, share: f64) -> Result<AttributeHeader> {
         let content = match &self.labels {
             Some(labels) if self.name != INTENSITIES => AttributeContent::Labels(labels.clone()),

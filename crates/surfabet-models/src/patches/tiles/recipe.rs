@@ -9,7 +9,7 @@ use crate::patches::model::PatchesHeader;
 use crate::patches::options::{DEPTH_STEPS, PatchesOptions};
 use crate::sensor::Sensor;
 
-/// What of the data and of the options tiles are learned by, as far as the header does not say it.
+/// What of the data and of the options tiles are learned by, as far as the header does not hold it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Recipe {
     /// Samples of a pixel, mean.

@@ -284,7 +284,7 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
-    /// Keeps the patches for which that is said.
+    /// Keeps the patches that are marked.
     fn keep(&mut self, kept: &[bool]) {
         let mut kept = kept.iter();
         self.patches.retain(|_| kept.next() == Some(&true));

@@ -4,21 +4,21 @@ use std::f64::consts::{FRAC_PI_8, PI, TAU};
 
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
+use surfabet_models::Result;
+use surfabet_models::alphabet::{AlphabetModel, Occurrence};
 
 use super::motion::Motion;
 use super::occupancy::Occupancy;
 use super::scene::SearchScene;
 use super::template::Template;
-use crate::alphabet::model::{AlphabetModel, Occurrence};
-use crate::error::Result;
-use crate::recognition::constants::{
+use crate::constants::{
     GUESS_CELL, LEAST_COLOR_SIMILARITY, LEAST_TRIAL_SHARE, LEVEL, MAX_PIECE_RATIO, RADIUS_RATIOS,
     SAME_INCLINATION, SEEDS, TRIAL_LEVEL, TRIAL_SAMPLES, TURNS, WHOLE_PIECE,
 };
-use crate::recognition::surface::color_similarity;
+use crate::surface::color_similarity;
 
 /// A model with its surface: that of the example, or that which is searched.
-pub(in crate::recognition) struct Side<'a> {
+pub(crate) struct Side<'a> {
     /// About the origin of the model.
     pub occurrences: Vec<Occurrence>,
     pub scene: &'a SearchScene,

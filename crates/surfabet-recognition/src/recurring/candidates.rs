@@ -2,15 +2,13 @@
 
 use surfabet_base::parallel;
 use surfabet_geom::disjoint::root;
+use surfabet_geom::vector::{dot, minus};
 use surfabet_geom::{Neighbor, Progress};
+use surfabet_models::Result;
 
 use super::options::RecurringOptions;
-use crate::error::Result;
-use crate::recognition::constants::{
-    LEAST_FILLED, LINK_REACH, MARGIN_OF_THINGS, ON_LARGE, PART_MARGIN,
-};
-use crate::recognition::find::{Region, SearchScene};
-use crate::vector::{dot, minus};
+use crate::constants::{LEAST_FILLED, LINK_REACH, MARGIN_OF_THINGS, ON_LARGE, PART_MARGIN};
+use crate::find::{Region, SearchScene};
 
 /// A set of samples with the box around it.
 #[derive(Clone, Copy)]
@@ -46,7 +44,7 @@ impl Group {
 /// smooth pieces, with a margin, is one.
 ///
 /// # Errors
-/// [`crate::Error::Cancelled`].
+/// [`surfabet_models::Error::Cancelled`].
 pub(super) fn candidates(
     scene: &SearchScene,
     options: &RecurringOptions,

@@ -1,13 +1,13 @@
 //! The smooth pieces of a surface.
 
 use surfabet_base::parallel;
+use surfabet_geom::disjoint::root;
+use surfabet_geom::vector::dot;
 use surfabet_geom::{KdTree, Neighbor, Progress};
+use surfabet_models::Result;
 
 use super::Surface;
-use crate::error::Result;
-use crate::recognition::constants::{PIECE_COSINE, PIECE_REACH, PIECE_STEP};
-use crate::vector::dot;
-use surfabet_geom::disjoint::root;
+use crate::constants::{PIECE_COSINE, PIECE_REACH, PIECE_STEP};
 
 impl Surface {
     /// The smooth piece that each sample belongs to, by the number of its first sample; and, at that sample, how many
@@ -15,7 +15,7 @@ impl Surface {
     /// plane of the other; pieces are what links connect.
     ///
     /// # Errors
-    /// [`crate::Error::Cancelled`].
+    /// [`surfabet_models::Error::Cancelled`].
     pub fn pieces(&self, tree: &KdTree, progress: &dyn Progress) -> Result<(Vec<u32>, Vec<u32>)> {
         let reach = (PIECE_REACH * self.spacing) as f32;
         let step = (PIECE_STEP * self.spacing) as f32;

@@ -2,11 +2,11 @@
 
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
+use surfabet_models::alphabet::{AlphabetModel, Occurrence};
+use surfabet_models::alphabet::{PIXELS, Word};
+use surfabet_models::{Error, Result};
 
-use crate::alphabet::model::{AlphabetModel, Occurrence};
-use crate::alphabet::word::{PIXELS, Word};
-use crate::error::{Result, check_points};
-use crate::recognition::constants::{MAX_SAMPLES, RAW_SPACING};
+use crate::constants::{MAX_SAMPLES, RAW_SPACING};
 
 /// A sample of one occurrence.
 #[derive(Clone, Copy)]
@@ -30,7 +30,7 @@ impl RawSample {
 /// Samples of all occurrences on grids a little finer than `spacing`.
 ///
 /// # Errors
-/// [`crate::Error::TooManyPoints`], [`crate::Error::Cancelled`].
+/// [`surfabet_models::Error::TooManyPoints`], [`surfabet_models::Error::Cancelled`].
 pub(super) fn raw_samples(
     model: &AlphabetModel,
     occurrences: &[Occurrence],
@@ -39,7 +39,10 @@ pub(super) fn raw_samples(
 ) -> Result<Vec<RawSample>> {
     let per_side = |radius: f64| (2.0 * radius / (RAW_SPACING * spacing)).ceil().max(1.0);
     let most: f64 = occurrences.iter().map(|o| per_side(o.radius).powi(2)).sum();
-    check_points(spacing, most, MAX_SAMPLES)?;
+    if most > MAX_SAMPLES as f64 {
+        let (points, limit) = (most as u64, MAX_SAMPLES);
+        return Err(Error::TooManyPoints { resolution: spacing, points, limit });
+    }
     let origin = model.header().origin;
     let samples = parallel::try_map_range(occurrences.len(), |k| -> Result<Vec<RawSample>> {
         let o = &occurrences[k];

@@ -1,9 +1,9 @@
 //! Options of recurring things.
 
-use crate::options::{Range, options};
+use surfabet_models::options::{Range, options};
 
 options! {
-    /// Options of [`AlphabetModel::recurring`](crate::alphabet::AlphabetModel::recurring).
+    /// Options of [`recurring`](crate::recurring()).
     pub struct RecurringOptions {
         /// How often a thing must occur.
         min_count: u32 = 3, range = Range::from_to(2.0, 1_000_000.0);

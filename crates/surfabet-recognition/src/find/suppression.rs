@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_8, TAU};
 
 use super::motion::Motion;
 use super::template::Template;
-use crate::recognition::constants::{FINE_SAMPLES, OVERLAP, SAME_GUESS, SAME_PLACE};
+use crate::constants::{FINE_SAMPLES, OVERLAP, SAME_GUESS, SAME_PLACE};
 
 impl Template {
     /// The best motions before the fine refinement, at most `most`; one place may keep several directions.

@@ -1,9 +1,10 @@
 //! How similar the words of two scenes are.
 
-use super::word_histogram::WordShare;
-use crate::alphabet::model::AlphabetModel;
-use crate::alphabet::word::{HEIGHT_STEPS, PIXELS, Word};
-use crate::recognition::constants::{HALF_HEIGHT_DIFFERENCE, HOLE_DIFFERENCE, RADIUS_WEIGHT};
+use surfabet_models::alphabet::AlphabetModel;
+use surfabet_models::alphabet::{HEIGHT_STEPS, PIXELS, Word};
+
+use super::word_histogram::{WordShare, word_histogram};
+use crate::constants::{HALF_HEIGHT_DIFFERENCE, HOLE_DIFFERENCE, RADIUS_WEIGHT};
 
 /// The words of a scene with their shares of its area.
 #[derive(Debug, Clone)]
@@ -31,7 +32,7 @@ impl UsedWords {
             inclination: s.inclination,
             share: s.share,
         };
-        let all: Vec<UsedWord> = model.word_histogram().into_iter().map(used).collect();
+        let all: Vec<UsedWord> = word_histogram(model).into_iter().map(used).collect();
         let squared = kernel(&all, &all);
         Self { all, squared }
     }

@@ -1,15 +1,16 @@
 //! The lengths that a search works with.
 
+use surfabet_models::Result;
+use surfabet_models::alphabet::AlphabetModel;
+
 use super::options::{FindOptions, Region};
-use crate::alphabet::model::AlphabetModel;
-use crate::error::Result;
-use crate::recognition::constants::{
+use crate::constants::{
     LEAST_SPACING, LEAST_TOLERANCE, SAMPLES_PER_DIAGONAL, SIZE_TOLERANCE, SURROUNDINGS,
 };
 
 /// Lengths of a search, metres.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::recognition) struct Lengths {
+pub(crate) struct Lengths {
     /// Of the example's region.
     pub diagonal: f64,
     /// Distance of samples.
@@ -27,7 +28,7 @@ impl Lengths {
     /// it.
     ///
     /// # Errors
-    /// [`crate::Error::InvalidParameter`] for an example without occurrences.
+    /// [`surfabet_models::Error::InvalidParameter`] for an example without occurrences.
     pub fn new(model: &AlphabetModel, example: &Region, options: &FindOptions) -> Result<Self> {
         let diagonal = example.about(model.header().origin).diagonal();
         let Some(sigma) = median_sigma(model, |center| example.contains(center)) else {
@@ -69,7 +70,7 @@ impl Lengths {
 }
 
 /// The median sigma of the occurrences with their middle in a region.
-pub(in crate::recognition) fn median_sigma(
+pub(crate) fn median_sigma(
     model: &AlphabetModel,
     is_inside: impl Fn([f64; 3]) -> bool,
 ) -> Option<f64> {

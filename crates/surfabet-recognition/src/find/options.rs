@@ -1,8 +1,8 @@
 //! The example of a search, and its options.
 
-use crate::error::{Error, Result, positive};
-use crate::options::{Range, options};
-use crate::vector::{self, minus};
+use surfabet_geom::vector::{self, minus};
+use surfabet_models::options::{Range, options};
+use surfabet_models::{Error, Result};
 
 /// The region of the example, in world coordinates, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,7 +38,9 @@ impl Region {
                 if !center.iter().all(|c| c.is_finite()) {
                     return Err(Error::invalid("point", format!("{center:?}"), "finite"));
                 }
-                positive("radius", radius, "positive and finite")?;
+                if !(radius > 0.0 && radius.is_finite()) {
+                    return Err(Error::invalid("radius", radius, "positive and finite"));
+                }
             }
         }
         Ok(())
@@ -86,7 +88,7 @@ impl Region {
     }
 
     /// Longest distance within the region: of a ball its diameter.
-    pub(in crate::recognition) fn diagonal(&self) -> f64 {
+    pub(crate) fn diagonal(&self) -> f64 {
         match *self {
             Self::Box { low, high } => vector::length(minus(high, low)),
             Self::Ball { radius, .. } => 2.0 * radius,
@@ -94,7 +96,7 @@ impl Region {
     }
 
     /// The region relative to `origin`.
-    pub(in crate::recognition) fn about(&self, origin: [f64; 3]) -> Self {
+    pub(crate) fn about(&self, origin: [f64; 3]) -> Self {
         let minus = |p: [f64; 3]| std::array::from_fn(|a| p[a] - origin[a]);
         match *self {
             Self::Box { low, high } => Self::Box { low: minus(low), high: minus(high) },
@@ -104,7 +106,7 @@ impl Region {
 }
 
 options! {
-    /// Options of [`AlphabetModel::find`](crate::alphabet::AlphabetModel::find).
+    /// Options of [`find`](crate::find()).
     pub struct FindOptions {
         /// Least score of what is found. Things of one kind seen from different sides score 0.5 to 0.85 against each
         /// other; unlike things score up to 0.55 by shape alone, less with colours.

@@ -1,21 +1,21 @@
 //! The example: samples about a pivot, and how well the scene matches them elsewhere, sample by sample.
 
+use surfabet_geom::vector::dot;
 use surfabet_geom::{KdTree, Pose};
+use surfabet_models::Result;
 
 use super::lengths::Lengths;
 use super::motion::Motion;
 use super::options::Region;
 use super::scene::SearchScene;
-use crate::error::Result;
-use crate::recognition::constants::{NORMAL_COSINE, PIECE_SIZE_RATIO};
-use crate::recognition::surface::color_similarity;
-use crate::vector::dot;
+use crate::constants::{NORMAL_COSINE, PIECE_SIZE_RATIO};
+use crate::surface::color_similarity;
 
 /// Multiplier of Fibonacci hashing: 2^64 over the golden ratio.
 const SHUFFLE: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The example as samples about a pivot.
-pub(in crate::recognition) struct Template {
+pub(crate) struct Template {
     /// Region of the example.
     pub region: Region,
     /// Weighted mean of the samples.

@@ -1,7 +1,7 @@
 //! Which coarse cells hold a surface: most motions are tried against these alone.
 
-use crate::recognition::constants::{MAX_CELLS, OCCUPANCY_LEVELS};
-use crate::recognition::surface::Surface;
+use crate::constants::{MAX_CELLS, OCCUPANCY_LEVELS};
+use crate::surface::Surface;
 
 /// Which cells hold a steep surface, and which a level one: a bit per cell each.
 pub(super) struct Occupancy {

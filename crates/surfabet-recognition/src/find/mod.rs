@@ -25,7 +25,11 @@ mod score;
 mod suppression;
 mod template;
 
+use surfabet_geom::vector::{self, minus};
 use surfabet_geom::{Part, Pose, Progress};
+use surfabet_models::alphabet::AlphabetModel;
+use surfabet_models::options::Options;
+use surfabet_models::{Error, Result, Stages};
 
 pub(super) use self::guess::Side;
 use self::guess::guess_motions;
@@ -35,11 +39,6 @@ pub use self::options::{FindOptions, Region};
 pub(super) use self::scene::SearchScene;
 pub(super) use self::template::Template;
 use super::constants::{FINALISTS, GUESSES, SAME_PLACE_OF_ANY};
-use crate::alphabet::model::AlphabetModel;
-use crate::error::{Error, Result};
-use crate::options::Options;
-use crate::stages::Stages;
-use crate::vector::{self, minus};
 
 /// The stages and their shares of the progress, in per cent.
 pub(super) const FIND_STAGES: &[(&str, f32)] = &[
@@ -73,115 +72,109 @@ pub struct Example<'a> {
     pub region: Option<Region>,
 }
 
-impl AlphabetModel {
-    /// All places that look like the part of the scene in `example`, the best first; the example itself is among them.
-    ///
-    /// Scenes are upright, so places differ by a turn about the vertical and a shift. Motions are guessed from pairs of
-    /// occurrences of equal radius and inclination, refined on the samples of both surfaces, and scored by the share of
-    /// the example that is found again and of the place that the example explains. Surfaces that go on beyond the
-    /// region, such as the floor, count by the share of them that lies inside.
-    ///
-    /// Only shapes larger than the deviation that the model was learned with can be found: legs of a chair are lost at a
-    /// sigma of their width.
-    ///
-    /// The result does not depend on the number of threads.
-    ///
-    /// # Errors
-    /// [`crate::Error::InvalidParameter`] for options or a region outside their domain, and for a region without
-    /// words, [`crate::Error::TooManyPoints`] when the spacing of samples is too close, [`crate::Error::Cancelled`].
-    pub fn find(
-        &self,
-        example: &Region,
-        options: &FindOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Found>> {
-        options.check()?;
-        example.check()?;
-        let mut stages = Stages::new(FIND_STAGES, progress);
-        let origin = self.header().origin;
-        let lengths = Lengths::new(self, example, options)?;
-        let scene = stages.run("sampling the surface", |progress| {
-            SearchScene::new(self, lengths.spacing, options.color_tolerance, progress)
-        })?;
-        let Some(template) = Template::new(&scene, &example.about(origin), &lengths)? else {
-            return Err(example.invalid("a region with a surface"));
-        };
-        let side = Side::new(self, &scene);
-        let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
-        let mut places = places_like(&template, &side, &side, budget, &mut stages)?;
-        places.push((1.0, Motion::NONE));
-        places.retain(|(score, _)| *score >= options.min_score);
-        let places = template.best_places(places, options.max_found);
-        places.into_iter().map(|place| template.found(place, example, 0, [origin; 2])).collect()
-    }
+/// All places of a scene that look like the part of it in `example`, the best first; the example itself is among them.
+///
+/// Scenes are upright, so places differ by a turn about the vertical and a shift. Motions are guessed from pairs of
+/// occurrences of equal radius and inclination, refined on the samples of both surfaces, and scored by the share of
+/// the example that is found again and of the place that the example explains. Surfaces that go on beyond the
+/// region, such as the floor, count by the share of them that lies inside.
+///
+/// Only shapes larger than the deviation that the model was learned with can be found: legs of a chair are lost at a
+/// sigma of their width.
+///
+/// The result does not depend on the number of threads.
+///
+/// # Errors
+/// [`surfabet_models::Error::InvalidParameter`] for options or a region outside their domain, and for a region without
+/// words, [`surfabet_models::Error::TooManyPoints`] when the spacing of samples is too close, [`surfabet_models::Error::Cancelled`].
+pub fn find(
+    model: &AlphabetModel,
+    example: &Region,
+    options: &FindOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Found>> {
+    options.check()?;
+    example.check()?;
+    let mut stages = Stages::new(FIND_STAGES, progress);
+    let origin = model.header().origin;
+    let lengths = Lengths::new(model, example, options)?;
+    let scene = stages.run("sampling the surface", |progress| {
+        SearchScene::new(model, lengths.spacing, options.color_tolerance, progress)
+    })?;
+    let Some(template) = Template::new(&scene, &example.about(origin), &lengths)? else {
+        return Err(example.invalid("a region with a surface"));
+    };
+    let side = Side::new(model, &scene);
+    let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
+    let mut places = places_like(&template, &side, &side, budget, &mut stages)?;
+    places.push((1.0, Motion::NONE));
+    places.retain(|(score, _)| *score >= options.min_score);
+    let places = template.best_places(places, options.max_found);
+    places.into_iter().map(|place| template.found(place, example, 0, [origin; 2])).collect()
+}
 
-    /// All places that look like one of the `examples`, which are of other scenes; the best first, each with the example that fits
-    /// best there. As [`Self::find`]; sizes may differ by `options.size_tolerance`, and of an example that is all of its model what
-    /// stands beside it does not count.
-    ///
-    /// The result does not depend on the number of threads.
-    ///
-    /// # Errors
-    /// As [`Self::find`]; also for no example and for an example without surface.
-    pub fn find_examples(
-        &self,
-        examples: &[Example<'_>],
-        options: &FindOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Found>> {
-        options.check()?;
-        if examples.is_empty() {
-            return Err(Error::invalid("example", "none", "at least one model"));
-        }
-        let mut all: Vec<Found> = Vec::new();
-        for (k, example) in examples.iter().enumerate() {
-            let n = examples.len() as f32;
-            let part = Part::new(progress, k as f32 / n..(k + 1) as f32 / n);
-            all.extend(self.find_example(k, example, options, &part)?);
-        }
-        Ok(best_of_all(all, options.max_found))
+/// All places of a scene that look like one of the `examples`, which are of other scenes; the best first, each with the example that fits
+/// best there. As [`find`]; sizes may differ by `options.size_tolerance`, and of an example that is all of its model what
+/// stands beside it does not count.
+///
+/// The result does not depend on the number of threads.
+///
+/// # Errors
+/// As [`find`]; also for no example and for an example without surface.
+pub fn find_examples(
+    searched: &AlphabetModel,
+    examples: &[Example<'_>],
+    options: &FindOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Found>> {
+    options.check()?;
+    if examples.is_empty() {
+        return Err(Error::invalid("example", "none", "at least one model"));
     }
+    let mut all: Vec<Found> = Vec::new();
+    for (k, example) in examples.iter().enumerate() {
+        let n = examples.len() as f32;
+        let part = Part::new(progress, k as f32 / n..(k + 1) as f32 / n);
+        all.extend(find_example(searched, k, example, options, &part)?);
+    }
+    Ok(best_of_all(all, options.max_found))
+}
 
-    fn find_example(
-        &self,
-        number: usize,
-        example: &Example<'_>,
-        options: &FindOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Found>> {
-        let model = example.model;
-        if model.is_empty() {
-            return Err(Error::invalid(
-                "example",
-                format!("model {number}"),
-                "a model with surface",
-            ));
-        }
-        let mut stages = Stages::new(FIND_STAGES, progress);
-        let origins = [model.header().origin, self.header().origin];
-        let region = match example.region {
-            Some(region) => {
-                region.check()?;
-                region
-            }
-            None => whole(model),
-        };
-        let lengths = Lengths::across(self, model, &region, example.region.is_none(), options)?;
-        let [from, to] = stages.run("sampling the surface", |progress| {
-            let scene =
-                |of| SearchScene::new(of, lengths.spacing, options.color_tolerance, progress);
-            Ok([scene(model)?, scene(self)?])
-        })?;
-        let Some(template) = Template::new(&from, &region.about(origins[0]), &lengths)? else {
-            return Err(region.invalid("a region with a surface"));
-        };
-        let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
-        let sides = [Side::new(model, &from), Side::new(self, &to)];
-        let mut places = places_like(&template, &sides[0], &sides[1], budget, &mut stages)?;
-        places.retain(|(score, _)| *score >= options.min_score);
-        let places = template.best_places(places, options.max_found);
-        places.into_iter().map(|p| template.found(p, &region, number, origins)).collect()
+/// Places like one example, the best first.
+fn find_example(
+    searched: &AlphabetModel,
+    number: usize,
+    example: &Example<'_>,
+    options: &FindOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Found>> {
+    let model = example.model;
+    if model.is_empty() {
+        return Err(Error::invalid("example", format!("model {number}"), "a model with surface"));
     }
+    let mut stages = Stages::new(FIND_STAGES, progress);
+    let origins = [model.header().origin, searched.header().origin];
+    let region = match example.region {
+        Some(region) => {
+            region.check()?;
+            region
+        }
+        None => whole(model),
+    };
+    let lengths = Lengths::across(searched, model, &region, example.region.is_none(), options)?;
+    let [from, to] = stages.run("sampling the surface", |progress| {
+        let scene = |of| SearchScene::new(of, lengths.spacing, options.color_tolerance, progress);
+        Ok([scene(model)?, scene(searched)?])
+    })?;
+    let Some(template) = Template::new(&from, &region.about(origins[0]), &lengths)? else {
+        return Err(region.invalid("a region with a surface"));
+    };
+    let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
+    let sides = [Side::new(model, &from), Side::new(searched, &to)];
+    let mut places = places_like(&template, &sides[0], &sides[1], budget, &mut stages)?;
+    places.retain(|(score, _)| *score >= options.min_score);
+    let places = template.best_places(places, options.max_found);
+    places.into_iter().map(|p| template.found(p, &region, number, origins)).collect()
 }
 
 /// How much a search may try.
@@ -255,10 +248,9 @@ fn best_of_all(mut all: Vec<Found>, most: usize) -> Vec<Found> {
 #[cfg(test)]
 mod tests {
     use surfabet_geom::{PointCloud, Silent};
+    use surfabet_models::alphabet::{AlphabetOptions, learn};
 
     use super::*;
-    use crate::Error;
-    use crate::alphabet::{AlphabetOptions, learn};
 
     /// Poses of the things: x, y, yaw.
     const PLACES: [[f64; 3]; 3] = [[-1.0, -0.9, 0.2], [1.0, -0.7, 1.4], [0.1, 1.1, 3.7]];
@@ -310,7 +302,7 @@ mod tests {
     #[test]
     fn equal_things_are_found_with_their_poses() {
         let model = model();
-        let found = model.find(&example(), &FindOptions::default(), &Silent).unwrap();
+        let found = find(&model, &example(), &FindOptions::default(), &Silent).unwrap();
         assert_eq!(found.len(), 3, "{found:?}");
         assert_eq!(found[0].pose, Pose::identity());
         assert_eq!(found[0].score, 1.0);
@@ -332,7 +324,7 @@ mod tests {
         let model = model();
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| model.find(&example(), &FindOptions::default(), &Silent).unwrap())
+            pool.install(|| find(&model, &example(), &FindOptions::default(), &Silent).unwrap())
         };
         assert_eq!(on(1), on(3));
     }
@@ -340,14 +332,14 @@ mod tests {
     #[test]
     fn regions_without_extent_or_words_are_refused() {
         let model = model();
-        let find = |region: Region| model.find(&region, &FindOptions::default(), &Silent);
+        let search = |region: Region| find(&model, &region, &FindOptions::default(), &Silent);
         let nowhere = Region::Ball { center: [50.0, 0.0, 0.0], radius: 1.0 };
         let flat = Region::Box { low: [0.0; 3], high: [1.0, 0.0, 1.0] };
         let none = Region::Ball { center: [0.0; 3], radius: f64::NAN };
         for region in [nowhere, flat, none] {
-            assert!(matches!(find(region), Err(Error::InvalidParameter { .. })), "{region:?}");
+            assert!(matches!(search(region), Err(Error::InvalidParameter { .. })), "{region:?}");
         }
         let options = FindOptions { min_score: 1.5, ..FindOptions::default() };
-        assert!(model.find(&example(), &options, &Silent).is_err());
+        assert!(find(&model, &example(), &options, &Silent).is_err());
     }
 }

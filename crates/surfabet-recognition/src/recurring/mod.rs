@@ -14,16 +14,15 @@ mod candidates;
 mod options;
 
 use surfabet_geom::{Part, Progress};
+use surfabet_models::alphabet::AlphabetModel;
+use surfabet_models::options::Options;
+use surfabet_models::{Error, Result, Stages};
 
 use self::candidates::candidates;
 pub use self::options::RecurringOptions;
 use super::constants::{CLAIMED, LEAST_SPACING_OF_THINGS, RECURRING_FINALISTS, RECURRING_GUESSES};
 use super::find::{Budget, FIND_STAGES, Found, Lengths, Motion, Region, SearchScene, Side};
 use super::find::{Template, median_sigma, places_like};
-use crate::alphabet::model::AlphabetModel;
-use crate::error::{Error, Result};
-use crate::options::Options;
-use crate::stages::Stages;
 
 /// A class of things that recur.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,48 +38,46 @@ pub struct RecurringClass {
 /// Share of the progress that goes into sampling the surface.
 const SAMPLING: f32 = 0.1;
 
-impl AlphabetModel {
-    /// Classes of things that occur at least `options.min_count` times, the largest things first.
-    ///
-    /// Candidates are what hangs together beside large smooth surfaces, at most `options.max_size` wide. The largest is searched
-    /// for in the scene, as by [`Self::find`]; when it is found often enough, it and what was found are a class, and their
-    /// samples belong to no other. Then the next.
-    ///
-    /// The result does not depend on the number of threads.
-    ///
-    /// # Errors
-    /// [`Error::InvalidParameter`] for options outside their domain, [`Error::TooManyPoints`] when the spacing of samples is
-    /// too close, [`Error::Cancelled`].
-    pub fn recurring(
-        &self,
-        options: &RecurringOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<RecurringClass>> {
-        options.check()?;
-        if options.min_size >= options.max_size {
-            let value = format!("{} m", options.min_size);
-            return Err(Error::invalid("min_size", value, "less than max_size"));
-        }
-        let Some(sigma) = median_sigma(self, |_| true) else { return Ok(Vec::new()) };
-        let spacing = options.resolution.unwrap_or(sigma.max(LEAST_SPACING_OF_THINGS));
-        let part = Part::named(progress, "sampling the surface", 0.0..SAMPLING);
-        let scene = SearchScene::new(self, spacing, options.color_tolerance, &part)?;
-        let regions = candidates(&scene, options, progress)?;
-        let mut classes = Classes {
-            model: self,
-            scene: &scene,
-            side: Side::new(self, &scene),
-            tolerance: options.tolerance.unwrap_or(sigma),
-            options,
-            claimed: vec![false; scene.surface.len()],
-            found: Vec::new(),
-        };
-        for (k, region) in regions.iter().enumerate() {
-            let at = |k: usize| SAMPLING + (1.0 - SAMPLING) * k as f32 / regions.len() as f32;
-            classes.try_candidate(region, &Part::new(progress, at(k)..at(k + 1)))?;
-        }
-        Ok(classes.found)
+/// Classes of things that occur at least `options.min_count` times, the largest things first.
+///
+/// Candidates are what hangs together beside large smooth surfaces, at most `options.max_size` wide. The largest is searched
+/// for in the scene, as by [`find`](crate::find()); when it is found often enough, it and what was found are a class, and their
+/// samples belong to no other. Then the next.
+///
+/// The result does not depend on the number of threads.
+///
+/// # Errors
+/// [`Error::InvalidParameter`] for options outside their domain, [`Error::TooManyPoints`] when the spacing of samples is
+/// too close, [`Error::Cancelled`].
+pub fn recurring(
+    model: &AlphabetModel,
+    options: &RecurringOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<RecurringClass>> {
+    options.check()?;
+    if options.min_size >= options.max_size {
+        let value = format!("{} m", options.min_size);
+        return Err(Error::invalid("min_size", value, "less than max_size"));
     }
+    let Some(sigma) = median_sigma(model, |_| true) else { return Ok(Vec::new()) };
+    let spacing = options.resolution.unwrap_or(sigma.max(LEAST_SPACING_OF_THINGS));
+    let part = Part::named(progress, "sampling the surface", 0.0..SAMPLING);
+    let scene = SearchScene::new(model, spacing, options.color_tolerance, &part)?;
+    let regions = candidates(&scene, options, progress)?;
+    let mut classes = Classes {
+        model,
+        scene: &scene,
+        side: Side::new(model, &scene),
+        tolerance: options.tolerance.unwrap_or(sigma),
+        options,
+        claimed: vec![false; scene.surface.len()],
+        found: Vec::new(),
+    };
+    for (k, region) in regions.iter().enumerate() {
+        let at = |k: usize| SAMPLING + (1.0 - SAMPLING) * k as f32 / regions.len() as f32;
+        classes.try_candidate(region, &Part::new(progress, at(k)..at(k + 1)))?;
+    }
+    Ok(classes.found)
 }
 
 /// Classes as they are found.

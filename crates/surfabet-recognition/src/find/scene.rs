@@ -1,13 +1,13 @@
 //! The scene that is searched.
 
 use surfabet_geom::{KdTree, Progress};
+use surfabet_models::Result;
+use surfabet_models::alphabet::AlphabetModel;
 
-use crate::alphabet::model::AlphabetModel;
-use crate::error::Result;
-use crate::recognition::surface::Surface;
+use crate::surface::Surface;
 
 /// The samples of a scene, and the smooth pieces that they fall into.
-pub(in crate::recognition) struct SearchScene {
+pub(crate) struct SearchScene {
     pub surface: Surface,
     pub tree: KdTree,
     /// Standard deviation of equal chromas, grey levels; `None` where shape alone counts.

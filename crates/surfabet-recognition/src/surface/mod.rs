@@ -11,13 +11,12 @@ mod sampling;
 
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
+use surfabet_geom::vector::{self, minus};
+use surfabet_models::alphabet::{AlphabetModel, Occurrence};
+use surfabet_models::{Result, to_ycocg};
 
 use self::sampling::{RawSample, raw_samples};
 use super::constants::LUMA_TOLERANCE;
-use crate::alphabet::model::{AlphabetModel, Occurrence};
-use crate::color::to_ycocg;
-use crate::error::Result;
-use crate::vector::{self, minus};
 
 /// Samples, one per cube whose side is the spacing, and per axis that normals are nearest to.
 pub(super) struct Surface {
@@ -37,7 +36,7 @@ pub(super) struct Surface {
 
 impl Surface {
     /// # Errors
-    /// [`crate::Error::TooManyPoints`], [`crate::Error::Cancelled`].
+    /// [`surfabet_models::Error::TooManyPoints`], [`surfabet_models::Error::Cancelled`].
     pub fn of(model: &AlphabetModel, spacing: f64, progress: &dyn Progress) -> Result<Self> {
         let occurrences: Vec<Occurrence> = model.occurrences().collect();
         let unsorted = raw_samples(model, &occurrences, spacing, progress)?;
@@ -73,22 +72,6 @@ impl Surface {
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.points.len()
-    }
-}
-
-impl AlphabetModel {
-    /// Lowest and highest corner of a box around all occurrences and what is within sigma of them, world coordinates; not finite
-    /// for a model without occurrences.
-    pub fn extent(&self) -> [[f64; 3]; 2] {
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for o in self.occurrences() {
-            let reach: [f64; 3] = std::array::from_fn(|a| {
-                o.radius * (o.rows[0][a].abs() + o.rows[1][a].abs()) + o.sigma
-            });
-            low = std::array::from_fn(|a| low[a].min(o.center[a] - reach[a]));
-            high = std::array::from_fn(|a| high[a].max(o.center[a] + reach[a]));
-        }
-        [low, high]
     }
 }
 

@@ -3,7 +3,7 @@
 
 /// Sizes and a turn about the vertical through the template's pivot, then a shift.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::recognition) struct Motion {
+pub(crate) struct Motion {
     pub yaw: f64,
     pub shift: [f64; 3],
     /// Factors of what is level and of what is upright.

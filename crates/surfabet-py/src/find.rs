@@ -1,4 +1,4 @@
-//! Finding what looks like an example, and comparing places.
+//! `surfabet.alphabet` and `surfabet.recurring`: what looks like an example, and what recurs.
 
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
@@ -69,7 +69,8 @@ fn find_occurrences<'py>(
     };
     let options: FindOptions = options_of(options)?;
     let model = &model.get().model;
-    let found: Vec<Found> = run(py, progress, |monitor| model.find(&region, &options, monitor))?;
+    let found: Vec<Found> =
+        run(py, progress, |monitor| recognition::find(model, &region, &options, monitor))?;
     Ok(found_arrays(py, &found))
 }
 
@@ -89,8 +90,9 @@ fn find_examples<'py>(
     let region = region_of(region);
     let examples: Vec<Example<'_>> =
         examples.iter().map(|e| Example { model: &e.get().model, region }).collect();
-    let found: Vec<Found> =
-        run(py, progress, |monitor| model.find_examples(&examples, &options, monitor))?;
+    let found: Vec<Found> = run(py, progress, |monitor| {
+        recognition::find_examples(model, &examples, &options, monitor)
+    })?;
     Ok(found_arrays(py, &found))
 }
 
@@ -109,7 +111,7 @@ fn recurring<'py>(
     let options: RecurringOptions = options_of(options)?;
     let model = &model.get().model;
     let classes: Vec<RecurringClass> =
-        run(py, progress, |monitor| model.recurring(&options, monitor))?;
+        run(py, progress, |monitor| recognition::recurring(model, &options, monitor))?;
     let arrays = |class: &RecurringClass| {
         let numbers = |all: &Vec<u32>| {
             all.iter().map(|&k| i64::from(k)).collect::<Vec<i64>>().into_pyarray(py)
@@ -120,45 +122,9 @@ fn recurring<'py>(
     Ok(classes.iter().map(arrays).collect())
 }
 
-/// How alike two places are, 0 to 1.
-#[pyfunction]
-fn place_similarity(
-    py: Python<'_>,
-    a: &Bound<'_, PyAlphabetModel>,
-    b: &Bound<'_, PyAlphabetModel>,
-) -> PyResult<f64> {
-    let [a, b] = [a, b].map(|m| &m.get().model);
-    run(py, None, |monitor| recognition::place_similarity(a, b, monitor))
-}
-
-type WordShares<'py> = (
-    Bound<'py, PyArray1<i64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<i64>>,
-    Bound<'py, PyArray1<f64>>,
-);
-
-/// Word, radius, class of inclination and share of area, as arrays.
-#[pyfunction]
-fn word_histogram<'py>(py: Python<'py>, model: &Bound<'_, PyAlphabetModel>) -> WordShares<'py> {
-    let all = model.get().model.word_histogram();
-    let words: Vec<i64> = all.iter().map(|s| i64::from(s.word)).collect();
-    let radii: Vec<f64> = all.iter().map(|s| s.radius).collect();
-    let inclinations: Vec<i64> = all.iter().map(|s| i64::from(s.inclination)).collect();
-    let shares: Vec<f64> = all.iter().map(|s| s.share).collect();
-    (
-        words.into_pyarray(py),
-        radii.into_pyarray(py),
-        inclinations.into_pyarray(py),
-        shares.into_pyarray(py),
-    )
-}
-
 /// Adds this file's names to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(find_occurrences, module)?)?;
     module.add_function(wrap_pyfunction!(find_examples, module)?)?;
-    module.add_function(wrap_pyfunction!(recurring, module)?)?;
-    module.add_function(wrap_pyfunction!(place_similarity, module)?)?;
-    module.add_function(wrap_pyfunction!(word_histogram, module)?)
+    module.add_function(wrap_pyfunction!(recurring, module)?)
 }

@@ -3,13 +3,13 @@
 use nalgebra::{Matrix6, Vector6};
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
+use surfabet_models::Result;
 
 use super::motion::Motion;
 use super::scene::SearchScene;
 use super::score::matched_share;
 use super::template::Template;
-use crate::error::Result;
-use crate::recognition::constants::{
+use crate::constants::{
     FINE_REACH, FINE_SAMPLES, FINE_STEPS, HOLD, NORMAL_COSINE, ROUGH_REACH, ROUGH_SAMPLES,
     ROUGH_STEPS, ROUGH_TOLERANCE, SIZE_HOLD, SLIDES, TANGENT_WEIGHT,
 };

@@ -2,11 +2,12 @@
 
 use std::f64::consts::TAU;
 
+use surfabet_geom::vector::{cross, dot, least_axis, unit};
+
 use super::motion::Motion;
 use super::scene::SearchScene;
 use super::template::Template;
-use crate::recognition::constants::{BEYOND_BORDER, BORDER_DIRECTIONS, BORDER_STEP, FINE_SAMPLES};
-use crate::vector::{cross, dot, least_axis, unit};
+use crate::constants::{BEYOND_BORDER, BORDER_DIRECTIONS, BORDER_STEP, FINE_SAMPLES};
 
 /// Positions beyond the border of an example, each with the number of the sample that would be continued there.
 pub(super) struct Border(Vec<(u32, [f32; 3])>);

@@ -11,13 +11,13 @@ mod word_histogram;
 mod word_similarity;
 
 use surfabet_geom::Progress;
+use surfabet_models::Result;
+use surfabet_models::alphabet::AlphabetModel;
 
 use self::pair_histogram::{pair_cosine, pair_roots};
-pub use self::word_histogram::WordShare;
+pub use self::word_histogram::{WordShare, word_histogram};
 use self::word_similarity::UsedWords;
 use super::constants::WORDS_WEIGHT;
-use crate::alphabet::model::AlphabetModel;
-use crate::error::Result;
 
 /// What a place is compared by: its words, and how their occurrences lie to each other. Made once per model, compared often.
 #[derive(Debug, Clone)]
@@ -30,7 +30,7 @@ impl PlaceSignature {
     /// The signature of a model; of one without occurrences it is empty.
     ///
     /// # Errors
-    /// [`crate::Error::Cancelled`].
+    /// [`surfabet_models::Error::Cancelled`].
     pub fn of(model: &AlphabetModel, progress: &dyn Progress) -> Result<Self> {
         Ok(Self { words: UsedWords::of(model), pairs: pair_roots(model, progress)? })
     }
@@ -69,7 +69,7 @@ impl PlaceSignature {
 /// one without.
 ///
 /// # Errors
-/// [`crate::Error::Cancelled`].
+/// [`surfabet_models::Error::Cancelled`].
 pub fn place_similarity(
     a: &AlphabetModel,
     b: &AlphabetModel,
@@ -81,9 +81,9 @@ pub fn place_similarity(
 #[cfg(test)]
 mod tests {
     use surfabet_geom::{PointCloud, Silent};
+    use surfabet_models::alphabet::{AlphabetOptions, learn};
 
     use super::*;
-    use crate::alphabet::{AlphabetOptions, learn};
 
     /// A room without a ceiling, turned and moved.
     fn room(size: [f64; 3], yaw: f64, shift: [f64; 3]) -> AlphabetModel {
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn shares_add_up_to_one() {
-        let histogram = room([4.0, 3.0, 2.5], 0.3, [0.0; 3]).word_histogram();
+        let histogram = word_histogram(&room([4.0, 3.0, 2.5], 0.3, [0.0; 3]));
         assert!((histogram.iter().map(|s| s.share).sum::<f64>() - 1.0).abs() < 1e-12);
         assert!(histogram.iter().all(|s| s.share > 0.0));
         // Floors are level, walls steep; nothing lies between.

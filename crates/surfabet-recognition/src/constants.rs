@@ -1,4 +1,4 @@
-//! The tuned constants of search and place similarity.
+//! The tuned constants of `find`, `recurring`, `similarity` and `surface`.
 //!
 //! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
 //! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
@@ -9,237 +9,237 @@
 /// Distance of raw samples over the spacing of those that are kept: a little less than `sqrt(1 / 2)`, so that neighbours
 /// across a diagonal are less than the side of a cube apart, and no cube on the surface is skipped. Double lowers the scores
 /// of right places by 0.02 to 0.05.
-pub(super) const RAW_SPACING: f64 = 0.7;
+pub(crate) const RAW_SPACING: f64 = 0.7;
 
 /// Samples up to this many spacings apart can belong to one piece: one skipped cube does not cut it.
-pub(super) const PIECE_REACH: f64 = 2.1;
+pub(crate) const PIECE_REACH: f64 = 2.1;
 
 /// Least |cosine| between normals of neighbours in one piece: 20 degrees.
-pub(super) const PIECE_COSINE: f32 = 0.94;
+pub(crate) const PIECE_COSINE: f32 = 0.94;
 
 /// Farthest that a neighbour in one piece lies from the plane of the other, spacings.
-pub(super) const PIECE_STEP: f64 = 0.35;
+pub(crate) const PIECE_STEP: f64 = 0.35;
 
 /// How many times as far as chroma luma, which changes with the light, may differ.
-pub(super) const LUMA_TOLERANCE: f64 = 3.0;
+pub(crate) const LUMA_TOLERANCE: f64 = 3.0;
 
 /// Most raw samples of a surface; bounds memory. More are refused.
-pub(super) const MAX_SAMPLES: u64 = 20_000_000;
+pub(crate) const MAX_SAMPLES: u64 = 20_000_000;
 
 // The example.
 
 /// Samples along the diagonal of an example. Half takes half of the time, and by shape alone the best wrong
 /// place rises above a score of 0.5.
-pub(super) const SAMPLES_PER_DIAGONAL: f64 = 64.0;
+pub(crate) const SAMPLES_PER_DIAGONAL: f64 = 64.0;
 
 /// Closest spacing of samples unless it is given, metres: counts for regions with a diagonal below 0.26 m.
-pub(super) const LEAST_SPACING: f64 = 0.004;
+pub(crate) const LEAST_SPACING: f64 = 0.004;
 
 /// Least tolerance unless it is given, spacings: counts where the median sigma of the example's occurrences is less.
-pub(super) const LEAST_TOLERANCE: f64 = 0.25;
+pub(crate) const LEAST_TOLERANCE: f64 = 0.25;
 
 /// Pieces of an object seen from two sides may differ in size by this factor at no cost.
-pub(super) const PIECE_SIZE_RATIO: f64 = 1.5;
+pub(crate) const PIECE_SIZE_RATIO: f64 = 1.5;
 
 /// Least |cosine| between normals of one and the same surface: 53 degrees.
-pub(super) const NORMAL_COSINE: f32 = 0.6;
+pub(crate) const NORMAL_COSINE: f32 = 0.6;
 
 // Guessing motions.
 
 /// Occurrences of the example that motions are guessed from. Of a chair half and double give the same.
-pub(super) const SEEDS: usize = 48;
+pub(crate) const SEEDS: usize = 48;
 
 /// Samples of the example that guesses are tried with: those of largest weight among four times as many.
-pub(super) const TRIAL_SAMPLES: usize = 96;
+pub(crate) const TRIAL_SAMPLES: usize = 96;
 
 /// Guesses that are refined.
-pub(super) const GUESSES: usize = 2000;
+pub(crate) const GUESSES: usize = 2000;
 
 /// Least share of the trial samples, by weight, that a guess takes to occupied cells.
-pub(super) const LEAST_TRIAL_SHARE: f64 = 0.3;
+pub(crate) const LEAST_TRIAL_SHARE: f64 = 0.3;
 
 /// From this share in the region on, by its root, a piece counts as whole.
-pub(super) const WHOLE_PIECE: f64 = 0.7;
+pub(crate) const WHOLE_PIECE: f64 = 0.7;
 
 /// Pieces this many times larger than the largest whole piece of the example are not searched: a seat is not searched
 /// in a wall.
-pub(super) const MAX_PIECE_RATIO: f64 = 8.0;
+pub(crate) const MAX_PIECE_RATIO: f64 = 8.0;
 
 /// From this |z| of a normal on, its horizontal direction is too uncertain to turn by: from 53 degrees of elevation.
-pub(super) const LEVEL: f64 = 0.8;
+pub(crate) const LEVEL: f64 = 0.8;
 
 /// Largest difference of |z| between normals of a pair of occurrences.
-pub(super) const SAME_INCLINATION: f64 = 0.3;
+pub(crate) const SAME_INCLINATION: f64 = 0.3;
 
 /// Ratios of radii of a pair of occurrences: the same scale or the next.
-pub(super) const RADIUS_RATIOS: std::ops::Range<f64> = 0.4..2.5;
+pub(crate) const RADIUS_RATIOS: std::ops::Range<f64> = 0.4..2.5;
 
 /// Least similarity of colour of a pair of occurrences: saves the trials of pairs that colour will tell apart.
-pub(super) const LEAST_COLOR_SIMILARITY: f64 = 0.1;
+pub(crate) const LEAST_COLOR_SIMILARITY: f64 = 0.1;
 
 /// Turns that are tried where no normal gives one: all around, an eighth of pi apart.
-pub(super) const TURNS: u32 = 16;
+pub(crate) const TURNS: u32 = 16;
 
 /// Side of the cells of occupancy, and of guesses that count as one: twice the spacing or this share of the diagonal,
 /// whichever is more. Twice the spacing is 1 / 32 of the diagonal where it is not given: the share counts for closer ones
 /// alone, and bounds the number of cells and guesses.
-pub(super) const GUESS_CELL: f64 = 0.03;
+pub(crate) const GUESS_CELL: f64 = 0.03;
 
 /// |z| of a normal that separates samples tried against level cells from those tried against steep ones.
-pub(super) const TRIAL_LEVEL: f32 = 0.68;
+pub(crate) const TRIAL_LEVEL: f32 = 0.68;
 
 /// Cells are occupied by a steep surface below this |z| of its normal, by a level one above the other: they overlap, so
 /// that normals may be off by 13 degrees.
-pub(super) const OCCUPANCY_LEVELS: [f32; 2] = [0.85, 0.5];
+pub(crate) const OCCUPANCY_LEVELS: [f32; 2] = [0.85, 0.5];
 
 /// Most cells of occupancy: 32 MiB for each of two bits. Of a chair cells are 3.9 cm, and scenes of up to 15,000 cubic
 /// metres do not reach it; of larger ones cells are larger.
-pub(super) const MAX_CELLS: f64 = (1_u64 << 28) as f64;
+pub(crate) const MAX_CELLS: f64 = (1_u64 << 28) as f64;
 
 // Refining motions.
 
 /// Samples of the example in the rough refinement of all guesses, and in the fine one of the best.
-pub(super) const ROUGH_SAMPLES: usize = 128;
+pub(crate) const ROUGH_SAMPLES: usize = 128;
 /// The same of the fine refinement.
-pub(super) const FINE_SAMPLES: usize = 512;
+pub(crate) const FINE_SAMPLES: usize = 512;
 
 /// Gauss-Newton steps of either. Half and double change scores of right places by at most 0.015, the time by -13 to 24
 /// percent.
-pub(super) const ROUGH_STEPS: usize = 6;
+pub(crate) const ROUGH_STEPS: usize = 6;
 /// The same of the fine refinement.
-pub(super) const FINE_STEPS: usize = 8;
+pub(crate) const FINE_STEPS: usize = 8;
 
 /// How far a sample may be from the surface in the rough refinement: a share of the diagonal in the first step, a
 /// number of tolerances in the last.
-pub(super) const ROUGH_REACH: (f64, f64) = (0.12, 3.0);
+pub(crate) const ROUGH_REACH: (f64, f64) = (0.12, 3.0);
 
 /// The same in the fine refinement, both in tolerances.
-pub(super) const FINE_REACH: [f64; 2] = [6.0, 1.0];
+pub(crate) const FINE_REACH: [f64; 2] = [6.0, 1.0];
 
 /// Tolerance of the score by which the best guesses are kept, in tolerances.
-pub(super) const ROUGH_TOLERANCE: f64 = 2.0;
+pub(crate) const ROUGH_TOLERANCE: f64 = 2.0;
 
 /// Weight of distances along the surface beside those along its normal: along the surface the nearest sample lies anywhere
 /// within the spacing.
-pub(super) const TANGENT_WEIGHT: f64 = 0.1;
+pub(crate) const TANGENT_WEIGHT: f64 = 0.1;
 
 /// Weight that holds a motion in directions that no surface fixes, over the weight of the samples.
-pub(super) const HOLD: f64 = 1e-3;
+pub(crate) const HOLD: f64 = 1e-3;
 
 /// What holds sizes at those of the example, over the weight of the samples: sizes at the end of their tolerance weigh as much
 /// as this share of all samples a tolerance away.
-pub(super) const SIZE_HOLD: f64 = 0.1;
+pub(crate) const SIZE_HOLD: f64 = 0.1;
 
 /// Largest change of a size unless it is given, as a share, of an example of another scene.
-pub(super) const SIZE_TOLERANCE: f64 = 0.1;
+pub(crate) const SIZE_TOLERANCE: f64 = 0.1;
 
 /// How far from the samples of an example that is a whole model a place has to be explained, as a share of its diagonal:
 /// what stands beside it is not part of it.
-pub(super) const SURROUNDINGS: f64 = 0.06;
+pub(crate) const SURROUNDINGS: f64 = 0.06;
 
 /// Guesses that are refined finely. Half takes 22 percent less time, double 48 percent more; scores of right
 /// places fall and rise by 0.01.
-pub(super) const FINALISTS: usize = 300;
+pub(crate) const FINALISTS: usize = 300;
 
 /// Shifts that are tried one after the other where colours count, as shares of the diagonal.
-pub(super) const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
+pub(crate) const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
 
 // Scoring and suppressing.
 
 /// How far beyond the border of an example it is asked whether the place goes on, spacings: two are within what samples of a border
 /// miss it by.
-pub(super) const BORDER_STEP: f64 = 3.0;
+pub(crate) const BORDER_STEP: f64 = 3.0;
 
 /// A position is beyond the border when the nearest sample is farther than this share of the step.
-pub(super) const BEYOND_BORDER: f64 = 0.75;
+pub(crate) const BEYOND_BORDER: f64 = 0.75;
 
 /// Directions in which the border is looked for about a sample.
-pub(super) const BORDER_DIRECTIONS: u32 = 8;
+pub(crate) const BORDER_DIRECTIONS: u32 = 8;
 
 /// Samples of the example that places are scored with.
-pub(super) const SCORED_SAMPLES: usize = 4096;
+pub(crate) const SCORED_SAMPLES: usize = 4096;
 
 /// Share of motions below which a sample that matches does not count as rarer still.
-pub(super) const RAREST: f64 = 0.05;
+pub(crate) const RAREST: f64 = 0.05;
 
 /// Motions closer than this share of the example's diagonal are one.
-pub(super) const SAME_PLACE: f64 = 0.25;
+pub(crate) const SAME_PLACE: f64 = 0.25;
 
 /// Places of several examples closer than this are one, metres: middles of things of a kind are farther apart.
-pub(super) const SAME_PLACE_OF_ANY: f64 = 0.3;
+pub(crate) const SAME_PLACE_OF_ANY: f64 = 0.3;
 
 /// The same before the fine refinement, for motions of about one direction.
-pub(super) const SAME_GUESS: f64 = 0.25 * SAME_PLACE;
+pub(crate) const SAME_GUESS: f64 = 0.25 * SAME_PLACE;
 
 /// Motions that share more of their region than this are one.
-pub(super) const OVERLAP: f64 = 0.35;
+pub(crate) const OVERLAP: f64 = 0.35;
 
 // Recurring things.
 
 /// Closest spacing of samples unless it is given, metres: legs and rails of 2 cm show.
-pub(super) const LEAST_SPACING_OF_THINGS: f64 = 0.015;
+pub(crate) const LEAST_SPACING_OF_THINGS: f64 = 0.015;
 
 /// Samples up to this many spacings apart hang together.
-pub(super) const LINK_REACH: f64 = 2.1;
+pub(crate) const LINK_REACH: f64 = 2.1;
 
 /// What lies up to this many spacings from a large surface, and half as many from its plane, belongs to it: scraps along
 /// its edges look alike.
-pub(super) const ON_LARGE: f64 = 4.0;
+pub(crate) const ON_LARGE: f64 = 4.0;
 
 /// Samples that a thing needs, as a share of a square of the least size that is filled.
-pub(super) const LEAST_FILLED: f64 = 0.1;
+pub(crate) const LEAST_FILLED: f64 = 0.1;
 
 /// How much wider than its samples the box of a thing is on each side, spacings.
-pub(super) const MARGIN_OF_THINGS: f64 = 1.0;
+pub(crate) const MARGIN_OF_THINGS: f64 = 1.0;
 
 /// The same of a piece of what is too large for a thing, as a share of its diagonal.
-pub(super) const PART_MARGIN: f64 = 0.2;
+pub(crate) const PART_MARGIN: f64 = 0.2;
 
 /// Guesses that are refined, and that are refined finely, for each candidate: a third of those of a search that is asked for.
-pub(super) const RECURRING_GUESSES: usize = 600;
+pub(crate) const RECURRING_GUESSES: usize = 600;
 /// The same finely.
-pub(super) const RECURRING_FINALISTS: usize = 100;
+pub(crate) const RECURRING_FINALISTS: usize = 100;
 
 /// A sample is covered by a thing up to this many tolerances, and a spacing, from its samples.
-pub(super) const COVERED: f64 = 2.0;
+pub(crate) const COVERED: f64 = 2.0;
 
 /// Weight from which on a sample of an example belongs to it and not to what goes on beyond its region.
-pub(super) const LEAST_OWN_WEIGHT: f64 = 0.5;
+pub(crate) const LEAST_OWN_WEIGHT: f64 = 0.5;
 
 /// Share of a thing's samples from which on it belongs to a class already.
-pub(super) const CLAIMED: f64 = 0.4;
+pub(crate) const CLAIMED: f64 = 0.4;
 
 // Place similarity.
 
 /// Weight of the words against the pairs: words alone vary more between scans of one place. Half and double change the
 /// margin between real places from 0.053 to 0.060 and 0.037.
-pub(super) const WORDS_WEIGHT: f64 = 0.25;
+pub(crate) const WORDS_WEIGHT: f64 = 0.25;
 
 /// Mean squared difference of heights, in squared radii, that halves the similarity of two words.
-pub(super) const HALF_HEIGHT_DIFFERENCE: f64 = 0.03;
+pub(crate) const HALF_HEIGHT_DIFFERENCE: f64 = 0.03;
 
 /// Squared difference of a hole and a surface, in squared radii: that of heights a quarter of the radius apart.
-pub(super) const HOLE_DIFFERENCE: f64 = 1.0 / 16.0;
+pub(crate) const HOLE_DIFFERENCE: f64 = 1.0 / 16.0;
 
 /// Weight of the squared ratio of radii, in octaves, in the exponent of the similarity of two words; that of classes of
 /// inclination is 1.
-pub(super) const RADIUS_WEIGHT: f64 = 0.25;
+pub(crate) const RADIUS_WEIGHT: f64 = 0.25;
 
 /// Most occurrences that are compared with one another, evenly taken: bounds the time of large scenes. Half
 /// takes a third of the time, double three times it; the margin falls to 0.048 and stays.
-pub(super) const MAX_COMPARED: usize = 1500;
+pub(crate) const MAX_COMPARED: usize = 1500;
 
 /// Shortest distance with a class of its own, metres.
-pub(super) const NEAREST: f64 = 0.25;
+pub(crate) const NEAREST: f64 = 0.25;
 
 /// Height from which on the next class begins, metres. Half takes 0.016 of the margin of 0.053 between real places, double
 /// adds as much; simulated rooms lose more than half of theirs either way.
-pub(super) const RISE_LIMITS: [f64; 3] = [0.25, 1.0, 2.5];
+pub(crate) const RISE_LIMITS: [f64; 3] = [0.25, 1.0, 2.5];
 
 /// |z| of a normal from which on the next class of inclination begins: steep, sloped, level. With 0.19 and 0.98 spots of
 /// one hall are told apart with nearly three times the margin, simulated rooms as before.
-pub(super) const INCLINATION_LIMITS: [f64; 2] = [0.38, 0.92];
+pub(crate) const INCLINATION_LIMITS: [f64; 2] = [0.38, 0.92];
 
 /// |cosine| between the horizontal directions of two normals below which the next class begins: equal, between,
 /// perpendicular. The margin between places hardly depends on them.
-pub(super) const TURN_LIMITS: [f64; 2] = [0.9, 0.45];
+pub(crate) const TURN_LIMITS: [f64; 2] = [0.9, 0.45];

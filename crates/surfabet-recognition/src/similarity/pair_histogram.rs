@@ -1,15 +1,12 @@
 //! How the occurrences of a scene lie to each other: a histogram of their pairs.
 
 use surfabet_base::parallel;
-use surfabet_geom::Progress;
+use surfabet_geom::{Progress, vector};
+use surfabet_models::Result;
+use surfabet_models::alphabet::AlphabetModel;
 
 use super::word_histogram::area;
-use crate::alphabet::model::AlphabetModel;
-use crate::error::Result;
-use crate::recognition::constants::{
-    INCLINATION_LIMITS, MAX_COMPARED, NEAREST, RISE_LIMITS, TURN_LIMITS,
-};
-use crate::vector;
+use crate::constants::{INCLINATION_LIMITS, MAX_COMPARED, NEAREST, RISE_LIMITS, TURN_LIMITS};
 
 /// Classes of distance: one per half octave, from a quarter of a metre to 45 m and beyond.
 const DISTANCES: usize = 16;

@@ -2,13 +2,13 @@
 
 use surfabet_base::parallel;
 use surfabet_geom::{Neighbor, Progress};
+use surfabet_models::Result;
 
 use super::border::Border;
 use super::motion::Motion;
 use super::scene::SearchScene;
 use super::template::Template;
-use crate::error::Result;
-use crate::recognition::constants::{COVERED, LEAST_OWN_WEIGHT, RAREST, SCORED_SAMPLES};
+use crate::constants::{COVERED, LEAST_OWN_WEIGHT, RAREST, SCORED_SAMPLES};
 
 impl Template {
     /// Scores of all motions: `sqrt(found * explained * kept)`, with `found` the share of the example that is matched, by rarity
