@@ -92,9 +92,10 @@ impl<'a> Search<'a> {
         let mut heap = self.roots(least);
         let mut found: Vec<(u32, Node)> = Vec::new();
         let mut opened = 0;
-        let mut hopeful = 0;
+        let mut hopeful: Option<i32> = None;
         while let Some(node) = heap.pop() {
-            let times = if thorough && node.promise >= hopeful { THOROUGH } else { 1 };
+            let is_hopeful = thorough && hopeful.is_some_and(|least| node.promise >= least);
+            let times = if is_hopeful { THOROUGH } else { 1 };
             if found.len() >= times * HYPOTHESES || opened >= times * MAX_NODES {
                 break;
             }
@@ -104,7 +105,7 @@ impl<'a> Search<'a> {
             if node.level == 0 {
                 let of_best = (share * f64::from(node.bound)).ceil() as u32;
                 least = least.max(of_best);
-                hopeful = hopeful.max((HOPEFUL * f64::from(node.bound)).ceil() as i32);
+                hopeful = hopeful.max(Some((HOPEFUL * f64::from(node.bound)).ceil() as i32));
                 found.push((node.bound, node));
                 continue;
             }
