@@ -1,6 +1,7 @@
 """`model.locate` on a hall of laser scans and a simulated building, beside two other tools.
 
     python benches/papers/locate.py --part hall
+    python benches/papers/locate.py --part hall --kinds "90 degrees" --seeds 107 108 109
     python benches/papers/locate.py --part building
     python benches/papers/locate.py --part peers   # pip install kiss-matcher map-closures open3d
 
@@ -15,7 +16,7 @@ import argparse
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from surfabet import datasets
 Array = NDArray[np.float64]
 Query = tuple[str, Array, Array | None]
 NEAR, TURNED = 0.2, 2.0
+KINDS = ("full", "90 degrees", "half", "mirrored", "elsewhere", "full, with a prior")
 
 
 def scan(k: int) -> Array:
@@ -77,12 +79,11 @@ def thinned(cloud: sb.PointCloud, side: float) -> sb.PointCloud:
 
 
 def hall_queries(
-    scans: dict[int, Array], poses: Array, numbers: list[int]
+    scans: dict[int, Array], poses: Array, numbers: list[int], seeds: Sequence[int] = (7,)
 ) -> dict[str, list[Query]]:
     """By kind: as it is, a view of 90 degrees, half of the points, mirrored."""
-    random = np.random.default_rng(7)
-    found: dict[str, list[Query]] = {"full": [], "90 degrees": [], "half": [], "mirrored": []}
-    for k in numbers:
+    found: dict[str, list[Query]] = {kind: [] for kind in KINDS[:4]}
+    for random, k in ((random, k) for random in map(np.random.default_rng, seeds) for k in numbers):
         turn = yaw(random.uniform(0, 2 * np.pi))
         points, pose = scans[k] @ turn[:3, :3], poses[k] @ turn
         ahead = np.abs(np.arctan2(points[:, 1], points[:, 0])) < np.pi / 4
@@ -185,20 +186,19 @@ def splits() -> dict[str, tuple[list[int], list[int]]]:
     }
 
 
-def hall() -> None:
+def hall(asked_kinds: list[str], seeds: list[int]) -> None:
     scans, poses = drive()
     others = elsewhere()
     print_header("map", "method", "bytes", "queries are", *COLUMNS)
     for split, (of_map, asked) in splits().items():
-        kinds = hall_queries(scans, poses, asked)
+        queries = hall_queries(scans, poses, asked, seeds)
+        queries |= {"elsewhere": others, "full, with a prior": queries["full"]}
         for method, model in hall_maps(merged(scans, poses, of_map)):
             size = len(model.to_bytes())
             model.localizer()
-            for kind, queries in {**kinds, "elsewhere": others}.items():
-                print_row(split, method, size, kind, *ask(model, queries))
-            print_row(
-                split, method, size, "full, with a prior", *ask(model, kinds["full"], prior=True)
-            )
+            for kind in asked_kinds:
+                cells = ask(model, queries[kind], prior=kind == "full, with a prior")
+                print_row(split, method, size, kind, *cells)
 
 
 def building() -> None:
@@ -477,13 +477,18 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--part", choices=["hall", "building", "peers"], default="hall")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="hall")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[7], help="hall: of the views")
     parser.add_argument("--queries", type=int, default=7, help="of the peers")
     options = parser.parse_args()
     if options.part == "building":
         building()
         return
     check_data()
-    hall() if options.part == "hall" else peers(options.queries)
+    if options.part == "hall":
+        hall(options.kinds, options.seeds)
+    else:
+        peers(options.queries)
 
 
 if __name__ == "__main__":

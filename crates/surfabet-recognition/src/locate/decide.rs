@@ -2,14 +2,15 @@
 
 use std::fmt;
 
+use nalgebra::Vector3;
 use surfabet_geom::vector;
 use surfabet_models::Result;
 
 use super::constants::{
     AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH,
     FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, LEAST_SAMPLES,
-    MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, SAME_PLACE, SECTORS, TILTED_AGAINST,
-    TILTED_EXPLAINED, UNKNOWN,
+    LOOSE_MARGIN, MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, ROW, ROW_EXPLAINED,
+    SAME_PLACE, SECTORS, TILTED_AGAINST, TILTED_EXPLAINED, UNKNOWN,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -44,6 +45,8 @@ pub(super) struct Demands {
     alike: usize,
     /// Whether surfaces must fix the position in every direction.
     fixed: bool,
+    /// Whether a place of a row must be explained by more.
+    rows: bool,
 }
 
 impl Demands {
@@ -58,6 +61,7 @@ impl Demands {
             against: if is_tilted { TILTED_AGAINST } else { 1.0 },
             alike: if is_narrow { MOST_ALIKE } else { usize::MAX },
             fixed: !has_prior,
+            rows: is_narrow && !has_prior,
         }
     }
 }
@@ -199,6 +203,59 @@ pub(super) fn best_first(candidates: &mut Vec<Candidate>, most: usize) {
     *candidates = kept;
 }
 
+/// The direction of the row that a candidate is of: [`ROW`] others are turned as it is and lie on one line with it.
+fn row_of(c: &Candidate, candidates: &[Candidate]) -> Option<[f64; 3]> {
+    let turned_alike = |other: &&Candidate| {
+        let (away, turned) = c.placement.distance_to(&other.placement);
+        away > 0.0 && turned < SAME_PLACE.1
+    };
+    let steps: Vec<Vector3<f64>> = candidates
+        .iter()
+        .filter(turned_alike)
+        .map(|other| other.placement.translation - c.placement.translation)
+        .collect();
+    let is_row = |along: &Vector3<f64>| {
+        let on_line = |step: &&Vector3<f64>| step.cross(along).norm() < SAME_PLACE.0;
+        steps.iter().filter(on_line).count() >= ROW
+    };
+    steps.iter().map(|step| step.normalize()).find(is_row).map(Into::into)
+}
+
+/// Why each candidate is refused, when `places` are likely.
+///
+/// Where a place whose position is free along a line is nearly as likely as the best of the others, all are refused: the place
+/// may be any on that line, and a step along it that happens to fit less well does not make one of them certain.
+fn refusals(
+    map: &Localizer,
+    samples: &[Sample],
+    candidates: &[Candidate],
+    demands: &Demands,
+    places: usize,
+) -> Vec<Option<Refusal>> {
+    let of = |c: &Candidate| -> Option<Refusal> {
+        let too_many = || (places > demands.alike).then_some(Refusal::Alike { places });
+        let loose = || {
+            let along = demands.fixed.then(|| free_direction(map, samples, c)).flatten();
+            along.map(|along| Refusal::Loose { along })
+        };
+        c.evidence.refusal(demands).or_else(too_many).or_else(loose)
+    };
+    let mut refusals: Vec<Option<Refusal>> = candidates.iter().map(of).collect();
+    for (c, refusal) in candidates.iter().zip(&mut refusals) {
+        if demands.rows && refusal.is_none() && c.evidence.explained < ROW_EXPLAINED {
+            *refusal = row_of(c, candidates).map(|along| Refusal::Loose { along });
+        }
+    }
+    let rank = |found: Option<usize>| found.map(|i| candidates[i].evidence.rank());
+    let loose = refusals.iter().position(|r| matches!(r, Some(Refusal::Loose { .. })));
+    let fixed = refusals.iter().position(Option::is_none);
+    if rank(loose) > rank(fixed).map(|r| r - LOOSE_MARGIN) {
+        let loose = loose.and_then(|i| refusals[i]);
+        refusals.iter_mut().filter(|r| r.is_none()).for_each(|r| *r = loose);
+    }
+    refusals
+}
+
 /// The answer from distinct candidates, the best first.
 pub(super) fn decide(
     map: &Localizer,
@@ -227,15 +284,7 @@ pub(super) fn decide(
     let ratio = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
     let sum: f64 = candidates.iter().map(ratio).sum();
     let places = candidates.iter().filter(|c| ratio(c) / sum >= LEAST_PROBABILITY).count();
-    let refusal = |c: &Candidate| -> Option<Refusal> {
-        let too_many = || (places > demands.alike).then_some(Refusal::Alike { places });
-        let loose = || {
-            let along = demands.fixed.then(|| free_direction(map, samples, c)).flatten();
-            along.map(|along| Refusal::Loose { along })
-        };
-        c.evidence.refusal(demands).or_else(too_many).or_else(loose)
-    };
-    let refusals: Vec<Option<Refusal>> = candidates.iter().map(refusal).collect();
+    let refusals = refusals(map, samples, candidates, demands, places);
     // What the map contradicts less than the best may be the right one, of which less is mapped.
     let weight = |(c, refusal): (&Candidate, &Option<Refusal>)| {
         let is_doubt = refusal.is_none() && c.evidence.contradicted < best.evidence.contradicted;

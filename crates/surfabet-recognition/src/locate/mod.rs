@@ -258,7 +258,8 @@ impl Query<'_> {
         domain: [[f32; 3]; 2],
         share: f64,
     ) -> Vec<Candidate> {
-        let found = Search::new(self.map, self.samples, rotations, domain).run(share);
+        let is_narrow = decide::is_narrow(self.samples);
+        let found = Search::new(self.map, self.samples, rotations, domain).run(share, is_narrow);
         let rough = evenly(self.samples, ROUGH_SAMPLES);
         let mut candidates = parallel::map(&found, |&(_, start)| {
             let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);

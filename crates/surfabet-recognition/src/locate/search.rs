@@ -7,8 +7,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use surfabet_geom::vector;
 
 use super::constants::{
-    BOUND_PER_LEVEL, FACES_AXIS, HYPOTHESES, LEAST_SHARE, LEVELS, MAX_NODES, SAME_ROTATION,
-    SAME_TRANSLATION, SEARCH_SAMPLES,
+    BOUND_PER_LEVEL, FACES_AXIS, HOPEFUL, HYPOTHESES, LEAST_SHARE, LEVELS, MAX_NODES,
+    SAME_ROTATION, SAME_TRANSLATION, SEARCH_SAMPLES, THOROUGH,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -84,15 +84,19 @@ impl<'a> Search<'a> {
         Self { map, rotations, turned: turned.collect(), low, extent }
     }
 
-    /// Distinct poses with the share of samples that they explain, the best first; those with at least `share` of the best.
-    pub fn run(&self, share: f64) -> Vec<(f64, Placement)> {
+    /// Distinct poses with the share of samples that they explain, the best first; those with at least `share` of the best. A
+    /// `thorough` search goes on beyond its limits while what is left is about as promising as the best.
+    pub fn run(&self, share: f64, thorough: bool) -> Vec<(f64, Placement)> {
         let n = self.turned.first().map_or(0, |t| t.points.len());
         let mut least = (LEAST_SHARE * n as f64).ceil() as u32;
         let mut heap = self.roots(least);
         let mut found: Vec<(u32, Node)> = Vec::new();
         let mut opened = 0;
+        let mut hopeful: Option<i32> = None;
         while let Some(node) = heap.pop() {
-            if found.len() >= HYPOTHESES || opened >= MAX_NODES {
+            let is_hopeful = thorough && hopeful.is_some_and(|least| node.promise >= least);
+            let times = if is_hopeful { THOROUGH } else { 1 };
+            if found.len() >= times * HYPOTHESES || opened >= times * MAX_NODES {
                 break;
             }
             if node.bound < least || self.is_near_found(&node, &found) {
@@ -101,6 +105,7 @@ impl<'a> Search<'a> {
             if node.level == 0 {
                 let of_best = (share * f64::from(node.bound)).ceil() as u32;
                 least = least.max(of_best);
+                hopeful = hopeful.max(Some((HOPEFUL * f64::from(node.bound)).ceil() as i32));
                 found.push((node.bound, node));
                 continue;
             }
