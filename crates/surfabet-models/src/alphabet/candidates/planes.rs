@@ -83,7 +83,7 @@ impl PlaneSearch<'_> {
         let radius = (UNITS << self.scale) as f64;
         let mut open: Vec<u32> = inside.to_vec();
         if let Some((counts, least)) = self.explained {
-            if counts.n_explained_by(0, inside) <= least {
+            if counts.n_open(inside) <= least {
                 return Vec::new();
             }
             open.retain(|&i| !counts.is_explained(i));

@@ -76,9 +76,10 @@ impl Choice<'_> {
         mut counts: CoverCounts,
         progress: &dyn Progress,
     ) -> Result<Vec<Candidate>> {
+        let mut variants = vec![None; chosen.len()];
         for _ in 0..REFINEMENT_PASSES {
             progress.check()?;
-            self.refine(&mut chosen, &mut counts, progress)?;
+            self.refine(&mut chosen, &mut variants, &mut counts, progress)?;
             self.learn_prices(&chosen, &counts);
         }
         chosen.retain(|c| {
@@ -117,7 +118,7 @@ impl Choice<'_> {
 
     /// `worth(c)`: what removing an occurrence adds to the description.
     fn worth(&self, c: &Candidate, counts: &CoverCounts) -> f32 {
-        self.prices.inlier * counts.n_explained_by(1, &c.coverage.points) - self.prices.cost(c)
+        self.prices.inlier * counts.n_explained_once(&c.coverage.points) - self.prices.cost(c)
     }
 
     /// Takes over what the coder spends on `chosen`, and adds the length of the whole description to the list: bits of
@@ -151,8 +152,8 @@ impl Choice<'_> {
                 let plane = &candidates[k];
                 let in_both = |i: &&u32| plane.coverage.points.binary_search(i).is_ok();
                 let shared: Vec<u32> = c.coverage.points.iter().filter(in_both).copied().collect();
-                let explained = counts.n_explained_by(1, &shared)
-                    + counts.n_explained_by(0, &plane.coverage.points);
+                let explained =
+                    counts.n_explained_once(&shared) + counts.n_open(&plane.coverage.points);
                 (self.prices.inlier * explained - self.prices.cost(plane)).max(0.0)
             });
             saved[usize::from(c.placement.word)] += with - without;
@@ -181,7 +182,12 @@ impl Choice<'_> {
             for c in all.iter_mut() {
                 c.placement.word = new_number[usize::from(c.placement.word)].unwrap_or(0);
             }
-            all.sort_by_key(|c| c.placement);
+            // What comes before the word in the order of placements is as it was.
+            let same_place = |a: &Candidate, b: &Candidate| {
+                let of = |c: &Candidate| Placement { word: 0, view: 0, ..c.placement };
+                of(a) == of(b)
+            };
+            all.chunk_by_mut(same_place).for_each(|place| place.sort_by_key(|c| c.placement));
         };
         renumber(candidates);
         renumber(chosen);
