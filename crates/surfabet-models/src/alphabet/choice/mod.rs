@@ -18,7 +18,7 @@ use self::cover::cover;
 pub(super) use self::cover::{CoverCounts, add_best};
 pub(super) use self::prices::Prices;
 use self::prices::word_counts;
-use super::candidates::Candidate;
+use super::candidates::{Candidate, sort_within_places};
 use super::coding::{CodingParams, code_words};
 use super::constants::{LEAST_SAVING, REFINEMENT_PASSES};
 use super::placement::Placement;
@@ -30,7 +30,7 @@ use crate::error::Result;
 pub(super) struct Choice<'a> {
     pub scene: &'a LatticeScene,
     /// The points of the scene by cells, per scale.
-    pub cells: Vec<&'a Cells>,
+    pub cells: &'a [Cells],
     /// Distance of samples, in sigma.
     pub spacing: f64,
     pub params: CodingParams,
@@ -182,12 +182,7 @@ impl Choice<'_> {
             for c in all.iter_mut() {
                 c.placement.word = new_number[usize::from(c.placement.word)].unwrap_or(0);
             }
-            // What comes before the word in the order of placements is as it was.
-            let same_place = |a: &Candidate, b: &Candidate| {
-                let of = |c: &Candidate| Placement { word: 0, view: 0, ..c.placement };
-                of(a) == of(b)
-            };
-            all.chunk_by_mut(same_place).for_each(|place| place.sort_by_key(|c| c.placement));
+            sort_within_places(all);
         };
         renumber(candidates);
         renumber(chosen);

@@ -94,7 +94,7 @@ impl Choice<'_> {
             }
         }
         variants.retain(|p| p.slopes_fit(c.pose.level));
-        let cells = self.cells[usize::from(p.scale)];
+        let cells = &self.cells[usize::from(p.scale)];
         cells.around(p.cell, rows);
         cells.touched(rows, &c.pose, around);
         local_points(self.scene, &c.pose, around, local);
@@ -111,8 +111,8 @@ impl Choice<'_> {
                 let pose = placement.pose(c.pose.level, self.scene.sensor(placement.view));
                 local_points(self.scene, &pose, around, local);
                 let word = usize::from(placement.word);
-                let coverage = samples.coverage(word, &pose, self.spacing, local);
-                Candidate { placement, pose, coverage }
+                samples.cover(word, &pose, self.spacing, local);
+                Candidate { placement, pose, coverage: samples.coverage() }
             })
             .collect()
     }
