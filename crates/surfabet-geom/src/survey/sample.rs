@@ -1,7 +1,5 @@
 //! The points that a survey samples.
 
-use std::collections::HashSet;
-
 use surfabet_base::parallel;
 
 use super::around::Around;
@@ -92,9 +90,20 @@ fn some_blocks(positions: &[[f32; 3]]) -> Vec<usize> {
 /// Of the points at one place the first: scans that were merged, or stored once per return, hold some twice, and as
 /// neighbours of one another these would hide the noise.
 fn one_per_place(mut chosen: Vec<usize>, positions: &[[f32; 3]]) -> Vec<usize> {
-    let mut places = HashSet::with_capacity(chosen.len());
-    // Zero is one place, whatever its sign.
-    chosen.retain(|&i| places.insert(positions[i].map(|c| (c + 0.0).to_bits())));
+    // The place of each, and in the lowest 32 bits its rank.
+    let mut keys: Vec<u128> = parallel::map_range(chosen.len(), |rank| {
+        // Zero is one place, whatever its sign.
+        let place = positions[chosen[rank]].map(|c| u128::from((c + 0.0).to_bits()));
+        place[0] << 96 | place[1] << 64 | place[2] << 32 | rank as u128
+    });
+    parallel::sort_wide_keys(&mut keys);
+    let is_one_place = |keys: &&[u128]| keys[0] >> 32 == keys[1] >> 32;
+    let mut repeated: Vec<u32> =
+        keys.windows(2).filter(is_one_place).map(|keys| keys[1] as u32).collect();
+    parallel::sort_numbers(&mut repeated);
+    let mut repeated = repeated.into_iter().peekable();
+    let mut ranks = 0..=u32::MAX;
+    chosen.retain(|_| ranks.next().is_none_or(|rank| repeated.next_if_eq(&rank).is_none()));
     chosen
 }
 

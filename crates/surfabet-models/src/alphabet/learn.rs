@@ -1,17 +1,17 @@
 //! Learning an alphabet with the scene that it describes, and describing a scene by an alphabet that is given.
 
-use surfabet_geom::{Neighborhood, PointCloud, Progress, estimate_normals};
+use surfabet_geom::{PointCloud, Progress};
 
 use super::candidates::{
     Candidate, CandidatePlane, Descriptor, PlaneSearch, WordPlaces, cluster_words, find_planes,
-    sample_grid,
+    sample_grid, sort_within_places,
 };
 use super::channels::Channels;
 use super::choice::{Choice, CoverCounts, Prices, add_best};
 use super::coding::CodingParams;
 use super::constants::{
-    FIRST_OCCURRENCE_BITS, MOST_FINE_POINTS, NORMAL_NEIGHBORS, RADIUS_IN_SIGMAS,
-    RADIUS_IN_SPACINGS, REFINEMENT_PASSES, WHOLE_PLANE_OUTLIERS,
+    FIRST_OCCURRENCE_BITS, MOST_FINE_POINTS, RADIUS_IN_SIGMAS, RADIUS_IN_SPACINGS,
+    REFINEMENT_PASSES, WHOLE_PLANE_OUTLIERS,
 };
 use super::model::{Alphabet, AlphabetModel, Header};
 use super::options::AlphabetOptions;
@@ -117,11 +117,13 @@ fn run(
             None => learned_words(&scales, options.max_words, progress),
         }
     })?;
-    let mut choice = choice(scene, &scales, words, frozen.is_some(), options);
+    let (cells, planes): (Vec<Cells>, Vec<Vec<CandidatePlane>>) =
+        scales.into_iter().map(|s| (s.cells, s.planes)).unzip();
+    let mut choice = choice(scene, &cells, words, frozen.is_some(), options);
 
     // 4. The candidates: every plane, and the words that fit best in its place (III-C).
     let mut candidates =
-        stages.run("placing words", |progress| candidates(&choice, &scales, progress))?;
+        stages.run("placing words", |progress| candidates(&choice, planes, progress))?;
 
     let chosen = stages.run("choosing occurrences", |progress| {
         // 5. and 6. Covers of least description length without redundant occurrences (III-D), at the coder's prices;
@@ -179,9 +181,6 @@ impl Prepared {
         let thinning = Thinned::of(&scene, MOST_FINE_POINTS);
         progress.check()?;
         let thinned = scene.select(&thinning.kept);
-        let (points, _) = PointCloud::from_positions(thinned.positions.clone());
-        let near = Neighborhood::Nearest(NORMAL_NEIGHBORS);
-        let normals = estimate_normals(&points, near, progress)?.normals;
         let radius = start.choose("radius", options.radius, |survey, _| {
             let of_spacing = RADIUS_IN_SPACINGS * survey.spacing;
             let of_sigma = RADIUS_IN_SIGMAS * scene.median_sigma();
@@ -197,7 +196,7 @@ impl Prepared {
             }
         });
         progress.check()?;
-        let lattice = LatticeScene::new(&thinned, thinning, normals, radius)?;
+        let lattice = LatticeScene::new(&thinned, thinning, radius)?;
         Ok(Self { n_points, scene, thinned, lattice })
     }
 
@@ -319,14 +318,14 @@ fn learned_words(scales: &[Scale], max_words: u32, progress: &dyn Progress) -> R
 /// The choice among occurrences of `words`, before anything is chosen.
 fn choice<'a>(
     scene: &'a LatticeScene,
-    scales: &'a [Scale],
+    cells: &'a [Cells],
     words: Vec<Word>,
     frozen: bool,
     options: &AlphabetOptions,
 ) -> Choice<'a> {
     Choice {
         scene,
-        cells: scales.iter().map(|s| &s.cells).collect(),
+        cells,
         spacing: options.spacing,
         params: CodingParams {
             scales: options.scales,
@@ -337,7 +336,7 @@ fn choice<'a>(
         prices: Prices::first(
             options.inlier_bits() as f32,
             options.outlier_bits() as f32,
-            scales.len(),
+            cells.len(),
             words.len(),
         ),
         words,
@@ -349,17 +348,19 @@ fn choice<'a>(
 /// The planes and the words in their places, as far as they can pay for themselves, sorted.
 fn candidates(
     choice: &Choice<'_>,
-    scales: &[Scale],
+    planes: Vec<Vec<CandidatePlane>>,
     progress: &dyn Progress,
 ) -> Result<Vec<Candidate>> {
     let Choice { scene, words, prices, spacing, .. } = choice;
     let mut all: Vec<Candidate> = Vec::new();
-    for Scale { cells, planes } in scales {
-        let place = WordPlaces { scene, cells, planes, words, spacing: *spacing, prices };
-        all.extend(place.words(progress)?);
-        let paying = planes.iter().map(|p| &p.candidate).filter(|c| prices.gain_alone(c) > 0.0);
-        all.extend(paying.cloned());
+    for (cells, planes) in choice.cells.iter().zip(planes) {
+        let place = WordPlaces { scene, cells, planes: &planes, words, spacing: *spacing, prices };
+        let of_planes = place.words(progress)?;
+        for (plane, words) in planes.into_iter().zip(of_planes) {
+            all.extend(words);
+            all.extend(Some(plane.candidate).filter(|c| prices.gain_alone(c) > 0.0));
+        }
     }
-    all.sort_by_key(|c| c.placement);
+    sort_within_places(&mut all);
     Ok(all)
 }

@@ -47,8 +47,6 @@ impl Default for Deviation {
 impl Scene {
     /// Sets sigma of every point, after estimating what is not given.
     pub(super) fn set_sigma(&mut self, progress: &dyn Progress) -> Result<()> {
-        let tree = KdTree::new(&self.positions)?;
-        progress.check()?;
         let noise = match self.deviation.noise {
             Some(noise) => noise,
             None => estimate_noise(&self.positions)?,
@@ -56,6 +54,7 @@ impl Scene {
         progress.check()?;
         let spread: Vec<f64> = if self.ranges.is_empty() {
             self.deviation.angular_resolution = None;
+            let tree = KdTree::new(&self.positions)?;
             let spacing_at = |i: usize| spacing(&self.positions, &tree, i);
             let spacing = median(sampled(self.len(), spacing_at)).unwrap_or(0.0);
             vec![0.5 * spacing; self.len()]

@@ -44,47 +44,47 @@ impl Scene {
         min_range: f64,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let order = sorted_points(cloud, min_range, progress)?;
+        let keys = sorted_points(cloud, min_range, progress)?;
         progress.check()?;
+        let too_near = cloud.len() - keys.len();
+        let has_range = !keys.is_empty() && keys.iter().all(|&k| range(cloud, number(k)).is_some());
+        // The points at each place.
+        let places: Vec<&[u128]> = keys.chunk_by(|&a, &b| is_one_place(a, b)).collect();
+        let firsts = parallel::map(&places, |same| number(same[0]));
+        let with_viewpoint: &[u32] = if cloud.viewpoints().is_some() { &firsts } else { &[] };
+        let with_range: &[u32] = if has_range { &firsts } else { &[] };
+        let mean = |same: &[u128], value: &dyn Fn(usize) -> f64| {
+            same.iter().map(|&k| value(number(k) as usize)).sum::<f64>() / same.len() as f64
+        };
         let mut scene = Self {
             origin: cloud.origin(),
-            positions: Vec::new(),
-            viewpoints: Vec::new(),
-            ranges: Vec::new(),
+            positions: parallel::map(&firsts, |&i| position(cloud, i)),
+            viewpoints: parallel::gather(with_viewpoint.len(), |k, found| {
+                found.extend(cloud.local_viewpoint(with_viewpoint[k] as usize));
+            }),
+            ranges: parallel::gather(with_range.len(), |k, found| {
+                found.extend(range(cloud, with_range[k]));
+            }),
             sigma: Vec::new(),
-            colors: cloud.colors().map(|_| Vec::new()),
-            intensities: cloud.intensities().map(|_| Vec::new()),
+            colors: cloud.colors().map(|colors| {
+                let channel = |same: &[u128], c: usize| {
+                    mean(same, &|i| f64::from(colors[i][c])).round() as u8
+                };
+                parallel::map(&places, |same| std::array::from_fn(|c| channel(same, c)))
+            }),
+            intensities: cloud.intensities().map(|values| {
+                parallel::map(&places, |same| mean(same, &|i| f64::from(values[i])) as f32)
+            }),
             deviation,
-            duplicates: 0,
-            too_near: cloud.len() - order.len(),
+            duplicates: keys.len() - places.len(),
+            too_near,
         };
-        let has_range = !order.is_empty() && order.iter().all(|&i| range(cloud, i).is_some());
-        for same in order.chunk_by(|&i, &j| position(cloud, i) == position(cloud, j)) {
-            scene.push(cloud, same, has_range);
-        }
         if scene.positions.is_empty() {
             return Err(Error::EmptyCloud);
         }
         progress.check()?;
         scene.set_sigma(progress)?;
         Ok(scene)
-    }
-
-    /// Adds points of `cloud` at one position as one, with the viewpoint and range of the first and mean attributes.
-    fn push(&mut self, cloud: &PointCloud, same: &[u32], has_range: bool) {
-        self.positions.push(position(cloud, same[0]));
-        self.duplicates += same.len() - 1;
-        self.viewpoints.extend(cloud.local_viewpoint(same[0] as usize));
-        self.ranges.extend(range(cloud, same[0]).filter(|_| has_range));
-        let mean = |sum: f64| sum / same.len() as f64;
-        if let (Some(kept), Some(colors)) = (&mut self.colors, cloud.colors()) {
-            kept.push(std::array::from_fn(|c| {
-                mean(same.iter().map(|&i| f64::from(colors[i as usize][c])).sum()).round() as u8
-            }));
-        }
-        if let (Some(kept), Some(values)) = (&mut self.intensities, cloud.intensities()) {
-            kept.push(mean(same.iter().map(|&i| f64::from(values[i as usize])).sum()) as f32);
-        }
     }
 
     /// Number of points.
@@ -122,29 +122,44 @@ impl Scene {
 }
 
 /// The points that are not nearer than `min_range`, sorted by position, then by attributes, so that the first of several
-/// at one position is always the same.
-fn sorted_points(cloud: &PointCloud, min_range: f64, progress: &dyn Progress) -> Result<Vec<u32>> {
-    let far = |&i: &u32| range(cloud, i).is_none_or(|r| f64::from(r) >= min_range);
-    let mut order: Vec<u32> = parallel::gather(cloud.len(), |i, order| {
-        order.extend(Some(i as u32).filter(far));
+/// at one position is always the same. A key has a point's number in its lowest 32 bits and its place above.
+fn sorted_points(cloud: &PointCloud, min_range: f64, progress: &dyn Progress) -> Result<Vec<u128>> {
+    let far = |i: u32| range(cloud, i).is_none_or(|r| f64::from(r) >= min_range);
+    // Ascending as the numbers are.
+    let ordered = |c: f32| {
+        let bits = c.to_bits();
+        u128::from(if c.is_sign_negative() { !bits } else { bits | 1 << 31 })
+    };
+    let key = |i: u32| {
+        let [x, y, z] = position(cloud, i).map(ordered);
+        x << 96 | y << 64 | z << 32 | u128::from(i)
+    };
+    let mut keys: Vec<u128> = parallel::gather(cloud.len(), |i, keys| {
+        keys.extend(Some(i as u32).filter(|&i| far(i)).map(key));
     });
     progress.check()?;
-    let attributes = |i: u32| {
-        let i = i as usize;
+    let attributes = |key: u128| {
+        let i = number(key) as usize;
         let viewpoint = cloud.viewpoints().map(|v| v.index[i]);
         let range = cloud.ranges().map_or(0, |r| r[i].to_bits());
         let color = cloud.colors().map(|c| c[i]);
         let intensity = cloud.intensities().map_or(0, |v| v[i].to_bits());
         (viewpoint, range, color, intensity)
     };
-    parallel::sort_numbers_by(&mut order, &|i, j| {
-        let [a, b] = [i, j].map(|k| position(cloud, k));
-        a[0].total_cmp(&b[0])
-            .then(a[1].total_cmp(&b[1]))
-            .then(a[2].total_cmp(&b[2]))
-            .then_with(|| attributes(i).cmp(&attributes(j)))
-    });
-    Ok(order)
+    parallel::sort_wide_keys(&mut keys);
+    let places = keys.chunk_by_mut(|&a, &b| is_one_place(a, b)).filter(|same| same.len() > 1);
+    places.for_each(|same| same.sort_unstable_by_key(|&key| attributes(key)));
+    Ok(keys)
+}
+
+/// The number of the point of a key.
+fn number(key: u128) -> u32 {
+    key as u32
+}
+
+/// Whether the points of two keys are at one place.
+fn is_one_place(a: u128, b: u128) -> bool {
+    a >> 32 == b >> 32
 }
 
 /// Position of point `i`, minus zero as zero.

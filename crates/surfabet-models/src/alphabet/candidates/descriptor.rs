@@ -1,5 +1,7 @@
 //! The descriptor of a pose: the heights of the surface over its square, seen along the normal (III-C).
 
+use std::ops::Range;
+
 use crate::alphabet::constants::HOLE;
 use crate::alphabet::lattice::sigma;
 use crate::alphabet::placement::WordPose;
@@ -29,25 +31,32 @@ impl Descriptor {
         let pixels_about = |c: f32| {
             let first = (c - reach + radius) / pixel - 0.5;
             let last = (c + reach + radius) / pixel - 0.5;
-            whole_numbers(first, last, PIXELS)
+            let pixels = whole_numbers(first, last, PIXELS);
+            // At most 8.
+            pixels.start as u8..pixels.end as u8
         };
-        let seen = || points.iter().filter(|p| p.height.abs() <= most);
+        // Heights, with the pixels that each reaches.
+        let seen: Vec<(f32, Range<u8>, Range<u8>)> = points
+            .iter()
+            .filter(|p| p.height.abs() <= most)
+            .map(|p| (p.height, pixels_about(p.up), pixels_about(p.right)))
+            .collect();
         let mut top = [f32::NEG_INFINITY; N_PIXELS];
-        for p in seen() {
-            for row in pixels_about(p.up) {
-                for column in pixels_about(p.right) {
-                    let t = &mut top[row * PIXELS + column];
-                    *t = t.max(p.height);
+        for (height, rows, columns) in &seen {
+            for row in rows.clone() {
+                for column in columns.clone() {
+                    let t = &mut top[usize::from(row) * PIXELS + usize::from(column)];
+                    *t = if *height > *t { *height } else { *t };
                 }
             }
         }
         let (mut sum, mut n) = ([0.0_f32; N_PIXELS], [0.0_f32; N_PIXELS]);
-        for p in seen() {
-            for row in pixels_about(p.up) {
-                for column in pixels_about(p.right) {
-                    let k = row * PIXELS + column;
-                    if p.height >= top[k] - layer {
-                        sum[k] += p.height;
+        for (height, rows, columns) in &seen {
+            for row in rows.clone() {
+                for column in columns.clone() {
+                    let k = usize::from(row) * PIXELS + usize::from(column);
+                    if *height >= top[k] - layer {
+                        sum[k] += height;
                         n[k] += 1.0;
                     }
                 }

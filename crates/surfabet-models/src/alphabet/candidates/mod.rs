@@ -36,6 +36,13 @@ pub(super) struct Candidate {
     pub coverage: Coverage,
 }
 
+/// Sorts candidates by placement that are sorted by all of it but the word and what follows it.
+pub(super) fn sort_within_places(candidates: &mut [Candidate]) {
+    let place = |c: &Candidate| Placement { word: 0, view: 0, ..c.placement };
+    let places = candidates.chunk_by_mut(|a, b| place(a) == place(b));
+    places.for_each(|same| same.sort_by_key(|c| c.placement));
+}
+
 /// Words in the places of planes, all of one scale.
 pub(super) struct WordPlaces<'a> {
     pub scene: &'a LatticeScene,
@@ -56,8 +63,8 @@ struct Buffers<'a> {
 }
 
 impl WordPlaces<'_> {
-    /// Those that pay for themselves of the words whose descriptors are nearest to those of the planes.
-    pub fn words(&self, progress: &dyn Progress) -> Result<Vec<Candidate>> {
+    /// Per plane those that pay for themselves of the words whose descriptors are nearest to that of the plane.
+    pub fn words(&self, progress: &dyn Progress) -> Result<Vec<Vec<Candidate>>> {
         let descriptors: Vec<Descriptor> = self.words.iter().map(Descriptor::of_word).collect();
         let buffers = || Buffers {
             rows: Rows::default(),
@@ -65,15 +72,10 @@ impl WordPlaces<'_> {
             points: Vec::new(),
             samples: WordSamples::new(self.words),
         };
-        let placed = parallel::try_map_range_with(
-            self.planes.len(),
-            buffers,
-            |buffers, k| -> Result<Vec<Candidate>> {
-                progress.check()?;
-                Ok(self.words_at(&self.planes[k], &descriptors, buffers))
-            },
-        )?;
-        Ok(placed.into_iter().flatten().collect())
+        parallel::try_map_range_with(self.planes.len(), buffers, |buffers, k| {
+            progress.check()?;
+            Ok(self.words_at(&self.planes[k], &descriptors, buffers))
+        })
     }
 
     /// The plane itself is not among them, and none is tried where the surface is a plane. In a large scene a word saves
@@ -97,14 +99,14 @@ impl WordPlaces<'_> {
         self.cells.around(placement.cell, rows);
         self.cells.touched(rows, &pose, around);
         local_points(self.scene, &pose, around, points);
-        let with_word = |word: usize| Candidate {
-            placement: Placement { word: word as u16, ..placement },
-            pose,
-            coverage: samples.coverage(word, &pose, self.spacing, points),
-        };
         let of_plane = self.prices.gain_alone(&plane.candidate).max(0.0);
         let least = if self.scene.is_coarse { of_plane } else { 0.0 };
-        let pays = |c: &Candidate| self.prices.gain_alone(c) > least;
-        fitting.into_iter().map(with_word).filter(pays).collect()
+        let paying = |word: usize| {
+            let placement = Placement { word: word as u16, ..placement };
+            let [weight, outliers] = samples.cover(word, &pose, self.spacing, points);
+            let pays = self.prices.gain(&placement, weight, outliers) > least;
+            pays.then(|| Candidate { placement, pose, coverage: samples.coverage() })
+        };
+        fitting.into_iter().filter_map(paying).collect()
     }
 }

@@ -1,8 +1,9 @@
 //! Planes at every cell of a scale, as poses of integers.
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::Arch;
 use surfabet_base::parallel;
-use surfabet_geom::Progress;
+use surfabet_geom::{Neighbor, Progress};
 
 use super::{Candidate, Descriptor, WordSamples};
 use crate::alphabet::choice::CoverCounts;
@@ -31,19 +32,24 @@ pub(in crate::alphabet) fn find_planes(
     progress: &dyn Progress,
 ) -> Result<Vec<CandidatePlane>> {
     let plane = [Word::plane()];
-    let found = parallel::try_map_range_with(
+    let mut found = parallel::try_map_range_with(
         search.cells.len(),
         || (Buffers::default(), WordSamples::new(&plane)),
         |(buffers, samples), k| -> Result<Vec<CandidatePlane>> {
             progress.check()?;
-            Ok(search.planes_of_cell(k, buffers, samples))
+            let mut planes = search.planes_of_cell(k, buffers, samples);
+            planes.sort_by_key(|p| p.candidate.placement);
+            Ok(planes)
         },
     )?;
-    let mut all: Vec<CandidatePlane> = found.into_iter().flatten().collect();
-    all.sort_by_key(|p| p.candidate.placement);
-    all.dedup_by_key(|p| p.candidate.placement);
-    Ok(all)
+    // Those of a cell follow one another, and each of them is there once.
+    let mut order: Vec<usize> = (0..found.len()).collect();
+    order.sort_by_key(|&k| search.cells.get(k).0);
+    Ok(order.into_iter().flat_map(|k| std::mem::take(&mut found[k])).collect())
 }
+
+/// Points of a cell that are compared with a plane at a time.
+const CHUNK: usize = 16;
 
 /// Buffers for the points about a cell.
 #[derive(Default)]
@@ -52,6 +58,8 @@ struct Buffers {
     fitted: Vec<u32>,
     touched: Vec<u32>,
     local: Vec<LocalPoint>,
+    around: Around,
+    neighbors: Vec<Neighbor>,
 }
 
 /// The search on one scale.
@@ -75,7 +83,7 @@ impl PlaneSearch<'_> {
         buffers: &mut Buffers,
         samples: &mut WordSamples<'_>,
     ) -> Vec<CandidatePlane> {
-        let Buffers { rows, fitted, touched, local } = buffers;
+        let Buffers { rows, fitted, touched, local, around, neighbors } = buffers;
         let (cell, inside) = self.cells.get(k);
         let scene = self.scene;
         let middle = cell_center(cell, self.scale);
@@ -83,7 +91,7 @@ impl PlaneSearch<'_> {
         let radius = (UNITS << self.scale) as f64;
         let mut open: Vec<u32> = inside.to_vec();
         if let Some((counts, least)) = self.explained {
-            if counts.n_explained_by(0, inside) <= least {
+            if counts.n_open(inside) <= least {
                 return Vec::new();
             }
             open.retain(|&i| !counts.is_explained(i));
@@ -91,15 +99,9 @@ impl PlaneSearch<'_> {
         let mut found: Vec<CandidatePlane> = Vec::new();
         self.cells.around(cell, rows);
         self.cells.some_of(rows, MAX_FITTED, fitted);
+        around.fill(scene, fitted, center);
         for _ in 0..PLANES_PER_CELL {
-            let with_normal = open.iter().filter(|&&i| scene.normals[i as usize] != [0.0; 3]);
-            let Some(&seed) = with_normal.min_by(|&&i, &&j| {
-                let off =
-                    |i: u32| squared_distance(scene.points[i as usize].map(f64::from), center);
-                off(i).total_cmp(&off(j)).then(i.cmp(&j))
-            }) else {
-                break;
-            };
+            let Some((seed, normal)) = self.seed(&mut open, center, neighbors) else { break };
             let view = scene.views.get(seed as usize).copied().unwrap_or(0);
             let sensor = scene.sensor(view);
             let level = scene.rule.level(middle, sensor);
@@ -108,7 +110,10 @@ impl PlaneSearch<'_> {
             if is_too_small || 2.0 * radius > MAX_SAMPLES_PER_SIDE * sigma(level) {
                 continue;
             }
-            let Some((normal, offset)) = self.fit(cell, seed, fitted) else { continue };
+            let p = scene.points[seed as usize].map(f64::from);
+            let offset = (0..3).map(|a| normal[a] * (p[a] - center[a])).sum();
+            let fitted = around.fit(normal, offset, radius);
+            let Some((normal, offset)) = fitted else { continue };
             let placement = quantized(normal, offset, cell, self.scale, level, view);
             let pose = placement.pose(level, sensor);
             open.retain(|&i| {
@@ -120,49 +125,77 @@ impl PlaneSearch<'_> {
             }
             self.cells.touched(rows, &pose, touched);
             local_points(scene, &pose, touched, local);
-            let coverage = samples.coverage(0, &pose, self.spacing, local);
-            if !coverage.points.is_empty() {
+            let [weight, _] = samples.cover(0, &pose, self.spacing, local);
+            if weight > 0 {
                 let descriptor = Descriptor::of_points(&pose, local);
-                let candidate = Candidate { placement, pose, coverage };
+                let candidate = Candidate { placement, pose, coverage: samples.coverage() };
                 found.push(CandidatePlane { candidate, descriptor });
             }
         }
         found
     }
 
-    /// Normal and offset from the cell's middle of a plane about `seed`, fitted to the points near to it within the
-    /// word's square: weighted least squares of the height over the plane before,
+    /// Of the points `open` the one with a normal that is nearest to `center`, and its normal; others without a normal go.
+    fn seed(
+        &self,
+        open: &mut Vec<u32>,
+        center: [f64; 3],
+        buffer: &mut Vec<Neighbor>,
+    ) -> Option<(u32, [f64; 3])> {
+        let scene = self.scene;
+        let nearest = |open: &[u32]| {
+            open.iter().copied().min_by(|&i, &j| {
+                let off =
+                    |i: u32| squared_distance(scene.points[i as usize].map(f64::from), center);
+                off(i).total_cmp(&off(j)).then(i.cmp(&j))
+            })
+        };
+        let mut normal = |i: u32| scene.normals.of(i, buffer);
+        let first = nearest(open)?;
+        if let Some(normal) = normal(first) {
+            return Some((first, normal.map(f64::from)));
+        }
+        open.retain(|&i| i != first && normal(i).is_some());
+        let seed = nearest(open)?;
+        Some((seed, normal(seed)?.map(f64::from)))
+    }
+}
+
+/// The points that planes of a cell are fitted to, in columns, from the cell's middle.
+#[derive(Default)]
+struct Around {
+    offsets: [Vec<f64>; 3],
+    sigma: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+impl Around {
+    /// Takes these points of the scene.
+    fn fill(&mut self, scene: &LatticeScene, points: &[u32], center: [f64; 3]) {
+        self.weights.clear();
+        self.sigma.clear();
+        self.offsets.iter_mut().for_each(Vec::clear);
+        for i in points.iter().map(|&i| i as usize) {
+            let p = scene.points[i].map(f64::from);
+            for a in 0..3 {
+                self.offsets[a].push(p[a] - center[a]);
+            }
+            self.sigma.push(f64::from(scene.sigma[i]));
+            self.weights.push(f64::from(scene.weights[i]));
+        }
+    }
+
+    /// Normal and offset from the cell's middle of a plane that starts with these, fitted to the points near to it within
+    /// the word's square: weighted least squares of the height over the plane before,
     /// `sum (h - x0 - x1 u / r - x2 v / r)^2 / sigma^2`, in a few rounds. `None` where the plane does not pass within a
     /// radius of the middle, or has no points.
-    fn fit(&self, cell: [i32; 3], seed: u32, points: &[u32]) -> Option<([f64; 3], f64)> {
-        let scene = self.scene;
-        let center = cell_center(cell, self.scale).map(|c| c as f64);
-        let radius = (UNITS << self.scale) as f64;
-        let mut normal = scene.normals[seed as usize].map(f64::from);
-        let p = scene.points[seed as usize].map(f64::from);
-        let mut offset: f64 = (0..3).map(|a| normal[a] * (p[a] - center[a])).sum();
+    fn fit(&self, mut normal: [f64; 3], mut offset: f64, radius: f64) -> Option<([f64; 3], f64)> {
         for round in 0..PLANE_ROUNDS {
             let rows = upright_frame(normal, Upright::WorldX, [0.0; 3]);
             let tolerance = if round == 0 { ON_FIRST_PLANE } else { ON_PLANE };
-            let mut m = Matrix3::zeros();
-            let mut b = Vector3::zeros();
-            for &i in points {
-                let q = scene.points[i as usize].map(f64::from);
-                let d: [f64; 3] = std::array::from_fn(|a| q[a] - center[a]);
-                let [u, v, h] = rows.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2]);
-                let h = h - offset;
-                let s = f64::from(scene.sigma[i as usize]);
-                if u.abs() <= radius && v.abs() <= radius && h.abs() <= tolerance * s {
-                    let x = Vector3::new(1.0, u / radius, v / radius);
-                    let w = f64::from(scene.weights[i as usize]) / (s * s);
-                    m += x * x.transpose() * w;
-                    b += x * (h * w);
-                }
-            }
-            let ridge = TILT_RIDGE * m[(0, 0)];
-            m[(1, 1)] += ridge;
-            m[(2, 2)] += ridge;
-            let x = m.try_inverse()? * b;
+            let mut sums = Sums::default();
+            Arch::new().dispatch(|| self.add_near(&rows, offset, tolerance, radius, &mut sums));
+            let x = sums.solution()?;
             let tilted: [f64; 3] = std::array::from_fn(|a| {
                 rows[2][a] - (x[1] * rows[0][a] + x[2] * rows[1][a]) / radius
             });
@@ -172,6 +205,66 @@ impl PlaneSearch<'_> {
             normal = tilted.map(|c| c / length);
         }
         (offset.abs() <= radius).then_some((normal, offset))
+    }
+
+    /// Adds the points within so many sigmas of a plane and within the square of the word, in their order.
+    #[inline(always)]
+    fn add_near(
+        &self,
+        rows: &[[f64; 3]; 3],
+        offset: f64,
+        tolerance: f64,
+        radius: f64,
+        sums: &mut Sums,
+    ) {
+        let [xs, ys, zs] = &self.offsets;
+        let columns = xs.chunks(CHUNK).zip(ys.chunks(CHUNK)).zip(zs.chunks(CHUNK));
+        let others = self.sigma.chunks(CHUNK).zip(self.weights.chunks(CHUNK));
+        for (((x, y), z), (sigma, weights)) in columns.zip(others) {
+            // Frame by frame over all of a chunk: most points are not near, and few operations tell.
+            let mut local = [[0.0; CHUNK]; 3];
+            let mut near = [false; CHUNK];
+            for k in 0..x.len() {
+                let [u, v, h] = rows.map(|r| r[0] * x[k] + r[1] * y[k] + r[2] * z[k]);
+                let h = h - offset;
+                near[k] =
+                    (u.abs() <= radius) & (v.abs() <= radius) & (h.abs() <= tolerance * sigma[k]);
+                [local[0][k], local[1][k], local[2][k]] = [u, v, h];
+            }
+            for k in (0..x.len()).filter(|&k| near[k]) {
+                let weight = weights[k] / (sigma[k] * sigma[k]);
+                sums.add([1.0, local[0][k] / radius, local[1][k] / radius], local[2][k], weight);
+            }
+        }
+    }
+}
+
+/// The normal equations of a plane.
+#[derive(Default)]
+struct Sums {
+    matrix: Matrix3<f64>,
+    right: Vector3<f64>,
+}
+
+impl Sums {
+    /// Adds `w x x'` and `w h x`; only the lower half of the matrix.
+    #[inline(always)]
+    fn add(&mut self, x: [f64; 3], h: f64, w: f64) {
+        for a in 0..3 {
+            for b in 0..=a {
+                self.matrix[(a, b)] += x[a] * x[b] * w;
+            }
+            self.right[a] += x[a] * (h * w);
+        }
+    }
+
+    /// The tilt with a ridge on it; `None` where there is none.
+    fn solution(mut self) -> Option<Vector3<f64>> {
+        self.matrix.fill_upper_triangle_with_lower_triangle();
+        let ridge = TILT_RIDGE * self.matrix[(0, 0)];
+        self.matrix[(1, 1)] += ridge;
+        self.matrix[(2, 2)] += ridge;
+        Some(self.matrix.try_inverse()? * self.right)
     }
 }
 
@@ -220,9 +313,7 @@ mod tests {
         let deviation = Deviation { noise: Some(0.01), ..Deviation::default() };
         let scene = Scene::new(&cloud, deviation, 0.0, &Silent).unwrap();
         let thinning = Thinned::of(&scene, usize::MAX);
-        let normals = vec![[0.0, 0.0, 1.0]; thinning.kept.len()];
-        let scene =
-            LatticeScene::new(&scene.select(&thinning.kept), thinning, normals, 0.1).unwrap();
+        let scene = LatticeScene::new(&scene.select(&thinning.kept), thinning, 0.1).unwrap();
         let cells = Cells::new(&scene.points, 0);
         let planes = |explained| {
             let search =

@@ -10,7 +10,6 @@
 //!
 //! with the prices of [`Prices`].
 
-use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashSet};
 
 use surfabet_geom::Progress;
@@ -22,6 +21,8 @@ use crate::error::Result;
 /// How many of the chosen candidates explain each point.
 pub(in crate::alphabet) struct CoverCounts {
     counts: Vec<Count>,
+    /// Weights of the points that none explains, zero for the others: what most sums are of, without a branch per point.
+    open: Vec<u16>,
 }
 
 #[derive(Clone, Copy)]
@@ -35,15 +36,25 @@ struct Count {
 impl CoverCounts {
     /// No candidate explains any of the points with these weights.
     pub fn new(weights: &[u16]) -> Self {
-        Self { counts: weights.iter().map(|&weight| Count { explained: 0, weight }).collect() }
+        let counts = weights.iter().map(|&weight| Count { explained: 0, weight }).collect();
+        Self { counts, open: weights.to_vec() }
     }
 
     pub fn add(&mut self, points: &[u32]) {
-        points.iter().for_each(|&i| self.counts[i as usize].explained += 1);
+        for &i in points {
+            self.counts[i as usize].explained += 1;
+            self.open[i as usize] = 0;
+        }
     }
 
     pub fn remove(&mut self, points: &[u32]) {
-        points.iter().for_each(|&i| self.counts[i as usize].explained -= 1);
+        for &i in points {
+            let count = &mut self.counts[i as usize];
+            count.explained -= 1;
+            if count.explained == 0 {
+                self.open[i as usize] = count.weight;
+            }
+        }
     }
 
     /// Whether a candidate explains point `i`.
@@ -51,44 +62,39 @@ impl CoverCounts {
         self.counts[i as usize].explained > 0
     }
 
-    /// How many of `points` are explained by exactly `n` candidates, with their weights.
-    pub fn n_explained_by(&self, n: u16, points: &[u32]) -> f32 {
-        self.weight_of(n, points.iter().map(|&i| &self.counts[i as usize]))
+    /// How many of `points` no candidate explains, with their weights.
+    pub fn n_open(&self, points: &[u32]) -> f32 {
+        points.iter().map(|&i| u64::from(self.open[i as usize])).sum::<u64>() as f32
+    }
+
+    /// How many of `points` exactly one candidate explains, with their weights.
+    pub fn n_explained_once(&self, points: &[u32]) -> f32 {
+        let weight = |c: Count| u64::from(c.explained == 1) * u64::from(c.weight);
+        points.iter().map(|&i| weight(self.counts[i as usize])).sum::<u64>() as f32
     }
 
     /// How many points of the scene are not explained, with their weights.
     pub fn n_unexplained(&self) -> f32 {
-        self.weight_of(0, self.counts.iter())
-    }
-
-    fn weight_of<'a>(&self, n: u16, counts: impl Iterator<Item = &'a Count>) -> f32 {
-        counts.map(|c| if c.explained == n { u64::from(c.weight) } else { 0 }).sum::<u64>() as f32
+        self.open.iter().map(|&weight| u64::from(weight)).sum::<u64>() as f32
     }
 }
 
-/// A candidate with its gain when that was last computed; ordered by gain, of equal ones the first candidate on top.
-struct Entry {
-    gain: f32,
-    candidate: u32,
-}
+/// A candidate with its gain when that was last computed, above 0; ordered by gain, of equal ones the first candidate on
+/// top: positive floats order like their bits.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Entry(u64);
 
-impl PartialEq for Entry {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
+impl Entry {
+    fn new(gain: f32, candidate: u32) -> Self {
+        Self(u64::from(gain.to_bits()) << 32 | u64::from(!candidate))
     }
-}
 
-impl Eq for Entry {}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
+    fn gain(&self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
     }
-}
 
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.gain.total_cmp(&other.gain).then(other.candidate.cmp(&self.candidate))
+    fn candidate(&self) -> u32 {
+        !(self.0 as u32)
     }
 }
 
@@ -128,32 +134,30 @@ pub(in crate::alphabet) fn add_best(
     counts: &mut CoverCounts,
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
+    // Beside one another, as candidates are not.
     let cost: Vec<f32> = candidates.iter().map(|c| prices.cost(c)).collect();
-    let mut heap: BinaryHeap<Entry> = candidates
-        .iter()
-        .zip(&cost)
-        .enumerate()
-        .map(|(k, (c, cost))| Entry {
-            gain: prices.inlier * c.coverage.weight as f32 - cost,
-            candidate: k as u32,
-        })
-        .filter(|e| e.gain > 0.0)
-        .collect();
+    let points: Vec<&[u32]> = candidates.iter().map(|c| &c.coverage.points[..]).collect();
+    let entry = |(k, (c, cost)): (usize, (&&Candidate, &f32))| {
+        let gain = prices.inlier * c.coverage.weight as f32 - cost;
+        (gain > 0.0).then(|| Entry::new(gain, k as u32))
+    };
+    let mut heap: BinaryHeap<Entry> =
+        candidates.iter().zip(&cost).enumerate().filter_map(entry).collect();
     let mut chosen = Vec::new();
     while let Some(top) = heap.pop() {
         progress.check()?;
-        let k = top.candidate as usize;
-        let points = &candidates[k].coverage.points;
-        let now = prices.inlier * counts.n_explained_by(0, points) - cost[k];
+        let candidate = top.candidate();
+        let k = candidate as usize;
+        let now = prices.inlier * counts.n_open(points[k]) - cost[k];
         if now <= 0.0 {
             continue;
         }
-        if heap.peek().is_some_and(|next| now < next.gain) {
-            heap.push(Entry { gain: now, ..top });
+        if heap.peek().is_some_and(|next| now < next.gain()) {
+            heap.push(Entry::new(now, candidate));
             continue;
         }
-        counts.add(points);
-        chosen.push(top.candidate);
+        counts.add(points[k]);
+        chosen.push(candidate);
     }
     Ok(chosen)
 }
@@ -172,7 +176,7 @@ fn remove_redundant(
 ) -> Result<()> {
     let worth = |k: u32, counts: &CoverCounts| {
         let candidate = candidates[k as usize];
-        let alone = counts.n_explained_by(1, &candidate.coverage.points);
+        let alone = counts.n_explained_once(&candidate.coverage.points);
         prices.inlier * alone - prices.cost(candidate)
     };
     // As others go, a worth only grows: each needs to be computed once more.
@@ -266,7 +270,8 @@ mod tests {
             };
             prop_assert_eq!(counts.n_unexplained(), (0..30).filter(|&i| explained(i) == 0).count() as f32);
             for i in 0..30 {
-                prop_assert_eq!(counts.n_explained_by(explained(i) as u16, &[i]), 1.0);
+                prop_assert_eq!(counts.n_open(&[i]), f32::from(u8::from(explained(i) == 0)));
+                prop_assert_eq!(counts.n_explained_once(&[i]), f32::from(u8::from(explained(i) == 1)));
             }
         }
     }

@@ -18,7 +18,7 @@ use self::cover::cover;
 pub(super) use self::cover::{CoverCounts, add_best};
 pub(super) use self::prices::Prices;
 use self::prices::word_counts;
-use super::candidates::Candidate;
+use super::candidates::{Candidate, sort_within_places};
 use super::coding::{CodingParams, code_words};
 use super::constants::{LEAST_SAVING, REFINEMENT_PASSES};
 use super::placement::Placement;
@@ -30,7 +30,7 @@ use crate::error::Result;
 pub(super) struct Choice<'a> {
     pub scene: &'a LatticeScene,
     /// The points of the scene by cells, per scale.
-    pub cells: Vec<&'a Cells>,
+    pub cells: &'a [Cells],
     /// Distance of samples, in sigma.
     pub spacing: f64,
     pub params: CodingParams,
@@ -76,9 +76,10 @@ impl Choice<'_> {
         mut counts: CoverCounts,
         progress: &dyn Progress,
     ) -> Result<Vec<Candidate>> {
+        let mut variants = vec![None; chosen.len()];
         for _ in 0..REFINEMENT_PASSES {
             progress.check()?;
-            self.refine(&mut chosen, &mut counts, progress)?;
+            self.refine(&mut chosen, &mut variants, &mut counts, progress)?;
             self.learn_prices(&chosen, &counts);
         }
         chosen.retain(|c| {
@@ -117,7 +118,7 @@ impl Choice<'_> {
 
     /// `worth(c)`: what removing an occurrence adds to the description.
     fn worth(&self, c: &Candidate, counts: &CoverCounts) -> f32 {
-        self.prices.inlier * counts.n_explained_by(1, &c.coverage.points) - self.prices.cost(c)
+        self.prices.inlier * counts.n_explained_once(&c.coverage.points) - self.prices.cost(c)
     }
 
     /// Takes over what the coder spends on `chosen`, and adds the length of the whole description to the list: bits of
@@ -151,8 +152,8 @@ impl Choice<'_> {
                 let plane = &candidates[k];
                 let in_both = |i: &&u32| plane.coverage.points.binary_search(i).is_ok();
                 let shared: Vec<u32> = c.coverage.points.iter().filter(in_both).copied().collect();
-                let explained = counts.n_explained_by(1, &shared)
-                    + counts.n_explained_by(0, &plane.coverage.points);
+                let explained =
+                    counts.n_explained_once(&shared) + counts.n_open(&plane.coverage.points);
                 (self.prices.inlier * explained - self.prices.cost(plane)).max(0.0)
             });
             saved[usize::from(c.placement.word)] += with - without;
@@ -181,7 +182,7 @@ impl Choice<'_> {
             for c in all.iter_mut() {
                 c.placement.word = new_number[usize::from(c.placement.word)].unwrap_or(0);
             }
-            all.sort_by_key(|c| c.placement);
+            sort_within_places(all);
         };
         renumber(candidates);
         renumber(chosen);

@@ -2,7 +2,7 @@
 
 use surfabet_entropy::Price;
 
-use crate::alphabet::candidates::Candidate;
+use crate::alphabet::candidates::{Candidate, Coverage};
 use crate::alphabet::coding::{CodingParams, code_occurrences};
 use crate::alphabet::constants::{
     FIRST_OCCURRENCE_BITS, FIRST_PLANE_BITS, FIRST_WORD_BITS, WORD_PRIOR,
@@ -32,15 +32,25 @@ impl Prices {
 
     /// `cost(c)`: what a candidate adds to the description whatever else is chosen.
     pub fn cost(&self, candidate: &Candidate) -> f32 {
-        let p = &candidate.placement;
+        self.cost_with(&candidate.placement, candidate.coverage.outliers)
+    }
+
+    /// The same of an occurrence with so many outliers.
+    fn cost_with(&self, p: &Placement, outliers: u32) -> f32 {
         self.occurrence[usize::from(p.scale)]
             + self.word[usize::from(p.word)]
-            + self.outlier * candidate.coverage.outliers as f32
+            + self.outlier * outliers as f32
     }
 
     /// What a candidate saves when nothing else is chosen.
     pub fn gain_alone(&self, candidate: &Candidate) -> f32 {
-        self.inlier * candidate.coverage.weight as f32 - self.cost(candidate)
+        let Coverage { weight, outliers, .. } = candidate.coverage;
+        self.gain(&candidate.placement, weight, outliers)
+    }
+
+    /// The same of an occurrence that explains points of this weight and has so many outliers.
+    pub fn gain(&self, placement: &Placement, weight: u32, outliers: u32) -> f32 {
+        self.inlier * weight as f32 - self.cost_with(placement, outliers)
     }
 
     /// Takes over what the coder spends on `chosen`:

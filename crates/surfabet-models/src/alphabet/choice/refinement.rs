@@ -20,38 +20,56 @@ struct Buffers {
 }
 
 impl Choice<'_> {
-    /// Takes every occurrence out in turn and puts the variant with the largest gain in its place, or itself.
+    /// Takes every occurrence out in turn and puts the variant with the largest gain in its place, or itself. `known` are
+    /// the variants of each where an earlier pass made them; they are gone where it was replaced.
     pub(super) fn refine(
         &self,
         chosen: &mut [Candidate],
+        known: &mut [Option<Vec<Candidate>>],
         counts: &mut CoverCounts,
         progress: &dyn Progress,
     ) -> Result<()> {
-        let descriptors: Vec<Descriptor> = self.words.iter().map(Descriptor::of_word).collect();
-        let variants: Vec<Vec<Candidate>> = parallel::try_map_range_with(
-            chosen.len(),
-            || (Buffers::default(), WordSamples::new(&self.words)),
-            |(buffers, samples), k| -> Result<_> {
-                progress.check()?;
-                Ok(self.variants(&chosen[k], &descriptors, buffers, samples))
-            },
-        )?;
-        for (c, variants) in chosen.iter_mut().zip(variants) {
+        self.add_variants(chosen, known, progress)?;
+        for (c, known) in chosen.iter_mut().zip(known) {
             progress.check()?;
             counts.remove(&c.coverage.points);
             let gain = |c: &Candidate| {
-                self.prices.inlier * counts.n_explained_by(0, &c.coverage.points)
-                    - self.prices.cost(c)
+                self.prices.inlier * counts.n_open(&c.coverage.points) - self.prices.cost(c)
             };
-            let mut best = gain(c);
-            for variant in variants {
-                let gain = gain(&variant);
-                if gain > best {
-                    best = gain;
-                    *c = variant;
+            let mut best = (gain(c), None);
+            for (k, variant) in known.iter().flatten().enumerate() {
+                let gain = gain(variant);
+                if gain > best.0 {
+                    best = (gain, Some(k));
                 }
             }
+            if let Some(variant) = best.1.and_then(|k| Some(known.take()?.swap_remove(k))) {
+                *c = variant;
+            }
             counts.add(&c.coverage.points);
+        }
+        Ok(())
+    }
+
+    /// Makes the variants of each occurrence that are not known.
+    fn add_variants(
+        &self,
+        chosen: &[Candidate],
+        known: &mut [Option<Vec<Candidate>>],
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let descriptors: Vec<Descriptor> = self.words.iter().map(Descriptor::of_word).collect();
+        let missing: Vec<usize> = (0..chosen.len()).filter(|&k| known[k].is_none()).collect();
+        let made = parallel::try_map_range_with(
+            missing.len(),
+            || (Buffers::default(), WordSamples::new(&self.words)),
+            |(buffers, samples), k| -> Result<_> {
+                progress.check()?;
+                Ok(self.variants(&chosen[missing[k]], &descriptors, buffers, samples))
+            },
+        )?;
+        for (k, variants) in missing.into_iter().zip(made) {
+            known[k] = Some(variants);
         }
         Ok(())
     }
@@ -76,7 +94,7 @@ impl Choice<'_> {
             }
         }
         variants.retain(|p| p.slopes_fit(c.pose.level));
-        let cells = self.cells[usize::from(p.scale)];
+        let cells = &self.cells[usize::from(p.scale)];
         cells.around(p.cell, rows);
         cells.touched(rows, &c.pose, around);
         local_points(self.scene, &c.pose, around, local);
@@ -93,8 +111,8 @@ impl Choice<'_> {
                 let pose = placement.pose(c.pose.level, self.scene.sensor(placement.view));
                 local_points(self.scene, &pose, around, local);
                 let word = usize::from(placement.word);
-                let coverage = samples.coverage(word, &pose, self.spacing, local);
-                Candidate { placement, pose, coverage }
+                samples.cover(word, &pose, self.spacing, local);
+                Candidate { placement, pose, coverage: samples.coverage() }
             })
             .collect()
     }

@@ -29,13 +29,18 @@ pub(in crate::alphabet) fn descriptor_reach(pose: &WordPose) -> f32 {
 }
 
 /// The whole numbers from `first` to `last`, both included, that are below `n`. Without SSE 4.1, as on any x86-64, `ceil` and
-/// `floor` are calls, which took a twentieth of learning.
+/// `floor` are calls, which took a twentieth of learning; casts to unsigned numbers of 64 bits take branches.
 pub(in crate::alphabet) fn whole_numbers(first: f32, last: f32, n: usize) -> Range<usize> {
-    // Casts round towards zero, and what is below zero to zero.
-    let below = first as usize;
-    let start = if (below as f32) < first { below + 1 } else { below };
-    start..if last < 0.0 { 0 } else { (last as usize).saturating_add(1).min(n) }
+    // Casts round towards zero.
+    let [from, to] = [first, last].map(|c| c.clamp(0.0, n as f32));
+    let below = from as i32;
+    let start = below + i32::from((below as f32) < from);
+    let end = if last < 0.0 { 0 } else { (to as i32 + 1).min(n as i32) };
+    start as usize..end as usize
 }
+
+/// Points that are turned into the frame of a word at a time.
+const LANES: usize = 8;
 
 /// Puts those of the points `around` into `found` that some word with this pose may explain, or that its descriptor
 /// counts.
@@ -51,18 +56,27 @@ pub(in crate::alphabet) fn local_points(
     let center = pose.center.map(|c| c as f32);
     let [right, up, normal] = pose.rows.map(|r| r.map(|c| c as f32));
     let beside = descriptor_reach(pose);
-    for &index in around {
-        let p = scene.points[index as usize];
-        let sigma = scene.sigma[index as usize];
-        let d = [p[0] - center[0], p[1] - center[1], p[2] - center[2]];
-        let along = |row: [f32; 3]| row[0] * d[0] + row[1] * d[1] + row[2] * d[2];
-        let height = along(normal);
-        if height.abs() > highest + sigma {
-            continue;
+    for indices in around.chunks(LANES) {
+        // Column by column, so that the points of a chunk are computed with at a time.
+        let mut d = [[0.0_f32; LANES]; 3];
+        let mut sigmas = [0.0_f32; LANES];
+        for (lane, &index) in indices.iter().enumerate() {
+            let p = scene.points[index as usize];
+            (0..3).for_each(|a| d[a][lane] = p[a] - center[a]);
+            sigmas[lane] = scene.sigma[index as usize];
         }
-        let [right, up] = [along(right), along(up)];
-        if right.abs().max(up.abs()) <= radius + sigma.max(beside) {
+        let [rights, ups, heights] = [right, up, normal].map(|row| -> [f32; LANES] {
+            std::array::from_fn(|k| row[0] * d[0][k] + row[1] * d[1][k] + row[2] * d[2][k])
+        });
+        let is_near: [bool; LANES] = std::array::from_fn(|k| {
+            let beside = radius + sigmas[k].max(beside);
+            (heights[k].abs() <= highest + sigmas[k])
+                & (rights[k].abs() <= beside)
+                & (ups[k].abs() <= beside)
+        });
+        for (k, &index) in indices.iter().enumerate().filter(|(k, _)| is_near[*k]) {
             let weight = scene.weights[index as usize];
+            let [right, up, height, sigma] = [rights[k], ups[k], heights[k], sigmas[k]];
             found.push(LocalPoint { right, up, height, sigma, index, weight });
         }
     }

@@ -5,10 +5,12 @@
 //! | `thinning` | which points are kept |
 //! | `mod` | the kept points in units |
 //! | `cells` | the points by the cells of one scale |
+//! | `normals` | their normals |
 //! | `local_points` | the points about a pose, in the frame of the word |
 
 mod cells;
 mod local_points;
+mod normals;
 mod thinning;
 
 use surfabet_base::parallel;
@@ -16,6 +18,7 @@ use surfabet_base::parallel;
 use self::cells::KEY_BITS;
 pub(super) use self::cells::{Cells, Rows};
 pub(super) use self::local_points::{LocalPoint, descriptor_reach, local_points, whole_numbers};
+use self::normals::PointNormals;
 pub(super) use self::thinning::Thinned;
 use super::lattice::{MAX_CELL, SigmaRule, UNITS};
 use crate::error::{Error, Result};
@@ -34,8 +37,7 @@ pub(super) struct LatticeScene {
     pub weights: Vec<u16>,
     /// Whether the scene is so large that it was thinned further than to half a sigma.
     pub is_coarse: bool,
-    /// Unit normals, zero where unknown.
-    pub normals: Vec<[f32; 3]>,
+    pub normals: PointNormals,
     /// Which sensor saw each point; empty when none is known.
     pub views: Vec<u16>,
     /// Where the sensors stood, ascending.
@@ -47,12 +49,7 @@ pub(super) struct LatticeScene {
 impl LatticeScene {
     /// # Errors
     /// [`Error::TooLarge`] when the scene does not fit the lattice, [`Error::InvalidParameter`] beyond 65535 sensors.
-    pub fn new(
-        scene: &Scene,
-        thinning: Thinned,
-        normals: Vec<[f32; 3]>,
-        radius: f64,
-    ) -> Result<Self> {
+    pub fn new(scene: &Scene, thinning: Thinned, radius: f64) -> Result<Self> {
         let unit = radius / UNITS as f64;
         let low: [f32; 3] = std::array::from_fn(|a| {
             scene.positions.iter().map(|p| p[a]).fold(f32::INFINITY, f32::min)
@@ -87,6 +84,7 @@ impl LatticeScene {
         let rule = sigma_rule(scene, !sensors.is_empty(), unit);
         let sigma = scene.sigma.iter().map(|s| (f64::from(*s) / unit) as f32).collect();
         let Thinned { weights, is_coarse, .. } = thinning;
+        let normals = PointNormals::new(scene.positions.clone())?;
         Ok(Self {
             origin,
             radius,

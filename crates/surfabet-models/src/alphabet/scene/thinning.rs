@@ -60,19 +60,19 @@ fn one_per_cell(
         let [x, y, z] = cell.map(|c| c as i64);
         ([exponent.to_bits().into(), x, y, z], off.to_bits())
     };
-    let mut hashed: Vec<(u64, u32)> = parallel::map_range(among.len(), |k| {
+    let mut keyed: Vec<(u64, u32)> = parallel::map_range(among.len(), |k| {
         let (cell, _): ([i64; 4], u32) = place(among[k]);
-        (cell.iter().fold(0, |hash, &c| mixed(hash ^ c as u64)), among[k])
+        (key(cell), among[k])
     });
-    parallel::sort_keyed(&mut hashed);
-    let groups: Vec<&[(u64, u32)]> = hashed.chunk_by(|a, b| a.0 == b.0).collect();
+    parallel::sort_keyed(&mut keyed);
+    let groups: Vec<&[(u64, u32)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
     let mut found: Vec<(u64, u32)> = parallel::gather(groups.len(), |k, found| {
         if let [(_, i)] = groups[k] {
             found.push((u64::from(*i), 1));
             return;
         }
         let mut same: Vec<_> = groups[k].iter().map(|&(_, i)| (place(i), i)).collect();
-        // By cell, since two of them may have one hash.
+        // By cell, since two of them may have one key.
         same.sort_unstable();
         let cells = same.chunk_by(|a, b| a.0.0 == b.0.0);
         found.extend(cells.map(|cell| (u64::from(cell[0].1), cell.len() as u32)));
@@ -82,12 +82,11 @@ fn one_per_cell(
     found.into_iter().map(|(i, n)| (i as u32, n.min(most) as u16)).unzip()
 }
 
-/// Bits that are as good as random: the last step of splitmix64.
-fn mixed(bits: u64) -> u64 {
-    let x = bits.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
+/// A key of a cell that few others have: the lowest bits of its coordinates and of the exponent. With x on top, points of
+/// neighbouring keys are neighbours in memory, since scenes are sorted by x.
+fn key([exponent, x, y, z]: [i64; 4]) -> u64 {
+    let low = |value: i64, bits: u32| value as u64 & ((1 << bits) - 1);
+    low(x, 20) << 44 | low(y, 20) << 24 | low(z, 20) << 4 | low(exponent >> 19, 4)
 }
 
 #[cfg(test)]

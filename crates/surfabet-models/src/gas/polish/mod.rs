@@ -81,16 +81,20 @@ impl<'a> Cells<'a> {
     /// The cell of neuron `i` at `position`.
     fn cell(&self, i: usize, position: [f32; 3]) -> Cell {
         let mut cell = Cell::default();
-        for (p, weight, winners) in self.points(i) {
-            let [d1, d2] = winners.map(|winner| f64::from(winner.squared_distance()).sqrt());
-            cell.weight += weight;
-            for a in 0..3 {
-                cell.offset[a] += weight * (f64::from(p[a]) - f64::from(position[a]));
+        for (sample, groups) in self.samples.iter().zip(&self.groups) {
+            let weight = sample.weight;
+            for m in groups.of(i) {
+                let (p, winners) = (sample.points[m], sample.winners[m]);
+                let [d1, d2] = winners.map(|winner| f64::from(winner.squared_distance()).sqrt());
+                cell.weight += weight;
+                for a in 0..3 {
+                    cell.offset[a] += weight * (f64::from(p[a]) - f64::from(position[a]));
+                }
+                cell.distance += weight * d1;
+                let error = relocate::error(d1);
+                cell.error += weight * error;
+                cell.utility += weight * (relocate::error(d2) - error);
             }
-            cell.distance += weight * d1;
-            let error = relocate::error(d1);
-            cell.error += weight * error;
-            cell.utility += weight * (relocate::error(d2) - error);
         }
         if cell.weight > 0.0 {
             cell.offset = cell.offset.map(|sum| sum / cell.weight);
