@@ -308,3 +308,41 @@ pub(super) fn decide(
     answer.rejected.truncate(top);
     Ok(answer)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+
+    /// Candidates at these places, turned about the vertical.
+    fn candidates(places: &[([f64; 3], f64)]) -> Vec<Candidate> {
+        let of = |&(translation, yaw): &([f64; 3], f64)| Candidate {
+            placement: Placement {
+                rotation: UnitQuaternion::from_euler_angles(0.0, 0.0, yaw),
+                translation: translation.into(),
+            },
+            evidence: Evidence::default(),
+        };
+        places.iter().map(of).collect()
+    }
+
+    #[test]
+    fn four_places_on_a_line_are_a_row() {
+        let row = [
+            ([0.0; 3], 0.0),
+            ([3.0, 0.1, 0.0], 0.0),
+            ([-6.0, 0.0, 0.2], 0.05),
+            ([9.0, 0.0, 0.0], 0.0),
+        ];
+        let found = candidates(&row);
+        let along = row_of(&found[0], &found).unwrap();
+        assert!(along[0].abs() > 0.99);
+        // One fewer, one turned another way, one beside the line.
+        assert_eq!(row_of(&found[0], &found[..3]), None);
+        for other in [([9.0, 0.0, 0.0], 1.5), ([9.0, 4.0, 0.0], 0.0)] {
+            let found = candidates(&[row[0], row[1], row[2], other]);
+            assert_eq!(row_of(&found[0], &found), None);
+        }
+    }
+}
