@@ -285,7 +285,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         point: Sequence[float] | None = None,
         radius: float | None = None,
         box: tuple[Sequence[float], Sequence[float]] | None = None,
-        min_score: float = 0.5,
+        min_score: float | None = None,
         max_found: int = 1000,
         resolution: float | None = None,
         tolerance: float | None = None,
@@ -317,7 +317,8 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         min_score
             Least score of what is found. Things of one kind seen from different sides score 0.5 to
             0.85 against each other; unlike things score up to 0.55 by shape alone, less with
-            colours. A number from 0 to 1; by default 0.5.
+            colours. A number from 0 to 1; by default 0.5; 0.55 for examples of another model by
+            shape alone.
         max_found
             Most places that are found. 0 or a positive integer; by default 1000.
         resolution

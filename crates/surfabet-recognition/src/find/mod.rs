@@ -38,7 +38,7 @@ pub(super) use self::motion::Motion;
 pub use self::options::{FindOptions, Region};
 pub(super) use self::scene::SearchScene;
 pub(super) use self::template::Template;
-use super::constants::{FINALISTS, GUESSES, SAME_PLACE_OF_ANY};
+use super::constants::{FINALISTS, GUESSES, LEAST_SCORE, LEAST_SCORE_OF_SHAPES, SAME_PLACE_OF_ANY};
 
 /// The stages and their shares of the progress, in per cent.
 pub(super) const FIND_STAGES: &[(&str, f32)] = &[
@@ -108,7 +108,8 @@ pub fn find(
     let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
     let mut places = places_like(&template, &side, &side, budget, &mut stages)?;
     places.push((1.0, Motion::NONE));
-    places.retain(|(score, _)| *score >= options.min_score);
+    let least = options.min_score.unwrap_or(LEAST_SCORE);
+    places.retain(|(score, _)| *score >= least);
     let places = template.best_places(places, options.max_found);
     places.into_iter().map(|place| template.found(place, example, 0, [origin; 2])).collect()
 }
@@ -172,7 +173,10 @@ fn find_example(
     let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
     let sides = [Side::new(model, &from), Side::new(searched, &to)];
     let mut places = places_like(&template, &sides[0], &sides[1], budget, &mut stages)?;
-    places.retain(|(score, _)| *score >= options.min_score);
+    let by_shape = from.color_tolerance.is_none() || to.color_tolerance.is_none();
+    let least = if by_shape { LEAST_SCORE_OF_SHAPES } else { LEAST_SCORE };
+    let least = options.min_score.unwrap_or(least);
+    places.retain(|(score, _)| *score >= least);
     let places = template.best_places(places, options.max_found);
     places.into_iter().map(|p| template.found(p, &region, number, origins)).collect()
 }
@@ -339,7 +343,7 @@ mod tests {
         for region in [nowhere, flat, none] {
             assert!(matches!(search(region), Err(Error::InvalidParameter { .. })), "{region:?}");
         }
-        let options = FindOptions { min_score: 1.5, ..FindOptions::default() };
+        let options = FindOptions { min_score: Some(1.5), ..FindOptions::default() };
         assert!(find(&model, &example(), &options, &Silent).is_err());
     }
 }

@@ -110,7 +110,8 @@ options! {
     pub struct FindOptions {
         /// Least score of what is found. Things of one kind seen from different sides score 0.5 to 0.85 against each
         /// other; unlike things score up to 0.55 by shape alone, less with colours.
-        min_score: f64 = 0.5, range = Range::from_to(0.0, 1.0);
+        min_score: Option<f64> = None, range = Range::from_to(0.0, 1.0),
+            none = "0.5; 0.55 for examples of another model by shape alone";
         /// Most places that are found.
         max_found: usize = 1000, range = Range::NOT_NEGATIVE;
         /// Spacing of the samples that are compared.
