@@ -22,7 +22,7 @@ from surfabet.errors import (
     wrong_type,
     wrong_value,
 )
-from surfabet.io._files import path_of
+from surfabet.io._files import is_same_file, path_of
 from surfabet.model import MAX_POINTS, Box, corners
 from surfabet.patches import LatticeModel
 
@@ -65,9 +65,7 @@ class _PartOf:
         InvalidInputError
             With their number and what to do.
         """
-        if self.n_read == self.n_tiles or not (target.exists() and self.path.exists()):
-            return
-        if target.samefile(self.path):
+        if self.n_read < self.n_tiles and is_same_file(target, self.path):
             requirement = (
                 f"another file than the one of which only {self.n_read} of {self.n_tiles} tiles "
                 "were loaded, since the others would be lost; or load the whole map"
@@ -87,7 +85,7 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
 
     __slots__ = ("_read_from",)
 
-    def __init__(self, core: _core.TiledPatchModel, read_from: _PartOf | None = None) -> None:
+    def __init__(self, core: _core.TiledPatchModel, read_from: tuple[_PartOf, ...] = ()) -> None:
         super().__init__(core)
         self._read_from = read_from
 
@@ -202,8 +200,8 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
             For the file that a part was loaded from, which would lose its other tiles.
         """
         target = path_of("path", path)
-        if self._read_from is not None:
-            self._read_from.check(target)
+        for part in self._read_from:
+            part.check(target)
         return self._core.save_tiles(str(target), note)
 
     @property
@@ -286,7 +284,8 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
     with progress_callback(progress) as callback:
         cores = [model._core for model in models]
         try:
-            return TiledPatchModel(_core.merge_tiles(cores, progress=callback))
+            read_from = tuple(part for model in models for part in model._read_from)
+            return TiledPatchModel(_core.merge_tiles(cores, progress=callback), read_from)
         except InvalidInputError as error:
             if not (old := [i for i, core in enumerate(cores) if not _has_plan(core)]):
                 raise
@@ -334,4 +333,4 @@ def open_tiled(
     model = TiledPatchModel(core)
     if (box is None and level is None) or not isinstance(source, str | os.PathLike):
         return model
-    return TiledPatchModel(core, _PartOf(Path(source), *core.tile_counts))
+    return TiledPatchModel(core, (_PartOf(Path(source), *core.tile_counts),))

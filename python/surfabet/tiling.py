@@ -31,6 +31,7 @@ from surfabet.errors import (
     wrong_value,
 )
 from surfabet.io._crs import unit_name
+from surfabet.io._files import is_same_file
 from surfabet.io._notes import counted
 from surfabet.io.chunks import Chunks, chunks_of
 from surfabet.survey import survey
@@ -237,6 +238,10 @@ def learn_patches_tiled(
     _core.check_options("patches", options)
     _check_recurrence(options)
     path = Path(path)
+    if isinstance(source, str | os.PathLike) and is_same_file(source, path):
+        raise wrong_value(
+            "path", str(path), "another file than the source, which would be replaced"
+        )
     _check_memory(max_memory)
     _check_details(details)
     chunks = chunks_of(source)

@@ -19,6 +19,7 @@ from surfabet._distance_field import distance_field
 from surfabet.errors import FormatError, InvalidInputError, wrong_type, wrong_value
 from surfabet.files import MAX_BYTES, MAX_ITEMS, from_bytes
 from surfabet.io import read
+from surfabet.io._files import is_same_file
 from surfabet.model import Model
 
 __all__ = ["address_of", "check_page", "page_of", "temporary_page", "view"]
@@ -97,6 +98,9 @@ def view(
         else:
             field = distance_field(from_bytes(data), read(against), Path(against).name)
     page = temporary_page(title) if path is None else Path(path)
+    for read_from in (model, against):
+        if isinstance(read_from, str | os.PathLike) and is_same_file(read_from, page):
+            raise wrong_value("path", str(page), "another file than those that are read")
     page.write_text(page_of(data, title, field, address), "utf-8")
     if open if open is not None else path is None:
         webbrowser.open(page.resolve().as_uri())

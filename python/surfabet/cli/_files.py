@@ -16,6 +16,7 @@ from surfabet.cli._options import ReadOptions, UsageError, VocabularyOption
 from surfabet.errors import FormatError
 from surfabet.files import AnyModel, Vocabulary
 from surfabet.io import Format, detect, formats, named_format
+from surfabet.io._files import is_same_file
 
 MODEL_SUFFIX = ".sfb"
 MAGIC = b"\x89SFB"
@@ -39,7 +40,7 @@ def check_output(path: Path, suffixes: frozenset[str], *inputs: Path) -> None:
     if not os.access(path.parent, os.W_OK):
         raise UsageError(f"{path}: no permission to write in {path.parent}")
     for source in inputs:
-        if path.exists() and source.exists() and path.samefile(source):
+        if is_same_file(path, source):
             raise UsageError(f"{path}: is the input too; write to another file")
 
 

@@ -44,11 +44,11 @@ def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality | None) 
     share = None if quality is None else quality.inliers
     if share is None or share >= 0.99 or model.report.tolerance == 0:
         return None
-    # With a bound completeness says nothing.
-    is_bounded = isinstance(model, surfabet.PatchModel) and model.max_error is not None
-    share_or_bound = "--max-error" if is_bounded else "--completeness 0.99"
+    # Who gives a bound has said how near is near enough.
+    if isinstance(model, surfabet.PatchModel) and model.max_error is not None:
+        return None
     remedies = {
-        "patches": f"--quality fine, a smaller --resolution or {share_or_bound} keep more",
+        "patches": "--quality fine, a smaller --resolution or --completeness 0.99 keep more",
         "hscsm": "--quality fine or a smaller --resolution keep more",
         "gas": "--quality fine or more neurons (--n-neurons) keep more",
     }

@@ -13,6 +13,7 @@ from surfabet.cli._files import MODEL_SUFFIX, check_output, read_cloud, size_on_
 from surfabet.cli._format import bytes_text
 from surfabet.cli._maps import load_tiled, tell_map
 from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions, UsageError
+from surfabet.io._files import is_same_file
 
 
 def append(
@@ -48,8 +49,8 @@ def append(
         Print one JSON object instead of a line.
     """
     output = map_ if out is None else out
-    if alone and out is None:
-        raise UsageError("--alone: needs --out, since the map would be replaced")
+    if alone and (out is None or is_same_file(out, map_)):
+        raise UsageError("--alone: needs --out with another file, since the map would be replaced")
     check_output(output, frozenset({MODEL_SUFFIX}), scan)
     started = time.perf_counter()
     with common.progress() as progress:

@@ -98,6 +98,12 @@ def path_of(argument: str, value: str | os.PathLike[str]) -> Path:
     return Path(value)
 
 
+def is_same_file(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> bool:
+    """Whether both paths are of one file that is there, by whatever names."""
+    first, second = Path(a), Path(b)
+    return first.exists() and second.exists() and first.samefile(second)
+
+
 def export(
     path: str | os.PathLike[str], thing: T, writers: Mapping[str, Callable[[Path, T], None]]
 ) -> int:

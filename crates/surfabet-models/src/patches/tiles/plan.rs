@@ -9,7 +9,7 @@ use crate::options::Options;
 use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, AttributeHeader, INTENSITIES, check};
 use crate::patches::learn::{
-    check_size, depth_step, lattice_of, pixel, samples_per_pixel, sheets_of,
+    check_lengths, check_size, depth_step, lattice_of, pixel, samples_per_pixel, sheets_of,
 };
 use crate::patches::model::Lattice;
 use crate::patches::options::PatchesOptions;
@@ -205,6 +205,7 @@ pub fn plan(
     let tolerance = start.tolerance(options.resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
     check_size(std::array::from_fn(|a| 0.5 * (high[a] - low[a]) + 1.0), resolution)?;
+    check_lengths(resolution, options)?;
     let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
     let lattice = stages.run("finding axes", |_| {
         Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
