@@ -295,7 +295,7 @@ impl PatchModel {
             attributes,
             extra: Vec::new(),
             extra_size: lattice.pixel_size,
-            point_coding: PointCoding::of(&[]),
+            point_coding: PointCoding::Around,
             max_error: None,
             max_error_forward: None,
             instances: Instances::default(),
@@ -305,7 +305,6 @@ impl PatchModel {
 
     /// With points that no patch is near enough to, as cells of side `size`, and the bound that they keep, if any.
     pub(super) fn with_extra(mut self, extra: Vec<u64>, size: f64, max_error: Option<f64>) -> Self {
-        self.point_coding = PointCoding::of(&extra);
         (self.extra, self.extra_size, self.max_error) = (extra, size, max_error);
         self
     }
@@ -321,7 +320,6 @@ impl PatchModel {
         extra: Vec<u64>,
         of_instances: Vec<Vec<u32>>,
     ) -> Self {
-        self.point_coding = PointCoding::of(&extra);
         self.extra = extra;
         for (instance, points) in self.instances.all.iter_mut().zip(of_instances) {
             instance.points = points;
@@ -425,7 +423,12 @@ impl PatchModel {
             attributes,
             extra,
             extra_size: header.extra_size,
-            point_coding: header.point_coding,
+            // Without points either would do, and a file does not say which.
+            point_coding: if header.n_extra == 0 {
+                PointCoding::Around
+            } else {
+                header.point_coding
+            },
             max_error: header.max_error,
             max_error_forward: header.max_error_forward,
             instances,

@@ -28,13 +28,6 @@ pub enum PointCoding {
     Around,
 }
 
-impl PointCoding {
-    /// How points with these keys are coded by a writer: where there are none, as in files that do not say how.
-    pub(in crate::patches) fn of(keys: &[u64]) -> Self {
-        if keys.is_empty() { Self::Alone } else { Self::Around }
-    }
-}
-
 pub(in crate::patches) use geometry::{Geometry, MAX_SHEETS, code_geometry};
 pub(in crate::patches) use models::{
     GeometryModels, SET, UNKNOWN, beside_context, depth_context, pixel_context, shape_context,
