@@ -77,6 +77,9 @@ def view(
         For a model whose file names its vocabulary by a hash instead of holding it, and for an
         empty cloud.
     """
+    sources = [source for source in (model, against) if isinstance(source, str | os.PathLike)]
+    if path is not None and any(is_same_file(source, path) for source in sources):
+        raise wrong_value("path", str(path), "another file than those that are read")
     address = ""
     if isinstance(model, str | os.PathLike):
         data = Path(model).read_bytes()
@@ -98,9 +101,6 @@ def view(
         else:
             field = distance_field(from_bytes(data), read(against), Path(against).name)
     page = temporary_page(title) if path is None else Path(path)
-    for read_from in (model, against):
-        if isinstance(read_from, str | os.PathLike) and is_same_file(read_from, page):
-            raise wrong_value("path", str(page), "another file than those that are read")
     page.write_text(page_of(data, title, field, address), "utf-8")
     if open if open is not None else path is None:
         webbrowser.open(page.resolve().as_uri())

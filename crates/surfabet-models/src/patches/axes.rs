@@ -144,6 +144,11 @@ fn orthonormal(first: [f64; 3], second: [f64; 3]) -> [[f64; 3]; 3] {
     [x, y, z]
 }
 
+/// A position along the axes of a rotation from them to the world.
+pub(super) fn to_axes(rotation: &[[f64; 3]; 3], p: [f32; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| (0..3).map(|k| rotation[k][a] * f64::from(p[k])).sum())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

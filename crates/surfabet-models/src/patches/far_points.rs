@@ -3,9 +3,11 @@
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
+use super::axes::to_axes;
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
-use super::decode::MeasuredReach;
-use super::model::{PatchModel, extra_key};
+use super::decode::{MeasuredReach, PlacedPatch};
+use super::instances::Motion;
+use super::model::{Lattice, PatchModel, extra_key};
 use super::samples::cells::LIMIT;
 use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
@@ -38,7 +40,9 @@ pub(super) fn with_points_within(
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
     let near = limit(positions, bound)?;
-    let far = far_points(&model, &[], positions, near, progress)?;
+    let motions = model.instances().motions();
+    let patches = patches_of(&model, &motions, &[]);
+    let far = far_points(model.lattice(), patches, positions, near, progress)?;
     let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
     let cells = Cells::of(&model, &far, near.min(forward));
     let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
@@ -87,10 +91,15 @@ pub(super) fn with_share_of_points(
     let Some(bound) = wanted.bound() else { return Ok(model) };
     let Completeness { share, forward, .. } = wanted;
     let near = limit(positions, bound)?;
-    if positions.len() > PROBES && is_reached(&model, beside, positions, bound, share, progress)? {
+    let motions = model.instances().motions();
+    let patches = || patches_of(&model, &motions, beside);
+    let lattice = model.lattice();
+    if positions.len() > PROBES
+        && is_reached(lattice, patches(), positions, bound, share, progress)?
+    {
         return Ok(model);
     }
-    let far = far_points(&model, beside, positions, near, progress)?;
+    let far = far_points(lattice, patches(), positions, near, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
     let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
@@ -111,14 +120,14 @@ pub(super) fn with_share_of_points(
     with_shared_points(model.with_extra(keys, size, None), &far, of_cells)
 }
 
-/// True when at least the `share` of the positions is within `bound` of what a model and the patches `beside` it decode to as
-/// measured. Of many positions some are asked, and have to be a little more.
+/// True when at least the `share` of the positions is within `bound` of what patches decode to as measured. Of many positions some
+/// are asked, and have to be a little more.
 ///
 /// # Errors
 /// As [`with_points_within`].
-pub(super) fn is_reached(
-    model: &PatchModel,
-    beside: &[Leaf],
+pub(super) fn is_reached<'a>(
+    lattice: Lattice,
+    patches: impl Iterator<Item = PlacedPatch<'a>>,
     positions: &[[f32; 3]],
     bound: f64,
     share: f64,
@@ -128,7 +137,7 @@ pub(super) fn is_reached(
     let step = positions.len().div_ceil(PROBES).max(1);
     let margin = if step > 1 { PROBE_MARGIN } else { 0.0 };
     let probes: Vec<[f32; 3]> = positions.iter().copied().step_by(step).collect();
-    let far = far_points(model, beside, &probes, near, progress)?;
+    let far = far_points(lattice, patches, &probes, near, progress)?;
     Ok(far.len() as f64 <= (1.0 - share - margin) * probes.len() as f64 + 1e-6)
 }
 
@@ -143,23 +152,30 @@ pub(super) fn limit(positions: &[[f32; 3]], bound: f64) -> Result<f64> {
     Ok(limit)
 }
 
-/// The `positions` that are further than `limit` from all that the patches, those of instances and those `beside` them decode to as
-/// measured.
-fn far_points(
-    model: &PatchModel,
-    beside: &[Leaf],
+/// The patches of a model, those of its instances, and those `beside` them.
+fn patches_of<'a>(
+    model: &'a PatchModel,
+    motions: &'a [Motion],
+    beside: &'a [Leaf],
+) -> impl Iterator<Item = PlacedPatch<'a>> {
+    let coded = model.leaves().iter().chain(beside).map(|leaf| (leaf, None));
+    let of_instances = model.instances().all.iter().zip(motions).flat_map(|(instance, motion)| {
+        model.patches_of(instance).map(move |(_, leaf)| (leaf, Some(motion)))
+    });
+    coded.chain(of_instances)
+}
+
+/// The `positions` that are further than `limit` from all that patches decode to as measured.
+fn far_points<'a>(
+    lattice: Lattice,
+    patches: impl Iterator<Item = PlacedPatch<'a>>,
     positions: &[[f32; 3]],
     limit: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 3]>> {
-    let motions = model.instances().motions();
-    let coded = model.leaves().iter().chain(beside).map(|leaf| (leaf, None));
-    let of_instances = model.instances().all.iter().zip(&motions).flat_map(|(instance, motion)| {
-        model.patches_of(instance).map(move |(_, leaf)| (leaf, Some(motion)))
-    });
     let rounding = DECODE_ROUNDINGS * largest_coordinate(positions) * f64::from(f32::EPSILON);
     let near = (limit - rounding).max(0.0);
-    let reach = MeasuredReach::new(model.lattice(), coded.chain(of_instances), near)?;
+    let reach = MeasuredReach::new(lattice, patches, near)?;
     let far = parallel::try_map_chunks(positions, BATCH, |positions| -> Result<Vec<[f32; 3]>> {
         progress.check()?;
         let mut found = Vec::new();
@@ -186,11 +202,7 @@ impl Cells {
     fn of(model: &PatchModel, points: &[[f32; 3]], limit: f64) -> Self {
         let size = EXTRA_CELL * limit;
         let rows = model.lattice().orientation.rotation();
-        let to_lattice = |p: [f32; 3]| -> [f32; 3] {
-            std::array::from_fn(|a| {
-                (0..3).map(|k| rows[k][a] * f64::from(p[k])).sum::<f64>() as f32
-            })
-        };
+        let to_lattice = |p| to_axes(&rows, p).map(|c| c as f32);
         let mut keys: Vec<u64> = parallel::map(points, |&p| extra_key(to_lattice(p), size));
         parallel::sort_keys(&mut keys);
         let counted = keys.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();

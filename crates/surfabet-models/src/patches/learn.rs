@@ -28,6 +28,7 @@ use super::samples::cells::LIMIT;
 use super::samples::{SidedSamples, Weights};
 use super::sheets::{Reach, Sheet, sheets};
 use super::supported::with_support;
+use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
 use super::tiles::{Shares, Tile};
 use super::whole::{Described, Wanted, Whole};
@@ -181,22 +182,17 @@ impl Ground<'_> {
         of_bound.or_else(completeness)
     }
 
-    /// True when patches alone, with those `near` the tile, are as near to the input as options ask for.
+    /// True when patches alone, with those `near` the tile, are as near to the positions as options ask for.
     fn is_near_enough(
         &self,
-        geometry: &Geometry,
-        near: &[Leaf],
-        cloud: &PointCloud,
+        chosen: &RoundsOutcome,
+        positions: &[[f32; 3]],
         options: &PatchesOptions,
         progress: &dyn Progress,
     ) -> Result<bool> {
         let Some((bound, share)) = self.asked(options) else { return Ok(true) };
-        let positions = self.positions(cloud);
-        let n = positions.len() as u64;
-        // Sheets matter to the file alone.
-        let patches = Geometry { sheets: Vec::new(), leaves: geometry.leaves.clone() };
-        let model = PatchModel::new(n, self.lattice, patches, Attributes::default())?;
-        is_reached(&model, near, &positions, bound, share, progress)
+        let patches = chosen.geometry.leaves.iter().chain(&chosen.near).map(|leaf| (leaf, None));
+        is_reached(self.lattice, patches, positions, bound, share, progress)
     }
 
     /// The price of points beside the patches, where there will be some. With a bound forward there is none: patches then
@@ -312,9 +308,11 @@ fn surface(
     let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
     let n_sheets = sheets.len();
     let chosen = stages.run("choosing patches", |progress| {
-        let rounds = Rounds { lattice, sheets: &sheets, near: &near, density, options, progress };
+        let (sheets, near, bases) = (&sheets[..], &near[..], &Basis::of_levels(options.levels)[..]);
+        let rounds = Rounds { lattice, sheets, near, bases, density, options, progress };
+        let positions = ground.positions(cloud);
         rounds.choose(ground.point_price(options), |chosen| {
-            ground.is_near_enough(&chosen.geometry, &chosen.near, cloud, options, progress)
+            ground.is_near_enough(chosen, &positions, options, progress)
         })
     })?;
     let RoundsOutcome { geometry, near, bytes, .. } = chosen;

@@ -22,6 +22,8 @@ pub(super) struct Rounds<'a> {
     pub sheets: &'a [Sheet],
     /// Those just beyond it.
     pub near: &'a [Sheet],
+    /// Shapes of all levels.
+    pub bases: &'a [Basis],
     /// Samples of a pixel.
     pub density: f64,
     pub options: &'a PatchesOptions,
@@ -57,9 +59,8 @@ impl Rounds<'_> {
         is_near_enough: impl Fn(&RoundsOutcome) -> Result<bool>,
     ) -> Result<RoundsOutcome> {
         let rounds = self.options.rounds;
-        let first = self.rounds(1, None, RoundsOutcome::default())?;
-        let Some(price) = price else { return self.rounds(rounds - 1, None, first) };
-        let mut free = first;
+        let Some(price) = price else { return self.rounds(rounds, None, RoundsOutcome::default()) };
+        let mut free = self.rounds(1, None, RoundsOutcome::default())?;
         if is_near_enough(&free)? {
             free = self.rounds(rounds - 1, None, free)?;
             if is_near_enough(&free)? {
@@ -101,26 +102,29 @@ impl Rounds<'_> {
             self.progress.update("choosing patches", outcome.bytes.len() as f32 / most as f32);
             // A scattered cloud has trees as large as itself: not two rounds of them at once.
             drop(std::mem::take(&mut outcome.geometry));
-            let trees = self.trees(self.sheets, &outcome.models, points)?;
-            let mut price = Price::default();
-            outcome.models = GeometryModels::default();
-            let models = &mut outcome.models;
-            let Ok(geometry) = code_geometry(&mut price, models, self.lattice, &trees, usize::MAX);
-            outcome.geometry = geometry;
-            outcome.bytes.push(price.bits / 8.0);
+            let (geometry, models, bytes) = self.round(self.sheets, &outcome.models, points)?;
+            (outcome.geometry, outcome.models) = (geometry, models);
+            outcome.bytes.push(bytes);
         }
         if count > 0 {
-            outcome.near = self.leaves_near(points)?;
+            // Of what lies beyond the part one round is enough.
+            let (beyond, _, _) = self.round(self.near, &GeometryModels::default(), points)?;
+            outcome.near = beyond.leaves;
         }
         Ok(outcome)
     }
 
-    /// Patches beyond the part that is described, by one round.
-    fn leaves_near(&self, points: Option<PointPrice>) -> Result<Vec<Leaf>> {
-        let trees = self.trees(self.near, &GeometryModels::default(), points)?;
+    /// The patches of least cost for some sheets by the prices of `models`, the models as coding them leaves these, and the bytes.
+    fn round(
+        &self,
+        sheets: &[Sheet],
+        models: &GeometryModels,
+        points: Option<PointPrice>,
+    ) -> Result<(Geometry, GeometryModels, f64)> {
+        let trees = self.trees(sheets, models, points)?;
         let (mut price, mut models) = (Price::default(), GeometryModels::default());
         let Ok(geometry) = code_geometry(&mut price, &mut models, self.lattice, &trees, usize::MAX);
-        Ok(geometry.leaves)
+        Ok((geometry, models, price.bits / 8.0))
     }
 
     /// The best hierarchy of every sheet that is not left out.
@@ -132,7 +136,7 @@ impl Rounds<'_> {
     ) -> Result<Vec<SheetTree>> {
         let choice = Choice {
             models,
-            bases: &Basis::of_levels(self.options.levels),
+            bases: self.bases,
             // Distortion is summed over samples. What a bit must save is given per pixel, so that dense and sparse
             // scans are treated alike.
             lambda: (self.options.rate * self.density) as f32,

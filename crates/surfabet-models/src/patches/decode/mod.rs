@@ -14,7 +14,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 pub(super) use self::attributes::Sampler;
 use self::fragments::fragments;
 use self::nearest::NearestPatch;
-pub(super) use self::reach::MeasuredReach;
+pub(super) use self::reach::{MeasuredReach, PlacedPatch};
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 use crate::patches::instances::Motion;

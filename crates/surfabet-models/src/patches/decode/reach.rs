@@ -7,17 +7,21 @@ use surfabet_geom::{Aabb, BoxTree, arrange};
 use super::{Decoder, Grid, layer_offset};
 use crate::contract::DecodeOptions;
 use crate::error::Result;
+use crate::patches::axes::to_axes;
 use crate::patches::instances::Motion;
 use crate::patches::model::Lattice;
 use crate::patches::sheets::axes_of;
 use crate::patches::surface::leaf::Leaf;
 use crate::patches::tiles::ROUNDING;
 
+/// A patch, and where it is an instance's the motion to where it stands.
+pub(in crate::patches) type PlacedPatch<'a> = (&'a Leaf, Option<&'a Motion>);
+
 /// Patches, some of them moved, and how near to them a position has to be.
 pub(in crate::patches) struct MeasuredReach<'a> {
     decoder: Decoder,
     /// In the order of the tree.
-    patches: Vec<(&'a Leaf, Option<&'a Motion>)>,
+    patches: Vec<PlacedPatch<'a>>,
     /// Boxes around the patches, pixels.
     tree: BoxTree<Aabb>,
     rotation: [[f64; 3]; 3],
@@ -32,7 +36,7 @@ impl<'a> MeasuredReach<'a> {
     /// None for a lattice of a model.
     pub fn new(
         lattice: Lattice,
-        patches: impl Iterator<Item = (&'a Leaf, Option<&'a Motion>)>,
+        patches: impl Iterator<Item = PlacedPatch<'a>>,
         limit: f64,
     ) -> Result<Self> {
         let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
@@ -63,11 +67,7 @@ impl<'a> MeasuredReach<'a> {
 
     /// Whether a position (metres about the origin) is near a decoded point; `found` is scratch memory.
     pub fn is_near(&self, position: [f32; 3], found: &mut Vec<u32>) -> bool {
-        let metres = position.map(f64::from);
-        let p: [f64; 3] = std::array::from_fn(|a| {
-            let along: f64 = (0..3).map(|k| self.rotation[k][a] * metres[k]).sum();
-            along / self.decoder.lattice.pixel_size
-        });
+        let p = to_axes(&self.rotation, position).map(|c| c / self.decoder.lattice.pixel_size);
         let single = p.map(|c| c as f32);
         let squared_limit = self.limit * self.limit;
         found.clear();
