@@ -66,6 +66,7 @@ for i in range(10_000):
 step "Build and install" install_surfabet test
 step "Options up to date with their records" .venv/bin/python scripts/generate_options.py --check
 step "Rust format" cargo fmt --all --check
+step "Python lints" .venv/bin/ruff check python tests/python benches docs scripts
 step "Rust lints" cargo clippy --quiet --workspace --all-targets -- -D warnings
 step "Licences of dependencies" .venv/bin/python scripts/check_licenses.py
 step "Rust tests" cargo test --quiet --workspace
@@ -73,7 +74,6 @@ step "Rust documentation" build_docs
 # With the libraries that the tests were built with: as `cargo bench` builds them would be all of them once more.
 step "Rust benchmarks build" cargo bench --quiet --workspace --no-run --profile test
 step "Example of embedding" embed_example
-step "Python lints" .venv/bin/ruff check python tests/python benches docs scripts
 step "Same bytes with and without AVX2" scripts/check_portable.sh
 step "Python types" .venv/bin/mypy
 step "Python stubs against the binary" .venv/bin/python -m mypy.stubtest surfabet._core --allowlist tests/python/stubtest_allowlist.txt

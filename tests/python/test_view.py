@@ -219,7 +219,10 @@ def test_the_command_takes_a_second_cloud(
         "property float z\nend_header\n"
     )
     assert main(["view", str(MODEL), "--out", str(out), "--against", str(cloud)]) == 2
-    assert "--against is again.ply, which has no points, but must be a cloud with points" in capsys.readouterr().err
+    assert (
+        "--against is again.ply, which has no points, but must be a cloud with points"
+        in capsys.readouterr().err
+    )
     missing = str(tmp_path / "missing.ply")
     assert main(["view", str(MODEL), "--out", str(out), "--against", missing]) == 1
     assert "missing.ply" in capsys.readouterr().err
