@@ -47,7 +47,7 @@ def main() -> None:
     save(folder / "room.png", beside(views), colors=80)
 
     exact = datasets.simulated_room(n_poses=18, noise=0, pose_error=0)
-    model = sb.learn_hscsm(exact.cloud, **ONE)
+    model = sb.learn_hscsm(exact.cloud, resolution=0.01, **ONE)
     decoded = model.decode()
     print_figures(exact, model, decoded)
     views = [
@@ -88,7 +88,7 @@ def print_figures(
         float(np.sqrt(np.mean(np.square(scan.scene.distance(points)))))
         for points in (scan.cloud.points, decoded.points)
     ]
-    per_patch = model.report.figures["set pixels per patch"]
+    per_patch = model.masks().sum() / len(model)
     print(f"{model}\n  {per_patch:.1f} set pixels per patch\n  {quality}")
     print(f"  ratio {quality.ratio:.1f}")
     print(
