@@ -1,10 +1,10 @@
 //! The price of points beside the patches, for the samples that no patch is near enough to.
 
+use super::misfit::Slab;
 use crate::patches::constants::{
     DECODED_WEIGHT, DECODED_WEIGHT_WITHIN_TOLERANCE, EXTRA_CELL, POINT_BITS, POINT_REACH,
     SAMPLE_SIZE,
 };
-use crate::patches::sheets::Run;
 
 /// What it costs to leave samples out where points will stand for them.
 #[derive(Debug, Clone, Copy)]
@@ -53,15 +53,14 @@ impl PointPrice {
         distance > self.reach + 0.5
     }
 
-    /// Bits of the points for the part of a run that is not reached by what is decoded as the slab of half thickness `half`
-    /// about `depth`.
-    pub fn bits_beyond(&self, run: &Run, depth: f32, half: f32) -> f32 {
-        self.bits(run.n * share_beyond(run, depth, half + self.reach))
+    /// Bits of the points for the part of a run of `n` samples that is not reached by what is decoded.
+    pub(super) fn bits_beyond(&self, run: Slab, n: f32, decoded: Slab) -> f32 {
+        self.bits(n * share_beyond(run, decoded.depth, decoded.half + self.reach))
     }
 }
 
 /// Share of a run, spread evenly over its thickness, that is further than `reach` from `depth`.
-fn share_beyond(run: &Run, depth: f32, reach: f32) -> f32 {
+fn share_beyond(run: Slab, depth: f32, reach: f32) -> f32 {
     let off = (run.depth - depth).abs();
     let above = off + run.half - reach;
     let below = run.half - off - reach;
@@ -74,8 +73,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn run(depth: f32, half: f32) -> Run {
-        Run { u: 0, v: 0, n: 8.0, depth, half, stray: 0.0 }
+    fn slab(depth: f32, half: f32) -> Slab {
+        Slab { depth, half }
     }
 
     proptest! {
@@ -86,7 +85,7 @@ mod tests {
             let n = 4000;
             let at = |i: i32| depth - half + 2.0 * half * (i as f32 + 0.5) / n as f32;
             let beyond = (0..n).filter(|&i| (at(i) - of).abs() > reach).count() as f32 / n as f32;
-            let share = share_beyond(&run(depth, half), of, reach);
+            let share = share_beyond(slab(depth, half), of, reach);
             prop_assert!((share - beyond).abs() < 1e-3, "{share} {beyond}");
         }
     }
@@ -94,8 +93,9 @@ mod tests {
     #[test]
     fn what_is_reached_costs_nothing_and_what_is_not_all_of_its_points() {
         let price = PointPrice::of_bound(0.05, 0.1);
-        assert_eq!(price.bits_beyond(&run(0.0, 0.25), 0.2, 0.25), 0.0);
-        assert_eq!(price.bits_beyond(&run(0.0, 0.25), 2.0, 0.25), price.bits(8.0));
+        let bits = |decoded| price.bits_beyond(slab(0.0, 0.25), 8.0, decoded);
+        assert_eq!(bits(slab(0.2, 0.25)), 0.0);
+        assert_eq!(bits(slab(2.0, 0.25)), price.bits(8.0));
     }
 
     #[test]

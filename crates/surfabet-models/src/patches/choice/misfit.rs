@@ -1,7 +1,21 @@
 //! Distance of what is decoded from what was measured, of slabs of depth.
 
 use crate::patches::constants::THIN_WEIGHT;
-use crate::patches::sheets::Run;
+
+/// A stretch of depth that is evenly filled.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slab {
+    /// Of the middle.
+    pub depth: f32,
+    /// Half of the thickness.
+    pub half: f32,
+}
+
+impl Slab {
+    fn ends(self) -> [f32; 2] {
+        [self.depth - self.half, self.depth + self.half]
+    }
+}
 
 /// Mean squared distance of points spread evenly over the slab `A = [a0, a1]` from the slab `B = [b0, b1]`.
 ///
@@ -9,20 +23,21 @@ use crate::patches::sheets::Run;
 /// `E(A, B) = ((a1 - b1)+^3 - (a0 - b1)+^3 + (b0 - a0)+^3 - (b0 - a1)+^3) / (3 (a1 - a0))`, where `(x)+` is `x` if
 /// positive, else zero.
 fn excess(a: [f32; 2], b: [f32; 2]) -> f32 {
-    let cube = |x: f32| if x > 0.0 { x * x * x } else { 0.0 };
+    let cube = |x: f32| {
+        let positive = x.max(0.0);
+        positive * positive * positive
+    };
     let above = cube(a[1] - b[1]) - cube(a[0] - b[1]);
     let below = cube(b[0] - a[0]) - cube(b[0] - a[1]);
     (above + below) / (3.0 * (a[1] - a[0]))
 }
 
-/// Distortion per sample of a run in the slab A, decoded as the slab B of half thickness `half` about `depth`, squared
-/// pixels: `E(A, B) + w E(B, A) + s (m - depth)^2`, with the middle m of the run and the weights w of decoded points
-/// and s of the thin surface.
-pub(super) fn misfit(run: &Run, depth: f32, half: f32, decoded_weight: f32) -> f32 {
-    let input = [run.depth - run.half, run.depth + run.half];
-    let decoded = [depth - half, depth + half];
-    let off = run.depth - depth;
-    excess(input, decoded) + decoded_weight * excess(decoded, input) + THIN_WEIGHT * off * off
+/// Distortion per sample of a run in the slab A, decoded as the slab B, squared pixels: `E(A, B) + w E(B, A) + s (a - b)^2`,
+/// with the middles a and b, and the weights w of decoded points and s of the thin surface.
+pub(super) fn misfit(run: Slab, decoded: Slab, decoded_weight: f32) -> f32 {
+    let (input, output) = (run.ends(), decoded.ends());
+    let off = run.depth - decoded.depth;
+    excess(input, output) + decoded_weight * excess(output, input) + THIN_WEIGHT * off * off
 }
 
 #[cfg(test)]
@@ -51,8 +66,9 @@ mod tests {
 
     #[test]
     fn equal_slabs_have_no_misfit() {
-        let run = Run { u: 0, v: 0, n: 1.0, depth: 3.0, half: 1.5, stray: 0.0 };
-        assert_eq!(misfit(&run, 3.0, 1.5, 2.0), 0.0);
-        assert!(misfit(&run, 3.5, 1.5, 2.0) > 0.0 && misfit(&run, 3.0, 1.0, 2.0) > 0.0);
+        let slab = |depth, half| Slab { depth, half };
+        let run = slab(3.0, 1.5);
+        assert_eq!(misfit(run, run, 2.0), 0.0);
+        assert!(misfit(run, slab(3.5, 1.5), 2.0) > 0.0 && misfit(run, slab(3.0, 1.0), 2.0) > 0.0);
     }
 }

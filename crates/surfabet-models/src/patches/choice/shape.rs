@@ -1,6 +1,6 @@
 //! Depth of a patch as a sum of shapes, and its thickness.
 
-use super::misfit::misfit;
+use super::misfit::{Slab, misfit};
 use super::{Choice, NEIGHBOURS, TileSquare};
 use crate::patches::coding::{depth_context, shape_context};
 use crate::patches::constants::{MAX_SHAPES, SHAPE_PATIENCE, SHAPE_PULL, THINNEST};
@@ -8,8 +8,11 @@ use crate::patches::model::{LatticePatch, MAX_THICKNESS, THICKNESS_STEPS};
 use crate::patches::sheets::Run;
 use crate::patches::surface::basis::{Basis, DEGREES, FRACTION, N_SHAPES};
 
-/// Values of all shapes at a run.
-type ShapeValues = [f32; N_SHAPES];
+/// Numbers that the processor takes at once: sums over all shapes are made in groups of these.
+const LANES: usize = 4;
+
+/// Values of all shapes at a run, and zeros up to a whole group.
+type ShapeValues = [f32; N_SHAPES.next_multiple_of(LANES)];
 
 /// A patch without its mask, and its cost J.
 pub(super) struct PricedPatch {
@@ -18,12 +21,17 @@ pub(super) struct PricedPatch {
 }
 
 /// The runs that a patch is fitted to.
-struct Fit<'a> {
-    runs: &'a [Run],
+struct Fit {
     /// Of the runs, those that hold samples come first; the others are of pixels without.
     n_measured: usize,
     /// Values of the shapes at each run.
     values: Vec<ShapeValues>,
+    /// Mean depth of each run.
+    depths: Vec<f32>,
+    /// Half thickness of each run.
+    halves: Vec<f32>,
+    /// Number of samples of each run.
+    weights: Vec<f32>,
     /// Number of samples of all runs.
     total: f32,
     level: u32,
@@ -34,7 +42,7 @@ struct NormalEquations {
     /// Mean depth of the samples.
     mean: f32,
     /// `G_ij = sum of n s_i s_j` over the runs, plus the pull to zero on the diagonal.
-    gram: [[f32; N_SHAPES]; N_SHAPES],
+    gram: [ShapeValues; N_SHAPES],
     /// `r_i = sum of n s_i (depth - mean)`.
     right: [f32; N_SHAPES],
 }
@@ -85,7 +93,7 @@ impl Choice<'_> {
     }
 
     /// The patch with coefficients at zero or a step nearer to it, the last first, where that costs less.
-    fn shrunk(&self, mut best: PricedPatch, fit: &Fit<'_>) -> PricedPatch {
+    fn shrunk(&self, mut best: PricedPatch, fit: &Fit) -> PricedPatch {
         for k in (1..N_SHAPES).rev() {
             let c = best.patch.coefficients[k];
             if c == 0 {
@@ -105,7 +113,7 @@ impl Choice<'_> {
 
     /// A patch with its best thickness, and its cost `J = sum of n misfit + lambda R`, R with the points
     /// for what it does not reach.
-    fn priced(&self, mut patch: LatticePatch, fit: &Fit<'_>) -> PricedPatch {
+    fn priced(&self, mut patch: LatticePatch, fit: &Fit) -> PricedPatch {
         let used: Vec<usize> = (0..N_SHAPES).filter(|&k| patch.coefficients[k] != 0).collect();
         let depths: Vec<f32> = fit
             .values
@@ -137,25 +145,22 @@ impl Choice<'_> {
 
     /// The thickness, in steps, with which decoded `depths` fit the runs best, and the distortion then: from the thickness
     /// of a slab with the samples' variance about the surface, thinner as long as the distortion falls.
-    fn best_thickness(&self, fit: &Fit<'_>, depths: &[f32]) -> (u8, f32) {
+    fn best_thickness(&self, fit: &Fit, depths: &[f32]) -> (u8, f32) {
         let decoded_weight = self.decoded_weight();
-        let distortion = |steps: u8| -> f32 {
+        let mut terms = vec![0.0; depths.len()];
+        let mut distortion = |steps: u8| -> f32 {
             let half = (f32::from(steps) / f32::from(THICKNESS_STEPS)).max(THINNEST);
-            let all = fit.runs.iter().zip(depths);
-            let distance: f32 = all.map(|(r, &d)| r.n * misfit(r, d, half, decoded_weight)).sum();
+            let distance = fit.sum(depths, &mut terms, |run, n, depth| {
+                n * misfit(run, Slab { depth, half }, decoded_weight)
+            });
             let Some(points) = self.points else { return distance };
-            let measured = fit.runs[..fit.n_measured].iter().zip(depths);
-            let bits: f32 = measured.map(|(r, &d)| points.bits_beyond(r, d, half)).sum();
+            let measured = &mut terms[..fit.n_measured];
+            let bits = fit.sum(depths, measured, |run, n, depth| {
+                points.bits_beyond(run, n, Slab { depth, half })
+            });
             distance + self.lambda * bits
         };
-        let variance = fit
-            .runs
-            .iter()
-            .zip(depths)
-            .map(|(r, d)| r.n * (r.half * r.half / 3.0 + (r.depth - d) * (r.depth - d)))
-            .sum::<f32>()
-            / fit.total;
-        let guess = ((3.0 * variance).sqrt() * f32::from(THICKNESS_STEPS)).round();
+        let guess = ((3.0 * fit.variance(depths)).sqrt() * f32::from(THICKNESS_STEPS)).round();
         let mut thickness = guess.clamp(0.0, f32::from(MAX_THICKNESS)) as u8;
         let mut least = distortion(thickness);
         while thickness > 0 {
@@ -169,32 +174,64 @@ impl Choice<'_> {
     }
 }
 
-impl<'a> Fit<'a> {
-    fn new(runs: &'a [Run], n_measured: usize, basis: &Basis, at: TileSquare) -> Self {
+impl Fit {
+    fn new(runs: &[Run], n_measured: usize, basis: &Basis, at: TileSquare) -> Self {
         let scale = 1.0 / (1_u32 << FRACTION) as f32;
         let half_pixel = |x: u8, corner: usize| 2 * (usize::from(x) - corner) + 1;
         let values_at = |r: &Run| {
             let (hu, hv) = (half_pixel(r.u, at.corner[0]), half_pixel(r.v, at.corner[1]));
-            basis.at(hu, hv).map(|s| s as f32 * scale)
+            let mut values = [0.0; N_SHAPES.next_multiple_of(LANES)];
+            for (value, s) in values.iter_mut().zip(basis.at(hu, hv)) {
+                *value = s as f32 * scale;
+            }
+            values
         };
-        let values = runs.iter().map(values_at).collect();
-        let total = runs.iter().map(|r| r.n).sum::<f32>().max(1e-6);
-        Self { runs, n_measured, values, total, level: at.level }
+        Self {
+            n_measured,
+            values: runs.iter().map(values_at).collect(),
+            depths: runs.iter().map(|r| r.depth).collect(),
+            halves: runs.iter().map(|r| r.half).collect(),
+            weights: runs.iter().map(|r| r.n).collect(),
+            total: runs.iter().map(|r| r.n).sum::<f32>().max(1e-6),
+            level: at.level,
+        }
+    }
+
+    /// Sum of `term` over the first runs, as many as there are `terms`: by its slab, its number of samples, and the depth that is
+    /// decoded there. All terms come before their sum, which is made in their order: so a processor takes several at once, and
+    /// the sum is the same on all.
+    fn sum(&self, decoded: &[f32], terms: &mut [f32], term: impl Fn(Slab, f32, f32) -> f32) -> f32 {
+        let n = terms.len();
+        let (depths, halves) = (&self.depths[..n], &self.halves[..n]);
+        let (weights, decoded) = (&self.weights[..n], &decoded[..n]);
+        for i in 0..n {
+            terms[i] = term(Slab { depth: depths[i], half: halves[i] }, weights[i], decoded[i]);
+        }
+        terms.iter().sum()
+    }
+
+    /// Mean squared distance of the samples from the `decoded` depths.
+    fn variance(&self, decoded: &[f32]) -> f32 {
+        let mut terms = vec![0.0; decoded.len()];
+        let sum = self.sum(decoded, &mut terms, |run, n, depth| {
+            let off = run.depth - depth;
+            n * (run.half * run.half / 3.0 + off * off)
+        });
+        sum / self.total
     }
 }
 
 impl NormalEquations {
-    fn new(fit: &Fit<'_>) -> Self {
-        let mean = fit.runs.iter().map(|r| r.n * r.depth).sum::<f32>() / fit.total;
-        let mut gram = [[0.0_f32; N_SHAPES]; N_SHAPES];
+    fn new(fit: &Fit) -> Self {
+        let runs = || fit.weights.iter().zip(&fit.depths).zip(&fit.values);
+        let mean = runs().map(|((n, depth), _)| n * depth).sum::<f32>() / fit.total;
+        let mut gram = [[0.0; N_SHAPES.next_multiple_of(LANES)]; N_SHAPES];
         let mut right = [0.0_f32; N_SHAPES];
-        for (run, s) in fit.runs.iter().zip(&fit.values) {
+        for ((&n, depth), s) in runs() {
             for i in 0..N_SHAPES {
-                let weighted = run.n * s[i];
-                right[i] += weighted * (run.depth - mean);
-                for j in 0..=i {
-                    gram[i][j] += weighted * s[j];
-                }
+                let weighted = n * s[i];
+                right[i] += weighted * (depth - mean);
+                add_up_to(i, &mut gram[i], s, weighted);
             }
         }
         for i in 0..N_SHAPES {
@@ -204,7 +241,7 @@ impl NormalEquations {
         // Both triangles.
         let lower = gram;
         for (i, row) in gram.iter_mut().enumerate() {
-            for (j, entry) in row.iter_mut().enumerate().skip(i + 1) {
+            for (j, entry) in row.iter_mut().enumerate().take(N_SHAPES).skip(i + 1) {
                 *entry = lower[j][i];
             }
         }
@@ -231,5 +268,15 @@ impl NormalEquations {
         (0..N_SHAPES)
             .filter(|i| !chosen.contains(i))
             .max_by(|&a, &b| gain(a).total_cmp(&gain(b)).then(b.cmp(&a)))
+    }
+}
+
+/// Adds `weight * values` to a row, up to the group with entry `last` and all of that group.
+fn add_up_to(last: usize, row: &mut ShapeValues, values: &ShapeValues, weight: f32) {
+    let groups = row.as_chunks_mut::<LANES>().0.iter_mut().zip(values.as_chunks::<LANES>().0);
+    for (entries, values) in groups.take(last / LANES + 1) {
+        for (entry, value) in entries.iter_mut().zip(values) {
+            *entry += weight * value;
+        }
     }
 }
