@@ -5,7 +5,7 @@ use surfabet_geom::Progress;
 
 use super::axes::to_axes;
 use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
-use super::decode::{MeasuredReach, PlacedPatch};
+use super::decode::{LastFound, MeasuredReach, PlacedPatch};
 use super::instances::Motion;
 use super::model::{Lattice, PatchModel, extra_key};
 use super::samples::cells::LIMIT;
@@ -178,8 +178,8 @@ fn far_points<'a>(
     let reach = MeasuredReach::new(lattice, patches, near)?;
     let far = parallel::try_map_chunks(positions, BATCH, |positions| -> Result<Vec<[f32; 3]>> {
         progress.check()?;
-        let mut found = Vec::new();
-        Ok(positions.iter().copied().filter(|&p| !reach.is_near(p, &mut found)).collect())
+        let mut last = LastFound::default();
+        Ok(positions.iter().copied().filter(|&p| !reach.is_near(p, &mut last)).collect())
     })?;
     Ok(far.concat())
 }

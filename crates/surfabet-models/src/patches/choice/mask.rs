@@ -140,23 +140,26 @@ pub(super) fn fill_holes(runs: &mut Vec<Run>, holes: u64, at: TileSquare, densit
 /// Squared in-plane distance of the middle of each pixel of a tile to the nearest run, in squared pixels. Beyond four
 /// pixels it counts as four.
 pub(super) fn distances_to_runs(runs: &[Run], width: usize) -> Vec<f32> {
-    const REACH: i32 = 4;
-    let mut squared = vec![(REACH * REACH) as f32; width * width];
+    const REACH: usize = 4;
+    const ACROSS: usize = 2 * REACH + 1;
+    let off = |i: usize| i.abs_diff(REACH);
+    let about: [[f32; ACROSS]; ACROSS] = std::array::from_fn(|row| {
+        std::array::from_fn(|column| (off(row).pow(2) + off(column).pow(2)) as f32)
+    });
+    // With a rim as wide as the reach, so that all around a run lies within.
+    let stride = width + 2 * REACH;
+    let mut squared = vec![(REACH * REACH) as f32; stride * stride];
     for run in runs {
-        for dv in -REACH..=REACH {
-            for du in -REACH..=REACH {
-                let (u, v) = (i32::from(run.u) + du, i32::from(run.v) + dv);
-                if u < 0 || v < 0 || u >= width as i32 || v >= width as i32 {
-                    continue;
-                }
-                let d = &mut squared[v as usize * width + u as usize];
-                *d = d.min((du * du + dv * dv) as f32);
+        let first = usize::from(run.v) * stride + usize::from(run.u);
+        for (row, of_row) in about.iter().enumerate() {
+            for (d, &of) in squared[first + row * stride..][..ACROSS].iter_mut().zip(of_row) {
+                *d = d.min(of);
             }
         }
     }
     // Samples of the other pixel lie about its middle, some of them closer.
-    squared
-        .iter()
+    let rows = squared.chunks(stride).skip(REACH).take(width);
+    rows.flat_map(|row| &row[REACH..REACH + width])
         .map(|&d| if d > 0.0 { (d.sqrt() - NEAREST_SAMPLE).powi(2) } else { 0.0 })
         .collect()
 }

@@ -26,6 +26,8 @@ struct Fit {
     n_measured: usize,
     /// Values of the shapes at each run.
     values: Vec<ShapeValues>,
+    /// The same, shape by shape.
+    by_shape: Vec<f32>,
     /// Mean depth of each run.
     depths: Vec<f32>,
     /// Half thickness of each run.
@@ -114,12 +116,14 @@ impl Choice<'_> {
     /// A patch with its best thickness, and its cost `J = sum of n misfit + lambda R`, R with the points
     /// for what it does not reach.
     fn priced(&self, mut patch: LatticePatch, fit: &Fit) -> PricedPatch {
-        let used: Vec<usize> = (0..N_SHAPES).filter(|&k| patch.coefficients[k] != 0).collect();
-        let depths: Vec<f32> = fit
-            .values
-            .iter()
-            .map(|s| used.iter().map(|&k| patch.coefficients[k] as f32 * self.step * s[k]).sum())
-            .collect();
+        let n_runs = fit.depths.len();
+        let mut depths = vec![0.0; n_runs];
+        for k in (0..N_SHAPES).filter(|&k| patch.coefficients[k] != 0) {
+            let coefficient = patch.coefficients[k] as f32 * self.step;
+            for (depth, s) in depths.iter_mut().zip(&fit.by_shape[k * n_runs..]) {
+                *depth += coefficient * s;
+            }
+        }
         let (thickness, distortion) = self.best_thickness(fit, &depths);
         patch.thickness = thickness;
         PricedPatch { patch, cost: distortion + self.lambda * self.patch_bits(&patch, fit.level) }
@@ -186,9 +190,12 @@ impl Fit {
             }
             values
         };
+        let values: Vec<ShapeValues> = runs.iter().map(values_at).collect();
+        let by_shape = (0..N_SHAPES).flat_map(|k| values.iter().map(move |s| s[k])).collect();
         Self {
             n_measured,
-            values: runs.iter().map(values_at).collect(),
+            values,
+            by_shape,
             depths: runs.iter().map(|r| r.depth).collect(),
             halves: runs.iter().map(|r| r.half).collect(),
             weights: runs.iter().map(|r| r.n).collect(),

@@ -14,7 +14,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 pub(super) use self::attributes::Sampler;
 use self::fragments::fragments;
 use self::nearest::NearestPatch;
-pub(super) use self::reach::{MeasuredReach, PlacedPatch};
+pub(super) use self::reach::{LastFound, MeasuredReach, PlacedPatch};
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 use crate::patches::instances::Motion;

@@ -29,6 +29,15 @@ pub(in crate::patches) struct MeasuredReach<'a> {
     limit: f64,
 }
 
+/// What one asker found, position after position: the next is often near the same patch.
+#[derive(Default)]
+pub(in crate::patches) struct LastFound {
+    /// The patches whose boxes are near the position.
+    hits: Vec<u32>,
+    /// The patch that the last position was near to.
+    near: Option<usize>,
+}
+
 impl<'a> MeasuredReach<'a> {
     /// For positions within `limit` (metres) of the points that the patches decode to at the spacing that a model is made for.
     ///
@@ -65,15 +74,20 @@ impl<'a> MeasuredReach<'a> {
         })
     }
 
-    /// Whether a position (metres about the origin) is near a decoded point; `found` is scratch memory.
-    pub fn is_near(&self, position: [f32; 3], found: &mut Vec<u32>) -> bool {
+    /// Whether a position (metres about the origin) is near a decoded point. The answer does not depend on `last`.
+    pub fn is_near(&self, position: [f32; 3], last: &mut LastFound) -> bool {
         let p = to_axes(&self.rotation, position).map(|c| c / self.decoder.lattice.pixel_size);
+        let is_near = |i: &usize| self.is_near_patch(*i, p);
+        if last.near.as_ref().is_some_and(is_near) {
+            return true;
+        }
         let single = p.map(|c| c as f32);
         let squared_limit = self.limit * self.limit;
-        found.clear();
         let hits = |b: &Aabb| f64::from(b.squared_distance(single)) <= squared_limit;
-        self.tree.leaves_where(hits, found);
-        found.iter().any(|&i| self.is_near_patch(i as usize, p))
+        last.hits.clear();
+        self.tree.leaves_where(hits, &mut last.hits);
+        last.near = last.hits.iter().map(|&i| i as usize).find(is_near);
+        last.near.is_some()
     }
 
     fn is_near_patch(&self, i: usize, p: [f64; 3]) -> bool {
@@ -170,10 +184,11 @@ mod tests {
             let options = DecodeOptions { as_measured: true, ..DecodeOptions::default() };
             let tree = KdTree::new(model.decode(options, &Silent).unwrap().positions()).unwrap();
             let reach = MeasuredReach::new(LATTICE, leaves.iter().map(|leaf| (leaf, None)), limit).unwrap();
+            let mut last = LastFound::default();
             for p in positions {
                 let distance = f64::from(tree.nearest(p).unwrap().squared_distance()).sqrt();
                 let decided = (distance - limit).abs() > 1e-5;
-                prop_assert!(!decided || reach.is_near(p, &mut Vec::new()) == (distance < limit));
+                prop_assert!(!decided || reach.is_near(p, &mut last) == (distance < limit));
             }
         }
 
@@ -186,9 +201,9 @@ mod tests {
             let rotation = super::super::Rotation::of(LATTICE);
             let metres = |p: [f32; 3]| rotation.of_positions(vec![p])[0];
             let reach = |motion| MeasuredReach::new(LATTICE, [(&leaf, motion)].into_iter(), 0.05).unwrap();
-            let of_source = reach(None).is_near(metres(p), &mut Vec::new());
+            let of_source = reach(None).is_near(metres(p), &mut LastFound::default());
             let moved = metres(motion.of_position(p));
-            prop_assert_eq!(reach(Some(&motion)).is_near(moved, &mut Vec::new()), of_source);
+            prop_assert_eq!(reach(Some(&motion)).is_near(moved, &mut LastFound::default()), of_source);
         }
     }
 }
