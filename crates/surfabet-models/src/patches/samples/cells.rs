@@ -1,5 +1,7 @@
 //! Grouping of points and samples by the cubic cells of a grid.
 
+use std::ops::{Range, RangeInclusive};
+
 use surfabet_base::parallel;
 pub(in crate::patches) use surfabet_geom::cells::cell_of;
 
@@ -54,8 +56,39 @@ impl CellGroups {
         self.groups
     }
 
-    /// Number of the cell with this key.
-    pub fn find(&self, key: u64) -> Option<usize> {
-        self.keys.binary_search(&key).ok()
+    /// The cells from number `start` on whose keys lie in a range; no cell before may lie in it. Quick where that is not far on.
+    pub fn within(&self, start: usize, range: RangeInclusive<u64>) -> Range<usize> {
+        let keys = &self.keys[start..];
+        let mut stride = 1;
+        while stride < keys.len() && keys[stride] < *range.start() {
+            stride *= 2;
+        }
+        let (low, high) = (stride / 2, keys.len().min(stride + 1));
+        let first = low + keys[low..high].partition_point(|key| key < range.start());
+        let n = keys[first..].iter().take_while(|key| *key <= range.end()).count();
+        start + first..start + first + n
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn what_is_within_a_range_is_found_from_any_earlier_cell(
+            items in prop::collection::vec(0..60_u64, 0..40), low in 0..60_u64, length in 0..9_u64, back in 0..30_usize,
+        ) {
+            let cells = CellGroups::new(items.len(), |i| items[i]);
+            let mut keys = items.clone();
+            keys.sort_unstable();
+            keys.dedup();
+            let first = keys.partition_point(|&k| k < low);
+            let found = cells.within(first.saturating_sub(back), low..=low + length);
+            let inside = keys.iter().filter(|&&k| (low..=low + length).contains(&k)).count();
+            prop_assert_eq!(found, first..first + inside);
+        }
     }
 }

@@ -4,7 +4,6 @@
 //! axes of its neighbours, and its samples the direction that they were seen from.
 
 use surfabet_base::parallel;
-use surfabet_geom::cells::around;
 use surfabet_geom::{KdTree, Moments, Progress};
 
 use super::SeenSample;
@@ -128,12 +127,19 @@ fn neighbours(cells: &CellGroups, place: impl Fn(usize) -> [i32; 3] + Sync) -> G
     let numbers: Vec<u32> = (0..cells.len() as u32).collect();
     let of_batches: Vec<(Vec<usize>, Vec<u32>)> = parallel::map_chunks(&numbers, BATCH, |batch| {
         let (mut sizes, mut near) = (Vec::with_capacity(batch.len()), Vec::new());
+        // Keys grow along z first. Where those of the cell before began, in the nine columns about it.
+        let mut starts = [0; 9];
         for &g in batch {
             let before = near.len();
             let [x, y, z] = place(g as usize);
-            // In the order of their keys: z fastest.
-            let keys = around([z, y, x]).map(|[z, y, x]| key([x, y, z]));
-            near.extend(keys.filter_map(|key| cells.find(key)).map(|g| g as u32));
+            let step = |c: i32, by: i32| c.saturating_add(by);
+            for (start, k) in starts.iter_mut().zip(0..) {
+                let [x, y] = [step(x, k / 3 - 1), step(y, k % 3 - 1)];
+                let range = key([x, y, step(z, -1)])..=key([x, y, step(z, 1)]);
+                let column = cells.within(*start, range);
+                *start = column.start;
+                near.extend(column.map(|g| g as u32));
+            }
             sizes.push(near.len() - before);
         }
         (sizes, near)
