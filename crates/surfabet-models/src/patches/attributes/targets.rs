@@ -14,7 +14,7 @@ use crate::patches::samples::{Sample, SidedSamples};
 const BLOCK: usize = 1 << 11;
 
 /// Samples whose blends are kept at once: bounds the memory.
-const SAMPLES_AT_ONCE: usize = 1 << 13;
+const SAMPLES_AT_ONCE: usize = 1 << 16;
 
 /// Which cell each sample counts for: its own, or the nearest cell around it.
 pub(in crate::patches) struct Targets<'a> {
@@ -178,19 +178,30 @@ impl<'a> Targets<'a> {
     /// a cell. `value` gives that of a cell.
     pub fn mean_error<const N: usize>(
         &self,
-        value: impl Fn(usize) -> [f32; N],
-        error: impl Fn(usize, [f32; N]) -> f64,
+        value: impl Fn(usize) -> [f32; N] + Sync,
+        error: impl Fn(usize, [f32; N]) -> f64 + Sync,
     ) -> f64 {
-        let mut corners = Corners::new(&self.places);
-        let (mut sum, mut n) = (0.0, 0.0_f64);
-        for (i, points) in self.samples.points().enumerate() {
-            if self.owners[i].is_some() {
-                let decoded = self.around(i, &mut corners).mean(&value);
-                sum += points.iter().map(|&point| error(point as usize, decoded)).sum::<f64>();
-                n += points.len() as f64;
-            }
-        }
-        sum / n.max(1.0)
+        self.mean_by_samples(|i, points, corners| {
+            let decoded = self.around(i, corners).mean(&value);
+            points.iter().map(|&point| error(point as usize, decoded)).sum()
+        })
+    }
+
+    /// Mean over the points of all samples that count for a cell; 0 where none does. `sum` gives that of the points of a
+    /// sample. Blocks are added in their order, so that all numbers of threads have the same result.
+    fn mean_by_samples(&self, sum: impl Fn(usize, &[u32], &mut Corners<'_>) -> f64 + Sync) -> f64 {
+        let n_samples = self.samples.all.len();
+        let blocks = parallel::map_range(n_samples.div_ceil(BLOCK), |block| {
+            let mut corners = Corners::new(&self.places);
+            let of_block = block * BLOCK..n_samples.min((block + 1) * BLOCK);
+            let counting = of_block.filter(|&i| self.owners[i].is_some());
+            counting.fold((0.0, 0.0_f64), |(all, n), i| {
+                let points = self.samples.points_of(i);
+                (all + sum(i, points, &mut corners), n + points.len() as f64)
+            })
+        });
+        let (all, n) = blocks.iter().fold((0.0, 0.0_f64), |(all, n), of| (all + of.0, n + of.1));
+        all / n.max(1.0)
     }
 
     /// Mean over the samples of each cell. Cells without samples take the mean of those around, so that what was filled
@@ -240,15 +251,12 @@ impl<'a> Targets<'a> {
     }
 
     /// Mean of `measure` over the points and the cells that they count for; 0 where none counts for any.
-    pub fn mean_over_points(&self, measure: impl Fn(usize, usize) -> f64) -> f64 {
-        let (mut sum, mut n) = (0.0, 0.0_f64);
-        for (owner, points) in self.owners.iter().zip(self.samples.points()) {
-            if let &Some(cell) = owner {
-                sum += points.iter().map(|&i| measure(i as usize, cell as usize)).sum::<f64>();
-                n += points.len() as f64;
-            }
-        }
-        sum / n.max(1.0)
+    pub fn mean_over_points(&self, measure: impl Fn(usize, usize) -> f64 + Sync) -> f64 {
+        self.mean_by_samples(|i, points, _| {
+            let measured =
+                |cell: u32| points.iter().map(|&p| measure(p as usize, cell as usize)).sum();
+            self.owners[i].map_or(0.0, measured)
+        })
     }
 
     /// Gives cells without a value what `join` makes of those of the six beside them that have one, round after round: first

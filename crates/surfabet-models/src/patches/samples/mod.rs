@@ -116,7 +116,12 @@ impl<'a> SidedSamples<'a> {
 
     /// The points of each sample.
     pub fn points(&self) -> impl Iterator<Item = &[u32]> {
-        (0..self.groups.len()).map(|sample| self.groups.of(sample))
+        (0..self.groups.len()).map(|sample| self.points_of(sample))
+    }
+
+    /// The points of one sample.
+    pub fn points_of(&self, sample: usize) -> &[u32] {
+        self.groups.of(sample)
     }
 
     /// Weighted mean of `value` over the points of each sample; points without finite values are left out, samples without
