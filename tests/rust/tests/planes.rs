@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use surfabet::geom::KdTree;
 use surfabet::planes::{
     self, DIRECTIONS, MAX_COORDINATE, MAX_MODEL_TILES, PARTS, PlaneModel, PlanesHeader,
     PlanesOptions, StoredPatch,
@@ -226,6 +227,39 @@ fn huge_coordinates_keep_their_millimetres() {
     assert_eq!(a.stored(), b.stored());
     assert_eq!(a.labels(), b.labels());
     assert!((0..3).all(|i| b.origin()[i] == a.origin()[i] + offset[i]));
+}
+
+/// Squares of a metre with points every 2 cm, two millimetres of noise, and `apart` metres between their corners along x.
+fn squares(apart: f32) -> PointCloud {
+    let point = |i: u32| {
+        let (row, column) = (i % 50, i / 50 % 50);
+        let noise = 0.002 * ((f64::from(i) * 0.754_877).fract() as f32 - 0.5);
+        [0.02 * row as f32 + apart * (i / 2500) as f32, 0.02 * column as f32, noise]
+    };
+    plain((0..5000).map(point).collect())
+}
+
+#[test]
+fn a_wide_scene_has_coarser_positions_and_a_wider_one_is_refused_by_name() {
+    let planes_of = |apart: f32| {
+        let options = PlanesOptions { min_grid_size: Some(0.04), ..PlanesOptions::default() };
+        planes::learn(&squares(apart), None, &options, &Silent)
+    };
+    for apart in [100.0, 20_000.0] {
+        let model = planes_of(apart).unwrap();
+        assert_eq!(model.len(), 2, "{apart}");
+        let again: PlaneModel = read(&bytes(&model)).unwrap();
+        let decoded = again.decode(DecodeOptions::default(), &Silent).unwrap();
+        let tree = KdTree::new(decoded.positions()).unwrap();
+        let about =
+            |p: &[f32; 3]| std::array::from_fn(|a| (f64::from(p[a]) - again.origin()[a]) as f32);
+        let squared = |p: &[f32; 3]| tree.nearest(about(p)).unwrap().squared_distance();
+        let far = squares(apart).positions().iter().map(squared).fold(0.0, f32::max);
+        assert!(far < 0.04_f32.powi(2), "{apart}: {}", far.sqrt());
+    }
+    let found = planes_of(200_000.0);
+    let named = matches!(&found, Err(Error::InvalidParameter(p)) if p.name == "min_grid_size");
+    assert!(named, "{found:?}");
 }
 
 #[test]

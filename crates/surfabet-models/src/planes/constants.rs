@@ -250,3 +250,6 @@ pub(super) const UNSUPPORTED_SHARE: f64 = 0.1;
 
 /// Position steps per grid size, at least: rounding is a tenth of the noise.
 pub(super) const STEPS_PER_GRID_SIZE: f64 = 32.0;
+
+/// Position steps per grid size of scenes that are too large for more: rounding is at most three eighths of the noise. Chosen by that alone.
+pub(super) const LEAST_STEPS_PER_GRID_SIZE: f64 = 4.0;

@@ -60,8 +60,8 @@ figures! {
 /// the points.
 ///
 /// # Errors
-/// [`crate::Error::EmptyCloud`], [`crate::Error::InvalidParameter`] for options or weights outside their domain,
-/// [`crate::Error::TooLarge`] when the scene does not fit the position step, [`crate::Error::Cancelled`].
+/// [`crate::Error::EmptyCloud`], [`crate::Error::InvalidParameter`] for options or weights outside their domain and for a grid size
+/// that is too small for the size of the scene, [`crate::Error::Cancelled`].
 pub fn learn(
     cloud: &PointCloud,
     weights: Option<&[f32]>,

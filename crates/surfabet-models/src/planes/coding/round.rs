@@ -6,7 +6,7 @@ use surfabet_geom::{PointCloud, Progress};
 use super::stored::{MAX_COORDINATE, StoredPatch};
 use crate::color;
 use crate::error::{Error, Result};
-use crate::planes::constants::STEPS_PER_GRID_SIZE;
+use crate::planes::constants::{LEAST_STEPS_PER_GRID_SIZE, STEPS_PER_GRID_SIZE};
 use crate::planes::fit::NONE;
 use crate::planes::model::{
     MAX_EXPONENT, MAX_MODEL_TILES, PlaneModel, PlanesHeader, labels, n_tiles, reduced_labels,
@@ -15,6 +15,7 @@ use crate::planes::options::PlanesOptions;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 use crate::scalar::ScalarScale;
+use crate::start;
 
 /// The model of a fit, the patches that most points support first. Colours and intensities are those of `cloud`, by the
 /// patches that its points support after rounding.
@@ -81,22 +82,19 @@ pub(in crate::planes) fn rounded(
     Ok(PlaneModel::learned(header, stored, patches, labels, options.published))
 }
 
-/// Position step as a power of two, at most a 32nd of the grid size.
+/// Position step as a power of two: at most a 32nd of the grid size, and more where the scene is too large for that.
 fn exponent(points: &Points, grid_size: f64) -> Result<i32> {
-    let step = (grid_size / STEPS_PER_GRID_SIZE).log2().floor();
-    let limit = f64::from(MAX_EXPONENT);
-    let exponent = step.clamp(-limit, limit) as i32;
-    let largest = f64::from(exponent).exp2() * (f64::from(MAX_COORDINATE) - 1.0);
     // Rectangles reach beyond the points by a tile at most.
     let extent = points.extent() + 2.0 * grid_size;
-    if extent > largest {
-        return Err(Error::TooLarge {
-            extent,
-            limit: largest,
-            resolution: f64::from(exponent).exp2(),
-        });
+    let of_extent = (extent / (f64::from(MAX_COORDINATE) - 1.0)).log2().ceil();
+    let of_grid_size = (grid_size / STEPS_PER_GRID_SIZE).log2().floor();
+    if of_extent > (grid_size / LEAST_STEPS_PER_GRID_SIZE).log2() {
+        let least = start::rounded(LEAST_STEPS_PER_GRID_SIZE * of_extent.exp2());
+        let requirement = format!("at least {least} for a scene of {extent} m; or split the cloud");
+        return Err(Error::invalid("min_grid_size", grid_size, requirement));
     }
-    Ok(exponent)
+    let limit = f64::from(MAX_EXPONENT);
+    Ok(of_extent.max(of_grid_size).clamp(-limit, limit) as i32)
 }
 
 /// Mean of `value` over the points on each supported tile, added in this order; a tile without points gets the patch's mean, and where the patch
