@@ -255,7 +255,8 @@ fn a_wide_scene_has_coarser_positions_and_a_wider_one_is_refused_by_name() {
             |p: &[f32; 3]| std::array::from_fn(|a| (f64::from(p[a]) - again.origin()[a]) as f32);
         let squared = |p: &[f32; 3]| tree.nearest(about(p)).unwrap().squared_distance();
         let far = squares(apart).positions().iter().map(squared).fold(0.0, f32::max);
-        assert!(far < 0.04_f32.powi(2), "{apart}: {}", far.sqrt());
+        // Tiles begin anywhere: a tile and a half.
+        assert!(far < 0.06_f32.powi(2), "{apart}: {}", far.sqrt());
     }
     let found = planes_of(200_000.0);
     let named = matches!(&found, Err(Error::InvalidParameter(p)) if p.name == "min_grid_size");
