@@ -653,7 +653,7 @@ def test_what_tiles_and_memory_must_be(cloud: sb.PointCloud, tmp_path: Path) -> 
         sb.learn_patches_tiled(cloud, path, levels=9)
     with pytest.raises(InvalidInputError, match="no points"):
         sb.learn_patches_tiled(iter([]), path, **OPTIONS)
-    with pytest.raises(InvalidInputError, match="source is an int"):
+    with pytest.raises(InvalidInputError, match="source is 3, but must be a cloud"):
         sb.learn_patches_tiled(3, path, **OPTIONS)
     with pytest.raises(FileNotFoundError):
         sb.learn_patches_tiled(tmp_path / "nothing.las", path)

@@ -56,8 +56,8 @@ class Result:
 
     def chosen(self) -> str | None:
         """The options that follow from the data, and why, for people."""
-        note = self.note()
-        return f"{self.input}: by the data: {note}" if note else None
+        has_chosen = self.report is not None and bool(self.report.chosen)
+        return f"{self.input}: by the data: {self.note()}" if has_chosen else None
 
     def note(self) -> str:
         """The options that follow from the data, and why, as the file keeps them."""

@@ -38,7 +38,7 @@ from surfabet.cli._options import (
 from surfabet.files import AnyModel
 from surfabet.io import detect, list_topics, named_format, read_bag
 from surfabet.io._crs import unit_of
-from surfabet.learning import unit_in
+from surfabet.learning import note_of, unit_in
 
 HOLDS = {
     "patches": "surface patches on the scene's own lattice, each a piece of surface with its mask",
@@ -167,16 +167,19 @@ def _in_words(
     """What the file holds, where, and how to get it out again."""
     yield f"It holds {_holds(found)}."
     if found.note is not None:
-        yield f"Chosen by the data: {found.note}"
+        head = "Noted" if found.note == note_of({}, unit_in(found.note)) else "Chosen by the data"
+        yield f"{head}: {found.note}"
     if found.vocabulary is not None:
         yield f"The file names a vocabulary by its hash: {found.vocabulary}"
+    unit = unit_in(found.note)
+    spacing = "METRES" if unit == "m" else unit.upper()
     words = "" if vocabulary.vocabulary is None else f" --vocabulary {vocabulary.vocabulary}"
     if model is None:
         yield "It is decoded with --vocabulary FILE, a model that holds this vocabulary."
         return
     if decoded is None:
         yield (
-            f"Decode: surfabet decompress {file} out.ply --resolution METRES (more than "
+            f"Decode: surfabet decompress {file} out.ply --resolution {spacing} (more than "
             f"{MOST_POINTS:,} points at its own spacing, so that its box is not measured here)"
         )
         return
@@ -185,7 +188,7 @@ def _in_words(
         kept.append("the thickness of the scan")
     yield f"Kept: {', '.join(kept)}."
     if (bound := getattr(model, "max_error", None)) is not None:
-        furthest = length_text(bound, unit_in(found.note))
+        furthest = length_text(bound, unit)
         yield (
             f"No point of the scan is further than {furthest} from the cloud decoded as measured; "
             f"surfabet verify SCAN {file} proves it."
@@ -196,12 +199,12 @@ def _in_words(
             f"{axis} {low:.3f} to {high:.3f}"
             for axis, low, high in zip("xyz", *decoded.bounds, strict=True)
         )
-        yield f"Box: {sides} {unit_in(found.note)}; {along}."
+        yield f"Box: {sides} {unit}; {along}."
     yield (
         f"Decode: surfabet decompress {file} out.ply{words} ({len(decoded):,} points at its own "
         "spacing)"
     )
-    yield "        --resolution METRES gives another spacing" + (
+    yield f"        --resolution {spacing} gives another spacing" + (
         ", --as-measured the thickness of the scan" if model.keeps_thickness else ""
     )
 
