@@ -11,6 +11,7 @@ from surfabet._progress import ProgressCallback
 
 __version__: str
 LARGEST_UNSHIFTED: float
+MAX_NOTE: int
 RESERVED_NAMES: list[str]
 
 def set_num_threads(n_threads: int | None) -> None: ...
@@ -477,6 +478,8 @@ class TiledPatchModel(Model):
     def save_tiles(self, path: str, note: str) -> int: ...
     @property
     def tile_counts(self) -> tuple[int, int]: ...
+    @property
+    def has_plan(self) -> bool: ...
     @property
     def rotation(self) -> list[list[float]]: ...
     @property

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import check_items, check_number, check_vector, real_array
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError, wrong_type, wrong_value
 from surfabet.metrics import RangeSigma
 from surfabet.model import Model
+from surfabet.model import corners as corners_of
 
 __all__ = [
     "Alphabet",
@@ -76,10 +78,14 @@ class FoundOccurrence:
 
         `margin` is by how many metres the box is wider on each side.
         """
+        check_number("margin", margin, "a number of metres")
+        array = real_array(points)
+        if array is None or array.ndim != 2 or array.shape[1] != 3:
+            raise wrong_type("points", points, "an array of numbers of the shape (n, 3)")
         if self.region is None:
             raise InvalidInputError("this place was made without a region; use AlphabetModel.find")
         low, high = self.region
-        local = (np.asarray(points, np.float64) - self.center) @ self.pose[:3, :3]
+        local = (array - self.center) @ self.pose[:3, :3]
         level, upright = self.sizes
         half = 0.5 * (high - low) * [level, level, upright] + margin
         inside: NDArray[np.bool_] = np.all(np.abs(local) <= half, axis=1)
@@ -355,12 +361,14 @@ class AlphabetModel(Model[_core.AlphabetModel]):
         corners: tuple[list[float], list[float]] | None = None
         ball: tuple[list[float], float] | None = None
         if box is not None and point is None and radius is None:
-            low, high = box
-            corners = (_triple("box", low), _triple("box", high))
+            corners = corners_of(box)
         elif box is None and point is not None and radius is not None:
-            ball = (_triple("point", point), float(radius))
+            ball = (
+                check_vector("point", point, "three coordinates x, y, z"),
+                check_number("radius", radius, "a positive number of metres", above=0.0),
+            )
         elif example is None or not (box is None and point is None and radius is None):
-            raise InvalidInputError("give an example, or either point and radius, or box")
+            raise _no_region(point, radius, box)
         options = {
             "min_score": min_score,
             "max_found": max_found,
@@ -535,11 +543,15 @@ def place_similarity(a: AlphabetModel, b: AlphabetModel) -> float:
 
 
 def _examples(example: AlphabetModel | Sequence[AlphabetModel]) -> list[AlphabetModel]:
-    models = [example] if isinstance(example, AlphabetModel) else list(example)
+    if isinstance(example, AlphabetModel):
+        return [example]
+    requirement = "an AlphabetModel: learn_alphabet makes one of a cloud"
+    if isinstance(example, PointCloud | Model):
+        raise wrong_type("example", example, requirement)
+    models = check_items("example", example, requirement)
     for number, model in enumerate(models):
         if not isinstance(model, AlphabetModel):
-            requirement = "an AlphabetModel: learn_alphabet makes one of a cloud"
-            raise wrong_type(f"example {number}", model, requirement)
+            raise wrong_type(f"example[{number}]", model, requirement)
     if not models:
         raise wrong_value("example", example, "at least one model", shown="empty")
     return models
@@ -559,7 +571,18 @@ def _box(
     return np.array(low), np.array(high)
 
 
-def _triple(name: str, values: Sequence[float]) -> list[float]:
-    if len(values) != 3:
-        raise wrong_value(name, values, "three coordinates x, y, z")
-    return [float(value) for value in values]
+def _no_region(point: object, radius: object, box: object) -> InvalidInputError:
+    """What is missing or too much in a question for what looks like an example."""
+    if box is not None:
+        requirement = "left out beside point and radius: a region is a ball or a box"
+        return wrong_value("box", box, requirement)
+    if point is not None:
+        requirement = "a positive number of metres beside point: how far the example reaches"
+        return wrong_value("radius", radius, requirement)
+    if radius is not None:
+        requirement = "the middle of the example beside radius: three coordinates x, y, z"
+        return wrong_value("point", point, requirement)
+    return InvalidInputError(
+        "nothing says what to look for: give point= and radius=, or box=, for a part of this "
+        "scene, or example=, a model of another"
+    )

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet import _core
+from surfabet._checks import check_integer
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import wrong_value
 from surfabet.model import Model
 
 __all__ = ["BicAlphabet", "BicAlphabetModel", "learn_bic_alphabet"]
@@ -61,8 +61,7 @@ class BicAlphabet:
         InvalidInputError
             `n` is not positive.
         """
-        if n < 1:
-            raise wrong_value("n", n, "at least 1, the words of an alphabet")
+        check_integer("n", n, 1)
         return BicAlphabet(self._core.first(n))
 
     def describe(

@@ -18,9 +18,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from surfabet._checks import (
+    check_choice,
+    check_flag,
+    check_integer,
+    check_items,
+    check_number,
+    check_vector,
+)
 from surfabet._core import Frame, GroundTruth, Instance, PointCloud, Scene, Surface
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError, MissingDependencyError, wrong_value
+from surfabet.errors import InvalidInputError, MissingDependencyError, wrong_type, wrong_value
+from surfabet.io._files import path_of
 
 __all__ = [
     "Frame",
@@ -59,6 +68,28 @@ class SimulatedScan:
     ground_truth: GroundTruth
 
 
+_NOISES = ("depth_noise", "range_noise", "color_noise", "translation_std", "rotation_std")
+
+
+def _check_numbers(**given: float) -> None:
+    """Refuses what are no numbers; limits are those of the simulator."""
+    for name, value in given.items():
+        if name in _NOISES:
+            check_number(name, value, "0 or a positive number", least=0.0)
+        else:
+            check_number(name, value, "a number")
+
+
+def _check_limits(name: str, limits: Sequence[float]) -> tuple[float, float]:
+    low, high = check_vector(name, limits, "two numbers, the lowest and the highest", 2)
+    return low, high
+
+
+def _check_scene(scene: object) -> None:
+    if not isinstance(scene, Scene):
+        raise wrong_type("scene", scene, "a Scene, as make_room gives it")
+
+
 def make_room(
     *,
     seed: int = 0,
@@ -89,9 +120,12 @@ def make_room(
     Raises:
         InvalidInputError: an argument is outside its limits.
     """
-    if len(size) != 3:
-        raise wrong_value("size", size, "three numbers: length, depth and height")
-    x, y, z = (float(value) for value in size)
+    counts = {"n_chairs": n_chairs, "n_shelves": n_shelves, "n_doors": n_doors, "seed": seed}
+    for name, count in counts.items():
+        check_integer(name, count, 0)
+    check_choice("kind", kind, ("dwelling", "office", "classroom", "library", "corridor"))
+    check_number("variation", variation, "a number from 0 to 0.2", least=0.0, most=0.2)
+    x, y, z = check_vector("size", size, "three numbers: length, depth and height")
     return Scene.room(
         seed=seed,
         kind=kind,
@@ -146,10 +180,25 @@ def scan_rgbd(
     Raises:
         InvalidInputError: no poses, a pose that is not rigid, an option outside its limits.
     """
+    _check_scene(scene)
+    check_integer("n_frames", n_frames, 1)
+    check_integer("width", width, 1, 8192)
+    check_integer("height", height, 1, 8192)
+    check_integer("random_state", random_state, 0)
+    check_flag("quantize_disparity", quantize_disparity)
+    _check_numbers(
+        depth_noise=depth_noise,
+        max_incidence=max_incidence,
+        dropout=dropout,
+        color_noise=color_noise,
+        translation_std=translation_std,
+        rotation_std=rotation_std,
+    )
+    depth_limits = _check_limits("depth_limits", depth_limits)
+    if intrinsics is not None:
+        intrinsics = check_vector("intrinsics", intrinsics, "fx, fy, cx and cy", 4)
     if poses is None:
         poses = scene.default_poses(n_frames)
-    if intrinsics is not None and len(intrinsics) != 4:
-        raise wrong_value("intrinsics", intrinsics, "four numbers: fx, fy, cx and cy")
     with progress_callback(progress) as callback:
         cloud, truth, frames = scene.scan_rgbd(
             poses,
@@ -206,6 +255,20 @@ def scan_lidar(
     Raises:
         InvalidInputError: no poses, a pose that is not rigid, an option outside its limits.
     """
+    _check_scene(scene)
+    check_integer("n_scans", n_scans, 1)
+    check_integer("random_state", random_state, 0)
+    _check_numbers(
+        elevation_step=elevation_step,
+        azimuth_step=azimuth_step,
+        range_noise=range_noise,
+        dropout=dropout,
+        color_noise=color_noise,
+        translation_std=translation_std,
+        rotation_std=rotation_std,
+    )
+    elevation_limits = _check_limits("elevation_limits", elevation_limits)
+    range_limits = _check_limits("range_limits", range_limits)
     if poses is None:
         poses = scene.default_lidar_poses(n_scans)
     with progress_callback(progress) as callback:
@@ -248,6 +311,11 @@ def simulated_room(
     Raises:
         InvalidInputError: an unknown sensor, or a number outside its limits.
     """
+    check_choice("sensor", sensor, ("rgbd", "lidar"))
+    if n_poses is not None:
+        check_integer("n_poses", n_poses, 1)
+    check_number("noise", noise, "0 or a positive number", least=0.0)
+    check_number("pose_error", pose_error, "0 or a positive number", least=0.0)
     scene = make_room(seed=seed)
     translation_std, rotation_std = 0.003 * pose_error, 0.1 * pose_error
     if sensor == "rgbd":
@@ -265,19 +333,17 @@ def simulated_room(
             random_state=seed,
             progress=progress,
         )
-    if sensor == "lidar":
-        return scan_lidar(
-            scene,
-            n_scans=4 if n_poses is None else n_poses,
-            range_noise=0.005 * noise,
-            dropout=0.002 * noise,
-            color_noise=3.0 * noise,
-            translation_std=translation_std,
-            rotation_std=rotation_std,
-            random_state=seed,
-            progress=progress,
-        )
-    raise wrong_value("sensor", sensor, "'rgbd' or 'lidar'")
+    return scan_lidar(
+        scene,
+        n_scans=4 if n_poses is None else n_poses,
+        range_noise=0.005 * noise,
+        dropout=0.002 * noise,
+        color_noise=3.0 * noise,
+        translation_std=translation_std,
+        rotation_std=rotation_std,
+        random_state=seed,
+        progress=progress,
+    )
 
 
 def load_demo(*, progress: Progress = None) -> SimulatedScan:
@@ -309,8 +375,11 @@ def write_rgbd_folder(
         raise MissingDependencyError(
             "writing RGB-D folders needs Pillow: pip install 'surfabet[io]'"
         ) from error
-    if color_format not in ("jpg", "png"):
-        raise wrong_value("color_format", color_format, "'jpg' or 'png'")
+    folder = path_of("path", path)
+    check_choice("color_format", color_format, ("jpg", "png"))
+    for number, frame in enumerate(check_items("frames", frames, "frames of a camera")):
+        if not isinstance(frame, Frame):
+            raise wrong_type(f"frames[{number}]", frame, "a Frame, as scan_rgbd gives them")
     if not frames:
         raise wrong_value("frames", frames, "at least one frame", shown="empty")
     images = [_images(frame, number) for number, frame in enumerate(frames)]
@@ -320,7 +389,6 @@ def write_rgbd_folder(
             raise InvalidInputError(
                 f"frame {number} is of another camera than frame 0; write one folder per camera"
             )
-    folder = Path(path)
     folder.mkdir(parents=True, exist_ok=True)
     np.savetxt(folder / "camera-intrinsics.txt", intrinsics)
     for number, ((depth, color, _), frame) in enumerate(zip(images, frames, strict=True)):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import check_number
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet.errors import InvalidInputError, wrong_type, wrong_value
@@ -131,15 +132,22 @@ def diff(
     >>> [change.kind for change in sb.diff(learned(before), learned(after))]
     ['vanished']
     """
+    _check_maps(a, b)
+    requirement = "those of both maps, each None or (n, 3)"
+    if not isinstance(viewpoints, Sequence) or isinstance(viewpoints, str):
+        raise wrong_type("viewpoints", viewpoints, requirement)
     if len(viewpoints) != 2:
-        raise wrong_value("viewpoints", viewpoints, "those of both maps, each None or (n, 3)")
+        raise wrong_value("viewpoints", viewpoints, requirement)
+    if tolerance is not None:
+        check_number("tolerance", tolerance, "a positive number of metres", above=0.0)
+    check_number("min_area", min_area, "a positive number of square metres", above=0.0)
     with progress_callback(progress) as callback:
         tell: ProgressCallback = callback or (lambda stage, fraction: None)
         maps = [_decoded(model, name, tell) for model, name in ((a, "a"), (b, "b"))]
         spacing = max(survey(surface).spacing for surface, _ in maps)
         if tolerance is None:
             tolerance = _SPACINGS * spacing
-        elif 0 < tolerance < _LEAST_SPACINGS * spacing * (1 - 1e-3):
+        elif tolerance < _LEAST_SPACINGS * spacing * (1 - 1e-3):
             least = f"{_LEAST_SPACINGS * spacing:.3g}"
             requirement = (
                 f"at least {least} m, two spacings of what the coarser map decodes to: below, "
@@ -157,10 +165,14 @@ def diff(
     return _put_together(before, after, gone, new, float(tolerance))
 
 
+def _check_maps(a: object, b: object) -> None:
+    for name, model in (("a", a), ("b", b)):
+        if not isinstance(model, Model):
+            raise wrong_type(name, model, "a model")
+
+
 def _decoded(model: Model[Any], name: str, tell: ProgressCallback) -> tuple[PointCloud, PointCloud]:
     """The surface of a map with its normals, and its points with the thickness of the scan."""
-    if not isinstance(model, Model):
-        raise wrong_type(name, model, "a model")
     surface = model.decode(normals=True, progress=tell)
     if len(surface) < 2:
         raise InvalidInputError(

@@ -43,6 +43,17 @@ class InvalidTypeError(InvalidInputError, TypeError):
     """An argument is of another type than it must be."""
 
 
+_LONGEST = 120
+"""Characters of a value that a message shows."""
+
+
+def _in_one_line(value: object) -> str:
+    """The `repr` of a value, without the middle of a long one."""
+    text = " ".join(repr(value).split())
+    half = _LONGEST // 2
+    return text if len(text) <= _LONGEST else f"{text[:half]} ... {text[-half:]}"
+
+
 def wrong_value(
     argument: str, value: object, requirement: str, *, shown: str | None = None
 ) -> InvalidInputError:
@@ -50,7 +61,7 @@ def wrong_value(
 
     `shown` is what the message has in place of the value's `repr`.
     """
-    text = repr(value) if shown is None else shown
+    text = _in_one_line(value) if shown is None else shown
     return InvalidInputError(
         f"{argument} is {text}, but must be {requirement}",
         argument=argument,
@@ -60,9 +71,11 @@ def wrong_value(
 
 
 def wrong_type(argument: str, value: object, requirement: str) -> InvalidTypeError:
-    """The error for an argument of a wrong type."""
+    """The error for an argument of a wrong type, which shows texts and numbers themselves."""
     kind = type(value).__name__
     text = f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
+    if value is None or isinstance(value, str | bool | int | float):
+        text = _in_one_line(value)
     return InvalidTypeError(
         f"{argument} is {text}, but must be {requirement}",
         argument=argument,

@@ -6,16 +6,17 @@ import dataclasses
 import io
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, BinaryIO
 
 from surfabet import _core
+from surfabet._checks import check_integer
 from surfabet._remote import RemoteFile, is_url
 from surfabet.alphabet import Alphabet, AlphabetModel
 from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel
 from surfabet.errors import FormatError, wrong_type, wrong_value
 from surfabet.gas import GasModel
 from surfabet.hscsm import HscsmDictionary, HscsmModel
+from surfabet.io._files import path_of
 from surfabet.model import Box
 from surfabet.patches import PatchModel
 from surfabet.planes import PlaneModel
@@ -110,6 +111,7 @@ def load(
     """
     if not isinstance(path, str | os.PathLike) and not hasattr(path, "seek"):
         raise wrong_type("path", path, "a path, a URL, or a binary file that can be sought in")
+    words = _checked(vocabulary, max_items, max_bytes)
     source = RemoteFile(path) if isinstance(path, str) and is_url(path) else path
     tiled = open_tiled(source, box=box, level=level, max_items=max_items, max_bytes=max_bytes)
     if tiled is not None:
@@ -127,9 +129,27 @@ def load(
         os.fspath(source),
         max_items=max_items,
         max_bytes=max_bytes,
-        vocabulary=None if vocabulary is None else vocabulary._core,
+        vocabulary=words,
     )
     return _wrapped(core)
+
+
+def _checked(
+    vocabulary: Vocabulary | None, max_items: int, max_bytes: int
+) -> _core.HscsmDictionary | _core.Alphabet | _core.BicAlphabet | None:
+    """What the core takes as the vocabulary.
+
+    Raises
+    ------
+    InvalidInputError
+        One of the arguments is none.
+    """
+    check_integer("max_items", max_items, 0)
+    check_integer("max_bytes", max_bytes, 0)
+    if vocabulary is not None and not isinstance(vocabulary, Vocabulary):
+        requirement = "what a model has as model.dictionary or model.alphabet"
+        raise wrong_type("vocabulary", vocabulary, requirement)
+    return None if vocabulary is None else vocabulary._core
 
 
 def from_bytes(
@@ -140,6 +160,9 @@ def from_bytes(
     max_bytes: int = MAX_BYTES,
 ) -> AnyModel:
     """As `load`, from bytes as `Model.to_bytes` gives them."""
+    if not isinstance(data, bytes):
+        raise wrong_type("data", data, "bytes")
+    words = _checked(vocabulary, max_items, max_bytes)
     tiled = open_tiled(
         io.BytesIO(data), box=None, level=None, max_items=max_items, max_bytes=max_bytes
     )
@@ -149,7 +172,7 @@ def from_bytes(
         data,
         max_items=max_items,
         max_bytes=max_bytes,
-        vocabulary=None if vocabulary is None else vocabulary._core,
+        vocabulary=words,
     )
     return _wrapped(core)
 
@@ -162,13 +185,14 @@ def inspect(path: str | os.PathLike[str]) -> FileInfo:
     OSError, FormatError
         As `load`.
     """
-    data = Path(path).read_bytes()
+    path = path_of("path", path)
+    data = path.read_bytes()
     try:
         method, version, vocabulary, sections, note = _core.inspect(
             data, max_items=MAX_ITEMS, max_bytes=MAX_BYTES
         )
     except FormatError as error:
-        raise FormatError(f"{os.fspath(path)}: {error}") from None
+        raise FormatError(f"{path}: {error}") from None
     return FileInfo(method, version, vocabulary, dict(sections), note)
 
 

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import check_integer, check_number, check_vector
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.meshes import Mesh
 from surfabet.model import Model
-from surfabet.navigation import NavigationGraph, as_vector
+from surfabet.navigation import NavigationGraph
 
 __all__ = ["GasModel", "Neurons", "learn_gas"]
 
@@ -171,6 +172,8 @@ class GasModel(Model[_core.GasModel]):
             "keep_outliers": keep_outliers,
             "random_state": random_state,
         }
+        if n_neurons is not None:
+            check_integer("n_neurons", n_neurons, 1)
         with progress_callback(progress) as callback:
             return GasModel(
                 self._core.update(cloud, options, n_neurons=n_neurons, progress=callback)
@@ -197,10 +200,12 @@ class GasModel(Model[_core.GasModel]):
     def geodesic_distances(self, source: int) -> NDArray[np.float64]:
         """Length of the shortest way along edges from one neuron to all, (n,), metres; infinite to
         other components."""
+        check_integer("source", source, 0, len(self) - 1)
         return self._core.geodesic_distances(source)
 
     def geodesic_distance(self, source: int, target: int) -> float:
         """Length of the shortest way along edges between two neurons, metres, or infinity."""
+        check_integer("target", target, 0, len(self) - 1)
         return float(self.geodesic_distances(source)[target])
 
     def navigation(
@@ -242,13 +247,20 @@ class GasModel(Model[_core.GasModel]):
             For sizes that are not positive, a step as high as the robot, a slope of 80 degrees and
             more, or a robot that is tiny on this map.
         """
+        metres = "a positive number of metres"
+        check_number("radius", radius, metres, above=0.0)
+        check_number("height", height, metres, above=0.0)
+        below_height = "a number of metres from 0 to below the height"
+        check_number("max_step", max_step, below_height, least=0.0)
+        degrees = "a number of degrees from 0 to below 80"
+        check_number("max_slope", max_slope, degrees, least=0.0)
         with progress_callback(progress) as callback:
             graph = self._core.navigation(
                 radius=radius,
                 height=height,
                 max_step=max_step,
                 max_slope=max_slope,
-                up=as_vector("up", up),
+                up=check_vector("up", up, "three numbers x, y, z"),
                 progress=callback,
             )
         return NavigationGraph(graph.positions(), graph.neurons(), graph.edges(), graph)

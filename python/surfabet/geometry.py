@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import check_choice, check_cloud, check_integer, check_number
 from surfabet._core import KdTree, Octree, PointCloud, RangeImage, VoxelGrid
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import InvalidInputError, wrong_value
+from surfabet.errors import InvalidInputError
 
 __all__ = [
     "KdTree",
@@ -70,6 +71,10 @@ def estimate_normals(
     InvalidInputError
         For fewer than three neighbours, a radius that is not positive, or neither of both.
     """
+    if neighbors is not None:
+        check_integer("neighbors", neighbors, 3)
+    if radius is not None:
+        check_number("radius", radius, "a positive number of metres", above=0.0)
     with progress_callback(progress) as callback:
         return NormalEstimate(*_core.estimate_normals(cloud, neighbors, radius, callback))
 
@@ -108,13 +113,13 @@ def voxel_downsample(
         For a size that is not positive or too small to number the cubes, both size and count or
         neither, a count that no size gives, or weights that are not positive.
     """
+    _check_one_of(size, count)
     with progress_callback(progress) as callback:
-        if size is not None and count is None:
+        if size is not None:
             grid = VoxelGrid(cloud, size, progress=callback)
-        elif count is not None and size is None:
-            grid = VoxelGrid.with_at_most(cloud, count, progress=callback)
         else:
-            raise _one_of_both(size, count)
+            assert count is not None
+            grid = VoxelGrid.with_at_most(cloud, count, progress=callback)
         return grid.means(weights, progress=callback)
 
 
@@ -147,20 +152,24 @@ def octree_downsample(
         For a size that is not positive or takes more than 21 levels, both size and count or
         neither, or another representative.
     """
-    if representative not in ("centroid", "center"):
-        raise wrong_value("representative", representative, "'centroid' or 'center'")
+    check_choice("representative", representative, ("centroid", "center"))
+    _check_one_of(size, count)
     with progress_callback(progress) as callback:
-        if size is not None and count is None:
+        if size is not None:
             tree = Octree(cloud, size, progress=callback)
-        elif count is not None and size is None:
-            tree = Octree.with_at_most(cloud, count, progress=callback)
         else:
-            raise _one_of_both(size, count)
+            assert count is not None
+            tree = Octree.with_at_most(cloud, count, progress=callback)
     return PointCloud(tree.centers() if representative == "center" else tree.centroids())
 
 
-def _one_of_both(size: float | None, count: int | None) -> InvalidInputError:
-    return InvalidInputError(f"size is {size} and count is {count}; give one of both")
+def _check_one_of(size: float | None, count: int | None) -> None:
+    if size is not None:
+        check_number("size", size, "a positive number of metres", above=0.0)
+    if count is not None:
+        check_integer("count", count, 1)
+    if (size is None) == (count is None):
+        raise InvalidInputError(f"size is {size} and count is {count}; give one of both")
 
 
 def random_downsample(cloud: PointCloud, count: int, *, random_state: int = 0) -> PointCloud:
@@ -171,6 +180,9 @@ def random_downsample(cloud: PointCloud, count: int, *, random_state: int = 0) -
     InvalidInputError
         For more points than there are.
     """
+    check_cloud("cloud", cloud)
+    check_integer("count", count, 0)
+    check_integer("random_state", random_state, 0)
     return _core.random_downsample(cloud, count, random_state)
 
 
@@ -188,5 +200,8 @@ def farthest_point_downsample(
     InvalidInputError
         For more points than there are, or a start that is none.
     """
+    check_cloud("cloud", cloud)
+    check_integer("count", count, 0)
+    check_integer("start", start, 0)
     with progress_callback(progress) as callback:
         return _core.farthest_point_downsample(cloud, count, start, callback)

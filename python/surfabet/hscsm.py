@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet import _core
+from surfabet._checks import check_choice, check_integer
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import InvalidInputError
@@ -29,6 +30,8 @@ __all__ = [
 ]
 
 Channel = Literal["depth", "color"]
+
+CHANNELS = ("depth", "color")
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +141,7 @@ class HscsmDictionary:
 
         Entries of level j are rows `offsets[j]:offsets[j + 1]`.
         """
+        check_choice("channel", channel, CHANNELS)
         found = self._core.entries(channel)
         if found is None:
             raise InvalidInputError("this dictionary has no colour")
@@ -315,6 +319,7 @@ class HscsmModel(Model[_core.HscsmModel]):
         n is the pixels per side of a patch, or with fine masks the number of pixels of the lowest
         level along it.
         """
+        self._check(level)
         return self._core.masks(level)
 
     def means(self, level: int = 0, channel: Channel = "depth") -> NDArray[np.float64]:
@@ -323,7 +328,12 @@ class HscsmModel(Model[_core.HscsmModel]):
         (m, 1) metres along the normal for depth; (m, 3) luma, orange and green chroma for colour,
         or (m, 1) grey of intensities.
         """
+        self._check(level, channel)
         return self._core.means(level, channel)
+
+    def _check(self, level: int, channel: Channel = "depth") -> None:
+        check_integer("level", level, 0, len(self.levels) - 1)
+        check_choice("channel", channel, CHANNELS)
 
     @property
     def dictionary(self) -> HscsmDictionary:
@@ -378,6 +388,7 @@ class HscsmModel(Model[_core.HscsmModel]):
         Patch i uses `entries[offsets[i]:offsets[i + 1]]` times the coefficients at the same places;
         metres for depth, 0..255 for colour and grey.
         """
+        self._check(level, channel)
         return self._core.codes(level, channel)
 
     def __repr__(self) -> str:

@@ -3,12 +3,41 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from surfabet._core import Survey
 
 __all__ = ["AttributeFigures", "LearningReport"]
+
+
+_LENGTHS_IN = "lengths in"
+"""What stands before the unit in a note on lengths that are no metres."""
+
+
+def note_of(chosen: Mapping[str, tuple[float, str]], unit: str) -> str:
+    """The options that follow from the data, and why, in one line, as files keep them."""
+    parts = [
+        f"{option.replace('_', '-')} {value:.6g} ({in_unit(why, unit)})"
+        for option, (value, why) in chosen.items()
+    ]
+    said = ", ".join(parts)
+    if unit == "m":
+        return said
+    return f"{said}; {_LENGTHS_IN} {unit}" if said else f"{_LENGTHS_IN} {unit}"
+
+
+def in_unit(sentence: str, unit: str) -> str:
+    """A sentence on a scan, which calls all lengths metres, with the unit that they have."""
+    return re.sub(r"(?<=\d) m\b", f" {unit}", sentence)
+
+
+def unit_in(note: str | None) -> str:
+    """The unit of lengths that a note names; `m` where it names none."""
+    found = re.search(rf"{_LENGTHS_IN} (\S+)$", note or "")
+    return found[1] if found else "m"
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import (
+    check_cloud,
+    check_flag,
+    check_integer,
+    check_number,
+    real_array,
+)
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import wrong_type, wrong_value
@@ -100,26 +107,21 @@ class Localizer:
         scan: PointCloud,
         *,
         prior: ArrayLike | None = None,
-        radius: float = 1.0,
-        angle: float = 20.0,
+        radius: float | None = None,
+        angle: float | None = None,
         upright: bool | None = None,
         top: int = 5,
         progress: Progress = None,
     ) -> Locations:
         """Where a scan was taken, as `surfabet.model.Model.locate`."""
-        if not isinstance(scan, PointCloud):
-            raise wrong_type("scan", scan, "a PointCloud")
+        options = locate_options(scan, prior, radius, angle, upright, top)
+        return self._located(scan, options, progress)
+
+    def _located(self, scan: PointCloud, options: dict[str, Any], progress: Progress) -> Locations:
         with progress_callback(progress) as callback:
-            accepted, rejected, reason = self._core.locate(
-                scan,
-                prior=None if prior is None else _pose(prior),
-                radius=radius,
-                angle=angle,
-                upright=upright,
-                top=top,
-                progress=callback,
-            )
-        if reason is not None and prior is not None:
+            accepted, rejected, reason = self._core.locate(scan, **options, progress=callback)
+        if reason is not None and options["prior"] is not None:
+            radius, angle = options["radius"], options["angle"]
             reason += f" (within {radius:g} m and {angle:g} degrees of the prior)"
         return locations_of(accepted, rejected, reason)
 
@@ -128,9 +130,43 @@ class Localizer:
         return len(self._core)
 
 
+def locate_options(
+    scan: object,
+    prior: ArrayLike | None,
+    radius: float | None,
+    angle: float | None,
+    upright: bool | None,
+    top: int,
+) -> dict[str, Any]:
+    """The options of `locate` as the core takes them.
+
+    Raises
+    ------
+    InvalidInputError
+        One of them is none, or `radius` or `angle` is given without a prior.
+    """
+    check_cloud("scan", scan)
+    limits = (("radius", radius, 1.0, "metres"), ("angle", angle, 20.0, "degrees"))
+    options: dict[str, Any] = {}
+    for name, value, default, unit in limits:
+        requirement = f"a positive number of {unit}"
+        if value is not None:
+            check_number(name, value, requirement, above=0.0)
+            if prior is None:
+                raise wrong_value(name, value, "left out without a prior, which it goes with")
+        options[name] = default if value is None else float(value)
+    return options | {
+        "prior": None if prior is None else _pose(prior),
+        "upright": None if upright is None else check_flag("upright", upright),
+        "top": check_integer("top", top, 1),
+    }
+
+
 def _pose(prior: ArrayLike) -> list[list[float]]:
     """A 4 x 4 matrix, also from x, y, z and yaw in degrees."""
-    array = np.asarray(prior, dtype=np.float64)
+    array = real_array(prior)
+    if array is None:
+        raise wrong_type("prior", prior, "a (4, 4) pose or x, y, z and yaw")
     if array.shape == (4,):
         x, y, z, yaw = array
         cosine, sine = np.cos(np.deg2rad(yaw)), np.sin(np.deg2rad(yaw))

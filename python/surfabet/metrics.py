@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from surfabet import _core
+from surfabet._checks import check_cloud, check_integer, check_number
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import wrong_value
+from surfabet.io._crs import unit_of
+from surfabet.io._units import small_lengths
 
 __all__ = ["AttributeErrors", "Quality", "RangeSigma", "evaluate"]
 
@@ -50,7 +53,7 @@ class AttributeErrors:
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """All measures of one comparison; metres, and 0 to 255 for colours.
+    """All measures of one comparison; lengths in `unit`, and 0 to 255 for colours.
 
     "forward" takes every decoded point to its nearest reference point, "backward" every reference
     point to its nearest decoded point, "pooled" is over the pairs of both. What does not apply is
@@ -112,6 +115,9 @@ class Quality:
     value that is not finite are left out."""
     bytes: int | None = None
     """Size of the file that was decoded."""
+    unit: str = "m"
+    """Unit of all lengths: metres, unless the reference has a coordinate reference system of
+    another, such as `us-ft`."""
 
     @property
     def bits_per_point(self) -> float | None:
@@ -136,17 +142,22 @@ class Quality:
         return dataclasses.asdict(self) | derived
 
     def __repr__(self) -> str:
+        factor, unit = small_lengths(self.unit)
+
+        def told(length: float) -> str:
+            return f"{factor * length:.2f} {unit}"
+
         parts = [
-            f"rmse {_mm(self.rmse)} (forward {_mm(self.rmse_forward)}, "
-            f"backward {_mm(self.rmse_backward)}, pooled {_mm(self.rmse_pooled)})",
-            f"p95 {_mm(self.p95_forward)} / {_mm(self.p95_backward)}",
-            f"max {_mm(self.max_forward)} / {_mm(self.max_backward)}",
+            f"rmse {told(self.rmse)} (forward {told(self.rmse_forward)}, "
+            f"backward {told(self.rmse_backward)}, pooled {told(self.rmse_pooled)})",
+            f"p95 {told(self.p95_forward)} / {told(self.p95_backward)}",
+            f"max {told(self.max_forward)} / {told(self.max_backward)}",
         ]
         if self.color_rmse_pooled is not None:
             parts.append(f"colour rmse {self.color_rmse_pooled:.1f}")
         for name, errors in self.attributes.items():
-            told = f"{errors.pooled:.2%} equal" if errors.labels else f"rmse {errors.pooled:.4g}"
-            parts.append(f"{name} {told}")
+            error = f"{errors.pooled:.2%} equal" if errors.labels else f"rmse {errors.pooled:.4g}"
+            parts.append(f"{name} {error}")
         if self.inliers is not None:
             parts.append(f"inliers {self.inliers:.2%}")
         if self.outliers is not None:
@@ -155,10 +166,6 @@ class Quality:
             parts.append(f"{self.bytes} bytes, {self.bits_per_point:.3f} bits per point")
         points = f"{self.decoded_points} of {self.reference_points} points"
         return f"Quality({points}; {'; '.join(parts)})"
-
-
-def _mm(metres: float) -> str:
-    return f"{1000 * metres:.2f} mm"
 
 
 def evaluate(
@@ -179,16 +186,16 @@ def evaluate(
     Parameters
     ----------
     reference
-        The input of the compression.
+        The input of the compression. Its unit is that of all lengths, and of the decoded cloud.
     decoded
         What came back.
     sigma
-        Reports inliers and outliers: a distance in metres, or a `RangeSigma` where the reference
+        Reports inliers and outliers: a distance, or a `RangeSigma` where the reference
         knows its ranges or viewpoints.
     bytes
         Size of the file, for bits per point and ratio.
     peak
-        Peak of the PSNR in metres; the diagonal of the reference's bounding box if not given.
+        Peak of the PSNR, a length; the diagonal of the reference's bounding box if not given.
         MPEG's `pc_error` computes 10 log10(3 p^2 / mse): give sqrt(3) p for its figure.
     normal_neighbors
         Where the reference has no normals, planes are fitted to this number of its points around
@@ -201,17 +208,30 @@ def evaluate(
     InvalidInputError
         When a cloud is empty or an option makes no sense.
     """
-    if bytes is not None and bytes < 0:
-        raise wrong_value("bytes", bytes, "0 or a positive integer")
+    check_cloud("reference", reference)
+    check_cloud("decoded", decoded)
+    if bytes is not None:
+        check_integer("bytes", bytes, 0)
+    if normal_neighbors is not None:
+        check_integer("normal_neighbors", normal_neighbors, 3)
+    if peak is not None:
+        check_number("peak", peak, "a positive number of metres", above=0.0)
     distance: float | None = None
     by_range: tuple[float, float] | None = None
     if isinstance(sigma, RangeSigma):
-        by_range = (sigma.sigma_scale, sigma.angular_resolution)
-    else:
-        distance = sigma
+        scale, angle = sigma.sigma_scale, sigma.angular_resolution
+        below = math.nextafter(180.0, 0.0)
+        requirement = "a number above 0 and below 180 degrees"
+        by_range = (
+            check_number("sigma.sigma_scale", scale, "a positive number", above=0.0),
+            check_number("sigma.angular_resolution", angle, requirement, above=0.0, most=below),
+        )
+    elif sigma is not None:
+        requirement = "a positive number of metres, or a RangeSigma"
+        distance = check_number("sigma", sigma, requirement, above=0.0)
     with progress_callback(progress) as callback:
         measures = _core.evaluate(
             reference, decoded, distance, by_range, peak, normal_neighbors, callback
         )
     attributes = {name: AttributeErrors(*of) for name, *of in measures.pop("attributes")}
-    return Quality(**measures, attributes=attributes, bytes=bytes)
+    return Quality(**measures, attributes=attributes, bytes=bytes, unit=unit_of(reference))

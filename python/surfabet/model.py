@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import check_flag, check_integer, check_number, check_text, real_array
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import wrong_value
+from surfabet.errors import wrong_type, wrong_value
 from surfabet.io._files import path_of
 from surfabet.learning import AttributeFigures, LearningReport
-from surfabet.locate import Localizer, Locations
+from surfabet.locate import Localizer, Locations, locate_options
 
 __all__ = ["MAX_POINTS", "Box", "Model", "corners"]
 
@@ -34,17 +35,56 @@ def corners(box: Box | None) -> tuple[list[float], list[float]] | None:
     Raises
     ------
     InvalidInputError
-        It is not two corners of three numbers each.
+        It is not two corners of three numbers each, or the second is below the first.
     """
     if box is None:
         return None
-    try:
-        array = np.asarray(box, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    requirement = "two corners of three numbers each, (lo, hi)"
+    array = real_array(box)
+    if array is None:
+        raise wrong_type("box", box, requirement)
     if array.shape != (2, 3):
-        raise wrong_value("box", box, "two corners of three numbers each, (lo, hi)")
+        raise wrong_value("box", box, requirement)
+    if not (array[0] <= array[1]).all():
+        raise wrong_value("box", box, f"{requirement}, lo nowhere above hi")
     return array[0].tolist(), array[1].tolist()
+
+
+def decode_options(
+    resolution: object, as_measured: object, normals: object, box: Box | None, max_points: object
+) -> dict[str, Any]:
+    """The options of `decode` as the core takes them.
+
+    Raises
+    ------
+    InvalidInputError
+        One of them is none.
+    """
+    requirement = "a positive number of metres"
+    return {
+        "resolution": None
+        if resolution is None
+        else check_number("resolution", resolution, requirement, above=0.0),
+        "as_measured": check_flag("as_measured", as_measured),
+        "normals": check_flag("normals", normals),
+        "region": corners(box),
+        "max_points": check_integer("max_points", max_points, 0),
+    }
+
+
+def checked_note(note: object) -> str:
+    """A line for people that fits into a file.
+
+    Raises
+    ------
+    InvalidInputError
+        It is no text, or too long.
+    """
+    text = check_text("note", note)
+    if (size := len(text.encode())) > _core.MAX_NOTE:
+        requirement = f"a text of at most {_core.MAX_NOTE} bytes"
+        raise wrong_value("note", note, requirement, shown=f"a text of {size} bytes")
+    return text
 
 
 class Model(Generic[C]):
@@ -104,15 +144,9 @@ class Model(Generic[C]):
             For a box that is none, a spacing that is not positive, one that makes more than
             `max_points` points, or `as_measured` for a model that keeps no thickness.
         """
+        options = decode_options(resolution, as_measured, normals, box, max_points)
         with progress_callback(progress) as callback:
-            return self._core.decode(
-                resolution=resolution,
-                as_measured=as_measured,
-                normals=normals,
-                region=corners(box),
-                max_points=max_points,
-                progress=callback,
-            )
+            return self._core.decode(**options, progress=callback)
 
     def localizer(self, *, progress: Progress = None) -> Localizer:
         """The model made ready to be asked where scans were taken: its surfaces as samples, with
@@ -133,8 +167,8 @@ class Model(Generic[C]):
         scan: PointCloud,
         *,
         prior: ArrayLike | None = None,
-        radius: float = 1.0,
-        angle: float = 20.0,
+        radius: float | None = None,
+        angle: float | None = None,
         upright: bool | None = None,
         top: int = 5,
         progress: Progress = None,
@@ -153,9 +187,10 @@ class Model(Generic[C]):
             What is known of the pose: scan to world (4, 4), or x, y, z in metres and yaw in
             degrees.
         radius
-            How far the sensor may be from the prior, metres.
+            How far the sensor may be from the prior, metres; by default 1. Only with `prior`.
         angle
-            How far the scan may be turned from the prior, degrees.
+            How far the scan may be turned from the prior, degrees; by default 20. Only with
+            `prior`.
         upright
             True: the vertical of the scan is that of the map within 45 degrees. False: it may be
             any. None: upright poses first, then all others when none of them is accepted.
@@ -175,15 +210,9 @@ class Model(Generic[C]):
         InvalidInputError
             For a prior that is no pose, or an option outside of its domain.
         """
-        return self.localizer(progress=progress).locate(
-            scan,
-            prior=prior,
-            radius=radius,
-            angle=angle,
-            upright=upright,
-            top=top,
-            progress=progress,
-        )
+        # First, since making the model ready takes long.
+        options = locate_options(scan, prior, radius, angle, upright, top)
+        return self.localizer(progress=progress)._located(scan, options, progress)
 
     def to_bytes(self) -> bytes:
         """The bytes of the model's file. The same model always gives the same bytes."""
@@ -196,7 +225,7 @@ class Model(Generic[C]):
         at most 1024 bytes of UTF-8, which `surfabet info` and `surfabet.inspect` show; it is not
         part of the model.
         """
-        return self._core.save(str(path_of("path", path)), note)
+        return self._core.save(str(path_of("path", path)), checked_note(note))
 
     @property
     def method(self) -> str:

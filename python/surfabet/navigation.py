@@ -9,20 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
-from surfabet.errors import wrong_value
+from surfabet._checks import check_vector
 
 __all__ = ["NavigationGraph"]
-
-
-def as_vector(name: str, value: ArrayLike) -> list[float]:
-    """Three numbers that an argument gives."""
-    try:
-        vector = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    if vector.shape != (3,):
-        raise wrong_value(name, value, "three numbers x, y, z")
-    return [float(c) for c in vector]
 
 
 @final
@@ -73,5 +62,8 @@ class NavigationGraph:
         InvalidInputError
             For a point that is further from all nodes than the robot is high.
         """
-        nodes = self._graph.path(as_vector("start", start), as_vector("goal", goal))
+        place = "three numbers x, y, z"
+        nodes = self._graph.path(
+            check_vector("start", start, place), check_vector("goal", goal, place)
+        )
         return None if nodes is None else self.positions[nodes]

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet import _core
+from surfabet._checks import check_cloud, check_flag, check_integer, check_items, check_number
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.alphabet import AlphabetModel, learn_alphabet
-from surfabet.errors import InvalidInputError, wrong_type, wrong_value
+from surfabet.errors import InvalidInputError, wrong_type
 from surfabet.locate import Locations, locations_of
 from surfabet.model import Model
 
@@ -27,6 +28,8 @@ MIN_RANGE = 0.5
 """What is nearer to the sensor of a cloud is the carrier's own body, metres."""
 
 AnyPlace = PointCloud | Model[Any]
+
+_PLACES = "models or clouds, one after the other"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,10 +125,13 @@ class PlaceIndex:
         """
         if not self._names:
             raise InvalidInputError("the index has no places; give place_index at least one")
-        for name, value, least in (("top", top, 1), ("verify", verify, 0)):
-            if value < least:
-                raise wrong_value(name, value, f"an integer of at least {least}")
-        model = _described(place, self._models[0])
+        check_integer("top", top, 1)
+        check_integer("verify", verify, 0)
+        if upright is not None:
+            check_flag("upright", upright)
+        if scan is not None:
+            check_cloud("scan", scan)
+        model = _described("place", place, self._models[0])
         if scan is None:
             scan = place if isinstance(place, PointCloud) else place.decode()
         with progress_callback(progress) as callback:
@@ -192,8 +198,13 @@ def place_index(
     >>> index.query(room(4, 3), verify=0)[0].name
     'small'
     """
-    named = places if isinstance(places, Mapping) else {str(i): p for i, p in enumerate(places)}
-    models = _all_described(list(named.values()))
+    if isinstance(places, Mapping):
+        named = {str(name): place for name, place in places.items()}
+        models = _all_described([f"places[{name!r}]" for name in places], list(named.values()))
+    else:
+        items = check_items("places", places, _PLACES)
+        named = {str(number): place for number, place in enumerate(items)}
+        models = _all_described(_numbered(items), items)
     with progress_callback(progress) as callback:
         core = _core.PlaceIndex([model._core for model in models], callback)
     return PlaceIndex(core, models, list(named))
@@ -228,9 +239,11 @@ def label_places(
     InvalidInputError
         For an option outside of its domain.
     """
-    if n_kinds is not None and n_kinds < 1:
-        raise wrong_value("n_kinds", n_kinds, "an integer of at least 1")
-    models = _all_described(list(places))
+    if n_kinds is not None:
+        check_integer("n_kinds", n_kinds, 1)
+    check_number("min_similarity", min_similarity, "a number from 0 to 1", least=0.0, most=1.0)
+    items = check_items("places", places, _PLACES)
+    models = _all_described(_numbered(items), items)
     with progress_callback(progress) as callback:
         labels, similarities = _core.label_places(
             [model._core for model in models],
@@ -241,17 +254,28 @@ def label_places(
     return PlaceKinds(labels, similarities)
 
 
-def _all_described(places: Sequence[AnyPlace]) -> list[AlphabetModel]:
+def _numbered(places: Sequence[object]) -> list[str]:
+    """What messages call the places of a sequence."""
+    return [f"places[{number}]" for number in range(len(places))]
+
+
+def _all_described(names: Sequence[str], places: Sequence[AnyPlace]) -> list[AlphabetModel]:
+    for name, place in zip(names, places, strict=True):
+        _check_place(name, place)
     first = next((place for place in places if isinstance(place, AlphabetModel)), None)
-    return [_described(place, first) for place in places]
+    return [_described(name, place, first) for name, place in zip(names, places, strict=True)]
 
 
-def _described(place: AnyPlace, like: AlphabetModel | None) -> AlphabetModel:
+def _check_place(name: str, place: object) -> None:
+    if not isinstance(place, PointCloud | Model):
+        raise wrong_type(name, place, "a PointCloud or a model")
+
+
+def _described(name: str, place: AnyPlace, like: AlphabetModel | None) -> AlphabetModel:
     """A place in words, of the radii of another model, so that sizes of words do not differ."""
     if isinstance(place, AlphabetModel):
         return place
-    if not isinstance(place, PointCloud | Model):
-        raise wrong_type("a place", place, "a PointCloud or a model")
+    _check_place(name, place)
     cloud = place if isinstance(place, PointCloud) else place.decode()
     radii = np.array([RADIUS]) if like is None else like.alphabet.radii
     min_range = MIN_RANGE if isinstance(place, PointCloud) and place.viewpoints is not None else 0.0

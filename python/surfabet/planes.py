@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import check_integer, check_number
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
-from surfabet.errors import wrong_value
 from surfabet.io._files import export
 from surfabet.io.polygons import WRITERS, Surface
 from surfabet.model import Model
@@ -141,8 +141,7 @@ class PlaneModel(Model[_core.PlaneModel]):
         InvalidInputError
             When there is no such patch.
         """
-        if not 0 <= patch < len(self):
-            raise wrong_value("patch", patch, f"an integer from 0 to {len(self) - 1}")
+        check_integer("patch", patch, 0, len(self) - 1)
         return self._core.polygons(patch)
 
     def mesh(self) -> PlaneMesh:
@@ -415,8 +414,8 @@ def random_planes(
     >>> fit.normals.round(6).tolist() in ([[0, 0, 1]], [[0, 0, -1]])
     True
     """
-    if n_planes < 1:
-        raise wrong_value("n_planes", n_planes, "an integer from 1 to 2^20")
+    check_integer("n_planes", n_planes, 1, 1 << 20)
+    check_integer("random_state", random_state, 0)
     return _core.random_planes(cloud, n_planes=n_planes, random_state=random_state)
 
 
@@ -455,11 +454,13 @@ def fit_planes_em(
     InvalidInputError
         For an empty cloud, no planes, or normals without a length.
     """
+    check_integer("max_iterations", max_iterations, 1)
+    check_number("tolerance", tolerance, "0 or a positive number", least=0.0)
     with progress_callback(progress) as callback:
         fitted = _core.fit_planes_em(
             cloud,
-            centers=np.asarray(centers),
-            normals=np.asarray(normals),
+            centers=centers,
+            normals=normals,
             weights=weights,
             max_iterations=max_iterations,
             tolerance=tolerance,

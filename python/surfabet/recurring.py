@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet import _core
+from surfabet._checks import check_integer
 from surfabet._progress import Progress, progress_callback
 from surfabet.alphabet import AlphabetModel, FoundOccurrence
 from surfabet.errors import wrong_type
+from surfabet.io._files import path_of
 
 __all__ = ["RecurringClass", "RecurringClasses", "recurring"]
 
@@ -69,6 +71,8 @@ class RecurringClasses(Sequence[RecurringClass]):
         """
         from surfabet.report import draw_recurring
 
+        path = path_of("path", path)
+        check_integer("most", most, 1)
         draw_recurring(path, self._scene, self, most=most)
 
     @overload

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from surfabet import AlphabetModel, KdTree, PointCloud, Quality, RecurringClasses, _html
 from surfabet.errors import InvalidInputError, MissingDependencyError, wrong_value
+from surfabet.io._units import small_lengths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -369,6 +370,7 @@ def draw_comparison(
     rgb, decoded_rgb = _colors(reference, decoded, camera.up)
     error_rgb = _colormap(forward, 0.0, limit, "inferno")
 
+    factor, unit = small_lengths(quality.unit)
     figure = Figure(figsize=(14, 11), layout="constrained")
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
     picture = render(reference, camera, rgb, spacing=spacing)
@@ -376,8 +378,8 @@ def draw_comparison(
     picture = render(decoded, camera, decoded_rgb, spacing=decoded_spacing)
     _show(top_right, picture, _decoded_title(decoded, quality))
     picture = render(decoded, camera, error_rgb, spacing=decoded_spacing)
-    _show(bottom_left, picture, "distance of the decoded points to the original, mm")
-    scale = ScalarMappable(Normalize(0, 1000 * limit), "inferno")
+    _show(bottom_left, picture, f"distance of the decoded points to the original, {unit}")
+    scale = ScalarMappable(Normalize(0, factor * limit), "inferno")
     figure.colorbar(
         scale, cax=bottom_left.inset_axes((0.2, -0.06, 0.6, 0.03)), orientation="horizontal"
     )
@@ -525,7 +527,8 @@ def save_page(
     forward, backward = _distances(reference, decoded)
     figure = Figure(figsize=(10, 4.5), layout="constrained")
     _histogram(figure.subplots(), forward, backward, limit, quality)
-    shade = f"black 0, bright {1000 * limit:.3g} mm and more"
+    factor, unit = small_lengths(quality.unit)
+    shade = f"black 0, bright {factor * limit:.3g} {unit} and more"
     captions = (
         f"original: {len(reference):,} points",
         _decoded_title(decoded, quality),
@@ -573,16 +576,18 @@ def _histogram(
     limit: float,
     quality: Quality,
 ) -> None:
-    bins = np.linspace(0, 1000 * max(limit, float(np.percentile(backward, 99))), 80).tolist()
+    factor, unit = small_lengths(quality.unit)
+    bins = np.linspace(0, factor * max(limit, float(np.percentile(backward, 99))), 80).tolist()
     for distances, label in (
-        (forward, f"decoded to original, rmse {1000 * quality.rmse_forward:.2f} mm"),
-        (backward, f"original to decoded, rmse {1000 * quality.rmse_backward:.2f} mm"),
+        (forward, f"decoded to original, rmse {factor * quality.rmse_forward:.2f} {unit}"),
+        (backward, f"original to decoded, rmse {factor * quality.rmse_backward:.2f} {unit}"),
     ):
         weights = np.full(len(distances), 100 / len(distances))
-        axes.hist(1000 * distances, bins=bins, weights=weights, histtype="step", label=label)
-    axes.set_xlabel("distance to the nearest point of the other cloud, mm")
+        axes.hist(factor * distances, bins=bins, weights=weights, histtype="step", label=label)
+    axes.set_xlabel(f"distance to the nearest point of the other cloud, {unit}")
     axes.set_ylabel("share of the points, %")
-    axes.set_title(f"rmse {1000 * quality.rmse:.2f} mm, pooled {1000 * quality.rmse_pooled:.2f} mm")
+    rmse, pooled = factor * quality.rmse, factor * quality.rmse_pooled
+    axes.set_title(f"rmse {rmse:.2f} {unit}, pooled {pooled:.2f} {unit}")
     axes.legend()
 
 

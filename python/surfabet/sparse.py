@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
+from surfabet._checks import check_choice, check_integer, check_number
 from surfabet._core import Ksvd, SparseCodes
 from surfabet._progress import Progress, progress_callback
+from surfabet.errors import wrong_type
 
 __all__ = ["Ksvd", "SparseCodes", "ksvd", "omp", "reconstruct", "squared_errors"]
 
@@ -25,6 +27,17 @@ def _as_weights(weights: ArrayLike | None) -> NDArray[Any] | None:
         return None
     array = np.asarray(weights)
     return array.astype(np.float32) if array.dtype == np.bool_ else array
+
+
+def _check_coding(max_atoms: object, tolerance: object, selection: object) -> None:
+    check_integer("max_atoms", max_atoms, 1)
+    check_number("tolerance", tolerance, "0 or a positive number", least=0.0)
+    check_choice("selection", selection, ("least_squares", "correlation"))
+
+
+def _check_codes(codes: object) -> None:
+    if not isinstance(codes, SparseCodes):
+        raise wrong_type("codes", codes, "SparseCodes, as omp gives them")
 
 
 def omp(
@@ -78,6 +91,7 @@ def omp(
     >>> codes.to_dense(2).round(4)
     array([[3., 2.]], dtype=float32)
     """
+    _check_coding(max_atoms, tolerance, selection)
     return _core.sparse_omp(
         dictionary, signals, _as_weights(weights), max_atoms, tolerance, selection
     )
@@ -166,6 +180,15 @@ def ksvd(
     >>> bool(np.allclose(again, signals, atol=1e-3))
     True
     """
+    _check_coding(max_atoms, tolerance, selection)
+    counts = {"n_atoms": (n_atoms, 1), "iterations": (iterations, 0)}
+    counts |= {"update_iterations": (update_iterations, 0), "random_state": (random_state, 0)}
+    for name, (count, least) in counts.items():
+        check_integer(name, count, least)
+    shares = {"convergence": convergence, "update_tolerance": update_tolerance}
+    for name, share in shares.items():
+        check_number(name, share, "0 or a positive number", least=0.0)
+    check_number("max_coherence", max_coherence, "a number from 0 to 1", least=0.0, most=1.0)
     with progress_callback(progress) as callback:
         return _core.sparse_ksvd(
             signals,
@@ -211,6 +234,7 @@ def reconstruct(dictionary: ArrayLike, codes: SparseCodes) -> NDArray[np.float32
     array([[0., 2.],
            [0., 0.]], dtype=float32)
     """
+    _check_codes(codes)
     return _core.sparse_reconstruct(dictionary, codes)
 
 
@@ -250,4 +274,5 @@ def squared_errors(
     >>> sparse.squared_errors([[1, 0], [0, 1]], [[2, 3]], codes, weights=[[1, 0.5]])
     array([4.5])
     """
+    _check_codes(codes)
     return _core.sparse_squared_errors(dictionary, signals, _as_weights(weights), codes)

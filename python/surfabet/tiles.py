@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet import _core
+from surfabet._checks import check_cloud, check_flag, check_integer, check_items
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import (
@@ -23,7 +24,7 @@ from surfabet.errors import (
     wrong_value,
 )
 from surfabet.io._files import is_same_file, path_of
-from surfabet.model import MAX_POINTS, Box, corners
+from surfabet.model import MAX_POINTS, Box, checked_note, corners, decode_options
 from surfabet.patches import LatticeModel
 
 __all__ = ["TiledPatchModel", "Tiles", "merge_tiles"]
@@ -116,16 +117,9 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         FormatError
             When a tile of a file is damaged.
         """
+        options = decode_options(resolution, as_measured, normals, box, max_points)
         with progress_callback(progress) as callback:
-            return self._core.decode_level(
-                resolution=resolution,
-                as_measured=as_measured,
-                normals=normals,
-                region=corners(box),
-                level=_level(level),
-                max_points=max_points,
-                progress=callback,
-            )
+            return self._core.decode_level(**options, level=_level(level), progress=callback)
 
     def update(
         self, cloud: PointCloud, *, alone: bool = False, progress: Progress = None
@@ -171,6 +165,8 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         FrameWarning
             More than a tile lies between the scan and the map, which are perhaps not in one frame.
         """
+        check_cloud("cloud", cloud)
+        check_flag("alone", alone)
         apart = _distance(self, cloud)
         is_apart = apart > self.tile_side
         try:
@@ -202,7 +198,7 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         target = path_of("path", path)
         for part in self._read_from:
             part.check(target)
-        return self._core.save_tiles(str(target), note)
+        return self._core.save_tiles(str(target), checked_note(note))
 
     @property
     def tiles(self) -> Tiles:
@@ -257,9 +253,7 @@ def _lies_apart(distance: float) -> str:
 
 
 def _level(level: int | None) -> int | None:
-    if level is not None and (isinstance(level, bool) or not isinstance(level, int) or level < 0):
-        raise wrong_value("level", level, "an integer of at least 0")
-    return level
+    return None if level is None else check_integer("level", level, 0)
 
 
 def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None) -> TiledPatchModel:
@@ -276,9 +270,10 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
         differs. Where tiles of several
         differ, for models that cannot be learned on, as `TiledPatchModel.update`.
     """
-    for model in models:
+    models = check_items("models", models, "maps in tiles")
+    for number, model in enumerate(models):
         if not isinstance(model, TiledPatchModel):
-            raise wrong_type("an item of models", model, "a TiledPatchModel")
+            raise wrong_type(f"models[{number}]", model, "a TiledPatchModel")
     if not models:
         raise wrong_value("models", models, "one map in tiles or more", shown="empty")
     with progress_callback(progress) as callback:
@@ -287,7 +282,7 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
             read_from = tuple(part for model in models for part in model._read_from)
             return TiledPatchModel(_core.merge_tiles(cores, progress=callback), read_from)
         except InvalidInputError as error:
-            if not (old := [i for i, core in enumerate(cores) if not _has_plan(core)]):
+            if not (old := [i for i, core in enumerate(cores) if not core.has_plan]):
                 raise
             which = ", ".join(map(str, old))
             raise InvalidInputError(
@@ -298,12 +293,6 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
                 value=f"maps without a plan at {which}",
                 requirement="maps that say how their tiles were learned",
             ) from error
-
-
-def _has_plan(core: _core.TiledPatchModel) -> bool:
-    """Whether a map says how its tiles were learned."""
-    sections = _core.inspect(core.to_bytes(), max_items=1 << 40, max_bytes=1 << 40)[3]
-    return "how tiles are learned" in dict(sections)
 
 
 def open_tiled(

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet import _core
+from surfabet._checks import check_integer, check_number
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet._spill import Spill, SpillWriter, check_space
@@ -28,12 +29,15 @@ from surfabet.errors import (
     DroppedPointsWarning,
     InvalidInputError,
     LostAttributeWarning,
+    wrong_type,
     wrong_value,
 )
 from surfabet.io._crs import unit_name
-from surfabet.io._files import is_same_file
+from surfabet.io._files import is_same_file, path_of
 from surfabet.io._notes import counted
 from surfabet.io.chunks import Chunks, chunks_of
+from surfabet.learning import note_of
+from surfabet.model import checked_note
 from surfabet.survey import survey
 from surfabet.tiles import merge_tiles, open_tiled
 
@@ -237,16 +241,20 @@ def learn_patches_tiled(
     """
     _core.check_options("patches", options)
     _check_recurrence(options)
-    path = Path(path)
+    path = path_of("path", path)
     if isinstance(source, str | os.PathLike) and is_same_file(source, path):
         raise wrong_value(
             "path", str(path), "another file than the source, which would be replaced"
         )
+    if tile is not None:
+        check_number("tile", tile, "a positive number of metres", above=0.0)
+    check_integer("details", details, 1, 3)
     _check_memory(max_memory)
-    _check_details(details)
+    _check_workers(executor, workers)
+    note = checked_note(note)
+    folder = Path(f"{path}.work") if work is None else path_of("work", work)
     chunks = chunks_of(source)
     identity = _identity(chunks, (tile, details), max_memory, workers, options)
-    folder = Path(f"{path}.work") if work is None else Path(work)
     with (
         progress_callback(progress) as callback,
         _work_folder(folder, identity, chunks.is_repeatable) as work_folder,
@@ -254,7 +262,7 @@ def learn_patches_tiled(
         tell: ProgressCallback = callback or (lambda stage, fraction: None)
         spill = _spilled(chunks, work_folder, tile, options, tell)
         plan, jobs, left_out = _planned(
-            spill, work_folder, (tile, details), max_memory // max(1, workers), options, tell
+            spill, work_folder, (tile, details), max_memory // workers, options, tell
         )
         n_learned = _learn(jobs, executor, workers, tell)
         report = _written(path, spill, plan, jobs, note, left_out, n_learned)
@@ -271,13 +279,14 @@ def _check_recurrence(options: Mapping[str, Any]) -> None:
 
 
 def _check_memory(max_memory: int) -> None:
-    if not isinstance(max_memory, int) or isinstance(max_memory, bool) or max_memory < BASE_MEMORY:
+    if check_integer("max_memory", max_memory, 0) < BASE_MEMORY:
         raise wrong_value("max_memory", max_memory, f"a number of bytes, {BASE_MEMORY} or more")
 
 
-def _check_details(details: int) -> None:
-    if not isinstance(details, int) or isinstance(details, bool) or not 1 <= details <= 3:
-        raise wrong_value("details", details, "an integer from 1 to 3")
+def _check_workers(executor: Executor | None, workers: int) -> None:
+    if executor is not None and not isinstance(executor, Executor):
+        raise wrong_type("executor", executor, "a concurrent.futures.Executor")
+    check_integer("workers", workers, 1)
 
 
 def _identity(
@@ -569,7 +578,7 @@ def _learned_by(jobs: list[TileJob], executor: Executor, workers: int) -> Iterat
     once more."""
     waiting: dict[Future[str], tuple[TileJob, int]] = {}
     rest = iter(jobs)
-    limit = _WINDOW * max(1, workers)
+    limit = _WINDOW * workers
     try:
         while True:
             while len(waiting) < limit and (job := next(rest, None)) is not None:
@@ -616,9 +625,9 @@ def _written(
         raise InvalidInputError("the source has no points that are near others")
     model = merge_tiles(models)
     chosen = {option: (value, why) for option, value, why in plan["chosen"]}
-    said = ", ".join(f"{o.replace('_', '-')} {v:.6g} ({why})" for o, (v, why) in chosen.items())
+    unit = "m" if spill.crs is None else unit_name(spill.crs)
     path.parent.mkdir(parents=True, exist_ok=True)
-    n_bytes = model.save(path, note=(note or said)[:1000])
+    n_bytes = model.save(path, note=note or note_of(chosen, unit))
     return TilingReport(
         n_points=spill.n_points + spill.too_far + spill.dropped,
         n_kept=model.n_points,
@@ -630,7 +639,7 @@ def _written(
         n_bytes=n_bytes,
         chosen=chosen,
         not_kept=tuple(spill.not_kept),
-        unit="m" if spill.crs is None else unit_name(spill.crs),
+        unit=unit,
     )
 
 

@@ -14,12 +14,13 @@ from typing import Any
 from urllib.parse import quote
 
 from surfabet import _core
+from surfabet._checks import check_flag, check_text
 from surfabet._core import PointCloud
 from surfabet._distance_field import distance_field
 from surfabet.errors import FormatError, InvalidInputError, wrong_type, wrong_value
 from surfabet.files import MAX_BYTES, MAX_ITEMS, from_bytes
 from surfabet.io import read
-from surfabet.io._files import is_same_file
+from surfabet.io._files import is_same_file, path_of
 from surfabet.model import Model
 
 __all__ = ["address_of", "check_page", "page_of", "temporary_page", "view"]
@@ -77,6 +78,15 @@ def view(
         For a model whose file names its vocabulary by a hash instead of holding it, and for an
         empty cloud.
     """
+    if path is not None:
+        path = path_of("path", path)
+    if against is not None and not isinstance(against, PointCloud | str | os.PathLike):
+        raise wrong_type("against", against, "a PointCloud or the path of a file with one")
+    check_flag("link", link)
+    if open is not None:
+        check_flag("open", open)
+    if title is not None:
+        check_text("title", title)
     sources = [source for source in (model, against) if isinstance(source, str | os.PathLike)]
     if path is not None and any(is_same_file(source, path) for source in sources):
         raise wrong_value("path", str(path), "another file than those that are read")

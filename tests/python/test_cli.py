@@ -431,3 +431,44 @@ def test_models_and_clouds_in_each_others_place_are_named(
         assert f"{path}: is a model, not a cloud" in capsys.readouterr().err
     # A model is known by its first bytes.
     assert main(["decompress", str(renamed), out]) == 0
+
+
+def test_bounds_and_spacings_are_finite(
+    ply: Path, sfb: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for value in ("inf", "nan", "0", "-1"):
+        assert main(["verify", str(ply), str(sfb), "--max-error", value]) == 2
+        assert "--max-error" in capsys.readouterr().err
+
+
+def test_a_box_without_points_gives_no_file(
+    sfb: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "part.ply"
+    arguments = ["decompress", str(sfb), str(path), "--box", "9", "9", "9", "10", "10", "10"]
+    assert main(arguments) == 2
+    assert "--box 9 9 9 10 10 10: no point of" in capsys.readouterr().err
+    assert not path.exists()
+    assert main([*arguments[:-6], "0", "0", "-1", "1", "1", "1", "--quiet"]) == 0
+    assert len(sb.read(path)) > 0
+
+
+@pytest.mark.parametrize(
+    "verb", ["info", "decompress", "evaluate", "locate", "verify", "compress", "export"]
+)
+def test_missing_files_are_named_in_the_same_words(
+    verb: str, ply: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").mkdir()
+    missing = str(tmp_path / ("a.ply" if verb == "compress" else "a.sfb"))
+    others = {
+        "info": [missing],
+        "decompress": [missing, str(tmp_path / "out" / "b.ply")],
+        "evaluate": [str(ply), missing],
+        "locate": [missing, str(ply)],
+        "verify": [str(ply), missing],
+        "compress": [missing, str(tmp_path / "out" / "b.sfb")],
+        "export": [missing, str(tmp_path / "out" / "b.ply")],
+    }
+    assert main([verb, *others[verb]]) == 1
+    assert capsys.readouterr().err == f"surfabet: error: {missing}: No such file or directory\n"

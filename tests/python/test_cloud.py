@@ -51,13 +51,14 @@ def test_input_is_copied() -> None:
 
 @pytest.mark.parametrize("shape", [(3,), (3, 2), (3, 4), (1, 3, 3)])
 def test_wrong_shapes_are_named(shape: tuple[int, ...]) -> None:
-    with pytest.raises(sb.InvalidInputError, match=r"points has shape .*expected \(n, 3\)"):
+    expected = r"points is an array of the shape .*one of the shape \(n, 3\)"
+    with pytest.raises(sb.InvalidInputError, match=expected):
         sb.PointCloud(np.zeros(shape))
 
 
 @pytest.mark.parametrize("dtype", ["complex128", "S3", "object", "bool"])
 def test_wrong_types_are_named(dtype: str) -> None:
-    with pytest.raises(TypeError, match="points has dtype"):
+    with pytest.raises(TypeError, match=r"points is an array of .*, but must be an"):
         sb.PointCloud(np.zeros((2, 3)).astype(dtype))
 
 
@@ -93,7 +94,7 @@ def test_colors_of_any_depth() -> None:
     sixteen = eight.astype(np.uint16) * 257
     for colors in (eight, sixteen, eight / 255.0):
         np.testing.assert_array_equal(sb.PointCloud(POINTS, colors=colors).colors, eight)
-    with pytest.raises(sb.InvalidInputError, match=r"0\.\.1"):
+    with pytest.raises(sb.InvalidInputError, match="floats from 0 to 1"):
         sb.PointCloud(POINTS, colors=eight.astype(float))
 
 
@@ -102,7 +103,7 @@ def test_columns_of_another_length_are_refused() -> None:
         sb.PointCloud(POINTS, ranges=[1.0, 2.0])
     with pytest.raises(sb.InvalidInputError, match="viewpoint 3 is out of range"):
         sb.PointCloud(POINTS, viewpoints=np.zeros((2, 3)), viewpoint_index=[0, 1, 3])
-    with pytest.raises(sb.InvalidInputError, match="2 viewpoints for 3 points"):
+    with pytest.raises(sb.InvalidInputError, match="viewpoints is an array of 2 positions"):
         sb.PointCloud(POINTS, viewpoints=np.zeros((2, 3)))
 
 
@@ -119,7 +120,7 @@ def test_select_and_concat() -> None:
     np.testing.assert_array_equal(cloud.select([True, False, True]).intensities, [1, 3])
     with pytest.raises(sb.InvalidInputError, match="out of range"):
         cloud.select([3])
-    with pytest.raises(sb.InvalidInputError, match="mask has 2 values"):
+    with pytest.raises(sb.InvalidInputError, match="which is a mask of 2 values"):
         cloud.select([True, False])
     joined, lost = sb.PointCloud.concat([cloud, sb.PointCloud(POINTS + 10.0)])
     np.testing.assert_allclose(joined.points, np.vstack([POINTS, POINTS + 10.0]))
@@ -188,8 +189,12 @@ def test_extra_columns_follow_their_points() -> None:
     ("extra", "error", "message"),
     [
         ({"a": [1, 2]}, sb.InvalidInputError, 'extra "a" has 2 values for 3 points'),
-        ({"a": [[1], [2], [3]]}, sb.InvalidInputError, r'extra "a" has shape \[3, 1\]'),
-        ({"a": ["x", "y", "z"]}, TypeError, 'extra "a" has dtype'),
+        (
+            {"a": [[1], [2], [3]]},
+            sb.InvalidInputError,
+            r'extra "a" is an array of the shape \(3, 1\)',
+        ),
+        ({"a": ["x", "y", "z"]}, TypeError, 'extra "a" is an array of <U1, but'),
         ({"": [1, 2, 3]}, sb.InvalidInputError, 'extra is ""'),
         ({"ranges": [1, 2, 3]}, sb.InvalidInputError, 'extra is "ranges".*none of points'),
         ([1, 2, 3], TypeError, "extra"),

@@ -193,9 +193,9 @@ def test_a_written_folder_holds_the_frames(
 
 
 def test_wrong_arguments_are_named(room: datasets.Scene, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match="number of poses is 0"):
+    with pytest.raises(InvalidInputError, match="poses is 0"):
         datasets.scan_rgbd(room, np.zeros((0, 4, 4)))
-    with pytest.raises(InvalidInputError, match=r"shape \[4, 4\]"):
+    with pytest.raises(InvalidInputError, match=r"shape \(4, 4\)"):
         datasets.scan_rgbd(room, np.eye(4))
     with pytest.raises(InvalidInputError, match="rigid"):
         datasets.scan_lidar(room, 2 * np.eye(4)[None])

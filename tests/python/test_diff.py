@@ -117,7 +117,7 @@ def test_maps_of_other_methods_and_in_tiles(
     assert main([*arguments, "--viewpoints-b", missing]) == 2
     said = capsys.readouterr().err
     assert "--viewpoints-b" in said
-    assert "missing.txt: there is no such file" in said.replace("\n", "")
+    assert "missing.txt: No such file or directory" in said.replace("\n", "")
 
 
 def test_what_options_must_be(maps: Any) -> None:

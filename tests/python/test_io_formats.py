@@ -187,7 +187,7 @@ def claim(shape: str) -> bytes:
         (
             "a.npz",
             npz(local_points=npy(POINTS), origin=npy(np.array([np.nan, 0, 0]))),
-            "origin is .* must be finite",
+            "origin is .* must be three finite",
         ),
         (
             "a.npz",

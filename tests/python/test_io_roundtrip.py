@@ -330,7 +330,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     before = path.read_bytes()
     with pytest.raises(sb.InvalidInputError, match="encoding"):
         sb.write(path, sb.PointCloud(np.eye(3)), encoding="zip")
-    with pytest.raises(sb.InvalidTypeError, match="cloud is a NoneType"):
+    with pytest.raises(sb.InvalidTypeError, match="cloud is None"):
         sb.write(path, None)  # type: ignore[arg-type]
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["a.pcd"]

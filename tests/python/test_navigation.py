@@ -150,7 +150,7 @@ def test_nowhere_to_stand() -> None:
     ("options", "message"),
     [
         ({"radius": 0}, "radius is 0, but must be a positive number of metres"),
-        ({"height": np.nan}, "height is NaN, but must be a positive"),
+        ({"height": np.nan}, "height is nan, but must be a positive"),
         (
             {"max_step": 1.0},
             "max_step is 1, but must be a number of metres from 0 to below the height",

@@ -114,7 +114,7 @@ def test_of_several_examples_the_best_is_named(model: sb.AlphabetModel) -> None:
     assert {f.example for f in found} == {1}
     with pytest.raises(sb.InvalidInputError, match="example is empty, but must be at least"):
         model.find([])
-    with pytest.raises(sb.InvalidTypeError, match="example 0 is a PointCloud"):
+    with pytest.raises(sb.InvalidTypeError, match=r"example\[0\] is a PointCloud"):
         model.find([sb.PointCloud(pole)])  # type: ignore[list-item]
 
 
@@ -137,11 +137,11 @@ def test_doors_in_a_wall_are_found_by_their_colour() -> None:
 
 
 def test_a_box_and_a_ball_are_refused_together(model: sb.AlphabetModel) -> None:
-    with pytest.raises(sb.InvalidInputError, match="either point and radius, or box"):
+    with pytest.raises(sb.InvalidInputError, match=r"box is .* left out beside point and radius"):
         model.find(point=(0, 0, 0), radius=1.0, box=((0, 0, 0), (1, 1, 1)))
-    with pytest.raises(sb.InvalidInputError, match="give an example"):
+    with pytest.raises(sb.InvalidInputError, match="nothing says what to look for"):
         model.find()
-    with pytest.raises(sb.InvalidInputError, match="either"):
+    with pytest.raises(sb.InvalidInputError, match="radius is None"):
         model.find(point=(0, 0, 0))
     with pytest.raises(sb.InvalidInputError, match=r"point is .*three coordinates"):
         model.find(point=(0, 0), radius=1.0)

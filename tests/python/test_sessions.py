@@ -364,7 +364,7 @@ def test_new_surface_is_in_the_map_once(west: sb.TiledPatchModel, cloud: sb.Poin
 def test_what_is_no_map_in_tiles_is_named() -> None:
     with pytest.raises(InvalidInputError, match="models is empty"):
         sb.merge_tiles([])
-    with pytest.raises(InvalidTypeError, match="an item of models is a str"):
+    with pytest.raises(InvalidTypeError, match=r"models\[0\] is "):
         sb.merge_tiles(["map.sfb"])  # type: ignore[list-item]
 
 

@@ -163,7 +163,7 @@ def test_empty_input_is_fine():
         (lambda: sparse.omp(np.eye(3), [[1, np.nan, 0]]), "signal 0 has NaN at feature 1"),
         (lambda: sparse.omp(np.eye(3), np.ones((2, 4))), "3 features and the signals 4"),
         (lambda: sparse.omp(2 * np.eye(3), np.ones((2, 3))), "atom 0 has norm 2"),
-        (lambda: sparse.omp(np.eye(3), np.ones(3)), r"expected \(n, m\)"),
+        (lambda: sparse.omp(np.eye(3), np.ones(3)), r"of the shape \(n, m\)"),
         (lambda: sparse.omp(np.eye(3), np.ones((2, 3)), max_atoms=0), "max_atoms is 0"),
         (lambda: sparse.omp(np.eye(3), np.ones((2, 3)), weights=np.ones((3, 2))), "weights"),
         (lambda: sparse.omp(np.eye(3), np.ones((2, 3)), weights=-np.ones((2, 3))), "weight row 0"),

@@ -260,7 +260,7 @@ def test_a_box_is_read_over_http(detailed: Path) -> None:
 def test_what_boxes_and_levels_must_be(
     model: sb.TiledPatchModel, path: Path, cloud: sb.PointCloud, tmp_path: Path
 ) -> None:
-    with pytest.raises(InvalidInputError, match="box is from"):
+    with pytest.raises(InvalidInputError, match="nowhere above"):
         model.decode(box=([1, 0, 0], [0, 1, 1]))
     with pytest.raises(InvalidInputError, match=r"box is .*must be two corners"):
         sb.load(path, box=([1, 0], [0, 1]))
@@ -653,7 +653,7 @@ def test_what_tiles_and_memory_must_be(cloud: sb.PointCloud, tmp_path: Path) -> 
         sb.learn_patches_tiled(cloud, path, levels=9)
     with pytest.raises(InvalidInputError, match="no points"):
         sb.learn_patches_tiled(iter([]), path, **OPTIONS)
-    with pytest.raises(InvalidInputError, match="source is an int"):
+    with pytest.raises(InvalidInputError, match="source is 3, but must be a cloud"):
         sb.learn_patches_tiled(3, path, **OPTIONS)
     with pytest.raises(FileNotFoundError):
         sb.learn_patches_tiled(tmp_path / "nothing.las", path)
@@ -712,7 +712,7 @@ def wall(path: Path, crs: str = "") -> Path:
 FOOT = 'PROJCS["a",UNIT["US survey foot",0.304800609601219]]'
 
 
-@pytest.mark.parametrize(("crs", "unit"), [("", "m"), (FOOT, "ft")])
+@pytest.mark.parametrize(("crs", "unit"), [("", "m"), (FOOT, "us-ft")])
 def test_the_command_line_names_units_and_what_is_not_kept(
     crs: str, unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

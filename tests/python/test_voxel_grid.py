@@ -45,7 +45,7 @@ def test_order_of_points_does_not_matter() -> None:
 
 def test_refusals() -> None:
     cloud = sb.PointCloud(np.eye(3))
-    with pytest.raises(sb.InvalidInputError, match="voxel size is 0"):
+    with pytest.raises(sb.InvalidInputError, match="size is 0"):
         sb.voxel_downsample(cloud, 0.0)
     with pytest.raises(sb.InvalidInputError, match=r"2\^32"):
         sb.voxel_downsample(cloud, 1e-12)

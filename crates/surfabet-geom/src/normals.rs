@@ -44,7 +44,7 @@ impl Neighborhood {
             Self::NearestWithin(k, radius) => (k, radius),
         };
         if k < 3 {
-            return Err(Error::invalid("number of neighbours", k, "at least 3 to span a plane"));
+            return Err(Error::invalid("neighbors", k, "at least 3 to span a plane"));
         }
         if !(radius > 0.0 && radius.is_finite()) {
             return Err(Error::invalid("radius", radius, "a positive distance in metres"));

@@ -37,7 +37,7 @@ impl Octree {
     /// [`Error::Cancelled`].
     pub fn new(cloud: &PointCloud, leaf_size: f64, progress: &dyn Progress) -> Result<Self> {
         if !(leaf_size > 0.0 && leaf_size.is_finite()) {
-            return Err(Error::invalid("leaf size", leaf_size, "a positive length in metres"));
+            return Err(Error::invalid("leaf_size", leaf_size, "a positive length in metres"));
         }
         if cloud.len() >= u32::MAX as usize {
             return Err(Error::invalid("number of points", cloud.len(), "below 4294967295"));
@@ -49,7 +49,7 @@ impl Octree {
         let Some(depth) = (0..=DEEPEST).find(|&d| extent / leaf_size < f64::from(1_u32 << d))
         else {
             return Err(Error::invalid(
-                "leaf size",
+                "leaf_size",
                 leaf_size,
                 "at least the extent of the cloud divided by 2^21",
             ));

@@ -66,17 +66,18 @@ impl Projection {
                         "ascending and within -pi/2 to pi/2",
                     ));
                 }
-                let rows = (high - low) / positive("elevation step", elevation_step)?;
-                let columns = TAU / positive("azimuth step", azimuth_step)?;
+                let rows = (high - low) / positive("elevation_step", elevation_step)?;
+                let columns = TAU / positive("azimuth_step", azimuth_step)?;
                 // A whole number of steps is not rounded up for its last bit.
                 [rows, columns].map(|n| (n - 1e-9).ceil().max(1.0) as usize)
             }
             Self::Pinhole { fx, fy, cx, cy, width, height } => {
                 positive("fx", fx)?;
                 positive("fy", fy)?;
-                if !(cx.is_finite() && cy.is_finite()) {
-                    let point = format!("{cx}, {cy}");
-                    return Err(Error::invalid("principal point", point, "finite"));
+                if let Some((name, value)) =
+                    [("cx", cx), ("cy", cy)].into_iter().find(|(_, value)| !value.is_finite())
+                {
+                    return Err(Error::invalid(name, value, "a finite number of pixels"));
                 }
                 [height, width]
             }

@@ -39,7 +39,7 @@ impl VoxelGrid {
     /// [`Error::Cancelled`].
     pub fn new(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Result<Self> {
         if !(size > 0.0 && size.is_finite()) {
-            return Err(Error::invalid("voxel size", size, "a positive length in metres"));
+            return Err(Error::invalid("size", size, "a positive length in metres"));
         }
         if cloud.is_empty() {
             return Ok(Self { size, cells: Vec::new(), order: Vec::new(), starts: vec![0] });
@@ -209,7 +209,7 @@ impl VoxelGrid {
 /// The points of a cloud in the order of their cells, those of a cell in their own order.
 fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Result<Vec<u32>> {
     let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
-    let too_small = |requirement| Err(Error::invalid("voxel size", size, requirement));
+    let too_small = |requirement| Err(Error::invalid("size", size, requirement));
     if low.iter().chain(&high).any(|c| (c / size).abs() >= LARGEST_CELL) {
         return too_small("at least the largest coordinate divided by 2^53");
     }

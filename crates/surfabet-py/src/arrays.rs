@@ -3,12 +3,12 @@
 use numpy::{
     PyArrayDescrMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use surfabet_geom::Column;
 
-use crate::errors::invalid_input;
+use crate::errors::{invalid_input, wrong_kind_shown, wrong_shown, wrong_type};
 
 /// Rows of three in the precision they came in.
 pub enum Rows3 {
@@ -36,19 +36,43 @@ impl Rows3 {
     }
 }
 
+/// What arrays are made of.
+const NUMBERS: &str = "an array of floating-point or integer numbers";
+
+/// `obj` as a numpy array of any type.
+fn as_array<'py>(name: &str, obj: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let py = obj.py();
+    py.import("numpy")?.call_method1("asarray", (obj,)).map_err(|error| {
+        // Rows of several lengths.
+        let is_none =
+            error.is_instance_of::<PyValueError>(py) || error.is_instance_of::<PyTypeError>(py);
+        if is_none { wrong_type(name, obj, NUMBERS) } else { error }
+    })
+}
+
+/// The error for an array of another shape than `expected`.
+fn wrong_shape(name: &str, array: &Bound<'_, PyUntypedArray>, expected: &str) -> PyErr {
+    let sides: Vec<String> = array.shape().iter().map(usize::to_string).collect();
+    let comma = if sides.len() == 1 { "," } else { "" };
+    let given = format!("an array of the shape ({}{comma})", sides.join(", "));
+    wrong_shown(name, &given, &format!("one of the shape {expected}"))
+}
+
 /// `obj` as a numpy array with its kind ('f', 'u', 'i') and item size, refused when not of real numbers.
 fn as_real_array<'py>(
     name: &str,
     obj: &Bound<'py, PyAny>,
 ) -> PyResult<(Bound<'py, PyUntypedArray>, String, usize)> {
-    let array = obj.py().import("numpy")?.call_method1("asarray", (obj,))?;
-    let array = array.cast_into::<PyUntypedArray>()?;
+    let array = as_array(name, obj)?.cast_into::<PyUntypedArray>()?;
     let kind: String = array.dtype().getattr("kind")?.extract()?;
     if !matches!(kind.as_str(), "f" | "i" | "u") {
-        let dtype = array.dtype().str()?;
-        return Err(PyTypeError::new_err(format!(
-            "{name} has dtype {dtype}; give an array of floating-point or integer numbers"
-        )));
+        return Err(match array.ndim() {
+            0 => wrong_type(name, obj, NUMBERS),
+            _ => {
+                let given = format!("an array of {}", array.dtype().str()?);
+                wrong_kind_shown(name, &given, NUMBERS)
+            }
+        });
     }
     let size = array.dtype().itemsize();
     Ok((array, kind, size))
@@ -64,7 +88,7 @@ fn check_rows(name: &str, array: &Bound<'_, PyUntypedArray>, columns: usize) -> 
     if array.ndim() == 2 && array.shape()[1] == columns {
         return Ok(());
     }
-    Err(invalid_input(format!("{name} has shape {:?}, expected (n, {columns})", array.shape())))
+    Err(wrong_shape(name, array, &format!("(n, {columns})")))
 }
 
 fn rows_of<T: numpy::Element + Copy>(array: &Bound<'_, PyAny>) -> PyResult<Vec<[T; 3]>> {
@@ -87,7 +111,7 @@ pub fn rows3(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Rows3> {
 pub fn column_f32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
     let (array, _, _) = as_real_array(name, obj)?;
     if array.ndim() != 1 {
-        return Err(invalid_input(format!("{name} has shape {:?}, expected (n,)", array.shape())));
+        return Err(wrong_shape(name, &array, "(n,)"));
     }
     let array: PyReadonlyArray1<'_, f32> = contiguous(&array, "float32")?.extract()?;
     array.as_slice().map(<[f32]>::to_vec).map_err(invalid_input)
@@ -95,12 +119,12 @@ pub fn column_f32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
 
 /// An (n,) array of numbers in its own type; truth values become 0 and 1, half precision becomes single.
 pub fn column(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Column> {
-    let array = obj.py().import("numpy")?.call_method1("asarray", (obj,))?;
+    let array = as_array(name, obj)?;
     let is_truth = array.getattr("dtype")?.getattr("kind")?.eq("b")?;
     let array = if is_truth { array.call_method1("astype", ("uint8",))? } else { array };
     let (array, kind, size) = as_real_array(name, &array)?;
     if array.ndim() != 1 {
-        return Err(invalid_input(format!("{name} has shape {:?}, expected (n,)", array.shape())));
+        return Err(wrong_shape(name, &array, "(n,)"));
     }
     fn values<T>(array: &Bound<'_, PyUntypedArray>, dtype: &str) -> PyResult<Column>
     where
@@ -127,18 +151,22 @@ pub fn column(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Column> {
 /// An (n,) array of non-negative integers below 2^32.
 pub fn column_u32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<u32>> {
     let (array, kind, _) = as_real_array(name, obj)?;
-    if array.ndim() != 1 || kind == "f" {
-        let dtype = array.dtype().str()?;
-        return Err(invalid_input(format!(
-            "{name} has shape {:?} and dtype {dtype}, expected (n,) integers",
-            array.shape()
-        )));
+    if array.ndim() != 1 {
+        return Err(wrong_shape(name, &array, "(n,)"));
+    }
+    if kind == "f" {
+        let given = format!("an array of {}", array.dtype().str()?);
+        return Err(wrong_kind_shown(name, &given, "an array of integers"));
     }
     // uint64 values past i64 become negative here and are refused with the rest.
     let array: PyReadonlyArray1<'_, i64> = contiguous(&array, "int64")?.extract()?;
-    let column: Result<Vec<u32>, _> =
-        array.as_slice().map_err(invalid_input)?.iter().map(|&v| u32::try_from(v)).collect();
-    column.map_err(|_| invalid_input(format!("{name} must lie between 0 and {}", u32::MAX)))
+    let fits = |&value: &i64| u32::try_from(value).map_err(|_| value);
+    let column: Result<Vec<u32>, i64> =
+        array.as_slice().map_err(invalid_input)?.iter().map(fits).collect();
+    column.map_err(|value| {
+        let requirement = format!("integers from 0 to {}", u32::MAX);
+        wrong_shown(name, &format!("an array with {value} in it"), &requirement)
+    })
 }
 
 /// (n, 3) colours: uint8 as they are, uint16 scaled from 0..65535, floats from 0..1.
@@ -154,17 +182,19 @@ pub fn colors(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<[u8; 3]>> {
         ("f", _) => {
             let rows = rows_of::<f32>(&contiguous(&array, "float32")?)?;
             if let Some(bad) = rows.iter().flatten().find(|c| !(0.0..=1.0).contains(*c)) {
-                return Err(invalid_input(format!(
-                    "{name} are floating-point and hold {bad}; floats must lie in 0..1, \
-                     use uint8 for 0..255"
-                )));
+                return Err(wrong_shown(
+                    name,
+                    &format!("an array of floats with {bad} in it"),
+                    "floats from 0 to 1, or uint8 from 0 to 255",
+                ));
             }
             Ok(rows.iter().map(|r| r.map(|c| (c * 255.0).round() as u8)).collect())
         }
-        _ => Err(PyTypeError::new_err(format!(
-            "{name} have dtype {}; use uint8 (0..255), uint16 (0..65535) or floats (0..1)",
-            array.dtype().str()?
-        ))),
+        _ => Err(wrong_kind_shown(
+            name,
+            &format!("an array of {}", array.dtype().str()?),
+            "uint8 (0 to 255), uint16 (0 to 65535) or floats (0 to 1)",
+        )),
     }
 }
 
@@ -172,10 +202,7 @@ pub fn colors(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<Vec<[u8; 3]>> {
 pub fn matrix_f32(name: &str, obj: &Bound<'_, PyAny>) -> PyResult<(Vec<f32>, [usize; 2])> {
     let (array, _, _) = as_real_array(name, obj)?;
     let &[rows, columns] = array.shape() else {
-        return Err(invalid_input(format!(
-            "{name} has shape {:?}, expected (n, m)",
-            array.shape()
-        )));
+        return Err(wrong_shape(name, &array, "(n, m)"));
     };
     let array: PyReadonlyArray2<'_, f32> = contiguous(&array, "float32")?.extract()?;
     Ok((array.as_slice().map(<[f32]>::to_vec).map_err(invalid_input)?, [rows, columns]))

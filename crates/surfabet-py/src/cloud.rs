@@ -8,8 +8,9 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyMapping};
 use surfabet_geom::{CloudParts, Column, DroppedValues, Extra, PointCloud, Viewpoints};
 
+use crate::arguments;
 use crate::arrays::{self, Rows3};
-use crate::errors::{IntoPyErr, invalid_input, wrong_type};
+use crate::errors::{IntoPyErr, wrong_shown, wrong_type};
 use crate::view::{FrozenOwner, read_only_view};
 
 /// Points in metres with what the scanner knew of them; immutable.
@@ -48,10 +49,14 @@ fn rows<T, const N: usize>(values: &[[T; N]]) -> ArrayView2<'_, T> {
 }
 
 /// The named columns of a mapping, in its order.
-fn extra_columns(extra: &Bound<'_, PyMapping>) -> PyResult<Extra> {
-    let items = extra.items()?;
+fn extra_columns(extra: &Bound<'_, PyAny>) -> PyResult<Extra> {
+    let requirement = "a mapping of names to arrays of a number per point";
+    let mapping = extra.cast::<PyMapping>();
+    let items = mapping.map_err(|_| wrong_type("extra", extra, requirement))?.items()?;
     let column = |item: Bound<'_, PyAny>| {
-        let (name, values): (String, Bound<'_, PyAny>) = item.extract()?;
+        let (name, values): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+        let name: String =
+            name.extract().map_err(|_| wrong_type("a name in extra", &name, "a text"))?;
         let column = arrays::column(&format!("extra {name:?}"), &values)?;
         Ok((name, column))
     };
@@ -109,9 +114,9 @@ impl PyPointCloud {
         ranges: Option<&Bound<'_, PyAny>>,
         viewpoints: Option<&Bound<'_, PyAny>>,
         viewpoint_index: Option<&Bound<'_, PyAny>>,
-        extra: Option<&Bound<'_, PyMapping>>,
-        crs: Option<String>,
-        origin: Option<[f64; 3]>,
+        extra: Option<&Bound<'_, PyAny>>,
+        crs: Option<&Bound<'_, PyAny>>,
+        origin: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (cloud, dropped) = Self::checked(
             points,
@@ -146,10 +151,18 @@ impl PyPointCloud {
         ranges: Option<&Bound<'_, PyAny>>,
         viewpoints: Option<&Bound<'_, PyAny>>,
         viewpoint_index: Option<&Bound<'_, PyAny>>,
-        extra: Option<&Bound<'_, PyMapping>>,
-        crs: Option<String>,
-        origin: Option<[f64; 3]>,
+        extra: Option<&Bound<'_, PyAny>>,
+        crs: Option<&Bound<'_, PyAny>>,
+        origin: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(Self, Option<String>)> {
+        let of_origin = |given| arguments::numbers("origin", given, "three finite numbers");
+        let origin: Option<[f64; 3]> = origin.map(of_origin).transpose()?;
+        let of_crs = |given: &Bound<'_, PyAny>| {
+            given
+                .extract::<String>()
+                .map_err(|_| wrong_type("crs", given, "a text: WKT, or EPSG:25832"))
+        };
+        let crs = crs.map(of_crs).transpose()?;
         let (origin, positions) = match (arrays::rows3("points", points)?, origin) {
             (rows, Some(origin)) => (origin, rows.into_f32()),
             (Rows3::F64(world), None) => PointCloud::split_origin(&world),
@@ -159,7 +172,8 @@ impl PyPointCloud {
         let viewpoints = match (viewpoints, viewpoint_index) {
             (None, None) => None,
             (None, Some(_)) => {
-                return Err(invalid_input("viewpoint_index needs viewpoints, an (m, 3) array"));
+                let requirement = "left out without viewpoints, an (m, 3) array";
+                return Err(wrong_shown("viewpoint_index", "given", requirement));
             }
             (Some(origins), index) => {
                 let origins = arrays::rows3("viewpoints", origins)?.into_f64();
@@ -168,11 +182,13 @@ impl PyPointCloud {
                     None if origins.len() == 1 => vec![0; total],
                     None if origins.len() == total => (0..total).map(|i| i as u32).collect(),
                     None => {
-                        return Err(invalid_input(format!(
-                            "{} viewpoints for {total} points: give one, one per point, or \
-                             viewpoint_index",
-                            origins.len()
-                        )));
+                        return Err(wrong_shown(
+                            "viewpoints",
+                            &format!("an array of {} positions", origins.len()),
+                            &format!(
+                                "of one or of {total}, as many as points, unless viewpoint_index is given"
+                            ),
+                        ));
                     }
                 };
                 Some(Viewpoints { origins, index })
@@ -299,9 +315,7 @@ impl PyPointCloud {
     /// The cloud with a viewpoint (x, y, z in world coordinates) where it has none, and the ranges to it where it has
     /// none.
     fn seen_from(&self, viewpoint: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let place: [f64; 3] = viewpoint.extract().map_err(|_| {
-            invalid_input(format!("viewpoint is {viewpoint}, but must be three finite coordinates"))
-        })?;
+        let place = arguments::numbers("viewpoint", viewpoint, "three finite coordinates")?;
         self.cloud.clone().seen_from(place).map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
@@ -311,39 +325,51 @@ impl PyPointCloud {
         let array = numpy.call_method1("asarray", (which,))?;
         let dtype: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
         let index = if dtype == "b" {
-            let n: usize = array.len()?;
+            let n: usize = array.len().map_err(|_| {
+                wrong_type("which", which, "integer indices or a truth value per point")
+            })?;
             if n != self.cloud.len() {
-                return Err(invalid_input(format!(
-                    "the mask has {n} values for {} points",
-                    self.cloud.len()
-                )));
+                let requirement = format!("one of {} values, as many as points", self.cloud.len());
+                return Err(wrong_shown("which", &format!("a mask of {n} values"), &requirement));
             }
             numpy.call_method1("flatnonzero", (&array,))?
         } else {
             array
         };
-        let index = arrays::column_u32("index", &index)?;
+        let index = arrays::column_u32("which", &index)?;
         let index: Vec<usize> = index.into_iter().map(|i| i as usize).collect();
         self.cloud.select(&index).map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
     #[staticmethod]
-    fn concat(clouds: Vec<PyRef<'_, Self>>) -> (Self, Vec<String>) {
-        let clouds: Vec<PointCloud> = clouds.iter().map(|c| c.cloud.clone()).collect();
+    fn concat(clouds: &Bound<'_, PyAny>) -> PyResult<(Self, Vec<String>)> {
+        let items: Vec<Bound<'_, PyAny>> = clouds
+            .extract()
+            .map_err(|_| wrong_type("clouds", clouds, "a sequence of PointClouds"))?;
+        let of = |(i, item): (usize, &Bound<'_, PyAny>)| -> PyResult<PointCloud> {
+            Ok(cloud_of(&format!("clouds[{i}]"), item)?.get().cloud.clone())
+        };
+        let clouds: Vec<PointCloud> = items.iter().enumerate().map(of).collect::<PyResult<_>>()?;
         let (cloud, lost) = PointCloud::concat(&clouds);
-        (cloud.into(), lost)
+        Ok((cloud.into(), lost))
     }
 
     fn __len__(&self) -> usize {
         self.cloud.len()
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let unit: String = match self.cloud.crs() {
+            Some(crs) => {
+                py.import("surfabet.io._crs")?.call_method1("unit_name", (crs,))?.extract()?
+            }
+            None => "m".to_owned(),
+        };
         let extent = self.cloud.bounds().map_or_else(
             || "empty".to_owned(),
             |(low, high)| {
                 format!(
-                    "{:.2} x {:.2} x {:.2} m",
+                    "{:.2} x {:.2} x {:.2} {unit}",
                     high[0] - low[0],
                     high[1] - low[1],
                     high[2] - low[2]
@@ -356,7 +382,7 @@ impl PyPointCloud {
         } else {
             format!(", {}", attributes.join(", "))
         };
-        format!("PointCloud({} points, {extent}{attributes})", self.cloud.len())
+        Ok(format!("PointCloud({} points, {extent}{attributes})", self.cloud.len()))
     }
 }
 

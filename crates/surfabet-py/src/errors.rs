@@ -1,5 +1,7 @@
 //! Rust errors as the Python exceptions of `surfabet.errors`.
 
+use std::path::Path;
+
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
@@ -42,13 +44,48 @@ pub fn invalid_input(message: impl std::fmt::Display) -> PyErr {
     raise("InvalidInputError", message.to_string())
 }
 
+/// `surfabet.errors.InvalidInputError` for the argument `name`, in the words of Python's own `wrong_value`.
+pub fn wrong_value(name: &str, object: &Bound<'_, PyAny>, requirement: &str) -> PyErr {
+    made_by("wrong_value", name, object, requirement)
+}
+
 /// `surfabet.errors.InvalidTypeError` for the argument `name`, in the words of Python's own `wrong_type`.
 pub fn wrong_type(name: &str, object: &Bound<'_, PyAny>, requirement: &str) -> PyErr {
+    made_by("wrong_type", name, object, requirement)
+}
+
+fn made_by(function: &str, name: &str, object: &Bound<'_, PyAny>, requirement: &str) -> PyErr {
     let made = object
         .py()
         .import("surfabet.errors")
-        .and_then(|errors| errors.call_method1("wrong_type", (name, object, requirement)));
+        .and_then(|errors| errors.call_method1(function, (name, object, requirement)));
     made.map_or_else(|error| error, PyErr::from_value)
+}
+
+/// `surfabet.errors.InvalidInputError` for the argument `name`, with `value` as it is shown.
+pub fn wrong_shown(name: &str, value: &str, requirement: &str) -> PyErr {
+    let message = format!("{name} is {value}, but must be {requirement}");
+    invalid_argument("InvalidInputError", message, name, value, requirement)
+}
+
+/// `surfabet.errors.InvalidTypeError` likewise.
+pub fn wrong_kind_shown(name: &str, value: &str, requirement: &str) -> PyErr {
+    let message = format!("{name} is {value}, but must be {requirement}");
+    invalid_argument("InvalidTypeError", message, name, value, requirement)
+}
+
+/// The system's own error of a number, in its words, about a path: FileNotFoundError, PermissionError, ...
+fn os_error(number: i32, path: Option<&Path>) -> PyErr {
+    Python::attach(|py| {
+        let words = py.import("os").and_then(|os| os.call_method1("strerror", (number,)));
+        match (words.map(Bound::unbind), path) {
+            (Ok(words), Some(path)) => {
+                PyOSError::new_err((number, words, path.display().to_string()))
+            }
+            (Ok(words), None) => PyOSError::new_err((number, words)),
+            (Err(error), _) => error,
+        }
+    })
 }
 
 /// A defect of ours, never of the user's input.
@@ -115,7 +152,7 @@ impl IntoPyErr for surfabet::OpenError {
             Self::Io(error) => match error.downcast::<PyErr>() {
                 Ok(raised) => raised,
                 Err(error) => match error.raw_os_error() {
-                    Some(number) => PyOSError::new_err((number, error.to_string())),
+                    Some(number) => os_error(number, None),
                     None => PyOSError::new_err(message),
                 },
             },
@@ -130,13 +167,10 @@ impl IntoPyErr for surfabet::Error {
         let message = self.to_string();
         match self {
             // The system's own error keeps its kind: FileNotFoundError, PermissionError, ...
-            Self::Io { path, source } => {
-                let number = source.raw_os_error();
-                match number {
-                    Some(number) => PyOSError::new_err((number, source.to_string(), path)),
-                    None => PyOSError::new_err(message),
-                }
-            }
+            Self::Io { path, source } => match source.raw_os_error() {
+                Some(number) => os_error(number, Some(&path)),
+                None => PyOSError::new_err(message),
+            },
             Self::File { .. } | Self::Codec(_) => format_error(message),
             Self::Model(error) => error.into_py_err(),
             Self::Geometry(error) => error.into_py_err(),

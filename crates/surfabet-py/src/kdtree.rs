@@ -4,6 +4,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use surfabet_geom::{KdTree, Neighbor, PointCloud};
 
+use crate::arguments;
 use crate::arrays::{self, Rows3};
 use crate::cloud::PyPointCloud;
 use crate::run::run;
@@ -17,6 +18,11 @@ use crate::run::run;
 pub struct PyKdTree {
     tree: KdTree,
     origin: [f64; 3],
+}
+
+/// The argument `k`.
+fn number_of_neighbors(k: &Bound<'_, PyAny>) -> PyResult<usize> {
+    arguments::integer("k", k, "an integer of at least 1")
 }
 
 fn split(rows: Rows3) -> ([f64; 3], Vec<[f32; 3]>) {
@@ -74,7 +80,7 @@ impl PyKdTree {
         &self,
         py: Python<'py>,
         points: &Bound<'py, PyAny>,
-        k: usize,
+        #[pyo3(from_py_with = number_of_neighbors)] k: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Table<'py>> {
         let queries = self.queries(points)?;
@@ -91,9 +97,11 @@ impl PyKdTree {
         &self,
         py: Python<'py>,
         points: &Bound<'py, PyAny>,
-        radius: f32,
+        radius: &Bound<'py, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Ragged<'py>> {
+        let radius =
+            arguments::number("radius", radius, "0 or a positive number of metres")? as f32;
         let queries = self.queries(points)?;
         let found = run(py, progress, |p| self.tree.within_batch(&queries, radius, p))?;
         let starts: Vec<i64> = found.starts().iter().map(|&s| s as i64).collect();

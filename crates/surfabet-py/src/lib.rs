@@ -4,6 +4,7 @@
 //! callable and Ctrl-C stops the work.
 
 mod alphabet;
+mod arguments;
 mod arrays;
 mod bic_alphabet;
 mod changes;
@@ -41,6 +42,7 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("LARGEST_UNSHIFTED", surfabet_geom::LARGEST_UNSHIFTED)?;
+    module.add("MAX_NOTE", surfabet::MAX_NOTE)?;
     module.add("RESERVED_NAMES", surfabet_geom::RESERVED_NAMES)?;
     run::register(module)?;
     cloud::register(module)?;

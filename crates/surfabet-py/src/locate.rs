@@ -3,11 +3,10 @@
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use surfabet::geom::Pose;
 use surfabet::recognition::{Localizer, LocateOptions, Location, Prior};
 
+use crate::arguments;
 use crate::cloud::cloud_of;
-use crate::errors::IntoPyErr;
 use crate::run::run;
 
 /// A model made ready to be asked; documented in `surfabet.locate`.
@@ -44,7 +43,7 @@ impl PyLocalizer {
     fn locate<'py>(
         slf: &Bound<'py, Self>,
         scan: &Bound<'_, PyAny>,
-        prior: Option<[[f64; 4]; 4]>,
+        prior: Option<&Bound<'_, PyAny>>,
         radius: f64,
         angle: f64,
         upright: Option<bool>,
@@ -53,8 +52,8 @@ impl PyLocalizer {
     ) -> PyResult<(Columns<'py>, Columns<'py>, Option<String>)> {
         let py = slf.py();
         let prior = match prior {
-            Some(rows) => {
-                let pose = Pose::from_rows(rows).map_err(IntoPyErr::into_py_err)?;
+            Some(given) => {
+                let pose = arguments::pose("prior", given)?;
                 Some(Prior { pose, radius, angle: angle.to_radians() })
             }
             None => None,

@@ -4,8 +4,9 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use surfabet_geom::{Octree, octree_with};
 
+use crate::arguments;
 use crate::cloud::{PyPointCloud, cloud_of};
-use crate::errors::IntoPyErr;
+use crate::errors::{IntoPyErr, wrong_value};
 use crate::run::run;
 
 /// The occupied cubes of every level over a cloud, from one around it (level 0) down to leaves with edges of
@@ -17,8 +18,16 @@ pub struct PyOctree {
 }
 
 impl PyOctree {
-    fn level(&self, level: Option<u32>) -> u32 {
-        level.unwrap_or_else(|| self.tree.depth())
+    /// The level that was given; the leaves without.
+    fn level(&self, level: Option<&Bound<'_, PyAny>>) -> PyResult<u32> {
+        let depth = self.tree.depth();
+        let Some(level) = level else { return Ok(depth) };
+        let requirement = format!("an integer from 0 to {depth}");
+        let found: u32 = arguments::integer("level", level, &requirement)?;
+        if found > depth {
+            return Err(wrong_value("level", level, &requirement));
+        }
+        Ok(found)
     }
 
     fn world<'py>(
@@ -40,9 +49,10 @@ impl PyOctree {
     fn new(
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
-        leaf_size: f64,
+        leaf_size: &Bound<'_, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let leaf_size = arguments::number("leaf_size", leaf_size, "a positive number of metres")?;
         let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let tree = run(py, progress, |p| Octree::new(points, leaf_size, p))?;
@@ -55,9 +65,10 @@ impl PyOctree {
     fn with_at_most(
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
-        count: usize,
+        count: &Bound<'_, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let count = arguments::integer("count", count, "an integer of at least 1")?;
         let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let tree = run(py, progress, |p| octree_with(points, count, p))?;
@@ -71,13 +82,14 @@ impl PyOctree {
     }
 
     /// Edge length of the nodes at a level, metres.
-    fn node_size(&self, level: u32) -> f64 {
-        self.tree.node_size(level)
+    fn node_size(&self, level: &Bound<'_, PyAny>) -> PyResult<f64> {
+        Ok(self.tree.node_size(self.level(Some(level))?))
     }
 
     /// The deepest level with at most `count` occupied nodes.
-    fn level_with_at_most(&self, count: usize) -> u32 {
-        self.tree.level_with_at_most(count)
+    fn level_with_at_most(&self, count: &Bound<'_, PyAny>) -> PyResult<u32> {
+        let count = arguments::integer("count", count, "an integer of at least 1")?;
+        Ok(self.tree.level_with_at_most(count))
     }
 
     /// (m,) number of points per occupied node at a level; the leaves if not given.
@@ -85,9 +97,9 @@ impl PyOctree {
     fn counts<'py>(
         &self,
         py: Python<'py>,
-        level: Option<u32>,
+        level: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<u32>>> {
-        let nodes = self.tree.nodes(self.level(level)).map_err(IntoPyErr::into_py_err)?;
+        let nodes = self.tree.nodes(self.level(level)?).map_err(IntoPyErr::into_py_err)?;
         let counts: Vec<u32> = nodes.iter().map(|n| n.len() as u32).collect();
         Ok(counts.into_pyarray(py))
     }
@@ -97,9 +109,9 @@ impl PyOctree {
     fn centers<'py>(
         &self,
         py: Python<'py>,
-        level: Option<u32>,
+        level: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let centers = self.tree.centers(self.level(level)).map_err(IntoPyErr::into_py_err)?;
+        let centers = self.tree.centers(self.level(level)?).map_err(IntoPyErr::into_py_err)?;
         self.world(py, &centers)
     }
 
@@ -108,9 +120,9 @@ impl PyOctree {
     fn centroids<'py>(
         &self,
         py: Python<'py>,
-        level: Option<u32>,
+        level: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (cloud, level) = (&self.cloud.get().cloud, self.level(level));
+        let (cloud, level) = (&self.cloud.get().cloud, self.level(level)?);
         let centroids = self.tree.centroids(cloud, level).map_err(IntoPyErr::into_py_err)?;
         self.world(py, &centroids)
     }

@@ -5,11 +5,11 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use surfabet_geom::{Pose, Projection, RangeImage};
 
-use crate::arrays;
 use crate::cloud::cloud_of;
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::run::run;
 use crate::view::{FrozenOwner, read_only_view};
+use crate::{arguments, arrays};
 
 /// A cloud as a sensor sees it: the nearest point per pixel.
 ///
@@ -26,13 +26,11 @@ fn make(
     py: Python<'_>,
     cloud: &Bound<'_, PyAny>,
     projection: Projection,
-    pose: Option<[[f64; 4]; 4]>,
+    pose: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyRangeImage> {
-    let pose = match pose {
-        Some(rows) => Pose::from_rows(rows).map_err(IntoPyErr::into_py_err)?,
-        None => Pose::identity(),
-    };
+    let pose = pose.map(|given| arguments::pose("pose", given)).transpose()?;
+    let pose = pose.unwrap_or_else(Pose::identity);
     let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let image = run(py, progress, |p| RangeImage::new(cloud, projection, pose, p))?;
     Ok(PyRangeImage { image })
@@ -55,12 +53,17 @@ impl PyRangeImage {
     fn spherical(
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
-        azimuth_step: f64,
-        elevation_step: f64,
-        elevations: [f64; 2],
-        pose: Option<[[f64; 4]; 4]>,
+        azimuth_step: &Bound<'_, PyAny>,
+        elevation_step: &Bound<'_, PyAny>,
+        elevations: &Bound<'_, PyAny>,
+        pose: Option<&Bound<'_, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let radians = "a positive number of radians";
+        let azimuth_step = arguments::number("azimuth_step", azimuth_step, radians)?;
+        let elevation_step = arguments::number("elevation_step", elevation_step, radians)?;
+        let requirement = "the lowest and the highest elevation, radians";
+        let elevations = arguments::numbers("elevations", elevations, requirement)?;
         let projection = Projection::Spherical { azimuth_step, elevation_step, elevations };
         make(py, cloud, projection, pose, progress)
     }
@@ -73,15 +76,25 @@ impl PyRangeImage {
     fn pinhole(
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
-        fx: f64,
-        fy: f64,
-        cx: f64,
-        cy: f64,
-        width: usize,
-        height: usize,
-        pose: Option<[[f64; 4]; 4]>,
+        fx: &Bound<'_, PyAny>,
+        fy: &Bound<'_, PyAny>,
+        cx: &Bound<'_, PyAny>,
+        cy: &Bound<'_, PyAny>,
+        width: &Bound<'_, PyAny>,
+        height: &Bound<'_, PyAny>,
+        pose: Option<&Bound<'_, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let pixels = "a number of pixels";
+        let [fx, fy] = [
+            arguments::number("fx", fx, "a positive number of pixels")?,
+            arguments::number("fy", fy, "a positive number of pixels")?,
+        ];
+        let [cx, cy] = [arguments::number("cx", cx, pixels)?, arguments::number("cy", cy, pixels)?];
+        let [width, height] = [
+            arguments::integer("width", width, "an integer of at least 1")?,
+            arguments::integer("height", height, "an integer of at least 1")?,
+        ];
         make(py, cloud, Projection::Pinhole { fx, fy, cx, cy, width, height }, pose, progress)
     }
 

@@ -9,7 +9,8 @@ use pyo3::prelude::*;
 use rayon::ThreadPool;
 use surfabet_geom::Progress;
 
-use crate::errors::{IntoPyErr, internal, invalid_input};
+use crate::arguments;
+use crate::errors::{IntoPyErr, internal, wrong_type, wrong_value};
 
 /// How often the waiting thread looks for signals and passes on progress.
 const POLL: Duration = Duration::from_millis(50);
@@ -59,6 +60,12 @@ where
     T: Send,
     E: IntoPyErr + Send,
 {
+    if let Some(callback) = &callback {
+        let callback = callback.bind(py);
+        if !callback.is_callable() {
+            return Err(wrong_type("progress", callback, "None or a callable"));
+        }
+    }
     let monitor = Monitor { cancelled: AtomicBool::new(false), latest: Mutex::new(None) };
     let mut work = Some(work);
     let mut outcome = None;
@@ -121,14 +128,18 @@ fn watch(
 /// Bounds the threads that surfabet uses from now on; `None` gives back all cores. Results do not depend on it.
 #[pyfunction]
 #[pyo3(signature = (n_threads))]
-fn set_num_threads(n_threads: Option<usize>) -> PyResult<()> {
+fn set_num_threads(n_threads: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    let requirement = "None or an integer from 1 to 1024";
     let pool = match n_threads {
         None => None,
-        Some(n) if (1..=1024).contains(&n) => {
+        Some(given) => {
+            let n: usize = arguments::integer("n_threads", given, requirement)?;
+            if !(1..=1024).contains(&n) {
+                return Err(wrong_value("n_threads", given, requirement));
+            }
             let built = rayon::ThreadPoolBuilder::new().num_threads(n).build();
             Some(Arc::new(built.map_err(internal)?))
         }
-        Some(n) => return Err(invalid_input(format!("n_threads is {n}, but must be 1 to 1024"))),
     };
     *POOL.write().unwrap_or_else(PoisonError::into_inner) = pool;
     Ok(())

@@ -12,11 +12,11 @@ use surfabet_sim::{
     RoomOptions, Scan, Scene, SurfaceKind,
 };
 
-use crate::arrays;
 use crate::cloud::PyPointCloud;
-use crate::errors::{IntoPyErr, internal, invalid_input};
+use crate::errors::{IntoPyErr, internal, invalid_input, wrong_shown, wrong_type};
 use crate::run;
 use crate::view::{FrozenOwner, read_only_view};
+use crate::{arguments, arrays};
 
 /// A simulated room, known exactly.
 #[pyclass(name = "Scene", module = "surfabet.datasets", frozen)]
@@ -211,13 +211,16 @@ impl PyFrame {
     }
 }
 
-/// (n, 4, 4) poses.
-fn poses_of(poses: &Bound<'_, PyAny>) -> PyResult<Vec<Pose>> {
+/// (n, 4, 4) poses, which are the argument `name`.
+fn poses_of(name: &str, poses: &Bound<'_, PyAny>) -> PyResult<Vec<Pose>> {
+    let requirement = "an array of poses, (n, 4, 4)";
     let numpy = poses.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (poses, "float64"))?;
+    let array = numpy.call_method1("asarray", (poses, "float64"));
+    let array = array.map_err(|_| wrong_type(name, poses, requirement))?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     if shape.len() != 3 || shape[1..] != [4, 4] {
-        return Err(invalid_input(format!("poses has shape {shape:?}, expected (n, 4, 4)")));
+        let given = format!("an array of the shape {}", array.getattr("shape")?.str()?);
+        return Err(wrong_shown(name, &given, requirement));
     }
     let flat = array.call_method1("reshape", (-1,))?;
     let flat: Vec<f64> = flat.call_method0("tolist")?.extract()?;
@@ -294,13 +297,16 @@ impl PyScene {
     }
 
     /// The scene with instances in other poses, (4, 4) each, or without them.
-    fn rearranged(&self, changes: &Bound<'_, PyDict>) -> PyResult<Self> {
+    fn rearranged(&self, changes: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let requirement = "a dict of poses, (4, 4), or None, by the ids of instances";
+        let given = changes.cast::<PyDict>();
+        let changes = given.map_err(|_| wrong_type("changes", changes, requirement))?;
         let changes = changes.iter().map(|(row, pose)| {
-            let row: u32 = row.extract()?;
+            let row: u32 = arguments::integer("an id in changes", &row, "the id of an instance")?;
             if pose.is_none() {
                 return Ok((row, None));
             }
-            let stacked = poses_of(PyList::new(pose.py(), [pose])?.as_any())?;
+            let stacked = poses_of("changes", PyList::new(pose.py(), [pose])?.as_any())?;
             Ok((row, stacked.first().copied()))
         });
         let changes = changes.collect::<PyResult<Vec<_>>>()?;
@@ -308,15 +314,21 @@ impl PyScene {
         Ok(Self { scene: Arc::new(scene) })
     }
 
-    fn default_poses<'py>(&self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    fn default_poses<'py>(
+        &self,
+        py: Python<'py>,
+        n: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let n = arguments::integer("n", n, "an integer of at least 1")?;
         stack(py, &self.scene.default_poses(n).map_err(IntoPyErr::into_py_err)?)
     }
 
     fn default_lidar_poses<'py>(
         &self,
         py: Python<'py>,
-        n: usize,
+        n: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let n = arguments::integer("n", n, "an integer of at least 1")?;
         stack(py, &self.scene.default_lidar_poses(n).map_err(IntoPyErr::into_py_err)?)
     }
 
@@ -404,8 +416,9 @@ impl PyScene {
     fn sample_surface<'py>(
         &self,
         py: Python<'py>,
-        spacing: f64,
+        spacing: &Bound<'py, PyAny>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, PyGroundTruth)> {
+        let spacing = arguments::number("spacing", spacing, "a positive number of metres")?;
         let scene = self.scene.clone();
         let samples = run::run(py, None, move |_| scene.sample_surface(spacing))?;
         let flat: Vec<f64> = samples.points.iter().flatten().copied().collect();
@@ -441,7 +454,7 @@ impl PyScene {
         seed: u64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(PyPointCloud, PyGroundTruth, Vec<PyFrame>)> {
-        let poses = poses_of(poses)?;
+        let poses = poses_of("poses", poses)?;
         let intrinsics = intrinsics.map_or_else(
             || Intrinsics::kinect(width, height),
             |[fx, fy, cx, cy]| Intrinsics { width, height, fx, fy, cx, cy },
@@ -487,7 +500,7 @@ impl PyScene {
         seed: u64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(PyPointCloud, PyGroundTruth, Vec<PyFrame>)> {
-        let poses = poses_of(poses)?;
+        let poses = poses_of("poses", poses)?;
         let options = LidarOptions {
             elevation_limits,
             elevation_step,

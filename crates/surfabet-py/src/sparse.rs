@@ -8,10 +8,10 @@ use surfabet_sparse::{
     Dictionary, Error, Ksvd, KsvdOptions, OmpOptions, Selection, Signals, SparseCodes, StopReason,
 };
 
-use crate::arrays;
-use crate::errors::{IntoPyErr, cancelled, invalid_input};
+use crate::errors::{IntoPyErr, cancelled, invalid_input, wrong_value};
 use crate::run;
 use crate::view::{FrozenOwner, read_only_view};
+use crate::{arguments, arrays};
 
 impl IntoPyErr for Error {
     fn into_py_err(self) -> PyErr {
@@ -75,12 +75,14 @@ impl PySparseCodes {
     fn to_dense<'py>(
         &self,
         py: Python<'py>,
-        n_atoms: usize,
+        n_atoms: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        if let Some(&atom) = self.codes.atoms().iter().find(|&&a| a as usize >= n_atoms) {
-            return Err(invalid_input(format!(
-                "n_atoms is {n_atoms}, but the codes use atom {atom}"
-            )));
+        let used = self.codes.atoms().iter().map(|&atom| atom as usize + 1).max().unwrap_or(0);
+        let requirement = format!("an integer of at least {used}, as many as the codes use");
+        let given = n_atoms;
+        let n_atoms: usize = arguments::integer("n_atoms", given, &requirement)?;
+        if n_atoms < used {
+            return Err(wrong_value("n_atoms", given, &requirement));
         }
         let dense = PyArray2::<f32>::zeros(py, [self.codes.len(), n_atoms], false);
         {

@@ -12,7 +12,7 @@ use pyo3::types::{PyBytes, PyDict};
 use surfabet::geom::{Dtype, Survey};
 use surfabet::patches::{
     AttributeContent, AttributeHeader, AttributeRange, Cubes, INTENSITIES, Lattice, Orientation,
-    Recipe, TilePlan, Views, learn_details, plan,
+    Recipe, TilePlan, TileTask, Views, learn_details, plan,
 };
 use surfabet::{
     AnyModel, DecodeOptions, Limits, OpenError, Part, ReadAt, ScalarScale, TileEntry, TiledModel,
@@ -79,10 +79,6 @@ impl PyTiledModel {
 
     /// Writes the file, with a note if it is not empty, and returns its size in bytes.
     fn save_tiles(&self, py: Python<'_>, path: PathBuf, note: &str) -> PyResult<u64> {
-        if note.len() > surfabet::MAX_NOTE {
-            let (n, most) = (note.len(), surfabet::MAX_NOTE);
-            return Err(invalid_input(format!("note has {n} bytes, more than {most}; shorten it")));
-        }
         py.detach(|| self.model.save(&path, note)).map_err(IntoPyErr::into_py_err)
     }
 
@@ -90,6 +86,12 @@ impl PyTiledModel {
     #[getter]
     fn tile_counts(&self) -> (usize, usize) {
         self.model.tile_counts()
+    }
+
+    /// Whether the file says how its tiles were learned.
+    #[getter]
+    fn has_plan(&self) -> bool {
+        self.model.header().recipe.is_some()
     }
 
     /// Lattice to world, rows of a rotation.
@@ -300,7 +302,8 @@ fn learn_tile<'py>(
     let (plan, options) = (plan_of(plan)?, options_of(options)?);
     let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let bytes = run(py, progress, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
-        let models = learn_details(cloud, None, cube, &plan, &options, monitor)?;
+        let task = TileTask { cloud, weights: None, cube, plan: &plan, options: &options };
+        let models = learn_details(&task, monitor)?;
         if models.is_empty() {
             return Ok(None);
         }

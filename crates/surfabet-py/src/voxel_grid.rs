@@ -5,10 +5,10 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use surfabet_geom::{VoxelGrid, voxel_grid_with};
 
-use crate::arrays;
 use crate::cloud::{PyPointCloud, cloud_of};
 use crate::run::run;
 use crate::view::{FrozenOwner, read_only_view};
+use crate::{arguments, arrays};
 
 /// Points of a cloud sorted into cubes with edges of `size` metres, aligned to the world's axes and origin.
 ///
@@ -28,9 +28,10 @@ impl PyVoxelGrid {
     fn new(
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
-        size: f64,
+        size: &Bound<'_, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let size = arguments::number("size", size, "a positive number of metres")?;
         let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let grid = run(py, progress, |p| VoxelGrid::new(points, size, p))?;
@@ -43,9 +44,10 @@ impl PyVoxelGrid {
     fn with_at_most(
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
-        count: usize,
+        count: &Bound<'_, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
+        let count = arguments::integer("count", count, "an integer of at least 1")?;
         let cloud = cloud_of("cloud", cloud)?;
         let points = &cloud.get().cloud;
         let grid = run(py, progress, |p| voxel_grid_with(points, count, p))?;

@@ -186,7 +186,7 @@ pub fn scan_rgbd(
 /// The sensor frames of 1 to 10000 poses.
 pub(crate) fn checked_frames(poses: &[Pose]) -> Result<Vec<Frame>> {
     if !(1..=10_000).contains(&poses.len()) {
-        return Err(Error::invalid("number of poses", poses.len(), "1 to 10000"));
+        return Err(Error::invalid("poses", poses.len(), "1 to 10000 poses"));
     }
     poses.iter().map(frame_of).collect()
 }
@@ -361,7 +361,7 @@ mod tests {
         let message = |options: RgbdOptions, poses: &[Pose]| {
             scan_rgbd(&scene, poses, &options, &Silent).unwrap_err().to_string()
         };
-        assert_eq!(message(small(), &[]), "number of poses is 0, but must be 1 to 10000");
+        assert_eq!(message(small(), &[]), "poses is 0, but must be 1 to 10000 poses");
         let limits = RgbdOptions { depth_limits: [2.0, 1.0], ..small() };
         assert!(message(limits, &poses).contains("near < far"));
         let camera = Intrinsics { width: 0, ..Intrinsics::kinect(10, 10) };

@@ -304,7 +304,9 @@ impl Learner<'_> {
         let own = plan.cubes_of(&cloud).get(&cube).copied().unwrap_or_default();
         let completeness = completeness(options.completeness, n_new, own);
         let options = &PatchesOptions { completeness, ..options.clone() };
-        let models = patches::learn_details(&cloud, Some(&weights), cube, plan, options, progress)?;
+        let task =
+            patches::TileTask { cloud: &cloud, weights: Some(&weights), cube, plan, options };
+        let models = patches::learn_details(&task, progress)?;
         if models.is_empty() {
             return Ok(Vec::new());
         }

@@ -117,7 +117,8 @@ def _wrong_option(error: Exception, argv: Sequence[str]) -> str | None:
     """What is wrong with an option of the command line, in its spelling; None for other errors."""
     if not isinstance(error, InvalidInputError) or error.argument is None:
         return None
-    option = spelled(error.argument)
+    # Of an argument with parts, such as sigma.angular_resolution, the parts have options.
+    option = spelled(error.argument.rpartition(".")[2])
     if not any(word == option or word.startswith(f"{option}=") for word in argv):
         return None
     return f"{option} is {error.value}, but must be {error.requirement}"

@@ -7,6 +7,8 @@ import math
 import sys
 from typing import Any
 
+from surfabet.io._units import small_lengths
+
 RAW_BYTES_PER_POINT = 12
 RAW_BYTES_PER_COLOR = 3
 
@@ -24,9 +26,10 @@ def bytes_text(n: int) -> str:
     return f"{n} bytes"
 
 
-def millimetres(metres: float) -> str:
-    """As `8.31 mm`; metres from one metre on."""
-    return f"{metres:.3g} m" if abs(metres) >= 1 else f"{metres * 1000:.3g} mm"
+def length_text(length: float, unit: str = "m") -> str:
+    """As `8.31 mm`, metres from one metre on; other units as `0.0273 us-ft`."""
+    factor, small = small_lengths(unit)
+    return f"{length:.3g} {unit}" if abs(length) >= 1 else f"{factor * length:.3g} {small}"
 
 
 def peak_memory() -> int | None:

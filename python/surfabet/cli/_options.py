@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Iterator
@@ -24,7 +25,8 @@ BAGS = Group("ROS bags", sort_key=8)
 _DELIMITERS = {"tab": "\t", "\\t": "\t", "space": " ", "comma": ",", "semicolon": ";"}
 
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
-PositiveFloat = Annotated[float | None, Parameter(validator=Number(gt=0))]
+POSITIVE, NOT_NEGATIVE = Number(gt=0, lt=math.inf), Number(gte=0, lt=math.inf)
+PositiveFloat = Annotated[float | None, Parameter(validator=POSITIVE)]
 Box = tuple[float, float, float, float, float, float]
 Classes = Annotated[list[int] | None, Parameter(negative=(), validator=Number(gte=0, lte=255))]
 
@@ -99,13 +101,13 @@ class ReadOptions:
     pixel_stride: Annotated[int | None, Parameter(group=RGBD, validator=Number(gte=1))] = None
     """Read every n-th row and column of a frame only."""
 
-    depth_min: Annotated[float | None, Parameter(group=RGBD, validator=Number(gte=0))] = None
+    depth_min: Annotated[float | None, Parameter(group=RGBD, validator=NOT_NEGATIVE)] = None
     """Leave out what is nearer than this, in metres; by default 0.3."""
 
     depth_max: Annotated[float | None, Parameter(group=RGBD, validator=Number(gt=0))] = None
     """Leave out what is farther than this, in metres; by default 4."""
 
-    depth_scale: Annotated[float | None, Parameter(group=RGBD, validator=Number(gt=0))] = None
+    depth_scale: Annotated[float | None, Parameter(group=RGBD, validator=POSITIVE)] = None
     """Steps of the depth images per metre, by default what the folder's layout has."""
 
     intrinsics: Annotated[

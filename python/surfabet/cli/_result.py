@@ -8,8 +8,9 @@ from typing import Any
 
 import surfabet
 from surfabet.cli._files import size_on_disk
-from surfabet.cli._format import bytes_text, millimetres, peak_memory, raw_bytes
-from surfabet.learning import LearningReport
+from surfabet.cli._format import bytes_text, length_text, peak_memory, raw_bytes
+from surfabet.io._crs import unit_of
+from surfabet.learning import LearningReport, note_of
 
 
 @dataclass
@@ -18,21 +19,26 @@ class Result:
 
     input: Path
     output: Path
+    unit: str = "m"
     n_points: int = 0
     raw_bytes: int = 0
     n_bytes: int = 0
     quality: surfabet.Quality | None = None
+    within: float | None = None
+    """Distance of inliers; None where it grows with the range, or was not looked for."""
     report: LearningReport | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     def of(self, cloud: surfabet.PointCloud) -> None:
-        """Notes the size of the cloud."""
+        """Notes the size of the cloud, and the unit of its lengths."""
+        self.unit = unit_of(cloud)
         self.n_points = len(cloud)
         self.raw_bytes = raw_bytes(len(cloud), cloud.colors is not None)
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
         return {
+            "unit": self.unit,
             "input": {
                 "path": str(self.input),
                 "points": self.n_points,
@@ -50,17 +56,12 @@ class Result:
 
     def chosen(self) -> str | None:
         """The options that follow from the data, and why, for people."""
-        note = self.note()
-        return f"{self.input}: by the data: {note}" if note else None
+        has_chosen = self.report is not None and bool(self.report.chosen)
+        return f"{self.input}: by the data: {self.note()}" if has_chosen else None
 
     def note(self) -> str:
         """The options that follow from the data, and why, as the file keeps them."""
-        chosen = {} if self.report is None else self.report.chosen
-        parts = (
-            f"{option.replace('_', '-')} {value:.6g} ({why})"
-            for option, (value, why) in chosen.items()
-        )
-        return ", ".join(parts)
+        return note_of({} if self.report is None else self.report.chosen, self.unit)
 
     def line(self) -> str:
         """For people."""
@@ -70,10 +71,16 @@ class Result:
             f"ratio {self.raw_bytes / self.n_bytes:.3g}",
         ]
         if (quality := self.quality) is not None:
-            pooled = millimetres(quality.rmse_pooled)
-            parts.append(f"rmse {millimetres(quality.rmse)} (pooled {pooled})")
+            rmse, pooled = (
+                length_text(error, self.unit) for error in (quality.rmse, quality.rmse_pooled)
+            )
+            parts.append(f"rmse {rmse} (pooled {pooled})")
             if quality.inliers is not None and quality.outliers is not None:
-                parts.append(f"inliers {quality.inliers:.2%}, outliers {quality.outliers:.2%}")
+                within = "sigma" if self.within is None else length_text(self.within, self.unit)
+                parts.append(
+                    f"inliers {quality.inliers:.2%}, outliers {quality.outliers:.2%} "
+                    f"(within {within})"
+                )
             if quality.color_rmse_pooled is not None:
                 parts.append(f"colour rmse {quality.color_rmse_pooled:.3g}")
             for name, errors in quality.attributes.items():

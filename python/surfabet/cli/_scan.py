@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surfabet
+from surfabet.cli._format import length_text
 from surfabet.files import AnyModel
+from surfabet.io._crs import unit_of
 
 _LARGE_ROOM = 500.0
 """Sides of a scene from which on its unit is in doubt, metres."""
@@ -18,9 +20,9 @@ _TINY = 0.02
 """Largest side of a scene that hardly any scanner resolves, metres."""
 
 
-def unit_in_doubt(path: Path, survey: surfabet.Survey) -> str | None:
+def unit_in_doubt(path: Path, cloud: surfabet.PointCloud, survey: surfabet.Survey) -> str | None:
     """One line with the remedy where the size of a scan looks as if its unit was not the metre."""
-    if survey.bounds is None:
+    if survey.bounds is None or unit_of(cloud) != "m":
         return None
     low, high = survey.bounds
     sides = sorted(b - a for a, b in zip(low, high, strict=True))
@@ -41,7 +43,9 @@ def without(cloud: surfabet.PointCloud, points: NDArray[np.uint32]) -> surfabet.
 
 def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality | None) -> str | None:
     """One line with the remedy where a model that is to hold the whole scan lost some of it."""
-    share = None if quality is None else quality.inliers
+    if quality is None:
+        return None
+    share = quality.inliers
     if share is None or share >= 0.99 or model.report.tolerance == 0:
         return None
     # Who gives a bound has said how near is near enough.
@@ -52,8 +56,8 @@ def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality | None) 
         "hscsm": "--quality fine or a smaller --resolution keep more",
         "gas": "--quality fine or more neurons (--n-neurons) keep more",
     }
-    tolerance = model.report.tolerance
+    tolerance = length_text(model.report.tolerance, quality.unit)
     return (
-        f"{output}: {1 - share:.1%} of the points are further than {tolerance:.3g} m from what is "
+        f"{output}: {1 - share:.1%} of the points are further than {tolerance} from what is "
         f"decoded; {remedies[model.method]}"
     )

@@ -17,6 +17,7 @@ from surfabet._progress import ProgressCallback
 from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._learn_options import LearnOptions
 from surfabet.cli._options import READ_OPTIONS, PositiveFloat, ReadOptions, UsageError, spelled
+from surfabet.learning import in_unit
 
 TILES = Group("Tiles", sort_key=5)
 
@@ -142,6 +143,7 @@ def tell(
         )
     elif not quiet:
         for option, (value, why) in report.chosen.items():
+            why = in_unit(why, report.unit)
             print(f"{source}: by the data: {option.replace('_', '-')} {value:.6g} ({why})")
         tiles = "tile" if report.n_tiles == 1 else "tiles"
         print(

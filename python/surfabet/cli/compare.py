@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 from rich.console import Console
 from rich.table import Table
 
@@ -16,6 +15,7 @@ from surfabet.cli._files import HTML_SUFFIXES, check_output, read_cloud, whole_f
 from surfabet.cli._format import bytes_text, print_json
 from surfabet.cli._options import (
     COMMON,
+    POSITIVE,
     READ_OPTIONS,
     Common,
     Flag,
@@ -34,7 +34,7 @@ def compare(
     *,
     html: Path | None = None,
     json: Flag = False,
-    error: Annotated[float, Parameter(validator=Number(gt=0))] = 0.01,
+    error: Annotated[float, Parameter(validator=POSITIVE)] = 0.01,
     max_error: PositiveFloat = None,
     tools: str | None = None,
     voxel: PositiveFloat = None,

@@ -155,7 +155,7 @@ def _scene(
 ) -> surfabet.PointCloud:
     """The points that the model was asked to describe; says when their unit is in doubt."""
     survey = learned.report.survey
-    if (said := unit_in_doubt(path, survey)) is not None:
+    if (said := unit_in_doubt(path, cloud, survey)) is not None:
         warnings.warn(said, surfabet.UnitWarning, stacklevel=1)
     if learned.report.left_out:
         cloud = without(cloud, survey.outliers if learned.method == "gas" else survey.strays)
@@ -179,6 +179,7 @@ def _evaluate(
     with _timed(result, "evaluate"):
         allowed = result.report.tolerance if result.report else 0.0
         tolerance = again.sigma if isinstance(again, surfabet.AlphabetModel) else allowed or None
+        result.within = tolerance if isinstance(tolerance, float) else None
         # Point-to-plane distances take long; the verb `evaluate` has them.
         result.quality = surfabet.evaluate(
             original,

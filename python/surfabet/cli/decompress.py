@@ -82,6 +82,12 @@ def decompress(
         model = load_model(input_, progress, words, **tiled)
         cloud = model.decode(resolution, as_measured=as_measured, box=region, progress=progress)
         seconds["decode"] = time.perf_counter() - started
+        if box is not None and not len(cloud):
+            corners = " ".join(f"{c:g}" for c in box)
+            raise UsageError(
+                f"--box {corners}: no point of {input_} lies in it; surfabet info {input_} shows "
+                "where its points are"
+            )
 
         started = time.perf_counter()
         progress(f"write {output.name}", 0.0)

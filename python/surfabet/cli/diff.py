@@ -132,7 +132,7 @@ def _positions(path: Path | None, option: str) -> NDArray[np.float64] | None:
     if path is None:
         return None
     if not path.is_file():
-        what = "is a folder" if path.is_dir() else "there is no such file"
+        what = "is a folder" if path.is_dir() else "No such file or directory"
         raise UsageError(f"{option} {path}: {what}; name a text file of X Y Z in each line")
     try:
         rows = np.loadtxt(path, ndmin=2)

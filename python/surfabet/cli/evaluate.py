@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 from rich.console import Console
 from rich.table import Table
 
@@ -24,9 +23,10 @@ from surfabet.cli._files import (
     size_on_disk,
     whole_file,
 )
-from surfabet.cli._format import bytes_text, millimetres, print_json
+from surfabet.cli._format import bytes_text, length_text, print_json
 from surfabet.cli._options import (
     COMMON,
+    POSITIVE,
     READ_OPTIONS,
     VOCABULARY_OPTION,
     Common,
@@ -38,36 +38,44 @@ from surfabet.cli._options import (
 )
 
 
-def _percent(share: float) -> str:
+def _length(value: float, unit: str) -> str:
+    return length_text(value, unit)
+
+
+def _percent(share: float, unit: str) -> str:
     return f"{share:.2%}"
 
 
-def _count(n: int) -> str:
+def _count(n: int, unit: str) -> str:
     return f"{n:,}"
 
 
-def _plain(value: float) -> str:
+def _bytes(n: int, unit: str) -> str:
+    return bytes_text(n)
+
+
+def _plain(value: float, unit: str) -> str:
     return f"{value:.4g}"
 
 
 DIRECTED = (
-    ("rmse", "rmse", millimetres),
-    ("mean", "mean", millimetres),
-    ("p95", "95th percentile", millimetres),
-    ("p99", "99th percentile", millimetres),
-    ("max", "maximum", millimetres),
-    ("plane_rmse", "rmse to planes", millimetres),
+    ("rmse", "rmse", _length),
+    ("mean", "mean", _length),
+    ("p95", "95th percentile", _length),
+    ("p99", "99th percentile", _length),
+    ("max", "maximum", _length),
+    ("plane_rmse", "rmse to planes", _length),
     ("color_rmse", "colour rmse", _plain),
 )
-SINGLE: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
+SINGLE: tuple[tuple[str, str, Callable[[Any, str], str]], ...] = (
     ("reference_points", "original points", _count),
     ("decoded_points", "decoded points", _count),
     ("d1_psnr", "D1 PSNR (dB)", _plain),
     ("d2_psnr", "D2 PSNR (dB)", _plain),
-    ("psnr_peak", "peak of the PSNR", millimetres),
+    ("psnr_peak", "peak of the PSNR", _length),
     ("inliers", "original within sigma", _percent),
     ("outliers", "decoded beyond sigma", _percent),
-    ("bytes", "file", bytes_text),
+    ("bytes", "file", _bytes),
     ("ratio", "ratio", _plain),
     ("bits_per_point", "bits per original point", _plain),
 )
@@ -80,7 +88,7 @@ def evaluate(
     *,
     sigma: PositiveFloat = None,
     angular_resolution: PositiveFloat = None,
-    sigma_scale: Annotated[float, Parameter(validator=Number(gt=0))] = 3.0,
+    sigma_scale: Annotated[float, Parameter(validator=POSITIVE)] = 3.0,
     as_measured: Flag = False,
     picture: Path | None = None,
     html: Path | None = None,
@@ -180,21 +188,20 @@ def evaluate(
 
 def _directed(quality: surfabet.Quality) -> list[tuple[str, ...]]:
     """The measures that have directions, after their heading."""
-    values = quality.as_dict()
+    values, unit = quality.as_dict(), quality.unit
     rows: list[tuple[str, ...]] = [
         ("measure", "decoded to original", "original to decoded", "pooled")
     ]
     for name, label, text in DIRECTED:
         forward, backward = values[f"{name}_forward"], values[f"{name}_backward"]
-        pooled = values.get(f"{name}_pooled")
+        directions = (forward, backward, values.get(f"{name}_pooled"))
         if forward is not None and backward is not None:
-            rows.append(
-                (label, text(forward), text(backward), "" if pooled is None else text(pooled))
-            )
+            rows.append((label, *("" if v is None else text(v, unit) for v in directions)))
     for name, errors in quality.attributes.items():
         told = _percent if errors.labels else _plain
         label = f"{name} equal" if errors.labels else f"{name} rmse"
-        rows.append((label, told(errors.forward), told(errors.backward), told(errors.pooled)))
+        shares = (errors.forward, errors.backward, errors.pooled)
+        rows.append((label, *(told(value, unit) for value in shares)))
     return rows
 
 
@@ -202,7 +209,7 @@ def _single(quality: surfabet.Quality) -> list[tuple[str, ...]]:
     """All other measures, after their heading."""
     values = quality.as_dict()
     told = [
-        (label, text_of(values[name]))
+        (label, text_of(values[name], quality.unit))
         for name, label, text_of in SINGLE
         if values[name] is not None
     ]

@@ -24,7 +24,7 @@ from surfabet.cli._files import (
     size_on_disk,
     whole_file,
 )
-from surfabet.cli._format import bytes_text, millimetres, print_json
+from surfabet.cli._format import bytes_text, length_text, print_json
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -37,6 +37,8 @@ from surfabet.cli._options import (
 )
 from surfabet.files import AnyModel
 from surfabet.io import detect, list_topics, named_format, read_bag
+from surfabet.io._crs import unit_of
+from surfabet.learning import note_of, unit_in
 
 HOLDS = {
     "patches": "surface patches on the scene's own lattice, each a piece of surface with its mask",
@@ -100,7 +102,7 @@ def info(
         _draw(file, picture, model)
     n_bytes = size_on_disk(file)
     if json:
-        known: dict[str, Any] = {"holds": _holds(found)}
+        known: dict[str, Any] = {"holds": _holds(found), "unit": unit_in(found.note)}
         if model is not None:
             known |= {"n_points": model.n_points, "info": model.info}
         if model is not None and decoded is not None:
@@ -122,7 +124,10 @@ def info(
     if model:
         sizes = Table("content", "value", box=None, header_style="bold")
         for name, value in model.info.items():
-            sizes.add_row(name, f"{value:.6g}" if isinstance(value, float) else str(value))
+            sizes.add_row(
+                _in_unit(name, unit_in(found.note)),
+                f"{value:.6g}" if isinstance(value, float) else str(value),
+            )
         console.print(sizes)
     parts = Table("part", "bytes", "share", box=None, header_style="bold")
     for column in parts.columns[1:]:
@@ -132,6 +137,11 @@ def info(
     for name, part in [*found.sections.items(), ("frame of the file", frame)]:
         parts.add_row(name, f"{part:,}", f"{part / n_bytes:.1%}")
     console.print(parts)
+
+
+def _in_unit(name: str, unit: str) -> str:
+    """The name of a figure, with the unit that lengths have in its brackets."""
+    return name.replace("(m)", f"({unit})").replace("(m2)", f"({unit}2)")
 
 
 def _holds(found: surfabet.FileInfo) -> str:
@@ -157,16 +167,19 @@ def _in_words(
     """What the file holds, where, and how to get it out again."""
     yield f"It holds {_holds(found)}."
     if found.note is not None:
-        yield f"Chosen by the data: {found.note}"
+        head = "Noted" if found.note == note_of({}, unit_in(found.note)) else "Chosen by the data"
+        yield f"{head}: {found.note}"
     if found.vocabulary is not None:
         yield f"The file names a vocabulary by its hash: {found.vocabulary}"
+    unit = unit_in(found.note)
+    spacing = "METRES" if unit == "m" else unit.upper()
     words = "" if vocabulary.vocabulary is None else f" --vocabulary {vocabulary.vocabulary}"
     if model is None:
         yield "It is decoded with --vocabulary FILE, a model that holds this vocabulary."
         return
     if decoded is None:
         yield (
-            f"Decode: surfabet decompress {file} out.ply --resolution METRES (more than "
+            f"Decode: surfabet decompress {file} out.ply --resolution {spacing} (more than "
             f"{MOST_POINTS:,} points at its own spacing, so that its box is not measured here)"
         )
         return
@@ -175,9 +188,10 @@ def _in_words(
         kept.append("the thickness of the scan")
     yield f"Kept: {', '.join(kept)}."
     if (bound := getattr(model, "max_error", None)) is not None:
+        furthest = length_text(bound, unit)
         yield (
-            f"No point of the scan is further than {millimetres(bound)} from the cloud decoded as "
-            f"measured; surfabet verify SCAN {file} proves it."
+            f"No point of the scan is further than {furthest} from the cloud decoded as measured; "
+            f"surfabet verify SCAN {file} proves it."
         )
     if decoded.bounds is not None:
         sides = " x ".join(f"{high - low:.3f}" for low, high in zip(*decoded.bounds, strict=True))
@@ -185,12 +199,12 @@ def _in_words(
             f"{axis} {low:.3f} to {high:.3f}"
             for axis, low, high in zip("xyz", *decoded.bounds, strict=True)
         )
-        yield f"Box: {sides} m; {along}."
+        yield f"Box: {sides} {unit}; {along}."
     yield (
         f"Decode: surfabet decompress {file} out.ply{words} ({len(decoded):,} points at its own "
         "spacing)"
     )
-    yield "        --resolution METRES gives another spacing" + (
+    yield f"        --resolution {spacing} gives another spacing" + (
         ", --as-measured the thickness of the scan" if model.keeps_thickness else ""
     )
 
@@ -217,10 +231,12 @@ def _info_of_cloud(file: Path, read: ReadOptions, common: Common, json: bool) ->
             "n_points": len(cloud),
             "attributes": cloud.attributes,
             "bounds": cloud.bounds,
+            "unit": unit_of(cloud),
             "n_viewpoints": 0 if cloud.viewpoints is None else len(cloud.viewpoints),
         }
         head += f", {len(cloud):,} points ({', '.join(['positions', *cloud.attributes])})"
-        table = Table("axis", "lowest", "highest", "extent", box=None, header_style="bold")
+        lengths = (f"{name} ({unit_of(cloud)})" for name in ("lowest", "highest", "extent"))
+        table = Table("axis", *lengths, box=None, header_style="bold")
         for column in table.columns[1:]:
             column.justify = "right"
         for axis, low, high in zip("xyz", *(cloud.bounds or ((), ())), strict=False):

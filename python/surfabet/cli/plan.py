@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
 import surfabet
 from surfabet.cli._files import check_output, load_model
 from surfabet.cli._format import bytes_text, print_json
-from surfabet.cli._options import COMMON, Common, Flag
+from surfabet.cli._options import COMMON, NOT_NEGATIVE, Common, Flag
 from surfabet.plan import PLAN_SUFFIXES, FloorPlan, floor_plan
 
 
@@ -23,7 +22,7 @@ def plan(
     *,
     up: Annotated[tuple[float, float, float], Parameter(negative=())] = (0.0, 0.0, 1.0),
     level: float | None = None,
-    min_room_area: Annotated[float, Parameter(validator=Number(gte=0))] = 1.0,
+    min_room_area: Annotated[float, Parameter(validator=NOT_NEGATIVE)] = 1.0,
     json: Flag = False,
     common: Common = COMMON,
 ) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 import surfabet
 from surfabet.cli._files import load_model, read_cloud
-from surfabet.cli._format import millimetres, print_json
+from surfabet.cli._format import length_text, print_json
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -75,6 +75,7 @@ def verify(
             return surfabet.evaluate(cloud, decoded, normal_neighbors=None, progress=progress)
 
         measured = compare(True)
+        unit = measured.unit
         largest = measured.max_backward
         largest_forward = measured.max_forward
         if forward is not None:
@@ -85,15 +86,15 @@ def verify(
     ]
     kept = all(limit is None or found <= limit for limit, found, _, _ in checks)
     if json:
-        row = {"max_error": bound, "largest": largest, "max_error_forward": forward}
-        row |= {"largest_forward": largest_forward, "kept": kept}
+        row: dict[str, Any] = {"max_error": bound, "largest": largest, "max_error_forward": forward}
+        row |= {"largest_forward": largest_forward, "kept": kept, "unit": unit}
         print_json({"path": str(file)} | row)
     elif not common.quiet:
         for limit, found, what, where in checks:
             if limit is not None:
                 verdict = "kept" if found <= limit else "NOT kept"
                 print(
-                    f"{file}: {what} {millimetres(found)} {where}; "
-                    f"the bound of {millimetres(limit)} is {verdict}"
+                    f"{file}: {what} {length_text(found, unit)} {where}; "
+                    f"the bound of {length_text(limit, unit)} is {verdict}"
                 )
     return 0 if kept else 1

@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-import math
 import subprocess
 import sys
 import tempfile
@@ -22,10 +21,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from surfabet._checks import check_choice, check_cloud, check_flag, check_items, check_number
 from surfabet._core import PointCloud, get_num_threads
 from surfabet._progress import Progress, progress_callback
 from surfabet.comparison.jobs import TOOLS, Job, all_jobs, missing
-from surfabet.errors import InvalidInputError, wrong_value
+from surfabet.errors import InvalidInputError
 from surfabet.io import write
 from surfabet.survey import survey
 
@@ -207,10 +207,15 @@ def compare(
     InvalidInputError
         For an empty cloud, unknown tools, or errors that are not positive.
     """
-    max_error = 5 * error if max_error is None else max_error
-    for name, value in (("error", error), ("max_error", max_error)):
-        if not (math.isfinite(value) and value > 0):
-            raise wrong_value(name, value, "a positive number of metres")
+    check_cloud("cloud", cloud)
+    for name in check_items("tools", tools, f"names of {', '.join(TOOLS)}"):
+        check_choice("tools", name, TOOLS)
+    metres = "a positive number of metres"
+    check_number("error", error, metres, above=0.0)
+    if max_error is None:
+        max_error = 5 * error
+    check_number("max_error", max_error, metres, above=0.0)
+    check_flag("pictures", pictures)
     if len(cloud) == 0:
         raise InvalidInputError("the cloud is empty; there is nothing to compare")
     found = survey(cloud)

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from surfabet._checks import check_text, check_vector
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError, LostAttributeWarning, wrong_type, wrong_value
-from surfabet.io._files import format_error, path_of, warn
+from surfabet.io._files import existing, format_error, path_of, warn
 from surfabet.io._packed import first_bytes, unpacked, unpacked_name
 from surfabet.io._units import UNITS, metres_per, scaled
 from surfabet.io.copc import has_copc_mark, read_copc
@@ -110,10 +111,12 @@ def named_format(name: str) -> Format:
     InvalidInputError
         There is none.
     """
+    requirement = f"one of {', '.join(known.name for known in _FORMATS)}"
+    check_text("format", name, requirement)
     for known in _FORMATS:
         if known.name == name.lower():
             return known
-    raise wrong_value("format", name, f"one of {', '.join(known.name for known in _FORMATS)}")
+    raise wrong_value("format", name, requirement)
 
 
 def _suffixes(which: str) -> str:
@@ -132,7 +135,7 @@ def detect(path: str | os.PathLike[str]) -> Format:
     FormatError
         It is none of the known formats, or its name says another than its first bytes.
     """
-    path = Path(path)
+    path = existing(path_of("path", path))
     if path.is_dir():
         if is_bag(path):
             return named_format("bag")
@@ -233,9 +236,11 @@ def read(
     DroppedPointsWarning
         Points or attributes that are not finite were left out; the message counts them.
     """
-    path = path_of("path", path)
-    if not path.exists():
-        raise FileNotFoundError(f"there is no file {path}")
+    path = existing(path_of("path", path))
+    if unit is not None:
+        check_text("unit", unit, f"one of {', '.join(UNITS)}")
+    if viewpoint is not None:
+        check_vector("viewpoint", viewpoint, "three finite coordinates")
     chosen = detect(path) if format is None else named_format(format)
     if chosen.reader is None:
         raise InvalidInputError(f"surfabet writes {chosen.name} files, but does not read them")

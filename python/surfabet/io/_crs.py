@@ -14,6 +14,9 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from surfabet._core import PointCloud
+from surfabet.io._units import name_of
+
 _KEYS = "GeoTIFF"
 _MODEL, _PROJECTED, _GEOGRAPHIC, _VERTICAL = 1024, 3072, 2048, 4096
 _PROJECTED_UNIT, _VERTICAL_UNIT, _ANGULAR_UNIT = 3076, 4099, 2054
@@ -164,11 +167,17 @@ def unit_remark(crs: str) -> str | None:
 
 
 def unit_name(crs: str) -> str:
-    """The horizontal unit of a system in short; `m` where it is the metre or not known."""
+    """The horizontal unit of a system, as `read(unit=)` has it; `m` where it is not known."""
     unit = crs_units(crs)[0]
-    if unit is None or unit[1] == 1:
+    if unit is None:
         return "m"
-    return "ft" if re.search("foot|feet|ft", unit[0], re.IGNORECASE) else unit[0]
+    name, metres = unit
+    return name_of(metres) or name
+
+
+def unit_of(cloud: PointCloud) -> str:
+    """The unit of a cloud's lengths, which is that of its file's coordinate reference system."""
+    return "m" if cloud.crs is None else unit_name(cloud.crs)
 
 
 def crs_name(crs: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import inspect
 import os
@@ -83,6 +84,19 @@ def written_whole(path: Path) -> Iterator[Path]:
         os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def existing(path: Path) -> Path:
+    """The path of a file or folder that is there.
+
+    Raises
+    ------
+    FileNotFoundError
+        In the words of the system, as by the functions that open files.
+    """
+    if not path.exists():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    return path
 
 
 def path_of(argument: str, value: str | os.PathLike[str]) -> Path:

@@ -49,6 +49,19 @@ def metres_in(name: str) -> float | None:
     return None
 
 
+def name_of(metres: float) -> str | None:
+    """The unit of that length, as `UNITS` has it; `None` for another."""
+    # The two feet differ by two millionths; files round them to seven digits and more.
+    alike = (name for name, known in _METRES.items() if abs(metres / known - 1) < 5e-7)
+    return next(alike, None)
+
+
+def small_lengths(unit: str) -> tuple[float, str]:
+    """By what lengths in a unit are multiplied to be shown where they are small, and their unit
+    then: metres become millimetres."""
+    return (1000.0, "mm") if unit == "m" else (1.0, unit)
+
+
 def metres_per(unit: str) -> float:
     """Metres in a unit that the user names.
 

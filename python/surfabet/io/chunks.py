@@ -13,6 +13,7 @@ import numpy as np
 
 from surfabet._core import PointCloud
 from surfabet.errors import wrong_type
+from surfabet.io._files import existing
 from surfabet.io._packed import first_bytes, unpacked
 from surfabet.io.e57 import read_e57_chunks
 from surfabet.io.las import read_las_chunks
@@ -71,16 +72,14 @@ def chunks_of(source: Any) -> Chunks:
 def _clouds(source: Iterable[Any]) -> Iterator[PointCloud]:
     for i, cloud in enumerate(source):
         if not isinstance(cloud, PointCloud):
-            raise wrong_type(f"item {i} of source", cloud, "a PointCloud")
+            raise wrong_type(f"source[{i}]", cloud, "a PointCloud")
         yield cloud
 
 
 def _of_files(paths: list[Path]) -> Chunks:
     identity: list[list[Any]] = []
     for path in paths:
-        if not path.exists():
-            raise FileNotFoundError(f"there is no file {path}")
-        found = sorted(path.rglob("*")) if path.is_dir() else [path]
+        found = sorted(existing(path).rglob("*")) if path.is_dir() else [path]
         for file in found:
             about = file.stat()
             identity.append([str(file.resolve()), about.st_size, about.st_mtime_ns])

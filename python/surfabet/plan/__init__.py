@@ -17,7 +17,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from surfabet.errors import InvalidInputError, wrong_value
+from surfabet._checks import check_number, check_vector
+from surfabet.errors import InvalidInputError, wrong_type, wrong_value
 from surfabet.plan._draw import DRAWERS
 from surfabet.plan._faces import Face, faces_of
 from surfabet.plan._model import FloorPlan, Opening, Room, Wall
@@ -70,13 +71,17 @@ def floor_plan(
     MissingDependencyError
         Without shapely: `pip install 'surfabet[plan]'`.
     """
-    shapely_module()
-    direction = np.asarray(up, np.float64)
-    length = np.linalg.norm(direction) if direction.shape == (3,) else 0.0
-    if not (np.isfinite(length) and length > 0):
+    if not isinstance(model, PlaneModel):
+        raise wrong_type("model", model, "a PlaneModel: learn_planes makes one of a cloud")
+    direction = np.array(check_vector("up", up, "a direction of three numbers"))
+    length = np.linalg.norm(direction)
+    if not length > 0:
         raise wrong_value("up", up, "a direction of three numbers")
-    if not (np.isfinite(min_room_area) and min_room_area >= 0):
-        raise wrong_value("min_room_area", min_room_area, "0 or a positive number of square metres")
+    if level is not None:
+        check_number("level", level, "a number of metres")
+    square_metres = "0 or a positive number of square metres"
+    check_number("min_room_area", min_room_area, square_metres, least=0.0)
+    shapely_module()
     direction /= length
     planes = model.planes
     # Near zero, so that directions that differ a little do not tear map coordinates apart.

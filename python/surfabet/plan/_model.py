@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from surfabet.errors import wrong_type
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -115,6 +117,8 @@ class FloorPlan:
         """Draws rooms, walls and openings on axes of matplotlib, in coordinates of the plan."""
         from surfabet.plan._draw import draw
 
+        if not hasattr(axes, "add_patch"):
+            raise wrong_type("axes", axes, "axes of matplotlib")
         draw(axes, self)
 
     def save(self, path: str | os.PathLike[str]) -> int:

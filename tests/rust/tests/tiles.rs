@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use surfabet::patches::{Cubes, TilePlan, learn_tile, plan};
+use surfabet::patches::{Cubes, TilePlan, TileTask, learn_tile, plan};
 use surfabet::{
     AnyModel, CloudParts, DecodeOptions, Limits, Model, Part, PatchModel, PatchesOptions,
     PointCloud, Region, Silent, TiledModel,
@@ -48,6 +48,17 @@ fn plan_of(cloud: &PointCloud, options: &PatchesOptions) -> TilePlan {
     plan(cloud, [low, high], &[], Some(SIDE), 1, options, &Silent).unwrap()
 }
 
+/// The tile in a cube, of points that all weigh the same.
+fn tile(
+    cloud: &PointCloud,
+    cube: [i32; 3],
+    plan: &TilePlan,
+    options: &PatchesOptions,
+) -> Option<PatchModel> {
+    let task = TileTask { cloud, weights: None, cube, plan, options };
+    learn_tile(&task, &Silent).unwrap()
+}
+
 /// All tiles, with their cubes.
 fn tiles(
     cloud: &PointCloud,
@@ -57,9 +68,7 @@ fn tiles(
     let mut found = Vec::new();
     for i in 0..7 * 7 * 7 {
         let cube = [i % 7 - 3, i / 7 % 7 - 3, i / 49 - 3];
-        found.extend(
-            learn_tile(cloud, None, cube, plan, options, &Silent).unwrap().map(|m| (cube, m)),
-        );
+        found.extend(tile(cloud, cube, plan, options).map(|model| (cube, model)));
     }
     found
 }
@@ -104,7 +113,7 @@ fn tiles_hold_every_point_once_and_the_surface_once() {
     // One cube around everything, of the same lattice.
     let cubes = Cubes { side: 4096, offset: [2048; 3] };
     let one = TilePlan { cubes, ..plan.clone() };
-    let whole = learn_tile(&cloud, None, [-1; 3], &one, &options, &Silent).unwrap().unwrap();
+    let whole = tile(&cloud, [-1; 3], &one, &options).unwrap();
     assert_eq!(whole.n_points(), cloud.len() as u64);
     let wanted: u64 = whole
         .level_sizes()
@@ -137,7 +146,7 @@ fn points_beyond_the_margin_make_no_difference() {
         let near: Vec<usize> = (0..cloud.len()).filter(near).collect();
         assert!(near.len() < cloud.len());
         let part = cloud.select(&near).unwrap();
-        let again = learn_tile(&part, None, *cube, &plan, &options, &Silent).unwrap().unwrap();
+        let again = tile(&part, *cube, &plan, &options).unwrap();
         assert_eq!(&again, model);
     }
 }

@@ -70,5 +70,6 @@ pub use model::{
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;
 pub use tiles::{
-    AttributeRange, Cubes, MAX_DETAILS, Recipe, TilePlan, Views, learn_details, learn_tile, plan,
+    AttributeRange, Cubes, MAX_DETAILS, Recipe, TilePlan, TileTask, Views, learn_details,
+    learn_tile, plan,
 };

@@ -1,7 +1,8 @@
 //! The lengths that a search works with.
 
-use surfabet_models::Result;
+use surfabet_geom::vector::distance;
 use surfabet_models::alphabet::AlphabetModel;
+use surfabet_models::{Error, Result};
 
 use super::options::{FindOptions, Region};
 use crate::constants::{
@@ -32,7 +33,7 @@ impl Lengths {
     pub fn new(model: &AlphabetModel, example: &Region, options: &FindOptions) -> Result<Self> {
         let diagonal = example.about(model.header().origin).diagonal();
         let Some(sigma) = median_sigma(model, |center| example.contains(center)) else {
-            return Err(example.invalid("a region with occurrences of words"));
+            return Err(without_words(model, example));
         };
         let mut lengths = Self::of_size(diagonal, sigma, options);
         lengths.size_tolerance = options.size_tolerance.unwrap_or(0.0);
@@ -78,4 +79,18 @@ pub(crate) fn median_sigma(
         model.occurrences().filter(|o| is_inside(o.center)).map(|o| o.sigma).collect();
     sigmas.sort_by(f64::total_cmp);
     sigmas.get(sigmas.len() / 2).copied()
+}
+
+/// The error for a region without words, which says where the nearest are.
+fn without_words(model: &AlphabetModel, region: &Region) -> Error {
+    let middle = region.middle();
+    let centers = model.occurrences().map(|o| o.center);
+    let nearest = centers.min_by(|a, b| distance(*a, middle).total_cmp(&distance(*b, middle)));
+    let Some([x, y, z]) = nearest else {
+        return region.invalid("a region with occurrences of words, of which the model has none");
+    };
+    let away = distance([x, y, z], middle);
+    region.invalid(format!(
+        "a region with occurrences of words: the nearest is at ({x:.2}, {y:.2}, {z:.2}), {away:.2} m from its middle"
+    ))
 }

@@ -1,5 +1,7 @@
 //! The example of a search, and its options.
 
+use std::borrow::Cow;
+
 use surfabet_geom::vector::{self, minus};
 use surfabet_models::options::{Range, options};
 use surfabet_models::{Error, Result};
@@ -47,7 +49,7 @@ impl Region {
     }
 
     /// The error of a region that does not meet a requirement.
-    pub(super) fn invalid(&self, requirement: &'static str) -> Error {
+    pub(super) fn invalid(&self, requirement: impl Into<Cow<'static, str>>) -> Error {
         match self {
             Self::Box { low, high } => {
                 Error::invalid("box", format!("{low:?} to {high:?}"), requirement)
@@ -56,6 +58,14 @@ impl Region {
                 let value = format!("{center:?} with radius {radius}");
                 Error::invalid("point", value, requirement)
             }
+        }
+    }
+
+    /// The middle of the region.
+    pub(super) fn middle(&self) -> [f64; 3] {
+        match *self {
+            Self::Box { low, high } => std::array::from_fn(|a| 0.5 * (low[a] + high[a])),
+            Self::Ball { center, .. } => center,
         }
     }
 

@@ -210,7 +210,7 @@ impl LocateOptions {
         };
         if let Some(prior) = &self.prior {
             positive("radius", prior.radius, "a positive number of metres")?;
-            positive("angle", prior.angle, "a positive number of degrees")?;
+            positive("angle", prior.angle, "a positive number of radians")?;
         }
         positive("top", self.top as f64, "at least 1")
     }

@@ -7,6 +7,7 @@ value is no measurement.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,10 +19,11 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from surfabet._checks import check_flag, check_integer, check_number, real_array
 from surfabet._core import LARGEST_UNSHIFTED, PointCloud, get_num_threads
-from surfabet.errors import InvalidInputError, wrong_value
+from surfabet.errors import InvalidInputError, wrong_type, wrong_value
 from surfabet.io._columns import DEEP_COLORS, build_cloud
-from surfabet.io._files import format_error
+from surfabet.io._files import existing, format_error, path_of
 from surfabet.io._notes import HeldNotes, Notes
 from surfabet.io.rgbd import _open3d, _scannet, _seven_scenes, _tum
 from surfabet.io.rgbd._frames import Camera, Frame, Listing, check_intrinsics
@@ -134,16 +136,15 @@ def _separate(frames: Sequence[Frame], projector: Projector, tally: _Tally) -> l
     ]
 
 
-def _positive_int(name: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise wrong_value(name, value, "an integer of at least 1")
-    return int(value)
-
-
-def _positive(name: str, value: float) -> float:
-    if not (np.isfinite(value) and value > 0):
-        raise wrong_value(name, value, "a positive number")
-    return float(value)
+def _limits(depth_limits: tuple[float, float]) -> tuple[float, float]:
+    """The least and the largest depth, which may be infinite."""
+    requirement = "two ascending distances in metres"
+    limits = real_array(depth_limits)
+    if limits is None:
+        raise wrong_type("depth_limits", depth_limits, requirement)
+    if limits.shape != (2,) or not 0 <= limits[0] < limits[1]:
+        raise wrong_value("depth_limits", depth_limits, requirement)
+    return float(limits[0]), float(limits[1])
 
 
 def is_rgbd(folder: Path) -> bool:
@@ -243,16 +244,17 @@ def read_rgbd(
         Frames without a depth image, a colour image or a pose that is finite and a rotation were
         left out, or pixels outside the default limits of depth; the message counts them.
     """
-    folder = Path(path)
+    folder = existing(path_of("path", path))
     if not folder.is_dir():
-        raise FileNotFoundError(f"{folder} is not a folder")
-    frame_stride = _positive_int("frame_stride", frame_stride)
-    pixel_stride = _positive_int("pixel_stride", pixel_stride)
-    _positive("max_time_difference", max_time_difference)
-    limits = DEFAULT_DEPTH_LIMITS if depth_limits is None else depth_limits
-    if not 0 <= limits[0] < limits[1]:
-        raise wrong_value("depth_limits", depth_limits, "two ascending distances in metres")
-    scale = None if depth_scale is None else _positive("depth_scale", depth_scale)
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
+    frame_stride = check_integer("frame_stride", frame_stride, 1)
+    pixel_stride = check_integer("pixel_stride", pixel_stride, 1)
+    check_number("max_time_difference", max_time_difference, "a positive number", above=0.0)
+    check_flag("fused", fused)
+    limits = DEFAULT_DEPTH_LIMITS if depth_limits is None else _limits(depth_limits)
+    scale = depth_scale
+    if scale is not None:
+        scale = check_number("depth_scale", scale, "a positive number", above=0.0)
     listing = _find_frames(folder, max_time_difference)
     frames, lost = _usable(listing, frame_stride)
     projector = Projector(

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfabet.errors import InvalidInputError, wrong_value
+from surfabet._checks import real_array
+from surfabet.errors import InvalidInputError, wrong_type, wrong_value
 from surfabet.io._files import format_error
 
 # Rotations of tracked cameras are off by parts in ten thousand.
@@ -111,11 +112,13 @@ def check_intrinsics(given: ArrayLike) -> Camera:
 
     A negative fy, as of the ICL-NUIM renderings, is for images whose rows go up.
     """
-    values = np.asarray(given, np.float64)
+    requirement = "(fx, fy, cx, cy) in pixels or a 3 x 3 matrix, fx positive and fy not 0"
+    values = real_array(given)
+    if values is None:
+        raise wrong_type("intrinsics", given, requirement)
     if values.shape in ((3, 3), (4, 4)):
         values = values[[0, 1, 0, 1], [0, 1, 2, 2]]
     if values.shape != (4,) or not np.isfinite(values).all() or values[0] <= 0 or values[1] == 0:
-        requirement = "(fx, fy, cx, cy) in pixels or a 3 x 3 matrix, fx positive and fy not 0"
         raise wrong_value("intrinsics", np.asarray(given).tolist(), requirement)
     fx, fy, cx, cy = (float(v) for v in values)
     return Camera(fx, fy, cx, cy)

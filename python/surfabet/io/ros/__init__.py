@@ -15,6 +15,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from surfabet._checks import check_flag, check_integer, check_text
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError, wrong_value
 from surfabet.io._columns import (
@@ -25,7 +26,7 @@ from surfabet.io._columns import (
     clouds_of_parts,
     no_returns,
 )
-from surfabet.io._files import format_error
+from surfabet.io._files import existing, format_error, path_of
 from surfabet.io._notes import HeldNotes, Notes
 from surfabet.io._packed import unpacked
 from surfabet.io.ros._bags import (
@@ -68,7 +69,7 @@ def list_topics(path: str | os.PathLike[str]) -> list[Topic]:
     MissingDependencyError
         The package rosbags is not installed.
     """
-    with unpacked(Path(path)) as there, open_bag(there) as reader:
+    with unpacked(existing(path_of("path", path))) as there, open_bag(there) as reader:
         return topics_of(reader)
 
 
@@ -243,9 +244,13 @@ def read_bag(
     LostAttributeWarning
         Fields that not all messages have were left aside.
     """
-    path = Path(path)
-    if message is not None and (isinstance(message, bool) or message < 0):
-        raise wrong_value("message", message, "a number from 0")
+    path = existing(path_of("path", path))
+    check_flag("fused", fused)
+    if message is not None:
+        check_integer("message", message, 0)
+    for name, text in (("topic", topic), ("poses", poses), ("frame", frame)):
+        if text is not None:
+            check_text(name, text)
     notes = Notes(path)
     with unpacked(path) as there, open_bag(there) as reader:
         chosen = _choose_topic(path, topics_of(reader), topic)

@@ -1,8 +1,8 @@
 //! Levels of detail: whole models of a tile, each with pixels four times as large as those of the next, all of the same points.
 
-use surfabet_geom::{PointCloud, Progress};
+use surfabet_geom::Progress;
 
-use super::{Cubes, TilePlan, learn_tile};
+use super::{Cubes, TilePlan, TileTask, learn_tile};
 use crate::error::Result;
 use crate::patches::model::{Lattice, PatchModel};
 use crate::patches::options::PatchesOptions;
@@ -50,23 +50,19 @@ impl TilePlan {
     }
 }
 
-/// Learns the tile in a cube at all levels of detail, coarsest first, as [`learn_tile`] does; empty where no point lies in it.
+/// Learns a tile at all levels of detail, coarsest first, as [`learn_tile`] does; empty where no point lies in its cube.
 /// A coarser level may be missing where rounding puts the only points into the next cube.
 ///
 /// # Errors
 /// As [`learn_tile`].
 pub fn learn_details(
-    cloud: &PointCloud,
-    weights: Option<&[f32]>,
-    cube: [i32; 3],
-    plan: &TilePlan,
-    options: &PatchesOptions,
+    task: &TileTask<'_>,
     progress: &dyn Progress,
 ) -> Result<Vec<Option<PatchModel>>> {
-    plan.check()?;
-    let learned = (0..plan.details).map(|level| {
-        let (plan, options) = plan.of_detail(level, options);
-        learn_tile(cloud, weights, cube, &plan, &options, progress)
+    task.plan.check()?;
+    let learned = (0..task.plan.details).map(|level| {
+        let (plan, options) = task.plan.of_detail(level, task.options);
+        learn_tile(&TileTask { plan: &plan, options: &options, ..*task }, progress)
     });
     let learned: Vec<_> = learned.collect::<Result<_>>()?;
     Ok(if learned.last().is_some_and(Option::is_some) { learned } else { Vec::new() })

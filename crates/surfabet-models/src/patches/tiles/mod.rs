@@ -215,22 +215,27 @@ fn place(sheet: &Sheet, tile_pixels: i32) -> [i32; 3] {
     place
 }
 
-/// Learns the tile in a cube of `plan` from points among which are all within [`TilePlan::margin`] of it; `None` where no
-/// point lies in it. Points further away make no difference.
-///
-/// The tile depends on the points, their order, the plan and the options alone. `weights` are those of the points, beside what
-/// their ranges give; all are 1 without.
+/// A tile to learn: all that it depends on.
+#[derive(Debug, Clone, Copy)]
+pub struct TileTask<'a> {
+    /// Points among which are all within [`TilePlan::margin`] of the cube, in their order. Those further away make no difference.
+    pub cloud: &'a PointCloud,
+    /// Weights of the points, beside what their ranges give; all are 1 without.
+    pub weights: Option<&'a [f32]>,
+    /// The cube of the plan.
+    pub cube: [i32; 3],
+    /// What all tiles share.
+    pub plan: &'a TilePlan,
+    /// How tiles are learned.
+    pub options: &'a PatchesOptions,
+}
+
+/// Learns a tile; `None` where no point lies in its cube.
 ///
 /// # Errors
 /// As [`super::learn`]; [`Error::Inconsistent`] for a plan that no scene has, and for weights of other points.
-pub fn learn_tile(
-    cloud: &PointCloud,
-    weights: Option<&[f32]>,
-    cube: [i32; 3],
-    plan: &TilePlan,
-    options: &PatchesOptions,
-    progress: &dyn Progress,
-) -> Result<Option<PatchModel>> {
+pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option<PatchModel>> {
+    let TileTask { cloud, weights, cube, plan, options } = *task;
     options.check()?;
     plan.check()?;
     if let Some(weights) = weights.filter(|weights| weights.len() != cloud.len()) {
