@@ -2,14 +2,14 @@
 
 use super::adjacency::Adjacency;
 use super::constants::STEPS_PER_EDGE;
-use super::describe::{Observed, describe};
+use super::describe::{Known, Observed, describe};
 use super::distance;
 use super::learn::KEPT;
 use super::model::{GasHeader, GasModel, MAX_COORDINATE, MAX_EXPONENT};
 use super::network::{Graph, Grown};
 use super::options::GasOptions;
 use super::ordered::Ordered;
-use super::polish::{Polished, polish};
+use super::polish::polish;
 use crate::attribute_error::measured;
 use crate::contract::{DecodeOptions, SurfaceModel};
 use crate::error::{Error, Result};
@@ -50,19 +50,23 @@ pub(super) fn finish(
 ) -> Result<GasModel> {
     let mut trace = Vec::new();
     let mut graph = grown.graph;
+    let mut known = None;
     if options.polish() > 0 {
         let sets: Vec<(&Ordered, f64)> = observed.iter().map(|of| (of.points, of.weight)).collect();
         let polished = stages.run("polishing", |progress| {
             polish(graph.positions, &sets, options.polish(), options.max_age, progress)
         })?;
-        Polished { graph, trace } = polished;
+        known = Some((polished.nearby, polished.winners));
+        (graph, trace) = (polished.graph, polished.trace);
     }
-    let Graph { positions, edges } = graph;
-    let exponent = step_exponent(&positions, &edges, options)?;
-    let (rounded, positions) = rounded(&positions, exponent);
+    let Graph { positions: exact, edges } = graph;
+    let exponent = step_exponent(&exact, &edges, options)?;
+    let (rounded, positions) = rounded(&exact, exponent);
     let adjacency = Adjacency::new(positions.len(), &edges);
     let statistics = stages.run("describing neurons", |progress| {
-        describe(&positions, &adjacency, observed, progress)
+        let moved = largest_move(&exact, &positions);
+        let known = known.map(|(nearby, winners)| Known { nearby, winners, moved });
+        describe(&positions, &adjacency, observed, known, progress)
     })?;
     let intensities = statistics.intensities.as_ref().map(|values| {
         let values = values.iter().map(|&v| f64::from(v));
@@ -102,6 +106,11 @@ pub(super) fn finish(
     let report = model.report_mut();
     (report.attributes, report.stages) = (attributes, stages.finish());
     Ok(model)
+}
+
+/// The largest distance of two positions that follow each other, metres.
+fn largest_move(before: &[[f32; 3]], after: &[[f32; 3]]) -> f32 {
+    before.iter().zip(after).map(|(p, q)| distance(*p, *q) as f32).fold(0.0, f32::max)
 }
 
 /// Positions in steps of `2^exponent`, and as they are decoded.

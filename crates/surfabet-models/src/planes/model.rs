@@ -4,7 +4,7 @@ use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress, has_facings};
 
 use super::coding::{MAX_COORDINATE, StoredPatch};
-use super::fit::{NONE, e_step, e_step_everywhere};
+use super::fit::{NONE, supports, supports_everywhere};
 use super::learn::PlanesReport;
 use super::options::MAX_PATCHES;
 use super::patch::Patch;
@@ -289,7 +289,7 @@ pub(super) fn labels(
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
     // Which patch a point supports does not depend on S.
-    let supports = e_step(points, patches, grid_size, grid_size, None, progress)?.supports;
+    let supports = supports(points, patches, grid_size, grid_size, None, progress)?;
     Ok(points.place.iter().map(|&i| supports[i as usize]).collect())
 }
 
@@ -301,7 +301,7 @@ pub(super) fn reduced_labels(
     grid_size: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
-    let supports = e_step_everywhere(points, patches, grid_size, progress)?.supports;
+    let supports = supports_everywhere(points, patches, grid_size, progress)?;
     let label = |&i: &u32| {
         let closest = supports[i as usize];
         let patch = patches.get(closest as usize)?;

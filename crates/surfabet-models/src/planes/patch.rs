@@ -50,6 +50,19 @@ impl Frame {
     }
 }
 
+/// Largest distance of a point from a patch.
+///
+/// Tiles may be larger than the reach where points are sparse; distances beside them count in proportion:
+/// `scale = min(reach / edge, 1)`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach {
+    /// Above the plane, metres.
+    pub height: f64,
+    /// Beside the supported tiles, in the plane, metres.
+    pub beside: f64,
+    scale: f64,
+}
+
 /// A planar rectangle of tiles with the points that support it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
@@ -97,19 +110,28 @@ impl Patch {
 
     /// Distance of a point to the closest supported tile, where it is within `reach` (d(a, s) of eq. 1):
     /// `sqrt(z^2 + scale^2 beside^2)`, with the height `z` above the plane and the distance `beside` the tile in it.
-    ///
-    /// Tiles may be larger than the reach where points are sparse; distances beside them count in proportion:
-    /// `scale = min(reach / edge, 1)`.
-    #[inline]
     pub(super) fn distance(&self, p: [f32; 3], reach: f64) -> Option<f64> {
-        let [x, y, z] = self.frame.local(p);
-        if z.abs() > reach {
+        self.distance_within(p, &self.reach(reach))
+    }
+
+    /// As [`Patch::distance`].
+    #[inline]
+    pub(super) fn distance_within(&self, p: [f32; 3], reach: &Reach) -> Option<f64> {
+        let d = minus(p.map(f64::from), self.frame.center);
+        let z = dot(d, self.frame.normal);
+        if z.abs() > reach.height {
             return None;
         }
-        let scale = (reach / self.tiles.edge()).min(1.0);
-        let beside = self.tiles.squared_distance([x, y], reach / scale)?;
-        let squared = z * z + scale * scale * beside;
-        (squared <= reach * reach).then(|| squared.sqrt())
+        let at = [dot(d, self.frame.u), dot(d, self.frame.v)];
+        let beside = self.tiles.squared_distance(at, reach.beside)?;
+        let squared = z * z + reach.scale * reach.scale * beside;
+        (squared <= reach.height * reach.height).then(|| squared.sqrt())
+    }
+
+    /// How far points reach beside this patch that reach `height` above it.
+    pub(super) fn reach(&self, height: f64) -> Reach {
+        let scale = (height / self.tiles.edge()).min(1.0);
+        Reach { height, scale, beside: height / scale }
     }
 
     /// Squared distance of a point to the patch's whole rectangle.

@@ -254,6 +254,11 @@ impl Points {
         });
         Moments::of_offsets(offsets).shifted(center)
     }
+
+    /// Weight of some points, each with a share of its own.
+    pub(super) fn weight_of(&self, points: impl IntoIterator<Item = (u32, f32)>) -> f64 {
+        points.into_iter().map(|(i, share)| f64::from(share * self.weights[i as usize])).sum()
+    }
 }
 
 pub(super) fn check_weights(len: usize, weights: Option<&[f32]>) -> Result<()> {

@@ -3,6 +3,48 @@
 /// Most tiles of a patch; a larger one gets larger tiles.
 pub(super) const MAX_TILES: f64 = (1 << 24) as f64;
 
+/// Summed-area table: sums over any rectangle of tiles at once.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Sums {
+    shape: [usize; 2],
+    /// Sum of the tiles before each column and row, with a border of zeros.
+    before: Vec<u32>,
+}
+
+impl Sums {
+    /// Of the values of tiles, along the first axis first; all together are below 2^32.
+    pub fn new([nx, ny]: [usize; 2], value: impl Fn(usize) -> u32) -> Self {
+        let mut before = vec![0; (nx + 1) * (ny + 1)];
+        for y in 0..ny {
+            let mut row = 0;
+            let (above, below) = before.split_at_mut((y + 1) * (nx + 1));
+            let above = &above[y * (nx + 1) + 1..];
+            for (x, (sum, above)) in below[1..=nx].iter_mut().zip(above).enumerate() {
+                row += value(y * nx + x);
+                *sum = above + row;
+            }
+        }
+        Self { shape: [nx, ny], before }
+    }
+
+    /// Number of tiles along both axes.
+    pub fn shape(&self) -> [usize; 2] {
+        self.shape
+    }
+
+    /// The sum over columns and rows, each from the first up to the last, which is not included.
+    pub fn of(&self, [[x0, x1], [y0, y1]]: [[usize; 2]; 2]) -> u32 {
+        let sum = |x: usize, y: usize| self.before[y * (self.shape[0] + 1) + x];
+        // In this order no sum is negative.
+        (sum(x1, y1) - sum(x0, y1)) - (sum(x1, y0) - sum(x0, y0))
+    }
+
+    /// The sum over all tiles.
+    pub fn total(&self) -> usize {
+        self.before.last().map_or(0, |&n| n as usize)
+    }
+}
+
 /// A rectangle in the plane of a patch, cut into square tiles; those at its far sides are narrower, where the side of the
 /// rectangle is no multiple.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,9 +54,8 @@ pub struct Tiles {
     edge: f64,
     shape: [usize; 2],
     supported: Vec<bool>,
-    /// Summed-area table: number of supported tiles before each column and row, with a border of zeros.
-    sums: Vec<u32>,
-    n_supported: usize,
+    /// Of the supported tiles.
+    sums: Sums,
 }
 
 impl Tiles {
@@ -26,24 +67,15 @@ impl Tiles {
 
     /// As [`Tiles::new`], with the number of tiles along both axes known: a quotient may round up to one more.
     pub(super) fn of_shape(low: [f64; 2], size: [f64; 2], edge: f64, shape: [usize; 2]) -> Self {
-        let n = shape[0] * shape[1];
-        Self { low, size, edge, shape, supported: vec![false; n], sums: Vec::new(), n_supported: 0 }
+        let supported = vec![false; shape[0] * shape[1]];
+        Self { low, size, edge, shape, supported, sums: Sums::default() }
     }
 
     /// Marks the supported tiles.
     pub(super) fn support(&mut self, supported: Vec<bool>) {
         debug_assert_eq!(supported.len(), self.supported.len());
         self.supported = supported;
-        let [nx, ny] = self.shape;
-        self.sums = vec![0; (nx + 1) * (ny + 1)];
-        for y in 0..ny {
-            let mut row = 0;
-            for x in 0..nx {
-                row += u32::from(self.supported[y * nx + x]);
-                self.sums[(y + 1) * (nx + 1) + x + 1] = self.sums[y * (nx + 1) + x + 1] + row;
-            }
-        }
-        self.n_supported = self.sums.last().map_or(0, |&n| n as usize);
+        self.sums = Sums::new(self.shape, |t| u32::from(self.supported[t]));
     }
 
     /// Corner with the lowest coordinates, metres about the middle of the frame.
@@ -73,7 +105,7 @@ impl Tiles {
 
     /// Number of supported tiles.
     pub fn n_supported(&self) -> usize {
-        self.n_supported
+        self.sums.total()
     }
 
     /// Area of the supported tiles, square metres.
@@ -102,6 +134,7 @@ impl Tiles {
     }
 
     /// The tile that a position of the plane is on; the border belongs to the rectangle.
+    #[inline]
     pub(super) fn tile_at(&self, p: [f64; 2]) -> Option<usize> {
         let mut tile = [0; 2];
         for a in 0..2 {
@@ -109,7 +142,8 @@ impl Tiles {
             if !(0.0..=self.size[a]).contains(&off) {
                 return None;
             }
-            tile[a] = ((off / self.edge) as usize).min(self.shape[a] - 1);
+            // Tiles are fewer than 2^32, to which numbers are converted faster.
+            tile[a] = ((off / self.edge) as u32 as usize).min(self.shape[a] - 1);
         }
         Some(tile[1] * self.shape[0] + tile[0])
     }
@@ -130,19 +164,22 @@ impl Tiles {
 
     /// True when a supported tile touches the box from `low` to `high`, up to rounding at the far sides.
     pub(super) fn any_in(&self, low: [f64; 2], high: [f64; 2]) -> bool {
-        self.window(low, high).is_some_and(|[[x0, x1], [y0, y1]]| {
-            let sum = |x: usize, y: usize| self.sums[y * (self.shape[0] + 1) + x];
-            sum(x1 + 1, y1 + 1) + sum(x0, y0) != sum(x0, y1 + 1) + sum(x1 + 1, y0)
-        })
+        let window = self.window(low, high);
+        window.is_some_and(|[[x0, x1], [y0, y1]]| self.sums.of([[x0, x1 + 1], [y0, y1 + 1]]) > 0)
     }
 
     /// Squared distance to the closest supported tile, where this is at most `reach` away.
+    #[inline]
     pub(super) fn squared_distance(&self, p: [f64; 2], reach: f64) -> Option<f64> {
-        if let Some(t) = self.tile_at(p)
-            && self.supported[t]
-        {
-            return Some(0.0);
+        match self.tile_at(p) {
+            Some(t) if self.supported[t] => Some(0.0),
+            _ => self.squared_distance_beside(p, reach),
         }
+    }
+
+    /// The same of a position that is on no supported tile.
+    #[inline(never)]
+    fn squared_distance_beside(&self, p: [f64; 2], reach: f64) -> Option<f64> {
         let [[x0, x1], [y0, y1]] = self.window(p.map(|c| c - reach), p.map(|c| c + reach))?;
         let mut closest = f64::INFINITY;
         for y in y0..=y1 {
@@ -212,6 +249,25 @@ mod tests {
             };
             let any = (0..tiles.supported().len()).any(|t| tiles.supported()[t] && touches(t));
             assert!(tiles.any_in(low, high) || !any);
+        }
+    }
+
+    #[test]
+    fn sums_are_those_of_all_tiles_of_a_window() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        for _ in 0..100 {
+            let [nx, ny] = std::array::from_fn(|_| rng.random_range(1..8_usize));
+            let values: Vec<u32> = (0..nx * ny).map(|_| rng.random_range(0..9)).collect();
+            let sums = Sums::new([nx, ny], |t| values[t]);
+            assert_eq!(sums.total(), values.iter().sum::<u32>() as usize);
+            let window = [nx, ny].map(|n| {
+                let first = rng.random_range(0..n);
+                [first, rng.random_range(first..=n)]
+            });
+            let [xs, ys] = window.map(|[first, end]| first..end);
+            let wanted: u32 =
+                ys.flat_map(|y| xs.clone().map(move |x| y * nx + x)).map(|t| values[t]).sum();
+            assert_eq!(sums.of(window), wanted);
         }
     }
 

@@ -8,4 +8,4 @@
 mod orient;
 mod statistics;
 
-pub(super) use statistics::{Observed, Statistics, describe};
+pub(super) use statistics::{Known, Observed, Statistics, describe};

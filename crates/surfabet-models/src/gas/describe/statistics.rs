@@ -7,7 +7,7 @@ use super::orient::orient;
 use crate::error::Result;
 use crate::gas::adjacency::Adjacency;
 use crate::gas::ordered::Ordered;
-use crate::gas::winners::{Groups, Nearby};
+use crate::gas::winners::{Groups, Nearby, Winner};
 
 /// Colour of neurons of a coloured map without a colour of their own.
 const GREY: [f32; 3] = [127.0; 3];
@@ -21,6 +21,15 @@ pub(in crate::gas) struct Observed<'a> {
     /// Direction to the viewpoint of each point, or its known normal; zero where unknown.
     pub facing: Option<Vec<[f32; 3]>>,
     pub weight: f64,
+}
+
+/// What is known of the points before neurons are described.
+pub(in crate::gas) struct Known {
+    /// The neurons, and the two nearest to each point of each set, before they moved.
+    pub nearby: Nearby,
+    pub winners: Vec<Vec<[Winner; 2]>>,
+    /// By how much they moved at most, metres.
+    pub moved: f32,
 }
 
 /// Description of every neuron.
@@ -68,7 +77,7 @@ impl PointSums {
     }
 }
 
-/// Describes neurons at `positions` by the points of `sets`, of which at least one has points.
+/// Describes neurons at `positions` by the points of `sets`, of which at least one has points, and what is `known` of them.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -76,12 +85,13 @@ pub(in crate::gas) fn describe(
     positions: &[[f32; 3]],
     adjacency: &Adjacency,
     sets: &[Observed<'_>],
+    known: Option<Known>,
     progress: &dyn Progress,
 ) -> Result<Statistics> {
-    let nearby = Nearby::new(positions, progress)?;
     let mut sums = vec![PointSums::default(); positions.len()];
-    for set in sets {
-        gather(&mut sums, &nearby, set, progress)?;
+    for (winners, set) in winners(positions, sets, known, progress)?.iter().zip(sets) {
+        progress.check()?;
+        gather(&mut sums, winners, set);
     }
     progress.check()?;
     let counts: Vec<f64> = sums.iter().map(|of| of.moments.weight()).collect();
@@ -99,6 +109,24 @@ pub(in crate::gas) fn describe(
         thicknesses,
         mean_distance,
     })
+}
+
+/// For the points of each set two neurons, the first of which is the nearest.
+fn winners(
+    positions: &[[f32; 3]],
+    sets: &[Observed<'_>],
+    known: Option<Known>,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<[Winner; 2]>>> {
+    let Some(Known { mut nearby, mut winners, moved }) = known else {
+        let nearby = Nearby::new(positions, progress)?;
+        return sets.iter().map(|set| nearby.assigned(&set.points.points, progress)).collect();
+    };
+    nearby.shift(positions, moved)?;
+    for (set, winners) in sets.iter().zip(&mut winners) {
+        nearby.follow(&set.points.points, winners, moved, progress)?;
+    }
+    Ok(winners)
 }
 
 /// Unit normal of the plane through the points of each neuron and its neighbours, on the side of the sensor or that of
@@ -155,15 +183,8 @@ fn mean_intensity(sums: &[PointSums]) -> f32 {
 }
 
 /// Adds the points of a set to the sums of their nearest neurons, in the order of the points.
-fn gather(
-    sums: &mut [PointSums],
-    nearby: &Nearby,
-    set: &Observed<'_>,
-    progress: &dyn Progress,
-) -> Result<()> {
-    let winners = nearby.assigned(&set.points.points, progress)?;
-    let groups = Groups::new(sums.len(), &winners);
-    progress.check()?;
+fn gather(sums: &mut [PointSums], winners: &[[Winner; 2]], set: &Observed<'_>) {
+    let groups = Groups::new(sums.len(), winners);
     parallel::for_each_mut(sums, |i, of| {
         for m in groups.of(i) {
             of.moments.add(set.points.points[m].map(f64::from), set.weight);
@@ -182,5 +203,4 @@ fn gather(
             }
         }
     });
-    Ok(())
 }

@@ -59,6 +59,26 @@ struct Cell {
     utility: f64,
 }
 
+impl Cell {
+    /// Adds a point of the neuron at `position`; `offset` is the sum until all are added.
+    #[inline(always)]
+    fn add(&mut self, p: [f32; 3], distance: f64, weight: f64, position: [f32; 3]) {
+        self.weight += weight;
+        for a in 0..3 {
+            self.offset[a] += weight * (f64::from(p[a]) - f64::from(position[a]));
+        }
+        self.distance += weight * distance;
+    }
+
+    /// Adds the error of a point at this distance, and of the second neuron at that one.
+    #[inline(always)]
+    fn add_error(&mut self, [d1, d2]: [f64; 2], weight: f64) {
+        let error = relocate::error(d1);
+        self.error += weight * error;
+        self.utility += weight * (relocate::error(d2) - error);
+    }
+}
+
 /// The points of all samples by the neuron that they are nearest to.
 struct Cells<'a> {
     samples: &'a [Sample<'a>],
@@ -78,22 +98,20 @@ impl<'a> Cells<'a> {
         })
     }
 
-    /// The cell of neuron `i` at `position`.
-    fn cell(&self, i: usize, position: [f32; 3]) -> Cell {
+    /// The cell of neuron `i` at `position`; error and utility only if `with_errors`.
+    fn cell(&self, i: usize, position: [f32; 3], with_errors: bool) -> Cell {
         let mut cell = Cell::default();
         for (sample, groups) in self.samples.iter().zip(&self.groups) {
             let weight = sample.weight;
-            for m in groups.of(i) {
-                let (p, winners) = (sample.points[m], sample.winners[m]);
-                let [d1, d2] = winners.map(|winner| f64::from(winner.squared_distance()).sqrt());
-                cell.weight += weight;
-                for a in 0..3 {
-                    cell.offset[a] += weight * (f64::from(p[a]) - f64::from(position[a]));
+            for run in groups.runs_of(i) {
+                for &m in run {
+                    let winners = sample.winners[m as usize];
+                    let distance = |k: usize| f64::from(winners[k].squared_distance()).sqrt();
+                    cell.add(sample.points[m as usize], distance(0), weight, position);
+                    if with_errors {
+                        cell.add_error([distance(0), distance(1)], weight);
+                    }
                 }
-                cell.distance += weight * d1;
-                let error = relocate::error(d1);
-                cell.error += weight * error;
-                cell.utility += weight * (relocate::error(d2) - error);
             }
         }
         if cell.weight > 0.0 {
@@ -108,6 +126,9 @@ pub(super) struct Polished {
     pub graph: Graph,
     /// Mean distance of the points to their neurons before each round, metres.
     pub trace: Vec<f64>,
+    /// The neurons, and the two nearest to each point of each set.
+    pub nearby: Nearby,
+    pub winners: Vec<Vec<[Winner; 2]>>,
 }
 
 /// Polishes the network with neurons at `positions`, at least two, in `rounds` rounds over sets of points, each with the
@@ -149,14 +170,16 @@ pub(super) fn polish(
     }
     let cells = Cells::new(positions.len(), &samples);
     let edges = hebbian::edges(&positions, &cells, &nearby, max_age);
-    Ok(Polished { graph: Graph { positions, edges }, trace })
+    let winners = samples.into_iter().map(|sample| sample.winners).collect();
+    Ok(Polished { graph: Graph { positions, edges }, trace, nearby, winners })
 }
 
 /// Moves every neuron to the mean of its points, and with `and_relocate` some to other places. Gives the mean distance
 /// before.
 fn move_once(positions: &mut [[f32; 3]], samples: &[Sample<'_>], and_relocate: bool) -> f64 {
     let points = Cells::new(positions.len(), samples);
-    let cells: Vec<Cell> = parallel::map_range(positions.len(), |i| points.cell(i, positions[i]));
+    let cells: Vec<Cell> =
+        parallel::map_range(positions.len(), |i| points.cell(i, positions[i], and_relocate));
     for (position, cell) in positions.iter_mut().zip(&cells) {
         *position = std::array::from_fn(|a| (f64::from(position[a]) + cell.offset[a]) as f32);
     }

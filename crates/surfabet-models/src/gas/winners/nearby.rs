@@ -30,6 +30,9 @@ const SAFE: f32 = 1.0 - 1e-5;
 /// Points per unit of parallel work, some milliseconds; results do not depend on it.
 const POINTS_PER_TASK: usize = 4096;
 
+/// Points that are sorted by their neurons at a time; results do not depend on it.
+const POINTS_PER_PART: usize = 1 << 14;
+
 /// Some neurons around one, nearest first.
 #[derive(Debug, Clone)]
 struct Ring {
@@ -77,6 +80,13 @@ struct List {
 impl List {
     const EMPTY: Self = Self { rings: [Ring::EMPTY; 2], reaches: [f32::INFINITY; 2] };
 
+    /// Its own neuron, as seen from `query`.
+    fn own(&self, query: [f32; 3]) -> Winner {
+        let Ring { position, id } = &self.rings[0];
+        let d: [f32; 3] = std::array::from_fn(|axis| position[axis][0] - query[axis]);
+        Winner::new((d[0] * d[0] + d[1] * d[1]) + d[2] * d[2], id[0])
+    }
+
     /// The list of neuron `own` at `positions`, with memory for its neighbours.
     fn new(own: usize, positions: &[[f32; 3]], tree: &KdTree, near: &mut Vec<Neighbor>) -> Self {
         let mut list = Self::EMPTY;
@@ -123,6 +133,26 @@ impl Nearby {
     pub fn renew(&mut self, positions: &[[f32; 3]], progress: &dyn Progress) -> Result<()> {
         self.tree = KdTree::new(positions)?;
         self.fill(positions, progress)
+    }
+
+    /// Follows as many neurons to other positions, each at most `by` away, metres, with the same lists: what is around a neuron may now
+    /// be nearer by twice as much.
+    ///
+    /// # Errors
+    /// As the tree has them.
+    pub fn shift(&mut self, positions: &[[f32; 3]], by: f32) -> Result<()> {
+        self.tree = KdTree::new(positions)?;
+        parallel::for_each_mut(&mut self.lists, |_, list| {
+            for ring in &mut list.rings {
+                for (lane, &id) in ring.id.iter().enumerate() {
+                    if let Some(position) = positions.get(id as usize) {
+                        (0..3).for_each(|a| ring.position[a][lane] = position[a]);
+                    }
+                }
+            }
+            list.reaches = list.reaches.map(|reach| SAFE * reach - 2.0 * by);
+        });
+        Ok(())
     }
 
     /// Lists the neurons around each.
@@ -188,6 +218,33 @@ impl Nearby {
         })
     }
 
+    /// The nearest neuron to each of `points`, whose two nearest were `winners` before every neuron moved by at most `by`, metres;
+    /// the second is left as it was where the first follows without it.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
+    pub fn follow(
+        &self,
+        points: &[[f32; 3]],
+        winners: &mut [[Winner; 2]],
+        by: f32,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let chunks = points.chunks(POINTS_PER_TASK).zip(winners.chunks_mut(POINTS_PER_TASK));
+        parallel::try_for_each(chunks, |_, (points, winners)| {
+            for (&point, winners) in points.iter().zip(winners) {
+                let [d1, d2] = winners.map(|winner| winner.squared_distance().sqrt());
+                let id = winners[0].id();
+                if d1 + 2.0 * by < SAFE * d2 {
+                    winners[0] = self.lists[id as usize].own(point);
+                } else {
+                    *winners = self.two_nearest(point, id);
+                }
+            }
+            Ok(progress.check()?)
+        })
+    }
+
     /// As [`assign`](Self::assign), where nothing is known of the points yet.
     ///
     /// # Errors
@@ -227,34 +284,95 @@ impl WithSimd for Assign<'_> {
 
 /// Points by the neuron that they are nearest to.
 pub(in crate::gas) struct Groups {
+    /// Where the runs of each neuron start, and the end.
     starts: Vec<u32>,
-    order: Vec<u32>,
+    runs: Vec<Run>,
+    /// The points of each part of all points, by neuron.
+    parts: Vec<Vec<u32>>,
+}
+
+/// Points of a neuron in one part.
+#[derive(Debug, Clone, Copy, Default)]
+struct Run {
+    part: u32,
+    start: u32,
+    end: u32,
 }
 
 impl Groups {
     /// Of `n` neurons.
     pub fn new(n: usize, winners: &[[Winner; 2]]) -> Self {
+        let n_parts = winners.len().div_ceil(POINTS_PER_PART);
+        // Neighbours in the list are near each other, so that a part has points of few neurons.
+        let sorted = parallel::map_range_with(
+            n_parts,
+            || vec![0; n],
+            |places, part| {
+                let first = part * POINTS_PER_PART;
+                sorted(&winners[first..(first + POINTS_PER_PART).min(winners.len())], first, places)
+            },
+        );
         let mut starts = vec![0_u32; n + 1];
-        for of in winners {
-            starts[of[0].id() as usize + 1] += 1;
-        }
+        let ids = || sorted.iter().flat_map(|(_, ends)| ends).map(|of| of.0 as usize);
+        ids().for_each(|id| starts[id + 1] += 1);
         for i in 0..n {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut order = vec![0_u32; winners.len()];
-        for (i, of) in winners.iter().enumerate() {
-            let place = &mut next[of[0].id() as usize];
-            order[*place as usize] = i as u32;
-            *place += 1;
+        let mut runs = vec![Run::default(); starts[n] as usize];
+        for (part, (_, ends)) in (0..).zip(&sorted) {
+            let mut start = 0;
+            for &(id, end) in ends {
+                let place = &mut next[id as usize];
+                runs[*place as usize] = Run { part, start, end };
+                *place += 1;
+                start = end;
+            }
         }
-        Self { starts, order }
+        Self { starts, runs, parts: sorted.into_iter().map(|part| part.0).collect() }
+    }
+
+    /// Points of neuron `i`, ascending, in runs.
+    pub fn runs_of(&self, i: usize) -> impl Iterator<Item = &[u32]> + '_ {
+        let runs = &self.runs[self.starts[i] as usize..self.starts[i + 1] as usize];
+        runs.iter().map(|run| &self.parts[run.part as usize][run.start as usize..run.end as usize])
     }
 
     /// Points of neuron `i`, ascending.
     pub fn of(&self, i: usize) -> impl Iterator<Item = usize> + '_ {
-        self.order[self.starts[i] as usize..self.starts[i + 1] as usize].iter().map(|&p| p as usize)
+        self.runs_of(i).flatten().map(|&p| p as usize)
     }
+}
+
+/// Counting sort of the points from `first` on by their winners: their numbers, and of every neuron that has some, ascending,
+/// where they end. `places` is zero for all neurons, before and after.
+fn sorted(
+    winners: &[[Winner; 2]],
+    first: usize,
+    places: &mut [u32],
+) -> (Vec<u32>, Vec<(u32, u32)>) {
+    let mut ids = Vec::new();
+    for of in winners {
+        let place = &mut places[of[0].id() as usize];
+        if *place == 0 {
+            ids.push(of[0].id());
+        }
+        *place += 1;
+    }
+    ids.sort_unstable();
+    let mut end = 0;
+    for &id in &ids {
+        let place = &mut places[id as usize];
+        end += std::mem::replace(place, end);
+    }
+    let mut order = vec![0; winners.len()];
+    for (point, of) in (first as u32..).zip(winners) {
+        let place = &mut places[of[0].id() as usize];
+        order[*place as usize] = point;
+        *place += 1;
+    }
+    let ends = ids.into_iter().map(|id| (id, std::mem::take(&mut places[id as usize]))).collect();
+    (order, ends)
 }
 
 #[cfg(test)]
@@ -287,6 +405,18 @@ mod tests {
             }
             let points: Vec<[f32; 3]> = queries.iter().map(|q| q.0).collect();
             let winners = nearby.assigned(&points, &Silent).unwrap();
+            // Neurons that moved by less than a hundredth along each axis.
+            let moved: Vec<[f32; 3]> = neurons
+                .iter()
+                .map(|p| std::array::from_fn(|a| p[a] + 0.01 * (91.7 * p[(a + 1) % 3]).sin()))
+                .collect();
+            let mut shifted = Nearby::new(&neurons, &Silent).unwrap();
+            shifted.shift(&moved, 0.018).unwrap();
+            let found = Nearby::new(&moved, &Silent).unwrap().assigned(&points, &Silent).unwrap();
+            prop_assert_eq!(&shifted.assigned(&points, &Silent).unwrap(), &found);
+            let mut followed = winners.clone();
+            shifted.follow(&points, &mut followed, 0.018, &Silent).unwrap();
+            prop_assert!(followed.iter().zip(&found).all(|(a, b)| a[0] == b[0]));
             let groups = Groups::new(neurons.len(), &winners);
             let mut seen = 0;
             for id in 0..neurons.len() {

@@ -18,51 +18,13 @@ use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::grouped::Grouped;
+use super::responsibilities::{Chunk, Responsibilities, in_chunks};
 use crate::error::Result;
-use crate::planes::patch::Patch;
+use crate::planes::patch::{Patch, Reach};
 use crate::planes::points::Points;
 
 /// Stands for no patch.
 pub(in crate::planes) const NONE: u32 = u32::MAX;
-
-/// Blocks of points per unit of parallel work.
-const CHUNK: usize = 64;
-
-/// The probabilities p_ij that are not zero, by patch, and the patch that each point supports.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Responsibilities {
-    /// Point and probability; points ascending for each patch.
-    entries: Grouped<(u32, f32)>,
-    /// For each distinct point the patch with the largest probability.
-    pub(in crate::planes) supports: Vec<u32>,
-    /// Distance to that patch, metres; zero for points that support none.
-    pub(super) distances: Vec<f32>,
-}
-
-impl Responsibilities {
-    /// The points with a probability above zero for a patch, and this probability p_ij.
-    pub fn of(&self, patch: usize) -> &[(u32, f32)] {
-        self.entries.of(patch)
-    }
-
-    /// Mean distance of the points that support a patch, and the share of all points that do.
-    pub(super) fn fit(&self) -> (f64, f64) {
-        let near = self.supports.iter().filter(|&&s| s != NONE).count();
-        let sum: f64 = self.distances.iter().map(|&d| f64::from(d)).sum();
-        (sum / near.max(1) as f64, near as f64 / self.supports.len().max(1) as f64)
-    }
-
-    /// The support sets of `n` patches, points ascending: `S(s_j) = {a_i : p_ij = max_k p_ik}`.
-    pub(super) fn support_sets(&self, n: usize) -> Vec<Vec<u32>> {
-        let mut sets = vec![Vec::new(); n];
-        for (i, &s) in self.supports.iter().enumerate() {
-            if s != NONE {
-                sets[s as usize].push(i as u32);
-            }
-        }
-        sets
-    }
-}
 
 /// S = G / sqrt(-2 ln W), metres (eq. 2): the standard deviation that gives a point at distance `grid_size` (G) the
 /// weight W.
@@ -83,20 +45,52 @@ pub fn e_step(
     factors: Option<&[f64]>,
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
+    let chunks = weighed(points, patches, grid_size, s, factors, progress)?;
+    Ok(Responsibilities::new(patches.len(), chunks))
+}
+
+/// For each distinct point the patch with the largest probability, by [`e_step`], or [`NONE`].
+pub(in crate::planes) fn supports(
+    points: &Points,
+    patches: &[Patch],
+    grid_size: f64,
+    s: f64,
+    factors: Option<&[f64]>,
+    progress: &dyn Progress,
+) -> Result<Vec<u32>> {
+    Ok(joined(&weighed(points, patches, grid_size, s, factors, progress)?))
+}
+
+/// As [`supports`], by [`e_step_everywhere`].
+pub(in crate::planes) fn supports_everywhere(
+    points: &Points,
+    patches: &[Patch],
+    s: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<u32>> {
+    Ok(joined(&weighed_everywhere(points, patches, s, progress)?))
+}
+
+/// The patches that points support, of all chunks.
+fn joined(chunks: &[Chunk]) -> Vec<u32> {
+    let supports: Vec<&[u32]> = chunks.iter().map(|chunk| &chunk.supports[..]).collect();
+    supports.concat()
+}
+
+/// [`e_step`] by point.
+fn weighed(
+    points: &Points,
+    patches: &[Patch],
+    grid_size: f64,
+    s: f64,
+    factors: Option<&[f64]>,
+    progress: &dyn Progress,
+) -> Result<Vec<Chunk>> {
     let mixture = Mixture::new(patches, grid_size, s, factors);
     let near = candidates(points, patches, &mixture.reach);
-    let n_blocks = points.n_blocks();
-    let chunks = parallel::try_map_range(n_blocks.div_ceil(CHUNK), |c| -> Result<Weighed> {
-        progress.check()?;
-        let mut weighed = Weighed::default();
-        for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
-            for i in points.block(b) {
-                mixture.weigh(points, i, near.of(b), &mut weighed);
-            }
-        }
-        Ok(weighed)
-    })?;
-    Ok(by_patch(patches.len(), &chunks))
+    in_chunks(points, progress, |b, costs, chunk| {
+        points.block(b).for_each(|i| mixture.weigh(points, i, near.of(b), costs, chunk));
+    })
 }
 
 /// Probabilities of all points for all patches, however far, and no mixing weights: eq. 1 as printed; `s` is S. Those that
@@ -104,75 +98,70 @@ pub fn e_step(
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`] when the caller asks to stop.
-pub(in crate::planes) fn e_step_everywhere(
+pub(super) fn e_step_everywhere(
     points: &Points,
     patches: &[Patch],
     s: f64,
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
-    let n_blocks = points.n_blocks();
-    let chunks = parallel::try_map_range(n_blocks.div_ceil(CHUNK), |c| -> Result<Weighed> {
-        let mut weighed = Weighed::default();
-        for b in c * CHUNK..((c + 1) * CHUNK).min(n_blocks) {
-            progress.check()?;
-            for i in points.block(b) {
-                weigh_all(points.positions[i], i as u32, patches, s, &mut weighed);
-            }
-        }
-        Ok(weighed)
-    })?;
-    Ok(by_patch(patches.len(), &chunks))
+    let chunks = weighed_everywhere(points, patches, s, progress)?;
+    Ok(Responsibilities::new(patches.len(), chunks))
+}
+
+/// [`e_step_everywhere`] by point.
+fn weighed_everywhere(
+    points: &Points,
+    patches: &[Patch],
+    s: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<Chunk>> {
+    in_chunks(points, progress, |b, costs, chunk| {
+        let positions = &points.positions[points.block(b)];
+        positions.iter().for_each(|&p| weigh_all(p, patches, s, costs, chunk));
+    })
 }
 
 /// p_ij of a point for all patches, and the closest.
-fn weigh_all(p: [f32; 3], i: u32, patches: &[Patch], s: f64, to: &mut Weighed) {
+fn weigh_all(p: [f32; 3], patches: &[Patch], s: f64, costs: &mut Costs, to: &mut Chunk) {
     // The rectangle of a patch is never further than its supported tiles.
     let mut order: Vec<(f64, u32)> = (0..).zip(patches).map(|(j, q)| (q.least(p), j)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     // Beyond this above the least squared distance, exp(-d^2 / 2 S^2) is below the rounding of a sum of one.
     let margin = 2.0 * s * s * -f64::EPSILON.ln();
     let mut closest = (f64::INFINITY, NONE);
-    to.costs.clear();
+    costs.clear();
     for (least, j) in order {
         if least > closest.0 + margin {
             break;
         }
         let reach = if closest.1 == NONE { f64::INFINITY } else { (closest.0 + margin).sqrt() };
         let Some(squared) = patches[j as usize].squared_distance(p, reach) else { continue };
-        to.costs.push((j, squared));
+        costs.push((j, squared));
         if squared < closest.0 {
             closest = (squared, j);
         }
     }
     let weight = |squared: f64| ((closest.0 - squared) / (2.0 * s * s)).exp();
-    let sum: f64 = to.costs.iter().map(|c| weight(c.1)).sum();
-    let share = |&(j, squared): &(u32, f64)| (j, i, (weight(squared) / sum) as f32);
-    to.entries.extend(to.costs.iter().map(share));
-    to.supports.push(closest.1);
-    to.distances.push(if closest.1 == NONE { 0.0 } else { closest.0.sqrt() as f32 });
+    let sum: f64 = costs.iter().map(|c| weight(c.1)).sum();
+    let share = |&(j, squared): &(u32, f64)| (j, (weight(squared) / sum) as f32);
+    to.entries.extend(costs.iter().map(share));
+    let distance = if closest.1 == NONE { 0.0 } else { closest.0.sqrt() };
+    to.end_point(closest.1, distance);
 }
 
 /// The right side of eq. 1.
 struct Mixture<'a> {
     patches: &'a [Patch],
     /// Largest distance of a point from each patch.
-    reach: Vec<f64>,
+    reach: Vec<Reach>,
     /// 1 / (2 f_j^2 S^2) for each patch.
     exponent: Vec<f64>,
     /// ln w_j / f_j for each patch.
     prior: Vec<f64>,
 }
 
-/// What a chunk of blocks gives, in the order of its points.
-#[derive(Default)]
-struct Weighed {
-    /// Patch, point, probability.
-    entries: Vec<(u32, u32, f32)>,
-    supports: Vec<u32>,
-    distances: Vec<f32>,
-    /// Patch and -ln p_ij of the point at hand, up to a constant.
-    costs: Vec<(u32, f64)>,
-}
+/// Patches and `-ln p_ij` of the point at hand, up to a constant.
+type Costs = Vec<(u32, f64)>;
 
 impl<'a> Mixture<'a> {
     fn new(patches: &'a [Patch], grid_size: f64, s: f64, factors: Option<&[f64]>) -> Self {
@@ -183,55 +172,46 @@ impl<'a> Mixture<'a> {
         let each = || patches.iter().enumerate();
         Self {
             patches,
-            reach: each().map(|(j, _)| grid_size * factor(j).max(1.0)).collect(),
+            reach: each().map(|(j, p)| p.reach(grid_size * factor(j).max(1.0))).collect(),
             exponent: each().map(|(j, _)| 0.5 / (factor(j) * s).powi(2)).collect(),
             prior: each().map(|(j, p)| (density(p) / factor(j)).ln()).collect(),
         }
     }
 
     /// p_ij of point `i` for the patches `near` it, and the patch with the largest.
-    fn weigh(&self, points: &Points, i: usize, near: &[u32], to: &mut Weighed) {
-        to.costs.clear();
+    fn weigh(&self, points: &Points, i: usize, near: &[u32], costs: &mut Costs, to: &mut Chunk) {
+        costs.clear();
         let mut closest = (f64::INFINITY, NONE, 0.0);
         for &j in near {
             let patch = &self.patches[j as usize];
-            let Some(d) = patch.distance(points.positions[i], self.reach[j as usize]) else {
-                continue;
-            };
+            let reach = &self.reach[j as usize];
+            let Some(d) = patch.distance_within(points.positions[i], reach) else { continue };
             if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
                 continue;
             }
             let cost = self.exponent[j as usize] * d * d - self.prior[j as usize];
-            to.costs.push((j, cost));
+            costs.push((j, cost));
             // Of several the first.
             if cost < closest.0 {
                 closest = (cost, j, d);
             }
         }
-        // The least cost is subtracted first, so that a point far from all patches still counts for one.
-        let weight = |cost: f64| (closest.0 - cost).exp();
-        let sum: f64 = to.costs.iter().map(|c| weight(c.1)).sum();
-        let share = |&(j, cost): &(u32, f64)| (j, i as u32, (weight(cost) / sum) as f32);
-        to.entries.extend(to.costs.iter().map(share));
-        to.supports.push(closest.1);
-        to.distances.push(closest.2 as f32);
-    }
-}
-
-/// The probabilities of all points sorted by patch; points stay in their order.
-fn by_patch(n: usize, chunks: &[Weighed]) -> Responsibilities {
-    let all = || chunks.iter().flat_map(|c| &c.entries).map(|&(j, i, p)| (j, (i, p)));
-    Responsibilities {
-        entries: Grouped::new(n, all),
-        supports: chunks.iter().flat_map(|c| &c.supports).copied().collect(),
-        distances: chunks.iter().flat_map(|c| &c.distances).copied().collect(),
+        if let [(j, _)] = costs[..] {
+            to.entries.push((j, 1.0));
+        } else {
+            // The least cost is subtracted first, so that a point far from all patches still counts for one.
+            costs.iter_mut().for_each(|c| c.1 = (closest.0 - c.1).exp());
+            let sum: f64 = costs.iter().map(|c| c.1).sum();
+            to.entries.extend(costs.iter().map(|&(j, weight)| (j, (weight / sum) as f32)));
+        }
+        to.end_point(closest.1, closest.2);
     }
 }
 
 /// For each block the patches of which a supported tile may be within its `reach` of a point.
-fn candidates(points: &Points, patches: &[Patch], reach: &[f64]) -> Grouped<u32> {
+fn candidates(points: &Points, patches: &[Patch], reach: &[Reach]) -> Grouped<u32> {
     let blocks: Vec<Vec<u32>> =
-        parallel::map_range(patches.len(), |j| patches[j].blocks(points, reach[j]));
+        parallel::map_range(patches.len(), |j| patches[j].blocks(points, reach[j].height));
     let all = || (0..).zip(&blocks).flat_map(|(j, blocks)| blocks.iter().map(move |&b| (b, j)));
     Grouped::new(points.n_blocks(), all)
 }
@@ -268,6 +248,7 @@ mod tests {
         }
         let (g, s) = (0.2, 0.07);
         let found = e_step(&points, &patches, g, s, None, &Silent).unwrap();
+        let supports = supports(&points, &patches, g, s, None, &Silent).unwrap();
         let mut wanted: Vec<Vec<(u32, f64)>> = vec![Vec::new(); patches.len()];
         for (i, &p) in points.positions.iter().enumerate() {
             let weights: Vec<(usize, f64)> = patches
@@ -284,9 +265,19 @@ mod tests {
             }
             let best =
                 weights.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(NONE, |b| b.0 as u32);
-            assert_eq!(found.supports[i], best);
+            assert_eq!(supports[i], best);
         }
         assert!(wanted.iter().map(Vec::len).sum::<usize>() > 500);
+        // The same by point, and the support sets.
+        for (j, set) in found.support_sets().iter().enumerate() {
+            let by_point = (0..points.len()).flat_map(|i| {
+                let own = found.of_point(i).iter().filter(move |e| e.0 as usize == j);
+                own.map(move |e| (i as u32, e.1))
+            });
+            assert!(by_point.eq(found.of(j).iter().copied()));
+            let members = (0..points.len() as u32).filter(|&i| supports[i as usize] == j as u32);
+            assert!(members.eq(set.iter().copied()));
+        }
         for (j, wanted) in wanted.iter().enumerate() {
             let of = found.of(j);
             assert_eq!(of.len(), wanted.len());

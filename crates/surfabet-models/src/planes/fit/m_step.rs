@@ -7,13 +7,14 @@
 //! M_j = sum_i p_ij (a_i - c_j) (a_i - c_j)^T
 //! ```
 
-use surfabet_base::parallel;
 use surfabet_geom::Moments;
 
-use super::e_step::Responsibilities;
+use super::largest_first::largest_first;
+use super::responsibilities::Responsibilities;
 use crate::planes::constants::CLEAR_SHARE;
-use crate::planes::patch::{Frame, Patch};
+use crate::planes::patch::{Frame, Patch, Reach};
 use crate::planes::points::Points;
+use crate::vector::{dot, minus};
 
 /// The plane through `c_j` whose normal is the eigenvector of the smallest eigenvalue of `M_j`; `None` for points on a
 /// line or at one place.
@@ -37,11 +38,16 @@ pub fn m_step(
     patches: &[Patch],
     responsibilities: &Responsibilities,
 ) -> Vec<Option<Regression>> {
-    parallel::map_range(patches.len(), |j| {
+    let size = |&j: &usize| responsibilities.of(j).len();
+    largest_first(0..patches.len(), size, |j| {
         let entries = responsibilities.of(j).iter().copied();
-        let moments = points.moments_about(patches[j].frame.center, entries);
-        Some(Regression { frame: plane(&moments)?, moments })
+        regression(points.moments_about(patches[j].frame.center, entries))
     })
+}
+
+/// The plane of points with these moments; `None` where they span none.
+fn regression(moments: Moments) -> Option<Regression> {
+    Some(Regression { frame: plane(&moments)?, moments })
 }
 
 /// As [`m_step`], without points whose foot on the plane is within `margin` of another of the patches, as long as
@@ -62,21 +68,87 @@ pub(super) fn clear_m_step(
         neighbors[a as usize].push(b);
         neighbors[b as usize].push(a);
     }
-    parallel::map_range(patches.len(), |j| {
+    let size = |&j: &usize| responsibilities.of(j).len();
+    largest_first(0..patches.len(), size, |j| {
         let patch = &patches[j];
+        let beside: Vec<(&Patch, Reach, [[f64; 2]; 2])> = neighbors[j]
+            .iter()
+            .map(|&k| {
+                let other = &patches[k as usize];
+                let reach = other.reach(margin);
+                (other, reach, seen_in(&patch.frame, other, &reach))
+            })
+            .collect();
         let clear = |i: u32| {
             let [x, y, _] = patch.frame.local(points.positions[i as usize]);
             let foot = patch.frame.at([x, y]).map(|c| c as f32);
-            let near = |&k: &u32| patches[k as usize].distance(foot, margin).is_some();
-            !neighbors[j].iter().any(near)
+            let within = |[x0, x1]: [f64; 2], x: f64| x0 <= x && x <= x1;
+            let near = |(other, reach, [xs, ys]): &(&Patch, Reach, [[f64; 2]; 2])| {
+                within(*xs, x) && within(*ys, y) && other.distance_within(foot, reach).is_some()
+            };
+            !beside.iter().any(near)
         };
-        let all = responsibilities.of(j).iter().copied();
-        let chosen: Vec<(u32, f32)> = all.clone().filter(|&(i, _)| clear(i)).collect();
+        let all = || responsibilities.of(j).iter().copied();
         let center = patch.frame.center;
-        let whole = points.moments_about(center, all);
-        let moments = points.moments_about(center, chosen);
-        let enough = moments.weight() >= CLEAR_SHARE * whole.weight();
-        let moments = if enough { moments } else { whole };
-        Some(Regression { frame: plane(&moments)?, moments })
+        let moments = points.moments_about(center, all().filter(|&(i, _)| clear(i)));
+        if moments.weight() >= CLEAR_SHARE * points.weight_of(all()) {
+            regression(moments)
+        } else {
+            regression(points.moments_about(center, all()))
+        }
     })
+}
+
+/// The box along the axes of `frame` around all points of its plane within `reach` of a patch.
+fn seen_in(frame: &Frame, patch: &Patch, reach: &Reach) -> [[f64; 2]; 2] {
+    let [low, size] = [patch.tiles.low(), patch.tiles.size()];
+    let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
+        .map(|at: [f64; 2]| patch.frame.at(std::array::from_fn(|a| low[a] + at[a] * size[a])));
+    let reach = reach.height.max(reach.beside);
+    let far = corners.iter().flatten().fold(reach, |far, c| far.max(c.abs()));
+    // They are rounded to single precision.
+    let reach = reach + 4.0 * f64::from(f32::EPSILON) * far;
+    let [u, v] =
+        [frame.u, frame.v].map(|axis| corners.map(|corner| dot(minus(corner, frame.center), axis)));
+    [u, v].map(|along| {
+        let low = along.into_iter().fold(f64::INFINITY, f64::min);
+        let high = along.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        [low - reach, high + reach]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::planes::tiles::Tiles;
+    use crate::vector::unit;
+
+    #[test]
+    fn what_is_near_a_patch_is_in_its_box() {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let mut vector =
+            |size: f64| -> [f64; 3] { std::array::from_fn(|_| rng.random_range(-size..size)) };
+        let mut near = 0;
+        for round in 0..300 {
+            let [frame, other] = [0, 1].map(|_| Frame::with_normal(vector(0.3), unit(vector(1.0))));
+            let edge = if round % 2 == 0 { 0.1 } else { 0.4 };
+            let mut tiles = Tiles::new([-0.4, -0.2], [1.0, 0.7], edge);
+            tiles.support(vec![true; tiles.supported().len()]);
+            let patch = Patch::bare(other, tiles);
+            let reach = patch.reach(0.2);
+            let [xs, ys] = seen_in(&frame, &patch, &reach);
+            for _ in 0..50 {
+                let [x, y, _] = vector(1.5);
+                let foot = frame.at([x, y]).map(|c| c as f32);
+                if patch.distance(foot, 0.2).is_some() {
+                    near += 1;
+                    assert!(xs[0] <= x && x <= xs[1] && ys[0] <= y && y <= ys[1]);
+                }
+            }
+        }
+        assert!(near > 500);
+    }
 }

@@ -4,11 +4,13 @@ mod e_step;
 mod grid_size;
 mod grouped;
 mod incidence;
+mod largest_first;
 mod likelihood;
 mod m_step;
 mod merge;
 mod published;
 mod removal;
+mod responsibilities;
 mod seed;
 mod split;
 mod surface;
@@ -17,10 +19,12 @@ mod trim;
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
-pub(super) use self::e_step::{NONE, e_step, e_step_everywhere};
-pub use self::e_step::{Responsibilities, weight_scale};
+use self::e_step::e_step;
+pub use self::e_step::weight_scale;
+pub(super) use self::e_step::{NONE, supports, supports_everywhere};
 use self::grid_size::deviation;
 use self::incidence::Incidence;
+use self::largest_first::largest_first;
 use self::likelihood::{Limits, refine};
 pub use self::m_step::Regression;
 pub(super) use self::m_step::plane;
@@ -28,6 +32,7 @@ use self::m_step::{clear_m_step, m_step};
 use self::merge::{Part, Rule, close_pairs, merge};
 pub(super) use self::published::PublishedFit;
 use self::removal::{removals, superfluous};
+pub use self::responsibilities::Responsibilities;
 pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
 use self::surface::probabilities;
@@ -222,11 +227,20 @@ impl<'a> Fit<'a> {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn e_step(&self, progress: &dyn Progress) -> Result<Responsibilities> {
-        // Where G is bounded from below, S still follows from the distances as they are.
-        let own = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.grid_size * LEAST_SCALE);
-        let s = weight_scale(own.min(self.grid_size), self.options.weight_at_grid_size);
-        let factors = self.noise_factors();
+        let (s, factors) = (self.weight_scale(), self.noise_factors());
         e_step(self.points, &self.patches, self.grid_size, s, Some(&factors), progress)
+    }
+
+    /// The patch that each point supports.
+    fn supports(&self, progress: &dyn Progress) -> Result<Vec<u32>> {
+        let (s, factors) = (self.weight_scale(), self.noise_factors());
+        supports(self.points, &self.patches, self.grid_size, s, Some(&factors), progress)
+    }
+
+    /// The scale S of the weights. Where G is bounded from below, it still follows from the distances as they are.
+    fn weight_scale(&self) -> f64 {
+        let own = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.grid_size * LEAST_SCALE);
+        weight_scale(own.min(self.grid_size), self.options.weight_at_grid_size)
     }
 
     /// By how much the noise of each patch is above the median, for the angle at which it was seen.
@@ -242,13 +256,15 @@ impl<'a> Fit<'a> {
 
     /// Trims new planes to patches, with the grid size that their distances give (sections II-A and II-E).
     pub fn trim(&mut self, planes: &[Option<Regression>], responsibilities: &Responsibilities) {
-        let sets = responsibilities.support_sets(planes.len());
+        let sets = responsibilities.support_sets();
         self.deviation = deviation(planes);
         self.grid_size = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.smallest_grid_size);
         let (points, size) = (self.points, self.grid_size);
-        let trimmed = parallel::map_range(planes.len(), |j| {
-            trim(points, planes[j].as_ref()?.frame, &sets[j], size)
-        });
+        let trimmed = largest_first(
+            0..planes.len(),
+            |&j| sets[j].len(),
+            |j| trim(points, planes[j].as_ref()?.frame, &sets[j], size),
+        );
         self.patches = trimmed.into_iter().flatten().collect();
     }
 
@@ -265,7 +281,7 @@ impl<'a> Fit<'a> {
             merge: self.merge_rule(),
         };
         let patches = std::mem::take(&mut self.patches);
-        let parts = parallel::map_owned(patches, |patch| -> Result<Vec<Patch>> {
+        let parts = largest_first(patches, Patch::n_supporting, |patch| -> Result<Vec<Patch>> {
             progress.check()?;
             Ok(split(points, patch, &rule))
         });
@@ -306,9 +322,8 @@ impl<'a> Fit<'a> {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn add_patches(&mut self, coarser: u32, progress: &dyn Progress) -> Result<usize> {
-        let supports = self.e_step(progress)?.supports;
         let free: Vec<u32> =
-            (0..).zip(&supports).filter(|(_, s)| **s == NONE).map(|f| f.0).collect();
+            (0..).zip(self.supports(progress)?).filter(|f| f.1 == NONE).map(|f| f.0).collect();
         let added = seed::from_data(
             self.points,
             &free,
@@ -369,6 +384,9 @@ impl<'a> Fit<'a> {
             min_points: self.min_points,
         };
         let fitted = refine(self.points, &self.patches, limits, progress)?;
+        if fitted.is_empty() {
+            return Ok(());
+        }
         let near: Vec<Vec<u32>> = fitted.iter().map(|f| self.support_of(&f.replaced)).collect();
         let mut replaced = vec![false; self.patches.len()];
         fitted.iter().flat_map(|f| &f.replaced).for_each(|&j| replaced[j as usize] = true);
@@ -380,12 +398,12 @@ impl<'a> Fit<'a> {
                 self.patches.push(patch);
             }
         }
-        let supports = self.e_step(progress)?.support_sets(self.patches.len());
+        let last = self.e_step(progress)?;
+        let sets = last.support_sets();
         let (points, size) = (self.points, self.grid_size);
         let bare = self.patches.split_off(n_kept);
-        let trimmed = parallel::map_range(bare.len(), |j| {
-            trim_to(points, &bare[j], &supports[n_kept + j], size)
-        });
+        let trimmed =
+            parallel::map_range(bare.len(), |j| trim_to(points, &bare[j], &sets[n_kept + j], size));
         self.patches.extend(trimmed.into_iter().flatten());
         Ok(())
     }

@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
-use super::e_step::Responsibilities;
-use super::grouped::Grouped;
+use super::largest_first::largest_first;
+use super::responsibilities::Responsibilities;
 use crate::error::Result;
 use crate::planes::constants::{OUTLIER_COST, REMOVED_GAIN, REMOVED_PARAMETERS};
 
@@ -57,14 +57,15 @@ pub(super) fn removals(
     n: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<Removal>> {
-    let of_patch = |j: u32| last.of(j as usize).iter().map(move |&(i, p)| (i, (j, p)));
-    let of_point = Grouped::new(last.supports.len(), || (0..n as u32).flat_map(of_patch));
-    let mass = |j: usize| last.of(j).iter().map(|e| f64::from(e.1)).sum();
-    let mass: Vec<f64> = (0..n).map(mass).collect();
-    parallel::try_map_range(n, |j| {
+    let mass: Vec<f64> =
+        parallel::map_range(n, |j| last.of(j).iter().map(|e| f64::from(e.1)).sum());
+    let size = |&j: &usize| last.of(j).len();
+    largest_first(0..n, size, |j| -> Result<Removal> {
         progress.check()?;
-        Ok(removal(last, &of_point, &mass, j as u32))
+        Ok(removal(last, &mass, j as u32))
     })
+    .into_iter()
+    .collect()
 }
 
 /// The patches that the others explain as well, ascending; of neighbours only the one that costs least.
@@ -87,15 +88,12 @@ pub(super) fn superfluous(removals: &[Removal]) -> Vec<u32> {
 }
 
 /// What comes of removing patch `j`.
-fn removal(
-    last: &Responsibilities,
-    of_point: &Grouped<(u32, f32)>,
-    mass: &[f64],
-    j: u32,
-) -> Removal {
+fn removal(last: &Responsibilities, mass: &[f64], j: u32) -> Removal {
     let outlier = (-OUTLIER_COST).exp();
     let own = last.of(j as usize);
-    let others = |i: u32| of_point.of(i as usize).iter().filter(|e| e.0 != j);
+    // Most points are on no other patch.
+    let is_shared = |i: u32| last.of_point(i as usize).len() > 1;
+    let others = |i: u32| last.of_point(i as usize).iter().filter(|e| e.0 != j);
     // For each other patch moved_k, and the sum of its p_ik over the points of this one.
     let mut shared: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
     for &(i, p) in own {
@@ -113,9 +111,14 @@ fn removal(
     for (k, [_, sum]) in &shared {
         gain += (mass[*k as usize] - sum).max(0.0) * grown[k].ln();
     }
+    let alone = outlier.ln();
     for &(i, p) in own {
-        let explained: f64 = others(i).map(|(k, q)| f64::from(*q) * grown[k]).sum();
-        gain += (explained + outlier * f64::from(p)).max(f64::MIN_POSITIVE).ln();
+        if is_shared(i) {
+            let explained: f64 = others(i).map(|(k, q)| f64::from(*q) * grown[k]).sum();
+            gain += (explained + outlier * f64::from(p)).max(f64::MIN_POSITIVE).ln();
+        } else {
+            gain += alone;
+        }
     }
     Removal { loss: -gain, mass: mass[j as usize], neighbors: shared.into_keys().collect() }
 }

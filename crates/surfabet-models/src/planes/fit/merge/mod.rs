@@ -4,12 +4,12 @@ mod agglomerate;
 mod close_pairs;
 mod rule;
 
-use surfabet_base::parallel;
 use surfabet_geom::{Moments, Progress};
 
 pub(super) use self::agglomerate::agglomerate;
 pub(super) use self::close_pairs::{close_pairs, expanded};
 pub(super) use self::rule::{Part, Rule};
+use super::largest_first::largest_first;
 use super::m_step::plane;
 use super::trim::trim;
 use crate::error::Result;
@@ -32,7 +32,8 @@ pub(super) fn merge(
     for (patch, &to) in patches.into_iter().zip(&into) {
         groups[to as usize].push(patch);
     }
-    let merged = parallel::map_owned(groups, |mut group| {
+    let size = |group: &Vec<Patch>| group.iter().map(Patch::n_supporting).sum();
+    let merged = largest_first(groups, size, |mut group| {
         if group.len() < 2 {
             return group.pop();
         }

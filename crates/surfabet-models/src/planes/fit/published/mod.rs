@@ -13,8 +13,9 @@ use surfabet_geom::Progress;
 use self::merge::merge;
 use self::split::split;
 use self::trim::trim;
-use super::e_step::{Responsibilities, e_step_everywhere, weight_scale};
+use super::e_step::{e_step_everywhere, weight_scale};
 use super::m_step::m_step;
+use super::responsibilities::Responsibilities;
 use super::seed::random;
 use super::{Iteration, Trace, stable};
 use crate::error::Result;
@@ -46,8 +47,8 @@ impl<'a> PublishedFit<'a> {
         let n = if asked > 0 { asked } else { PUBLISHED_PATCHES };
         let patches = random(points, n, options.random_state);
         let mut fit = Self { points, options, patches, grid_size: 0.0 };
-        let distances = e_step_everywhere(points, &fit.patches, 1.0, progress)?.distances;
-        fit.grid_size = fit.of_distances(distances.into_iter().map(f64::from));
+        let start = e_step_everywhere(points, &fit.patches, 1.0, progress)?;
+        fit.grid_size = fit.of_distances(start.distances());
         Ok(fit)
     }
 
@@ -105,8 +106,8 @@ impl<'a> PublishedFit<'a> {
             let s = weight_scale(self.grid_size, self.options.weight_at_grid_size);
             last = e_step_everywhere(points, &self.patches, s, progress)?;
             let planes = m_step(points, &self.patches, &last);
-            let sets = last.support_sets(planes.len());
-            let heights = planes.iter().zip(&sets).flat_map(|(plane, set)| {
+            let sets = last.support_sets();
+            let heights = planes.iter().zip(sets).flat_map(|(plane, set)| {
                 let frame = plane.as_ref().map(|p| p.frame);
                 let of = move |&i: &u32| frame.map(|f| f.local(points.positions[i as usize])[2]);
                 set.iter().filter_map(of)
@@ -115,7 +116,7 @@ impl<'a> PublishedFit<'a> {
             let grid_size = self.grid_size;
             let trimmed = planes
                 .iter()
-                .zip(&sets)
+                .zip(sets)
                 .filter_map(|(plane, set)| trim(points, plane.as_ref()?.frame, set, grid_size));
             self.patches = trimmed.collect();
         }

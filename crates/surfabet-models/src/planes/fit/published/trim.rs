@@ -1,6 +1,6 @@
 //! Trimming as printed (section II-A): along the principal axes, tiles of side G, T over all tiles.
 
-use crate::planes::fit::trim::{bounds, count, supported_patch, to_principal};
+use crate::planes::fit::trim::{Members, count, supported_patch, to_principal};
 use crate::planes::patch::{Frame, Patch};
 use crate::planes::points::Points;
 use crate::planes::tiles::{MAX_TILES, Tiles};
@@ -10,18 +10,16 @@ pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -
     if set.len() < 3 {
         return None;
     }
-    let mut local: Vec<[f64; 3]> =
-        set.iter().map(|&i| frame.local(points.positions[i as usize])).collect();
-    let frame = to_principal(frame, &mut local);
-    let (low, size) = bounds(&local);
+    let mut members = Members::new(points, &frame, set);
+    let (frame, (low, size)) = to_principal(frame, &mut members);
     let mut edge = grid_size;
     while (size[0] / edge + 1.0) * (size[1] / edge + 1.0) > MAX_TILES {
         edge *= 2.0;
     }
     let mut tiles = Tiles::new(low, size, edge);
-    let counts = count(&tiles, &local, grid_size);
+    let counts = count(&tiles, &members.local, grid_size);
     tiles.support(supported(&counts));
-    supported_patch(points, frame, tiles, set, &local, grid_size)
+    supported_patch(points, frame, tiles, set, &members, grid_size)
 }
 
 /// Tiles with more points than `T = mean(c) - 2 std(c)` over all tiles, and with one at least: T is negative where points

@@ -64,9 +64,16 @@ fn within(points: &Points, all: &[u32], [first, last]: [u32; 2], rule: &Rule) ->
         if members.len() < CELL_POINTS {
             continue;
         }
+        let whole = Spanned::of(points, &members, level);
         let mut rest = Vec::new();
-        for side in sides(points, &members, level) {
-            match flat_cell(points, &side, level, rule) {
+        for side in sides(points, &members, whole.as_ref()) {
+            // Mostly all were seen from one side.
+            let spanned = match side.len() {
+                n if n == members.len() => whole.clone(),
+                ..CELL_POINTS => None,
+                _ => Spanned::of(points, &side, level),
+            };
+            match spanned.and_then(|spanned| flat_cell(points, &side, level, &spanned, rule)) {
                 Some(part) => found.push(FlatCell::new(points, side, level, part)),
                 None => rest.extend(side),
             }
@@ -83,23 +90,39 @@ fn within(points: &Points, all: &[u32], [first, last]: [u32; 2], rule: &Rule) ->
     found
 }
 
-/// The points of a cell by the side of its plane that they were seen from; all where that is unknown.
-fn sides(points: &Points, members: &[u32], level: u32) -> Vec<Vec<u32>> {
-    if points.facing.is_some()
-        && let Some((frame, _)) = spanned(&moments_of(points, members), points.side(level))
-    {
-        return points.sides(members, frame.normal).into();
-    }
-    vec![members.to_vec()]
+/// Points of a cell that fill more than a line of it.
+#[derive(Clone)]
+struct Spanned {
+    moments: Moments,
+    /// Their plane, and their standard deviation from it.
+    frame: Frame,
+    deviation: f64,
 }
 
-/// The points of a cell, or of one side of it, if there are enough and they are flat up to the noise.
-fn flat_cell(points: &Points, members: &[u32], level: u32, rule: &Rule) -> Option<Part> {
-    if members.len() < CELL_POINTS {
-        return None;
+impl Spanned {
+    fn of(points: &Points, members: &[u32], level: u32) -> Option<Self> {
+        let moments = moments_of(points, members);
+        let (frame, deviation) = spanned(&moments, points.side(level))?;
+        Some(Self { moments, frame, deviation })
     }
-    let moments = moments_of(points, members);
-    let (frame, deviation) = spanned(&moments, points.side(level))?;
+}
+
+/// The points of a cell by the side of its plane that they were seen from; all where that is unknown.
+fn sides(points: &Points, members: &[u32], whole: Option<&Spanned>) -> Vec<Vec<u32>> {
+    match whole {
+        Some(whole) if points.facing.is_some() => points.sides(members, whole.frame.normal).into(),
+        _ => vec![members.to_vec()],
+    }
+}
+
+/// The points of a cell, or of one side of it, if they are flat up to the noise.
+fn flat_cell(
+    points: &Points,
+    members: &[u32],
+    level: u32,
+    &Spanned { moments, frame, deviation }: &Spanned,
+    rule: &Rule,
+) -> Option<Part> {
     let facing = facing(points, members).unwrap_or_default();
     let part = Part { n: members.len(), moments, frame, facing, noise: deviation * deviation };
     let noise = rule.deviation * part.noise_factor(&frame, rule.incidence);

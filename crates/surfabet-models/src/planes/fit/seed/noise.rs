@@ -47,13 +47,19 @@ fn deviations(points: &Points, cell: Range<usize>, side: f64) -> Vec<(f64, f64, 
     if points.facing.is_none() {
         return vec![(deviation, 1.0, moments.weight())];
     }
+    let n = cell.len();
     let members: Vec<u32> = cell.map(|i| i as u32).collect();
     let sides = points.sides(&members, frame.normal).into_iter().filter(|s| !s.is_empty());
     sides
         .map(|members| {
-            let moments = moments_of(points, &members);
-            let weight = moments.weight();
-            let Some((frame, deviation)) = spanned(&moments, side) else {
+            // Mostly all were seen from one side.
+            let (weight, spanned) = if members.len() == n {
+                (moments.weight(), Some((frame, deviation)))
+            } else {
+                let moments = moments_of(points, &members);
+                (moments.weight(), spanned(&moments, side))
+            };
+            let Some((frame, deviation)) = spanned else {
                 return (f64::INFINITY, 1.0, weight);
             };
             let seen = facing(points, &members).unwrap_or_default();

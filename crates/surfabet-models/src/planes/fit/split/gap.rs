@@ -15,7 +15,8 @@ pub(super) fn at_gap(points: &Points, patch: &Patch, rule: &SplitRule) -> Option
     let local = flat(points, patch, &patch.support);
     let weights = weights(points, patch, &local);
     let steps = if points.line_spacing.is_some() { 1.0 } else { BIN_STEPS };
-    let of = |&d: &[f64; 2]| emptiest(patch, &local, &weights, d, [rule.threshold, steps]);
+    let weights = weights.as_deref();
+    let of = |&d: &[f64; 2]| emptiest(patch, &local, weights, d, [rule.threshold, steps]);
     let gaps = DIRECTIONS.iter().filter_map(of);
     let (_, cut) = gaps.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let sides = cut.sides(&patch.support, &local, rule.min_points)?;
@@ -24,16 +25,14 @@ pub(super) fn at_gap(points: &Points, patch: &Patch, rule: &SplitRule) -> Option
     Some([left?, right?])
 }
 
-/// By how much each point counts: one, or on scan lines in tiles larger than G its share of the points of its tile. Bins
-/// then count tiles with points: a line that falls between two bins is no gap.
-fn weights(points: &Points, patch: &Patch, local: &[[f64; 2]]) -> Vec<f64> {
-    if points.line_spacing.is_none() {
-        return vec![1.0; local.len()];
-    }
+/// By how much each point counts on scan lines, `None` for one each elsewhere: in tiles larger than G its share of the points of its
+/// tile. Bins then count tiles with points: a line that falls between two bins is no gap.
+fn weights(points: &Points, patch: &Patch, local: &[[f64; 2]]) -> Option<Vec<f64>> {
+    points.line_spacing?;
     let tiles: Vec<Option<usize>> = local.iter().map(|&p| patch.tiles.tile_at(p)).collect();
     let mut counts = vec![0_u32; patch.tiles.supported().len()];
     tiles.iter().flatten().for_each(|&t| counts[t] += 1);
-    tiles.iter().map(|tile| tile.map_or(0.0, |t| f64::from(counts[t]).recip())).collect()
+    Some(tiles.iter().map(|tile| tile.map_or(0.0, |t| f64::from(counts[t]).recip())).collect())
 }
 
 /// The emptiest bin across a direction, if it is empty enough: its points as a share of the mean, and the cut through
@@ -50,23 +49,23 @@ fn weights(points: &Points, patch: &Patch, local: &[[f64; 2]]) -> Vec<f64> {
 fn emptiest(
     patch: &Patch,
     local: &[[f64; 2]],
-    weights: &[f64],
+    weights: Option<&[f64]>,
     direction: [f64; 2],
     [threshold, steps]: [f64; 2],
 ) -> Option<(f64, Cut)> {
     let bins = Bins::new(patch, direction)?;
     let parts = steps as usize;
-    // Sums before each part of a bin.
-    let (mut counts, mut weighed) = (vec![0.0; bins.n * parts + 1], vec![0.0; bins.n * parts + 1]);
-    for (&p, weight) in local.iter().zip(weights) {
-        let part = bins.part_of(p, parts);
-        counts[part + 1] += 1.0;
-        weighed[part + 1] += weight;
-    }
-    for part in 1..counts.len() {
-        counts[part] += counts[part - 1];
-        weighed[part] += weighed[part - 1];
-    }
+    let mut counts = vec![0_u32; bins.n * parts];
+    local.iter().for_each(|&p| counts[bins.part_of(p, parts)] += 1);
+    let counts = before(counts.into_iter().map(f64::from));
+    let weighed = weights.map(|weights| {
+        let mut sums = vec![0.0; bins.n * parts];
+        for (&p, weight) in local.iter().zip(weights) {
+            sums[bins.part_of(p, parts)] += weight;
+        }
+        before(sums)
+    });
+    let weighed = weighed.as_ref().unwrap_or(&counts);
     let of = |sums: &[f64], first: usize| sums[first + parts] - sums[first];
     let inner: Vec<(usize, f64)> = (parts..=(bins.n - 2) * parts)
         .map(|first| (first, bins.share_at(first as f64 / steps)))
@@ -74,10 +73,10 @@ fn emptiest(
         .collect();
     let lengths: f64 = inner.iter().map(|(_, s)| s).sum();
     let mean = |sums: &[f64]| inner.iter().map(|&(b, _)| of(sums, b)).sum::<f64>() / lengths;
-    let (mean, expected) = (mean(&weighed), mean(&counts));
+    let (mean, expected) = (mean(weighed), mean(&counts));
     let (first, ratio, expected) = inner
         .iter()
-        .map(|&(b, s)| (b, of(&weighed, b) / (mean * s), expected * s))
+        .map(|&(b, s)| (b, of(weighed, b) / (mean * s), expected * s))
         .min_by(|a, b| a.1.total_cmp(&b.1))?;
     let chance = of(&counts, first) > expected - GAP_DEVIATIONS * expected.sqrt();
     if ratio.is_nan() || ratio >= threshold || chance {
@@ -85,4 +84,13 @@ fn emptiest(
     }
     let at = bins.edge_at(first as f64 / steps + 0.5);
     Some((ratio, Cut { direction, at }))
+}
+
+/// Sums before each of some values, and of all.
+fn before(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let add = |sum: &mut f64, value: f64| {
+        *sum += value;
+        Some(*sum)
+    };
+    std::iter::once(0.0).chain(values.into_iter().scan(0.0, add)).collect()
 }

@@ -5,8 +5,8 @@ mod support;
 
 use surfabet_geom::Moments;
 
+pub(super) use self::rectangle::to_principal;
 use self::rectangle::turned;
-pub(super) use self::rectangle::{bounds, to_principal};
 pub(super) use self::support::count;
 use self::support::{Scatter, in_cube, supported, tiled};
 use crate::planes::patch::{Frame, Patch};
@@ -14,25 +14,69 @@ use crate::planes::points::Points;
 use crate::planes::tiles::Tiles;
 use crate::vector::{dot, minus};
 
+/// Points as a plane sees them.
+pub(super) struct Members {
+    /// Coordinates in the plane, and height above it.
+    pub local: Vec<[f64; 3]>,
+    /// Sum of the coordinates in the plane.
+    sum: [f64; 2],
+    pub moments: Moments,
+    /// Sum of the unit vectors to where they were seen from; `None` where that is unknown.
+    pub facing: Option<[f64; 3]>,
+}
+
+impl Members {
+    /// The points of `set`, which are read once.
+    pub fn new(points: &Points, frame: &Frame, set: &[u32]) -> Self {
+        let mut local = Vec::with_capacity(set.len());
+        let mut sum = [0.0; 2];
+        let mut facing = points.facing.as_ref().map(|_| [0.0; 3]);
+        let moments = points.moments_about(
+            frame.center,
+            set.iter().map(|&i| {
+                let [x, y, z] = frame.local(points.positions[i as usize]);
+                local.push([x, y, z]);
+                sum = [sum[0] + x, sum[1] + y];
+                if let (Some(sum), Some(of)) = (&mut facing, &points.facing) {
+                    (0..3).for_each(|a| sum[a] += f64::from(of[i as usize][a]));
+                }
+                (i, 1.0)
+            }),
+        );
+        Self { local, sum, moments, facing }
+    }
+
+    /// As the same plane sees them from its other side.
+    fn flip(&mut self) {
+        self.local.iter_mut().for_each(|p| *p = [p[0], -p[1], -p[2]]);
+        self.sum[1] = -self.sum[1];
+    }
+}
+
 /// Trims a plane to the patch that the points of `set` support, with tiles of side `grid_size` (G) or a power of two
 /// more. `None` when no tile is supported.
-pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -> Option<Patch> {
+pub(super) fn trim(
+    points: &Points,
+    mut frame: Frame,
+    set: &[u32],
+    grid_size: f64,
+) -> Option<Patch> {
     if set.len() < 3 {
         return None;
     }
-    let facing = facing(points, set);
-    let seen = facing.map_or(0.0, |f| dot(f, frame.normal));
-    let frame = if seen < 0.0 { frame.flipped() } else { frame };
-    let mut local: Vec<[f64; 3]> =
-        set.iter().map(|&i| frame.local(points.positions[i as usize])).collect();
-    let frame = turned(frame, &mut local);
+    let mut members = Members::new(points, &frame, set);
+    if members.facing.is_some_and(|facing| dot(facing, frame.normal) < 0.0) {
+        frame = frame.flipped();
+        members.flip();
+    }
+    let (frame, bounds) = turned(frame, &mut members);
     let on_lines = points.line_spacing.is_some();
-    let (mut tiles, counts) = tiled(&local, grid_size, on_lines);
+    let (mut tiles, counts) = tiled(&members.local, bounds, grid_size, on_lines);
     // Noise carries no points over the edges of tiles that are large beside it.
     let rims = !(on_lines && tiles.edge() > grid_size);
     let supported = supported(&tiles, &counts, rims);
     tiles.support(supported);
-    supported_patch(points, frame, tiles, set, &local, grid_size)
+    supported_patch(points, frame, tiles, set, &members, grid_size)
 }
 
 /// As [`trim`], with the plane and the rectangle of `patch` as they are.
@@ -46,13 +90,12 @@ pub(super) fn trim_to(
         return None;
     }
     let frame = patch.frame;
-    let local: Vec<[f64; 3]> =
-        set.iter().map(|&i| frame.local(points.positions[i as usize])).collect();
+    let members = Members::new(points, &frame, set);
     let mut tiles = Tiles::new(patch.tiles.low(), patch.tiles.size(), grid_size);
-    let counts = count(&tiles, &local, grid_size);
+    let counts = count(&tiles, &members.local, grid_size);
     let supported = supported(&tiles, &counts, false);
     tiles.support(supported);
-    supported_patch(points, frame, tiles, set, &local, grid_size)
+    supported_patch(points, frame, tiles, set, &members, grid_size)
 }
 
 /// The patch of a plane, tiles and the points that support it; `None` when no tile is supported.
@@ -61,15 +104,15 @@ pub(super) fn supported_patch(
     frame: Frame,
     tiles: Tiles,
     set: &[u32],
-    local: &[[f64; 3]],
+    members: &Members,
     grid_size: f64,
 ) -> Option<Patch> {
     if tiles.n_supported() == 0 {
         return None;
     }
-    let mut support = Vec::new();
+    let mut support = Vec::with_capacity(set.len());
     let mut scatter = Scatter::new(tiles.supported().len());
-    for (&i, p) in set.iter().zip(local) {
+    for (&i, p) in set.iter().zip(&members.local) {
         let tile = tiles.tile_at([p[0], p[1]]);
         if let Some(t) = tile.filter(|&t| tiles.supported()[t]) {
             scatter.add(t, f64::from(points.weights[i as usize]), p[2]);
@@ -78,17 +121,16 @@ pub(super) fn supported_patch(
             }
         }
     }
-    let moments = points.moments_about(frame.center, set.iter().map(|&i| (i, 1.0)));
     let density = set.len() as f64 / tiles.area();
     Some(Patch {
         frame,
         tiles,
         density,
-        standard_deviation: mean_square(&moments, &frame).sqrt(),
+        standard_deviation: mean_square(&members.moments, &frame).sqrt(),
         support,
         whole: set.to_vec(),
-        moments,
-        facing: facing(points, set).unwrap_or_default(),
+        moments: members.moments,
+        facing: members.facing.unwrap_or_default(),
         noise: scatter.within(),
     })
 }
