@@ -12,6 +12,7 @@
 //! | `fit/seed` | patches to start from and to add: random, or where cells are flat | II-B, III |
 //! | `patch`, `tiles` | a plane, a rectangle, supported tiles and the distance to them | II-A, figure 1 |
 //! | `fit/e_step` | probabilities of points for patches within reach | II-A, eq. 1 and 2 |
+//! | `fit/responsibilities` | these by point and by patch, and the support sets | II-A |
 //! | `fit/incidence` | noise by the angle at which a surface was seen | added |
 //! | `fit/m_step` | weighted orthogonal regression | II-A |
 //! | `fit/grid_size` | the grid size G | II-E |

@@ -87,7 +87,7 @@ fn weighed(
     progress: &dyn Progress,
 ) -> Result<Vec<Chunk>> {
     let mixture = Mixture::new(patches, grid_size, s, factors);
-    let near = candidates(points, patches, &mixture.reach);
+    let near = mixture.candidates(points);
     in_chunks(points, progress, |b, costs, chunk| {
         points.block(b).for_each(|i| mixture.weigh(points, i, near.of(b), costs, chunk));
     })
@@ -151,13 +151,18 @@ fn weigh_all(p: [f32; 3], patches: &[Patch], s: f64, costs: &mut Costs, to: &mut
 
 /// The right side of eq. 1.
 struct Mixture<'a> {
-    patches: &'a [Patch],
-    /// Largest distance of a point from each patch.
-    reach: Vec<Reach>,
-    /// 1 / (2 f_j^2 S^2) for each patch.
-    exponent: Vec<f64>,
-    /// ln w_j / f_j for each patch.
-    prior: Vec<f64>,
+    terms: Vec<Term<'a>>,
+}
+
+/// What a patch adds to it.
+struct Term<'a> {
+    patch: &'a Patch,
+    /// Largest distance of a point.
+    reach: Reach,
+    /// 1 / (2 f_j^2 S^2).
+    exponent: f64,
+    /// ln w_j / f_j.
+    prior: f64,
 }
 
 /// Patches and `-ln p_ij` of the point at hand, up to a constant.
@@ -165,31 +170,33 @@ type Costs = Vec<(u32, f64)>;
 
 impl<'a> Mixture<'a> {
     fn new(patches: &'a [Patch], grid_size: f64, s: f64, factors: Option<&[f64]>) -> Self {
-        let factor = |j: usize| factors.map_or(1.0, |f| f[j]);
         // Patches placed at random have no points yet: all w_j are 1 then.
         let known = patches.iter().all(|p| p.density > 0.0);
-        let density = |p: &Patch| if known { p.density } else { 1.0 };
-        let each = || patches.iter().enumerate();
-        Self {
-            patches,
-            reach: each().map(|(j, p)| p.reach(grid_size * factor(j).max(1.0))).collect(),
-            exponent: each().map(|(j, _)| 0.5 / (factor(j) * s).powi(2)).collect(),
-            prior: each().map(|(j, p)| (density(p) / factor(j)).ln()).collect(),
-        }
+        let term = |(j, patch): (usize, &'a Patch)| {
+            let factor = factors.map_or(1.0, |f| f[j]);
+            let density = if known { patch.density } else { 1.0 };
+            Term {
+                patch,
+                reach: patch.reach(grid_size * factor.max(1.0)),
+                exponent: 0.5 / (factor * s).powi(2),
+                prior: (density / factor).ln(),
+            }
+        };
+        Self { terms: patches.iter().enumerate().map(term).collect() }
     }
 
     /// p_ij of point `i` for the patches `near` it, and the patch with the largest.
     fn weigh(&self, points: &Points, i: usize, near: &[u32], costs: &mut Costs, to: &mut Chunk) {
         costs.clear();
         let mut closest = (f64::INFINITY, NONE, 0.0);
+        let position = points.positions[i];
         for &j in near {
-            let patch = &self.patches[j as usize];
-            let reach = &self.reach[j as usize];
-            let Some(d) = patch.distance_within(points.positions[i], reach) else { continue };
+            let Term { patch, reach, exponent, prior } = &self.terms[j as usize];
+            let Some(d) = patch.distance_within(position, reach) else { continue };
             if points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i])) {
                 continue;
             }
-            let cost = self.exponent[j as usize] * d * d - self.prior[j as usize];
+            let cost = exponent * d * d - prior;
             costs.push((j, cost));
             // Of several the first.
             if cost < closest.0 {
@@ -206,14 +213,14 @@ impl<'a> Mixture<'a> {
         }
         to.end_point(closest.1, closest.2);
     }
-}
 
-/// For each block the patches of which a supported tile may be within its `reach` of a point.
-fn candidates(points: &Points, patches: &[Patch], reach: &[Reach]) -> Grouped<u32> {
-    let blocks: Vec<Vec<u32>> =
-        parallel::map_range(patches.len(), |j| patches[j].blocks(points, reach[j].height));
-    let all = || (0..).zip(&blocks).flat_map(|(j, blocks)| blocks.iter().map(move |&b| (b, j)));
-    Grouped::new(points.n_blocks(), all)
+    /// For each block the patches of which a supported tile may be within reach of a point.
+    fn candidates(&self, points: &Points) -> Grouped<u32> {
+        let of = |term: &Term<'_>| term.patch.blocks(points, term.reach.height);
+        let blocks: Vec<Vec<u32>> = parallel::map(&self.terms, of);
+        let all = || (0..).zip(&blocks).flat_map(|(j, blocks)| blocks.iter().map(move |&b| (b, j)));
+        Grouped::new(points.n_blocks(), all)
+    }
 }
 
 #[cfg(test)]

@@ -145,7 +145,7 @@ mod tests {
                 let foot = frame.at([x, y]).map(|c| c as f32);
                 if patch.distance(foot, 0.2).is_some() {
                     near += 1;
-                    assert!(xs[0] <= x && x <= xs[1] && ys[0] <= y && y <= ys[1]);
+                    assert!((xs[0]..=xs[1]).contains(&x) && (ys[0]..=ys[1]).contains(&y));
                 }
             }
         }

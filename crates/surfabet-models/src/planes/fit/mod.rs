@@ -37,7 +37,7 @@ pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
 use self::surface::probabilities;
 pub(super) use self::trim::mean_square;
-use self::trim::{facing, trim, trim_to};
+use self::trim::{facing, outline, trim, trim_to};
 use super::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE,
     LEAST_PATCH_POINTS, LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
@@ -214,10 +214,11 @@ impl<'a> Fit<'a> {
     /// [`crate::Error::Cancelled`].
     pub fn em(&mut self, progress: &dyn Progress) -> Result<Responsibilities> {
         let mut last = Responsibilities::default();
-        for _ in 0..self.options.em_steps {
+        let steps = self.options.em_steps;
+        for step in 1..=steps {
             last = self.e_step(progress)?;
             let planes = self.m_step(&last);
-            self.trim(&planes, &last);
+            self.trim_by(if step < steps { outline } else { trim }, &planes, &last);
         }
         Ok(last)
     }
@@ -256,6 +257,16 @@ impl<'a> Fit<'a> {
 
     /// Trims new planes to patches, with the grid size that their distances give (sections II-A and II-E).
     pub fn trim(&mut self, planes: &[Option<Regression>], responsibilities: &Responsibilities) {
+        self.trim_by(trim, planes, responsibilities);
+    }
+
+    /// [`Fit::trim`] by [`trim`] or by [`outline`].
+    fn trim_by(
+        &mut self,
+        trim: fn(&Points, Frame, &[u32], f64) -> Option<Patch>,
+        planes: &[Option<Regression>],
+        responsibilities: &Responsibilities,
+    ) {
         let sets = responsibilities.support_sets();
         self.deviation = deviation(planes);
         self.grid_size = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.smallest_grid_size);
@@ -345,12 +356,12 @@ impl<'a> Fit<'a> {
         self.patches.retain(|p| p.n_supporting() >= self.min_points);
         self.keep_surfaces(progress)?;
         self.em(progress)?;
-        for _ in 0..CLEAR_PASSES {
+        for pass in 1..=CLEAR_PASSES {
             let last = self.e_step(progress)?;
             let pairs = close_pairs(&self.patches, self.grid_size, true);
             let margin = CLEAR_SIGMAS * self.deviation.min(self.grid_size / SIGMAS_PER_GRID_SIZE);
             let planes = clear_m_step(self.points, &self.patches, &pairs, &last, margin);
-            self.trim(&planes, &last);
+            self.trim_by(if pass < CLEAR_PASSES { outline } else { trim }, &planes, &last);
         }
         self.fit_together(progress)?;
         self.patches.retain(|p| p.n_supporting() >= self.min_points);

@@ -55,12 +55,29 @@ impl Members {
 
 /// Trims a plane to the patch that the points of `set` support, with tiles of side `grid_size` (G) or a power of two
 /// more. `None` when no tile is supported.
-pub(super) fn trim(
+pub(super) fn trim(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -> Option<Patch> {
+    let (frame, tiles, members) = outlined(points, frame, set, grid_size)?;
+    supported_patch(points, frame, tiles, set, &members, grid_size)
+}
+
+/// As [`trim`], for another E-step: of its points only their number and their sides, neither S^r nor how they spread.
+pub(super) fn outline(points: &Points, frame: Frame, set: &[u32], grid_size: f64) -> Option<Patch> {
+    let (frame, tiles, members) = outlined(points, frame, set, grid_size)?;
+    (tiles.n_supported() > 0).then(|| Patch {
+        density: set.len() as f64 / tiles.area(),
+        whole: set.to_vec(),
+        facing: members.facing.unwrap_or_default(),
+        ..Patch::bare(frame, tiles)
+    })
+}
+
+/// The frame along the rectangle of the points of `set` in a plane, its tiles, and the points as it sees them; `None` for too few.
+fn outlined(
     points: &Points,
     mut frame: Frame,
     set: &[u32],
     grid_size: f64,
-) -> Option<Patch> {
+) -> Option<(Frame, Tiles, Members)> {
     if set.len() < 3 {
         return None;
     }
@@ -76,7 +93,7 @@ pub(super) fn trim(
     let rims = !(on_lines && tiles.edge() > grid_size);
     let supported = supported(&tiles, &counts, rims);
     tiles.support(supported);
-    supported_patch(points, frame, tiles, set, &members, grid_size)
+    Some((frame, tiles, members))
 }
 
 /// As [`trim`], with the plane and the rectangle of `patch` as they are.

@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn larger_tiles_hold_what_is_counted_in_them() {
-        let local = points(|x, _| x < 0.7 || x > 1.3);
+        let local = points(|x, _| !(0.7..1.3).contains(&x));
         let mut tiles = Tiles::new([0.0; 2], [3.0, 1.7], 0.013);
         let mut counts = count(&tiles, &local, 0.02);
         for doubling in 1..=5 {
