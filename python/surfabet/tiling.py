@@ -247,10 +247,12 @@ def learn_patches_tiled(
             "path", str(path), "another file than the source, which would be replaced"
         )
     if tile is not None:
-        check_number("tile", tile, "a positive number of metres", above=0.0)
-    check_integer("details", details, 1, 3)
-    _check_memory(max_memory)
-    _check_workers(executor, workers)
+        tile = check_number("tile", tile, "a positive number of metres", above=0.0)
+    details = check_integer("details", details, 1, 3)
+    max_memory = _checked_memory(max_memory)
+    workers = check_integer("workers", workers, 1)
+    if executor is not None and not isinstance(executor, Executor):
+        raise wrong_type("executor", executor, "a concurrent.futures.Executor")
     note = checked_note(note)
     folder = Path(f"{path}.work") if work is None else path_of("work", work)
     chunks = chunks_of(source)
@@ -278,15 +280,10 @@ def _check_recurrence(options: Mapping[str, Any]) -> None:
         raise wrong_value("recurrence", True, requirement)
 
 
-def _check_memory(max_memory: int) -> None:
-    if check_integer("max_memory", max_memory, 0) < BASE_MEMORY:
+def _checked_memory(max_memory: int) -> int:
+    if (found := check_integer("max_memory", max_memory, 0)) < BASE_MEMORY:
         raise wrong_value("max_memory", max_memory, f"a number of bytes, {BASE_MEMORY} or more")
-
-
-def _check_workers(executor: Executor | None, workers: int) -> None:
-    if executor is not None and not isinstance(executor, Executor):
-        raise wrong_type("executor", executor, "a concurrent.futures.Executor")
-    check_integer("workers", workers, 1)
+    return found
 
 
 def _identity(

@@ -97,3 +97,13 @@ def test_an_example_without_words_says_where_words_are() -> None:
         with pytest.raises(sb.InvalidInputError) as caught:
             words.find(**given)
         assert caught.value.argument == argument
+
+
+def test_numbers_of_numpy_are_numbers(model: sb.PatchModel, tmp_path: Path) -> None:
+    again = model.decode(np.float32(0.25), normals=np.bool_(True), max_points=np.int64(1_000_000))
+    plain = model.decode(0.25, normals=True, max_points=1_000_000)
+    np.testing.assert_array_equal(again.points, plain.points)
+    report = sb.learn_patches_tiled(
+        CLOUD, tmp_path / "a.sfb", tile=np.float32(4), details=np.int64(1), workers=np.uint8(1)
+    )
+    assert report.n_tiles >= 1
