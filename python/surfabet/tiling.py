@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import threading
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -242,7 +242,7 @@ def learn_patches_tiled(
         raise wrong_value(
             "path", str(path), "another file than the source, which would be replaced"
         )
-    _check_memory(max_memory)
+    check_memory(max_memory)
     _check_details(details)
     chunks = chunks_of(source)
     identity = _identity(chunks, (tile, details), max_memory, workers, options)
@@ -270,7 +270,7 @@ def _check_recurrence(options: Mapping[str, Any]) -> None:
         raise wrong_value("recurrence", True, requirement)
 
 
-def _check_memory(max_memory: int) -> None:
+def check_memory(max_memory: int) -> None:
     if not isinstance(max_memory, int) or isinstance(max_memory, bool) or max_memory < BASE_MEMORY:
         raise wrong_value("max_memory", max_memory, f"a number of bytes, {BASE_MEMORY} or more")
 
@@ -344,8 +344,19 @@ def _spilled(
     """All points on disk: those that are there already, or else from the source."""
     if Spill.is_finished(folder):
         return Spill.open(folder)
+    return spilled(chunks, folder, tile, options.get("attributes"), tell)
+
+
+def spilled(
+    chunks: Chunks,
+    folder: Path,
+    tile: float | None,
+    attributes: Sequence[str] | None,
+    tell: ProgressCallback,
+) -> Spill:
+    """All points of a source on disk, with the attributes that are to be kept."""
     with counted() as dropped:
-        writer = _written_points(chunks, folder, tile, options, tell)
+        writer = _written_points(chunks, folder, tile, attributes, tell)
     writer.dropped = dropped.n
     return writer.finish()
 
@@ -354,11 +365,10 @@ def _written_points(
     chunks: Chunks,
     folder: Path,
     tile: float | None,
-    options: Mapping[str, Any],
+    named: Sequence[str] | None,
     tell: ProgressCallback,
 ) -> SpillWriter:
     """All points of the source on disk."""
-    named = options.get("attributes")
     writer: SpillWriter | None = None
     n_read = 0
     try:
@@ -395,7 +405,7 @@ def _planned(
     tell: ProgressCallback,
 ) -> tuple[dict[str, Any], list[TileJob], int]:
     """What all tiles share, the tiles, and the number of points that are far from all others."""
-    bricks, left_out = _scene(spill, bool(options.get("keep_outliers", False)))
+    bricks, left_out = scene_of(spill, bool(options.get("keep_outliers", False)))
     known = folder / "plan.json"
     if known.exists():
         plan = json.loads(known.read_text())
@@ -407,12 +417,12 @@ def _planned(
         _write_json(known, plan)
     jobs = [
         TileJob(str(folder), cube, tuple(members), plan, dict(options))
-        for cube, members in sorted(_members(spill, bricks, plan).items())
+        for cube, members in sorted(members_of(spill, bricks, plan).items())
     ]
     return plan, jobs, left_out
 
 
-def _scene(spill: Spill, keep_outliers: bool) -> tuple[NDArray[np.int64], int]:
+def scene_of(spill: Spill, keep_outliers: bool) -> tuple[NDArray[np.int64], int]:
     """The bricks of the scene, and the number of points of all others: small groups so far from
     the rest that they would make the scene many times as large."""
     bricks = np.arange(len(spill.keys))
@@ -463,7 +473,7 @@ def _fitting(
 ) -> dict[str, Any]:
     """The plan with tiles that are small enough for the memory."""
     while True:
-        members = _members(spill, bricks, plan)
+        members = members_of(spill, bricks, plan)
         largest = max(int(spill.counts[of].sum()) for of in members.values())
         need = BASE_MEMORY + BYTES_PER_POINT * largest
         side = plan["side"] * plan["pixel_size"]
@@ -493,7 +503,7 @@ def _fitting(
         plan = smaller
 
 
-def _members(
+def members_of(
     spill: Spill, bricks: NDArray[np.int64], plan: Mapping[str, Any]
 ) -> dict[tuple[int, int, int], list[int]]:
     """The bricks that may hold points in the margin of each tile, for all tiles with points."""

@@ -2,7 +2,7 @@
 
 use surfabet_geom::{PointCloud, Progress};
 
-use super::{Cubes, TilePlan, learn_tile};
+use super::{Cubes, Known, TilePlan, learn_tile};
 use crate::error::Result;
 use crate::patches::model::{Lattice, PatchModel};
 use crate::patches::options::PatchesOptions;
@@ -57,7 +57,7 @@ impl TilePlan {
 /// As [`learn_tile`].
 pub fn learn_details(
     cloud: &PointCloud,
-    weights: Option<&[f32]>,
+    known: Known<'_>,
     cube: [i32; 3],
     plan: &TilePlan,
     options: &PatchesOptions,
@@ -65,8 +65,12 @@ pub fn learn_details(
 ) -> Result<Vec<Option<PatchModel>>> {
     plan.check()?;
     let learned = (0..plan.details).map(|level| {
-        let (plan, options) = plan.of_detail(level, options);
-        learn_tile(cloud, weights, cube, &plan, &options, progress)
+        let (of_level, options) = plan.of_detail(level, options);
+        // Sheets are those of the last level; a coarser one is learned from what they decode to.
+        let is_last = level + 1 == plan.details;
+        let known =
+            if is_last { known } else { Known { weights: known.weights, ..Known::default() } };
+        learn_tile(cloud, known, cube, &of_level, &options, progress)
     });
     let learned: Vec<_> = learned.collect::<Result<_>>()?;
     Ok(if learned.last().is_some_and(Option::is_some) { learned } else { Vec::new() })

@@ -10,12 +10,14 @@
 //! |---|---|
 //! | `plan` | what all tiles share, from a sample of the scene |
 //! | `bounds` | the box that a tile decodes to |
+//! | `kept` | sheets that stay as they are when a tile is learned again |
 //! | `details` | coarser models of the same tiles |
 //! | `recipe` | what a map remembers, so that a tile can be learned again |
 //! | `views` | how the sides of surfaces are known, and points that say so |
 
 mod bounds;
 mod details;
+mod kept;
 mod plan;
 mod recipe;
 mod views;
@@ -37,6 +39,7 @@ use crate::options::Options;
 use crate::stages::Stages;
 pub(super) use bounds::ROUNDING;
 pub use details::{MAX_DETAILS, learn_details};
+pub use kept::{KeptSheets, Known};
 pub use plan::{AttributeRange, TilePlan, plan};
 pub use recipe::Recipe;
 pub use views::Views;
@@ -218,14 +221,13 @@ fn place(sheet: &Sheet, tile_pixels: i32) -> [i32; 3] {
 /// Learns the tile in a cube of `plan` from points among which are all within [`TilePlan::margin`] of it; `None` where no
 /// point lies in it. Points further away make no difference.
 ///
-/// The tile depends on the points, their order, the plan and the options alone. `weights` are those of the points, beside what
-/// their ranges give; all are 1 without.
+/// The tile depends on the points, their order, what is `known` beside them, the plan and the options alone.
 ///
 /// # Errors
 /// As [`super::learn`]; [`Error::Inconsistent`] for a plan that no scene has, and for weights of other points.
 pub fn learn_tile(
     cloud: &PointCloud,
-    weights: Option<&[f32]>,
+    known: Known<'_>,
     cube: [i32; 3],
     plan: &TilePlan,
     options: &PatchesOptions,
@@ -233,14 +235,15 @@ pub fn learn_tile(
 ) -> Result<Option<PatchModel>> {
     options.check()?;
     plan.check()?;
-    if let Some(weights) = weights.filter(|weights| weights.len() != cloud.len()) {
+    if let Some(weights) = known.weights.filter(|weights| weights.len() != cloud.len()) {
         let what = format!("{} weights of {} points", weights.len(), cloud.len());
         return Err(Error::Inconsistent(what));
     }
     let tile = Tile { cubes: plan.cubes, cube, corrected: plan.corrected };
     let mut cloud = about(cloud, plan.lattice.origin)?;
     let near = tile.around(&cloud, &plan.lattice, plan.margin_pixels());
-    let weights: Option<Vec<f32>> = weights.map(|all| near.iter().map(|&i| all[i]).collect());
+    let weights: Option<Vec<f32>> = known.weights.map(|all| near.iter().map(|&i| all[i]).collect());
+    let n_kept = near.partition_point(|&i| i < known.n_kept);
     if near.len() < cloud.len() {
         cloud = cloud.select(&near)?;
     }
@@ -257,6 +260,7 @@ pub fn learn_tile(
         attributes: &plan.attributes,
         tile: Some(tile),
         weights: weights.as_deref(),
+        kept: (known.sheets, n_kept),
     };
     let mut stages = Stages::new(STAGES, progress);
     let (model, mut report) = on_lattice(&ground, &cloud, options, &mut stages)?;
