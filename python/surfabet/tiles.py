@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfabet import _core
-from surfabet._checks import check_cloud, check_flag, check_integer, check_items
+from surfabet._checks import check_flag, check_integer, check_items
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import (
@@ -122,7 +123,13 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
             return self._core.decode_level(**options, level=_level(level), progress=callback)
 
     def update(
-        self, cloud: PointCloud, *, alone: bool = False, progress: Progress = None
+        self,
+        cloud: Any,
+        *,
+        alone: bool = False,
+        max_memory: int | None = None,
+        work: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
     ) -> TiledPatchModel:
         """The map with what another scan of the same world shows; this one stays as it is.
 
@@ -135,18 +142,26 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         Parameters
         ----------
         cloud
-            The scan, in the frame of the map. It needs the attributes that the map keeps, and
-            viewpoints or normals when the map was learned with some.
+            The scan, in the frame of the map: a `PointCloud`, or with `max_memory` any source of
+            `learn_patches_tiled`. It needs the attributes that the map keeps, and viewpoints or
+            normals when the map was learned with some.
         alone
             Give only what the scan shows, learned by the plan of the map: a map of its own, to be
             put together with others by `surfabet.merge_tiles`.
+        max_memory
+            Memory that this may take, bytes: the points of the scan go to disk, and tiles are
+            learned one by one. By default all points are in memory.
+        work
+            Folder for the points when `max_memory` is given, by default that of temporary files;
+            they are removed at the end.
         progress
             None, True for a bar on stderr, or a callable of stage and fraction.
 
         Returns
         -------
         TiledPatchModel
-            The same for the same map and cloud, whatever the number of threads. Of a map that was
+            The same for the same arguments, whatever the number of threads; with `max_memory`
+            points are added up in another order than without. Of a map that was
             loaded with a box it has the tiles that were read and those of the scan, the latter
             without what the file holds there: update the whole map to save it in its place.
 
@@ -165,18 +180,26 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         FrameWarning
             More than a tile lies between the scan and the map, which are perhaps not in one frame.
         """
-        check_cloud("cloud", cloud)
         check_flag("alone", alone)
-        apart = _distance(self, cloud)
-        is_apart = apart > self.tile_side
-        try:
-            with progress_callback(progress) as callback:
-                core, _, left_out = self._core.update(cloud, alone=alone, progress=callback)
-        except InvalidInputError as error:
-            if not is_apart or error.argument is not None:
-                raise
-            raise InvalidInputError(f"cloud {_lies_apart(apart)}: {error}") from None
-        if is_apart:
+        if max_memory is None and work is not None:
+            raise wrong_value("work", str(work), "given together with max_memory, or not at all")
+        if max_memory is None and not isinstance(cloud, PointCloud):
+            raise wrong_type("cloud", cloud, "a PointCloud, or with max_memory another source")
+        with progress_callback(progress) as callback:
+            if max_memory is None:
+                apart = _distance(self, cloud.bounds)
+                with _named_apart(apart, self.tile_side):
+                    core, _, left_out = self._core.update(cloud, alone=alone, progress=callback)
+            else:
+                # Imported here: it stands on this module.
+                from surfabet._updating import scan_on_disk
+
+                tell = callback or (lambda stage, fraction: None)
+                with scan_on_disk(self._core, cloud, max_memory, work, tell) as scan:
+                    apart, left_out = _distance(self, scan.bounds), scan.left_out
+                    with _named_apart(apart, self.tile_side):
+                        core = scan.update(alone=alone, tell=tell)
+        if apart > self.tile_side:
             warnings.warn(f"the scan {_lies_apart(apart)}", FrameWarning, stacklevel=2)
         if left_out:
             warnings.warn(
@@ -235,9 +258,21 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         )
 
 
-def _distance(model: TiledPatchModel, cloud: PointCloud) -> float:
+@contextmanager
+def _named_apart(apart: float, side: float) -> Iterator[None]:
+    """Names the distance of a scan from its map where it is refused and they are more than a tile
+    apart."""
+    try:
+        yield
+    except InvalidInputError as error:
+        if apart <= side or error.argument is not None:
+            raise
+        raise InvalidInputError(f"cloud {_lies_apart(apart)}: {error}") from None
+
+
+def _distance(model: TiledPatchModel, bounds: tuple[Any, Any] | None) -> float:
     """Distance between the boxes about a map and about a cloud, metres."""
-    tiles, bounds = model.tiles.bounds, cloud.bounds
+    tiles = model.tiles.bounds
     if bounds is None or not len(tiles):
         return 0.0
     low, high = tiles[:, 0].min(axis=0), tiles[:, 1].max(axis=0)

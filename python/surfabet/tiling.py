@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import threading
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -249,7 +249,7 @@ def learn_patches_tiled(
     if tile is not None:
         tile = check_number("tile", tile, "a positive number of metres", above=0.0)
     details = check_integer("details", details, 1, 3)
-    max_memory = _checked_memory(max_memory)
+    max_memory = checked_memory(max_memory)
     workers = check_integer("workers", workers, 1)
     if executor is not None and not isinstance(executor, Executor):
         raise wrong_type("executor", executor, "a concurrent.futures.Executor")
@@ -280,7 +280,7 @@ def _check_recurrence(options: Mapping[str, Any]) -> None:
         raise wrong_value("recurrence", True, requirement)
 
 
-def _checked_memory(max_memory: int) -> int:
+def checked_memory(max_memory: int) -> int:
     if (found := check_integer("max_memory", max_memory, 0)) < BASE_MEMORY:
         raise wrong_value("max_memory", max_memory, f"a number of bytes, {BASE_MEMORY} or more")
     return found
@@ -350,8 +350,19 @@ def _spilled(
     """All points on disk: those that are there already, or else from the source."""
     if Spill.is_finished(folder):
         return Spill.open(folder)
+    return spilled(chunks, folder, tile, options.get("attributes"), tell)
+
+
+def spilled(
+    chunks: Chunks,
+    folder: Path,
+    tile: float | None,
+    attributes: Sequence[str] | None,
+    tell: ProgressCallback,
+) -> Spill:
+    """All points of a source on disk, with the attributes that are to be kept."""
     with counted() as dropped:
-        writer = _written_points(chunks, folder, tile, options, tell)
+        writer = _written_points(chunks, folder, tile, attributes, tell)
     writer.dropped = dropped.n
     return writer.finish()
 
@@ -360,11 +371,10 @@ def _written_points(
     chunks: Chunks,
     folder: Path,
     tile: float | None,
-    options: Mapping[str, Any],
+    named: Sequence[str] | None,
     tell: ProgressCallback,
 ) -> SpillWriter:
     """All points of the source on disk."""
-    named = options.get("attributes")
     writer: SpillWriter | None = None
     n_read = 0
     try:
@@ -401,7 +411,7 @@ def _planned(
     tell: ProgressCallback,
 ) -> tuple[dict[str, Any], list[TileJob], int]:
     """What all tiles share, the tiles, and the number of points that are far from all others."""
-    bricks, left_out = _scene(spill, bool(options.get("keep_outliers", False)))
+    bricks, left_out = scene_of(spill, bool(options.get("keep_outliers", False)))
     known = folder / "plan.json"
     if known.exists():
         plan = json.loads(known.read_text())
@@ -413,12 +423,12 @@ def _planned(
         _write_json(known, plan)
     jobs = [
         TileJob(str(folder), cube, tuple(members), plan, dict(options))
-        for cube, members in sorted(_members(spill, bricks, plan).items())
+        for cube, members in sorted(members_of(spill, bricks, plan).items())
     ]
     return plan, jobs, left_out
 
 
-def _scene(spill: Spill, keep_outliers: bool) -> tuple[NDArray[np.int64], int]:
+def scene_of(spill: Spill, keep_outliers: bool) -> tuple[NDArray[np.int64], int]:
     """The bricks of the scene, and the number of points of all others: small groups so far from
     the rest that they would make the scene many times as large."""
     bricks = np.arange(len(spill.keys))
@@ -469,7 +479,7 @@ def _fitting(
 ) -> dict[str, Any]:
     """The plan with tiles that are small enough for the memory."""
     while True:
-        members = _members(spill, bricks, plan)
+        members = members_of(spill, bricks, plan)
         largest = max(int(spill.counts[of].sum()) for of in members.values())
         need = BASE_MEMORY + BYTES_PER_POINT * largest
         side = plan["side"] * plan["pixel_size"]
@@ -499,7 +509,7 @@ def _fitting(
         plan = smaller
 
 
-def _members(
+def members_of(
     spill: Spill, bricks: NDArray[np.int64], plan: Mapping[str, Any]
 ) -> dict[tuple[int, int, int], list[int]]:
     """The bricks that may hold points in the margin of each tile, for all tiles with points."""

@@ -373,3 +373,129 @@ def test_maps_in_tiles_refuse_recurrence(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="recurrence is True"):
         sb.learn_patches_tiled(cloud, tmp_path / "map.sfb", recurrence=True)
     assert not list(tmp_path.iterdir())
+
+
+def furnished(seed: int) -> sb.PointCloud:
+    """A simulated room, with noise of 3 mm."""
+    points, _ = sb.datasets.make_room(seed=12).sample_surface(0.04)
+    noise = np.random.default_rng(seed).normal(scale=0.003, size=points.shape)
+    return sb.PointCloud(points + noise)
+
+
+def test_what_is_scanned_again_and_again_does_not_grow(tmp_path: Path) -> None:
+    """Pixels of 7 cm: a patch is as thick as its most uneven part, and decodes to that."""
+    clouds = [furnished(seed) for seed in range(4)]
+    model = learned(clouds[0], tmp_path / "map.sfb", attributes=[], resolution=0.07, tile=8.0)
+    everything = sb.PointCloud(np.concatenate([cloud.points for cloud in clouds]))
+    at_once = model.update(everything, alone=True)
+    for cloud in clouds[1:]:
+        model = model.update(cloud)
+    for as_measured in (False, True):
+        error, wanted = (
+            sb.evaluate(everything, m.decode(as_measured=as_measured), normal_neighbors=None)
+            for m in (model, at_once)
+        )
+        assert error.rmse <= 1.1 * wanted.rmse
+    assert len(model.to_bytes()) <= 1.1 * len(at_once.to_bytes())
+
+
+def test_what_a_scan_does_not_come_near_stays_symbol_for_symbol(
+    cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    """In one tile: squares of patches are 1.28 m wide, and points matter within 0.32 m of them."""
+    model = learned(cloud, tmp_path / "map.sfb", attributes=[], completeness=0.0, tile=10.24)
+    assert len(model.tiles) == 1
+    updated = model.update(part(room(1), 3.2, 5))
+    before, after = model.decode(as_measured=True), updated.decode(as_measured=True)
+
+    def rows(cloud: sb.PointCloud, low: float, high: float) -> Any:
+        points = part(cloud, low, high).points
+        return points[np.lexsort(points.T)]
+
+    assert len(rows(before, -1, 1.5)) > 10_000
+    assert np.array_equal(rows(before, -1, 1.5), rows(after, -1, 1.5))
+    assert not np.array_equal(rows(before, 3.2, 5), rows(after, 3.2, 5))
+
+
+def test_a_scan_on_disk_makes_the_map_of_one_in_memory(
+    whole: sb.TiledPatchModel, cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    scan = part(room(1), 2.2, 5)
+    path, work = tmp_path / "scan.ply", tmp_path / "work"
+    sb.write(path, scan)
+    work.mkdir()
+    memory = 300 << 20
+    updated = whole.update(path, max_memory=memory, work=work)
+    wanted = whole.update(scan)
+    assert updated.n_points == wanted.n_points == len(cloud) + len(scan)
+    # Points are added up in another order.
+    touched = {cube for cube, data in tiles(wanted).items() if tiles(whole).get(cube) != data}
+    assert 0 < len(touched) < len(tiles(whole))
+    assert set(tiles(updated)) == set(tiles(wanted))
+    for cube, data in tiles(whole).items():
+        assert (tiles(updated)[cube] == data) == (cube not in touched)
+    assert abs(len(updated.to_bytes()) - len(wanted.to_bytes())) < 0.02 * len(wanted.to_bytes())
+    distance, _ = cKDTree(wanted.decode().points).query(updated.decode().points)
+    assert np.quantile(distance, 0.99) < PIXEL
+    halves = (part(scan, 2.2, 3.1), part(scan, 3.1, 5))
+    assert whole.update(iter(halves), max_memory=memory).n_points == wanted.n_points
+    # What goes to disk is gone at the end.
+    assert list(work.iterdir()) == []
+    alone = whole.update(path, alone=True, max_memory=memory)
+    assert alone.n_points == len(scan)
+    assert set(tiles(alone)) == set(tiles(whole.update(scan, alone=True)))
+
+
+def test_a_scan_on_disk_weighs_points_by_all_of_its_ranges(tmp_path: Path) -> None:
+    """A point of the map counts as one of the whole scan does, not as those around it do."""
+    u, v = np.meshgrid(np.arange(0, 2.4, 0.005), np.arange(0, 1.2, 0.005))
+    flat = np.column_stack([u.ravel(), v.ravel(), np.zeros(u.size)])
+    options: dict[str, Any] = {"resolution": PIXEL, "depth_step": 0.0625, "completeness": 0.0}
+    sb.learn_patches_tiled(sb.PointCloud(flat), tmp_path / "map.sfb", tile=TILE, **options)
+    model = sb.load(tmp_path / "map.sfb")
+    ranges = np.where(flat[:, 0] < 1.2, 1.0, 4.0).astype(np.float32)
+    scan = sb.PointCloud(flat + np.array([0, 0, 0.008]), ranges=ranges)
+    one, other = (
+        m.decode() for m in (model.update(scan), model.update(scan, max_memory=300 << 20))
+    )
+    for low, high in ((0.2, 1.0), (1.4, 2.2)):
+        heights = [
+            cloud.points[(cloud.points[:, 0] > low) & (cloud.points[:, 0] < high), 2].mean()
+            for cloud in (one, other)
+        ]
+        assert heights[1] == pytest.approx(heights[0], abs=2e-4)
+
+
+def test_what_a_scan_on_disk_needs(whole: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:
+    with pytest.raises(InvalidInputError, match="max_memory is 1000"):
+        whole.update(cloud, max_memory=1000)
+    with pytest.raises(InvalidInputError, match=r"max_memory is 0\.21e9 bytes, but a tile of"):
+        whole.update(cloud, max_memory=201 << 20)
+    with pytest.raises(InvalidInputError, match="the source has no points"):
+        whole.update([cloud.select(np.zeros(0, int))], max_memory=300 << 20)
+    with pytest.raises(InvalidInputError, match="cloud is one without colors"):
+        whole.update([sb.PointCloud(cloud.points)], max_memory=300 << 20)
+    with pytest.raises(InvalidInputError, match="work is"):
+        whole.update(cloud, work="somewhere")
+    with pytest.raises(InvalidTypeError, match="with max_memory another source"):
+        whole.update("scan.ply")
+
+
+def test_the_command_line_adds_scans_on_disk(
+    whole: sb.TiledPatchModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, scan = str(tmp_path / "map.sfb"), str(tmp_path / "scan.ply")
+    whole.save(path)
+    sb.write(scan, part(room(1), 2.2, 5))
+    out = str(tmp_path / "out.sfb")
+    assert main(["append", path, scan, "--out", out, "--max-memory", "300M"]) in (None, 0)
+    assert sb.load(out) == whole.update(scan, max_memory=300 << 20)
+    for wrong, said in (
+        (["--work", str(tmp_path)], "--work: needs --max-memory"),
+        (["--max-memory", "much"], "--max-memory much"),
+        (["--max-memory", "300M", "--unit", "mm"], "not together with --max-memory"),
+    ):
+        assert main(["append", path, scan, *wrong]) == 2
+        assert said in capsys.readouterr().err
+    assert main(["append", path, path, "--max-memory", "300M", "--out", out]) == 2
+    assert "is a model" in capsys.readouterr().err

@@ -3,7 +3,8 @@
 //! 1. A point is **the same** when the other map measured something within the tolerance.
 //! 2. Of the rest, cell by cell, those count whose place the other map has seen to be free:
 //!    - with viewpoints, when lines from two of them, or from the only one, pass the place and meet a surface behind it, and none
-//!      before;
+//!      before, and the place is none between two rays that ended on one surface: a laser has nothing between its lines. Lines along the
+//!      surface do not count;
 //!    - without, when the place lies between surfaces that face it: opposite rays from it that both meet a front.
 //!
 //!    In both cases rays from it meet hardly any surface from behind, as they do behind surfaces and inside of things.
@@ -19,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::kdtree::KdTree;
 use crate::morton::MortonMap;
 use crate::sight::Sight;
-use crate::vector::{add_scaled, length, minus, unit};
+use crate::vector::{add_scaled, cross, dot, least_axis, length, minus, squared_distance, unit};
 
 /// Viewpoints that looked through a place, where there are as many: errors of the poses let a line pass beside a surface.
 const LEAST_LINES: usize = 2;
@@ -38,6 +39,22 @@ const GOLDEN_ANGLE: f32 = 2.399_963;
 
 /// How far behind a place, in tolerances, its line of sight must go on: nearer surfaces are those of the place itself.
 const BEHIND: f32 = 1.5;
+
+/// How far apart the rays of a sensor may be, radians: 2 degrees between the lines of a laser with 16, and a little.
+const LINE_ANGLE: f32 = 0.0436;
+
+/// Rays on one side of a line of sight, up to [`LINE_ANGLE`] from it: a patch bridges less than what lies between two of them.
+const LINE_STEPS: usize = 5;
+
+/// Directions across a line of sight in which rays lie on both sides of it.
+const LINE_DIRECTIONS: usize = 4;
+
+/// Largest sine between a chord and the surface at its ends for these to be one surface.
+const MOST_BEND: f32 = 0.5;
+
+/// Least sine between a line of sight and the surface that it passes: along a surface, an error of the height of the line by a tolerance
+/// moves the place where it crosses by six.
+const LEAST_CROSSING: f32 = 0.17;
 
 /// Cells that one task looks from.
 const BATCH: usize = 64;
@@ -118,7 +135,7 @@ pub fn changes(
     let seen = parallel::try_map_chunks(&numbers, BATCH, |numbers| -> Result<_> {
         progress.check()?;
         let is_seen = |&i: &usize| match &viewpoints {
-            Some(all) => looked_through(&sight, all, cells.middles[i], cell),
+            Some(all) => looked_through(&sight, all, (cells.middles[i], cells.normals[i]), cell),
             None => {
                 let around = Around::of(&sight, cells.middles[i]);
                 around.is_before_surfaces() && around.is_between_surfaces()
@@ -177,9 +194,70 @@ fn looked_from(sight: &Sight, from: [f32; 3], place: [f32; 3], tolerance: f32) -
             .is_some_and(|met| met.front)
 }
 
-/// Whether sensors looked through `place`, which is not behind surfaces.
-fn looked_through(sight: &Sight, viewpoints: &[[f32; 3]], place: [f32; 3], tolerance: f32) -> bool {
-    let lines = viewpoints.iter().filter(|&&v| looked_from(sight, v, place, tolerance));
+/// Whether a place lies where rays from `from` on both sides of it, no further than lines of a laser are, end on one surface:
+/// within `tolerance` of the chord between these ends. What is behind it may be seen between the two, but no ray was there.
+fn is_between_lines(sight: &Sight, from: [f32; 3], place: [f32; 3], tolerance: f32) -> bool {
+    let direction = unit(minus(place, from));
+    let [across, up] = frame_about(direction);
+    (0..LINE_DIRECTIONS).any(|k| {
+        let angle = k as f32 * std::f32::consts::PI / LINE_DIRECTIONS as f32;
+        let side = add_scaled(across.map(|c| c * angle.cos()), angle.sin(), up);
+        let [one, other] = [1.0, -1.0].map(|sign| ends_beside(sight, from, direction, side, sign));
+        one.iter().any(|a| other.iter().any(|b| is_on_chord(place, a, b, tolerance)))
+    })
+}
+
+/// Where rays end that are turned from a direction to one side of it, step by step, and the normals there.
+fn ends_beside(
+    sight: &Sight,
+    from: [f32; 3],
+    direction: [f32; 3],
+    side: [f32; 3],
+    sign: f32,
+) -> Vec<[[f32; 3]; 2]> {
+    let end = |step: usize| {
+        let angle = LINE_ANGLE * step as f32 / LINE_STEPS as f32;
+        let turned = add_scaled(direction.map(|c| c * angle.cos()), sign * angle.sin(), side);
+        let met = sight.first(from, turned, 0.0, f32::MAX)?;
+        Some([add_scaled(from, met.distance, turned), met.normal])
+    };
+    (1..=LINE_STEPS).filter_map(end).collect()
+}
+
+/// Whether two ends of rays, with their normals, are of one surface that goes on between them, and a place lies on it.
+fn is_on_chord(place: [f32; 3], a: &[[f32; 3]; 2], b: &[[f32; 3]; 2], tolerance: f32) -> bool {
+    let chord = minus(b[0], a[0]);
+    let along = unit(chord);
+    let is_along = |normal: [f32; 3]| dot(along, normal).abs() <= MOST_BEND;
+    let at = dot(minus(place, a[0]), along).clamp(0.0, length(chord));
+    is_along(a[1])
+        && is_along(b[1])
+        && squared_distance(place, add_scaled(a[0], at, along)) <= tolerance * tolerance
+}
+
+/// Two unit vectors across a direction and each other.
+fn frame_about(direction: [f32; 3]) -> [[f32; 3]; 2] {
+    let across = unit(cross(direction, least_axis(direction)));
+    [across, cross(direction, across)]
+}
+
+/// Whether a line of sight crosses a surface with a normal, in place of going along it.
+fn crosses(from: [f32; 3], place: [f32; 3], normal: [f32; 3]) -> bool {
+    dot(unit(minus(place, from)), normal).abs() >= LEAST_CROSSING
+}
+
+/// Whether sensors looked through the `place` of a surface with a normal, which is not behind surfaces.
+fn looked_through(
+    sight: &Sight,
+    viewpoints: &[[f32; 3]],
+    (place, normal): ([f32; 3], [f32; 3]),
+    tolerance: f32,
+) -> bool {
+    let lines = viewpoints.iter().filter(|&&v| {
+        crosses(v, place, normal)
+            && looked_from(sight, v, place, tolerance)
+            && !is_between_lines(sight, v, place, tolerance)
+    });
     let needed = LEAST_LINES.min(viewpoints.len()).max(1);
     lines.take(needed).count() == needed && Around::of(sight, place).is_before_surfaces()
 }
@@ -237,6 +315,8 @@ struct Cells {
     places: Vec<[i32; 3]>,
     /// Mean position of each.
     middles: Vec<[f32; 3]>,
+    /// Mean normal of each.
+    normals: Vec<[f32; 3]>,
     /// Area of the surface in each, square metres.
     areas: Vec<f64>,
 }
@@ -251,6 +331,7 @@ impl Cells {
             starts: vec![0],
             places: Vec::new(),
             middles: Vec::new(),
+            normals: Vec::new(),
             areas: Vec::new(),
         };
         for group in keyed.chunk_by(|a, b| a.0 == b.0) {
@@ -263,6 +344,7 @@ impl Cells {
             let crossed: f32 = normal.iter().map(|c| c.abs()).sum::<f32>().max(1.0);
             cells.starts.push(cells.starts[cells.starts.len() - 1] + group.len());
             cells.places.push(cell_of(positions[group[0].1 as usize], cell));
+            cells.normals.push(normal);
             cells.middles.push(sum(positions).map(|c| c / n));
             cells.areas.push(f64::from(cell * cell / crossed));
         }
@@ -440,6 +522,70 @@ mod tests {
         });
         assert_eq!(found(&with, &empty, Some(&[[110.0, -48.0, 4.0]])).all, []);
         assert_eq!(found(&with, &empty, Some(&[])).all, []);
+    }
+
+    /// A wall 8 m away, and one at 5 m of strips `gap` apart, as the lines of a laser show it; with `whole` without gaps.
+    fn two_walls(parts: &mut CloudParts, gap: f32, whole: bool) {
+        let toward = [-1.0, 0.0, 0.0];
+        add(parts, [8.0, -4.0, -3.0], [[0.0, 8.0, 0.0], [0.0, 0.0, 6.0]], toward);
+        let n = (1.05 / gap).floor() as i32;
+        let half = n as f32 * gap;
+        if whole {
+            add(parts, [5.0, -1.0, -half], [[0.0, 2.0, 0.0], [0.0, 0.0, 2.0 * half]], toward);
+            return;
+        }
+        for line in -n..=n {
+            let low = line as f32 * gap - 0.03;
+            add(parts, [5.0, -1.0, low], [[0.0, 2.0, 0.0], [0.0, 0.0, 0.06]], toward);
+        }
+    }
+
+    #[test]
+    fn between_the_lines_of_a_laser_nothing_was_seen() {
+        let viewpoints = [[100.0, -50.0, 3.0], [100.0, -49.9, 3.0]];
+        let gaps = |gap: f32| {
+            let whole = cloud(|parts| two_walls(parts, gap, true));
+            let lines = cloud(|parts| two_walls(parts, gap, false));
+            found(&whole, &lines, Some(&viewpoints))
+        };
+        // 3.4 degrees apart: each place is within 2.5 of the lines on both sides.
+        let narrow = gaps(0.3);
+        assert_eq!(narrow.all, []);
+        assert!(narrow.fates.contains(&Fate::Unseen));
+        // 8 degrees apart: no laser leaves as much out.
+        assert!(!gaps(0.7).all.is_empty());
+    }
+
+    #[test]
+    fn a_thing_before_a_wall_of_lines_is_found() {
+        let viewpoints = [[100.0, -50.0, 3.0], [100.0, -49.9, 3.0]];
+        let lines = cloud(|parts| two_walls(parts, 0.3, false));
+        let with = cloud(|parts| {
+            two_walls(parts, 0.3, false);
+            add_box(parts, [4.0, -0.2, -0.2], [0.4, 0.4, 0.4], 1.0, None);
+        });
+        let changes = found(&with, &lines, Some(&viewpoints));
+        assert!(!changes.all.is_empty());
+        assert!(changes.all.iter().all(|change| change.bounds.high[0] < 104.5));
+    }
+
+    #[test]
+    fn lines_along_a_surface_do_not_look_through_it() {
+        // A wall far away; before it lies a board that the other map has not, seen from above its edge.
+        let wall = |parts: &mut CloudParts| {
+            let toward = [-1.0, 0.0, 0.0];
+            add(parts, [8.0, -4.0, -6.0], [[0.0, 8.0, 0.0], [0.0, 0.0, 12.0]], toward);
+        };
+        let with = cloud(|parts| {
+            wall(parts);
+            add(parts, [4.0, -0.2, 0.0], [[0.4, 0.0, 0.0], [0.0, 0.4, 0.0]], [0.0, 0.0, 1.0]);
+        });
+        let n_found = |height: f64| {
+            let viewpoints = [[100.0, -50.0, 3.0 + height], [100.0, -49.9, 3.0 + height]];
+            found(&with, &cloud(wall), Some(&viewpoints)).all.len()
+        };
+        // At 4.2 m a sine of 0.17 is a height of 0.72 m; the ends of the board are at 0.69 and 0.76.
+        assert_eq!((n_found(0.6), n_found(0.9)), (0, 1));
     }
 
     #[test]

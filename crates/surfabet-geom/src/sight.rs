@@ -32,6 +32,8 @@ pub struct Met {
     pub distance: f32,
     /// Whether the side is met that the normal points to.
     pub front: bool,
+    /// Unit normal of the surface there.
+    pub normal: [f32; 3],
 }
 
 /// A surface for rays: a disc for each direction, of six, that the surface in a cell faces.
@@ -182,7 +184,7 @@ fn nearest(
         let at = add_scaled(from, distance, direction);
         let is_on = squared_distance(at, disc.middle) <= radius * radius;
         if is_on && (start..end).contains(&distance) && best.is_none_or(|b| distance < b.distance) {
-            best = Some(Met { distance, front: incidence < 0.0 });
+            best = Some(Met { distance, front: incidence < 0.0, normal: disc.normal });
         }
     }
     best

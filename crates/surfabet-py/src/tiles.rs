@@ -11,8 +11,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use surfabet::geom::{Dtype, Survey};
 use surfabet::patches::{
-    AttributeContent, AttributeHeader, AttributeRange, Cubes, INTENSITIES, Lattice, Orientation,
-    Recipe, TilePlan, TileTask, Views, learn_details, plan,
+    AttributeContent, AttributeHeader, AttributeRange, Cubes, INTENSITIES, Known, Lattice,
+    Orientation, Recipe, TilePlan, TileTask, Views, learn_details, plan,
 };
 use surfabet::{
     AnyModel, DecodeOptions, Limits, OpenError, Part, ReadAt, ScalarScale, TileEntry, TiledModel,
@@ -75,6 +75,52 @@ impl PyTiledModel {
         let cloud = &cloud_of("cloud", cloud)?.get().cloud;
         let updated = run(py, progress, |monitor| self.model.update(cloud, alone, monitor))?;
         Ok((Self::wrap(py, updated.model)?, updated.learned, updated.left_out))
+    }
+
+    /// A map of one tile, from points of a scan and from what this map holds; None where no point lies in it.
+    #[pyo3(signature = (points, cube, *, mean_weight, alone, progress))]
+    fn updated_tile(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        cube: [i32; 3],
+        mean_weight: f64,
+        alone: bool,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Option<Py<Self>>> {
+        let points = &cloud_of("points", points)?.get().cloud;
+        let tile = run(py, progress, |monitor| {
+            self.model.updated_tile(points, cube, mean_weight, alone, monitor)
+        })?;
+        tile.map(|tile| Self::wrap(py, tile)).transpose()
+    }
+
+    /// The map with some tiles in place of its own; with `alone` of these alone.
+    #[pyo3(signature = (tiles, *, alone))]
+    fn with_tiles(&self, py: Python<'_>, tiles: Vec<Py<Self>>, alone: bool) -> PyResult<Py<Self>> {
+        let tiles: Vec<TiledModel> = tiles.iter().map(|t| t.get().model.as_ref().clone()).collect();
+        let model = self.model.with_tiles(&tiles, alone).map_err(IntoPyErr::into_py_err)?;
+        Self::wrap(py, model)
+    }
+
+    /// What tiles are learned by, as a dict of plain values.
+    fn tile_plan<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let plan = self.model.tile_plan().map_err(IntoPyErr::into_py_err)?;
+        let dict = state(py, &plan)?;
+        let margin = self.model.scan_margin().map_err(IntoPyErr::into_py_err)?;
+        dict.set_item("scan_margin", margin)?;
+        Ok(dict)
+    }
+
+    /// Points that the tile in a cube decodes to when it is learned again.
+    fn remembered_points(&self, cube: [i32; 3]) -> PyResult<f64> {
+        self.model.remembered_points(cube).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Sum of the weights of points of a scan, by their ranges.
+    fn scan_weight(&self, points: &Bound<'_, PyAny>) -> PyResult<f64> {
+        let points = &cloud_of("points", points)?.get().cloud;
+        self.model.scan_weight(points).map_err(IntoPyErr::into_py_err)
     }
 
     /// Writes the file, with a note if it is not empty, and returns its size in bytes.
@@ -302,7 +348,8 @@ fn learn_tile<'py>(
     let (plan, options) = (plan_of(plan)?, options_of(options)?);
     let cloud = &cloud_of("cloud", cloud)?.get().cloud;
     let bytes = run(py, progress, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
-        let task = TileTask { cloud, weights: None, cube, plan: &plan, options: &options };
+        let known = Known::default();
+        let task = TileTask { cloud, known, cube, plan: &plan, options: &options };
         let models = learn_details(&task, monitor)?;
         if models.is_empty() {
             return Ok(None);

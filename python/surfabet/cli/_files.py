@@ -67,6 +67,14 @@ def format_of(path: Path, options: ReadOptions, *, shared: bool = False) -> Form
     return named_format(options.format)
 
 
+def refuse_model(path: Path) -> None:
+    """Refuses a model where a cloud is to be read."""
+    if path.suffix.lower() == MODEL_SUFFIX or is_model(path):
+        raise UsageError(
+            f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
+        )
+
+
 def read_cloud(
     path: Path,
     options: ReadOptions,
@@ -78,10 +86,7 @@ def read_cloud(
 
     Options that are for another file, too, may be those of its format, which is `beside`.
     """
-    if path.suffix.lower() == MODEL_SUFFIX or is_model(path):
-        raise UsageError(
-            f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
-        )
+    refuse_model(path)
     known = format_of(path, options, shared=beside is not None)
     given = options.given()
     if beside is not None:

@@ -73,6 +73,15 @@ def memory_of(text: str | None) -> int:
     return int(float(match[1]) * _UNITS[match[2]])
 
 
+def refuse_read_options(read: ReadOptions, beside: str) -> None:
+    """Refuses options of reading, which chunks do not have."""
+    if read != READ_OPTIONS:
+        names = ", ".join(spelled(name) for name in read.given()) or "--format, --unit, --viewpoint"
+        raise UsageError(
+            f"{names}: not together with {beside}; convert the input first with surfabet convert"
+        )
+
+
 def compress_tiles(
     source: Path,
     output: Path,
@@ -85,12 +94,7 @@ def compress_tiles(
     """Learns a map in tiles; gives its report and the seconds."""
     if model not in (None, "patches"):
         raise UsageError(f"--model {model}: only patches are learned in tiles")
-    if read != READ_OPTIONS:
-        names = ", ".join(spelled(name) for name in read.given()) or "--format, --unit, --viewpoint"
-        raise UsageError(
-            f"{names}: not together with --tile or --max-memory; convert the input first with "
-            "surfabet convert"
-        )
+    refuse_read_options(read, "--tile or --max-memory")
     started = time.perf_counter()
     options = {
         "tile": tiles.tile,

@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use surfabet::patches::{Cubes, TilePlan, TileTask, learn_tile, plan};
+use surfabet::patches::{Cubes, Known, TilePlan, TileTask, learn_tile, plan};
 use surfabet::{
     AnyModel, CloudParts, DecodeOptions, Limits, Model, Part, PatchModel, PatchesOptions,
     PointCloud, Region, Silent, TiledModel,
@@ -55,7 +55,7 @@ fn tile(
     plan: &TilePlan,
     options: &PatchesOptions,
 ) -> Option<PatchModel> {
-    let task = TileTask { cloud, weights: None, cube, plan, options };
+    let task = TileTask { cloud, known: Known::default(), cube, plan, options };
     learn_tile(&task, &Silent).unwrap()
 }
 

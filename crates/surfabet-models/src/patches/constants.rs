@@ -242,6 +242,15 @@ pub(super) const TOLERANCE_SHARE: f64 = 0.8;
 /// of 0.996, so that its points are within the bound of its middle.
 pub(super) const EXTRA_CELL: f64 = 1.15;
 
+// Maps that go on.
+
+/// How far beyond the thickness of a patch points of another scan are still of its surface, finest pixels: as far as one layer
+/// of samples and the rounding of depths reach.
+pub(super) const SHOWN_MARGIN: f32 = 0.5;
+
+/// How far from the points of another scan a layer of a patch is that they still show, finest pixels.
+pub(super) const SHOWN_REACH: f32 = 0.5;
+
 // Fragments, which the thin surface leaves out. In the simulated room they are a sixth of all patches and one percent
 // of the decoded points, with a sixth of the squared error (docs/benchmarks/patches.md).
 

@@ -20,7 +20,7 @@ use super::constants::{
 };
 use super::far_points::{Completeness, is_reached};
 use super::instances::Instances;
-use super::model::{Attributes, Lattice, LevelSize, PatchModel};
+use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree};
 use super::options::{DEPTH_STEPS, PatchesOptions};
 use super::recurrence::{Learned, recurring};
 use super::rounds::{Rounds, RoundsOutcome};
@@ -122,6 +122,7 @@ pub fn learn(
         attributes: &[],
         tile: None,
         weights: None,
+        kept: (&[], 0),
     };
     let (model, mut report) = on_lattice(&ground, cloud, options, &mut stages)?;
     report.stages = stages.finish();
@@ -143,6 +144,8 @@ pub(super) struct Ground<'a> {
     pub tile: Option<Tile>,
     /// Weights of the points, beside what their ranges give; all are 1 without.
     pub weights: Option<&'a [f32]>,
+    /// Sheets that stay as they were, and the number of the first points, which are of them.
+    pub kept: (&'a [SheetTree], usize),
 }
 
 impl Ground<'_> {
@@ -223,7 +226,8 @@ pub(super) fn on_lattice(
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
         let weights = Weights { sensor: options.sensor, of_points: ground.weights };
-        SidedSamples::merge(cloud, &lattice, weights, ground.survey, progress)
+        let samples = SidedSamples::merge(cloud, &lattice, weights, ground.survey, progress)?;
+        Ok(samples.with_kept(ground.kept.1))
     })?;
     // 3. to 6. Sheets; shapes, least cost, bits.
     let Surface { geometry, near, bytes, n_sheets, density } =
@@ -309,7 +313,8 @@ fn surface(
     let n_sheets = sheets.len();
     let chosen = stages.run("choosing patches", |progress| {
         let (sheets, near, bases) = (&sheets[..], &near[..], &Basis::of_levels(options.levels)[..]);
-        let rounds = Rounds { lattice, sheets, near, bases, density, options, progress };
+        let kept = ground.kept.0;
+        let rounds = Rounds { lattice, sheets, kept, near, bases, density, options, progress };
         let positions = ground.positions(cloud);
         rounds.choose(ground.point_price(options), |chosen| {
             ground.is_near_enough(chosen, &positions, options, progress)

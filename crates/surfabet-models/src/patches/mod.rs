@@ -61,6 +61,7 @@ pub use attributes::{
 };
 pub use axes::Orientation;
 pub use coding::PointCoding;
+pub use decode::ScanColumns;
 pub use instances::{Instance, Instances, MAX_INSTANCES, Motion, Place};
 pub use learn::{PatchesFigures, PatchesReport, learn};
 pub use model::{
@@ -70,6 +71,6 @@ pub use model::{
 pub use options::PatchesOptions;
 pub use surface::leaf::Leaf;
 pub use tiles::{
-    AttributeRange, Cubes, MAX_DETAILS, Recipe, TilePlan, TileTask, Views, learn_details,
-    learn_tile, plan,
+    AttributeRange, Cubes, KeptSheets, Known, MAX_DETAILS, Recipe, TilePlan, TileTask, Views,
+    learn_details, learn_tile, plan,
 };

@@ -1,12 +1,14 @@
 //! Rounds of choosing patches: each with the adaptive models as coding the round before left them, and with the price of points
 //! beside the patches that keeps enough of the input near at the fewest bytes.
 
+use std::collections::BTreeMap;
+
 use surfabet_base::parallel;
 use surfabet_entropy::Price;
 use surfabet_geom::Progress;
 
 use super::choice::{Choice, PointPrice};
-use super::coding::{Geometry, GeometryModels, code_geometry};
+use super::coding::{Geometry, GeometryModels, MAX_SHEETS, code_geometry, first_depth};
 use super::constants::{LEAST_PRICE_SHARE, PRICE_STEPS};
 use super::model::{Lattice, SheetTree, Square};
 use super::options::{DEPTH_STEPS, PatchesOptions};
@@ -20,6 +22,8 @@ pub(super) struct Rounds<'a> {
     pub lattice: Lattice,
     /// Sheets of the part that is described.
     pub sheets: &'a [Sheet],
+    /// What of it stays as it was.
+    pub kept: &'a [SheetTree],
     /// Those just beyond it.
     pub near: &'a [Sheet],
     /// Shapes of all levels.
@@ -102,13 +106,15 @@ impl Rounds<'_> {
             self.progress.update("choosing patches", outcome.bytes.len() as f32 / most as f32);
             // A scattered cloud has trees as large as itself: not two rounds of them at once.
             drop(std::mem::take(&mut outcome.geometry));
-            let (geometry, models, bytes) = self.round(self.sheets, &outcome.models, points)?;
+            let (geometry, models, bytes) =
+                self.round((self.sheets, self.kept), &outcome.models, points)?;
             (outcome.geometry, outcome.models) = (geometry, models);
             outcome.bytes.push(bytes);
         }
         if count > 0 {
             // Of what lies beyond the part one round is enough.
-            let (beyond, _, _) = self.round(self.near, &GeometryModels::default(), points)?;
+            let (beyond, _, _) =
+                self.round((self.near, &[]), &GeometryModels::default(), points)?;
             outcome.near = beyond.leaves;
         }
         Ok(outcome)
@@ -117,11 +123,14 @@ impl Rounds<'_> {
     /// The patches of least cost for some sheets by the prices of `models`, the models as coding them leaves these, and the bytes.
     fn round(
         &self,
-        sheets: &[Sheet],
+        (sheets, kept): (&[Sheet], &[SheetTree]),
         models: &GeometryModels,
         points: Option<PointPrice>,
     ) -> Result<(Geometry, GeometryModels, f64)> {
-        let trees = self.trees(sheets, models, points)?;
+        let mut trees = self.trees(sheets, models, points)?;
+        if !kept.is_empty() {
+            trees = with_kept(trees, kept);
+        }
         let (mut price, mut models) = (Price::default(), GeometryModels::default());
         let Ok(geometry) = code_geometry(&mut price, &mut models, self.lattice, &trees, usize::MAX);
         Ok((geometry, models, price.bits / 8.0))
@@ -153,4 +162,19 @@ impl Rounds<'_> {
         let trees: Vec<Option<SheetTree>> = parallel::try_map(sheets, of_sheet)?;
         Ok(trees.into_iter().flatten().collect())
     }
+}
+
+/// Sheets with those that are kept, by side, tile and depth; of more over one tile than a file may hold, those that are kept.
+fn with_kept(mut trees: Vec<SheetTree>, kept: &[SheetTree]) -> Vec<SheetTree> {
+    let mut counts: BTreeMap<(u8, [i32; 2]), usize> = BTreeMap::new();
+    let place = |tree: &SheetTree| (tree.side, tree.tile);
+    kept.iter().for_each(|tree| *counts.entry(place(tree)).or_default() += 1);
+    trees.retain(|tree| {
+        let count = counts.entry(place(tree)).or_default();
+        *count += 1;
+        *count <= MAX_SHEETS
+    });
+    trees.extend_from_slice(kept);
+    trees.sort_by_key(|tree| (place(tree), first_depth(&tree.root)));
+    trees
 }

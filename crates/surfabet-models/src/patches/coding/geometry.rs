@@ -219,7 +219,7 @@ impl<C: Coder> Walk<'_, C> {
 }
 
 /// Depth of the first patch of a hierarchy.
-fn first_depth(root: &Square) -> i32 {
+pub(in crate::patches) fn first_depth(root: &Square) -> i32 {
     fn first(square: &Square) -> Option<i32> {
         match square {
             Square::Empty => None,

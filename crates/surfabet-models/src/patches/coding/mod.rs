@@ -28,7 +28,7 @@ pub enum PointCoding {
     Around,
 }
 
-pub(in crate::patches) use geometry::{Geometry, MAX_SHEETS, code_geometry};
+pub(in crate::patches) use geometry::{Geometry, MAX_SHEETS, code_geometry, first_depth};
 pub(in crate::patches) use models::{
     GeometryModels, SET, UNKNOWN, beside_context, depth_context, pixel_context, shape_context,
     split_context,

@@ -1,6 +1,7 @@
 //! A lattice model back into a cloud, at any spacing, as a surface or as measured.
 
 mod attributes;
+mod columns;
 mod fragments;
 mod nearest;
 mod reach;
@@ -12,6 +13,7 @@ use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 pub(super) use self::attributes::Sampler;
+pub use self::columns::ScanColumns;
 use self::fragments::fragments;
 use self::nearest::NearestPatch;
 pub(super) use self::reach::{LastFound, MeasuredReach, PlacedPatch};
@@ -52,29 +54,61 @@ impl PatchModel {
         options: DecodeOptions,
         progress: &dyn Progress,
     ) -> Result<PointCloud> {
-        self.decode_with(region, options, Layers::Even, progress)
+        self.decode_with(region, options, Filling::default(), progress)
     }
 
     /// What the model holds of a region, to be learned from again: as measured, with normals, and with the variance of the
-    /// thickness about each patch.
+    /// thickness about each patch; without the layers that a `scan` of the same place shows not to be there.
     ///
     /// # Errors
     /// As [`PatchModel::decode`].
-    pub fn remembered(&self, region: &Region, progress: &dyn Progress) -> Result<PointCloud> {
-        let options =
-            DecodeOptions { as_measured: true, normals: true, ..DecodeOptions::default() };
-        self.decode_with(Some(region), options, Layers::OfVariance, progress)
+    pub fn remembered(
+        &self,
+        region: &Region,
+        scan: Option<&ScanColumns>,
+        progress: &dyn Progress,
+    ) -> Result<PointCloud> {
+        let filling = Filling { layers: Layers::OfVariance, scan, ..Filling::default() };
+        self.decode_with(Some(region), Self::to_remember(), filling, progress)
+    }
+
+    /// The same in two parts: what the patches decode to that are `kept`, and the rest with the points beside the patches.
+    ///
+    /// # Errors
+    /// As [`PatchModel::decode`].
+    pub fn remembered_apart(
+        &self,
+        region: &Region,
+        scan: &ScanColumns,
+        kept: &[bool],
+        progress: &dyn Progress,
+    ) -> Result<[PointCloud; 2]> {
+        let part = |are_kept: bool| {
+            let left_out: Vec<bool> = kept.iter().map(|&kept| kept != are_kept).collect();
+            let filling = Filling {
+                layers: Layers::OfVariance,
+                scan: Some(scan),
+                left_out: Some(&left_out),
+                without_beside: are_kept,
+            };
+            self.decode_with(Some(region), Self::to_remember(), filling, progress)
+        };
+        Ok([part(true)?, part(false)?])
+    }
+
+    fn to_remember() -> DecodeOptions {
+        DecodeOptions { as_measured: true, normals: true, ..DecodeOptions::default() }
     }
 
     fn decode_with(
         &self,
         region: Option<&Region>,
         options: DecodeOptions,
-        spread: Layers,
+        filling: Filling<'_>,
         progress: &dyn Progress,
     ) -> Result<PointCloud> {
         let motions = self.instances().motions();
-        let mut surface = self.surface(region, options, (&motions, spread), progress)?;
+        let mut surface = self.surface(region, options, (&motions, filling), progress)?;
         let attributes = self.attributes_of(&mut surface, options, progress)?;
         progress.update("decoding", 1.0);
         surface.move_instances();
@@ -142,15 +176,15 @@ impl PatchModel {
         &'a self,
         region: Option<&Region>,
         options: DecodeOptions,
-        (motions, spread): (&'a [Motion], Layers),
+        (motions, filling): (&'a [Motion], Filling<'_>),
         progress: &dyn Progress,
     ) -> Result<Surface<'a>> {
         options.check()?;
         // What stands off the surface is part of the scan, so it is kept as measured.
-        let is_left_out = if options.as_measured {
-            vec![false; self.len()]
-        } else {
-            fragments(&self.lattice(), self.leaves())?
+        let is_left_out = match filling.left_out {
+            Some(left_out) => left_out.to_vec(),
+            None if options.as_measured => vec![false; self.len()],
+            None => fragments(&self.lattice(), self.leaves())?,
         };
         let parts = self.placed(&is_left_out, motions);
         let lattice = self.lattice();
@@ -172,7 +206,7 @@ impl PatchModel {
             .collect();
         let beside = self.header().n_extra + self.instances().n_points();
         let decoder = Decoder::new(lattice, wanted.iter().flatten().copied(), beside, options)?;
-        let decoder = Decoder { spread, ..decoder };
+        let decoder = Decoder { filling, ..decoder };
         let mut points = Points::default();
         let mut moved = Vec::new();
         for (leaves, (_, motion)) in wanted.iter().zip(&parts) {
@@ -182,8 +216,8 @@ impl PatchModel {
         }
         let pixel = lattice.pixel_size as f32;
         let first_beside = points.positions.len();
-        let beside: Vec<[f32; 3]> =
-            self.points().into_iter().map(|p| p.map(|c| c / pixel)).collect();
+        let beside = if filling.without_beside { Vec::new() } else { self.points() };
+        let beside: Vec<[f32; 3]> = beside.into_iter().map(|p| p.map(|c| c / pixel)).collect();
         points.positions.extend(&beside);
         for (instance, motion) in self.instances().all.iter().zip(motions) {
             let from = points.positions.len();
@@ -267,8 +301,8 @@ impl Rotation {
 
 /// Decodes single patches at the spacing that a model is made for.
 pub(super) struct PatchDecoder {
-    measured: Decoder,
-    surface: Decoder,
+    measured: Decoder<'static>,
+    surface: Decoder<'static>,
     rotation: Rotation,
 }
 
@@ -325,9 +359,10 @@ impl PatchDecoder {
 }
 
 /// How the layers that fill a thickness lie in it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Layers {
     /// Evenly.
+    #[default]
     Even,
     /// So that they have the variance of the slab, `half^2 / 3`: n even layers have `1 - 1 / n^2` of it, and a scan that is
     /// learned again and again from them would become thinner and thinner.
@@ -345,14 +380,26 @@ impl Layers {
     }
 }
 
-struct Decoder {
+/// How thickness is filled.
+#[derive(Clone, Copy, Default)]
+struct Filling<'a> {
+    layers: Layers,
+    /// What another scan shows of the same place.
+    scan: Option<&'a ScanColumns>,
+    /// Patches that are not decoded, by their numbers.
+    left_out: Option<&'a [bool]>,
+    /// Whether points beside the patches are left out; of a model without instances.
+    without_beside: bool,
+}
+
+struct Decoder<'a> {
     lattice: Lattice,
     /// Samples per side of a patch, and the values of all shapes' factors there, per level.
     grids: Vec<Grid>,
     /// Spacing, pixels.
     spacing: f64,
     options: DecodeOptions,
-    spread: Layers,
+    filling: Filling<'a>,
 }
 
 /// Layers that fill the thickness of a patch; spacing in pixels.
@@ -400,7 +447,7 @@ impl Grid {
     }
 }
 
-impl Decoder {
+impl Decoder<'_> {
     /// For some patches and `more` points beside them, unless these are more points than may be decoded: a tiny spacing
     /// makes large grids.
     fn new<'b>(
@@ -421,7 +468,7 @@ impl Decoder {
         check_points(resolution, n_points, options.max_points)?;
         let widths = (0..lattice.levels).map(|level| lattice.patch_width(level));
         let grids = widths.map(|width| Grid::new(width, spacing)).collect();
-        Ok(Self { lattice, grids, spacing, options, spread: Layers::Even })
+        Ok(Self { lattice, grids, spacing, options, filling: Filling::default() })
     }
 
     /// Adds what some patches give.
@@ -498,17 +545,22 @@ impl Decoder {
         let [d, u, v] = axes_of(leaf.side);
         let depth = self.depth(leaf, grid, sample);
         let layers = self.layers(leaf);
-        let half = leaf.patch.half_thickness() * self.spread.stretch(layers);
+        let half = leaf.patch.half_thickness() * self.filling.layers.stretch(layers);
         let mut position = [0.0; 3];
         position[u] = leaf.corner[0] as f32 + grid.at[sample[0]];
         position[v] = leaf.corner[1] as f32 + grid.at[sample[1]];
+        let column = [u, v].map(|axis| position[axis].floor() as i32);
+        let shown = self.filling.scan.map(|scan| scan.shown(leaf.side, column, depth, half));
+        let before = points.positions.len();
         for layer in 0..layers {
             position[d] = depth + layer_offset(half, layer, layers);
-            points.positions.push(position);
+            if shown.as_ref().is_none_or(|shown| shown.has(position[d])) {
+                points.positions.push(position);
+            }
         }
         if self.options.normals {
             let normal = normal(leaf.side, self.slope(leaf, grid, sample));
-            points.normals.extend(std::iter::repeat_n(normal, layers));
+            points.normals.extend(std::iter::repeat_n(normal, points.positions.len() - before));
         }
     }
 }

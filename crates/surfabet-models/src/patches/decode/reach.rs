@@ -19,7 +19,7 @@ pub(in crate::patches) type PlacedPatch<'a> = (&'a Leaf, Option<&'a Motion>);
 
 /// Patches, some of them moved, and how near to them a position has to be.
 pub(in crate::patches) struct MeasuredReach<'a> {
-    decoder: Decoder,
+    decoder: Decoder<'static>,
     /// In the order of the tree.
     patches: Vec<PlacedPatch<'a>>,
     /// Boxes around the patches, pixels.

@@ -39,6 +39,8 @@ pub(in crate::patches) struct SidedSamples<'a> {
     weights: Weights<'a>,
     /// Points of each sample.
     groups: Groups,
+    /// So many of the first points lie on surface that is kept as it was.
+    n_kept: usize,
 }
 
 /// How much points count.
@@ -111,7 +113,17 @@ impl<'a> SidedSamples<'a> {
         progress.check()?;
         // Into memory of its own: that of the views is to be free.
         let all = samples.iter().map(|seen| seen.sample).collect();
-        Ok(Self { all, sides, cloud, weights, groups })
+        Ok(Self { all, sides, cloud, weights, groups, n_kept: 0 })
+    }
+
+    /// With so many of the first points on surface that is kept as it was, and is not to be found again.
+    pub fn with_kept(self, n_kept: usize) -> Self {
+        Self { n_kept, ..self }
+    }
+
+    /// True for a sample of such points alone.
+    pub fn is_kept(&self, sample: usize) -> bool {
+        self.n_kept > 0 && self.groups.of(sample).iter().all(|&i| (i as usize) < self.n_kept)
     }
 
     /// The points of each sample.

@@ -82,9 +82,11 @@ pub(in crate::patches) fn sheets(
         let key = pixel_key(side, tile, at.map(|c| c.rem_euclid(tile_pixels)));
         PixelSample { key, depth, weight }
     };
-    let mut all: Vec<PixelSample> = parallel::map_range(samples.all.len(), |i| {
-        let sample = &samples.all[i];
-        of_sample((sample.position, sample.weight, samples.sides[i]))
+    let mut all: Vec<PixelSample> = parallel::gather(samples.all.len(), |i, found| {
+        if !samples.is_kept(i) {
+            let sample = &samples.all[i];
+            found.push(of_sample((sample.position, sample.weight, samples.sides[i])));
+        }
     });
     all.par_sort_unstable_by(|a, b| {
         let by_depth = a.depth.total_cmp(&b.depth);

@@ -2,7 +2,7 @@
 
 use surfabet_geom::Progress;
 
-use super::{Cubes, TilePlan, TileTask, learn_tile};
+use super::{Cubes, Known, TilePlan, TileTask, learn_tile};
 use crate::error::Result;
 use crate::patches::model::{Lattice, PatchModel};
 use crate::patches::options::PatchesOptions;
@@ -62,7 +62,13 @@ pub fn learn_details(
     task.plan.check()?;
     let learned = (0..task.plan.details).map(|level| {
         let (plan, options) = task.plan.of_detail(level, task.options);
-        learn_tile(&TileTask { plan: &plan, options: &options, ..*task }, progress)
+        // Sheets are those of the last level; a coarser one is learned from what they decode to.
+        let known = if level + 1 == task.plan.details {
+            task.known
+        } else {
+            Known { weights: task.known.weights, ..Known::default() }
+        };
+        learn_tile(&TileTask { plan: &plan, options: &options, known, ..*task }, progress)
     });
     let learned: Vec<_> = learned.collect::<Result<_>>()?;
     Ok(if learned.last().is_some_and(Option::is_some) { learned } else { Vec::new() })

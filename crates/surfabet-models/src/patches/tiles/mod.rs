@@ -10,12 +10,14 @@
 //! |---|---|
 //! | `plan` | what all tiles share, from a sample of the scene |
 //! | `bounds` | the box that a tile decodes to |
+//! | `kept` | sheets that stay as they are when a tile is learned again |
 //! | `details` | coarser models of the same tiles |
 //! | `recipe` | what a map remembers, so that a tile can be learned again |
 //! | `views` | how the sides of surfaces are known, and points that say so |
 
 mod bounds;
 mod details;
+mod kept;
 mod plan;
 mod recipe;
 mod views;
@@ -37,6 +39,7 @@ use crate::options::Options;
 use crate::stages::Stages;
 pub(super) use bounds::ROUNDING;
 pub use details::{MAX_DETAILS, learn_details};
+pub use kept::{KeptSheets, Known};
 pub use plan::{AttributeRange, TilePlan, plan};
 pub use recipe::Recipe;
 pub use views::Views;
@@ -220,8 +223,8 @@ fn place(sheet: &Sheet, tile_pixels: i32) -> [i32; 3] {
 pub struct TileTask<'a> {
     /// Points among which are all within [`TilePlan::margin`] of the cube, in their order. Those further away make no difference.
     pub cloud: &'a PointCloud,
-    /// Weights of the points, beside what their ranges give; all are 1 without.
-    pub weights: Option<&'a [f32]>,
+    /// What is known beside the points.
+    pub known: Known<'a>,
     /// The cube of the plan.
     pub cube: [i32; 3],
     /// What all tiles share.
@@ -235,17 +238,18 @@ pub struct TileTask<'a> {
 /// # Errors
 /// As [`super::learn`]; [`Error::Inconsistent`] for a plan that no scene has, and for weights of other points.
 pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option<PatchModel>> {
-    let TileTask { cloud, weights, cube, plan, options } = *task;
+    let TileTask { cloud, known, cube, plan, options } = *task;
     options.check()?;
     plan.check()?;
-    if let Some(weights) = weights.filter(|weights| weights.len() != cloud.len()) {
+    if let Some(weights) = known.weights.filter(|weights| weights.len() != cloud.len()) {
         let what = format!("{} weights of {} points", weights.len(), cloud.len());
         return Err(Error::Inconsistent(what));
     }
     let tile = Tile { cubes: plan.cubes, cube, corrected: plan.corrected };
     let mut cloud = about(cloud, plan.lattice.origin)?;
     let near = tile.around(&cloud, &plan.lattice, plan.margin_pixels());
-    let weights: Option<Vec<f32>> = weights.map(|all| near.iter().map(|&i| all[i]).collect());
+    let weights: Option<Vec<f32>> = known.weights.map(|all| near.iter().map(|&i| all[i]).collect());
+    let n_kept = near.partition_point(|&i| i < known.n_kept);
     if near.len() < cloud.len() {
         cloud = cloud.select(&near)?;
     }
@@ -262,6 +266,7 @@ pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option
         attributes: &plan.attributes,
         tile: Some(tile),
         weights: weights.as_deref(),
+        kept: (known.sheets, n_kept),
     };
     let mut stages = Stages::new(STAGES, progress);
     let (model, mut report) = on_lattice(&ground, &cloud, options, &mut stages)?;
