@@ -11,7 +11,6 @@ import pytest
 from scipy.spatial import cKDTree
 
 import surfabet as sb
-from surfabet import datasets
 from surfabet.cli import main
 from surfabet.errors import DroppedPointsWarning, InvalidInputError, InvalidTypeError
 from test_format import Fields, sections
@@ -374,29 +373,6 @@ def test_maps_in_tiles_refuse_recurrence(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="recurrence is True"):
         sb.learn_patches_tiled(cloud, tmp_path / "map.sfb", recurrence=True)
     assert not list(tmp_path.iterdir())
-
-
-def furnished(seed: int) -> sb.PointCloud:
-    """A simulated room, with noise of 3 mm."""
-    points, _ = datasets.make_room(seed=12).sample_surface(0.04)
-    noise = np.random.default_rng(seed).normal(scale=0.003, size=points.shape)
-    return sb.PointCloud(points + noise)
-
-
-def test_what_is_scanned_again_does_not_grow(tmp_path: Path) -> None:
-    """Pixels of 7 cm: a patch is as thick as its most uneven part, and decodes to that."""
-    clouds = [furnished(seed) for seed in range(2)]
-    model = learned(clouds[0], tmp_path / "map.sfb", attributes=[], resolution=0.07, tile=8.0)
-    everything = sb.PointCloud(np.concatenate([cloud.points for cloud in clouds]))
-    at_once = model.update(everything, alone=True)
-    model = model.update(clouds[1])
-    for as_measured in (False, True):
-        error, wanted = (
-            sb.evaluate(everything, m.decode(as_measured=as_measured), normal_neighbors=None)
-            for m in (model, at_once)
-        )
-        assert error.rmse <= 1.1 * wanted.rmse
-    assert len(model.to_bytes()) <= 1.1 * len(at_once.to_bytes())
 
 
 def test_what_a_scan_does_not_come_near_stays_symbol_for_symbol(
