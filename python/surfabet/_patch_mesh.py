@@ -7,7 +7,8 @@ that no gap is left along the borders of patches, whatever their levels.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from surfabet.geometry import KdTree
 from surfabet.meshes import Mesh
 
 if TYPE_CHECKING:
-    from surfabet.patches import PatchModel
+    from surfabet.patches import LatticeModel
 
 __all__ = ["mesh_of"]
 
@@ -40,12 +41,32 @@ def _shapes(n: int) -> NDArray[np.float64]:
     return np.stack([values[j][:, None] * values[i][None, :] for i, j in _DEGREES])
 
 
-def mesh_of(model: PatchModel) -> Mesh:
-    """The thin surface of a model; see `PatchModel.mesh`."""
-    local, triangles = _surface(model, np.arange(len(model)))
+@dataclass(frozen=True, slots=True)
+class _Patches:
+    """Patches of one lattice."""
+
+    pixels: list[float]
+    """Sides of a pixel by level, metres."""
+    places: NDArray[np.int64]
+    """Side, level, first column and row in finest pixels, (m, 4)."""
+    masks: NDArray[np.bool_]
+    """Set pixels, (m, 8, 8)."""
+    coefficients: NDArray[np.float64]
+    """Of the shapes, metres, (m, 21)."""
+
+    def __getitem__(self, which: NDArray[np.int64]) -> _Patches:
+        return _Patches(
+            self.pixels, self.places[which], self.masks[which], self.coefficients[which]
+        )
+
+
+def mesh_of(model: LatticeModel[Any]) -> Mesh:
+    """The thin surface of a model; see `LatticeModel.mesh`."""
+    patches = _Patches(*model._core.surface())
+    local, triangles = _surface(patches)
     vertices, parts = [local], [triangles]
     for instance in model.instances:
-        local, triangles = _surface(model, instance.patches)
+        local, triangles = _surface(patches[instance.patches])
         # A mirror turns the order of corners round.
         parts.append((triangles if instance.facing > 0 else triangles[:, ::-1]) + _count(vertices))
         vertices.append(local @ instance.linear.T + instance.shift)
@@ -60,13 +81,11 @@ def _count(parts: list[NDArray[np.float64]]) -> int:
     return sum(len(part) for part in parts)
 
 
-def _surface(
-    model: PatchModel, which: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Some patches as vertices along the axes of the lattice, metres, and triangles."""
-    if not len(which):
+def _surface(patches: _Patches) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Patches as vertices along the axes of the lattice, metres, and triangles."""
+    if not len(patches.places):
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-    sides, places, depths, near = _squares(model, which)
+    sides, places, depths, near = _squares(patches)
     side = np.repeat(sides, 4)
     corners = places.reshape(-1, 2)
     vertex, first = _joined(side, corners, depths.ravel(), np.repeat(near, 4))
@@ -79,33 +98,29 @@ def _surface(
     squares, facing_down = squares[kept], sides[kept] % 2 == 1
     squares[facing_down] = squares[facing_down][:, ::-1]
     triangles = np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
-    local = _local(side[first], corners[first], depth, model.levels[-1].pixel_size)
+    local = _local(side[first], corners[first], depth, patches.pixels[-1])
     used, triangles = np.unique(triangles, return_inverse=True)
     return local[used], triangles.reshape(-1, 3)
 
 
 def _squares(
-    model: PatchModel,
-    chosen: NDArray[np.int64],
+    patches: _Patches,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Squares of the finest pixel of the chosen patches.
+    """Squares of the finest pixel.
 
     Their sides (q,), places of corners in turn (q, 4, 2) in pixels, depths there (q, 4) and how far
     these may be from those of a neighbour (q,), metres.
     """
-    levels = model.levels
-    finest = levels[-1].pixel_size
-    found = model._core.places()[chosen]
-    side, level, first = found[:, 0], found[:, 1], found[:, 2:]
-    masks, coefficients = model._core.masks()[chosen], model._core.coefficients()[chosen]
+    finest = patches.pixels[-1]
+    side, level, first = patches.places[:, 0], patches.places[:, 1], patches.places[:, 2:]
     around = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     parts: list[tuple[NDArray[np.int64], ...]] = []
     depths = []
-    for number, of in enumerate(levels):
+    for number, pixel in enumerate(patches.pixels):
         which = np.flatnonzero(level == number)
-        fine = round(of.pixel_size / finest)
-        patch, row, column = np.nonzero(masks[which])
-        grid = np.einsum("mk,kvu->mvu", coefficients[which], _shapes(_PIXELS * fine))
+        fine = round(pixel / finest)
+        patch, row, column = np.nonzero(patches.masks[which])
+        grid = np.einsum("mk,kvu->mvu", patches.coefficients[which], _shapes(_PIXELS * fine))
         v, u = np.divmod(np.arange(fine * fine), fine)
         patch = np.repeat(patch, fine * fine)
         inner = np.stack(
@@ -159,7 +174,7 @@ def _local(
     return local
 
 
-def _colors(model: PatchModel, vertices: NDArray[np.float64]) -> NDArray[np.uint8] | None:
+def _colors(model: LatticeModel[Any], vertices: NDArray[np.float64]) -> NDArray[np.uint8] | None:
     """The colour of the decoded point next to each vertex."""
     if not model.has_color:
         return None

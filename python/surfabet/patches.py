@@ -128,6 +128,27 @@ class LatticeModel(Model[L]):
         """Lattice to world, (3, 3): the scene's own axes as columns."""
         return np.array(self._core.rotation)
 
+    @property
+    def instances(self) -> tuple[LatticeInstance, ...]:
+        """Patches that the model gives once more at other places, where the scene recurs. Maps in
+        tiles have none."""
+        return ()
+
+    def mesh(self) -> Mesh:
+        """The thin surface as triangles, half a square of the finest pixel each.
+
+        Corners that patches of one side share are one vertex, so that there are no gaps along the
+        borders of patches. Sheets of different sides, as both walls of a corner, are not joined.
+        Points that the model keeps beside its patches are left out. All tiles of a map that were
+        read are one mesh.
+        """
+        return mesh_of(self)
+
+    def export(self, path: str | os.PathLike[str]) -> int:
+        """Writes `mesh()` to a file, `.ply`, `.obj` or `.glb`, and returns its size in bytes; see
+        `Mesh.export`."""
+        return self.mesh().export(path)
+
 
 @final
 class PatchModel(LatticeModel[_core.PatchModel]):
@@ -140,20 +161,6 @@ class PatchModel(LatticeModel[_core.PatchModel]):
     """
 
     __slots__ = ()
-
-    def mesh(self) -> Mesh:
-        """The thin surface as triangles, half a square of the finest pixel each.
-
-        Corners that patches of one side share are one vertex, so that there are no gaps along the
-        borders of patches. Sheets of different sides, as both walls of a corner, are not joined.
-        Points that the model keeps beside its patches are left out.
-        """
-        return mesh_of(self)
-
-    def export(self, path: str | os.PathLike[str]) -> int:
-        """Writes `mesh()` to a file, `.ply`, `.obj` or `.glb`, and returns its size in bytes; see
-        `Mesh.export`."""
-        return self.mesh().export(path)
 
     @property
     def n_extra_points(self) -> int:

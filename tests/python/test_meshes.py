@@ -58,6 +58,29 @@ def test_no_gap_along_the_borders_of_patches(model: sb.PatchModel) -> None:
     assert not inside.any()
 
 
+def test_a_map_in_tiles_has_one_mesh_without_gaps_along_the_borders_of_tiles(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "map.sfb"
+    sb.learn_patches_tiled(waves(np.zeros(3)), path, resolution=0.01, tile=0.64)
+    tiled = sb.load(path)
+    assert isinstance(tiled, sb.TiledPatchModel)
+    assert len(tiled.tiles.bounds) >= 4
+    mesh = tiled.mesh()
+    directed, met = edges(mesh)
+    assert met.max() == 2
+    open_edges = mesh.vertices[directed[met == 1]].mean(axis=1)
+    inside = np.all((open_edges[:, :2] > 0.04) & (open_edges[:, :2] < 0.95), axis=1)
+    assert not inside.any()
+    assert mesh.colors is not None
+    assert off_waves(mesh.vertices) < 1.1 * off_waves(tiled.decode().points)
+    assert main(["export", str(path), str(tmp_path / "map.ply")]) == 0
+    assert len(sb.read(tmp_path / "map.ply")) == len(mesh.vertices)
+    part = sb.load(path, box=((0, 0, -1), (0.2, 0.2, 1)))
+    assert isinstance(part, sb.TiledPatchModel)
+    assert 0 < part.mesh().area < 0.5 * mesh.area
+
+
 def test_it_is_the_surface_and_faces_the_sensor(model: sb.PatchModel) -> None:
     mesh = model.mesh()
     x, y, _ = mesh.vertices.T

@@ -6,6 +6,7 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use surfabet::patches::{Lattice, Leaf};
 use surfabet::{PatchModel, patches};
 
 use crate::cloud::cloud_of;
@@ -37,6 +38,48 @@ fn learn_patches(
 
 /// Linear part, shift and numbers of the patches of an instance.
 type PyInstance<'py> = ([[f32; 3]; 3], [f32; 3], Bound<'py, PyArray1<i64>>);
+
+/// Patches as arrays: sides of a pixel by level, places, masks and coefficients.
+pub type PySurface<'py> =
+    (Vec<f64>, Bound<'py, PyArray2<i64>>, Bound<'py, PyArray3<bool>>, Bound<'py, PyArray2<f64>>);
+
+/// Patches on a lattice as arrays.
+pub fn surface<'py>(py: Python<'py>, leaves: &[Leaf], lattice: &Lattice) -> PySurface<'py> {
+    let pixels = (0..lattice.levels).map(|level| lattice.pixel_of(level)).collect();
+    (pixels, places(py, leaves), masks(py, leaves), coefficients(py, leaves, lattice))
+}
+
+/// Side, level and the first column and row of patches.
+fn places<'py>(py: Python<'py>, leaves: &[Leaf]) -> Bound<'py, PyArray2<i64>> {
+    Array2::from_shape_fn((leaves.len(), 4), |(i, column)| match column {
+        0 => i64::from(leaves[i].side),
+        1 => i64::from(leaves[i].level),
+        c => i64::from(leaves[i].corner[c - 2]),
+    })
+    .into_pyarray(py)
+}
+
+/// Set pixels of patches.
+fn masks<'py>(py: Python<'py>, leaves: &[Leaf]) -> Bound<'py, PyArray3<bool>> {
+    Array3::from_shape_fn((leaves.len(), 8, 8), |(i, row, column)| {
+        leaves[i].patch.mask >> (8 * row + column) & 1 != 0
+    })
+    .into_pyarray(py)
+}
+
+/// Coefficients of the shapes of patches, metres.
+fn coefficients<'py>(
+    py: Python<'py>,
+    leaves: &[Leaf],
+    lattice: &Lattice,
+) -> Bound<'py, PyArray2<f64>> {
+    let step = lattice.pixel_size * f64::from(lattice.depth_step) / 16.0;
+    let shapes = leaves.first().map_or(0, |l| l.patch.coefficients.len());
+    Array2::from_shape_fn((leaves.len(), shapes), |(i, k)| {
+        f64::from(leaves[i].patch.coefficients[k]) * step
+    })
+    .into_pyarray(py)
+}
 
 #[pymethods]
 impl PyPatchModel {
@@ -79,39 +122,28 @@ impl PyPatchModel {
 
     /// Side, level (0 the coarsest) and the first column and row (finest pixels) of every patch, (m, 4).
     fn places<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<i64>> {
-        let leaves = self.model.leaves();
-        Array2::from_shape_fn((leaves.len(), 4), |(i, column)| match column {
-            0 => i64::from(leaves[i].side),
-            1 => i64::from(leaves[i].level),
-            c => i64::from(leaves[i].corner[c - 2]),
-        })
-        .into_pyarray(py)
+        places(py, self.model.leaves())
     }
 
     /// Set pixels of every patch, (m, 8, 8).
     fn masks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<bool>> {
-        let leaves = self.model.leaves();
-        Array3::from_shape_fn((leaves.len(), 8, 8), |(i, row, column)| {
-            leaves[i].patch.mask >> (8 * row + column) & 1 != 0
-        })
-        .into_pyarray(py)
+        masks(py, self.model.leaves())
     }
 
     /// Coefficients of the shapes of every patch, (m, 21), metres.
     fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let (leaves, lattice) = (self.model.leaves(), self.model.lattice());
-        let step = lattice.pixel_size * f64::from(lattice.depth_step) / 16.0;
-        let shapes = leaves.first().map_or(0, |l| l.patch.coefficients.len());
-        Array2::from_shape_fn((leaves.len(), shapes), |(i, k)| {
-            f64::from(leaves[i].patch.coefficients[k]) * step
-        })
-        .into_pyarray(py)
+        coefficients(py, self.model.leaves(), &self.model.lattice())
+    }
+
+    /// Sides of a pixel by level, and `places`, `masks` and `coefficients`.
+    fn surface<'py>(&self, py: Python<'py>) -> PySurface<'py> {
+        surface(py, self.model.leaves(), &self.model.lattice())
     }
 
     /// Standard deviation of the scan about every patch, (m,), metres.
     fn sigma<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let pixel = self.model.lattice().pixel_size;
-        let sigma = |leaf: &patches::Leaf| leaf.patch.sigma() * pixel;
+        let sigma = |leaf: &Leaf| leaf.patch.sigma() * pixel;
         self.model.leaves().iter().map(sigma).collect::<Vec<f64>>().into_pyarray(py)
     }
 

@@ -22,6 +22,7 @@ use crate::cloud::{PyPointCloud, cloud_of};
 use crate::errors::{IntoPyErr, invalid_input};
 use crate::model::{PyModel, region_of};
 use crate::options::options_of;
+use crate::patches::{PySurface, surface};
 use crate::run::run;
 
 /// Patches in tiles, or a part of them; immutable.
@@ -160,6 +161,12 @@ impl PyTiledModel {
     #[getter]
     fn attribute_names(&self) -> Vec<&str> {
         self.model.patches().attributes.iter().map(|header| header.name.as_str()).collect()
+    }
+
+    /// The patches of all tiles as arrays, as those of a model in one piece.
+    fn surface<'py>(&self, py: Python<'py>) -> PyResult<PySurface<'py>> {
+        let leaves = py.detach(|| self.model.leaves()).map_err(IntoPyErr::into_py_err)?;
+        Ok(surface(py, &leaves, &self.model.patches().lattice))
     }
 
     /// Sides of the finest pixels of the levels of detail, coarsest first, metres.

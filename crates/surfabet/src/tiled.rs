@@ -300,6 +300,18 @@ impl TiledModel {
             .filter_map(|(entry, tile)| tile.as_ref().map(|tile| (entry, tile)))
     }
 
+    /// The patches of all tiles of the level of detail that are here, on the lattice that they share, tile by tile.
+    ///
+    /// # Errors
+    /// As [`TileIndex::read_tile`].
+    pub fn leaves(&self) -> Result<Vec<patches::Leaf>> {
+        let mut leaves = Vec::new();
+        for (entry, bytes) in self.of_level(self.level()) {
+            leaves.extend_from_slice(self.read_tile(entry, bytes)?.leaves());
+        }
+        Ok(leaves)
+    }
+
     /// The tiles of the level of detail that are here.
     pub fn tiles(&self) -> impl Iterator<Item = &TileEntry> {
         self.of_level(self.level()).map(|(entry, _)| entry)

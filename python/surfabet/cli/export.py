@@ -49,7 +49,13 @@ def export(
     started = time.perf_counter()
     with common.progress() as progress:
         model = load_model(input_, progress)
-        if not isinstance(model, surfabet.PatchModel | surfabet.PlaneModel | surfabet.GasModel):
+        if not isinstance(
+            model,
+            surfabet.PatchModel
+            | surfabet.TiledPatchModel
+            | surfabet.PlaneModel
+            | surfabet.GasModel,
+        ):
             raise UsageError(
                 f"{input_}: --model {model.method} has no mesh to export; patches, planes and gas "
                 "have"
