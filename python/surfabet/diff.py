@@ -14,6 +14,7 @@ from surfabet._checks import check_number
 from surfabet._core import PointCloud
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet.errors import InvalidInputError, wrong_type, wrong_value
+from surfabet.learning import unit_in
 from surfabet.model import Model
 from surfabet.survey import survey
 
@@ -62,6 +63,8 @@ class Changes(Sequence[Change]):
     unseen: tuple[float, float]
     """Surface of the first map where the second did not look, and of the second where the first
     did not, square metres: nothing is known of a change there."""
+    unit: str = "m"
+    """What lengths are in: `m`, or the unit that the notes of the maps name."""
 
     def __len__(self) -> int:
         return len(self.changes)
@@ -141,6 +144,7 @@ def diff(
     if tolerance is not None:
         check_number("tolerance", tolerance, "a positive number of metres", above=0.0)
     check_number("min_area", min_area, "a positive number of square metres", above=0.0)
+    unit = next((unit for of in (a, b) if (unit := unit_in(of.note)) != "m"), "m")
     with progress_callback(progress) as callback:
         tell: ProgressCallback = callback or (lambda stage, fraction: None)
         maps = [_decoded(model, name, tell) for model, name in ((a, "a"), (b, "b"))]
@@ -150,7 +154,7 @@ def diff(
         elif tolerance < _LEAST_SPACINGS * spacing * (1 - 1e-3):
             least = f"{_LEAST_SPACINGS * spacing:.3g}"
             requirement = (
-                f"at least {least} m, two spacings of what the coarser map decodes to: below, "
+                f"at least {least} {unit}, two spacings of what the coarser map decodes to: below, "
                 "rounding counts as change"
             )
             raise wrong_value("tolerance", tolerance, requirement, shown=f"{tolerance:g}")
@@ -162,7 +166,7 @@ def diff(
         new = _core.changes(
             after, before, before_thick, viewpoints[0], **options, progress=callback
         )
-    return _put_together(before, after, gone, new, float(tolerance))
+    return _put_together(before, after, gone, new, float(tolerance), unit)
 
 
 def _check_maps(a: object, b: object) -> None:
@@ -192,7 +196,7 @@ _Found = tuple[
 
 
 def _put_together(
-    before: PointCloud, after: PointCloud, gone: _Found, new: _Found, tolerance: float
+    before: PointCloud, after: PointCloud, gone: _Found, new: _Found, tolerance: float, unit: str
 ) -> Changes:
     """Both directions as one sequence, the largest first, with the cloud that shows them."""
     directions: list[tuple[Kind, _Found]] = [("vanished", gone), ("appeared", new)]
@@ -225,4 +229,4 @@ def _put_together(
         origin=origin,
         crs=after.crs,
     )
-    return Changes(changes, cloud, tolerance, (gone[3], new[3]))
+    return Changes(changes, cloud, tolerance, (gone[3], new[3]), unit)

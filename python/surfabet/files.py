@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 
 from surfabet import _core
 from surfabet._checks import check_integer
+from surfabet._note import note_of_source
 from surfabet._remote import RemoteFile, is_url
 from surfabet.alphabet import Alphabet, AlphabetModel
 from surfabet.bic_alphabet import BicAlphabet, BicAlphabetModel
@@ -131,7 +132,7 @@ def load(
         max_bytes=max_bytes,
         vocabulary=words,
     )
-    return _wrapped(core)
+    return _wrapped(core, note_of_source(source))
 
 
 def _checked(
@@ -174,7 +175,7 @@ def from_bytes(
         max_bytes=max_bytes,
         vocabulary=words,
     )
-    return _wrapped(core)
+    return _wrapped(core, note_of_source(io.BytesIO(data)))
 
 
 def inspect(path: str | os.PathLike[str]) -> FileInfo:
@@ -207,6 +208,6 @@ CLASSES: dict[type[_core.Model], type[AnyModel]] = {
 """The class of each compiled one."""
 
 
-def _wrapped(core: _core.Model) -> AnyModel:
-    model: AnyModel = CLASSES[type(core)](core)  # type: ignore[arg-type]
+def _wrapped(core: _core.Model, note: str) -> AnyModel:
+    model: AnyModel = CLASSES[type(core)](core, note)  # type: ignore[arg-type]
     return model

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfabet import _core
-from surfabet._checks import check_flag, check_integer, check_number, check_text, real_array
+from surfabet._checks import check_flag, check_integer, check_number, real_array
 from surfabet._core import PointCloud
+from surfabet._note import checked_note, visible, with_note
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import wrong_type, wrong_value
 from surfabet.io._files import path_of
@@ -72,32 +73,19 @@ def decode_options(
     }
 
 
-def checked_note(note: object) -> str:
-    """A line for people that fits into a file.
-
-    Raises
-    ------
-    InvalidInputError
-        It is no text, or too long.
-    """
-    text = check_text("note", note)
-    if (size := len(text.encode())) > _core.MAX_NOTE:
-        requirement = f"a text of at most {_core.MAX_NOTE} bytes"
-        raise wrong_value("note", note, requirement, shown=f"a text of {size} bytes")
-    return text
-
-
 class Model(Generic[C]):
     """A cloud as a compact model; immutable.
 
     Everything in it is quantised already, so it decodes to the same cloud before it is saved and
-    after it is loaded. Models are equal when their files are: how they were learned does not count.
+    after it is loaded. Models are equal when their files are, but for the note: how they were
+    learned does not count.
     """
 
-    __slots__ = ("_core", "_localizer")
+    __slots__ = ("_core", "_localizer", "_note")
 
-    def __init__(self, core: C) -> None:
+    def __init__(self, core: C, note: str = "") -> None:
         self._core = core
+        self._note = note
         self._localizer: Localizer | None = None
 
     def decode(
@@ -214,18 +202,31 @@ class Model(Generic[C]):
         options = locate_options(scan, prior, radius, angle, upright, top)
         return self.localizer(progress=progress)._located(scan, options, progress)
 
-    def to_bytes(self) -> bytes:
-        """The bytes of the model's file. The same model always gives the same bytes."""
-        return self._core.to_bytes()
+    def to_bytes(self, *, note: str | None = None) -> bytes:
+        """The bytes of the model's file. The same model and note always give the same bytes.
 
-    def save(self, path: str | os.PathLike[str], *, note: str = "") -> int:
+        `note` is that of `save`, so that a model that was just read gives the bytes of its file.
+        """
+        return with_note(self._core.to_bytes(), self._note_or(note))
+
+    def save(self, path: str | os.PathLike[str], *, note: str | None = None) -> int:
         """Writes the model to a file, usually `.sfb`, and returns its size in bytes.
 
         An existing file is replaced only when the new one is complete. `note` is a line for people,
         at most 1024 bytes of UTF-8, which `surfabet info` and `surfabet.inspect` show; it is not
-        part of the model.
+        part of the model. By default it is the one that the model was read with, and `note=""`
+        writes none. A note that ends in `lengths in ft` says that lengths are feet, not metres.
         """
-        return self._core.save(str(path_of("path", path)), checked_note(note))
+        return self._core.save(str(path_of("path", path)), self._note_or(note))
+
+    def _note_or(self, note: str | None) -> str:
+        """The note to write: one that is given, or else that of the model."""
+        return self._note if note is None else checked_note(note)
+
+    @property
+    def note(self) -> str:
+        """The note that the model was read with; empty for one that was learned."""
+        return visible(self._note)
 
     @property
     def method(self) -> str:
@@ -278,4 +279,4 @@ class Model(Generic[C]):
         return isinstance(other, Model) and self._core == other._core
 
     def __hash__(self) -> int:
-        return hash(self.to_bytes())
+        return hash(self._core.to_bytes())

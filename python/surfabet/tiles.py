@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._checks import check_flag, check_integer, check_items
 from surfabet._core import PointCloud
+from surfabet._note import note_of_source
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import (
     DroppedPointsWarning,
@@ -25,7 +26,7 @@ from surfabet.errors import (
     wrong_value,
 )
 from surfabet.io._files import is_same_file, path_of
-from surfabet.model import MAX_POINTS, Box, checked_note, corners, decode_options
+from surfabet.model import MAX_POINTS, Box, corners, decode_options
 from surfabet.patches import LatticeModel
 
 __all__ = ["TiledPatchModel", "Tiles", "merge_tiles"]
@@ -87,8 +88,13 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
 
     __slots__ = ("_read_from",)
 
-    def __init__(self, core: _core.TiledPatchModel, read_from: tuple[_PartOf, ...] = ()) -> None:
-        super().__init__(core)
+    def __init__(
+        self,
+        core: _core.TiledPatchModel,
+        note: str = "",
+        read_from: tuple[_PartOf, ...] = (),
+    ) -> None:
+        super().__init__(core, note)
         self._read_from = read_from
 
     def decode(
@@ -207,9 +213,9 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
                 DroppedPointsWarning,
                 stacklevel=2,
             )
-        return TiledPatchModel(core, self._read_from)
+        return TiledPatchModel(core, self._note, self._read_from)
 
-    def save(self, path: str | os.PathLike[str], *, note: str = "") -> int:
+    def save(self, path: str | os.PathLike[str], *, note: str | None = None) -> int:
         """As `Model.save`. Of a model that was loaded with a box, the tiles that were read are
         written, whole.
 
@@ -221,7 +227,7 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         target = path_of("path", path)
         for part in self._read_from:
             part.check(target)
-        return self._core.save_tiles(str(target), checked_note(note))
+        return self._core.save_tiles(str(target), self._note_or(note))
 
     @property
     def tiles(self) -> Tiles:
@@ -296,7 +302,8 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
 
     A tile that one of them has, or that is the same in all that have it, keeps its bytes. Where
     tiles of several differ, one is learned from what they hold, weighed by their numbers of points:
-    nothing is stored twice.
+    nothing is stored twice. The note is that of all models, or where these differ that of the
+    first.
 
     Raises
     ------
@@ -315,7 +322,8 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
         cores = [model._core for model in models]
         try:
             read_from = tuple(part for model in models for part in model._read_from)
-            return TiledPatchModel(_core.merge_tiles(cores, progress=callback), read_from)
+            core = _core.merge_tiles(cores, progress=callback)
+            return TiledPatchModel(core, models[0]._note, read_from)
         except InvalidInputError as error:
             if not (old := [i for i, core in enumerate(cores) if not core.has_plan]):
                 raise
@@ -341,7 +349,8 @@ def open_tiled(
         "max_items": max_items,
         "max_bytes": max_bytes,
     }
-    if isinstance(source, str | os.PathLike):
+    is_path = isinstance(source, str | os.PathLike)
+    if is_path:
         core = _core.open_tiles(os.fspath(source), **options)
     else:
         size = source.seek(0, os.SEEK_END)
@@ -354,7 +363,6 @@ def open_tiled(
         core = _core.open_tiles_of(read, size, **options)
     if core is None:
         return None
-    model = TiledPatchModel(core)
-    if (box is None and level is None) or not isinstance(source, str | os.PathLike):
-        return model
-    return TiledPatchModel(core, (_PartOf(Path(source), *core.tile_counts),))
+    is_part = is_path and (box is not None or level is not None)
+    parts = (_PartOf(Path(source), *core.tile_counts),) if is_part else ()
+    return TiledPatchModel(core, note_of_source(source), parts)

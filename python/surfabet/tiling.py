@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from surfabet import _core
 from surfabet._checks import check_integer, check_number
 from surfabet._core import PointCloud
+from surfabet._note import checked_note
 from surfabet._progress import Progress, ProgressCallback, progress_callback
 from surfabet._spill import Spill, SpillWriter, check_space
 from surfabet.errors import (
@@ -37,7 +38,6 @@ from surfabet.io._files import is_same_file, path_of
 from surfabet.io._notes import counted
 from surfabet.io.chunks import Chunks, chunks_of
 from surfabet.learning import note_of
-from surfabet.model import checked_note
 from surfabet.survey import survey
 from surfabet.tiles import merge_tiles, open_tiled
 

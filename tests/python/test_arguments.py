@@ -138,6 +138,7 @@ CALLS: dict[str, Callable[[Things], Call]] = {
         t.patches.localizer().locate,
         {"scan": t.cloud, "prior": np.eye(4)},
     ),
+    "Model.to_bytes": lambda t: (t.patches.to_bytes, {}),
     "Model.save": lambda t: (t.patches.save, {"path": t.folder / "a.sfb"}),
     "PatchModel.export": lambda t: (t.patches.export, {}),
     "Mesh.export": lambda t: (t.patches.mesh().export, {}),

@@ -198,6 +198,29 @@ def test_a_file_gives_the_model_back(name: str, method: Method, model: Any, tmp_
     assert info.as_dict()["sections"] == info.sections
 
 
+def test_a_note_stays_with_its_model(model: Any, tmp_path: Path) -> None:
+    path, again = tmp_path / "a.sfb", tmp_path / "b.sfb"
+    plain = model.to_bytes()
+    assert model.note == ""
+    # Also a note of more than 127 bytes, whose length takes two.
+    for note in ("CRS: EPSG:2994; lengths in ft", "\u00e4 " * 200, "two\nlines"):
+        model.save(path, note=note)
+        data = path.read_bytes()
+        assert model.to_bytes(note=note) == data
+        for read in (sb.load(path), sb.from_bytes(data)):
+            assert read.note == sb.inspect(path).note
+            assert read.to_bytes() == data
+            assert read.save(again) == len(data)
+            assert again.read_bytes() == data
+            assert read.to_bytes(note="") == plain
+            read.save(again, note="another")
+            assert sb.load(again).note == "another"
+            assert read == model == sb.load(again)
+            assert hash(read) == hash(model)
+    with pytest.raises(InvalidInputError, match="note is a text of 1025 bytes"):
+        model.to_bytes(note="x" * 1025)
+
+
 def test_models_are_equal_when_their_files_are(
     method: Method, model: Any, models: dict[str, Any], cloud: sb.PointCloud
 ) -> None:

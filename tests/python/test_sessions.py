@@ -324,6 +324,37 @@ def without_section(data: bytes, tag: str) -> bytes:
     return head + b"".join(parts.values())
 
 
+def test_the_note_stays_with_a_map(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud, tmp_path: Path
+) -> None:
+    path, other = tmp_path / "map.sfb", tmp_path / "other.sfb"
+    note = "CRS: EPSG:2994; lengths in ft"
+    west.save(path, note=note)
+    data = path.read_bytes()
+    with path.open("rb") as file:
+        for read in (sb.load(path), sb.load(file), sb.from_bytes(data)):
+            assert read == west
+            assert read.note == note
+            assert read.to_bytes() == data
+    whole = sb.load(path)
+    assert isinstance(whole, sb.TiledPatchModel)
+    assert west.to_bytes(note=note) == data
+    whole.save(other)
+    assert other.read_bytes() == data
+    sb.load(path, box=whole.tiles.bounds[0]).save(other)
+    assert sb.inspect(other).note == note
+    whole.save(other, note="")
+    assert sb.inspect(other).note is None
+    east = whole.update(part(cloud, EAST, 5), alone=True)
+    assert east.note == note
+    assert sb.merge_tiles([whole, east]).note == note
+    east.save(other, note="the east")
+    renamed = sb.load(other)
+    assert isinstance(renamed, sb.TiledPatchModel)
+    assert sb.merge_tiles([whole, renamed]).note == note
+    assert sb.merge_tiles([renamed, whole]).note == "the east"
+
+
 def test_the_command_line_adds_and_merges(
     west: sb.TiledPatchModel,
     cloud: sb.PointCloud,
@@ -343,6 +374,7 @@ def test_the_command_line_adds_and_merges(
     assert "--alone" in capsys.readouterr().err
     assert main(["merge", path, east, "--out", out]) in (None, 0)
     assert sb.load(out) == sb.merge_tiles([west, sb.load(east)])
+    assert sb.inspect(out).note == "the west"
     assert main(["append", path, scan]) in (None, 0)
     assert sb.load(path) == west.update(scanned)
     assert sb.inspect(path).note == "the west"

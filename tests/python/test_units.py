@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,8 @@ import pytest
 
 import surfabet as sb
 from surfabet.cli import main
+from surfabet.comparison.jobs import all_jobs
+from surfabet.comparison.peers import GpccSetting
 from surfabet.io._crs import unit_name
 from surfabet.learning import in_unit, note_of, unit_in
 
@@ -65,6 +69,9 @@ def test_the_command_line_names_the_unit(
         assert found, arguments
         assert found <= allowed, arguments
     assert f"extent ({unit})" in said(["info", str(path)], capsys)
+    changes = said(["diff", model, model], capsys)
+    assert set(re.findall(r"[0-9] (\S+)2\b", changes)) == {unit}
+    assert json.loads(said(["diff", model, model, "--json"], capsys))["unit"] == unit
     for arguments in (["evaluate", str(path), model], ["verify", str(path), model]):
         assert json.loads(said([*arguments, "--json"], capsys))["unit"] == unit
     for file in (str(path), model):
@@ -72,6 +79,58 @@ def test_the_command_line_names_the_unit(
     metres = str(tmp_path / "metres.sfb")
     compressed = ["compress", str(path), metres, "--unit", unit, "--json"]
     assert json.loads(said(compressed, capsys))["unit"] == "m"
+
+
+def test_a_comparison_names_the_unit(
+    scan: tuple[Path, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, unit = scan
+    command = ["compare", str(path), "--tools", "patches", "--error", "0.5", "--voxel", "1.5"]
+    found = said(command, capsys)
+    assert units_of(found) == ({"m", "mm"} if unit == "m" else {unit})
+    assert ("smallest under 500 mm" if unit == "m" else f"smallest under 0.5 {unit}") in found
+    assert f"bound {'mm' if unit == 'm' else unit}" in found
+    settings = [job.setting for job in all_jobs(("laz",), 0.5, 1.0, colored=False, unit=unit)]
+    if settings:
+        assert settings[1] == (
+            "1 mm, 250 mm voxel means" if unit == "m" else f"0.001 {unit}, 0.25 {unit} voxel means"
+        )
+    name = GpccSetting(0.5, 2, 46, unit).name
+    assert name == (
+        "500 mm, node 2000 mm, qp 46" if unit == "m" else f"0.5 {unit}, node 2 {unit}, qp 46"
+    )
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+def test_the_viewer_names_the_unit(tmp_path: Path) -> None:
+    lengths = Path(sb.__file__).parent / "viewer" / "decoder" / "lengths.js"
+    notes = [note_of({}, "us-ft"), note_of({"a": (1.0, "2 m")}, "ft"), "", "lengths in <b>x</b>"]
+    script = tmp_path / "ask.mjs"
+    script.write_text(
+        "import { lengthText, middleText, smallText, unitIn } "
+        f"from {json.dumps(lengths.as_uri())};\n"
+        f"const told = {json.dumps(notes)}.map((note) => {{\n"
+        "  const unit = unitIn(note);\n"
+        "  const lengths = [0.00123, 0.5, 1.5].map((length) => lengthText(length, unit));\n"
+        "  return [unit, ...lengths, middleText(0.5, unit), smallText(0.00123, unit)];\n"
+        "});\n"
+        "console.log(JSON.stringify(told));\n",
+        "utf-8",
+    )
+    done = subprocess.run(["node", script], capture_output=True, text=True, check=True)
+    metres = ["m", "1.2 mm", "50.0 cm", "1.500 m", "50.0 cm", "1.2 mm"]
+    assert json.loads(done.stdout) == [
+        *(
+            [
+                unit,
+                *(f"{length} {unit}" for length in ("0.00123", "0.5", "1.500", "0.5", "0.00123")),
+            ]
+            for unit in ("us-ft", "ft")
+        ),
+        metres,
+        # What is no plain name is not put into a page.
+        metres,
+    ]
 
 
 def test_measures_are_the_same_numbers_in_every_unit(points: np.ndarray) -> None:

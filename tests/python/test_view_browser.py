@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import importlib.util
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -355,6 +356,23 @@ def test_a_distance_is_measured_between_two_clicks(show: Any, planes: sb.PlaneMo
     assert run(page, "return surfabet.ends.length") == 0
 
 
+def test_lengths_are_called_by_the_unit_of_the_note(show: Any, planes: sb.PlaneModel) -> None:
+    page = show(planes.to_bytes(note="CRS: EPSG:2994; lengths in ft"))
+    assert run(page, "return spacingText.textContent").endswith(" ft")
+    x, y, _ = picked_place(page)
+    click(page, x, y)
+    wait(page, "!card.hidden")
+    text = run(page, "return card.innerText")
+    for name in ("x", "y", "z", "supported tiles", "standard deviation"):
+        assert re.search(rf"^{name}\t.* ft$", text, re.MULTILINE), name
+    key(page, "m")
+    click(page, x, y)
+    click(page, x - 60, y + 30)
+    wait(page, "surfabet.ends.length === 2")
+    assert re.search(r"^distance\t[0-9.]+ ft$", run(page, "return card.innerText"), re.MULTILINE)
+    assert run(page, "return overlay.querySelector('text').textContent").endswith(" ft")
+
+
 def test_a_box_crops(show: Any, planes: sb.PlaneModel) -> None:
     page = show(planes)
     whole = is_drawn(pixels(page)).mean()
@@ -562,7 +580,14 @@ def test_tiles_near_the_view_are_read_from_a_server(
 ) -> None:
     path = tmp_path / "hall map.sfb"
     report = sb.learn_patches_tiled(
-        hall, path, tile=2.56, resolution=0.04, levels=2, color_step=1, color_rate=0.001
+        hall,
+        path,
+        tile=2.56,
+        resolution=0.04,
+        levels=2,
+        color_step=1,
+        color_rate=0.001,
+        note="lengths in ft",
     )
     model = sb.load(path)
     assert isinstance(model, sb.TiledPatchModel)
@@ -581,6 +606,8 @@ def test_tiles_near_the_view_are_read_from_a_server(
     read = sum(n for name, n in Server.asked if name == path.name)
     assert read < 0.7 * path.stat().st_size
     assert f"{report.n_tiles} tiles" in run(browser, "return about.textContent")
+    assert run(browser, "return about.title") == "lengths in ft"
+    assert run(browser, "return spacingText.textContent").endswith(" ft")
     # What is shown is what lies in the boxes of the tiles nearest to the middle of all.
     whole = model.decode(run(browser, "return surfabet.points.spacing")).points
     local = run(browser, "return [...surfabet.points.positions.subarray(0, 3000)]")

@@ -8,7 +8,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-import surfabet
 from surfabet.cli._files import (
     MODEL_SUFFIX,
     check_output,
@@ -85,8 +84,7 @@ def append(
                 scan, alone=alone, max_memory=memory_of(max_memory), work=work, progress=progress
             )
             n_points = updated.n_points - (0 if alone else model.n_points)
-        note = surfabet.inspect(map_).note
-        n_bytes = updated.save(output, note=note or "")
+        n_bytes = updated.save(output)
     tell_map(
         (output, updated, n_bytes),
         {

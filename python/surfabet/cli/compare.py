@@ -63,15 +63,16 @@ def compare(
     json
         Print one JSON object instead of a table.
     error
-        The rmse in both directions, in metres, that the smallest file and the planes are to keep.
+        The rmse in both directions, in the unit of the scan, that the smallest file and the planes
+        are to keep.
     max_error
-        The distance in metres that no point of the scan may be beyond; by default five times
+        The distance that no point of the scan may be beyond; by default five times
         --error.
     tools
         Which tools, with commas between them: patches, hscsm, alphabet, bic-alphabet, planes, gas,
         draco, laz, copc, octomap, voxel-zstd, open3d-planes, gpcc. By default all.
     voxel
-        First thin the scan to one mean point per voxel of this side in metres: scans of many
+        First thin the scan to one mean point per voxel of this side: scans of many
         millions of points take long. Every tool then codes, and is judged by, this cloud.
     """
     chosen = comparison.TOOLS if tools is None else tuple(_names(tools))
@@ -115,7 +116,7 @@ def _names(tools: str) -> list[str]:
 
 
 def _print(found: comparison.Comparison) -> None:
-    from surfabet.comparison.words import HEADER, advice, row_cells
+    from surfabet.comparison.words import advice, header, row_cells
 
     # Rows are whole wherever they go; a narrow terminal breaks them, and a pager does not.
     console = Console(highlight=False, soft_wrap=True, markup=False, width=_WIDTH)
@@ -124,11 +125,11 @@ def _print(found: comparison.Comparison) -> None:
         f"{found.n_points:,} points{colored}, {bytes_text(found.raw_bytes)} raw; errors are rmse, "
         "from the decoded to the input and from the input to the decoded; seconds are of all cores"
     )
-    table = Table(*HEADER, box=None, header_style="bold")
+    table = Table(*header(found.unit), box=None, header_style="bold")
     for column in table.columns[3:]:
         column.justify = "right"
     for row in found.rows:
-        table.add_row(*row_cells(row))
+        table.add_row(*row_cells(row, found.unit))
     console.print(table)
     console.print()
     for aim, choice, why in advice(found):

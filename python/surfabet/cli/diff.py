@@ -103,6 +103,7 @@ def diff(
             {
                 "before": str(a),
                 "after": str(b),
+                "unit": found.unit,
                 "tolerance": found.tolerance,
                 "unseen": {"before": found.unseen[1], "after": found.unseen[0]},
                 "changes": [
@@ -119,11 +120,12 @@ def diff(
     elif not common.quiet:
         for change in found:
             low, high = (" ".join(f"{c:.2f}" for c in corner) for corner in change.box)
-            print(f"{change.kind}: {low} to {high}, {change.area:.3f} m2")
+            print(f"{change.kind}: {low} to {high}, {change.area:.3f} {found.unit}2")
         kinds = [change.kind for change in found]
+        of_before, of_after = (f"{area:.1f} {found.unit}2" for area in found.unseen[::-1])
         print(
             f"{kinds.count('appeared')} appeared, {kinds.count('vanished')} vanished; not looked "
-            f"at: {found.unseen[1]:.1f} m2 before, {found.unseen[0]:.1f} m2 after"
+            f"at: {of_before} before, {of_after} after"
         )
 
 

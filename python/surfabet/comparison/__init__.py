@@ -27,6 +27,7 @@ from surfabet._progress import Progress, progress_callback
 from surfabet.comparison.jobs import TOOLS, Job, all_jobs, missing
 from surfabet.errors import InvalidInputError
 from surfabet.io import write
+from surfabet.io._crs import unit_of
 from surfabet.survey import survey
 
 __all__ = ["TOOLS", "Comparison", "Row", "compare"]
@@ -37,7 +38,7 @@ _SHARE_OF_BEST = 0.98
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One tool with one setting; metres, bytes, 0 to 255 for colours."""
+    """One tool with one setting; lengths in `Comparison.unit`, bytes, 0 to 255 for colours."""
 
     tool: str
     """The tool as `TOOLS` names it."""
@@ -109,30 +110,32 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What `compare` found."""
+    """What `compare` found; lengths in `unit`."""
 
     n_points: int
     """Points of the cloud."""
     has_color: bool
     """Whether it has colours."""
     spacing: float
-    """Median distance of its points, metres."""
+    """Median distance of its points."""
     noise: float
-    """Median standard deviation about their surface, metres."""
+    """Median standard deviation about their surface."""
     resolution: float
-    """What the steps of the grids follow from, metres."""
+    """What the steps of the grids follow from."""
     tolerance: float
-    """For inliers and outliers, metres."""
+    """For inliers and outliers."""
     error: float
-    """The rmse that "smallest" and "planes" are to keep, metres."""
+    """The rmse that "smallest" and "planes" are to keep."""
     max_error: float
-    """The largest distance that "bounded" is to keep, metres."""
+    """The largest distance that "bounded" is to keep."""
     rows: tuple[Row, ...]
     """What each tool made."""
     missing: dict[str, str]
     """Tools that are not here, and how to get them."""
     failed: dict[str, str]
     """Tools and settings that made nothing of the cloud, and why."""
+    unit: str = "m"
+    """What lengths are in: `m`, or the unit of the cloud's coordinate reference system."""
 
     @property
     def raw_bytes(self) -> int:
@@ -189,13 +192,13 @@ def compare(
     Parameters
     ----------
     cloud
-        The scan. All tools code it and are judged by it.
+        The scan. All tools code it and are judged by it. Its unit is that of all lengths.
     tools
         Names of `TOOLS`; by default all.
     error
-        Rmse in both directions that `Comparison.best` is to keep, metres.
+        Rmse in both directions that `Comparison.best` is to keep.
     max_error
-        Largest distance of a point of the scan that "bounded" is to keep, metres; five times
+        Largest distance of a point of the scan that "bounded" is to keep; five times
         `error` if None.
     pictures
         Draw what every tool decodes, and its errors; needs matplotlib.
@@ -221,7 +224,8 @@ def compare(
     found = survey(cloud)
     # What `learn_patches` chooses; the steps of all grids follow from it.
     resolution = max(3 * found.spacing, 1.25 * found.noise) or error
-    todo = list(all_jobs(tools, resolution, max_error, colored=cloud.colors is not None))
+    unit, colored = unit_of(cloud), cloud.colors is not None
+    todo = list(all_jobs(tools, resolution, max_error, colored=colored, unit=unit))
     rows: list[Row] = []
     failed: dict[str, str] = {}
     bare = _bare(cloud)
@@ -243,7 +247,7 @@ def compare(
                 rows += made
     return Comparison(
         n_points=len(cloud),
-        has_color=cloud.colors is not None,
+        has_color=colored,
         spacing=found.spacing,
         noise=found.noise,
         resolution=resolution,
@@ -253,6 +257,7 @@ def compare(
         rows=tuple(rows),
         missing={tool: how for tool in tools if (how := missing(tool)) is not None},
         failed=failed,
+        unit=unit,
     )
 
 

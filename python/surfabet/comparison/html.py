@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from surfabet import _html
 from surfabet._core import PointCloud
 from surfabet.comparison import Comparison, Row
-from surfabet.comparison.words import HEADER, advice, row_cells, size
+from surfabet.comparison.words import advice, header, row_cells, size, small_text
+from surfabet.io._units import small_lengths
 from surfabet.report import check_pictures, draw_cloud
 
 if TYPE_CHECKING:
@@ -94,7 +95,8 @@ def _summary(found: Comparison) -> str:
     colored = ", coloured" if found.has_color else ""
     return (
         f"<p>{found.n_points:,} points{colored}: {size(found.raw_bytes)} raw. "
-        f"Spacing {1e3 * found.spacing:.3g} mm, noise {1e3 * found.noise:.3g} mm. "
+        f"Spacing {small_text(found.spacing, found.unit)}, "
+        f"noise {small_text(found.noise, found.unit)}. "
         "Every tool coded this cloud and is judged by what comes back from its bytes.</p>"
     )
 
@@ -109,10 +111,10 @@ def _cards(found: Comparison) -> str:
 
 
 def _table(found: Comparison) -> str:
-    head = "".join(f"<th><button>{html.escape(name)}</button></th>" for name in HEADER)
+    head = "".join(f"<th><button>{html.escape(name)}</button></th>" for name in header(found.unit))
     rows = "\n".join(
         f'<tr data-row="{number}"{" class=own" if row.ours else ""}>'
-        f"{_html.cells(row_cells(row))}</tr>"
+        f"{_html.cells(row_cells(row, found.unit))}</tr>"
         for number, row in enumerate(found.rows)
     )
     return (
@@ -127,7 +129,7 @@ def _pictures(found: Comparison, seen: bytes, number: int) -> str:
     if not found.rows:
         return ""
     pictures = found.rows[number].pictures or (b"", b"", b"")
-    limit = f"{1e3 * found.resolution:.3g} mm"
+    limit = small_text(found.resolution, found.unit)
     captions = (
         ("decoded", "decoded"),
         ("forward", f"decoded, by its distance to the input: black 0, bright {limit} and more"),
@@ -148,7 +150,7 @@ def _notes(found: Comparison) -> str:
         "Errors are root mean squares over all points, none sampled: from decoded points to the "
         "input, and from the input to what was decoded; both are needed, as a cloud of one right "
         "point has no error in the first. Found is the share of the input within "
-        f"{1e3 * found.tolerance:.3g} mm of the decoded.",
+        f"{small_text(found.tolerance, found.unit)} of the decoded.",
         "Our models are decoded as a surface, in the middle of the scan's noise, and where they "
         "keep it as measured, with its thickness: the surface is nearer to the truth, the other to "
         "the scan.",
@@ -173,15 +175,16 @@ def _curves(found: Comparison) -> str:
 
     if not found.rows:
         return ""
-    panels = [("rmse_forward", 1e3, "decoded to input, mm")]
-    panels += [("rmse_backward", 1e3, "input to decoded, mm")]
+    factor, unit = small_lengths(found.unit)
+    panels = [("rmse_forward", factor, f"decoded to input, {unit}")]
+    panels += [("rmse_backward", factor, f"input to decoded, {unit}")]
     if any(row.color_rmse is not None for row in found.rows):
         panels.append(("color_rmse", 1.0, "colour, 0 to 255"))
     figure = Figure(figsize=(15, 6), layout="constrained")
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
     for place, (name, scale, label) in zip(axes, panels, strict=True):
         _panel(place, found.rows, name, scale)
-        if scale != 1:
+        if name != "color_rmse":
             place.axhline(scale * found.error, color="black", linewidth=0.7, linestyle=":")
         place.set_ylabel(label)
     handles, labels = axes[0].get_legend_handles_labels()

@@ -12,6 +12,7 @@ from surfabet._core import PointCloud
 from surfabet.comparison import own, peers
 from surfabet.comparison.coded import Coded
 from surfabet.errors import wrong_value
+from surfabet.io._units import small_lengths
 
 __all__ = ["TOOLS", "Job", "all_jobs", "missing"]
 
@@ -104,7 +105,7 @@ def _has_zstd(parent: str) -> bool:
 
 
 def all_jobs(
-    tools: Sequence[str], resolution: float, max_error: float, *, colored: bool
+    tools: Sequence[str], resolution: float, max_error: float, *, colored: bool, unit: str
 ) -> Iterator[Job]:
     """All jobs of these tools.
 
@@ -113,11 +114,13 @@ def all_jobs(
     tools
         Names of `TOOLS`.
     resolution
-        Of the cloud, metres: grids have half of it, it, and twice it.
+        Of the cloud: grids have half of it, it, and twice it.
     max_error
-        The bound that patches are given in a row of their own, metres.
+        The bound that patches are given in a row of their own.
     colored
         Whether the cloud has colours, and settings of colours are named.
+    unit
+        What lengths of the cloud are in, for settings.
 
     Raises
     ------
@@ -128,10 +131,12 @@ def all_jobs(
         if tool not in TOOLS:
             raise wrong_value("tools", tools, f"of {', '.join(TOOLS)}")
         if missing(tool) is None:
-            yield from _jobs_of(tool, resolution, max_error, colored)
+            yield from _jobs_of(tool, resolution, max_error, colored, unit)
 
 
-def _jobs_of(tool: str, resolution: float, max_error: float, colored: bool) -> Iterator[Job]:
+def _jobs_of(
+    tool: str, resolution: float, max_error: float, colored: bool, unit: str
+) -> Iterator[Job]:
     color = ", 5-bit colour" if colored else ""
     steps = [_rounded(factor * resolution) for factor in STEPS]
     if tool in own.LEARN:
@@ -140,35 +145,42 @@ def _jobs_of(tool: str, resolution: float, max_error: float, colored: bool) -> I
             yield Job(tool, f"surfabet {tool}", quality, "model", options)
         if tool == "patches":
             bounded = {"method": tool, "max_error": max_error}
-            setting = f"within {_length(max_error)}"
+            setting = f"within {_length(max_error, unit)}"
             yield Job(tool, f"surfabet {tool}", setting, "model", bounded)
     elif tool == "draco":
         yield Job(tool, "Draco", "defaults, all points", "draco_defaults")
         for step in steps:
-            setting = f"level 10, {_length(step)} grid{color}"
+            setting = f"level 10, {_length(step, unit)} grid{color}"
             yield Job(tool, "Draco", setting, "draco", {"step": step})
     elif tool == "laz":
-        yield Job(tool, "LAZ", "1 mm, all points", "laz", {"step": None})
+        grid = _length(0.001, unit)
+        yield Job(tool, "LAZ", f"{grid}, all points", "laz", {"step": None})
         for step in steps:
-            yield Job(tool, "LAZ", f"1 mm, {_length(step)} voxel means", "laz", {"step": step})
+            yield Job(
+                tool, "LAZ", f"{grid}, {_length(step, unit)} voxel means", "laz", {"step": step}
+            )
     elif tool == "octomap":
         for step in steps:
-            yield Job(tool, "OctoMap", f"occupied leaves, {_length(step)}", tool, {"step": step})
+            yield Job(
+                tool, "OctoMap", f"occupied leaves, {_length(step, unit)}", tool, {"step": step}
+            )
     elif tool == "voxel-zstd":
         for step in steps:
-            setting = f"{_length(step)}{color}"
+            setting = f"{_length(step, unit)}{color}"
             yield Job(tool, "voxel grid + zstd", setting, "voxel_zstd", {"step": step})
     elif tool == "open3d-planes":
         arguments = {"spacing": _rounded(resolution / 2)}
         yield Job(tool, "Open3D planes", "defaults", "open3d_planes", arguments)
     elif tool == "gpcc":
         trisoup = [_rounded(factor * resolution) for factor in TRISOUP_STEPS]
-        yield from _gpcc_jobs(steps, trisoup, colored)
+        yield from _gpcc_jobs(steps, trisoup, colored, unit)
 
 
-def _gpcc_jobs(octree: list[float], trisoup: list[float], colored: bool) -> Iterator[Job]:
-    settings = [peers.GpccSetting(step, 0, OCTREE_QP) for step in octree]
-    settings += [peers.GpccSetting(step, 3, TRISOUP_QP) for step in trisoup]
+def _gpcc_jobs(
+    octree: list[float], trisoup: list[float], colored: bool, unit: str
+) -> Iterator[Job]:
+    settings = [peers.GpccSetting(step, 0, OCTREE_QP, unit) for step in octree]
+    settings += [peers.GpccSetting(step, 3, TRISOUP_QP, unit) for step in trisoup]
     for of in settings:
         arguments = {"step": of.step, "node_log2": of.node_log2, "qp": of.qp}
         name, transform = of.name, " + RAHT"
@@ -178,10 +190,13 @@ def _gpcc_jobs(octree: list[float], trisoup: list[float], colored: bool) -> Iter
         yield Job("gpcc", of.tool.removesuffix(" + RAHT") + transform, name, "gpcc", arguments)
 
 
-def _rounded(metres: float) -> float:
+def _rounded(length: float) -> float:
     """To two digits, as a person would give it."""
-    return float(f"{metres:.2g}")
+    return float(f"{length:.2g}")
 
 
-def _length(metres: float) -> str:
-    return f"{metres:g} m" if metres >= 1 else f"{1e3 * metres:g} mm"
+def _length(length: float, unit: str) -> str:
+    if length >= 1:
+        return f"{length:g} {unit}"
+    factor, small = small_lengths(unit)
+    return f"{factor * length:g} {small}"

@@ -25,6 +25,7 @@ from surfabet.errors import InvalidInputError, MissingDependencyError
 from surfabet.geometry import voxel_downsample
 from surfabet.io import read, write
 from surfabet.io._packed import zstd_module
+from surfabet.io._units import small_lengths
 
 __all__ = [
     "GPCC_GEOMETRY",
@@ -71,6 +72,8 @@ class GpccSetting:
     """Trisoup's nodes are `step` times two to this power."""
     qp: int
     """Quantiser of the colour; 4 is nearly lossless, 51 the coarsest."""
+    unit: str = "m"
+    """What lengths are in, for the name."""
 
     @property
     def tool(self) -> str:
@@ -78,8 +81,10 @@ class GpccSetting:
 
     @property
     def name(self) -> str:
-        node = f", node {1e3 * self.step * 2**self.node_log2:g} mm" if self.node_log2 else ""
-        return f"{1e3 * self.step:g} mm{node}, qp {self.qp}"
+        factor, unit = small_lengths(self.unit)
+        step = factor * self.step
+        node = f", node {step * 2**self.node_log2:g} {unit}" if self.node_log2 else ""
+        return f"{step:g} {unit}{node}, qp {self.qp}"
 
     def options(self) -> dict[str, object]:
         """Those of the geometry."""

@@ -7,6 +7,7 @@ import {
 } from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned } from "./entropy.js";
 import { PointList, byte, dot, round, uprightFrame } from "./geometry.js";
+import { middleText } from "./lengths.js";
 import { withIntensities } from "./planes.js";
 
 const UNITS = 256;
@@ -441,12 +442,12 @@ function ownSpacing({ meta, occurrences }) {
   return occurrences.length > 0 ? (meta.spacing * 2 ** (least / 2) * meta.radius) / UNITS : meta.radius;
 }
 
-function describe({ meta, occurrences, words }, number) {
+function describe({ meta, occurrences, words }, number, unit) {
   const { word, scale } = occurrences[number];
   const times = occurrences.reduce((sum, other) => sum + (other.word === word ? 1 : 0), 0);
   return {
     "word": word === 0 ? "0, the plane" : `${word} of ${words.length - 1}`,
-    "radius": `${(100 * meta.radius * 2 ** scale).toFixed(1)} cm`,
+    "radius": middleText(meta.radius * 2 ** scale, unit),
     "occurs": `${times} times`,
   };
 }

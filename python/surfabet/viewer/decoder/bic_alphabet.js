@@ -6,6 +6,7 @@ import {
 } from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned, readOctree } from "./entropy.js";
 import { PointList, unitOfCode, uprightFrame } from "./geometry.js";
+import { middleText } from "./lengths.js";
 
 const fround = Math.fround;
 const NORMAL_BITS = 8;
@@ -230,13 +231,13 @@ function decodeBicAlphabet({ meta, words, occurrences }, { resolution, normals, 
   return { colors: null, attributes: [], ...points.finish() };
 }
 
-function describe({ words, occurrences, meta }, number) {
+function describe({ words, occurrences, meta }, number, unit) {
   const { word } = occurrences[number];
   const times = occurrences.reduce((sum, other) => sum + (other.word === word ? 1 : 0), 0);
   return {
     "word": `${word} of ${words.length}`,
     "points of the word": words[word].length,
-    "radius": `${(100 * meta.radius).toFixed(1)} cm`,
+    "radius": middleText(meta.radius, unit),
     "occurs": `${times} times`,
   };
 }

@@ -4,6 +4,8 @@ import { Fields, SfbError, crc32c, fail } from "./bytes.js";
 
 const MAGIC = [0x89, 0x53, 0x46, 0x42];
 const MAX_SECTIONS = 256;
+/** Longest note, bytes. */
+export const MAX_NOTE = 1024;
 
 export const ALPHABET = 1;
 export const PATCHES = 2;

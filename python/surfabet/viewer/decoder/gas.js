@@ -5,6 +5,7 @@ import { colorOfCode, sizeOfCode } from "./codes.js";
 import { ATTRIBUTES, expectFeatures, expectSections } from "./container.js";
 import { Bits, Signed, Stream, Unsigned } from "./entropy.js";
 import { KdTree, PointList, across, byte, codeDirection, cross, dot, leastAxis, scaleValue, unitOfCode } from "./geometry.js";
+import { smallText } from "./lengths.js";
 import { withIntensities } from "./planes.js";
 
 const MAX_COORDINATE = 2 ** 23;
@@ -385,12 +386,12 @@ function gasLines({ neurons, edges }) {
   return { positions: Float32Array.from(lines), owners: edges.map(([a]) => a) };
 }
 
-function describe({ neurons }, number) {
+function describe({ neurons }, number, unit) {
   const { near, radius, thickness, sizes, normal } = neurons[number];
   const facts = { "edges": near.length, "points of the scan": `about ${Math.round(sizeOfCode(sizes[0]))}` };
   if (normal) {
-    facts["radius"] = `${(1000 * radius).toFixed(1)} mm`;
-    facts["thickness"] = `${(1000 * thickness).toFixed(1)} mm`;
+    facts["radius"] = smallText(radius, unit);
+    facts["thickness"] = smallText(thickness, unit);
   }
   return facts;
 }

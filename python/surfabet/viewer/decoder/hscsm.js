@@ -6,6 +6,7 @@ import {
 } from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned, readOctree } from "./entropy.js";
 import { PointList, byte, cross, round, unitOfCode } from "./geometry.js";
+import { middleText } from "./lengths.js";
 import { withIntensities } from "./planes.js";
 
 const fround = Math.fround;
@@ -438,13 +439,13 @@ function decodeHscsm({ meta, levels, hasColor }, { resolution, normals, maxPoint
   return withIntensities(points.finish());
 }
 
-function describe({ levels }, part) {
+function describe({ levels }, part, unit) {
   let i = part;
   for (const [l, level] of levels.entries()) {
     if (i < level.m) {
       const entries = level.depth.codes[i].map(([entry]) => entry);
       return {
-        "level": `${l} (side ${(100 * level.n * level.pixel).toFixed(1)} cm)`,
+        "level": `${l} (side ${middleText(level.n * level.pixel, unit)})`,
         "depth entries": entries.length > 0 ? entries.join(", ") : "none: flat",
       };
     }

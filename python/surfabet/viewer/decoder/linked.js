@@ -1,7 +1,7 @@
 // Section 5.7 of docs/format.md, read in parts: header, index, and those tiles that are wanted.
 
 import { SfbError, crc32c, fail } from "./bytes.js";
-import { HEADER_BYTES, LATTICE, TILES, PATCHES, openHeader } from "./container.js";
+import { HEADER_BYTES, LATTICE, MAX_NOTE, TILES, PATCHES, openHeader } from "./container.js";
 import { latticeRows } from "./patch_points.js";
 import { Model, openModel } from "./model.js";
 import { boxOf, openTiles, readTile, tilesMethod } from "./tiles.js";
@@ -22,9 +22,9 @@ function away(place, [low, high]) {
 /** A map in tiles, of which some are in memory; it decodes to those of `content.tiles`, which `choose` gives. */
 class LinkedModel extends Model {
   /** `read(start, end)` gives bytes of the file; tiles begin at `start`. */
-  constructor(head, start, read, features) {
+  constructor(head, start, read, features, note) {
     const level = head.levels[head.levels.length - 1];
-    super({ method: "patches", meta: level, tiles: [] }, tilesMethod, "");
+    super({ method: "patches", meta: level, tiles: [] }, tilesMethod, note);
     Object.assign(this, { head, read, features, level });
     this.rows = latticeRows(level.quaternion);
     this.index = head.index[head.index.length - 1];
@@ -129,5 +129,7 @@ export async function openLinked(fetchRange) {
   };
   const head = openTiles(features, await content("META"), await content("TIDX"));
   const tiles = sections.get("TILE") ?? fail("TILE", "the section is missing");
-  return { found: new LinkedModel(head, tiles.at, read, features), size };
+  const hasNote = sections.get("note")?.length <= MAX_NOTE;
+  const note = hasNote ? new TextDecoder().decode(await content("note")) : "";
+  return { found: new LinkedModel(head, tiles.at, read, features, note), size };
 }

@@ -5,6 +5,7 @@ import { alphabetMethod, readAlphabet } from "./alphabet.js";
 import { bicAlphabetMethod, readBicAlphabet } from "./bic_alphabet.js";
 import { gasMethod, readGas } from "./gas.js";
 import { hscsmMethod, readHscsm } from "./hscsm.js";
+import { unitIn } from "./lengths.js";
 import { patchesMethod, readPatches } from "./patches.js";
 import { planesMethod, readPlanes } from "./planes.js";
 import { readTiles, tilesMethod } from "./tiles.js";
@@ -29,6 +30,11 @@ export class Model {
   /** Name of the method, as in `surfabet compress --model NAME`. */
   get name() {
     return this.content.method;
+  }
+
+  /** The unit of lengths, which the note names where it is not the metre. */
+  get unit() {
+    return unitIn(this.note);
   }
 
   /** World position that points are about, metres. */
@@ -103,7 +109,7 @@ export class Model {
 
   /** What is known of a part, as names and values. */
   describe(part) {
-    return this.method.describe?.(this.content, part) ?? {};
+    return this.method.describe?.(this.content, part, this.unit) ?? {};
   }
 
   /** Numbers of the parts that are the same word as one of them; null where there are no words. */

@@ -5,6 +5,7 @@ import { ATTRIBUTES, expectFeatures, expectSections } from "./container.js";
 import { Bits, Signed, Stream, Unsigned } from "./entropy.js";
 import { PointList, across, byte, cross, leastAxis, scaleValue, unit, unitOfCode } from "./geometry.js";
 import { colorOfCode, sizeOfCode } from "./codes.js";
+import { middleText, smallText } from "./lengths.js";
 
 const MAX_TILES = 2 ** 25;
 const MAX_COORDINATE = 2 ** 23;
@@ -305,12 +306,12 @@ function planeLines({ planes }) {
 }
 
 /** What is known of one plane, for people. */
-function describe({ planes }, number) {
+function describe({ planes }, number, unit) {
   const { normal, deviation, nPoints, tiles, edge } = planes[number];
   return {
     "normal": normal.map((c) => c.toFixed(3)).join(", "),
-    "supported tiles": `${tiles.reduce((sum, t) => sum + t, 0)} of ${(edge * 100).toFixed(1)} cm`,
-    "standard deviation": `${(1000 * deviation).toFixed(1)} mm`,
+    "supported tiles": `${tiles.reduce((sum, t) => sum + t, 0)} of ${middleText(edge, unit)}`,
+    "standard deviation": smallText(deviation, unit),
     "points of the scan": `about ${Math.round(nPoints)}`,
   };
 }

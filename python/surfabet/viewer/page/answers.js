@@ -42,9 +42,9 @@ function opened(found, size, against) {
   field = against ? new DistanceField(against) : null;
   return {
     method: model.name, part: model.part, origin: model.origin, nPoints: model.nPoints, nParts: model.nParts,
-    spacing: model.spacing, keepsThickness: model.keepsThickness, note: model.note, bytes: size,
+    spacing: model.spacing, keepsThickness: model.keepsThickness, note: model.note, unit: model.unit, bytes: size,
     hasWords: model.method.sameAs !== undefined, isComplete: model.isComplete,
-    against: field && `distance to ${field.name} (m)`,
+    against: field && `distance to ${field.name} (${model.unit})`,
   };
 }
 
@@ -62,7 +62,7 @@ function decoded({ spacing, asMeasured, normals, budget }) {
     result.attributes.push({ ...attribute, values: reordered(attribute.values, order) });
   }
   if (field) {
-    result.attributes.unshift({ name: `distance to ${field.name} (m)`, labels: null, values: field.at(result.positions) });
+    result.attributes.unshift({ name: `distance to ${field.name} (${model.unit})`, labels: null, values: field.at(result.positions) });
   }
   return result;
 }

@@ -5,6 +5,7 @@ import { GRADIENT, colorModes, colorsOf, highlighted, limits, rangeOf } from "./
 import { controlCamera } from "./controls.js";
 import { Decoding } from "./decoding.js";
 import { Renderer } from "./renderer.js";
+import { lengthText } from "../decoder/lengths.js";
 
 const BACKGROUND = [0.086, 0.094, 0.11];
 /** Milliseconds that a picture may take while the camera moves: 30 pictures per second, with room for the rest of the page. */
@@ -16,13 +17,6 @@ const FEWEST = 15_000;
 const FIRST = 150_000;
 
 const element = (id) => document.getElementById(id);
-
-/** A length in a unit that suits it. */
-function lengthText(metres) {
-  const size = Math.abs(metres);
-  if (size < 0.01) return `${(1000 * metres).toPrecision(2)} mm`;
-  return size < 1 ? `${(100 * metres).toPrecision(3)} cm` : `${metres.toFixed(3)} m`;
-}
 
 class Viewer {
   constructor(source, name, decoding, against) {
@@ -86,6 +80,16 @@ class Viewer {
     this.resize();
   }
 
+  /** A length of the map, for people. */
+  length(value) {
+    return lengthText(value, this.info.unit);
+  }
+
+  /** The same to three places behind the point. */
+  exact(value) {
+    return `${value.toFixed(3)} ${this.info.unit}`;
+  }
+
   get spacing() {
     return this.info.spacing * 2 ** Number(element("spacing").value);
   }
@@ -128,7 +132,7 @@ class Viewer {
     this.picked = null;
     this.recolor();
     const isCoarser = points.spacing > this.spacing * 1.001;
-    element("spacingText").textContent = lengthText(points.spacing);
+    element("spacingText").textContent = this.length(points.spacing);
     element("status").textContent = isFirst
       ? "decoding all points ..."
       : (points.nShown < this.info.nTiles ? `${points.nShown} of ${this.info.nTiles} tiles, ` : "") +
@@ -185,7 +189,7 @@ class Viewer {
     if (range === null) return;
     const above = mode === "height" ? this.info.origin[2] : 0;
     const isLength = mode === "height" || mode === `attribute ${this.info.against}`;
-    const text = (value) => (isLength ? lengthText(above + value) : String(Number(value.toPrecision(3))));
+    const text = (value) => (isLength ? this.length(above + value) : String(Number(value.toPrecision(3))));
     element("scaleEnds").replaceChildren(...range.map((value) => Object.assign(document.createElement("span"), { textContent: text(value) })));
     element("scaleBar").style.background = GRADIENT;
   }
@@ -308,7 +312,7 @@ class Viewer {
       const [a, b] = [place(p), place(q)];
       if (!a || !b) continue;
       parts.push(`<line x1="${a[0]}" y1="${a[1]}" x2="${b[0]}" y2="${b[1]}"/>`);
-      const text = lengthText(Math.hypot(...p.map((c, k) => c - q[k])));
+      const text = this.length(Math.hypot(...p.map((c, k) => c - q[k])));
       parts.push(`<text x="${(a[0] + b[0]) / 2 + 8}" y="${(a[1] + b[1]) / 2 - 6}">${text}</text>`);
     }
     element("overlay").innerHTML = parts.join("");
@@ -348,7 +352,7 @@ class Viewer {
 
   showCard(facts, isPart) {
     const { number, position, part } = this.picked;
-    const rows = this.world(position).map((c, a) => ["xyz"[a], `${c.toFixed(3)} m`]);
+    const rows = this.world(position).map((c, a) => ["xyz"[a], this.exact(c)]);
     const { colors, attributes } = this.points;
     if (colors) rows.push(["colour", [...colors.subarray(3 * number, 3 * number + 3)].join(", ")]);
     for (const { name, labels, values } of attributes) {
@@ -382,8 +386,8 @@ class Viewer {
     if (n >= 2 && n % 2 === 0) {
       const [p, q] = this.ends.slice(-2);
       const off = q.map((c, a) => c - p[a]);
-      rows.unshift(["distance", `${Math.hypot(...off).toFixed(3)} m`], ["level", `${Math.hypot(off[0], off[1]).toFixed(3)} m`],
-        ...off.map((c, a) => [`d${"xyz"[a]}`, `${c.toFixed(3)} m`]));
+      rows.unshift(["distance", this.exact(Math.hypot(...off))], ["level", this.exact(Math.hypot(off[0], off[1]))],
+        ...off.map((c, a) => [`d${"xyz"[a]}`, this.exact(c)]));
     }
     this.fillCard(rows);
   }
@@ -487,7 +491,7 @@ class Viewer {
       this.wish = setTimeout(() => this.decode().catch(showError), 120);
     };
     element("spacing").oninput = () => {
-      if (this.info) element("spacingText").textContent = lengthText(this.spacing);
+      if (this.info) element("spacingText").textContent = this.length(this.spacing);
       redecode();
     };
     element("measured").onchange = redecode;
