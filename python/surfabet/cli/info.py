@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -24,7 +23,7 @@ from surfabet.cli._files import (
     size_on_disk,
     whole_file,
 )
-from surfabet.cli._format import bytes_text, length_text, print_json
+from surfabet.cli._format import Output, bytes_text, length_text, print_json
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -112,7 +111,7 @@ def info(
         return
     if common.quiet:
         return
-    console = Console(highlight=False, soft_wrap=True)
+    console = Output(highlight=False, soft_wrap=True)
     made_from = f"made from {model.n_points:,} points, " if model else ""
     console.print(
         f"{file}: {found.method}, {bytes_text(n_bytes)}, {made_from}"
@@ -244,7 +243,7 @@ def _info_of_cloud(file: Path, read: ReadOptions, common: Common, json: bool) ->
     if json:
         print_json(about)
     elif not common.quiet:
-        console = Console(highlight=False, soft_wrap=True)
+        console = Output(highlight=False, soft_wrap=True)
         console.print(head, markup=False)
         console.print(table)
 
