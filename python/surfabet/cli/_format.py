@@ -29,6 +29,11 @@ def bytes_text(n: int) -> str:
     return f"{n} bytes"
 
 
+def points_text(n: int) -> str:
+    """As `1,234 points`, and `1 point`."""
+    return f"{n:,} point" if n == 1 else f"{n:,} points"
+
+
 def length_text(length: float, unit: str = "m") -> str:
     """As `8.31 mm`, metres from one metre on; other units as `0.0273 us-ft`."""
     factor, small = small_lengths(unit)

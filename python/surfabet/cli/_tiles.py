@@ -16,7 +16,7 @@ from cyclopts.validators import Number
 
 import surfabet
 from surfabet._progress import ProgressCallback
-from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._format import bytes_text, points_text, print_json
 from surfabet.cli._learn_options import LearnOptions
 from surfabet.cli._options import READ_OPTIONS, PositiveFloat, ReadOptions, UsageError, spelled
 from surfabet.learning import in_unit
@@ -172,7 +172,7 @@ def tell(
                 "whole squares of the coarsest patches"
             )
         print(
-            f"{output}: {report.n_points:,} points, {report.n_tiles} {tiles} of "
+            f"{output}: {points_text(report.n_points)}, {report.n_tiles} {tiles} of "
             f"{report.tile:g} {report.unit}, "
             f"{bytes_text(report.n_bytes)}, {seconds['learn']:.1f} s"
         )

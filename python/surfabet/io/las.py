@@ -299,6 +299,8 @@ def _collected(
     if kept < found:
         # A point may be counted for several reasons.
         reasons = ", ".join(f"{count:,} {reason}" for reason, count in counts.items() if count)
+        if sum(counts.values()) > found - kept:
+            reasons += ", some for several of these reasons"
         notes.points(f"left out {found - kept:,} of {found:,} points: {reasons}", found - kept)
     columns: dict[str, Column] = {}
     dark = not any(part.any() for name in _COLORS for part in parts.get(name, []))
