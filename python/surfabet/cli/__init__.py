@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0: done; 1: the job failed, as with a corrupt file; 2: the command line makes no sense;
-        130: interrupted by Ctrl-C.
+        130: interrupted by Ctrl-C; 141: whoever read the output left in its middle.
     """
     _open_streams()
     try:
