@@ -31,7 +31,14 @@ class RemoteFile(io.RawIOBase):
             self._system, self._path = fsspec.core.url_to_fs(url)
         except ImportError as error:
             raise MissingDependencyError(f"reading {url} needs another package: {error}") from None
-        size = self._system.size(self._path)
+        try:
+            size = self._system.size(self._path)
+        except FileNotFoundError as error:
+            # Of a server that is not reached fsspec says so, too.
+            cause = error.__cause__
+            if not isinstance(cause, OSError) or isinstance(cause, FileNotFoundError):
+                raise
+            raise ConnectionError(f"{url}: {cause}") from error
         if size is None:
             raise FormatError(f"{url}: the server does not tell the size of the file")
         self._size: int = size

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
 
-__all__ = ["Column", "Figures", "Spill", "SpillWriter", "check_space"]
+__all__ = ["HALF", "Column", "Figures", "Spill", "SpillWriter", "check_space"]
 
 _POINTS = "points.bin"
 _INDEX = "points.npz"
 _ABOUT = "points.json"
 
-# Coordinates of bricks about the first one, so that three fit a key of 63 bits.
-_HALF = 1 << 20
+HALF = 1 << 20
+"""Coordinates of bricks about the first one are less, so that three fit a key of 63 bits."""
 
 # Space that is left to others on the disk, bytes.
 _RESERVE = 64 << 20
@@ -171,20 +171,18 @@ class SpillWriter:
             return
         check_space(self.folder, len(cloud) * self.record.itemsize)
         for name in cloud.attributes:
-            # Sides of surfaces follow from these, and are kept.
-            is_used = name in self.names or name in ("normals", "ranges", "viewpoints")
-            if not is_used and name not in self.not_kept:
+            if name not in self.names and name not in self.not_kept:
                 self.not_kept.append(name)
         known = {column.name for column in self.columns}
         for column in _columns_of(cloud, self.names):
             if column.name not in known:
                 self._lose(column.name)
         bricks = self._bricks(cloud)
-        near = (np.abs(bricks) < _HALF).all(axis=1)
+        near = (np.abs(bricks) < HALF).all(axis=1)
         if not near.all():
             self.too_far += int((~near).sum())
             cloud, bricks = cloud.select(near), bricks[near]
-        shifted = bricks + _HALF
+        shifted = bricks + HALF
         keys = (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]
         order = np.argsort(keys, kind="stable")
         records = self._records(cloud, bricks)[order]
@@ -200,7 +198,7 @@ class SpillWriter:
         local, origin = cloud.local_points, np.array(cloud.origin)
         bricks = np.floor((local.astype(np.float64) + origin) / self.side)
         # Far beyond any key, but still integers.
-        bricks = np.clip(bricks - self.base, -2.0 * _HALF, 2.0 * _HALF)
+        bricks = np.clip(bricks - self.base, -2.0 * HALF, 2.0 * HALF)
         whole: NDArray[np.int64] = bricks.astype(np.int64)
         return whole
 
@@ -336,7 +334,7 @@ class Spill:
         """World coordinates of the lower corners of bricks, given by number, (n, 3)."""
         keys = self.keys[bricks]
         mask = (1 << 21) - 1
-        places = np.stack([keys >> 42, keys >> 21 & mask, keys & mask], axis=-1) - _HALF
+        places = np.stack([keys >> 42, keys >> 21 & mask, keys & mask], axis=-1) - HALF
         return np.asarray((places + self.base) * self.side, np.float64)
 
     def read(self, bricks: Iterable[int], origin: Sequence[float]) -> PointCloud:

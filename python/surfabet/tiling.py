@@ -25,7 +25,7 @@ from surfabet._checks import check_integer, check_number
 from surfabet._core import PointCloud
 from surfabet._note import checked_note
 from surfabet._progress import Progress, ProgressCallback, progress_callback
-from surfabet._spill import Spill, SpillWriter, check_space
+from surfabet._spill import HALF, Spill, SpillWriter, check_space
 from surfabet.errors import (
     DroppedPointsWarning,
     InvalidInputError,
@@ -385,8 +385,9 @@ def _written_points(
                 spacing = survey(cloud).spacing or 0.01
                 names = ("colors", "intensities") if named is None else tuple(named)
                 side = _BRICK_SPACINGS * spacing
-                if tile is not None and tile > 0:
-                    side = min(side, 0.25 * tile)
+                if tile is not None:
+                    # Tiles that are too small are refused later, by the size of pixels.
+                    side = min(side, max(0.25 * tile, spacing))
                 writer = SpillWriter(folder, side, cloud, names, chunks.absent_is_zero)
                 if chunks.n_points is not None:
                     check_space(folder, chunks.n_points * writer.record.itemsize)
@@ -411,6 +412,12 @@ def _planned(
     tell: ProgressCallback,
 ) -> tuple[dict[str, Any], list[TileJob], int]:
     """What all tiles share, the tiles, and the number of points that are far from all others."""
+    if not len(spill.keys):
+        raise InvalidInputError(
+            f"all {spill.too_far:,} points of the source are further than "
+            f"{spill.side * HALF:.4g} m from the middle of its first part, and no map in tiles "
+            "reaches so far; learn the parts of the source as maps of their own"
+        )
     bricks, left_out = scene_of(spill, bool(options.get("keep_outliers", False)))
     known = folder / "plan.json"
     if known.exists():
@@ -464,6 +471,10 @@ def _plan(
         kind = next(column.dtype for column in spill.columns if column.name == name)
         dtype = f"{kind[0]}{8 * int(kind[1:])}"
         ranges.append((name.removeprefix("attribute "), dtype, labels, least, largest, deviation))
+    is_all = len(sample) == int(spill.counts[bricks].sum())
+    if is_all and (one := sample.bounds) is not None and one[0] == one[1]:
+        # A brick is large beside a single place, and pixels would follow from it.
+        bounds = (np.array(one[0]), np.array(one[1]))
     box = (bounds[0].tolist(), bounds[1].tolist())
     plan = _core.plan_tiles(sample, box, ranges, *tiles, dict(options), progress=None)
     del sample

@@ -385,18 +385,44 @@ def test_an_interrupt_that_the_parent_ignores_is_ignored(ply: Path, tmp_path: Pa
     assert len(sb.load(output).decode()) > 0
 
 
-def test_reader_of_the_output_may_leave(ply: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("verb", ["convert", "info", "info --json"])
+@pytest.mark.parametrize("output", ["closed", "left"])
+def test_a_job_that_is_done_needs_no_reader(
+    verb: str, output: str, ply: Path, sfb: Path, tmp_path: Path
+) -> None:
+    """Without stdout, as by `>&-`, and with a reader that has left, as `head` does."""
+    files = [str(ply), str(tmp_path / "c.ply")] if verb == "convert" else [str(sfb)]
     reading, writing = os.pipe()
     os.close(reading)
-    with os.fdopen(writing, "w") as closed:
+    # Where each line goes out by itself, verbs get to know while they print.
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with os.fdopen(writing, "w") as left:
         process = subprocess.run(
-            [sys.executable, "-m", "surfabet.cli", "convert", str(ply), str(tmp_path / "c.ply")],
-            stdout=closed,
+            [sys.executable, "-m", "surfabet.cli", *verb.split(), *files],
+            stdout=left,
             stderr=subprocess.PIPE,
             text=True,
             check=False,
+            env=buffered,
+            preexec_fn=(lambda: os.close(1)) if output == "closed" else None,
         )
-    assert process.stderr == ""
+    assert (process.returncode, process.stderr) == (0, "")
+
+
+def test_output_that_is_cut_off_in_its_middle_is_told_by_the_code_alone(tmp_path: Path) -> None:
+    """More than fits into buffers: the process gets to know while it prints."""
+    code = (
+        "import sys; from surfabet.cli import _app\n"
+        "def long(): print('x' * 1_000_000)\n"
+        "_app.app.command(long); sys.exit(_app.run(['long']))"
+    )
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as left:
+        process = subprocess.run(
+            [sys.executable, "-c", code], stdout=left, stderr=subprocess.PIPE, check=False
+        )
+    assert (process.returncode, process.stderr) == (141, b"")
 
 
 def test_missing_extra_is_one_line() -> None:

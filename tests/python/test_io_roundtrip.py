@@ -267,6 +267,33 @@ def test_las_stretches_intensities_and_says_so(tmp_path: Path) -> None:
     np.testing.assert_array_equal(sb.read(tmp_path / "a.las").intensities, [0, 16384, 65535])
 
 
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        ([0.0, 100.4, 254.0], [0, 100, 254]),
+        ([0.25, 0.5, 1.75], [0, 0, 2]),
+        ([99.6, 99.6, 99.6], [100, 100, 100]),
+        ([0.5, 1.5, 65535.0], [0, 2, 65535]),
+    ],
+)
+def test_las_rounds_intensities_of_its_own_range(
+    given: list[float], read: list[int], tmp_path: Path
+) -> None:
+    """As models decode them: fractions of what was whole; nothing is stretched or said."""
+    pytest.importorskip("laspy")
+    cloud = sb.PointCloud(np.eye(3), intensities=np.array(given, np.float32))
+    found = again(tmp_path / "a.las", cloud)
+    np.testing.assert_array_equal(found.intensities, read)
+
+
+@pytest.mark.parametrize("given", [[-1.0, 0.0, 100.0], [0.5, 1.0, 65536.0]])
+def test_las_stretches_intensities_outside_of_its_range(given: list[float], tmp_path: Path) -> None:
+    pytest.importorskip("laspy")
+    cloud = sb.PointCloud(np.eye(3), intensities=np.array(given, np.float32))
+    with pytest.warns(sb.LostAttributeWarning, match="were stretched to 0 to 65535"):
+        sb.write(tmp_path / "a.las", cloud)
+
+
 def test_las_scale_grows_until_the_cloud_fits(tmp_path: Path) -> None:
     pytest.importorskip("laspy")
     points = np.array([[-3e5, 0, 0], [3e5, 1, 0.0005]])

@@ -383,6 +383,8 @@ def test_the_command_line_adds_and_merges(
     assert main(["append", plain, scan]) == 2
     assert "has no tiles" in capsys.readouterr().err
     assert main(["merge", path, "--out", out]) == 2
+    assert main(["merge", path, east]) == 2
+    assert "--out: is required" in capsys.readouterr().err
 
 
 def test_new_surface_is_in_the_map_once(west: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:

@@ -620,6 +620,41 @@ def test_attributes_that_some_parts_lack_are_named(cloud: sb.PointCloud, tmp_pat
     assert not sb.load(tmp_path / "a.sfb").has_color
 
 
+def test_normals_ranges_and_viewpoints_are_named_as_not_kept(tmp_path: Path) -> None:
+    """They are used, for the sides of surfaces, but are not in the map; as without tiles."""
+    x, y = (side.ravel() for side in np.meshgrid(np.arange(0, 1.3, 0.02), np.arange(0, 1.3, 0.02)))
+    floor = np.stack([x, y, 0 * x], axis=1)
+    up = np.tile(np.float32([0, 0, 1]), (len(floor), 1))
+    cloud = sb.PointCloud(floor, normals=up).seen_from([0.5, 0.5, 1.0])
+    report = sb.learn_patches_tiled(cloud, tmp_path / "map.sfb", tile=1.28, resolution=0.02)
+    assert set(report.not_kept) == {"normals", "ranges", "viewpoints"}
+    assert set(report.not_kept) == set(sb.learn_patches(cloud, resolution=0.02).report.not_kept)
+
+
+def test_the_command_line_tells_the_side_and_where_to_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x, y = (side.ravel() for side in np.meshgrid(np.arange(0, 1.3, 0.02), np.arange(0, 1.3, 0.02)))
+    source, path = tmp_path / "floor.ply", tmp_path / "map.sfb"
+    sb.write(source, sb.PointCloud(np.stack([x, y, 0 * x], axis=1)))
+    arguments = ["compress", str(source), str(path), "--resolution", "0.02", "--tile"]
+
+    def stopped(job: tiling.TileJob, progress: Any = None) -> str:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(tiling, "run_job", stopped)
+        assert main([*arguments, "1.3"]) == 130
+    told = capsys.readouterr().err
+    assert f"{path}.work keeps what is done; the same command goes on from there" in told
+    assert Path(f"{path}.work").is_dir()
+    assert main([*arguments, "1.3"]) == 0
+    assert not Path(f"{path}.work").exists()
+    assert "tile 1.3 rounded to 1.28 m" in capsys.readouterr().out
+    assert main([*arguments, "1.28"]) == 0
+    assert "rounded" not in capsys.readouterr().out
+
+
 def test_points_far_from_all_others_are_named(cloud: sb.PointCloud, tmp_path: Path) -> None:
     far = sb.PointCloud([[90_000.0, 0.0, 0.0]])
     everything = iter([sb.PointCloud(cloud.points), far])
@@ -647,6 +682,9 @@ def test_what_tiles_and_memory_must_be(cloud: sb.PointCloud, tmp_path: Path) -> 
     path = tmp_path / "map.sfb"
     with pytest.raises(InvalidInputError, match=r"tile is 0\.1, but must be from 1\.28"):
         sb.learn_patches_tiled(cloud, path, tile=0.1, **OPTIONS)
+    # So small that no point would be within a million of its parts.
+    with pytest.raises(InvalidInputError, match=r"tile is 0\.000001, but must be from 1\.28"):
+        sb.learn_patches_tiled(cloud, path, tile=1e-6, **OPTIONS)
     with pytest.raises(InvalidInputError, match="max_memory is 1000"):
         sb.learn_patches_tiled(cloud, path, max_memory=1000, **OPTIONS)
     with pytest.raises(InvalidInputError, match="levels is 9"):
@@ -658,6 +696,24 @@ def test_what_tiles_and_memory_must_be(cloud: sb.PointCloud, tmp_path: Path) -> 
     with pytest.raises(FileNotFoundError):
         sb.learn_patches_tiled(tmp_path / "nothing.las", path)
     assert [p for p in tmp_path.iterdir() if p != path] == []
+
+
+@pytest.mark.parametrize("n", [1, 50])
+def test_points_at_one_place_are_a_map_as_without_tiles(n: int, tmp_path: Path) -> None:
+    one = sb.PointCloud([[1.25, 2.5, 3.75]] * n)
+    report = sb.learn_patches_tiled(one, tmp_path / "one.sfb", tile=2.0)
+    assert (report.n_kept, report.n_tiles) == (n, 1)
+    assert report.chosen == sb.learn_patches(one).report.chosen
+    decoded = sb.load(tmp_path / "one.sfb").decode()
+    assert np.linalg.norm(decoded.points - one.points[0], axis=1).max() < 4 * 0.01
+
+
+def test_a_source_that_is_out_of_reach_is_named(tmp_path: Path) -> None:
+    """Two dense groups 1400 km apart, with nothing in the middle between them."""
+    group = 0.01 * np.random.default_rng(0).random((1000, 3))
+    apart = sb.PointCloud(np.concatenate([group - 4e5, group + 4e5]))
+    with pytest.raises(InvalidInputError, match="all 2,000 points of the source are further than"):
+        sb.learn_patches_tiled(apart, tmp_path / "map.sfb")
 
 
 def test_tiles_are_made_small_enough_for_the_memory(

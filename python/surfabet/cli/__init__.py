@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -17,14 +18,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0: done; 1: the job failed, as with a corrupt file; 2: the command line makes no sense;
-        130: interrupted by Ctrl-C.
+        130: interrupted by Ctrl-C; 141: whoever read the output left in its middle.
     """
+    _open_streams()
     try:
         return _run(argv)
     except KeyboardInterrupt:
         # Also while modules are imported, which takes a second on a slow machine.
         print("surfabet: interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def _open_streams() -> None:
+    """Gives the process the streams that it was started without, as by `>&-`; what is said goes
+    nowhere then."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
 
 
 def _run(argv: Sequence[str] | None) -> int:

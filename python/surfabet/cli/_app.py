@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from cyclopts import App, CycloptsError
 
 import surfabet
+from surfabet.cli._format import no_more_output
 from surfabet.cli._options import COMMON, UsageError, in_own_words, spelled
 from surfabet.cli.append import append
 from surfabet.cli.compare import compare
@@ -34,6 +34,9 @@ from surfabet.cli.view import view
 from surfabet.errors import InvalidInputError
 
 OK, FAILED, USAGE = 0, 1, 2
+
+UNREAD = 141
+"""What a shell says of a tool that a broken pipe has ended."""
 
 app = App(
     name="surfabet",
@@ -88,7 +91,9 @@ def run(argv: Sequence[str]) -> int:
             if common.threads is not None:
                 surfabet.set_num_threads(common.threads)
             code = command(*bound.args, **bound.kwargs)
-            sys.stdout.flush()
+        with suppress(BrokenPipeError):
+            # The job is done, and its exit code stands, whether or not somebody reads about it.
+            _flush()
         # Most verbs either do their job or raise; `verify` answers.
         return OK if code is None else int(code)
     except CycloptsError as error:
@@ -100,9 +105,10 @@ def run(argv: Sequence[str]) -> int:
         _say_error(str(error))
         return USAGE
     except BrokenPipeError:
-        # Whoever read the output has left; the interpreter must not try to flush the rest at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
+        # Whoever read the output has left before all of it was written.
+        with suppress(BrokenPipeError):
+            _flush()
+        return UNREAD
     except Exception as error:
         if common.debug:
             traceback.print_exc()
@@ -111,6 +117,16 @@ def run(argv: Sequence[str]) -> int:
             return USAGE
         _say_error(_message(error))
         return FAILED
+
+
+def _flush() -> None:
+    """Writes what is left of the output; where nobody reads it, the interpreter must not try so
+    again at exit."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        no_more_output()
+        raise
 
 
 def _wrong_option(error: Exception, argv: Sequence[str]) -> str | None:

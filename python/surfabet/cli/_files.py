@@ -69,7 +69,7 @@ def format_of(path: Path, options: ReadOptions, *, shared: bool = False) -> Form
 
 def refuse_model(path: Path) -> None:
     """Refuses a model where a cloud is to be read."""
-    if path.suffix.lower() == MODEL_SUFFIX or is_model(path):
+    if is_model(path):
         raise UsageError(
             f"{path}: is a model, not a cloud; surfabet decompress makes a cloud of it"
         )
@@ -135,7 +135,11 @@ def refuse_cloud(path: Path) -> None:
     """Says so where a folder or a cloud is given in the place of a model."""
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; name a model file ({MODEL_SUFFIX})")
-    if is_model(path) or path.suffix.lower() == MODEL_SUFFIX:
+    if is_model(path):
+        return
+    if path.is_file() and not path.stat().st_size:
+        raise FormatError(f"{path}: the file is empty")
+    if path.suffix.lower() == MODEL_SUFFIX:
         return
     with suppress(FormatError, OSError):
         known = detect(path)

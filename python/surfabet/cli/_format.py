@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from typing import Any
+
+from rich.console import Console
 
 from surfabet.io._units import small_lengths
 
@@ -26,6 +29,11 @@ def bytes_text(n: int) -> str:
     return f"{n} bytes"
 
 
+def points_text(n: int) -> str:
+    """As `1,234 points`, and `1 point`."""
+    return f"{n:,} point" if n == 1 else f"{n:,} points"
+
+
 def length_text(length: float, unit: str = "m") -> str:
     """As `8.31 mm`, metres from one metre on; other units as `0.0273 us-ft`."""
     factor, small = small_lengths(unit)
@@ -41,6 +49,19 @@ def peak_memory() -> int | None:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # macOS counts bytes, other systems kibibytes.
     return peak if sys.platform == "darwin" else peak * 1024
+
+
+class Output(Console):
+    """Tables on stdout. That their reader has left, as `head` does, is no failure of the verb."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        no_more_output()
+
+
+def no_more_output() -> None:
+    """Sends what is still to be written to stdout nowhere, also by the interpreter at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def print_json(value: dict[str, Any]) -> None:

@@ -37,4 +37,5 @@ def tell_map(
         output = {"path": str(path), "bytes": n_bytes, "tiles": n_tiles}
         print_json({**inputs, "output": output, "seconds": seconds})
     elif not quiet:
-        print(f"{path}: {points}, {n_tiles} tiles, {bytes_text(n_bytes)}, {seconds:.1f} s")
+        tiles = "1 tile" if n_tiles == 1 else f"{n_tiles} tiles"
+        print(f"{path}: {points}, {tiles}, {bytes_text(n_bytes)}, {seconds:.1f} s")

@@ -185,7 +185,7 @@ def spelled(argument: str) -> str:
 
 _ARGUMENT = re.compile(
     r"\b(columns|delimiter|depth_scale|format|frame|frame_stride|intrinsics|keep_class|drop_class|"
-    r"keep_noise|max_time_difference|message|pixel_stride|poses|topic|unit|viewpoint)="
+    r"keep_noise|max_time_difference|message|pixel_stride|poses|topic|unit|up|viewpoint)="
     r"(?:'([^']*)')?(?=(\S?))"
 )
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import surfabet
 from surfabet.cli._files import size_on_disk
-from surfabet.cli._format import bytes_text, length_text, peak_memory, raw_bytes
+from surfabet.cli._format import bytes_text, length_text, peak_memory, points_text, raw_bytes
 from surfabet.io._crs import unit_of
 from surfabet.learning import LearningReport, note_of
 
@@ -66,7 +66,7 @@ class Result:
     def line(self) -> str:
         """For people."""
         parts = [
-            f"{self.n_points:,} points",
+            points_text(self.n_points),
             f"{bytes_text(self.raw_bytes)} -> {bytes_text(self.n_bytes)}",
             f"ratio {self.raw_bytes / self.n_bytes:.3g}",
         ]

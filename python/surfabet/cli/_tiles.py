@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import re
+import sys
 import time
 import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 import surfabet
 from surfabet._progress import ProgressCallback
-from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._format import bytes_text, points_text, print_json
 from surfabet.cli._learn_options import LearnOptions
 from surfabet.cli._options import READ_OPTIONS, PositiveFloat, ReadOptions, UsageError, spelled
 from surfabet.learning import in_unit
@@ -96,6 +98,7 @@ def compress_tiles(
         raise UsageError(f"--model {model}: only patches are learned in tiles")
     refuse_read_options(read, "--tile or --max-memory")
     started = time.perf_counter()
+    folder = Path(f"{output}.work") if tiles.work is None else tiles.work
     options = {
         "tile": tiles.tile,
         "details": tiles.details or 1,
@@ -104,35 +107,48 @@ def compress_tiles(
         "progress": progress,
         **learning.given(),
     }
-    n = tiles.workers or 1
-    if n == 1:
-        report = surfabet.learn_patches_tiled(source, output, **options)
-    else:
-        # Imported here: a tenth of a second that most runs do without.
-        import multiprocessing
-        from concurrent.futures import ProcessPoolExecutor
-
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(n, mp_context=context) as executor:
-            report = surfabet.learn_patches_tiled(
-                source, output, executor=executor, workers=n, **options
+    try:
+        report = _learned(source, output, tiles.workers or 1, options)
+    except KeyboardInterrupt:
+        if folder.exists():
+            print(
+                f"surfabet: {folder} keeps what is done; the same command goes on from there",
+                file=sys.stderr,
             )
+        raise
     return report, {"learn": time.perf_counter() - started}
+
+
+def _learned(source: Path, output: Path, n: int, options: dict[str, Any]) -> surfabet.TilingReport:
+    """Learns a map in tiles, by `n` workers."""
+    if n == 1:
+        return surfabet.learn_patches_tiled(source, output, **options)
+    # Imported here: a tenth of a second that most runs do without.
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(n, mp_context=context) as executor:
+        return surfabet.learn_patches_tiled(source, output, executor=executor, workers=n, **options)
 
 
 def tell(
     source: Path,
     output: Path,
     report: surfabet.TilingReport,
+    asked: float | None,
     seconds: dict[str, float],
     json: bool,
     quiet: bool,
 ) -> None:
-    """Prints what came out, and names what was lost."""
+    """Prints what came out, in tiles of which side where another was `asked` for, and names what
+    was lost."""
     if report.not_kept:
         lost = ", ".join(report.not_kept)
+        can_be_kept = set(report.not_kept) - {"normals", "ranges", "viewpoints"}
+        remedy = "; --attributes names what to keep" if can_be_kept else ""
         warnings.warn(
-            f"{output}: the map does not keep {lost}; --attributes names what to keep",
+            f"{output}: the map does not keep {lost}{remedy}",
             surfabet.LostAttributeWarning,
             stacklevel=1,
         )
@@ -150,8 +166,13 @@ def tell(
             why = in_unit(why, report.unit)
             print(f"{source}: by the data: {option.replace('_', '-')} {value:.6g} ({why})")
         tiles = "tile" if report.n_tiles == 1 else "tiles"
+        if asked is not None and not math.isclose(asked, report.tile, rel_tol=1e-4):
+            print(
+                f"{source}: tile {asked:g} rounded to {report.tile:g} {report.unit}: "
+                "whole squares of the coarsest patches"
+            )
         print(
-            f"{output}: {report.n_points:,} points, {report.n_tiles} {tiles} of "
+            f"{output}: {points_text(report.n_points)}, {report.n_tiles} {tiles} of "
             f"{report.tile:g} {report.unit}, "
             f"{bytes_text(report.n_bytes)}, {seconds['learn']:.1f} s"
         )

@@ -15,7 +15,7 @@ from surfabet.cli._files import (
     refuse_model,
     size_on_disk,
 )
-from surfabet.cli._format import bytes_text
+from surfabet.cli._format import bytes_text, points_text
 from surfabet.cli._maps import load_tiled, tell_map
 from surfabet.cli._options import COMMON, READ_OPTIONS, Common, Flag, ReadOptions, UsageError
 from surfabet.cli._tiles import memory_of, refuse_read_options
@@ -91,7 +91,7 @@ def append(
             "map": {"path": str(map_), "bytes": before, "tiles": len(model.tiles)},
             "scan": {"path": str(scan), "points": n_points},
         },
-        f"{n_points:,} points more than in {bytes_text(before)} before",
+        f"{points_text(n_points)} added to a map of {bytes_text(before)}",
         started,
         json=json,
         quiet=common.quiet,

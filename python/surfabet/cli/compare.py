@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
 import surfabet
 from surfabet import comparison
 from surfabet.cli._files import HTML_SUFFIXES, check_output, read_cloud, whole_file
-from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._format import Output, bytes_text, print_json
 from surfabet.cli._options import (
     COMMON,
     POSITIVE,
@@ -119,7 +118,7 @@ def _print(found: comparison.Comparison) -> None:
     from surfabet.comparison.words import advice, header, row_cells
 
     # Rows are whole wherever they go; a narrow terminal breaks them, and a pager does not.
-    console = Console(highlight=False, soft_wrap=True, markup=False, width=_WIDTH)
+    console = Output(highlight=False, soft_wrap=True, markup=False, width=_WIDTH)
     colored = ", coloured" if found.has_color else ""
     console.print(
         f"{found.n_points:,} points{colored}, {bytes_text(found.raw_bytes)} raw; errors are rmse, "

@@ -94,7 +94,7 @@ def compress(
             raise UsageError("--vocabulary: not together with --tile or --max-memory")
         with common.progress() as progress:
             report, seconds = compress_tiles(input_, output, tiles, model, learning, read, progress)
-        tell(input_, output, report, seconds, json, common.quiet)
+        tell(input_, output, report, tiles.tile, seconds, json, common.quiet)
         return
     result = Result(input_, output)
     with common.progress() as progress:

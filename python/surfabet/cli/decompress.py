@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import surfabet
+from surfabet._progress import ProgressCallback
 from surfabet.cli._files import (
     check_output,
     cloud_suffixes,
@@ -18,7 +19,7 @@ from surfabet.cli._files import (
     load_vocabulary,
     size_on_disk,
 )
-from surfabet.cli._format import bytes_text, print_json
+from surfabet.cli._format import bytes_text, points_text, print_json
 from surfabet.cli._options import (
     COMMON,
     VOCABULARY_OPTION,
@@ -29,6 +30,7 @@ from surfabet.cli._options import (
     UsageError,
     VocabularyOption,
 )
+from surfabet.files import AnyModel, Vocabulary
 
 
 def decompress(
@@ -79,7 +81,7 @@ def decompress(
         if level is not None and not tiled:
             raise UsageError(f"--level: {input_} has no tiles")
         words = load_vocabulary(vocabulary, progress)
-        model = load_model(input_, progress, words, **tiled)
+        model = _loaded(input_, progress, words, tiled)
         cloud = model.decode(resolution, as_measured=as_measured, box=region, progress=progress)
         seconds["decode"] = time.perf_counter() - started
         if box is not None and not len(cloud):
@@ -105,5 +107,21 @@ def decompress(
         )
     elif not common.quiet:
         print(
-            f"{output}: {len(cloud):,} points, {bytes_text(n_bytes)}, {sum(seconds.values()):.1f} s"
+            f"{output}: {points_text(len(cloud))}, {bytes_text(n_bytes)}, "
+            f"{sum(seconds.values()):.1f} s"
         )
+
+
+def _loaded(
+    path: Path, progress: ProgressCallback, words: Vocabulary | None, tiled: dict[str, Any]
+) -> AnyModel:
+    """The model, or the part of one in tiles."""
+    try:
+        return load_model(path, progress, words, **tiled)
+    except surfabet.InvalidInputError as error:
+        if error.argument != "level" or not (error.requirement or "").startswith("from 0 to 0"):
+            raise
+        raise UsageError(
+            f"--level {error.value}: {path} has one level of detail, 0, which is decoded anyway; "
+            "surfabet compress --details makes maps of several"
+        ) from error

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
 import surfabet
@@ -23,7 +22,7 @@ from surfabet.cli._files import (
     size_on_disk,
     whole_file,
 )
-from surfabet.cli._format import bytes_text, length_text, print_json
+from surfabet.cli._format import Output, bytes_text, length_text, print_json
 from surfabet.cli._options import (
     COMMON,
     POSITIVE,
@@ -218,7 +217,7 @@ def _single(quality: surfabet.Quality) -> list[tuple[str, ...]]:
 
 def _print_table(quality: surfabet.Quality) -> None:
     directed, single = _directed(quality), _single(quality)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Output(highlight=False, soft_wrap=True)
     table = Table(*directed[0], box=None)
     for column in table.columns[1:]:
         column.justify = "right"

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -21,10 +20,11 @@ from surfabet.cli._files import (
     load_model,
     load_vocabulary,
     read_cloud,
+    refuse_cloud,
     size_on_disk,
     whole_file,
 )
-from surfabet.cli._format import bytes_text, length_text, print_json
+from surfabet.cli._format import Output, bytes_text, length_text, points_text, print_json
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -91,6 +91,7 @@ def info(
             raise UsageError(f"--picture: {file} is no model and has no words to draw")
         _info_of_cloud(file, read, common, json)
         return
+    refuse_cloud(file)
     found = surfabet.inspect(file)
     with common.progress() as progress:
         words = load_vocabulary(vocabulary, progress)
@@ -112,8 +113,8 @@ def info(
         return
     if common.quiet:
         return
-    console = Console(highlight=False, soft_wrap=True)
-    made_from = f"made from {model.n_points:,} points, " if model else ""
+    console = Output(highlight=False, soft_wrap=True)
+    made_from = f"made from {points_text(model.n_points)}, " if model else ""
     console.print(
         f"{file}: {found.method}, {bytes_text(n_bytes)}, {made_from}"
         f"read by surfabet {found.version} and newer",
@@ -234,7 +235,7 @@ def _info_of_cloud(file: Path, read: ReadOptions, common: Common, json: bool) ->
             "unit": unit_of(cloud),
             "n_viewpoints": 0 if cloud.viewpoints is None else len(cloud.viewpoints),
         }
-        head += f", {len(cloud):,} points ({', '.join(['positions', *cloud.attributes])})"
+        head += f", {points_text(len(cloud))} ({', '.join(['positions', *cloud.attributes])})"
         lengths = (f"{name} ({unit_of(cloud)})" for name in ("lowest", "highest", "extent"))
         table = Table("axis", *lengths, box=None, header_style="bold")
         for column in table.columns[1:]:
@@ -244,7 +245,7 @@ def _info_of_cloud(file: Path, read: ReadOptions, common: Common, json: bool) ->
     if json:
         print_json(about)
     elif not common.quiet:
-        console = Console(highlight=False, soft_wrap=True)
+        console = Output(highlight=False, soft_wrap=True)
         console.print(head, markup=False)
         console.print(table)
 

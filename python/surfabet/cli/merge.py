@@ -9,14 +9,16 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import surfabet
+from surfabet._progress import ProgressCallback
 from surfabet.cli._files import MODEL_SUFFIX, check_output, size_on_disk
+from surfabet.cli._format import points_text
 from surfabet.cli._maps import load_tiled, tell_map
 from surfabet.cli._options import COMMON, Common, Flag, UsageError
 
 
 def merge(
     *maps: Annotated[Path, Parameter(name="MAP")],
-    out: Path,
+    out: Path | None = None,
     json: Flag = False,
     common: Common = COMMON,
 ) -> None:
@@ -35,20 +37,38 @@ def merge(
     maps
         The maps.
     out
-        The map to write.
+        The map to write; it must be given.
     json
         Print one JSON object instead of a line.
     """
     if len(maps) < 2:
         raise UsageError("MAP: give two maps or more")
+    if out is None:
+        raise UsageError("--out: is required; name the map to write")
     check_output(out, frozenset({MODEL_SUFFIX}))
     started = time.perf_counter()
     with common.progress() as progress:
         models = [load_tiled(path, progress) for path in maps]
         # Before the map is written, which may be one of these.
         inputs = [{"path": str(path), "bytes": size_on_disk(path)} for path in maps]
-        merged = surfabet.merge_tiles(models, progress=progress)
+        merged = _merged(maps, models, progress)
         n_bytes = merged.save(out)
-    points = f"{merged.n_points:,} points"
+    points = points_text(merged.n_points)
     saved = (out, merged, n_bytes)
     tell_map(saved, {"inputs": inputs}, points, started, json=json, quiet=common.quiet)
+
+
+def _merged(
+    maps: tuple[Path, ...], models: list[surfabet.TiledPatchModel], progress: ProgressCallback
+) -> surfabet.TiledPatchModel:
+    """The maps as one; where they do not fit together, they are called by their files."""
+    try:
+        return surfabet.merge_tiles(models, progress=progress)
+    except surfabet.InvalidInputError as error:
+        if error.argument != "models":
+            raise
+        names = ", ".join(map(str, maps))
+        raise UsageError(
+            f"{names}: are {error.value}; only maps of one plan are merged: add the scan of one to "
+            "the other with surfabet append"
+        ) from error

@@ -236,6 +236,9 @@ def read(
     DroppedPointsWarning
         Points or attributes that are not finite were left out; the message counts them.
     """
+    if isinstance(path, str) and not path:
+        # A Path of it would be the folder where the process runs.
+        raise wrong_value("path", path, "the name of a file or folder")
     path = existing(path_of("path", path))
     if unit is not None:
         check_text("unit", unit, f"one of {', '.join(UNITS)}")

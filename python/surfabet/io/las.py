@@ -299,6 +299,8 @@ def _collected(
     if kept < found:
         # A point may be counted for several reasons.
         reasons = ", ".join(f"{count:,} {reason}" for reason, count in counts.items() if count)
+        if sum(counts.values()) > found - kept:
+            reasons += ", some for several of these reasons"
         notes.points(f"left out {found - kept:,} of {found:,} points: {reasons}", found - kept)
     columns: dict[str, Column] = {}
     dark = not any(part.any() for name in _COLORS for part in parts.get(name, []))
@@ -428,13 +430,15 @@ def _scale_for(cloud: PointCloud, scale: float) -> float:
 
 
 def _stored_intensities(intensities: Column, remarks: list[str]) -> Column:
-    """As they are where 16 bits hold them, else stretched to 0..65535, which is remarked."""
+    """Rounded where 16 bits hold them, as models give fractions of what was whole; else, and where
+    they are shares of 1, stretched to 0..65535, which is remarked."""
     if len(intensities) == 0:
         return intensities.astype(np.uint16)
     low, high = float(intensities.min()), float(intensities.max())
+    whole = np.rint(intensities)
     fits = low >= 0 and high <= _LARGEST_INTENSITY
-    if fits and (intensities == np.rint(intensities)).all():
-        return intensities.astype(np.uint16)
+    if fits and (high > 1 or (intensities == whole).all()):
+        return whole.astype(np.uint16)
     low = min(low, 0.0)
     factor = _LARGEST_INTENSITY / (high - low) if high > low else 1.0
     remarks.append(
@@ -565,7 +569,8 @@ def write_las(path: Path, cloud: PointCloud, *, scale: float = 1e-4) -> None:
     cloud
         What to write. Offsets are the cloud's origin. Colours are stretched to 16 bits (times 256),
         normals and ranges are float32 extra dimensions (NormalX, NormalY, NormalZ, Range).
-        Intensities that are not integers from 0 to 65535 are stretched to these, with a warning.
+        Intensities from 0 to 65535 are rounded to integers, as those of decoded models are none;
+        fractions of at most 1 and what lies outside are stretched to 0..65535, with a warning.
         Extra columns with the name of a standard dimension that holds their values become it, all
         others extra dimensions of their own type. The point format is 6, 7 (colours) or 8 (nir);
         with a column scan_angle_rank, in whole degrees, or with a reference system given by a

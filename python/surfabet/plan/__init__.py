@@ -97,7 +97,7 @@ def floor_plan(
     if not faces:
         raise InvalidInputError(
             "the model has no walls: no vertical plane reaches up to the ceiling; if the vertical "
-            "of the scan is not z, say so by `up`"
+            "of the scan is not z, say so by up="
         )
     by = scene.basis @ shift
     ceiling = None if scene.ceiling is None else scene.ceiling + base
