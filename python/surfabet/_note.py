@@ -47,18 +47,18 @@ def checked_note(note: object) -> str:
     return text
 
 
-def note_of_source(source: Any) -> str:
+def note_of_source(source: Any, begin: bytes = b"") -> str:
     """The note of a model file that was read before, by its path or a binary object that can be
     sought in; empty without one, and for one that is longer than it may be.
 
-    Only the header and the note are read.
+    Only the header and the note are read; of the header what goes beyond `begin`, which the file
+    begins with.
     """
     if isinstance(source, str | os.PathLike):
         with open(source, "rb") as file:
             return note_of_source(file)
-    source.seek(0)
-    begin: bytes = source.read(_PIECE)
     while (header := _header(begin)) is None:
+        source.seek(len(begin))
         begin += source.read(_PIECE)
     at = header.end
     for tag, length, _ in header.sections:

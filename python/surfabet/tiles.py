@@ -349,6 +349,7 @@ def open_tiled(
         "max_items": max_items,
         "max_bytes": max_bytes,
     }
+    begin = b""
     is_path = isinstance(source, str | os.PathLike)
     if is_path:
         core = _core.open_tiles(os.fspath(source), **options)
@@ -356,8 +357,11 @@ def open_tiled(
         size = source.seek(0, os.SEEK_END)
 
         def read(offset: int, length: int) -> bytes:
+            nonlocal begin
             source.seek(offset)
             data: bytes = source.read(length)
+            if offset == 0:
+                begin = data
             return data
 
         core = _core.open_tiles_of(read, size, **options)
@@ -365,4 +369,4 @@ def open_tiled(
         return None
     is_part = is_path and (box is not None or level is not None)
     parts = (_PartOf(Path(source), *core.tile_counts),) if is_part else ()
-    return TiledPatchModel(core, note_of_source(source), parts)
+    return TiledPatchModel(core, note_of_source(source, begin), parts)

@@ -140,7 +140,7 @@ CALLS: dict[str, Callable[[Things], Call]] = {
     ),
     "Model.to_bytes": lambda t: (t.patches.to_bytes, {}),
     "Model.save": lambda t: (t.patches.save, {"path": t.folder / "a.sfb"}),
-    "PatchModel.export": lambda t: (t.patches.export, {}),
+    "LatticeModel.export": lambda t: (t.patches.export, {}),
     "Mesh.export": lambda t: (t.patches.mesh().export, {}),
     "learn_patches": lambda t: (sb.learn_patches, {"cloud": t.cloud}),
     "learn_patches_tiled": lambda t: (
