@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfabet import _core
 from surfabet._checks import check_flag, check_integer, check_number, real_array
 from surfabet._core import PointCloud
-from surfabet._note import checked_note, visible, with_note
+from surfabet._note import checked_note, visible
 from surfabet._progress import Progress, progress_callback
 from surfabet.errors import wrong_type, wrong_value
 from surfabet.io._files import path_of
@@ -207,7 +207,7 @@ class Model(Generic[C]):
 
         `note` is that of `save`, so that a model that was just read gives the bytes of its file.
         """
-        return with_note(self._core.to_bytes(), self._note_or(note))
+        return self._core.to_bytes(self._note_or(note))
 
     def save(self, path: str | os.PathLike[str], *, note: str | None = None) -> int:
         """Writes the model to a file, usually `.sfb`, and returns its size in bytes.

@@ -70,6 +70,12 @@ impl PyModel {
     pub fn of(model: Arc<dyn AnyModel>) -> Self {
         Self { model }
     }
+
+    /// The bytes of the file, with a note if it is not empty.
+    fn noted(&self, note: &str) -> surfabet::Result<Vec<u8>> {
+        let bytes = self.model.to_bytes()?;
+        if note.is_empty() { Ok(bytes) } else { Ok(surfabet::with_note(&bytes, note)?) }
+    }
 }
 
 #[pymethods]
@@ -102,20 +108,16 @@ impl PyModel {
         Ok(PyLocalizer { localizer })
     }
 
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| self.model.to_bytes());
+    /// The bytes of the file, with a note if it is not empty.
+    #[pyo3(signature = (note=""))]
+    fn to_bytes<'py>(&self, py: Python<'py>, note: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes = py.detach(|| self.noted(note));
         Ok(PyBytes::new(py, &bytes.map_err(IntoPyErr::into_py_err)?))
     }
 
     /// Writes the file, with a note if it is not empty, and returns its size in bytes.
     fn save(&self, py: Python<'_>, path: PathBuf, note: &str) -> PyResult<u64> {
-        let written = py.detach(|| {
-            let mut bytes = self.model.to_bytes()?;
-            if !note.is_empty() {
-                bytes = surfabet::with_note(&bytes, note)?;
-            }
-            surfabet::write(&path, &bytes)
-        });
+        let written = py.detach(|| surfabet::write(&path, &self.noted(note)?));
         written.map_err(IntoPyErr::into_py_err)
     }
 
