@@ -4,10 +4,11 @@ use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::axes::to_axes;
-use super::constants::{EXTRA_CELL, POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
+use super::constants::{POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
+use super::cover::Cover;
 use super::decode::{LastFound, MeasuredReach, PlacedPatch};
 use super::instances::Motion;
-use super::model::{Lattice, PatchModel, extra_key};
+use super::model::{Lattice, PatchModel};
 use super::samples::cells::LIMIT;
 use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
@@ -27,8 +28,8 @@ const DECODE_ROUNDINGS: f64 = 8.0;
 /// Points that one task decides about.
 const BATCH: usize = 1 << 12;
 
-/// Adds a point for every cell that holds input points further than `bound` from the cloud decoded as measured; each is within
-/// `forward` of them, if that is given.
+/// Adds points so that all input further than `bound` from the cloud decoded as measured is near to one; each is within `forward` of such
+/// input, if that is given.
 ///
 /// # Errors
 /// [`Error::TooLarge`] for a bound that single precision does not resolve, [`Error::Cancelled`].
@@ -44,9 +45,8 @@ pub(super) fn with_points_within(
     let patches = patches_of(&model, &motions, &[]);
     let far = far_points(model.lattice(), patches, positions, near, progress)?;
     let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
-    let cells = Cells::of(&model, &far, near.min(forward));
-    let keys = cells.counted.into_iter().map(|(key, _)| key).collect();
-    let model = model.with_extra(keys, cells.size, Some(bound));
+    let cover = cover_of(&model, &far, near.min(forward));
+    let model = model.with_extra(cover.of_all(), cover.size(), Some(bound));
     with_shared_points(model, &far, near.min(forward))
 }
 
@@ -104,20 +104,12 @@ pub(super) fn with_share_of_points(
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
     let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
     let of_cells = near.min(wanted.in_gaps(POINT_CELL_IN_GAPS)).min(forward);
-    let Cells { mut counted, size } = Cells::of(&model, &far, of_cells);
-    counted.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-    let mut missing = far.len();
-    let needed = counted.iter().take_while(|(_, n)| {
-        let needed = missing > allowed;
-        missing -= n;
-        needed
-    });
-    let mut keys: Vec<u64> = needed.map(|cell| cell.0).collect();
+    let cover = cover_of(&model, &far, of_cells);
+    let keys = cover.of_most(allowed);
     if keys.is_empty() {
         return Ok(model);
     }
-    keys.sort_unstable();
-    with_shared_points(model.with_extra(keys, size, None), &far, of_cells)
+    with_shared_points(model.with_extra(keys, cover.size(), None), &far, of_cells)
 }
 
 /// True when at least the `share` of the positions is within `bound` of what patches decode to as measured. Of many positions some
@@ -189,23 +181,8 @@ fn largest_coordinate(positions: &[[f32; 3]]) -> f64 {
     positions.iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max)
 }
 
-/// Cells of the lattice's frame that hold points.
-struct Cells {
-    /// Key and number of points of each, by growing key.
-    counted: Vec<(u64, usize)>,
-    /// Side, metres.
-    size: f64,
-}
-
-impl Cells {
-    /// The cells of some points, so small that all of them are within `limit` of their middles.
-    fn of(model: &PatchModel, points: &[[f32; 3]], limit: f64) -> Self {
-        let size = EXTRA_CELL * limit;
-        let rows = model.lattice().orientation.rotation();
-        let to_lattice = |p| to_axes(&rows, p).map(|c| c as f32);
-        let mut keys: Vec<u64> = parallel::map(points, |&p| extra_key(to_lattice(p), size));
-        parallel::sort_keys(&mut keys);
-        let counted = keys.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();
-        Self { counted, size }
-    }
+/// Points to be covered, in the axes of a model's lattice.
+fn cover_of(model: &PatchModel, points: &[[f32; 3]], limit: f64) -> Cover {
+    let rows = model.lattice().orientation.rotation();
+    Cover::new(&parallel::map(points, |&p| to_axes(&rows, p).map(|c| c as f32)), limit)
 }

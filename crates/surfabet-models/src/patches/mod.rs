@@ -21,7 +21,7 @@
 //! | `attributes` | colour, scalars and labels on the cells around the surface | 7 |
 //! | `instances` | parts of the model once more, moved to where the scene shows the same again | 11 |
 //! | `recurrence` | what recurs in the scene: patches that are left out where others, moved, say the same | 11 |
-//! | `far_points`, `shared_points` | points beside the patches, for what these leave out | 8 |
+//! | `far_points`, `cover`, `shared_points` | points beside the patches, for what these leave out | 8 |
 //! | `order` | what is coded first, and what is given again | 11 |
 //! | `whole` | the model with the points beside its patches, with instances or without | 11 |
 //! | `model`, `contract` | the result | |
@@ -36,6 +36,7 @@ mod choice;
 mod coding;
 mod constants;
 mod contract;
+mod cover;
 mod decode;
 mod far_points;
 mod instances;

@@ -56,7 +56,7 @@ pub(super) fn with_shared_points(
 struct Points {
     middles: Vec<[f32; 3]>,
     tree: KdTree,
-    /// The input of each.
+    /// The input that each stands for.
     input: Vec<Vec<[f32; 3]>>,
     /// Their numbers in the order of sources.
     order: Vec<u32>,
@@ -76,20 +76,27 @@ impl Points {
         let pixel = lattice.pixel_size as f32;
         let (keys, size) = model.extra();
         let rows = rows_of(&lattice);
-        let of_lattice: Vec<[f32; 3]> = parallel::map(far, |&p| rotate(&rows, p));
-        let mut input = vec![Vec::new(); keys.len()];
-        for p in of_lattice {
-            if let Ok(i) = keys.binary_search(&extra_key(p, size)) {
-                input[i].push(p.map(|c| c / pixel));
-            }
-        }
         let middles: Vec<[f32; 3]> =
             model.points().into_iter().map(|p| p.map(|c| c / pixel)).collect();
+        let tree = KdTree::new(&middles)?;
+        let limit = (limit / lattice.pixel_size).powi(2) as f32;
+        // The point of its own cell stands for input, or where there is none, the nearest one.
+        let stands_for = |&p: &[f32; 3]| {
+            let p = rotate(&rows, p);
+            let own = keys.binary_search(&extra_key(p, size)).ok();
+            let p = p.map(|c| c / pixel);
+            let near = |&i: &usize| squared_distance(middles[i], p) <= limit;
+            let nearest = || tree.nearest(p).map(|found| found.index()).filter(near);
+            own.or_else(nearest).map(|i| (i, p))
+        };
+        let mut input = vec![Vec::new(); middles.len()];
+        for (i, p) in parallel::map(far, stands_for).into_iter().flatten() {
+            input[i].push(p);
+        }
         let place = |i: u32| place_in_order(middles[i as usize]);
         let mut order: Vec<u32> = (0..middles.len() as u32).collect();
         order.sort_by(|&a, &b| place(a).total_cmp(&place(b)).then(a.cmp(&b)));
-        let limit = (limit / lattice.pixel_size).powi(2) as f32;
-        Ok(Self { tree: KdTree::new(&middles)?, middles, input, order, limit })
+        Ok(Self { tree, middles, input, order, limit })
     }
 
     fn shared(&self, motions: &[Motion]) -> Shared {
