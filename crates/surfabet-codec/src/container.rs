@@ -126,8 +126,11 @@ impl Features {
     /// Colours and scalars of tiles are corrected at their borders.
     pub const BORDERS: Self = Self(4096);
 
+    /// Points beside patches are coded given the pattern of those around.
+    pub const POINT_PATTERNS: Self = Self(8192);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 13] = [
+    const KNOWN: [(Self, &'static str, Version); 14] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -141,6 +144,7 @@ impl Features {
         (Self::INSTANCES, "instances", Version { major: 0, minor: 1 }),
         (Self::WHOLE_FIELDS, "attributes in whole numbers", Version { major: 0, minor: 1 }),
         (Self::BORDERS, "attributes corrected at borders", Version { major: 0, minor: 1 }),
+        (Self::POINT_PATTERNS, "points given the pattern around", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

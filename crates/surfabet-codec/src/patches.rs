@@ -62,7 +62,8 @@ impl Layout for PatchModel {
         .with(Features::BORDERS)
         .with(Features::FORWARD_BOUND)
         .with(Features::NEAR_POINTS)
-        .with(Features::INSTANCES);
+        .with(Features::INSTANCES)
+        .with(Features::POINT_PATTERNS);
     const STREAM_SECTIONS: &'static [StreamSection] = &SECTIONS;
 
     fn code_header<F: Fields>(fields: &mut F, header: &mut PatchesHeader) -> Result<()> {
@@ -100,8 +101,8 @@ impl Layout for PatchModel {
             .with(of(header.coding == FieldCoding::Whole, Features::WHOLE_FIELDS))
             .with(of(header.border.is_some(), Features::BORDERS))
             .with(of(header.max_error_forward.is_some(), Features::FORWARD_BOUND))
-            .with(of(is_around(header), Features::NEAR_POINTS))
             .with(of(header.n_instances > 0, Features::INSTANCES))
+            .with(of_points(header))
     }
 
     fn code_optional<F: Fields>(
@@ -121,9 +122,15 @@ impl Layout for PatchModel {
         };
         header.border =
             features.contains(Features::BORDERS).then(|| header.border.unwrap_or_default());
-        // Without points the feature is not there, and either would do.
-        let is_near = features.contains(Features::NEAR_POINTS) || header.n_extra == 0;
-        header.point_coding = if is_near { PointCoding::Around } else { PointCoding::Alone };
+        let is_near = features.contains(Features::NEAR_POINTS);
+        header.point_coding = match features.contains(Features::POINT_PATTERNS) {
+            true if is_near => {
+                return Err(fields.corrupt("two ways to code points at once".into()));
+            }
+            true => PointCoding::Patterns,
+            false if is_near => PointCoding::Around,
+            false => PointCoding::Alone,
+        };
         if features.contains(Features::FORWARD_BOUND) {
             let mut bound = header.max_error_forward.unwrap_or_default();
             fields.f64(&mut bound)?;
@@ -177,9 +184,14 @@ impl Layout for PatchModel {
     }
 }
 
-/// Whether there are points beside the patches that are coded given those around.
-fn is_around(header: &PatchesHeader) -> bool {
-    header.n_extra > 0 && header.point_coding == PointCoding::Around
+/// The feature that says how points beside the patches are coded; none without points.
+fn of_points(header: &PatchesHeader) -> Features {
+    match header.point_coding {
+        _ if header.n_extra == 0 => Features::NONE,
+        PointCoding::Alone => Features::NONE,
+        PointCoding::Around => Features::NEAR_POINTS,
+        PointCoding::Patterns => Features::POINT_PATTERNS,
+    }
 }
 
 /// Writes or reads what the header has of an attribute: name, number of the type, number of labels (0: a scalar), and the

@@ -178,7 +178,13 @@ impl TiledHeader {
     /// Features that a file with this header needs.
     fn features(&self) -> Features {
         let of = |header| features::<PatchModel>(header, false);
-        self.details.iter().map(of).fold(Features::TILES, Features::with)
+        let all = self.details.iter().map(of).fold(Features::TILES, Features::with);
+        // The headers have no points, so that these features are not among theirs.
+        let has_patterns = |header: &PatchesHeader| header.point_coding == PointCoding::Patterns;
+        match self.details.iter().any(has_patterns) {
+            true => all.with(Features::POINT_PATTERNS),
+            false => all,
+        }
     }
 }
 
@@ -222,7 +228,9 @@ pub fn write_tile(model: &PatchModel) -> Vec<u8> {
     bytes.varint(header.n_patches);
     bytes.varint(header.n_extra);
     if header.n_extra > 0 {
-        bytes.f64(header.extra_size);
+        // A size below zero says that the points are coded by patterns.
+        let has_patterns = header.point_coding == PointCoding::Patterns;
+        bytes.f64(if has_patterns { -header.extra_size } else { header.extra_size });
     }
     let present = |i: &usize| PatchModel::has_section(&header, *i);
     let streams: Vec<Vec<u8>> = streams
@@ -250,8 +258,10 @@ impl TileIndex {
     ///
     /// # Errors
     /// [`Error::Corrupt`] for a header that no file has, two tiles of one level at one place, and places out of range.
-    pub fn new(header: TiledHeader, mut entries: Vec<TileEntry>) -> Result<Self> {
+    pub fn new(mut header: TiledHeader, mut entries: Vec<TileEntry>) -> Result<Self> {
         header.check()?;
+        // Each tile says how its points are coded: some may be of an older map.
+        header.details.iter_mut().for_each(|detail| detail.point_coding = PointCoding::Patterns);
         let range = |e: &TileEntry| e.cube.iter().all(|&c| i64::from(c).abs() <= MAX_CUBE);
         if let Some(entry) = entries.iter().find(|e| !range(e) || e.level >= header.details.len()) {
             let what =
@@ -413,11 +423,15 @@ impl TileIndex {
         header.border = header.border.map(|_| self.header.border(entry));
         header.n_patches = reader.varint()?;
         header.n_extra = reader.varint()?;
+        let of_map = header.point_coding;
+        header.point_coding = PointCoding::Around;
         if header.n_extra > 0 {
             header.extra_size = reader.f64()?;
+            if of_map == PointCoding::Patterns && header.extra_size < 0.0 {
+                header.extra_size = -header.extra_size;
+                header.point_coding = PointCoding::Patterns;
+            }
         }
-        // As in all tiles: the header of the map has no points to follow it from.
-        header.point_coding = PointCoding::Around;
         let of_tile = PatchModel::STREAM_SECTIONS.iter().enumerate();
         let lengths = of_tile.map(|(i, _)| match PatchModel::has_section(&header, i) {
             true => reader.varint(),

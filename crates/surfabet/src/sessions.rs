@@ -10,8 +10,8 @@ use std::sync::Arc;
 use surfabet_codec::{TileEntry, TiledHeader};
 use surfabet_geom::{PointCloud, Progress, Survey};
 use surfabet_models::patches::{
-    self, AttributeContent, AttributeHeader, KeptSheets, Known, Lattice, PatchesOptions, Recipe,
-    ScanColumns, SheetTree, TilePlan,
+    self, AttributeContent, AttributeHeader, KeptSheets, Known, Lattice, PatchesOptions,
+    PointCoding, Recipe, ScanColumns, SheetTree, TilePlan,
 };
 use surfabet_models::{Error, Region};
 
@@ -207,7 +207,10 @@ fn difference(a: &TiledHeader, b: &TiledHeader) -> Option<String> {
         (colors, detail.map(|d| d.attributes.clone()))
     };
     let mut plans = [a.clone(), b.clone()];
-    plans.iter_mut().flat_map(|h| &mut h.details).for_each(|detail| detail.n_points = 0);
+    plans.iter_mut().flat_map(|h| &mut h.details).for_each(|detail| {
+        // What tiles that were learned by one plan may differ in.
+        (detail.n_points, detail.point_coding) = (0, PointCoding::default());
+    });
     Some(if one.pixel_size != other.pixel_size {
         format!("maps with pixels of {} and {} m", one.pixel_size, other.pixel_size)
     } else if is_placed(one) != is_placed(other) {

@@ -10,6 +10,7 @@ use super::attributes::{
 };
 use super::axes::Orientation;
 use super::coding::near_points::{NearPointModels, code_near_points};
+use super::coding::point_patterns::{PatternModels, code_point_patterns};
 use super::coding::points::{PointModels, code_points};
 use super::coding::{Geometry, GeometryModels, PointCoding, code_geometry};
 use super::instances::coding::code_instances;
@@ -295,7 +296,7 @@ impl PatchModel {
             attributes,
             extra: Vec::new(),
             extra_size: lattice.pixel_size,
-            point_coding: PointCoding::Around,
+            point_coding: PointCoding::Patterns,
             max_error: None,
             max_error_forward: None,
             instances: Instances::default(),
@@ -425,7 +426,7 @@ impl PatchModel {
             extra_size: header.extra_size,
             // Without points either would do, and a file does not say which.
             point_coding: if header.n_extra == 0 {
-                PointCoding::Around
+                PointCoding::Patterns
             } else {
                 header.point_coding
             },
@@ -574,6 +575,9 @@ fn code_extra<C: Coder>(
     match coding {
         PointCoding::Alone => code_points(coder, &mut PointModels::default(), keys, most),
         PointCoding::Around => code_near_points(coder, &mut NearPointModels::default(), keys, most),
+        PointCoding::Patterns => {
+            code_point_patterns(coder, &mut PatternModels::default(), keys, most)
+        }
     }
 }
 

@@ -6,9 +6,9 @@
 //! and lines, and what goes on there goes on here.
 
 use surfabet_entropy::{Bit, Coder, MixedBits, MixedContext};
-use surfabet_geom::morton::{self, MortonMap, step};
+use surfabet_geom::morton::{MortonMap, step};
 
-use crate::patches::attributes::cells::index;
+use super::levels::code_levels;
 
 /// Heights of nodes with models of their own, from the finest; nodes further up share those of the last.
 const HEIGHTS: usize = 4;
@@ -146,45 +146,10 @@ pub(in crate::patches) fn code_near_points<C: Coder>(
     keys: &[u64],
     max_points: usize,
 ) -> Result<Vec<u64>, C::Error> {
-    if coder.bypass(u64::from(!keys.is_empty()), 1)? == 0 {
-        return Ok(Vec::new());
-    }
-    let mut nodes = vec![0_u64];
-    for height in (1..=morton::BITS).rev() {
-        let places = index(&nodes);
-        let mut wanted = Wanted { keys, shift: 3 * (height - 1) };
-        let mut children = vec![0_u8; nodes.len()];
-        let mut next = Vec::with_capacity(nodes.len());
-        for (i, &key) in nodes.iter().enumerate() {
-            let mut around = Around::new(key, &places, &children, models, height as usize);
-            let found = around.children(coder, wanted.children_of(key))?;
-            children[i] = found;
-            next.extend((0..8).filter(|c| found >> c & 1 != 0).map(|c| key << 3 | c));
-            if next.len() > max_points {
-                return Err(coder.corrupt(format!("more than {max_points} points")));
-            }
-        }
-        nodes = next;
-    }
-    Ok(nodes)
-}
-
-/// What a writer has still to encode of a level.
-struct Wanted<'a> {
-    /// Keys of cells from the next node on; empty for a reader.
-    keys: &'a [u64],
-    /// From the key of a cell to that of a child of the level's nodes.
-    shift: u32,
-}
-
-impl Wanted<'_> {
-    /// The children that the node of a key, which follows those asked for before, is to have.
-    fn children_of(&mut self, key: u64) -> u8 {
-        let n = self.keys.partition_point(|k| k >> self.shift >> 3 <= key);
-        let (of_node, rest) = self.keys.split_at(n);
-        self.keys = rest;
-        of_node.iter().fold(0, |children, k| children | 1 << (k >> self.shift & 7))
-    }
+    code_levels(coder, keys, max_points, |coder, level, number, wanted| {
+        Around::new(level.nodes[number], &level.places, &level.children, models, level.height)
+            .children(coder, wanted)
+    })
 }
 
 #[cfg(test)]
@@ -192,7 +157,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use surfabet_entropy::Price;
+    use surfabet_geom::morton;
 
+    use crate::patches::attributes::cells::index;
+    use crate::patches::coding::levels::Wanted;
     use crate::patches::coding::points::{PointModels, code_points};
 
     fn price(keys: &[u64]) -> f64 {
@@ -232,7 +200,7 @@ mod tests {
         nodes.dedup();
         let places = index(&nodes);
         let has = |at: [i64; 3]| keys.binary_search(&cell(at)).is_ok();
-        let mut wanted = Wanted { keys: &keys, shift: 0 };
+        let mut wanted = Wanted::of(&keys, 1);
         let children: Vec<u8> = nodes.iter().map(|&node| wanted.children_of(node)).collect();
         for (&node, &wanted) in nodes.iter().zip(&children) {
             let models = &mut NearPointModels::default();
