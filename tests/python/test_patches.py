@@ -183,6 +183,17 @@ def test_a_real_frame_takes_less_than_sixty_kilobytes():
 GOLDEN = Path(__file__).parents[1] / "golden"
 
 
+@pytest.mark.parametrize("name", ["patches_near_points", "patches_point_patterns"])
+def test_points_beside_patches_of_all_kinds_stay_readable(name: str):
+    """The listings are of the versions that wrote them: a floor, a line and points around."""
+    model = sb.load(GOLDEN / f"{name}.sfb")
+    assert model.to_bytes() == (GOLDEN / f"{name}.sfb").read_bytes()
+    assert model.info["extra points"] > 60
+    decoded = model.decode(0.1, as_measured=True)
+    listed = np.loadtxt(GOLDEN / f"{name}.txt")
+    np.testing.assert_allclose(decoded.points, listed, atol=2e-5)
+
+
 def test_files_with_attributes_in_single_precision_stay_readable():
     """Its listing is of the version that wrote it: positions, colours, intensities, heights."""
     model = sb.load(GOLDEN / "patches_beside.sfb")

@@ -21,8 +21,8 @@ from surfabet.cli import main
 from surfabet.errors import FormatError, InvalidInputError
 from test_format import Fields, sections
 
-TILED = 1 << 1 | 1 << 3 | 1 << 7 | 1 << 11 | 1 << 12
-"""Features of the page: a lattice, attributes, tiles, whole numbers, corrected at borders."""
+TILED = 1 << 1 | 1 << 3 | 1 << 7 | 1 << 11 | 1 << 12 | 1 << 13
+"""Features of the page: lattice, attributes, tiles, whole numbers, borders, points by patterns."""
 GOLDEN = Path(__file__).parents[1] / "golden"
 
 PIXEL = 0.02
@@ -369,10 +369,14 @@ def test_maps_from_before_corrections_at_borders_stay_as_they_were(tmp_path: Pat
     np.testing.assert_allclose(decoded.points - model.origin, listed[:, :3], atol=2e-5)
     np.testing.assert_allclose(decoded.colors, listed[:, 3:6], atol=1)
     np.testing.assert_allclose(decoded.intensities, listed[:, 6], rtol=1e-4, atol=1e-3)
-    # Learned on, they are still files that older versions read.
+    # Put together again they are what they were; learned on, they have tiles of today.
+    assert sb.merge_tiles([model, model]) == model
     updated = model.update(model.decode(as_measured=True))
     assert sections(updated.to_bytes(), TILED & ~(1 << 12))
     assert len(updated.decode()) > 0.9 * len(model.decode())
+    both = sb.merge_tiles([model, updated])
+    assert both.n_points >= model.n_points
+    assert sb.from_bytes(both.to_bytes()) == both
 
 
 def test_a_tile_decodes_alone(model: sb.TiledPatchModel) -> None:

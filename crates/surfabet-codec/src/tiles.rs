@@ -82,6 +82,18 @@ impl TiledHeader {
         }
     }
 
+    /// Whether tiles say how their points are coded.
+    pub fn is_renewed(&self) -> bool {
+        self.details.iter().any(|detail| detail.point_coding == PointCoding::Patterns)
+    }
+
+    /// For tiles of which some are learned by this version: each says how its points are coded, and some may be of an older map.
+    #[must_use]
+    pub fn renewed(mut self) -> Self {
+        self.details.iter_mut().for_each(|detail| detail.point_coding = PointCoding::Patterns);
+        self
+    }
+
     /// The cube of a tile in finest pixels of its level of detail.
     fn border(&self, entry: &TileEntry) -> Border {
         let factor = self.factor(entry.level);
@@ -180,8 +192,7 @@ impl TiledHeader {
         let of = |header| features::<PatchModel>(header, false);
         let all = self.details.iter().map(of).fold(Features::TILES, Features::with);
         // The headers have no points, so that these features are not among theirs.
-        let has_patterns = |header: &PatchesHeader| header.point_coding == PointCoding::Patterns;
-        match self.details.iter().any(has_patterns) {
+        match self.is_renewed() {
             true => all.with(Features::POINT_PATTERNS),
             false => all,
         }
@@ -258,10 +269,8 @@ impl TileIndex {
     ///
     /// # Errors
     /// [`Error::Corrupt`] for a header that no file has, two tiles of one level at one place, and places out of range.
-    pub fn new(mut header: TiledHeader, mut entries: Vec<TileEntry>) -> Result<Self> {
+    pub fn new(header: TiledHeader, mut entries: Vec<TileEntry>) -> Result<Self> {
         header.check()?;
-        // Each tile says how its points are coded: some may be of an older map.
-        header.details.iter_mut().for_each(|detail| detail.point_coding = PointCoding::Patterns);
         let range = |e: &TileEntry| e.cube.iter().all(|&c| i64::from(c).abs() <= MAX_CUBE);
         if let Some(entry) = entries.iter().find(|e| !range(e) || e.level >= header.details.len()) {
             let what =

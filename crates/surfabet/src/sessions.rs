@@ -60,7 +60,7 @@ impl TiledModel {
         let mut tiles: Vec<Tile> =
             held.filter(|(entry, _)| !cubes.contains_key(&entry.cube)).collect();
         learner.add(&cubes, &mut tiles, progress)?;
-        let model = Self::of_tiles(self.header().clone(), tiles)?;
+        let model = Self::of_tiles(self.header().clone().renewed(), tiles)?;
         Ok(Updated { model, learned: cubes.len(), left_out: strays.len() })
     }
 
@@ -85,7 +85,7 @@ impl TiledModel {
         let maps = if alone { &own[..0] } else { &own[..] };
         let learner = Learner { rules: &rules, maps, scan: Some(&scan) };
         let tiles = learner.tile(cube, n_new, &Quiet(progress))?;
-        Ok(Some(Self::of_tiles(self.header().clone(), tiles)?))
+        Ok(Some(Self::of_tiles(self.header().clone().renewed(), tiles)?))
     }
 
     /// The map with some tiles in place of its own, as [`TiledModel::updated_tile`] gives them; with `alone` of these alone.
@@ -101,7 +101,7 @@ impl TiledModel {
         let own = (!alone).then(|| self.held()).into_iter().flatten();
         let kept = own.filter(|(entry, _)| !cubes.contains(&entry.cube));
         let all = kept.chain(tiles.iter().flat_map(Self::held)).collect();
-        Self::of_tiles(self.header().clone(), all)
+        Self::of_tiles(self.header().clone().renewed(), all)
     }
 
     /// What tiles of the map are learned by.
@@ -170,14 +170,17 @@ impl TiledModel {
             .collect();
         let alone = of_places.into_iter().filter(|((_, cube), _)| !cubes.contains_key(cube));
         let mut tiles: Vec<Tile> = alone.flat_map(|(_, tiles)| tiles).collect();
-        if !cubes.is_empty() {
+        let is_learned = !cubes.is_empty();
+        if is_learned {
             let rules: Vec<Rules> =
                 maps.iter().map(|map| Rules::of(map, "models")).collect::<Result<_>>()?;
             let all: Vec<&Self> = maps.iter().collect();
             let learner = Learner { rules: &rules[0], maps: &all, scan: None };
             learner.add(&cubes, &mut tiles, progress)?;
         }
-        Self::of_tiles(first.header().clone(), tiles)
+        let is_renewed = is_learned || maps.iter().any(|map| map.header().is_renewed());
+        let header = first.header().clone();
+        Self::of_tiles(if is_renewed { header.renewed() } else { header }, tiles)
     }
 }
 

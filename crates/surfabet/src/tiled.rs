@@ -247,7 +247,7 @@ impl TiledModel {
             Some((entry, bytes.into()))
         });
         let tiles = tiles.collect();
-        Self::of_tiles(header, tiles)
+        Self::of_tiles(header.renewed(), tiles)
     }
 
     /// The model with what its tiles were learned by, so that it can be learned on.

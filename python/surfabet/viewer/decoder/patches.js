@@ -3,13 +3,14 @@
 
 import { Fields, checkCount, fail, mostBits, readScale } from "./bytes.js";
 import {
-  ATTRIBUTES, BESIDE, FORWARD_BOUND, INSTANCES, LATTICE, NEAR_POINTS, UNBLENDED, WHOLE_FIELDS, expectFeatures,
+  ATTRIBUTES, BESIDE, FORWARD_BOUND, INSTANCES, LATTICE, NEAR_POINTS, POINT_PATTERNS, UNBLENDED, WHOLE_FIELDS, expectFeatures,
   expectSections,
 } from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned, readOctree } from "./entropy.js";
 import { attributeCells, readColors, readLabels, readScalar } from "./field.js";
 import { readInstanceCount, readInstances } from "./instances.js";
 import { readNearPoints } from "./near_points.js";
+import { readPointPatterns } from "./point_patterns.js";
 import { decodePatches, mostPatchPoints } from "./patch_points.js";
 import { Basis } from "./shapes.js";
 
@@ -305,7 +306,7 @@ class GeometryReader {
 }
 
 /** Points beside the patches, as middles of cells in metres from the lattice's zero (5.5). */
-function readExtraPoints(bytes, meta, near) {
+function readExtraPoints(bytes, meta, features) {
   const stream = new Stream(bytes, "PNTS");
   checkCount("PNTS", "points beside the patches", meta.nExtra, mostBits(bytes));
   if (stream.bypass(1) !== 1) fail("PNTS", "its first bit is 0");
@@ -313,8 +314,11 @@ function readExtraPoints(bytes, meta, near) {
   const add = (...cell) => {
     for (const c of cell) points.push((c - MAX_TILE + 0.5) * meta.extraCell);
   };
-  if (near) {
-    const [xs, ys, zs] = readNearPoints(stream, meta.nExtra);
+  const both = NEAR_POINTS | POINT_PATTERNS;
+  if ((features & both) === both) fail("META", "two ways to code points at once");
+  if (features & both) {
+    const read = features & NEAR_POINTS ? readNearPoints : readPointPatterns;
+    const [xs, ys, zs] = read(stream, meta.nExtra);
     xs.forEach((x, i) => add(x, ys[i], zs[i]));
   } else {
     readOctree(stream, 21, 4, meta.nExtra, add);
@@ -326,7 +330,8 @@ function readExtraPoints(bytes, meta, near) {
 
 /** All features of patches. */
 export const FEATURES =
-  LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS | INSTANCES | WHOLE_FIELDS;
+  LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS | INSTANCES | WHOLE_FIELDS |
+  POINT_PATTERNS;
 
 /** Reads a model of `learn_patches`. */
 export function readPatches({ features, sections }) {
@@ -357,8 +362,7 @@ export function readStreams(meta, features, streams) {
   checkCount("META", "patches", meta.nPatches, mostBits(geometry));
   const reader = new GeometryReader(new Stream(geometry, "GEOM"), meta);
   const patches = reader.read();
-  const near = (features & NEAR_POINTS) !== 0;
-  const extra = meta.nExtra > 0 ? readExtraPoints(streams.get("PNTS"), meta, near) : [];
+  const extra = meta.nExtra > 0 ? readExtraPoints(streams.get("PNTS"), meta, features) : [];
   const instances = meta.nInstances > 0 ? readInstances(streams.get("INST"), meta, patches, extra) : [];
   const model = {
     method: "patches", meta, patches, extra, instances,

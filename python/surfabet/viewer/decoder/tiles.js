@@ -1,7 +1,9 @@
 // Section 5.7 of docs/format.md: patches in tiles. All tiles of the finest level of detail, one after another.
 
 import { Fields, SfbError, crc32c, fail } from "./bytes.js";
-import { BORDERS, INSTANCES, NEAR_POINTS, TILES, expectFeatures, expectSections } from "./container.js";
+import {
+  BORDERS, INSTANCES, NEAR_POINTS, POINT_PATTERNS, TILES, expectFeatures, expectSections,
+} from "./container.js";
 import { FEATURES, patchesMethod, readMeta, readStreams, streamsOf } from "./patches.js";
 
 /** Features of a map in tiles. */
@@ -78,13 +80,19 @@ export function readTile(bytes, { checksum, cube }, head, features) {
   const fields = new Fields(bytes, "TILE");
   const meta = { ...head.levels[head.levels.length - 1], nPatches: fields.varint(), nExtra: fields.varint() };
   if (features & BORDERS) meta.border = { low: lowest(head, cube), side: head.side };
-  if (meta.nExtra > 0) meta.extraCell = fields.positive();
+  let patterns = false;
+  if (meta.nExtra > 0) {
+    const size = fields.f64();
+    patterns = (features & POINT_PATTERNS) !== 0 && size < 0;
+    meta.extraCell = patterns ? -size : size;
+    if (!(meta.extraCell > 0)) fail("TILE", `${size} where a positive number belongs`);
+  }
   const tags = streamsOf(meta);
   const lengths = tags.map(() => fields.varint());
   const streams = new Map(tags.map((tag, i) => [tag, fields.raw(lengths[i])]));
   fields.end();
-  // Points are coded given those around, whether the feature is set or not.
-  return readStreams(meta, features | NEAR_POINTS, streams);
+  const coding = patterns ? POINT_PATTERNS : NEAR_POINTS;
+  return readStreams(meta, (features & ~(POINT_PATTERNS | NEAR_POINTS)) | coding, streams);
 }
 
 /** Reads a map in tiles. */
