@@ -59,7 +59,7 @@ class FileInfo:
     sections: dict[str, int]
     """Bytes of each part."""
     note: str | None
-    """What the writer noted for people: `surfabet compress` says what it chose and why."""
+    """What the writer noted for people: `surfabet compress` notes what it chose and why."""
 
     def as_dict(self) -> dict[str, Any]:
         """All fields as plain dicts and numbers."""

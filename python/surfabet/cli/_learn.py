@@ -64,10 +64,10 @@ class Learner:
     def __call__(self, cloud: surfabet.PointCloud, progress: ProgressCallback) -> AnyModel:
         """Learns, or describes the cloud with the vocabulary."""
         learn = LEARN[self.model] if self.vocabulary is None else self.vocabulary.describe
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", surfabet.DroppedPointsWarning)
             model = learn(cloud, progress=progress, **self.options)
-        for warning in said:
+        for warning in caught:
             message = str(warning.message).replace("keep_outliers=True", spelled("keep_outliers"))
             warnings.warn(message, warning.category, stacklevel=2)
         return model

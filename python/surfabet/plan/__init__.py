@@ -43,7 +43,7 @@ def floor_plan(
     """The floor plan of one storey.
 
     Walls are vertical planes that reach nearly up to the ceiling; what is lower is furniture. Two
-    faces that look away from each other, with nothing between them, are one wall and tell its
+    faces that look away from each other, with nothing between them, are one wall and give its
     thickness. Openings are holes in a wall that nothing stands before. Rooms are what floor or
     ceiling cover between walls.
 
