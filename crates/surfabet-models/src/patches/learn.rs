@@ -11,7 +11,7 @@ use super::attributes::chosen::{ChosenAttributes, Fields};
 use super::attributes::targets::Targets;
 use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
-use super::choice::PointPrice;
+use super::choice::{PointPrice, Rounds, RoundsOutcome};
 use super::coding::Geometry;
 use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, BOTH_BOUNDS_PER_PIXEL, BOUNDS_PER_PIXEL, DEPTH_STEP,
@@ -23,7 +23,6 @@ use super::instances::Instances;
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree};
 use super::options::{DEPTH_STEPS, PatchesOptions};
 use super::recurrence::{Learned, recurring};
-use super::rounds::{Rounds, RoundsOutcome};
 use super::samples::cells::LIMIT;
 use super::samples::{SidedSamples, Weights};
 use super::sheets::{Reach, Sheet, sheets};
@@ -101,7 +100,7 @@ pub fn learn(
 ) -> Result<PatchModel> {
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
-    // What the data say of the options that are not given.
+    // Options that are not given follow from the data.
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let resolution = pixel(&mut start, options);
@@ -342,7 +341,7 @@ pub(super) fn sheets_of(
     sheets(samples, resolution as f32, lattice.tile_pixels(), reach)
 }
 
-/// What the report says of the choice of patches; `bytes` are those of the geometry after each round.
+/// Figures of the choice of patches for the report; `bytes` are those of the geometry after each round.
 fn choice_report(model: &PatchModel, bytes: Vec<f64>) -> PatchesReport {
     PatchesReport {
         levels: of_levels(model),
@@ -454,7 +453,7 @@ fn attributes(
     Ok((Attributes { cells, color, others, unblended, coding, border }, figures))
 }
 
-/// What the report says of each level.
+/// Figures of each level for the report.
 fn of_levels(model: &PatchModel) -> Vec<Named> {
     let lattice = model.lattice();
     let level = |(l, of): (u32, LevelSize)| {

@@ -75,7 +75,7 @@ pub struct Prior {
 pub struct LocateOptions {
     /// What is known of the pose before.
     pub prior: Option<Prior>,
-    /// True when the vertical of the scan is that of the map within 45 degrees, false when it can be any; `None` looks at
+    /// True when the vertical of the scan is that of the map within 45 degrees, false when it can be any; `None` tries
     /// upright poses first, and at all others when none of these is accepted.
     pub upright: Option<bool>,
     /// Most places that are given.
@@ -187,7 +187,7 @@ impl Localizer {
             if !answer.locations.is_empty() {
                 break;
             }
-            // Why no upright place is accepted says more than why no tilted one is.
+            // Why no upright place is accepted is worth more than why no tilted one is.
             if !before.rejected.is_empty() {
                 answer = before;
             }

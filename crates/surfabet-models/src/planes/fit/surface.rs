@@ -1,6 +1,6 @@
 //! Patches that are no surface: through the middle of clutter, across a corner, along something bent, between two surfaces.
 //!
-//! No single figure tells them apart. A logistic regression weighs six that each say something; what it learned from is
+//! No single figure separates them. A logistic regression weighs six that each help; what it learned from is
 //! in docs/benchmarks/planes.md.
 
 use surfabet_base::parallel;
@@ -15,7 +15,7 @@ use crate::planes::constants::{
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 
-/// What tells a surface from other patches.
+/// Figures by which a surface differs from other patches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Evidence {
     /// What the likelihood loses without it, per point: something between two surfaces is explained by both.
