@@ -11,7 +11,7 @@
 //! All blocks but the last are full whatever the points are: duplicates and coplanar points need no care.
 //!
 //! Searches are exact in `f32`: the distance to a box sums the squared excess per axis in the order in which the
-//! distances of points are summed, and every rounding on the way is monotone, so that no box looks farther away
+//! distances of points are summed, and every rounding on the way is monotone, so that no box is farther away
 //! than a point in it.
 
 use surfabet_base::parallel;

@@ -20,8 +20,8 @@ use crate::planes::points::Points;
 struct Evidence {
     /// What the likelihood loses without it, per point: something between two surfaces is explained by both.
     gain: f64,
-    /// Standard deviation of its points about its plane, in that of the noise: a bent surface has more, one of several layers that
-    /// are none has less.
+    /// Standard deviation of its points about its plane, in that of the noise: a bent surface has more, one of several thin
+    /// layers has less.
     spread: f64,
     /// Fourth moment of these distances by the square of the second: 3 for normal noise, less where a patch cuts a slice
     /// out of something thick, whose sides are sharp.
