@@ -2,7 +2,7 @@
 //!
 //! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
 //! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
-//! What other values of 47 of the 51 change is in `docs/benchmarks/constants.md`, with a list of the others.
+//! What other values of 47 of the 71 change is in `docs/benchmarks/constants.md`, with a list of the others.
 
 // Surfaces.
 
