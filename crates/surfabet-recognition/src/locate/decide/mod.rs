@@ -1,5 +1,8 @@
 //! Which poses are accepted, with what probability, and why none is.
 
+mod slide;
+mod verify;
+
 use std::fmt;
 
 use nalgebra::Vector3;
@@ -16,9 +19,10 @@ use super::map::{Localizer, evenly};
 use super::placement::Placement;
 use super::refine::covariance;
 use super::samples::Sample;
-use super::slide::free_direction;
-use super::verify::Evidence;
 use super::{Located, Location};
+use slide::free_direction;
+use verify::Evidence;
+pub(super) use verify::evidence;
 
 /// A refined pose.
 #[derive(Debug, Clone, Copy)]
