@@ -201,11 +201,14 @@ def hall(asked_kinds: list[str], seeds: list[int]) -> None:
                 print_row(split, method, size, kind, *cells)
 
 
-def building() -> None:
-    """20 rooms of 4 x 5, of which 6 are copies: two of one, four of another."""
-    seeds = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 1, 1]
-    sizes = [(6.0 + 0.4 * (s % 5), 5.0 + 0.3 * (s % 4), 2.6) for s in seeds]
-    rooms = [datasets.make_room(seed=s, size=size) for s, size in zip(seeds, sizes, strict=True)]
+SEEDS = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 1, 1]
+"""Of the rooms of the building: those of one seed are copies."""
+
+
+def rooms_and_cloud() -> tuple[list[datasets.Scene], list[Array], sb.PointCloud]:
+    """20 rooms of 4 x 5, where each stands, and the scan of all."""
+    sizes = [(6.0 + 0.4 * (s % 5), 5.0 + 0.3 * (s % 4), 2.6) for s in SEEDS]
+    rooms = [datasets.make_room(seed=s, size=size) for s, size in zip(SEEDS, sizes, strict=True)]
     shifts = [np.array([9.0 * (i % 5), 8.0 * (i // 5), 0.0]) for i in range(len(rooms))]
     parts = []
     for room, shift in zip(rooms, shifts, strict=True):
@@ -214,6 +217,12 @@ def building() -> None:
         )
         parts.append(np.asarray(scans.cloud.points) + shift)
     cloud = thinned(sb.PointCloud(np.concatenate(parts)), 0.03)
+    return rooms, shifts, cloud
+
+
+def building() -> None:
+    """20 rooms, of which 6 are copies: two of one, four of another."""
+    rooms, shifts, cloud = rooms_and_cloud()
     models = {
         "patches": sb.learn_patches(cloud, resolution=0.06, completeness=0),
         "alphabet": sb.learn_alphabet(cloud),
@@ -245,7 +254,7 @@ def building() -> None:
                 start = time.process_time()
                 found = model.locate(sb.PointCloud(local(frame)), top=8)
                 milliseconds.append(1000 * (time.process_time() - start))
-                equal = [s for s, seed in zip(shifts, seeds, strict=True) if seed == seeds[i]]
+                equal = [s for s, seed in zip(shifts, SEEDS, strict=True) if seed == SEEDS[i]]
 
                 def there(to: Array, pose: Array = pose) -> Array:
                     moved = pose.copy()

@@ -192,6 +192,14 @@ def inpystem_peer(data: Data, passes: int, threads: int, seed: int) -> Peer:
     return Peer(f"inpystem wKSVD, {passes} passes", learn, 1)
 
 
+def described(data: Data) -> str:
+    n_signals, n_features = data.signals.shape
+    return (
+        f"\n{data.title}: {n_signals} signals of {n_features} features, {data.n_atoms} atoms, "
+        f"{SPARSITY} per code: median (min..max)"
+    )
+
+
 def compare(data: Data, peers: list[Peer], iterations: int, threads: int, seed: int) -> None:
     """Runs and prints surfabet, then every peer beside the run that reaches its objective."""
     from surfabet import sparse
@@ -229,11 +237,7 @@ def compare(data: Data, peers: list[Peer], iterations: int, threads: int, seed: 
             return ""
         return f"   recovered {recovered(data.truth, dictionary):.3f}"
 
-    n_signals, n_features = data.signals.shape
-    print(
-        f"\n{data.title}: {n_signals} signals of {n_features} features, {data.n_atoms} atoms, "
-        f"{SPARSITY} per code: median (min..max)"
-    )
+    print(described(data))
     if data.truth is not None:
         print(f"  {'the planted atoms':36} objective {judge(unit(data.truth)):<10.6g}")
     own: list[float] = []

@@ -75,7 +75,7 @@ def compare(
         )
 
 
-def main() -> int:
+def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Matching pursuit beside SPAMS and scikit-learn.")
     parser.add_argument("--signals", type=int, default=20_000)
     parser.add_argument("--features", type=int, default=400)
@@ -85,8 +85,19 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
+    return parser.parse_args()
 
+
+def described(args: argparse.Namespace) -> str:
+    return (
+        f"{args.signals} signals of {args.features} features, {args.atoms} atoms, "
+        f"{args.max_atoms} per code, {args.threads} threads, {args.repeats} repetitions: "
+        "median (min..max)"
+    )
+
+
+def main() -> int:
+    args = arguments()
     try:
         import spams
         from sklearn.linear_model import orthogonal_mp_gram
@@ -107,11 +118,7 @@ def main() -> int:
     atoms_f, signals_f, masked_f, seen_f = (
         np.asfortranarray(a.T) for a in (dictionary, signals, masked, seen)
     )
-    print(
-        f"{args.signals} signals of {args.features} features, {args.atoms} atoms, "
-        f"{args.max_atoms} per code, {args.threads} threads, {args.repeats} repetitions: "
-        "median (min..max)"
-    )
+    print(described(args))
 
     def ours(name: str, selection: Any, weights: np.ndarray | None) -> Run:
         values = signals if weights is None else masked
@@ -128,39 +135,28 @@ def main() -> int:
     def theirs(name: str, code: Callable[[], Any]) -> Run:
         return Run(name, code, lambda codes: codes.toarray().T)
 
-    compare(
-        f"{args.missing:.0%} of the values missing, another mask for every signal",
-        [
-            ours("surfabet", "least_squares", weights),
-            ours("surfabet, by correlation", "correlation", weights),
-            theirs("SPAMS ompMask", lambda: spams.ompMask(masked_f, atoms_f, seen_f, **limits)),
-        ],
-        dictionary,
-        signals,
-        weights,
-        args.repeats,
-    )
-    compare(
-        "nothing missing",
-        [
-            ours("surfabet", "least_squares", None),
-            ours("surfabet, by correlation", "correlation", None),
-            theirs("SPAMS omp", lambda: spams.omp(signals_f, atoms_f, **limits)),
-            Run(
-                "scikit-learn orthogonal_mp_gram",
-                lambda: orthogonal_mp_gram(
-                    dictionary @ dictionary.T,
-                    dictionary @ signals.T,
-                    n_nonzero_coefs=args.max_atoms,
-                ),
-                lambda codes: codes.T,
+    title = f"{args.missing:.0%} of the values missing, another mask for every signal"
+    runs = [
+        ours("surfabet", "least_squares", weights),
+        ours("surfabet, by correlation", "correlation", weights),
+        theirs("SPAMS ompMask", lambda: spams.ompMask(masked_f, atoms_f, seen_f, **limits)),
+    ]
+    compare(title, runs, dictionary, signals, weights, args.repeats)
+    runs = [
+        ours("surfabet", "least_squares", None),
+        ours("surfabet, by correlation", "correlation", None),
+        theirs("SPAMS omp", lambda: spams.omp(signals_f, atoms_f, **limits)),
+        Run(
+            "scikit-learn orthogonal_mp_gram",
+            lambda: orthogonal_mp_gram(
+                dictionary @ dictionary.T,
+                dictionary @ signals.T,
+                n_nonzero_coefs=args.max_atoms,
             ),
-        ],
-        dictionary,
-        signals,
-        None,
-        args.repeats,
-    )
+            lambda codes: codes.T,
+        ),
+    ]
+    compare("nothing missing", runs, dictionary, signals, None, args.repeats)
     return 0
 
 

@@ -40,7 +40,7 @@ class RemoteFile(io.RawIOBase):
                 raise
             raise ConnectionError(f"{url}: {cause}") from error
         if size is None:
-            raise FormatError(f"{url}: the server does not tell the size of the file")
+            raise FormatError(f"{url}: the server does not give the size of the file")
         self._size: int = size
         self._at = 0
 

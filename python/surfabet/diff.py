@@ -146,8 +146,8 @@ def diff(
     check_number("min_area", min_area, "a positive number of square metres", above=0.0)
     unit = next((unit for of in (a, b) if (unit := unit_in(of.note)) != "m"), "m")
     with progress_callback(progress) as callback:
-        tell: ProgressCallback = callback or (lambda stage, fraction: None)
-        maps = [_decoded(model, name, tell) for model, name in ((a, "a"), (b, "b"))]
+        notify: ProgressCallback = callback or (lambda stage, fraction: None)
+        maps = [_decoded(model, name, notify) for model, name in ((a, "a"), (b, "b"))]
         spacing = max(survey(surface).spacing for surface, _ in maps)
         if tolerance is None:
             tolerance = _SPACINGS * spacing
@@ -175,16 +175,18 @@ def _check_maps(a: object, b: object) -> None:
             raise wrong_type(name, model, "a model")
 
 
-def _decoded(model: Model[Any], name: str, tell: ProgressCallback) -> tuple[PointCloud, PointCloud]:
+def _decoded(
+    model: Model[Any], name: str, notify: ProgressCallback
+) -> tuple[PointCloud, PointCloud]:
     """The surface of a map with its normals, and its points with the thickness of the scan."""
-    surface = model.decode(normals=True, progress=tell)
+    surface = model.decode(normals=True, progress=notify)
     if len(surface) < 2:
         raise InvalidInputError(
             f"{name} decodes to {len(surface)} points; a map to compare has a surface"
         )
     if not model.keeps_thickness:
         return surface, surface
-    return surface, model.decode(as_measured=True, progress=tell)
+    return surface, model.decode(as_measured=True, progress=notify)
 
 
 _Found = tuple[

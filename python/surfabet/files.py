@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 
 from surfabet import _core
 from surfabet._checks import check_integer
+from surfabet._methods import METHODS
 from surfabet._note import note_of_source
 from surfabet._remote import RemoteFile, is_url
 from surfabet.alphabet import Alphabet, AlphabetModel
@@ -59,7 +60,7 @@ class FileInfo:
     sections: dict[str, int]
     """Bytes of each part."""
     note: str | None
-    """What the writer noted for people: `surfabet compress` says what it chose and why."""
+    """What the writer noted for people: `surfabet compress` notes what it chose and why."""
 
     def as_dict(self) -> dict[str, Any]:
         """All fields as plain dicts and numbers."""
@@ -197,17 +198,10 @@ def inspect(path: str | os.PathLike[str]) -> FileInfo:
     return FileInfo(method, version, vocabulary, dict(sections), note)
 
 
-CLASSES: dict[type[_core.Model], type[AnyModel]] = {
-    _core.PatchModel: PatchModel,
-    _core.HscsmModel: HscsmModel,
-    _core.AlphabetModel: AlphabetModel,
-    _core.BicAlphabetModel: BicAlphabetModel,
-    _core.PlaneModel: PlaneModel,
-    _core.GasModel: GasModel,
-}
+CLASSES = {method.compiled: method.model for method in METHODS.values()}
 """The class of each compiled one."""
 
 
 def _wrapped(core: _core.Model, note: str) -> AnyModel:
-    model: AnyModel = CLASSES[type(core)](core, note)  # type: ignore[arg-type]
+    model: AnyModel = CLASSES[type(core)](core, note)  # type: ignore[assignment]
     return model

@@ -23,10 +23,10 @@ def note_of(chosen: Mapping[str, tuple[float, str]], unit: str) -> str:
         f"{option.replace('_', '-')} {value:.6g} ({in_unit(why, unit)})"
         for option, (value, why) in chosen.items()
     ]
-    said = ", ".join(parts)
+    note = ", ".join(parts)
     if unit == "m":
-        return said
-    return f"{said}; {_LENGTHS_IN} {unit}" if said else f"{_LENGTHS_IN} {unit}"
+        return note
+    return f"{note}; {_LENGTHS_IN} {unit}" if note else f"{_LENGTHS_IN} {unit}"
 
 
 def in_unit(sentence: str, unit: str) -> str:

@@ -144,14 +144,14 @@ class Quality:
     def __repr__(self) -> str:
         factor, unit = small_lengths(self.unit)
 
-        def told(length: float) -> str:
+        def in_unit(length: float) -> str:
             return f"{factor * length:.2f} {unit}"
 
         parts = [
-            f"rmse {told(self.rmse)} (forward {told(self.rmse_forward)}, "
-            f"backward {told(self.rmse_backward)}, pooled {told(self.rmse_pooled)})",
-            f"p95 {told(self.p95_forward)} / {told(self.p95_backward)}",
-            f"max {told(self.max_forward)} / {told(self.max_backward)}",
+            f"rmse {in_unit(self.rmse)} (forward {in_unit(self.rmse_forward)}, "
+            f"backward {in_unit(self.rmse_backward)}, pooled {in_unit(self.rmse_pooled)})",
+            f"p95 {in_unit(self.p95_forward)} / {in_unit(self.p95_backward)}",
+            f"max {in_unit(self.max_forward)} / {in_unit(self.max_backward)}",
         ]
         if self.color_rmse_pooled is not None:
             parts.append(f"colour rmse {self.color_rmse_pooled:.1f}")

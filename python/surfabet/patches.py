@@ -284,9 +284,9 @@ def learn_patches(
         steps of 0.0625; by default 0.75, or an eighth of the gap where surfaces lie close behind
         one another and that is less.
     recurrence
-        Looks for what recurs in the scene: patches are left out where others, moved, say the same,
-        if that makes the file smaller. Takes up to twice as long; for buildings with equal rooms,
-        or many equal things. True or False; by default False.
+        Looks for what recurs in the scene: patches are left out where others, moved, give the same
+        surface, if that makes the file smaller. Takes up to twice as long; for buildings with equal
+        rooms, or many equal things. True or False; by default False.
     rounds
         Rounds of choosing patches. Each uses the prices that the coder learned in the round before.
         An integer from 1 to 10; by default 3.

@@ -336,7 +336,7 @@ def draw_comparison(
         Both clouds. They are drawn in their colours; where one has none, by intensity or else by
         height.
     quality
-        What `surfabet.evaluate` said of them, for the titles.
+        What `surfabet.evaluate` gave for them, for the titles.
     camera
         From where to look, by default `choose_camera(reference)`.
 
@@ -502,7 +502,7 @@ def save_page(
     reference, decoded
         Both clouds.
     quality
-        What `surfabet.evaluate` said of them.
+        What `surfabet.evaluate` gave for them.
     title
         What the page is called.
     tables
@@ -539,7 +539,7 @@ def save_page(
         _html.picture(data, caption) for data, caption in zip(pictures, captions, strict=True)
     )
     body = [
-        *(_html.table(told[0], told[1:]) for told in tables),
+        *(_html.table(table[0], table[1:]) for table in tables),
         f'<h2>Pictures</h2><div class="pictures">{drawn}</div><div class="scale"></div>',
         f'<h2>Errors</h2><div class="plot">{_html.svg(figure)}</div>',
     ]

@@ -35,7 +35,7 @@ VALUES: list[tuple[Any, set[str]]] = [
 
 NEGATIVE = {
     "RangeImage.pinhole": {"cx", "cy"},
-    "floor_plan": {"level"},
+    "floor_plan": {"floor"},
     "FoundOccurrence.mask": {"margin"},
 }
 """Numbers that may be below zero."""

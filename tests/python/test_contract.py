@@ -9,13 +9,14 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 import surfabet as sb
-from surfabet import files
+from surfabet._methods import METHODS as REGISTERED
+from surfabet.cli._learn_options import ModelName
 from surfabet.errors import FormatError, InvalidInputError
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -150,7 +151,10 @@ def same_cloud(a: sb.PointCloud, b: sb.PointCloud) -> None:
 
 
 def test_every_method_is_tested() -> None:
-    assert {method.of for method in METHODS.values()} == set(files.CLASSES.values())
+    assert {name: method.of for name, method in METHODS.items()} == {
+        name: method.model for name, method in REGISTERED.items()
+    }
+    assert get_args(ModelName) == tuple(REGISTERED)
     golden = {path.stem.removesuffix("_0_1") for path in GOLDEN.glob("*_0_1.sfb")}
     assert golden == {name.replace("-", "_") for name in METHODS}
 

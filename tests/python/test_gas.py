@@ -155,8 +155,9 @@ def test_update_keeps_the_old_and_learns_the_new(model, cloud):
     for scan in (cloud, moved):
         assert error(larger, scan) == pytest.approx(expected, rel=0.05)
     assert error(model, moved) > 3 * error(larger, moved)
-    # Left to itself it grows about as much as there is new space.
-    assert len(model.update(moved)) == pytest.approx(600 * 7.86 / 4.13, rel=0.15)
+    # Left to itself it grows about as much as there is new space: by 6 to 7 percent less, with each
+    # of eight random states.
+    assert len(model.update(moved)) == pytest.approx(600 * 7.86 / 4.13, rel=0.1)
 
 
 def test_both_searches_give_the_same_bytes(cloud):

@@ -152,7 +152,7 @@ fn code_hierarchy<F: Fields>(fields: &mut F, header: &mut HscsmHeader) -> Result
         let mut doublings = level.mask_scale.ilog2();
         fields.bounded("doublings of a bitmask", &mut doublings, MAX_MASK_SCALE.ilog2())?;
         level.mask_scale = 1 << doublings;
-        // Said again, for a reader to hold against its limits now that it is known how large they are.
+        // Coded again, so that a reader can check it now that its limits are known.
         let mut pixels = (level.n_patches as u64).saturating_mul(level.mask_area() as u64);
         let expected = pixels;
         fields.count("number of mask pixels", &mut pixels, 1)?;

@@ -103,7 +103,7 @@ fn zero_unless_finite<const N: usize>(values: &mut [[f32; N]]) -> usize {
 }
 
 impl CloudParts {
-    /// Refuses columns of different lengths, and places of sensors that are none.
+    /// Refuses columns of different lengths, and indices of viewpoints that do not exist.
     fn check(&self) -> Result<()> {
         let n = self.positions.len();
         if self.origin.iter().any(|c| !c.is_finite()) {

@@ -11,7 +11,7 @@
 //! All blocks but the last are full whatever the points are: duplicates and coplanar points need no care.
 //!
 //! Searches are exact in `f32`: the distance to a box sums the squared excess per axis in the order in which the
-//! distances of points are summed, and every rounding on the way is monotone, so that no box looks farther away
+//! distances of points are summed, and every rounding on the way is monotone, so that no box is farther away
 //! than a point in it.
 
 use surfabet_base::parallel;
@@ -114,12 +114,12 @@ struct Entry {
 }
 
 #[derive(Debug, Clone)]
-struct Block {
+struct PointBlock {
     position: [[f32; LANES]; 3],
     index: [u32; LANES],
 }
 
-impl Block {
+impl PointBlock {
     /// A block that is not full is filled up with points at infinity, which equal [`Neighbor::NONE`] at best.
     fn new(entries: &[Entry]) -> Self {
         let mut block = Self { position: [[f32::INFINITY; LANES]; 3], index: [u32::MAX; LANES] };
@@ -315,7 +315,7 @@ impl<F: FnMut(Neighbor)> Collector for Within<F> {
 #[derive(Debug, Clone)]
 pub struct KdTree {
     len: usize,
-    blocks: Vec<Block>,
+    blocks: Vec<PointBlock>,
     /// Boxes of both halves of the node whose right half starts at this block; the first is unused.
     halves: Vec<[Bounds; 2]>,
 }
@@ -335,7 +335,7 @@ impl KdTree {
         let mut halves = vec![[Bounds::EMPTY; 2]; entries.len().div_ceil(LANES)];
         let bounds = Bounds::of(&entries);
         arrange(&mut entries, &mut halves, &bounds);
-        let blocks = parallel::map_chunks(&entries, LANES, Block::new);
+        let blocks = parallel::map_chunks(&entries, LANES, PointBlock::new);
         Ok(Self { len: points.len(), blocks, halves })
     }
 

@@ -117,7 +117,7 @@ fn largest_within<T>(
 /// Exact: boxes of points, none of which a new sample can be nearer to than its own, are passed over.
 ///
 /// # Errors
-/// [`Error::InvalidParameter`] for more points than there are, or a start that is none; [`Error::Cancelled`].
+/// [`Error::InvalidParameter`] for more points than there are, or a start that is not the index of a point; [`Error::Cancelled`].
 pub fn farthest_points(
     positions: &[[f32; 3]],
     count: usize,
@@ -210,7 +210,7 @@ impl FarTree {
         let (sample, _) = self.points[place];
         let (points, keys) = (&self.points, &mut self.keys);
         let enters = |far: &Far, leaves: Range<usize>| {
-            // No box looks farther away than a point in it, so what is passed over keeps its distances.
+            // No box is farther away than a point in it, so what is passed over keeps its distances.
             leaves.contains(&(place / LEAF))
                 || far.aabb.squared_distance(sample) < f32::from_bits((far.key >> 32) as u32)
         };

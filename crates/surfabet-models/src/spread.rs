@@ -1,9 +1,10 @@
-//! Points spread over a depth without chance.
+//! Points spread evenly over a slab, without random numbers.
 
-/// The golden ratio's fraction, the multiples of which fill an interval evenly, however many there are.
+/// Fraction of the golden ratio: the fractions of its multiples fill an interval evenly.
 const GOLDEN_FRACTION: f64 = 0.618_033_988_749_895;
 
-/// Where across a depth of this standard deviation the `k`-th of some points lies, when they fill it evenly.
+/// Offset of point `k` from the middle of a slab whose depths have the standard deviation `s`: `sqrt(3) s (2 frac((k + 1/2) g) - 1)` with
+/// the fraction `g` of the golden ratio. Points 0, 1, 2, ... fill the slab evenly, however many there are.
 pub(crate) fn across(deviation: f64, k: usize) -> f64 {
     3.0_f64.sqrt() * deviation * (2.0 * ((k as f64 + 0.5) * GOLDEN_FRACTION).fract() - 1.0)
 }

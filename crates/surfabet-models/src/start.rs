@@ -128,7 +128,7 @@ impl<'a> Start<'a> {
         values.iter().enumerate().filter(|(i, _)| is_kept(*i)).map(|(_, &value)| value).collect()
     }
 
-    /// The value of an option: the one that was given, or `value` for this reason, which the report tells.
+    /// The value of an option: the one that was given, or `value` for this reason, which the report gives.
     pub fn choose(
         &mut self,
         option: &'static str,

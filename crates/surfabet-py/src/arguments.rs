@@ -1,4 +1,4 @@
-//! Arguments of what is called from Python without a function there before it: checked here, so that errors name them.
+//! Arguments of functions that Python calls directly: checked here, so that errors name them.
 
 use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
@@ -6,7 +6,7 @@ use surfabet_geom::{Error, InvalidParameter, Pose};
 
 use crate::errors::{IntoPyErr, wrong_type, wrong_value};
 
-/// A truth value counts as a number in Python, but is none here.
+/// True for a truth value, which Python takes for a number and these functions refuse.
 fn is_flag(object: &Bound<'_, PyAny>) -> bool {
     object.extract::<bool>().is_ok()
 }
@@ -25,7 +25,7 @@ pub fn number(name: &str, object: &Bound<'_, PyAny>, requirement: &str) -> PyRes
 /// The integer that the argument `name` is.
 ///
 /// # Errors
-/// `InvalidTypeError` for what is none, and `InvalidInputError` for one that `T` cannot hold.
+/// `InvalidTypeError` for anything else, and `InvalidInputError` for an integer that `T` cannot hold.
 pub fn integer<T: TryFrom<i128>>(
     name: &str,
     object: &Bound<'_, PyAny>,

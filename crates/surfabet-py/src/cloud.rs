@@ -81,7 +81,7 @@ fn extra_view<'py>(owner: &Bound<'py, PyPointCloud>, i: usize) -> Bound<'py, PyA
 }
 
 /// What construction left out of `total` points, if anything.
-fn said(dropped: DroppedValues, total: usize) -> Option<String> {
+fn in_words(dropped: DroppedValues, total: usize) -> Option<String> {
     let mut parts = Vec::new();
     if dropped.points > 0 {
         parts.push(format!(
@@ -206,7 +206,7 @@ impl PyPointCloud {
             crs,
         };
         let (cloud, dropped) = PointCloud::from_parts(parts).map_err(IntoPyErr::into_py_err)?;
-        Ok((cloud.into(), said(dropped, total)))
+        Ok((cloud.into(), in_words(dropped, total)))
     }
 
     /// World coordinates in double precision, metres: a read-only copy that is made when they are first asked for and

@@ -2,7 +2,7 @@
 //!
 //! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
 //! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
-//! What other values of 47 of the 51 change is in `docs/benchmarks/constants.md`, with a list of the others.
+//! What other values of 47 of the 71 change is in `docs/benchmarks/constants.md`, with a list of the others.
 
 // Surfaces.
 
@@ -74,7 +74,7 @@ pub(crate) const SAME_INCLINATION: f64 = 0.3;
 /// Ratios of radii of a pair of occurrences: the same scale or the next.
 pub(crate) const RADIUS_RATIOS: std::ops::Range<f64> = 0.4..2.5;
 
-/// Least similarity of colour of a pair of occurrences: saves the trials of pairs that colour will tell apart.
+/// Least similarity of colour of a pair of occurrences: saves the trials of pairs that differ in colour.
 pub(crate) const LEAST_COLOR_SIMILARITY: f64 = 0.1;
 
 /// Turns that are tried where no normal gives one: all around, an eighth of pi apart.
@@ -244,7 +244,7 @@ pub(crate) const NEAREST: f64 = 0.25;
 pub(crate) const RISE_LIMITS: [f64; 3] = [0.25, 1.0, 2.5];
 
 /// |z| of a normal from which on the next class of inclination begins: steep, sloped, level. With 0.19 and 0.98 spots of
-/// one hall are told apart with nearly three times the margin, simulated rooms as before.
+/// one hall are separated with nearly three times the margin, simulated rooms as before.
 pub(crate) const INCLINATION_LIMITS: [f64; 2] = [0.38, 0.92];
 
 /// |cosine| between the horizontal directions of two normals below which the next class begins: equal, between,

@@ -165,7 +165,7 @@ impl<'a> Coder<'a> {
             .collect();
         if self.most_atoms() > 0 {
             let open = pursuits.iter_mut().filter_map(Option::as_mut).collect();
-            let block = Block::new(self, open)?;
+            let block = SignalBlock::new(self, open)?;
             Arch::new().dispatch(|| block.run())?;
         }
         let mut codes = SparseCodes::default();
@@ -214,7 +214,7 @@ pub(crate) fn gram(
 }
 
 /// Signals that take their steps together.
-struct Block<'a, 'b> {
+struct SignalBlock<'a, 'b> {
     coder: &'b Coder<'a>,
     pursuits: Vec<&'b mut Pursuit>,
     /// Correlation of every atom with the residual, a column per signal.
@@ -226,7 +226,7 @@ struct Block<'a, 'b> {
     shares: Vec<Vec<f32>>,
 }
 
-impl<'a, 'b> Block<'a, 'b> {
+impl<'a, 'b> SignalBlock<'a, 'b> {
     fn new(coder: &'b Coder<'a>, pursuits: Vec<&'b mut Pursuit>) -> Result<Self> {
         let (k, n) = (coder.dictionary.n_atoms(), coder.dictionary.n_features());
         let mut columns = Vec::with_capacity(pursuits.len() * n);

@@ -444,7 +444,7 @@ impl TiledModel {
     }
 }
 
-/// Stops when the other does, but shows no progress: that of one tile is none of the whole.
+/// Stops when the other does, but shows no progress: a tile does not know its share of the whole.
 pub(crate) struct Quiet<'a>(pub &'a dyn Progress);
 
 impl Progress for Quiet<'_> {

@@ -56,7 +56,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 def format_of(path: Path, options: ReadOptions, *, shared: bool = False) -> Format:
     """The format that a file is read by.
 
-    With `shared` options the one that they name is for files whose first bytes do not tell.
+    With `shared` options the one that they name is for files whose first bytes do not show it.
     """
     if options.format is None:
         return detect(path)
@@ -132,7 +132,7 @@ def is_model(path: Path) -> bool:
 
 
 def refuse_cloud(path: Path) -> None:
-    """Says so where a folder or a cloud is given in the place of a model."""
+    """An error where a folder or a cloud is given in the place of a model."""
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; name a model file ({MODEL_SUFFIX})")
     if is_model(path):

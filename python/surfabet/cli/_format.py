@@ -41,7 +41,7 @@ def length_text(length: float, unit: str = "m") -> str:
 
 
 def peak_memory() -> int | None:
-    """Most memory that this process has held, bytes; None where the system does not tell."""
+    """Most memory that this process has held, bytes; None where the system does not give it."""
     try:
         import resource
     except ImportError:

@@ -3,31 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import surfabet
 from surfabet import _core
+from surfabet._methods import METHODS
 from surfabet._progress import ProgressCallback
 from surfabet.cli._learn_options import ModelName
 from surfabet.cli._options import UsageError, spelled
 from surfabet.files import AnyModel, Vocabulary
-
-LEARN: dict[ModelName, Callable[..., AnyModel]] = {
-    "patches": surfabet.learn_patches,
-    "hscsm": surfabet.learn_hscsm,
-    "alphabet": surfabet.learn_alphabet,
-    "bic-alphabet": surfabet.learn_bic_alphabet,
-    "planes": surfabet.learn_planes,
-    "gas": surfabet.learn_gas,
-}
-
-MODEL_OF: dict[type[Vocabulary], ModelName] = {
-    surfabet.HscsmDictionary: "hscsm",
-    surfabet.Alphabet: "alphabet",
-    surfabet.BicAlphabet: "bic-alphabet",
-}
 
 
 @dataclass(frozen=True)
@@ -52,7 +37,9 @@ class Learner:
             For options outside their range.
         """
         if vocabulary is not None:
-            known = MODEL_OF[type(vocabulary)]
+            known = next(
+                name for name in get_args(ModelName) if METHODS[name].vocabulary is type(vocabulary)
+            )
             if model not in (None, known):
                 raise UsageError(f"--vocabulary: is of --model {known}, not of {model}")
             model = known
@@ -63,11 +50,11 @@ class Learner:
 
     def __call__(self, cloud: surfabet.PointCloud, progress: ProgressCallback) -> AnyModel:
         """Learns, or describes the cloud with the vocabulary."""
-        learn = LEARN[self.model] if self.vocabulary is None else self.vocabulary.describe
-        with warnings.catch_warnings(record=True) as said:
+        learn = METHODS[self.model].learn if self.vocabulary is None else self.vocabulary.describe
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", surfabet.DroppedPointsWarning)
             model = learn(cloud, progress=progress, **self.options)
-        for warning in said:
+        for warning in caught:
             message = str(warning.message).replace("keep_outliers=True", spelled("keep_outliers"))
             warnings.warn(message, warning.category, stacklevel=2)
         return model

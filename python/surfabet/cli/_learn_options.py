@@ -146,8 +146,8 @@ class LearnOptions:
     and that is less."""
 
     recurrence: Annotated[bool | None, Parameter(group=PATCHES)] = None
-    """Looks for what recurs in the scene: patches are left out where others, moved, say the same,
-    if that makes the file smaller. True or False; by default False."""
+    """Looks for what recurs in the scene: patches are left out where others, moved, give the same
+    surface, if that makes the file smaller. True or False; by default False."""
 
     chroma_ratio: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5."""

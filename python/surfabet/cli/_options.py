@@ -65,7 +65,7 @@ class ReadOptions:
     """How a file or folder becomes a cloud."""
 
     format: str | None = None
-    """Format of the input, where name and first bytes do not tell: ply, pcd, las, xyz, bag, ..."""
+    """Format of the input, where name and first bytes do not show it: ply, pcd, las, xyz, ..."""
 
     columns: str | None = None
     """Names of a text file's columns, as `x,y,z,_,intensity,red,green,blue`; `_` leaves one

@@ -1,4 +1,4 @@
-"""What `surfabet compress` tells at the end."""
+"""What `surfabet compress` prints at the end."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Result:
     n_bytes: int = 0
     quality: surfabet.Quality | None = None
     within: float | None = None
-    """Distance of inliers; None where it grows with the range, or was not looked for."""
+    """Distance of inliers; None where it grows with the range, or was not asked for."""
     report: LearningReport | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -85,7 +85,7 @@ class Result:
                 parts.append(f"colour rmse {quality.color_rmse_pooled:.3g}")
             for name, errors in quality.attributes.items():
                 value = errors.pooled
-                told = f"{value:.2%} equal" if errors.labels else f"rmse {value:.3g}"
-                parts.append(f"{name} {told}")
+                error = f"{value:.2%} equal" if errors.labels else f"rmse {value:.3g}"
+                parts.append(f"{name} {error}")
         encoding = sum(self.seconds[stage] for stage in ("read", "learn", "write"))
         return f"{self.output}: {', '.join(parts)}, {encoding:.1f} s"

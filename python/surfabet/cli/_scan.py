@@ -1,4 +1,4 @@
-"""What the command line says of a scan before it learns from it."""
+"""What the command line prints about a scan before it learns from it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def incomplete(output: Path, model: AnyModel, quality: surfabet.Quality | None) 
     share = quality.inliers
     if share is None or share >= 0.99 or model.report.tolerance == 0:
         return None
-    # Who gives a bound has said how near is near enough.
+    # A bound that is given already defines what is near enough.
     if isinstance(model, surfabet.PatchModel) and model.max_error is not None:
         return None
     remedies = {

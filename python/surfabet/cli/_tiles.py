@@ -132,7 +132,7 @@ def _learned(source: Path, output: Path, n: int, options: dict[str, Any]) -> sur
         return surfabet.learn_patches_tiled(source, output, executor=executor, workers=n, **options)
 
 
-def tell(
+def print_result(
     source: Path,
     output: Path,
     report: surfabet.TilingReport,

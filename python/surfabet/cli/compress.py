@@ -37,7 +37,7 @@ from surfabet.cli._options import (
 )
 from surfabet.cli._result import Result
 from surfabet.cli._scan import incomplete, unit_in_doubt, without
-from surfabet.cli._tiles import TILE_OPTIONS, TileOptions, compress_tiles, tell
+from surfabet.cli._tiles import TILE_OPTIONS, TileOptions, compress_tiles, print_result
 from surfabet.files import AnyModel, Vocabulary
 
 
@@ -94,7 +94,7 @@ def compress(
             raise UsageError("--vocabulary: not together with --tile or --max-memory")
         with common.progress() as progress:
             report, seconds = compress_tiles(input_, output, tiles, model, learning, read, progress)
-        tell(input_, output, report, tiles.tile, seconds, json, common.quiet)
+        print_result(input_, output, report, tiles.tile, seconds, json, common.quiet)
         return
     result = Result(input_, output)
     with common.progress() as progress:
@@ -155,8 +155,8 @@ def _scene(
 ) -> surfabet.PointCloud:
     """The points that the model was asked to describe; says when their unit is in doubt."""
     survey = learned.report.survey
-    if (said := unit_in_doubt(path, cloud, survey)) is not None:
-        warnings.warn(said, surfabet.UnitWarning, stacklevel=1)
+    if (doubt := unit_in_doubt(path, cloud, survey)) is not None:
+        warnings.warn(doubt, surfabet.UnitWarning, stacklevel=1)
     if learned.report.left_out:
         cloud = without(cloud, survey.outliers if learned.method == "gas" else survey.strays)
     if learning.min_range is None or cloud.ranges is None:

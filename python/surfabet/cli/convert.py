@@ -25,7 +25,7 @@ def convert(
 ) -> None:
     """Write a cloud in another format.
 
-    Every attribute that the new format can hold is kept; what it cannot hold is said in a warning.
+    Every attribute that the new format can hold is kept; a warning names what it cannot hold.
 
         surfabet convert scan.e57 scan.laz
         surfabet convert frames/ room.ply --frame-stride 5

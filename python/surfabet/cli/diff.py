@@ -45,7 +45,7 @@ def diff(
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
 ) -> None:
-    """Tell what appeared and what vanished between two maps of one frame.
+    """List what appeared and what vanished between two maps of one frame.
 
     What one map has and the other has not counts where the other map looked: unseen is not
     vanished.

@@ -106,7 +106,7 @@ def evaluate(
         surfabet evaluate part.ply again.ply --unit mm --decoded.unit m
 
     The options that say how clouds are read are for both files, as far as their formats have them;
-    `--format` is for those whose first bytes do not tell, and `--viewpoint` for REFERENCE alone.
+    `--format` is for those whose first bytes do not show it, and `--viewpoint` for REFERENCE alone.
     With `--decoded.unit`, `--decoded.columns` and so on, DECODED is read by these alone.
 
     Parameters
@@ -197,22 +197,22 @@ def _directed(quality: surfabet.Quality) -> list[tuple[str, ...]]:
         if forward is not None and backward is not None:
             rows.append((label, *("" if v is None else text(v, unit) for v in directions)))
     for name, errors in quality.attributes.items():
-        told = _percent if errors.labels else _plain
+        share_text = _percent if errors.labels else _plain
         label = f"{name} equal" if errors.labels else f"{name} rmse"
         shares = (errors.forward, errors.backward, errors.pooled)
-        rows.append((label, *(told(value, unit) for value in shares)))
+        rows.append((label, *(share_text(value, unit) for value in shares)))
     return rows
 
 
 def _single(quality: surfabet.Quality) -> list[tuple[str, ...]]:
     """All other measures, after their heading."""
     values = quality.as_dict()
-    told = [
+    filled = [
         (label, text_of(values[name], quality.unit))
         for name, label, text_of in SINGLE
         if values[name] is not None
     ]
-    return [("measure", "value"), *told]
+    return [("measure", "value"), *filled]
 
 
 def _print_table(quality: surfabet.Quality) -> None:

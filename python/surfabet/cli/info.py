@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import surfabet
+from surfabet._methods import METHODS
 from surfabet._progress import ProgressCallback
 from surfabet.cli._files import (
     MODEL_SUFFIX,
@@ -39,16 +40,6 @@ from surfabet.files import AnyModel
 from surfabet.io import detect, list_topics, named_format, read_bag
 from surfabet.io._crs import unit_of
 from surfabet.learning import note_of, unit_in
-
-HOLDS = {
-    "patches": "surface patches on the scene's own lattice, each a piece of surface with its mask",
-    "hscsm": "square surface patches, sparse-coded over a dictionary learned from the scene",
-    "alphabet": "words, pieces of surface that recur, and every place where one occurs",
-    "bic-alphabet": "words, pieces of surface that recur (chosen by BIC), and where each occurs",
-    "planes": "flat rectangles in tiles, of which those count that points support",
-    "gas": "neurons that spread over the surface, and edges where it goes on",
-}
-"""What models of each method are made of, for people."""
 
 MOST_POINTS = 20_000_000
 """The box of a model that decodes to more is left out: showing what a file holds takes seconds."""
@@ -147,7 +138,8 @@ def _in_unit(name: str, unit: str) -> str:
 
 def _holds(found: surfabet.FileInfo) -> str:
     """What a model is made of, for people."""
-    return HOLDS.get(found.method, f"a model of the method {found.method}")
+    method = METHODS.get(found.method)
+    return f"a model of the method {found.method}" if method is None else method.content
 
 
 def _decoded(model: AnyModel, progress: ProgressCallback) -> surfabet.PointCloud | None:

@@ -40,7 +40,7 @@ def places(
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,
 ) -> int | None:
-    """Say which of many places a scan shows and where in it, or which places are of one kind.
+    """Find which of many places a scan shows and where in it, or which places are of one kind.
 
     Without --query every place is named with its kind and the other place most like it. Models of
     --model alphabet are compared as they are, other models and clouds are described with words

@@ -21,7 +21,7 @@ def plan(
     /,
     *,
     up: Annotated[tuple[float, float, float], Parameter(negative=())] = (0.0, 0.0, 1.0),
-    level: float | None = None,
+    floor: float | None = None,
     min_room_area: Annotated[float, Parameter(validator=NOT_NEGATIVE)] = 1.0,
     json: Flag = False,
     common: Common = COMMON,
@@ -45,7 +45,7 @@ def plan(
         svg, pdf or png (a sheet to scale).
     up
         Direction that is up in the scan, `X Y Z`: 0 -1 0 for the frames of most cameras.
-    level
+    floor
         Height of the floor in metres, to choose the storey; by default that of the lowest large
         horizontal plane.
     min_room_area
@@ -61,7 +61,7 @@ def plan(
             surface = model.decode(normals=True, progress=progress)
             model = surfabet.learn_planes(surface, progress=progress)
         progress("find walls", 0.0)
-        drawn = floor_plan(model, up=up, level=level, min_room_area=min_room_area)
+        drawn = floor_plan(model, up=up, floor=floor, min_room_area=min_room_area)
         n_bytes = drawn.save(output)
     seconds = time.perf_counter() - started
     if json:

@@ -62,7 +62,7 @@ def recurring(
         with whole_file(picture) as temporary:
             classes.draw(temporary)
     if json:
-        told = [
+        rows = [
             {
                 "box": [corner.tolist() for corner in of_class.box],
                 "places": [
@@ -77,7 +77,7 @@ def recurring(
             }
             for of_class in classes
         ]
-        print_json({"path": str(file), "classes": told})
+        print_json({"path": str(file), "classes": rows})
     elif not common.quiet:
         print("class  times      size       x        y        z")
         for k, of_class in enumerate(classes):

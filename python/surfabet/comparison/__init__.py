@@ -167,13 +167,13 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything but pictures, for JSON."""
-        told = {
+        common = {
             of.name: getattr(self, of.name)
             for of in dataclasses.fields(self)
             if of.name not in ("rows",)
         }
         best = {aim: None if row is None else row.name for aim, row in self.best.items()}
-        return told | {"best": best, "rows": [row.as_dict() for row in self.rows]}
+        return common | {"best": best, "rows": [row.as_dict() for row in self.rows]}
 
 
 def compare(
@@ -262,7 +262,7 @@ def compare(
 
 
 def _bare(cloud: PointCloud) -> PointCloud:
-    """Positions and colours, with what tells sides and weights of points."""
+    """Positions and colours, with what sides and weights of points follow from."""
     return PointCloud(
         cloud.local_points,
         colors=cloud.colors,
@@ -276,8 +276,8 @@ def _bare(cloud: PointCloud) -> PointCloud:
 
 def _run(folder: Path, job: Job, common: dict[str, Any]) -> list[Row] | str:
     """The rows of a job, or why there are none."""
-    told = {"coder": job.coder, "arguments": job.arguments} | common
-    (folder / "job.json").write_text(json.dumps(told), "utf-8")
+    content = {"coder": job.coder, "arguments": job.arguments} | common
+    (folder / "job.json").write_text(json.dumps(content), "utf-8")
     result = folder / "result.json"
     result.unlink(missing_ok=True)
     command = [sys.executable, "-m", "surfabet.comparison.worker", str(folder)]

@@ -47,13 +47,13 @@ def measured(
     Errors of colour are None where one of both clouds has none.
     """
     q = evaluate(reference, coded.decoded, sigma=sigma, normal_neighbors=None)
-    told = {
+    figures = {
         field.name: getattr(coded, field.name)
         for field in dataclasses.fields(coded)
         if field.name not in ("bytes", "decoded")
     }
     both = (q.color_rmse_forward, q.color_rmse_backward)
-    return told | {
+    return figures | {
         "n_bytes": coded.bytes,
         "points": q.decoded_points,
         "rmse": q.rmse,

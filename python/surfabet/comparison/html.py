@@ -86,8 +86,8 @@ def save_html(path: Path, found: Comparison, cloud: PointCloud, title: str) -> N
         for row in found.rows
     ]
     # A slash in a string would end the script where it follows a bracket.
-    told = json.dumps(shown).replace("</", "<\\/")
-    script = _SCRIPT.replace("ROWS", told, 1).replace("FIRST", str(number), 1)
+    rows = json.dumps(shown).replace("</", "<\\/")
+    script = _SCRIPT.replace("ROWS", rows, 1).replace("FIRST", str(number), 1)
     path.write_text(_html.page(title, "\n".join(body), script if shown else ""), "utf-8")
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from surfabet._core import PointCloud
+from surfabet._methods import METHODS
 from surfabet.comparison import own, peers
 from surfabet.comparison.coded import Coded
 from surfabet.errors import wrong_value
@@ -74,7 +75,7 @@ _MODULES = {
 }
 """The module that a tool needs, and the package that has it."""
 
-TOOLS = (*own.LEARN, "draco", "laz", "copc", "octomap", "voxel-zstd", "open3d-planes", "gpcc")
+TOOLS = (*METHODS, "draco", "laz", "copc", "octomap", "voxel-zstd", "open3d-planes", "gpcc")
 """All tools that can be compared."""
 
 
@@ -139,7 +140,7 @@ def _jobs_of(
 ) -> Iterator[Job]:
     color = ", 5-bit colour" if colored else ""
     steps = [_rounded(factor * resolution) for factor in STEPS]
-    if tool in own.LEARN:
+    if tool in METHODS:
         for quality in QUALITIES:
             options = {"method": tool, "quality": quality}
             yield Job(tool, f"surfabet {tool}", quality, "model", options)

@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from surfabet import files
 from surfabet._core import PointCloud
-from surfabet.alphabet import learn_alphabet
-from surfabet.bic_alphabet import learn_bic_alphabet
+from surfabet._methods import METHODS
 from surfabet.comparison.coded import Coded, cpu_seconds
 from surfabet.errors import InvalidInputError
-from surfabet.gas import learn_gas
-from surfabet.hscsm import learn_hscsm
-from surfabet.patches import PatchModel, learn_patches
-from surfabet.planes import learn_planes
+from surfabet.patches import PatchModel
 
-__all__ = ["LEARN", "model"]
-
-LEARN: dict[str, Callable[..., files.AnyModel]] = {
-    "patches": learn_patches,
-    "hscsm": learn_hscsm,
-    "alphabet": learn_alphabet,
-    "bic-alphabet": learn_bic_alphabet,
-    "planes": learn_planes,
-    "gas": learn_gas,
-}
-"""What learns a model, by the name of its method."""
+__all__ = ["model"]
 
 
 def model(
@@ -39,7 +24,7 @@ def model(
     It is decoded from its bytes, at its own spacing unless one is given: that costs no bytes.
     """
     began = cpu_seconds()
-    learned = LEARN[method](cloud, **options)
+    learned = METHODS[method].learn(cloud, **options)
     if len(learned) == 0:
         raise InvalidInputError(f"found no surface in {len(cloud):,} points to describe")
     data = learned.to_bytes()

@@ -79,7 +79,7 @@ def advice(found: Comparison) -> list[tuple[str, str, str]]:
     """Three aims, the row to take for each, and why."""
     best = found.best
     error, bound = (small_text(x, found.unit) for x in (found.error, found.max_error))
-    told = []
+    answers = []
     for aim, title in (
         ("smallest", f"smallest under {error}"),
         ("bounded", f"no point further than {bound}"),
@@ -87,7 +87,7 @@ def advice(found: Comparison) -> list[tuple[str, str, str]]:
     ):
         row = best[aim]
         if row is None:
-            told.append((title, "none", _why_none(found, aim)))
+            answers.append((title, "none", _why_none(found, aim)))
             continue
         forward = _small(row.rmse_forward, found.unit)
         errors = f"{forward} / {small_text(row.rmse_backward, found.unit)}"
@@ -96,8 +96,8 @@ def advice(found: Comparison) -> list[tuple[str, str, str]]:
             why += f", bound {small_text(row.bound, found.unit)}"
         if aim == "planes":
             why += f", {row.inliers:.1%} of the input found"
-        told.append((title, row.name, why))
-    return told
+        answers.append((title, row.name, why))
+    return answers
 
 
 def _why_none(found: Comparison, aim: str) -> str:

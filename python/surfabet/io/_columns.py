@@ -157,7 +157,7 @@ class ColorFacts:
 def note_rounded(values: Column, colors: NDArray[np.uint8], full: float, notes: Notes) -> None:
     """Says that a file has finer colours than 8 bits, where different values became the same one.
 
-    `values` (n, 3) have full brightness at `full`, and became `colors`. So nothing is said of 8
+    `values` (n, 3) have full brightness at `full`, and became `colors`. So nothing is noted of 8
     bits in wider fields, times 256, 257 or over 255.
     """
     for value, color in zip(values.T, colors.T, strict=True):

@@ -81,7 +81,9 @@ def check_chunks(
             file.seek(max(size - 8, 0))
             (table_at,) = struct.unpack("<q", file.read(8).ljust(8, b"\0"))
         if not points_at + 8 <= table_at <= size - 8:
-            raise format_error(path, f"the chunk table is said to be at {table_at}", byte=points_at)
+            raise format_error(
+                path, f"the header has the chunk table at {table_at}", byte=points_at
+            )
         file.seek(table_at)
         _, n_chunks = struct.unpack("<II", file.read(8))
         expected = -(-n_points // max(coding.chunk_size, 1))

@@ -1,4 +1,4 @@
-"""What a reader left out of a file and what it made of doubtful values, said in one warning."""
+"""What a reader left out of a file and what it made of doubtful values, gathered in one warning."""
 
 from __future__ import annotations
 
@@ -66,13 +66,13 @@ class Notes:
         before, of = self._left_out.get(reason, (0, 0))
         self._left_out[reason] = before + count, of + total
 
-    def not_finite(self, count: int, total: int, said: str | None) -> None:
-        """`count` of `total` points were dropped since their coordinates are not finite; `said` has
-        that and what became of attributes."""
+    def not_finite(self, count: int, total: int, dropped: str | None) -> None:
+        """`count` of `total` points were dropped since their coordinates are not finite; `dropped`
+        has that and what became of attributes."""
         self.n_dropped += count
         before, of = self._not_finite
         self._not_finite = before + count, of + total
-        if said is not None and (rest := said.split("; ")[1 if count else 0 :]):
+        if dropped is not None and (rest := dropped.split("; ")[1 if count else 0 :]):
             self.points("; ".join(rest))
 
     def remark(self, text: str, count: int = 0) -> None:
@@ -133,7 +133,7 @@ class HeldNotes(Notes):
         self._dropped.append(text)
 
     def warn(self) -> None:
-        """Says nothing yet."""
+        """Nothing to warn of yet."""
 
     def release(self) -> None:
         """The warning for all parts."""

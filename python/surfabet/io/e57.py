@@ -368,7 +368,7 @@ def _read_scan(path: Path, libe57: Any, image: Any, scan: Any, notes: Notes) -> 
 
 
 def _joined(parts: Sequence[Column | None], name: str, notes: Notes) -> Column | None:
-    """An attribute of all scans; one that only some have goes, which is said."""
+    """An attribute of all scans; one that only some have goes, which is noted."""
     present = [part for part in parts if part is not None]
     if len(present) == len(parts):
         return np.concatenate(present)
@@ -525,7 +525,7 @@ class _Common:
             self.types[name] = np.result_type(self.types.get(name, column.dtype), column.dtype)
 
     def note(self, notes: Notes) -> None:
-        """Says which attributes go, since only some scans have them."""
+        """Notes which attributes go, since only some scans have them."""
         for what, n in self.n_with.items():
             if n < self.n_scans:
                 notes.aside(f"{what}, since only {n} of {self.n_scans} scans have them")

@@ -88,7 +88,7 @@ def _explained(values: NDArray[np.float32], stride: int) -> NDArray[np.float64]:
     return np.array(shares)
 
 
-def _told_stride(values: NDArray[np.float32], n_values: int) -> int | None:
+def _known_stride(values: NDArray[np.float32], n_values: int) -> int | None:
     """The least number of columns that differ as much as any do; `None` where none differ."""
     strides = [stride for stride in _STRIDES if n_values % stride == 0]
     explained = np.array([_explained(values, stride) for stride in strides])
@@ -115,9 +115,9 @@ def _stride_of(path: Path, values: NDArray[np.float32]) -> int:
             byte=0,
         )
     if len(values) >= _ENOUGH:
-        told = _told_stride(values[:_LOOKED_AT], len(values))
-        if told is not None:
-            fitting = {told: 2} if told in fitting else {}
+        stride = _known_stride(values[:_LOOKED_AT], len(values))
+        if stride is not None:
+            fitting = {stride: 2} if stride in fitting else {}
     best_fits = [stride for stride, fit in fitting.items() if fit == max(fitting.values())]
     if len(best_fits) != 1:
         raise format_error(path, f"cannot tell how many floats belong to a point; {remedy}", byte=0)

@@ -177,7 +177,7 @@ def _crs(header: Any) -> str | None:
 
 
 def _note_records(header: Any, notes: Notes) -> None:
-    """Says which of the file's variable records are not read."""
+    """Notes which of the file's variable records are not read."""
     for record in [*header.vlrs, *(header.evlrs or [])]:
         user = record.user_id.strip("\0 ")
         if (user, record.record_id) in _READ_RECORDS or user == _PROJECTION:

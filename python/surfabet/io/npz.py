@@ -83,7 +83,7 @@ def _load_array(path: Path, name: str, file: IO[bytes], size: int) -> Column | N
     if any(n < 0 for n in shape) or expected != size - start:
         raise format_error(
             path,
-            f"{name} is said to be {dtype} of shape {shape}, {expected} bytes, "
+            f"{name} is by its header {dtype} of shape {shape}, {expected} bytes, "
             f"but has {size - start}",
             byte=start,
         )
@@ -186,7 +186,7 @@ def _load_members(path: Path, notes: Notes) -> dict[str, Column]:
                 ):
                     raise format_error(
                         path,
-                        f"{member.filename!r:.60} is said to be {member.file_size} bytes, "
+                        f"{member.filename!r:.60} is by its header {member.file_size} bytes, "
                         "more than the file can hold",
                         byte=member.header_offset,
                     )

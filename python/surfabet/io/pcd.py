@@ -251,7 +251,7 @@ def _read_compressed(path: Path, file: BinaryIO, header: _Header) -> dict[str, C
     if unpacked_size != size:
         raise format_error(
             path,
-            f"the compressed data is said to expand to {unpacked_size} bytes, but "
+            f"by its header the compressed data expands to {unpacked_size} bytes, but "
             f"{header.n_points} points take {size}",
             byte=start + 4,
         )

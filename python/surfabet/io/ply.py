@@ -318,7 +318,7 @@ def _splat_colors(columns: dict[str, Column], notes: Notes) -> dict[str, Column]
 
 
 def _note_rest(elements: list[_Element], used: set[str], notes: Notes) -> None:
-    """Says which elements and lists of the file are not read."""
+    """Notes which elements and lists of the file are not read."""
     for element in elements:
         if element.name not in used:
             if element.count:

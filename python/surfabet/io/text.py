@@ -88,10 +88,10 @@ def _check_width(
     table: TextTable, words: Sequence[str], names: Sequence[ColumnName], notes: Notes
 ) -> None:
     path, line = table.lines.path, table.lines.number
-    said = " ".join(name.written for name in names)
+    all_ = " ".join(name.written for name in names)
     if len(words) < len(names):
         raise format_error(
-            path, f"{len(words)} values for the {len(names)} columns {said!r:.80}", line=line
+            path, f"{len(words)} values for the {len(names)} columns {all_!r:.80}", line=line
         )
     beyond = [word for word in words[len(names) :] if word]
     if not beyond or not is_number(words[len(names) - 1]):
@@ -102,7 +102,7 @@ def _check_width(
     else:
         raise format_error(
             path,
-            f"{len(words)} values for the {len(names)} columns {said!r:.80}; name all of them with "
+            f"{len(words)} values for the {len(names)} columns {all_!r:.80}; name all of them with "
             "columns=, the others as _",
             line=line,
         )

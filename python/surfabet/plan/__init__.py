@@ -37,13 +37,13 @@ def floor_plan(
     model: PlaneModel,
     *,
     up: Sequence[float] = (0.0, 0.0, 1.0),
-    level: float | None = None,
+    floor: float | None = None,
     min_room_area: float = 1.0,
 ) -> FloorPlan:
     """The floor plan of one storey.
 
     Walls are vertical planes that reach nearly up to the ceiling; what is lower is furniture. Two
-    faces that look away from each other, with nothing between them, are one wall and tell its
+    faces that look away from each other, with nothing between them, are one wall and give its
     thickness. Openings are holes in a wall that nothing stands before. Rooms are what floor or
     ceiling cover between walls.
 
@@ -53,9 +53,9 @@ def floor_plan(
         The planes of a scan.
     up
         Direction that is up in the world.
-    level
-        Height of the floor along `up`, metres; by default that of the lowest large horizontal
-        plane.
+    floor
+        Height of the floor of the storey along `up`, metres; by default that of the lowest large
+        horizontal plane.
     min_room_area
         Smaller rooms are left out, square metres.
 
@@ -77,8 +77,8 @@ def floor_plan(
     length = np.linalg.norm(direction)
     if not length > 0:
         raise wrong_value("up", up, "a direction of three numbers")
-    if level is not None:
-        check_number("level", level, "a number of metres")
+    if floor is not None:
+        check_number("floor", floor, "a number of metres")
     square_metres = "0 or a positive number of square metres"
     check_number("min_room_area", min_room_area, square_metres, least=0.0)
     shapely_module()
@@ -92,7 +92,7 @@ def floor_plan(
     def rings(plane: int) -> list[NDArray[np.float64]]:
         return [ring - shift for ring in model.polygons(plane)]
 
-    scene = Scene.of(planes, rings, direction, None if level is None else level - base)
+    scene = Scene.of(planes, rings, direction, None if floor is None else floor - base)
     faces = faces_of(scene)
     if not faces:
         raise InvalidInputError(

@@ -135,7 +135,7 @@ def _write_sheet(path: Path, plan: FloorPlan) -> None:
         rc_context({"svg.fonttype": "none", "svg.hashsalt": "surfabet", "pdf.fonttype": 42}),
     ):
         suffix = path.suffix.lower()
-        # What tells when and by which release it was drawn would make equal plans differ.
+        # Date and release of the drawing would make equal plans differ.
         dated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {"Software": None}}
         figure.savefig(temporary, format=suffix[1:], metadata=dated[suffix], dpi=_DOTS)
 

@@ -36,7 +36,7 @@ _THINNEST, _THICKEST = 0.03, 0.7
 """Thickness of walls, metres."""
 
 _BESIDE = 0.3
-"""How far to both sides of a face floor and ceiling tell where the room is, metres."""
+"""How far to both sides of a face floor and ceiling show where the room is, metres."""
 
 
 @dataclass(frozen=True)

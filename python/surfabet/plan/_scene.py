@@ -55,7 +55,7 @@ class Scene:
         planes: Planes,
         rings: Callable[[int], list[NDArray[np.float64]]],
         up: NDArray[np.float64],
-        level: float | None,
+        floor: float | None,
     ) -> Scene:
         """Sorts the planes and finds floor and ceiling."""
         lean = np.abs(planes.normals @ up)
@@ -67,7 +67,6 @@ class Scene:
         reach = [_heights(planes, i, up) for i in upright]
         lowest = min((low for low, _ in reach), default=0.0)
         highest = max((high for _, high in reach), default=0.0)
-        floor = level
         if floor is None:
             floor = float(heights[large].min()) if len(large) else lowest
             # A ceiling alone, or a table, with walls that go on below.

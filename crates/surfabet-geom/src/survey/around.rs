@@ -1,4 +1,4 @@
-//! The neighbours of the points that are looked at: searched once for all that is measured of them.
+//! The neighbours of the sampled points: searched once for all that is measured of them.
 
 use super::sample::Sample;
 use crate::kdtree::Neighbor;

@@ -5,7 +5,7 @@
 //!
 //! | file | what is measured |
 //! |---|---|
-//! | `sample` | the points that are looked at |
+//! | `sample` | the points that are measured |
 //! | `around` | their neighbours |
 //! | `facing` | which way surfaces face |
 //! | `rounding` | coordinates that are multiples of a step |

@@ -11,7 +11,7 @@ use crate::error::Result;
 /// to about twenty spacings apart. With 25 a street has 733 outliers in place of 58, with 100 it has 13.
 const CELL: f64 = 50.0;
 
-/// Most points of a group of outliers: a bird or a few reflections. Of what is larger nobody knows that it is none of the
+/// Most points of a group of outliers: a bird or a few reflections. What is larger may belong to the
 /// scene.
 const MOST_OF_GROUP: usize = 20;
 

@@ -3,10 +3,10 @@
 //! Half and double of each constant found the same on 40 clouds, one of which is rounded, to 0.5 m
 //! (`docs/benchmarks/constants.md`): they guard against short and noisy columns of coordinates, and bound the time.
 
-/// Points whose coordinates are looked at.
+/// Points whose coordinates are compared.
 const MAX_POINTS: usize = 1 << 16;
 
-/// Of these one in so many is looked at first.
+/// Of these one in so many is compared first.
 const FIRST_OF: usize = 16;
 
 /// Different coordinates along an axis that show a step: fewer may be those of walls and floors.
@@ -20,7 +20,7 @@ const EXACTNESS: f64 = 0.05;
 pub(super) fn rounding(positions: &[[f32; 3]], least: f64) -> f64 {
     let every = positions.len().div_ceil(MAX_POINTS).max(1);
     let along = |axis: usize| {
-        // No difference is smaller than the step: of most clouds a few of these points tell that there is none.
+        // No difference is smaller than the step: of most clouds a few of these points show that there is none.
         if closest(&some_values(positions, axis, FIRST_OF * every)) <= least {
             return 0.0;
         }

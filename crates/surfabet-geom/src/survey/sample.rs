@@ -9,11 +9,11 @@ use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::kdtree::KdTree;
 
-/// Points that are looked at, at most. Medians of as many are exact to about two percent.
+/// Points that are sampled, at most. Medians of as many are exact to about two percent.
 const MAX_SAMPLED: usize = 4096;
 
 /// Points in the tree, about: of larger clouds some blocks of space are taken, whole. It bounds the time of building the
-/// tree, and leaves a hundred points about each that is looked at.
+/// tree, and leaves a hundred points about each that is sampled.
 const TREE_POINTS: usize = 400_000;
 
 /// Points that show where the blocks may lie: quartiles of as many are exact to a few percent, and only the size of blocks
@@ -30,7 +30,7 @@ pub(super) struct Sample {
     /// The direction that the surface faces at each point, where that is known; about unit length.
     pub facings: Option<Vec<[f32; 3]>>,
     pub tree: KdTree,
-    /// Distance between the points that are looked at, in the order of the cloud.
+    /// Distance between the sampled points, in the order of the cloud.
     step: usize,
 }
 
@@ -56,14 +56,14 @@ impl Sample {
         Ok((chosen, Self { positions, facings: None, tree, step }))
     }
 
-    /// What `measure` gives of the points that are looked at, by number, where it gives anything.
+    /// What `measure` gives of the sampled points, by number, where it gives anything.
     pub fn measure<T: Send>(&self, measure: impl Fn(usize) -> Option<T> + Send + Sync) -> Vec<T> {
         parallel::gather(self.positions.len().div_ceil(self.step), |k, found| {
             found.extend(measure(k * self.step));
         })
     }
 
-    /// What is about the points that are looked at, by number.
+    /// What is about the sampled points, by number.
     pub fn surroundings(&self) -> Vec<Around> {
         self.measure(|point| Some(Around::new(self, point)))
     }

@@ -45,11 +45,11 @@ pub(super) const MOST_RECALLED: f64 = 2e6;
 /// is. Half and double changed the mean error of an updated room by 0.3 percent.
 pub(super) const SETTLING: u64 = 30;
 
-/// Points per neuron that the rounds of the polish look at, but for the last ones: every so many along a curve through all
+/// Points per neuron that the rounds of the polish use, but for the last ones: every so many along a curve through all
 /// points, so that each neuron has about its share. Half and double change mean errors by at most 0.3 percent.
 pub(super) const POLISH_SAMPLE: usize = 32;
 
-/// Rounds at the end of the polish that look at all points: the second moves neurons little more. One and four change mean errors by
+/// Rounds at the end of the polish that use all points: the second moves neurons little more. One and four change mean errors by
 /// at most 0.2 percent.
 pub(super) const ROUNDS_OF_ALL: u32 = 2;
 

@@ -44,7 +44,7 @@ pub fn learn(
 ) -> Result<GasModel> {
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
-    // What the data say of the options that are not given.
+    // Options that are not given follow from the data.
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Outliers, keep, &mut stages)?;
     let options = &chosen_size(&mut start, options)?;
@@ -97,7 +97,7 @@ fn chosen_size(start: &mut Start<'_>, options: &GasOptions) -> Result<GasOptions
     let positions = start.cloud.positions();
     // Zero is one place, whatever its sign.
     let place = |i: usize| positions[i].map(|c| (c + 0.0).to_bits());
-    // Of a number of neurons that is given only whether there are as many places matters, and the first points tell that.
+    // Of a number of neurons that is given only whether there are as many places matters, and the first points show that.
     let enough = options.n_neurons.unwrap_or(MAX_NEURONS).max(2);
     let mut looked_at = (enough.saturating_mul(2)).min(positions.len());
     let mut places = count_distinct(looked_at, place);

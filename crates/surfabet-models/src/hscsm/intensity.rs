@@ -46,7 +46,7 @@ impl IntensityLimits {
     /// What is wrong with the limits of a file.
     ///
     /// # Errors
-    /// Says so when they are in the wrong order or not those of intensities, which are in single precision.
+    /// An error when they are in the wrong order or not those of intensities, which are in single precision.
     pub fn check(&self) -> Result<(), String> {
         let Self { low, high } = *self;
         let is_single = |v: f64| v.abs() <= f64::from(f32::MAX);

@@ -11,7 +11,7 @@ use super::attributes::chosen::{ChosenAttributes, Fields};
 use super::attributes::targets::Targets;
 use super::attributes::{AttributeHeader, FieldCoding};
 use super::axes::Orientation;
-use super::choice::PointPrice;
+use super::choice::{PointPrice, Rounds, RoundsOutcome};
 use super::coding::Geometry;
 use super::constants::{
     AXES_CELL, AXES_CELL_IN_GAPS, BOTH_BOUNDS_PER_PIXEL, BOUNDS_PER_PIXEL, DEPTH_STEP,
@@ -23,7 +23,6 @@ use super::instances::Instances;
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree};
 use super::options::{DEPTH_STEPS, PatchesOptions};
 use super::recurrence::{Learned, recurring};
-use super::rounds::{Rounds, RoundsOutcome};
 use super::samples::cells::LIMIT;
 use super::samples::{SidedSamples, Weights};
 use super::sheets::{Reach, Sheet, sheets};
@@ -101,7 +100,7 @@ pub fn learn(
 ) -> Result<PatchModel> {
     options.check()?;
     let mut stages = Stages::new(STAGES, progress);
-    // What the data say of the options that are not given.
+    // Options that are not given follow from the data.
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let resolution = pixel(&mut start, options);
@@ -214,7 +213,7 @@ impl Ground<'_> {
     }
 }
 
-/// Steps 2 to 9: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
+/// Steps 2 to 7: the model of a cloud on a lattice that is known, with its report but for the survey and the times.
 pub(super) fn on_lattice(
     ground: &Ground<'_>,
     cloud: &PointCloud,
@@ -229,17 +228,17 @@ pub(super) fn on_lattice(
         let samples = SidedSamples::merge(cloud, &lattice, weights, ground.survey, progress)?;
         Ok(samples.with_kept(ground.kept.1))
     })?;
-    // 3. to 6. Sheets; shapes, least cost, bits.
+    // 3. and 4. Sheets; patches of least cost.
     let Surface { geometry, near, bytes, n_sheets, density } =
         surface(ground, cloud, &samples, options, stages)?;
-    // 7. Colour and other attributes.
+    // 5. Colour and other attributes.
     let add = |geometry: Geometry, instances| -> Result<Described> {
         let (attributes, figures) =
             attributes(&chosen, &samples, &geometry.leaves, ground, options)?;
         Ok(Described { geometry, attributes, figures, instances })
     };
     let coded = stages.run("adding attributes", |_| add(geometry, Instances::default()))?;
-    // 8. What recurs.
+    // 6. What recurs.
     let recurring = stages.run("finding what recurs", |progress| {
         if tile.is_some() || !options.recurrence {
             return Ok(None);
@@ -258,7 +257,7 @@ pub(super) fn on_lattice(
     })?;
     let n_samples = samples.all.len();
     drop(samples);
-    // 9. Points beside the patches.
+    // 7. Points beside the patches.
     let positions = ground.positions(cloud);
     let wanted = ground.wanted(&positions, &near, options);
     let Whole { model, attribute_cells, attributes } =
@@ -284,7 +283,7 @@ pub(super) fn on_lattice(
     Ok((model, report))
 }
 
-/// What steps 3 to 6 give.
+/// What steps 3 and 4 give.
 struct Surface {
     geometry: Geometry,
     /// Patches just beyond the tile.
@@ -296,7 +295,7 @@ struct Surface {
     density: f64,
 }
 
-/// Steps 3 to 6: the patches of least cost, without attributes.
+/// Steps 3 and 4: the patches of least cost, without attributes.
 fn surface(
     ground: &Ground<'_>,
     cloud: &PointCloud,
@@ -308,7 +307,7 @@ fn surface(
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| sheets_of(samples, &lattice, survey))?;
     let Shares { own: sheets, near } = Shares::of(sheets, tile, &lattice);
-    // 4. to 6. Shapes, least cost, bits.
+    // 4. Patches of least cost: masks, depths, thickness, levels.
     let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));
     let n_sheets = sheets.len();
     let chosen = stages.run("choosing patches", |progress| {
@@ -342,7 +341,7 @@ pub(super) fn sheets_of(
     sheets(samples, resolution as f32, lattice.tile_pixels(), reach)
 }
 
-/// What the report says of the choice of patches; `bytes` are those of the geometry after each round.
+/// Figures of the choice of patches for the report; `bytes` are those of the geometry after each round.
 fn choice_report(model: &PatchModel, bytes: Vec<f64>) -> PatchesReport {
     PatchesReport {
         levels: of_levels(model),
@@ -454,7 +453,7 @@ fn attributes(
     Ok((Attributes { cells, color, others, unblended, coding, border }, figures))
 }
 
-/// What the report says of each level.
+/// Figures of each level for the report.
 fn of_levels(model: &PatchModel) -> Vec<Named> {
     let lattice = model.lattice();
     let level = |(l, of): (u32, LevelSize)| {

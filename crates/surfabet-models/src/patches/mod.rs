@@ -14,15 +14,13 @@
 //! | `samples` | points merged to half a pixel, each with the side it faces | 2 |
 //! | `sheets` | samples of a side as height fields over tiles | 3 |
 //! | `surface` | the shapes, in integers; patches with their places | 4 |
-//! | `rounds` | the choice, round after round, with the price of points beside the patches | 5 |
-//! | `choice` | hierarchy, masks, shapes and thickness of least cost | 5 |
+//! | `choice` | hierarchy, masks, shapes and thickness of least cost, round after round | 5 |
 //! | `coding` | the geometry as binary decisions, given the neighbours; points beside the patches | 6, 8 |
 //! | `supported` | only as much surface as lies near the input, where that is asked for | |
 //! | `attributes` | colour, scalars and labels on the cells around the surface | 7 |
 //! | `instances` | parts of the model once more, moved to where the scene shows the same again | 11 |
-//! | `recurrence` | what recurs in the scene: patches that are left out where others, moved, say the same | 11 |
+//! | `recurrence` | what recurs in the scene: patches that are left out where others, moved, give the same surface | 11 |
 //! | `far_points`, `cover`, `shared_points` | points beside the patches, for what these leave out | 8 |
-//! | `order` | what is coded first, and what is given again | 11 |
 //! | `whole` | the model with the points beside its patches, with instances or without | 11 |
 //! | `model`, `contract` | the result | |
 //! | `decode` | back to a cloud, as a surface or as measured, whole or within a box | 9 |
@@ -43,9 +41,7 @@ mod instances;
 mod learn;
 mod model;
 mod options;
-mod order;
 mod recurrence;
-mod rounds;
 mod samples;
 mod shared_points;
 mod sheets;

@@ -38,7 +38,7 @@ options! {
             range = Range::from_to(1.0 / DEPTH_STEPS, 256.0 / DEPTH_STEPS).in_steps_of(1.0 / DEPTH_STEPS),
             unit = "pixels",
             none = "0.75, or an eighth of the gap where surfaces lie close behind one another and that is less";
-        /// Looks for what recurs in the scene: patches are left out where others, moved, say the same, if that makes the file
+        /// Looks for what recurs in the scene: patches are left out where others, moved, give the same surface, if that makes the file
         /// smaller. Takes up to twice as long; for buildings with equal rooms, or many equal things.
         recurrence: bool = false;
         /// Rounds of choosing patches. Each uses the prices that the coder learned in the round before.

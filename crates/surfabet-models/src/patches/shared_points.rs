@@ -6,8 +6,8 @@ use surfabet_base::parallel;
 use surfabet_geom::KdTree;
 
 use super::instances::Motion;
+use super::instances::order::place_in_order;
 use super::model::{PatchModel, extra_key};
-use super::order::place_in_order;
 use super::samples::{rotate, rows_of};
 use crate::error::Result;
 use crate::vector::squared_distance;

@@ -112,7 +112,7 @@ pub(super) const CHANCE: f64 = 4.0;
 /// recall: half keeps 6 of 20 and 8 of 50 planes, double 61 and 103.
 pub(super) const OUTLIER_COST: f64 = 4.0;
 
-/// Parameters of a patch: plane, sides and density. And what a patch that is none may gain per point, as noise is not normal: of 0.05,
+/// Parameters of a patch: plane, sides and density. And what a spurious patch may gain per point, as noise is not normal: of 0.05,
 /// 0.15 and 0.3 the last gave the most planes on simulated rooms 0 and 2.
 pub(super) const REMOVED_PARAMETERS: f64 = 8.0;
 pub(super) const REMOVED_GAIN: f64 = 0.3;
@@ -201,7 +201,7 @@ pub(super) const MOST_FITTED: usize = 8;
 pub(super) const FIRST_UNEVEN: f64 = 1.0;
 pub(super) const MOST_UNEVEN: f64 = 0.4;
 
-/// Least share of the points near a group of patches that support one: in clutter the likelihood has nothing to say.
+/// Least share of the points near a group of patches that support one: in clutter the likelihood decides nothing.
 pub(super) const LEAST_SUPPORTING: f64 = 0.7;
 
 /// Points by which merges and folds are judged, and by which the last fit is made, at most.
@@ -222,10 +222,10 @@ pub(super) const EXCHANGE_SIGMAS: f64 = 4.0;
 pub(super) const LEAST_EXCHANGE: f64 = 2.0;
 
 /// Standard deviation of its points from which a patch may be a fold, in sigma: a fold of 60 degrees of two walls 150 long has
-/// 1.1 at noise 22, and what is none is told by the likelihood.
+/// 1.1 at noise 22, and the likelihood decides which are folds.
 pub(super) const THICK_SIGMAS: f64 = 1.0;
 
-/// Least angle of the two planes of a fold, radians: 15 degrees. Bends below are told by EM and its splits.
+/// Least angle of the two planes of a fold, radians: 15 degrees. Smaller bends are found by EM and its splits.
 pub(super) const FOLD_ANGLE: f64 = 0.2618;
 
 /// Most merges and folds of a group of patches, and steps of climbing after which each is judged.

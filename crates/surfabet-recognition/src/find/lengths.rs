@@ -81,7 +81,7 @@ pub(crate) fn median_sigma(
     sigmas.get(sigmas.len() / 2).copied()
 }
 
-/// The error for a region without words, which says where the nearest are.
+/// The error for a region without words, which names the nearest.
 fn without_words(model: &AlphabetModel, region: &Region) -> Error {
     let middle = region.middle();
     let centers = model.occurrences().map(|o| o.center);

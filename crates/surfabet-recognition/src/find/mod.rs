@@ -272,7 +272,7 @@ mod tests {
         [x + c * p[0] - s * p[1], y + s * p[0] + c * p[1], p[2]]
     }
 
-    /// Three things on a floor, and a box that is none.
+    /// Three things on a floor, and a box that is not one of them.
     fn model() -> AlphabetModel {
         let mut points = Vec::new();
         let mut rectangle = |place: [f64; 3], [corner, right, up]: [[f64; 3]; 3]| {

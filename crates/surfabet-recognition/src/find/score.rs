@@ -13,7 +13,7 @@ use crate::constants::{COVERED, LEAST_OWN_WEIGHT, RAREST, SCORED_SAMPLES};
 impl Template {
     /// Scores of all motions: `sqrt(found * explained * kept)`, with `found` the share of the example that is matched, by rarity
     /// of its samples, `explained` that of the place, and `kept` the share of its border at which the place ends too, for an example
-    /// that is a whole model, where colours count: by shape alone the sizes of pieces say that.
+    /// that is a whole model, where colours count: by shape alone the sizes of pieces have that.
     pub fn score_all(
         &self,
         scene: &SearchScene,

@@ -1,4 +1,8 @@
 //! The tuned constants of localisation.
+//!
+//! Those of acceptance were chosen on the scans of `docs/benchmarks/locate.md`; comments have the counts of right and wrong
+//! places that they separate. The others bound work or follow from the cell, and were not measured one by one
+//! (`docs/benchmarks/constants.md`).
 
 // The map.
 
@@ -169,7 +173,7 @@ pub(super) const LEAST_SAMPLES: usize = 30;
 /// Least share of the scan on mapped surfaces.
 pub(super) const LEAST_EXPLAINED: f64 = 0.5;
 
-/// Largest share against a pose, of what the map can say something about: of right poses in the hall of which up to 40 percent
+/// Largest share against a pose, of the samples that a pose explains or contradicts: of right poses in the hall of which up to 40 percent
 /// of the scan lie beyond the map it is at most 0.073, of mirrored scans there at least 0.087.
 pub(super) const MOST_AGAINST: f64 = 0.075;
 
@@ -185,7 +189,7 @@ pub(super) const TILTED_EXPLAINED: f64 = 0.95;
 /// The share against.
 pub(super) const TILTED_AGAINST: f64 = 0.03;
 
-/// Sectors around the vertical by which the width of a view is told: 10 degrees each.
+/// Sectors around the vertical by which the width of a view is measured: 10 degrees each.
 pub(super) const SECTORS: usize = 36;
 
 /// A view of less than this share of the circle is narrow: 144 degrees.
@@ -203,7 +207,7 @@ pub(super) const FACTS_FOR: f64 = 30.0;
 /// The same against it.
 pub(super) const FACTS_AGAINST: f64 = 60.0;
 
-/// What the map cannot say anything about, over the same share explained: a map of few scans does not reach everywhere.
+/// Weight of samples that a pose neither explains nor contradicts, over that of explained ones: a map of few scans does not reach everywhere.
 pub(super) const UNKNOWN: f64 = 0.5;
 
 /// Least likelihood, over that of the best, of an accepted place that fewer mapped surfaces contradict. From the other end of a

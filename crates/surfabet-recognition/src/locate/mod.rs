@@ -5,16 +5,16 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `map` | samples of the model's surfaces, and what is computed from them once |
-//! | `grid`, `pyramid`, `nearest` | cells of the map: which way surfaces in and near them face, the nearest sample |
+//! | `map/` | samples of the model's surfaces, and what is computed from them once |
+//! | `map/grid`, `pyramid`, `nearest` | cells of the map: which way surfaces in and near them face, the nearest sample |
 //! | `samples` | the scan as oriented samples, one per voxel |
 //! | `directions` | the directions that surfaces face |
 //! | `rotations` | rotations that take the scan's directions to the map's, or turns about the vertical |
 //! | `search` | translations by branch and bound on the pyramid |
 //! | `refine` | point to plane on the map's surfaces, and the covariance |
-//! | `verify` | surfaces explained and rays through mapped surfaces |
-//! | `slide` | whether the position is fixed in every direction |
-//! | `decide` | which poses are accepted, with what probability; why none is |
+//! | `decide/` | which poses are accepted, with what probability; why none is |
+//! | `decide/verify` | surfaces explained and rays through mapped surfaces |
+//! | `decide/slide` | whether the position is fixed in every direction |
 //! | `placement` | a pose in the map's own frame |
 //! | `constants` | tuned constants of all steps |
 //!
@@ -26,17 +26,12 @@
 mod constants;
 mod decide;
 mod directions;
-mod grid;
 mod map;
-mod nearest;
 mod placement;
-mod pyramid;
 mod refine;
 mod rotations;
 mod samples;
 mod search;
-mod slide;
-mod verify;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use surfabet_base::parallel;
@@ -48,7 +43,7 @@ use self::constants::{
     SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
 };
 pub use self::decide::Refusal;
-use self::decide::{Candidate, Demands, decide};
+use self::decide::{Candidate, Demands, decide, evidence};
 use self::directions::Directions;
 pub use self::map::Localizer;
 use self::map::evenly;
@@ -57,7 +52,6 @@ use self::refine::refine;
 use self::rotations::{Allowed, rotations};
 use self::samples::{Sample, ScanSamples};
 use self::search::Search;
-use self::verify::evidence;
 
 /// What is known of the pose before.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,7 +69,7 @@ pub struct Prior {
 pub struct LocateOptions {
     /// What is known of the pose before.
     pub prior: Option<Prior>,
-    /// True when the vertical of the scan is that of the map within 45 degrees, false when it can be any; `None` looks at
+    /// True when the vertical of the scan is that of the map within 45 degrees, false when it can be any; `None` tries
     /// upright poses first, and at all others when none of these is accepted.
     pub upright: Option<bool>,
     /// Most places that are given.
@@ -187,7 +181,7 @@ impl Localizer {
             if !answer.locations.is_empty() {
                 break;
             }
-            // Why no upright place is accepted says more than why no tilted one is.
+            // Why no upright place is accepted is worth more than why no tilted one is.
             if !before.rejected.is_empty() {
                 answer = before;
             }

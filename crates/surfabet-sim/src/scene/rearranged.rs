@@ -9,7 +9,7 @@ impl Scene {
     /// instances behind one that is gone move up.
     ///
     /// # Errors
-    /// [`surfabet_geom::Error::InvalidParameter`] for a row that is none and for a pose that is not rigid.
+    /// [`surfabet_geom::Error::InvalidParameter`] for a row that does not exist and for a pose that is not rigid.
     pub fn rearranged(&self, changes: &[(u32, Option<Pose>)]) -> Result<Self> {
         let n = self.instances.len();
         let mut frames: Vec<Option<Frame>> =

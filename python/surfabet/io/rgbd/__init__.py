@@ -318,7 +318,7 @@ def read_rgbd_chunks(folder: Path, n: int) -> Iterator[PointCloud]:
 
 
 def _usable(listing: Listing, stride: int) -> tuple[list[Frame], str | None]:
-    """The frames that have all their parts, and what is said of the others."""
+    """The frames that have all their parts, and what is noted of the others."""
     frames = listing.usable(stride)
     lost = listing.losses(len(frames))
     if not frames:

@@ -197,6 +197,6 @@ def poses_along(
 
 
 def note_invalid(tree: TransformTree, notes: Notes) -> None:
-    """Says how many transforms were none."""
+    """Notes how many transforms were none."""
     if tree.n_invalid:
         notes.aside(f"{tree.n_invalid} transforms that are not finite or no rotation")

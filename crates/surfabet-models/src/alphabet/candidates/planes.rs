@@ -221,7 +221,7 @@ impl Around {
         let columns = xs.chunks(CHUNK).zip(ys.chunks(CHUNK)).zip(zs.chunks(CHUNK));
         let others = self.sigma.chunks(CHUNK).zip(self.weights.chunks(CHUNK));
         for (((x, y), z), (sigma, weights)) in columns.zip(others) {
-            // Frame by frame over all of a chunk: most points are not near, and few operations tell.
+            // Frame by frame over all of a chunk: most points are not near, so this loop takes few operations per point.
             let mut local = [[0.0; CHUNK]; 3];
             let mut near = [false; CHUNK];
             for k in 0..x.len() {

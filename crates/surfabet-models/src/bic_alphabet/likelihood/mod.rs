@@ -50,16 +50,16 @@ const REACH_SIGMAS: f32 = 3.001;
 /// Points that lie together, as a box with the largest distance, 3 sigma, at which a decoded point counts
 /// for any of them.
 #[derive(Debug, Clone, Copy)]
-struct Block {
+struct ReachBox {
     aabb: Aabb,
     reach: f32,
 }
 
-impl Block {
+impl ReachBox {
     const EMPTY: Self = Self { aabb: Aabb::EMPTY, reach: 0.0 };
 }
 
-impl Union for Block {
+impl Union for ReachBox {
     fn union(self, other: Self) -> Self {
         Self { aabb: self.aabb.union(other.aabb), reach: self.reach.max(other.reach) }
     }
@@ -72,7 +72,7 @@ pub(super) struct Likelihood {
     positions: Vec<[[f32; LANES]; 3]>,
     /// `1 / (2 sigma^2)` per lane.
     narrow: Vec<[f32; LANES]>,
-    blocks: BoxTree<Block>,
+    blocks: BoxTree<ReachBox>,
     len: usize,
     /// `sum_i ln(sqrt(2 pi) sigma_i)`: the normaliser of eq. 12.
     normalizer: f64,
@@ -110,7 +110,7 @@ impl Likelihood {
         // Lanes beyond the last point are too far from every decoded point.
         let mut positions = vec![[[1e30; LANES]; 3]; n_blocks];
         let mut narrow = vec![[1.0; LANES]; n_blocks];
-        let mut blocks = vec![Block::EMPTY; n_blocks];
+        let mut blocks = vec![ReachBox::EMPTY; n_blocks];
         for (b, members) in order.chunks(LANES).enumerate() {
             for (lane, &i) in members.iter().enumerate() {
                 let (p, sigma) = (scene.positions[i as usize], scene.sigma[i as usize]);
@@ -118,7 +118,7 @@ impl Likelihood {
                     positions[b][a][lane] = p[a];
                 }
                 narrow[b][lane] = 0.5 / (sigma * sigma);
-                let own = Block { aabb: Aabb::point(p), reach: REACH_SIGMAS * sigma };
+                let own = ReachBox { aabb: Aabb::point(p), reach: REACH_SIGMAS * sigma };
                 blocks[b] = blocks[b].union(own);
             }
         }
@@ -146,7 +146,7 @@ impl Likelihood {
             let (mut counts, mut found) = (Vec::with_capacity(frames.len()), Vec::new());
             for frame in frames {
                 let before = found.len();
-                let near = |block: &Block| {
+                let near = |block: &ReachBox| {
                     let limit = radius + block.reach;
                     block.aabb.squared_distance(frame.origin) <= limit * limit
                 };
@@ -271,7 +271,7 @@ impl<F: FnMut(u32)> WithSimd for Scatter<'_, F> {
 /// Lists which of the first `n` points in `columns` may count for a point of the block; returns their number.
 #[inline(always)]
 fn nearer_than_reach(
-    block: &Block,
+    block: &ReachBox,
     columns: &[[f32; POINTS_PER_SCATTER]; 3],
     n: usize,
     near: &mut [u8; POINTS_PER_SCATTER],

@@ -5,7 +5,7 @@ use crate::bic_alphabet::words::{BicWord, MAX_WORD_POINTS, point_step};
 /// Earlier points of a word, within epsilon of one of its points, that are remembered: about as many as fit about it.
 const BLOCKERS: usize = 4;
 
-/// Points from the middle on that are looked at for them, which bounds the time that a dense word takes.
+/// Points from the middle on that are compared for them, which bounds the time that a dense word takes.
 const LOOKED_AT: usize = 256;
 
 /// No earlier point.

@@ -137,7 +137,7 @@ fn code_sizes<C: Coder>(
     Ok(sizes)
 }
 
-/// What neighbours tell of some channels.
+/// Prediction of some channels from neighbours.
 struct Predicted<const N: usize> {
     means: [i32; N],
     /// True with neighbours.

@@ -30,7 +30,7 @@ const LEAF: u32 = 3;
 /// A block of neurons of a leaf.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-struct Block {
+struct NeuronBlock {
     /// Columns; unused lanes are at infinity.
     position: [[f32; LANES]; 3],
     id: [u32; LANES],
@@ -41,7 +41,7 @@ struct Block {
     next: u32,
 }
 
-impl Block {
+impl NeuronBlock {
     fn new(region: Aabb) -> Self {
         Self {
             position: [[f32::INFINITY; LANES]; 3],
@@ -102,7 +102,7 @@ struct Postponed {
 #[derive(Debug, Clone)]
 pub struct Index {
     nodes: Vec<Node>,
-    blocks: Vec<Block>,
+    blocks: Vec<NeuronBlock>,
     /// Block and slot of every id: `block * LANES + slot`.
     places: Vec<u32>,
     len: usize,
@@ -120,7 +120,7 @@ impl Index {
     pub fn new() -> Self {
         Self {
             nodes: vec![Node { split: 0.0, axis: LEAF, first: 0 }],
-            blocks: vec![Block::new(Aabb::ALL)],
+            blocks: vec![NeuronBlock::new(Aabb::ALL)],
             places: Vec::new(),
             len: 0,
             built_len: 0,
@@ -209,7 +209,7 @@ impl Index {
         self.nodes[leaf].first = first as u32;
         let n_blocks = entries.len().div_ceil(LANES).max(1);
         for at in first..first + n_blocks {
-            let mut block = Block::new(region);
+            let mut block = NeuronBlock::new(region);
             block.next = if at + 1 < first + n_blocks { at as u32 + 1 } else { NONE };
             self.blocks.push(block);
         }

@@ -41,7 +41,7 @@ struct BlockModels {
 
 /// What a block has: no set pixel, some, all.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Block {
+enum BlockFill {
     Empty,
     Mixed,
     Full,
@@ -56,19 +56,19 @@ impl BlockModels {
     fn code<C: Coder>(
         &mut self,
         coder: &mut C,
-        before: &[Block],
+        before: &[BlockFill],
         n: usize,
-        given: Block,
-    ) -> Result<Block, C::Error> {
+        given: BlockFill,
+    ) -> Result<BlockFill, C::Error> {
         let at = before.len();
-        let left = if at.is_multiple_of(n) { Block::Empty } else { before[at - 1] };
-        let above = if at < n { Block::Empty } else { before[at - n] };
+        let left = if at.is_multiple_of(n) { BlockFill::Empty } else { before[at - 1] };
+        let above = if at < n { BlockFill::Empty } else { before[at - n] };
         let context = left as usize * 3 + above as usize;
-        if !coder.bit(&mut self.any[context], given != Block::Empty)? {
-            return Ok(Block::Empty);
+        if !coder.bit(&mut self.any[context], given != BlockFill::Empty)? {
+            return Ok(BlockFill::Empty);
         }
-        let all = coder.bit(&mut self.all[context], given == Block::Full)?;
-        Ok(if all { Block::Full } else { Block::Mixed })
+        let all = coder.bit(&mut self.all[context], given == BlockFill::Full)?;
+        Ok(if all { BlockFill::Full } else { BlockFill::Mixed })
     }
 }
 
@@ -89,9 +89,9 @@ fn code_fine_mask<C: Coder>(
     let mut states = Vec::with_capacity(n * n);
     for count in counts {
         let given = match count {
-            0 => Block::Empty,
-            count if count == scale * scale => Block::Full,
-            _ => Block::Mixed,
+            0 => BlockFill::Empty,
+            count if count == scale * scale => BlockFill::Full,
+            _ => BlockFill::Mixed,
         };
         let state = blocks.code(coder, &states, n, given)?;
         states.push(state);
@@ -99,9 +99,9 @@ fn code_fine_mask<C: Coder>(
     let mut mask = Vec::with_capacity(side * side);
     for at in 0..side * side {
         let set = match states[block_of(at)] {
-            Block::Empty => false,
-            Block::Full => true,
-            Block::Mixed => {
+            BlockFill::Empty => false,
+            BlockFill::Full => true,
+            BlockFill::Mixed => {
                 let set = given.get(at).is_some_and(|&m| m != 0);
                 coder.bit(pixels.at(&mask, side), set)?
             }

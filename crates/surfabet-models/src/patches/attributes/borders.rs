@@ -10,15 +10,13 @@ use surfabet_entropy::Coder;
 use surfabet_geom::morton::{MortonMap, step};
 
 use super::cells::{cell_of_key, index};
-use super::field::{CellValues, Steps, choose_field, code_field};
-use super::field_coding::FieldCoding;
-use super::whole_butterflies::FRACTION;
+use super::field::{CellValues, FRACTION, FieldCoding, Steps, choose_field, code_field};
 use crate::patches::constants::{BORDER_BLOCK_BITS, BORDER_FINENESS};
 
 /// Cells along the side of a block, and from a face to the first cell that is not corrected.
 const BLOCK: i64 = 1 << BORDER_BLOCK_BITS;
 
-/// Bits of a cell's key that tell its place in the block.
+/// Bits of a cell's key that are its place in the block.
 const KEY_BITS: u32 = 3 * BORDER_BLOCK_BITS;
 
 /// Parts of one that values are whole numbers of.
@@ -192,7 +190,7 @@ impl BorderBlocks {
         Ok(coded.coefficients)
     }
 
-    /// Adds to the values of the cells what the blocks, in parts of the fineness, say.
+    /// Adds the corrections of the blocks, in parts of the fineness, to the values of the cells.
     fn correct<const N: usize>(
         &self,
         of_blocks: &[[f32; N]],

@@ -3,8 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::borders::{BorderBlocks, FieldCells, Stored};
-use super::field::Steps;
-use super::field_coding::FieldCoding;
+use super::field::{FieldCoding, Steps};
 use crate::color::rounded;
 
 /// How finely colour is coded.

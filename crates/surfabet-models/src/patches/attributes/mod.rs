@@ -13,41 +13,24 @@
 //! | `color` | luma and two chromas, and their steps |
 //! | `scalar` | intensities and other scalars, in steps of a share of their standard deviation |
 //! | `labels` | labels, given those of the cells around |
-//! | `field` | a field of any number of channels down the pyramid |
-//! | `field_coding` | the ways to code a field that files have |
-//! | `coefficients` | all coefficients of a field, in their order |
-//! | `field_models` | models of the coefficients, and what they depend on |
-//! | `pyramid` | cells joined by eights, the way down them, and the parents around a cell |
-//! | `whole_butterflies` | the transform of a cell's children, in whole numbers |
-//! | `butterflies` | the same in single precision |
-//! | `choice` | when learning: coefficients of least cost |
-//! | `older_field`, `older_models` | fields of older files |
+//! | `field` | a field of any number of channels down the pyramid of cells |
 
 pub(in crate::patches) mod blending;
 pub(in crate::patches) mod borders;
-mod butterflies;
 pub(in crate::patches) mod cells;
-mod choice;
 pub(in crate::patches) mod chosen;
-mod coefficients;
 pub(in crate::patches) mod color;
 mod field;
-mod field_coding;
-mod field_models;
 pub(in crate::patches) mod labels;
-mod older_field;
-mod older_models;
-mod pyramid;
 pub(in crate::patches) mod scalar;
 pub(in crate::patches) mod targets;
-mod whole_butterflies;
 
 use surfabet_entropy::Coder;
 use surfabet_geom::Dtype;
 
 use crate::scalar::ScalarScale;
 use borders::FieldCells;
-pub use field_coding::FieldCoding;
+pub use field::FieldCoding;
 use labels::LabelField;
 pub use labels::MAX_LABELS;
 use scalar::ScalarField;

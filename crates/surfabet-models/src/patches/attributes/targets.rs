@@ -260,7 +260,7 @@ impl<'a> Targets<'a> {
     }
 
     /// Gives cells without a value what `join` makes of those of the six beside them that have one, round after round: first
-    /// along the surface, where a cell's sides tell what is along it, then in all directions.
+    /// along the surface, where a cell's sides show what is along it, then in all directions.
     fn spread<T: Copy + Send + Sync>(
         &self,
         known: &mut [Option<T>],

@@ -11,10 +11,12 @@
 //! | `beside` | price of points beside the patches |
 //! | `mask` | pixels of a patch |
 //! | `shape` | depth of a patch as a sum of shapes, and its thickness |
+//! | `rounds` | all of it again with the prices of the round before, and the price of points beside the patches |
 
 mod beside;
 mod mask;
 mod misfit;
+mod rounds;
 mod shape;
 
 use crate::patches::coding::{GeometryModels, SET, beside_context, split_context};
@@ -24,6 +26,7 @@ use crate::patches::sheets::{Run, Sheet};
 use crate::patches::surface::basis::Basis;
 pub(super) use beside::PointPrice;
 use mask::{distances_to_runs, fill_holes};
+pub(super) use rounds::{Rounds, RoundsOutcome};
 
 /// States of the pixels beside a square as the choice assumes them: what lies there is chosen at the same time.
 const BESIDE: [usize; 2] = [SET; 2];

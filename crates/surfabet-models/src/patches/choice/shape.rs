@@ -242,7 +242,7 @@ impl NormalEquations {
             }
         }
         for i in 0..N_SHAPES {
-            // Shapes that the set pixels hardly tell apart must not grow large against each other.
+            // Shapes that hardly differ on the set pixels must not grow large against each other.
             gram[i][i] += SHAPE_PULL * fit.total * f32::from(DEGREES[i].0 + DEGREES[i].1);
         }
         // Both triangles.

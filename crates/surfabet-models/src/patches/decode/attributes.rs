@@ -24,7 +24,7 @@ pub(in crate::patches) struct Sampler<'a> {
 }
 
 /// All attributes of some points.
-struct Block {
+struct PointAttributes {
     colors: Vec<[u8; 3]>,
     /// Those beside colour.
     others: Vec<Column>,
@@ -43,10 +43,11 @@ impl<'a> Sampler<'a> {
         if color.is_none() && others.is_empty() {
             return Ok(CloudParts::default());
         }
-        let blocks = parallel::try_map_chunks(positions, BLOCK, |positions| -> Result<Block> {
-            progress.check()?;
-            Ok(self.block(positions))
-        })?;
+        let blocks =
+            parallel::try_map_chunks(positions, BLOCK, |positions| -> Result<PointAttributes> {
+                progress.check()?;
+                Ok(self.block(positions))
+            })?;
         let mut parts = CloudParts {
             colors: color
                 .is_some()
@@ -69,7 +70,7 @@ impl<'a> Sampler<'a> {
         Ok(parts)
     }
 
-    fn block(&self, positions: &[[f32; 3]]) -> Block {
+    fn block(&self, positions: &[[f32; 3]]) -> PointAttributes {
         let Attributes { color, others, .. } = self.attributes;
         let mut corners = Corners::new(&self.places);
         let around: Vec<Weighted> =
@@ -78,7 +79,10 @@ impl<'a> Sampler<'a> {
             let color = |cell: usize| field.colors[cell].map(f32::from);
             around.iter().map(|w| w.mean(color).map(|c| c.round() as u8)).collect()
         });
-        Block { colors, others: others.iter().map(|field| field.column(&around)).collect() }
+        PointAttributes {
+            colors,
+            others: others.iter().map(|field| field.column(&around)).collect(),
+        }
     }
 
     /// The cells around a position (pixels); without any the nearest of all.

@@ -1,7 +1,7 @@
 //! Columns of another scan: which layers of a patch's thickness they still show.
 //!
 //! A patch has one thickness, that of its most uneven part, and decodes to it everywhere. Learned again from that, patches would
-//! grow thicker with each scan. Where a scan has points in the column of a pixel within the patch, these tell where in the
+//! grow thicker with each scan. Where a scan has points in the column of a pixel within the patch, these show where in the
 //! thickness the surface lies; where it has none the patch is all that is known.
 
 use surfabet_base::parallel;
@@ -82,7 +82,7 @@ impl Shown<'_> {
         self.entries.iter().filter(|entry| entry.facing * self.up >= 0.0).map(|entry| entry.depth)
     }
 
-    /// True for a layer at a depth that the scan shows, or says nothing about.
+    /// True for a layer at a depth that the scan shows, or does not cover.
     pub fn has(&self, depth: f32) -> bool {
         self.entries.is_empty() || self.depths().any(|at| (at - depth).abs() <= SHOWN_REACH)
     }

@@ -7,11 +7,13 @@
 //! |---|---|
 //! | `motion` | where an instance stands: mirrored, turned about one axis of the lattice, and shifted |
 //! | `coding` | instances as binary decisions |
+//! | `order` | what is coded first, and what an instance gives again |
 //! | `model` | what a model knows of its instances |
 
 pub(in crate::patches) mod coding;
 mod model;
 mod motion;
+pub(in crate::patches) mod order;
 
 pub(in crate::patches) use coding::Blocks;
 pub use motion::{Motion, Place};

@@ -42,12 +42,6 @@ fn block_of(leaf: &Leaf, lattice: &Lattice) -> [i32; 3] {
 }
 
 impl PatchModel {
-    /// The share of all patches that instances give.
-    pub fn share_of_instances(&self) -> f64 {
-        let again = self.instances().n_patches() as f64;
-        again / (again + self.len() as f64).max(1.0)
-    }
-
     /// The patches of an instance.
     pub(in crate::patches) fn patches_of<'a>(
         &'a self,

@@ -10,7 +10,7 @@ use super::seen::Seen;
 use super::surface::Surface;
 use crate::error::Result;
 use crate::patches::instances::Motion;
-use crate::patches::order::place_in_order;
+use crate::patches::instances::order::place_in_order;
 
 /// Pixels of a patch by which it is decided whether all are compared.
 const PROBES: usize = 6;

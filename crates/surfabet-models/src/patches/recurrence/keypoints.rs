@@ -1,6 +1,6 @@
-//! Places that look like no other place of the same surface: where normals of three directions meet.
+//! Places that can be told from all others of the same surface: where normals of three directions meet.
 //!
-//! A corner is found again where the scene shows the same thing again, to within a pixel or two. What a place looks like is
+//! A corner is found again where the scene shows the same thing again, to within a pixel or two. Its descriptor is
 //! how much surface there is in each of 6 x 6 x 6 cells around it, along the axes of the lattice: quarter turns and mirrors
 //! only exchange cells.
 
@@ -26,30 +26,30 @@ const LEAST_CORNER: f64 = 4.0;
 /// Keypoints, at most: those with most surface of a third direction.
 const MAX_KEYPOINTS: usize = 4000;
 
-/// Cells along the side of what a place looks like.
+/// Cells along the side of the cube that a descriptor covers.
 const SIDE: usize = 6;
 
 /// Their side, pixels.
-const LOOK_CELL: f32 = 8.0;
+const DESCRIPTOR_CELL: f32 = 8.0;
 
-/// Numbers in a description.
-pub(super) const LOOK: usize = SIDE * SIDE * SIDE;
+/// Numbers in a descriptor.
+pub(super) const DESCRIPTOR: usize = SIDE * SIDE * SIDE;
 
-/// Numbers in a description that turns and mirrors do not change.
+/// Numbers in a descriptor that turns and mirrors do not change.
 pub(super) const INVARIANT: usize = SIDE * RINGS;
 
-/// Distances from the axis of turns that these tell apart.
+/// Distances from the axis of turns among these.
 const RINGS: usize = 6;
 
 /// Turns by quarters, each mirrored or not.
 pub(super) const N_TURNS: usize = 8;
 
-/// A place and what it looks like.
+/// A place with its descriptor: the surface around it.
 pub(super) struct Keypoint {
     /// Pixels of the lattice.
     pub position: [f32; 3],
     /// Share of the surface in each cell around, as vector of unit length.
-    pub look: [f32; LOOK],
+    pub descriptor: [f32; DESCRIPTOR],
     /// Sums of it over what turns exchange.
     pub invariant: [f32; INVARIANT],
 }
@@ -126,14 +126,14 @@ fn strength(cells: &MortonMap<Gathered>, key: u64) -> (f64, [f32; 3]) {
     (all.normals.symmetric_eigenvalues().min(), all.sum.map(|s| s / all.n.max(1.0)))
 }
 
-/// What a place looks like.
+/// The keypoint of a place: shares of the surface in the cells around, their roots as a vector of unit length.
 fn describe(cells: &MortonMap<Gathered>, position: [f32; 3], axis: usize) -> Keypoint {
-    let mut look = [0.0_f32; LOOK];
-    let reach = (0.5 * SIDE as f32 * LOOK_CELL / CELL).ceil() as i32;
+    let mut descriptor = [0.0_f32; DESCRIPTOR];
+    let reach = (0.5 * SIDE as f32 * DESCRIPTOR_CELL / CELL).ceil() as i32;
     for cell in about(key(cell_of(position, CELL)), reach).filter_map(|key| cells.get(&key)) {
-        // From the lowest middle of a cell of the description, in such cells.
+        // From the lowest middle of a cell of the descriptor, in such cells.
         let at: [f32; 3] = std::array::from_fn(|a| {
-            let offset = (cell.sum[a] / cell.n - position[a]) / LOOK_CELL;
+            let offset = (cell.sum[a] / cell.n - position[a]) / DESCRIPTOR_CELL;
             offset + 0.5 * SIDE as f32 - 0.5
         });
         let low = at.map(f32::floor);
@@ -147,16 +147,16 @@ fn describe(cells: &MortonMap<Gathered>, position: [f32; 3], axis: usize) -> Key
                 index[a] = low[a] as i32 + up as i32;
             }
             if index.iter().all(|c| (0..SIDE as i32).contains(c)) {
-                look[number(index.map(|c| c as usize))] += weight;
+                descriptor[number(index.map(|c| c as usize))] += weight;
             }
         }
     }
     // Roots, so that a wall does not outweigh all else.
-    look = look.map(f32::sqrt);
-    let length = look.iter().map(|c| c * c).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
-    look = look.map(|c| c / length);
+    descriptor = descriptor.map(f32::sqrt);
+    let length = descriptor.iter().map(|c| c * c).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+    descriptor = descriptor.map(|c| c / length);
     let mut invariant = [0.0; INVARIANT];
-    for (i, c) in look.iter().enumerate() {
+    for (i, c) in descriptor.iter().enumerate() {
         let at = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)];
         let from = |a: usize| (2 * at[a]).abs_diff(SIDE - 1) / 2;
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3].map(from);
@@ -164,21 +164,21 @@ fn describe(cells: &MortonMap<Gathered>, position: [f32; 3], axis: usize) -> Key
         // The six pairs of distances in 0, 1, 2 whatever their order.
         invariant[RINGS * at[axis] + far * (far + 1) / 2 + near] += c;
     }
-    Keypoint { position, look, invariant }
+    Keypoint { position, descriptor, invariant }
 }
 
-/// Number of a cell of a description.
+/// Number of a cell of a descriptor.
 fn number([x, y, z]: [usize; 3]) -> usize {
     x + SIDE * (y + SIDE * z)
 }
 
-/// For each of the turns the cells of a description that come to each cell: mirrored (bit 2) along the axis after `axis`,
+/// For each of the turns the cells of a descriptor that come to each cell: mirrored (bit 2) along the axis after `axis`,
 /// then turned about it by quarters (the lower bits).
-pub(super) fn exchanges(axis: usize) -> [[u16; LOOK]; N_TURNS] {
+pub(super) fn exchanges(axis: usize) -> [[u16; DESCRIPTOR]; N_TURNS] {
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
     std::array::from_fn(|turn| {
-        let mut exchange = [0; LOOK];
-        for i in 0..LOOK {
+        let mut exchange = [0; DESCRIPTOR];
+        for i in 0..DESCRIPTOR {
             let mut at = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)];
             if turn & 4 != 0 {
                 at[u] = SIDE - 1 - at[u];

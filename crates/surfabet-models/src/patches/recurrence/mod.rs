@@ -1,10 +1,10 @@
-//! What recurs in a scene: patches that are left out where others, moved, say the same.
+//! What recurs in a scene: patches that are left out where others, moved, give the same surface.
 //!
 //! | file | step |
 //! |---|---|
 //! | `surface` | the model's surface as pixels, and what it costs to be described by it |
-//! | `keypoints` | places that look like few others |
-//! | `votes` | motions that keypoints which look alike agree on |
+//! | `keypoints` | places that can be told from most others, with their descriptors |
+//! | `votes` | motions that keypoints with similar descriptors agree on |
 //! | `refine` | these motions, to where surface lies on surface |
 //! | `seen` | what the scan shows at each patch |
 //! | `fit` | what is won with a motion at each patch |
@@ -193,7 +193,7 @@ fn without(
     (coded, Instances { axis, all })
 }
 
-/// What is left of a square without the patches that `is_left_out` tells, one after another in the order of the file.
+/// What is left of a square without the patches of `is_left_out`, one after another in the order of the file.
 fn kept(square: &Square, is_left_out: &mut impl FnMut() -> bool) -> Square {
     match square {
         Square::Empty => Square::Empty,

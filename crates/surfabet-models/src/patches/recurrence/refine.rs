@@ -9,7 +9,7 @@ use super::surface::Surface;
 use super::votes::Candidate;
 use crate::patches::instances::{Motion, Place};
 
-/// How far from keypoints the surface is aligned, pixels: what their descriptions cover.
+/// How far from keypoints the surface is aligned, pixels: what their descriptors cover.
 const REACH: f32 = 24.0;
 
 /// Keypoints whose surface is aligned, at most.

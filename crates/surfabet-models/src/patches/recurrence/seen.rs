@@ -62,8 +62,8 @@ impl<'a> Seen<'a> {
     ) -> Result<Self> {
         let pixel = lattice.pixel_size as f32;
         let step = (samples.all.len() / (MAX_SAMPLES * surface.leaves.len()).max(1)).max(1);
-        let looked_at: Vec<u32> = (0..samples.all.len() as u32).step_by(step).collect();
-        let owners = parallel::map(&looked_at, |&i| {
+        let measured: Vec<u32> = (0..samples.all.len() as u32).step_by(step).collect();
+        let owners = parallel::map(&measured, |&i| {
             let nearest = surface.nearest(samples.all[i as usize].position.map(|c| c / pixel));
             nearest.map(|n| (i, surface.owners[n.pixel]))
         });
@@ -72,7 +72,7 @@ impl<'a> Seen<'a> {
         for (i, owner) in owners.into_iter().flatten() {
             all_of_leaves[owner as usize].push(i);
         }
-        // Only some of each patch are looked at, and numbered anew.
+        // Only some of each patch are measured, and numbered anew.
         let mut kept: Vec<u32> = Vec::new();
         let mut of_leaves = Vec::with_capacity(all_of_leaves.len());
         for all in all_of_leaves {

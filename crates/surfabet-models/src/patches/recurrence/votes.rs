@@ -1,23 +1,23 @@
-//! Which motions take much of the surface to where the surface looks the same: keypoints that look alike vote for them.
+//! Which motions take much of the surface to where the surface looks the same: keypoints with similar descriptors vote for them.
 
 use std::collections::BTreeMap;
 
 use surfabet_base::parallel;
 use surfabet_geom::cells::{cell_of, key, of_key};
 
-use super::keypoints::{Keypoint, LOOK, N_TURNS, exchanges};
-use crate::patches::order::place_in_order;
+use super::keypoints::{DESCRIPTOR, Keypoint, N_TURNS, exchanges};
+use crate::patches::instances::order::place_in_order;
 
 /// Keypoints whose invariant numbers are nearest, of which all turns are compared.
 const COMPARED: usize = 96;
 
-/// Least product of two descriptions of unit length that look alike.
+/// Least product of two descriptors, of unit length, that count as similar.
 const ALIKE: f32 = 0.75;
 
-/// How much less than the best turn another may look alike, of things that are symmetric.
+/// How much less the product of another turn may be than that of the best, of things that are symmetric.
 const NEARLY_AS_MUCH: f32 = 0.03;
 
-/// Matches that are kept of a keypoint: so many that look most alike ...
+/// Matches that are kept of a keypoint: so many that are most similar ...
 const BEST: usize = 4;
 
 /// ... and so many of the first in the order of sources, so that all that recurs points to the same sources.
@@ -29,7 +29,7 @@ const SHIFT_CELL: f32 = 6.0;
 /// Keypoints that must agree.
 const LEAST_VOTES: usize = 4;
 
-/// Motions that are looked at, at most: those with most votes.
+/// Motions that are tried, at most: those with most votes.
 const MAX_CANDIDATES: usize = 40;
 
 /// A motion that some keypoints agree on.
@@ -42,7 +42,7 @@ pub(super) struct Candidate {
     pub sources: Vec<u32>,
 }
 
-/// A keypoint that looks like an earlier one.
+/// A keypoint whose descriptor is like that of an earlier one.
 #[derive(Clone, Copy)]
 struct Match {
     source: u32,
@@ -103,11 +103,11 @@ fn agreed(turn: usize, matches: impl Iterator<Item = Match>) -> Option<(usize, C
     (votes >= LEAST_VOTES).then_some((votes, Candidate { turn, shift, sources }))
 }
 
-/// The earlier keypoints that look like one.
+/// The earlier keypoints with descriptors like that of `target`.
 fn matches_of(
     keypoints: &[Keypoint],
     target: usize,
-    exchanges: &[[u16; LOOK]; N_TURNS],
+    exchanges: &[[u16; DESCRIPTOR]; N_TURNS],
     axis: usize,
 ) -> Vec<Match> {
     let own = &keypoints[target];
@@ -124,18 +124,18 @@ fn matches_of(
         near.select_nth_unstable_by(COMPARED, by_distance);
         near.truncate(COMPARED);
     }
-    // What the source would look like, for each turn that takes it to this.
-    let turned_back: [[f32; LOOK]; N_TURNS] = std::array::from_fn(|turn| {
-        let mut look = [0.0; LOOK];
-        for (&i, c) in exchanges[turn].iter().zip(own.look) {
-            look[usize::from(i)] = c;
+    // The descriptor that the source would have, for each turn that takes it to this.
+    let turned_back: [[f32; DESCRIPTOR]; N_TURNS] = std::array::from_fn(|turn| {
+        let mut descriptor = [0.0; DESCRIPTOR];
+        for (&i, c) in exchanges[turn].iter().zip(own.descriptor) {
+            descriptor[usize::from(i)] = c;
         }
-        look
+        descriptor
     });
     let mut alike: Vec<(f32, u32, [f32; N_TURNS])> = Vec::new();
     for (_, j) in near {
-        let look = &keypoints[j as usize].look;
-        let product = |turn: usize| product(&turned_back[turn], look);
+        let descriptor = &keypoints[j as usize].descriptor;
+        let product = |turn: usize| product(&turned_back[turn], descriptor);
         let products: [f32; N_TURNS] = std::array::from_fn(product);
         let best = products.iter().copied().fold(0.0, f32::max);
         if best >= ALIKE {
@@ -159,8 +159,8 @@ fn matches_of(
     matches
 }
 
-/// Product of two descriptions, in eight sums that do not wait for one another.
-fn product(a: &[f32; LOOK], b: &[f32; LOOK]) -> f32 {
+/// Product of two descriptors, in eight sums that do not wait for one another.
+fn product(a: &[f32; DESCRIPTOR], b: &[f32; DESCRIPTOR]) -> f32 {
     let mut sums = [0.0; 8];
     for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
         (0..8).for_each(|k| sums[k] += a[k] * b[k]);

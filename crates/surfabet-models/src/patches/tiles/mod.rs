@@ -13,7 +13,7 @@
 //! | `kept` | sheets that stay as they are when a tile is learned again |
 //! | `details` | coarser models of the same tiles |
 //! | `recipe` | what a map remembers, so that a tile can be learned again |
-//! | `views` | how the sides of surfaces are known, and points that say so |
+//! | `views` | how the sides of surfaces are known, and points that carry it |
 
 mod bounds;
 mod details;
@@ -165,7 +165,7 @@ impl TilePlan {
     }
 
     /// A cloud as tiles are learned from it when their scans are no longer there: about the origin of the lattice, with what
-    /// tells the sides of surfaces and without ranges.
+    /// gives the sides of surfaces and without ranges.
     ///
     /// # Errors
     /// [`Error::TooLarge`] for a cloud that does not fit the lattice; [`Error::InvalidParameter`] for one that does not know
@@ -204,7 +204,7 @@ impl Shares {
     }
 }
 
-/// The finest pixel that tells which tile a sheet belongs to: the first one of its square, at the depth of that run which is
+/// The finest pixel that decides which tile a sheet belongs to: the first one of its square, at the depth of that run which is
 /// nearest to the mean depth.
 fn place(sheet: &Sheet, tile_pixels: i32) -> [i32; 3] {
     let [d, u, v] = axes_of(sheet.side);

@@ -1,4 +1,4 @@
-//! How the sides of surfaces are known, and decoded points that say so in the same way as those of a scan.
+//! How the sides of surfaces are known, and decoded points that carry it in the same way as those of a scan.
 
 use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, PointCloud, Survey, Viewpoints};
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 /// How far before a decoded point its viewpoint is put, metres: the direction alone counts.
 const ARM: f64 = 1.0;
 
-/// What of a scan tells the sides of its surfaces.
+/// What of a scan gives the sides of its surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Views {
     /// Nothing.
@@ -21,7 +21,7 @@ pub enum Views {
 }
 
 impl Views {
-    /// What tells them in a cloud of which the survey is known.
+    /// What gives them in a cloud of which the survey is known.
     pub(super) fn of(cloud: &PointCloud, survey: &Survey) -> Self {
         if cloud.viewpoints().is_some() {
             return Self::Viewpoints;
@@ -30,7 +30,7 @@ impl Views {
         if by_normals && cloud.normals().is_some() { Self::Normals } else { Self::None }
     }
 
-    /// The cloud with what tells the sides, and without what does not: decoded points and those of a scan alike.
+    /// The cloud with what gives the sides, and without what does not: decoded points and those of a scan alike.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] for a cloud that does not know the sides of its surfaces where a map does.
@@ -55,7 +55,7 @@ impl Views {
 }
 
 fn no_sides() -> Error {
-    let requirement = "with viewpoints or normals, as the scans that the map was learned from: they tell the sides of surfaces";
+    let requirement = "with viewpoints or normals, as the scans that the map was learned from: they give the sides of surfaces";
     Error::invalid("cloud", "one without", requirement)
 }
 

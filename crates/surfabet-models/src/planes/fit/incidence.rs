@@ -1,8 +1,8 @@
 //! Noise across a surface and the angle at which it was seen.
 //!
 //! A laser errs along its rays, so that the points of a surface scatter across it by `sigma_r cos(theta)`, where `theta` is the angle
-//! between ray and normal: a wall in front of the sensor looks rougher than one along which it looks. Other noise, of merged scans or of
-//! positions of the sensor, is the same at every angle. Which of both it is, the flat cells of the cloud tell.
+//! between ray and normal: a wall in front of the sensor appears rougher than one seen at a grazing angle. Other noise, of merged scans or of
+//! positions of the sensor, is the same at every angle. Which of both it is, is measured on the flat cells of the cloud.
 
 use crate::planes::constants::{INCIDENCE_GAIN, LEAST_COSINE, LEAST_NOISE_FACTOR, MOST_ALONG_RAYS};
 
@@ -20,7 +20,7 @@ impl Incidence {
     /// From cells: standard deviation across their plane, mean cosine of the angle between their normal and where they were
     /// seen from, and weight. Noise is along the rays where that makes the deviations of all cells clearly more alike: their
     /// median distance from the median, in logarithms. Where most was seen at a small angle, as the ground of a street, that
-    /// says little of the rest.
+    /// holds little about the rest.
     pub fn of(cells: &[(f64, f64, f64)]) -> Self {
         let cells: Vec<_> = cells.iter().filter(|c| c.0.is_finite() && c.0 > 0.0).collect();
         let across: Vec<_> = cells.iter().map(|c| (c.0.ln(), c.2)).collect();

@@ -1,7 +1,7 @@
 //! What the likelihood loses without a patch, and the patches that the others explain as well.
 //!
 //! Where two surfaces are less than some standard deviations apart, EM may lay a third patch between both, which lives on the
-//! tails of their noise. Each has its share of the points, and no two of them merge. The likelihood tells: without the one
+//! tails of their noise. Each has its share of the points, and no two of them merge. The likelihood decides: without the one
 //! in between, the other two grow denser and explain its points about as well.
 
 use std::collections::BTreeMap;

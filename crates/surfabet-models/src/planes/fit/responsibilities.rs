@@ -88,7 +88,7 @@ impl Responsibilities {
         (self.distances().sum::<f64>() / near.max(1) as f64, near as f64 / all.max(1) as f64)
     }
 
-    /// Sorts what the chunks of all points say by patch, of `n`.
+    /// The probabilities and supports of the chunks of all points, sorted by patch, of `n`.
     pub(super) fn new(n: usize, chunks: Vec<Chunk>) -> Self {
         let parts: Vec<Part> = parallel::map_range_with(
             chunks.len(),
@@ -114,7 +114,7 @@ impl Responsibilities {
     }
 }
 
-/// What a chunk says, by patch.
+/// Probabilities and supports of a chunk, sorted by patch.
 struct Part {
     /// The patches of which it has entries, ascending.
     runs: Vec<Run>,

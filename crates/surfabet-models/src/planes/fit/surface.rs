@@ -1,6 +1,6 @@
 //! Patches that are no surface: through the middle of clutter, across a corner, along something bent, between two surfaces.
 //!
-//! No single figure tells them apart. A logistic regression weighs six that each say something; what it learned from is
+//! No single figure separates them. A logistic regression weighs six that each help; what it learned from is
 //! in docs/benchmarks/planes.md.
 
 use surfabet_base::parallel;
@@ -15,13 +15,13 @@ use crate::planes::constants::{
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 
-/// What tells a surface from other patches.
+/// Figures by which a surface differs from other patches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Evidence {
     /// What the likelihood loses without it, per point: something between two surfaces is explained by both.
     gain: f64,
-    /// Standard deviation of its points about its plane, in that of the noise: a bent surface has more, one of several layers that
-    /// are none has less.
+    /// Standard deviation of its points about its plane, in that of the noise: a bent surface has more, one of several thin
+    /// layers has less.
     spread: f64,
     /// Fourth moment of these distances by the square of the second: 3 for normal noise, less where a patch cuts a slice
     /// out of something thick, whose sides are sharp.

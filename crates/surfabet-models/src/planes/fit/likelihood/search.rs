@@ -13,7 +13,7 @@ use crate::planes::fit::m_step::plane;
 use crate::planes::patch::Frame;
 use crate::vector::{dot, minus};
 
-/// Directions in a rectangle along which folds are looked for, and places along each.
+/// Directions in a rectangle along which folds are searched, and places along each.
 const DIRECTIONS: usize = 4;
 const PLACES: usize = 16;
 

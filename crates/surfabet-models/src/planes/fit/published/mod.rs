@@ -1,7 +1,7 @@
 //! The method as it is printed: EMPF, split, EMPF, merge without what was added to them.
 //!
 //! Every point supports the patch that is most probable for it, however far; tiles have the side G; rectangles lie along
-//! the principal axes; splits are at gaps, merges by the paper's two conditions. What could not work as printed is told where
+//! the principal axes; splits are at gaps, merges by the paper's two conditions. What could not work as printed is named where
 //! it is done, and in docs/methods/planes.md.
 
 mod merge;

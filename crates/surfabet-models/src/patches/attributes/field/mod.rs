@@ -8,22 +8,44 @@
 //!
 //! Values are whole numbers, in units of 2^-6, and so is all that is computed from them. So readers and writers agree
 //! on every platform, and the models of a coefficient may depend on what is predicted: where it changes much, more is missed.
+//!
+//! | file | step |
+//! |---|---|
+//! | `coding` | the ways to code a field that files have |
+//! | `pyramid` | cells joined by eights, the way down them, and the parents around a cell |
+//! | `whole_butterflies` | the transform of a cell's children, in whole numbers |
+//! | `butterflies` | the same in single precision |
+//! | `coefficients` | all coefficients of a field, in their order |
+//! | `models` | models of the coefficients, and what they depend on |
+//! | `choice` | when learning: coefficients of least cost |
+//! | `older`, `older_models` | fields of older files |
+
+mod butterflies;
+mod choice;
+mod coding;
+mod coefficients;
+mod models;
+mod older;
+mod older_models;
+mod pyramid;
+mod whole_butterflies;
 
 use std::ops::Range;
 
 use surfabet_entropy::Coder;
 use surfabet_geom::morton::step;
 
-use super::butterflies::Butterflies;
 use super::cells::index;
-use super::choice::choose;
-use super::coefficients::Coded;
-use super::field_coding::FieldCoding;
-use super::field_models::{Beside, CellContext, FieldModels};
-use super::older_field::{self, OlderField};
-use super::pyramid::{PyramidLevel, descend, from_parents, pyramid};
-use super::whole_butterflies::{FRACTION, WholeButterflies, bounded};
 use crate::patches::constants::{MISSED_SHARE, PARENT_WEIGHTS, STEP_SHARES};
+use butterflies::Butterflies;
+use choice::choose;
+pub use coding::FieldCoding;
+use coefficients::Coded;
+use models::{Beside, CellContext, FieldModels};
+use older::OlderField;
+use pyramid::{PyramidLevel, descend, from_parents, pyramid};
+pub(super) use whole_butterflies::FRACTION;
+use whole_butterflies::{WholeButterflies, bounded};
 
 /// Rounding of the coefficients of each channel, for values times the root of the number of cells; 1 to 4096.
 #[derive(Debug, Clone, Copy)]
@@ -85,9 +107,8 @@ pub(super) fn code_field<C: Coder, const N: usize>(
     coding: FieldCoding,
     coefficients: Option<&[i32]>,
 ) -> Result<CellValues<N>, C::Error> {
-    let older = |coder: &mut C, coding| {
-        older_field::code_field(coder, cells, steps.0, coding, coefficients)
-    };
+    let older =
+        |coder: &mut C, coding| older::code_field(coder, cells, steps.0, coding, coefficients);
     match coding {
         FieldCoding::Whole => {
             let source = coefficients.map_or(FieldSource::Stream, FieldSource::Model);
@@ -337,7 +358,7 @@ mod tests {
     use proptest::prelude::*;
     use surfabet_entropy::Price;
 
-    use super::super::field_models::MAX_COEFFICIENT;
+    use super::models::MAX_COEFFICIENT;
 
     proptest! {
         #[test]

@@ -2,15 +2,15 @@
 
 use surfabet_geom::vector::{dot, length, minus};
 
-use super::constants::{CROSSING_MARGIN, EXPLAINED, HIDDEN, LEAST_INCIDENCE, SAME_NORMAL};
-use super::map::Localizer;
-use super::placement::Placement;
-use super::refine::{Rows, matched};
-use super::samples::Sample;
+use crate::locate::constants::{CROSSING_MARGIN, EXPLAINED, HIDDEN, LEAST_INCIDENCE, SAME_NORMAL};
+use crate::locate::map::Localizer;
+use crate::locate::placement::Placement;
+use crate::locate::refine::{Rows, matched};
+use crate::locate::samples::Sample;
 
 /// Shares of a scan's samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Evidence {
+pub(in crate::locate) struct Evidence {
     /// On a mapped surface that faces the same axis.
     pub explained: f64,
     /// Seen through a mapped surface.
@@ -24,7 +24,11 @@ pub(super) struct Evidence {
 }
 
 /// The evidence for a pose.
-pub(super) fn evidence(map: &Localizer, samples: &[Sample], placement: &Placement) -> Evidence {
+pub(in crate::locate) fn evidence(
+    map: &Localizer,
+    samples: &[Sample],
+    placement: &Placement,
+) -> Evidence {
     let rows = Rows::of(&placement.rotation);
     let at: [f32; 3] = std::array::from_fn(|a| placement.translation[a] as f32);
     let tolerance = (EXPLAINED * map.cell) as f32;

@@ -1,8 +1,8 @@
 //! Choice of the coefficients of a cell: of least Lagrangian cost `J = D + lambda R`.
 
+use super::Steps;
 use super::coefficients::Coefficients;
-use super::field::Steps;
-use super::field_models::{CellContext, FieldModels, MAX_COEFFICIENT, Prices};
+use super::models::{CellContext, FieldModels, MAX_COEFFICIENT, Prices};
 
 /// Coefficients q of a cell that cost least; coefficient `i` of `residuals` is in slot `slots[i]`.
 ///

@@ -6,7 +6,7 @@ use std::ops::Range;
 use surfabet_base::parallel;
 use surfabet_geom::morton::step;
 
-use super::cells::index;
+use crate::patches::attributes::cells::index;
 
 /// Cells of one size: those of a pyramid's first level carry the field, each further level joins them by eights.
 pub(super) struct PyramidLevel<'a, const N: usize> {

@@ -1,6 +1,6 @@
 //! The adaptive models of a field, and the contexts that choose between them.
 //!
-//! Each decision is made by several models at once, which look at different things: the level and how much was coded
+//! Each decision is made by several models at once, which depend on different things: the level and how much was coded
 //! around, how much the prediction changes, what was coded along the same axis beside and before. Which of them pay was
 //! found on coefficients of a kitchen and of a simulated room (docs/benchmarks/patches.md).
 
@@ -15,7 +15,7 @@ const MAX_EXPONENT: u32 = 24;
 /// Levels of the pyramid with models of their own, from the cells up.
 const LEVELS: usize = 12;
 
-/// The same where a model looks at something else as well.
+/// The same where a model depends on something else as well.
 const FEW_LEVELS: usize = 5;
 
 /// Classes of how many coefficients are coded around a cell.
@@ -267,7 +267,7 @@ impl<const N: usize> Default for FieldModels<N> {
 
 impl<const N: usize> FieldModels<N> {
     /// Writes, reads or prices the coefficients of a cell: whether any is not zero, then all, channel by channel within
-    /// each butterfly. Gives what the cells beside it look at.
+    /// each butterfly. Gives what the contexts of the cells beside it depend on.
     ///
     /// # Errors
     /// Whatever the coder finds wrong with what it reads.

@@ -2,8 +2,8 @@
 
 use surfabet_base::parallel;
 
-use super::constants::LEVELS;
 use super::grid::Lattice;
+use crate::locate::constants::LEVELS;
 
 /// Bits of the axes that surfaces face, around every cell, by level.
 ///
@@ -12,13 +12,13 @@ use super::grid::Lattice;
 /// box takes a sample from its lowest place over at most those cells, so what is not in them no translation of the box can
 /// reach.
 #[derive(Debug, Clone)]
-pub(super) struct Pyramid {
+pub(in crate::locate) struct Pyramid {
     pub levels: Vec<Level>,
 }
 
 /// One level.
 #[derive(Debug, Clone)]
-pub(super) struct Level {
+pub(in crate::locate) struct Level {
     pub lattice: Lattice,
     bits: Vec<u8>,
 }
@@ -102,8 +102,12 @@ impl Level {
     }
 }
 
-/// Bits that the samples of all `directions` face along three `axes`: see [`super::constants::FACES_AXIS`].
-pub(super) fn facing_bits(normals: &[[f32; 3]], axes: &[[f32; 3]; 3], least: f32) -> Vec<u8> {
+/// Bits that the samples of all `directions` face along three `axes`: see [`crate::locate::constants::FACES_AXIS`].
+pub(in crate::locate) fn facing_bits(
+    normals: &[[f32; 3]],
+    axes: &[[f32; 3]; 3],
+    least: f32,
+) -> Vec<u8> {
     parallel::map(normals, |&n| {
         if n == [0.0; 3] {
             return 7;

@@ -6,7 +6,7 @@
 //! double precision holds them too.
 
 /// Fractional bits of a value.
-pub(super) const FRACTION: u32 = 6;
+pub(in crate::patches::attributes) const FRACTION: u32 = 6;
 
 /// Fractional bits of the factors f and g.
 const FACTOR_BITS: u32 = 20;

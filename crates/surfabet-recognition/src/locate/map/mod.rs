@@ -1,5 +1,9 @@
 //! The map side: the surfaces of a model as samples, and what is computed from them once.
 
+mod grid;
+mod nearest;
+mod pyramid;
+
 use surfabet_geom::{PointCloud, Progress, vector};
 use surfabet_models::{DecodeOptions, Error, Result, SurfaceModel};
 
@@ -8,9 +12,9 @@ use super::constants::{
     SAMPLES_PER_CELL,
 };
 use super::directions::{Density, Directions, axes_of};
-use super::grid::Lattice;
-use super::nearest::Nearest;
-use super::pyramid::{Pyramid, facing_bits};
+use grid::Lattice;
+use nearest::Nearest;
+use pyramid::{Pyramid, facing_bits};
 
 /// Most samples of a map.
 const MAX_SAMPLES: u64 = 20_000_000;

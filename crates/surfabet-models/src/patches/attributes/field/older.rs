@@ -11,13 +11,13 @@ use std::ops::Range;
 use surfabet_entropy::Coder;
 use surfabet_geom::morton::{MortonMap, step};
 
+use super::CellValues;
 use super::butterflies::Butterflies;
-use super::cells::index;
 use super::coefficients::{Coded, Coefficients};
-use super::field::CellValues;
-use super::field_models::MAX_COEFFICIENT;
+use super::models::MAX_COEFFICIENT;
 use super::older_models::{CellContext, FieldModels};
 use super::pyramid::{PyramidLevel, descend, from_parents, pyramid};
+use crate::patches::attributes::cells::index;
 
 /// What an older way to code a field is made of.
 #[derive(Debug, Clone, Copy)]

@@ -4,6 +4,6 @@
 const DIRECTION: [f32; 3] = [1.0, 0.618, 0.237];
 
 /// Where a position comes in the order of sources.
-pub(super) fn place_in_order(p: [f32; 3]) -> f32 {
+pub(in crate::patches) fn place_in_order(p: [f32; 3]) -> f32 {
     (0..3).map(|a| DIRECTION[a] * p[a]).sum()
 }

@@ -7,18 +7,18 @@ use surfabet_base::parallel;
 use surfabet_entropy::Price;
 use surfabet_geom::Progress;
 
-use super::choice::{Choice, PointPrice};
-use super::coding::{Geometry, GeometryModels, MAX_SHEETS, code_geometry, first_depth};
-use super::constants::{LEAST_PRICE_SHARE, PRICE_STEPS};
-use super::model::{Lattice, SheetTree, Square};
-use super::options::{DEPTH_STEPS, PatchesOptions};
-use super::sheets::Sheet;
-use super::surface::basis::Basis;
-use super::surface::leaf::Leaf;
+use super::{Choice, PointPrice};
 use crate::error::Result;
+use crate::patches::coding::{Geometry, GeometryModels, MAX_SHEETS, code_geometry, first_depth};
+use crate::patches::constants::{LEAST_PRICE_SHARE, PRICE_STEPS};
+use crate::patches::model::{Lattice, SheetTree, Square};
+use crate::patches::options::{DEPTH_STEPS, PatchesOptions};
+use crate::patches::sheets::Sheet;
+use crate::patches::surface::basis::Basis;
+use crate::patches::surface::leaf::Leaf;
 
 /// The sheets that patches are chosen for, and what the choice depends on.
-pub(super) struct Rounds<'a> {
+pub(in crate::patches) struct Rounds<'a> {
     pub lattice: Lattice,
     /// Sheets of the part that is described.
     pub sheets: &'a [Sheet],
@@ -36,7 +36,7 @@ pub(super) struct Rounds<'a> {
 
 /// What the rounds chose.
 #[derive(Default)]
-pub(super) struct RoundsOutcome {
+pub(in crate::patches) struct RoundsOutcome {
     pub geometry: Geometry,
     /// Patches just beyond the part that is described.
     pub near: Vec<Leaf>,

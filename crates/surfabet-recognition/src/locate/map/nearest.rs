@@ -1,12 +1,12 @@
 //! The nearest sample of the map's surface, at every cell near one.
 
-use super::constants::REACH;
 use super::grid::Lattice;
+use crate::locate::constants::REACH;
 use surfabet_geom::vector::squared_distance;
 
 /// Numbers of the nearest samples by cell.
 #[derive(Debug, Clone)]
-pub(super) struct Nearest {
+pub(in crate::locate) struct Nearest {
     lattice: Lattice,
     number: Vec<u32>,
 }

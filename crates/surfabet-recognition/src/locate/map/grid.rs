@@ -4,7 +4,7 @@ use surfabet_geom::cells::cell_of;
 
 /// The cells of side `cell` from a lowest corner on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Lattice {
+pub(in crate::locate) struct Lattice {
     /// Lowest corner, metres about the map's origin.
     pub low: [f32; 3],
     /// Side of a cell, metres.

@@ -2,16 +2,16 @@
 
 use nalgebra::SymmetricEigen;
 
-use super::constants::{FINE_REACH, FREE, LOOSE, SLIDE, VERIFIED_SAMPLES};
-use super::decide::Candidate;
-use super::map::{Localizer, evenly};
-use super::refine::facing;
-use super::samples::Sample;
+use super::Candidate;
 use super::verify::evidence;
+use crate::locate::constants::{FINE_REACH, FREE, LOOSE, SLIDE, VERIFIED_SAMPLES};
+use crate::locate::map::{Localizer, evenly};
+use crate::locate::refine::facing;
+use crate::locate::samples::Sample;
 
 /// The direction along which a place is free: surfaces that face it hold the position little, and [`SLIDE`] metres farther along it
 /// the evidence is as good.
-pub(super) fn free_direction(
+pub(in crate::locate) fn free_direction(
     map: &Localizer,
     samples: &[Sample],
     candidate: &Candidate,

@@ -1,5 +1,8 @@
 //! Which poses are accepted, with what probability, and why none is.
 
+mod slide;
+mod verify;
+
 use std::fmt;
 
 use nalgebra::Vector3;
@@ -16,9 +19,10 @@ use super::map::{Localizer, evenly};
 use super::placement::Placement;
 use super::refine::covariance;
 use super::samples::Sample;
-use super::slide::free_direction;
-use super::verify::Evidence;
 use super::{Located, Location};
+use slide::free_direction;
+use verify::Evidence;
+pub(super) use verify::evidence;
 
 /// A refined pose.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +32,7 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Whether it is accepted and explains so much that no other place need be looked for.
+    /// Whether it is accepted and explains so much that the search ends.
     pub fn is_clear(&self, demands: &Demands) -> bool {
         self.evidence.explained >= CLEARLY_EXPLAINED && self.evidence.refusal(demands).is_none()
     }
@@ -102,7 +106,7 @@ pub enum Refusal {
     },
     /// At the best place the scan sees through mapped surfaces, or hides them.
     Contradicted {
-        /// The share that does, of what the map can say something about.
+        /// The share that does, of the samples that the pose explains or contradicts.
         contradicted: f64,
         /// The largest share that is accepted.
         limit: f64,
@@ -146,14 +150,14 @@ impl fmt::Display for Refusal {
             Self::Loose { along: [x, y, z] } => write!(
                 f,
                 "the map looks the same along the direction ({x:.2}, {y:.2}, {z:.2}), and nothing \
-                 in the scan tells where on it"
+                 in the scan fixes the position on it"
             ),
         }
     }
 }
 
 impl Evidence {
-    /// Logarithm of the likelihood, up to a constant. What the map cannot say anything about counts as a share [`UNKNOWN`] of what
+    /// Logarithm of the likelihood, up to a constant. Samples neither explained nor contradicted count as a share [`UNKNOWN`] of what
     /// is explained as closely as the rest: the scan may see beyond the map.
     pub fn rank(&self) -> f64 {
         let unknown = (1.0 - self.explained - self.contradicted - self.in_front).max(0.0);
@@ -167,7 +171,7 @@ impl Evidence {
         MOST_AGAINST + AGAINST_PER_EXPLAINED * more
     }
 
-    /// Share that is against the pose of all that the map can say something about.
+    /// Share against the pose, of the samples that it explains or contradicts.
     fn against(&self) -> f64 {
         let against = self.contradicted + self.in_front;
         against / (against + self.explained).max(1e-9)
