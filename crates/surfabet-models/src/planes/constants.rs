@@ -210,8 +210,13 @@ pub(super) const FITTED_POINTS: usize = 200_000;
 
 /// Gain of a step below which the last climb ends, in the logarithm of the likelihood: the parameters are then within a
 /// fraction of their standard deviations of the best. And its most steps.
-pub(super) const LEAST_GAIN: f64 = 0.05;
+pub(super) const LEAST_GAIN: f64 = 0.005;
 pub(super) const LAST_STEPS: usize = 30;
+
+/// Distance up to which the middle of an edge may be an edge on another rectangle's plane, in sigma, and the standard deviation
+/// with which it is held there, in sigma.
+pub(super) const TIE_SIGMAS: f64 = 2.0;
+pub(super) const TIE_STIFFNESS: f64 = 0.02;
 
 /// Standard deviation up to which the points of two rectangles may be one plane, in sigma.
 pub(super) const FLAT_SIGMAS: f64 = 1.6;
