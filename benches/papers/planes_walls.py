@@ -75,10 +75,14 @@ class Walls:
         by_noise = sum(p * s[:, -1] for p, s in zip(shares, scores, strict=True))
         by_weight = (shares[:3] - (self.lengths / self.lengths.sum())[:3, None]).T
         score = np.column_stack([*by_wall, by_noise, by_weight])
-        # Scaled, since parameters have different units.
+        # Scaled, since parameters have different units. In each of the three corners a longer wall
+        # and a shorter neighbour have the same density to first order, so that three directions of
+        # edges and shares have no information. Planes have no part in them: left out by the
+        # pseudoinverse, they change no bound of theirs.
         information = score.T @ score / len(points) * n
         scale = np.sqrt(np.diag(information))
-        covariance = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
+        scaled = information / np.outer(scale, scale)
+        covariance = np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) / np.outer(scale, scale)
         tilts = np.concatenate([[8 * k, 8 * k + 1] for k in range(4)])
         rng = np.random.default_rng(0)
         errors = rng.multivariate_normal(np.zeros(8), covariance[np.ix_(tilts, tilts)], 20_000)

@@ -6,21 +6,27 @@
 //!
 //! over points `a_i` and rectangles `j` with the weights `w`, which add up to one; `c` is the density of points anywhere,
 //! even over the box around all. It climbs by scoring: with `s_i` the derivative of the logarithm of point `i`, the step is
-//! `(sum_i s_i s_i^T)^-1 sum_i s_i`, damped as by Levenberg and Marquardt (Berndt, Hall, Hall and Hausman 1974). Weights are
-//! those of EM.
+//! `(sum_i s_i s_i^T)^-1 sum_i s_i`, damped as by Levenberg and Marquardt (Berndt, Hall, Hall and Hausman 1974). The weights
+//! of the rectangles move in the same step: where two walls meet, their edges follow their weights, and with weights by EM, one
+//! step of these after one of the others, hundreds of steps end before the top. `w_0` alone is that of EM.
 
 use nalgebra::{DMatrix, DVector};
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::rectangle::{PARAMETERS, Rectangle};
+use super::ties::{Residual, Tie};
 use crate::error::Result;
+use crate::planes::constants::TIE_STIFFNESS;
 
 /// Points per unit of parallel work; sums over units are added in order.
 const CHUNK: usize = 512;
 
 /// Probabilities below this do not count.
 const LEAST_SHARE: f64 = 1e-6;
+
+/// Least share of the points that are anywhere.
+const LEAST_REST: f64 = 1e-9;
 
 /// First damping as a share of the diagonal, its factors after good and bad steps, and where climbing ends.
 const DAMPING: f64 = 1e-2;
@@ -30,6 +36,9 @@ const MOST_DAMPING: f64 = 1e6;
 
 /// Most that a step turns a rectangle, radians.
 const MOST_TURN: f64 = 0.3;
+
+/// Most that a step changes the logarithm of a weight.
+const MOST_GROWTH: f64 = 1.0;
 
 /// A mixture and its fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,15 +52,17 @@ pub(super) struct Mixture {
     pub sigma: f64,
     /// Density of points that are anywhere, per cubic metre.
     pub anywhere: f64,
-    /// Logarithm of the likelihood.
+    /// Edges that are held on planes.
+    pub ties: Vec<Tie>,
+    /// Logarithm of the likelihood, less what holding the ties takes.
     pub log_likelihood: f64,
 }
 
 /// Sums over points.
 struct Sums {
     log_likelihood: f64,
-    /// Sum of the probabilities of each rectangle, and of the rest.
-    shares: Vec<f64>,
+    /// Sum of the probabilities that points are anywhere.
+    rest: f64,
     gradient: DVector<f64>,
     information: DMatrix<f64>,
 }
@@ -62,12 +73,30 @@ impl Mixture {
         let area: f64 = rectangles.iter().map(Rectangle::area).sum();
         let rest = 0.02;
         let weights = rectangles.iter().map(|r| (1.0 - rest) * r.area() / area).collect();
-        Self { rectangles, weights, rest, sigma, anywhere, log_likelihood: f64::NEG_INFINITY }
+        let (ties, log_likelihood) = (Vec::new(), f64::NEG_INFINITY);
+        Self { rectangles, weights, rest, sigma, anywhere, ties, log_likelihood }
     }
 
-    /// Number of parameters of the planes, outlines and noise.
+    /// The mixture with edges held where they end on another rectangle's plane, as far as the points can tell.
+    pub fn tied(mut self, points: &[[f64; 3]]) -> Self {
+        let information = damped(self.sums(points).information, 0.0).cholesky();
+        let likely = |tie: &Tie| {
+            information.as_ref().is_some_and(|i| tie.is_likely(&self.rectangles, i, points.len()))
+        };
+        let mut ties = Tie::candidates(&self.rectangles, self.sigma);
+        ties.retain(likely);
+        self.ties = ties;
+        self
+    }
+
+    /// Number of parameters: planes and outlines, the noise, and the logarithm of each weight by the last.
     fn n_parameters(&self) -> usize {
-        PARAMETERS * self.rectangles.len() + 1
+        PARAMETERS * self.rectangles.len() + 1 + self.rectangles.len().saturating_sub(1)
+    }
+
+    /// The parameter that is the noise; weights follow.
+    fn at_sigma(&self) -> usize {
+        PARAMETERS * self.rectangles.len()
     }
 
     /// Climbs until a step gains less than `least` in the logarithm of the likelihood, at most `steps` steps.
@@ -84,13 +113,9 @@ impl Mixture {
         for _ in 0..steps {
             progress.check()?;
             let before = self.log_likelihood;
-            let n = points.len() as f64;
-            let k = self.rectangles.len();
-            let mut next = self.clone();
-            next.weights = sums.shares[..k].iter().map(|s| s / n).collect();
-            next.rest = (sums.shares[k] / n).max(1e-9);
+            let rest = (sums.rest / points.len() as f64).max(LEAST_REST);
             loop {
-                let moved = next.stepped(&sums, damping);
+                let moved = self.stepped(&sums, damping, rest);
                 let tried = moved.as_ref().map(|m| m.sums(points));
                 if let (Some(mut moved), Some(tried)) = (moved, tried)
                     && tried.log_likelihood > before
@@ -113,18 +138,14 @@ impl Mixture {
         Ok(self)
     }
 
-    /// The mixture after a damped step; `None` where there is none.
-    fn stepped(&self, sums: &Sums, damping: f64) -> Option<Self> {
-        let mut matrix = sums.information.clone();
-        for i in 0..matrix.nrows() {
-            matrix[(i, i)] += damping * matrix[(i, i)] + f64::MIN_POSITIVE.sqrt();
-        }
-        let step = matrix.cholesky()?.solve(&sums.gradient);
+    /// The mixture after a damped step, with this share of points that are anywhere; `None` where there is none.
+    fn stepped(&self, sums: &Sums, damping: f64, rest: f64) -> Option<Self> {
+        let step = damped(sums.information.clone(), damping).cholesky()?.solve(&sums.gradient);
         if !step.iter().all(|c| c.is_finite()) {
             return None;
         }
-        let last = step.len() - 1;
-        let sigma = self.sigma * step[last].clamp(-0.5, 0.5).exp();
+        let at = self.at_sigma();
+        let sigma = self.sigma * step[at].clamp(-0.5, 0.5).exp();
         let rectangles = self
             .rectangles
             .iter()
@@ -135,7 +156,14 @@ impl Mixture {
                 rectangle.moved(&own, sigma)
             })
             .collect();
-        Some(Self { rectangles, sigma, ..self.clone() })
+        let by = |j: usize| {
+            step.get(at + 1 + j).map_or(1.0, |s| s.clamp(-MOST_GROWTH, MOST_GROWTH).exp())
+        };
+        let mut weights: Vec<f64> =
+            self.weights.iter().enumerate().map(|(j, w)| w * by(j)).collect();
+        let all = (1.0 - rest) / weights.iter().sum::<f64>();
+        weights.iter_mut().for_each(|w| *w *= all);
+        Some(Self { rectangles, weights, rest, sigma, ..self.clone() })
     }
 
     fn sums(&self, points: &[[f64; 3]]) -> Sums {
@@ -143,18 +171,34 @@ impl Mixture {
         let mut total = self.no_sums();
         for sums in chunks {
             total.log_likelihood += sums.log_likelihood;
-            total.shares.iter_mut().zip(sums.shares).for_each(|(a, b)| *a += b);
+            total.rest += sums.rest;
             total.gradient += sums.gradient;
             total.information += sums.information;
         }
+        self.hold(&mut total);
         total
+    }
+
+    /// Adds what holds the ties.
+    fn hold(&self, sums: &mut Sums) {
+        let precision = (TIE_STIFFNESS * self.sigma).powi(-2);
+        for tie in &self.ties {
+            let Residual { distance, by } = tie.residual(&self.rectangles);
+            sums.log_likelihood -= 0.5 * precision * distance * distance;
+            for &(a, g) in &by {
+                sums.gradient[a] -= precision * distance * g;
+                for &(b, h) in &by {
+                    sums.information[(b, a)] += precision * g * h;
+                }
+            }
+        }
     }
 
     fn no_sums(&self) -> Sums {
         let n = self.n_parameters();
         Sums {
             log_likelihood: 0.0,
-            shares: vec![0.0; self.rectangles.len() + 1],
+            rest: 0.0,
             gradient: DVector::zeros(n),
             information: DMatrix::zeros(n, n),
         }
@@ -162,8 +206,9 @@ impl Mixture {
 
     fn sums_of(&self, points: &[[f64; 3]]) -> Sums {
         let mut sums = self.no_sums();
-        let k = self.rectangles.len();
-        let last = self.n_parameters() - 1;
+        let at = self.at_sigma();
+        let n_weights = self.n_parameters() - at - 1;
+        let all: f64 = self.weights.iter().sum();
         let mut score: Vec<(usize, f64)> = Vec::new();
         for &p in points {
             let mut near = Vec::new();
@@ -176,12 +221,18 @@ impl Mixture {
                 }
             }
             sums.log_likelihood += density.ln();
-            sums.shares[k] += self.rest * self.anywhere / density;
+            let rest = self.rest * self.anywhere / density;
+            sums.rest += rest;
             score.clear();
             let mut by_sigma = 0.0;
+            // With w_j ~ exp(e_j) the derivative by e_j is p_j - w_j, of the points that are not anywhere.
+            let mut by_weight: Vec<f64> =
+                self.weights[..n_weights].iter().map(|w| -w / all * (1.0 - rest)).collect();
             for (j, of, scores) in near {
                 let share = of / density;
-                sums.shares[j] += share;
+                if let Some(by) = by_weight.get_mut(j) {
+                    *by += share;
+                }
                 if share > LEAST_SHARE {
                     let by = scores.by.iter().enumerate();
                     score.extend(by.map(|(i, s)| (PARAMETERS * j + i, share * s)));
@@ -189,7 +240,8 @@ impl Mixture {
                     by_sigma += share * scores.by_sigma * self.sigma;
                 }
             }
-            score.push((last, by_sigma));
+            score.push((at, by_sigma));
+            score.extend((at + 1..).zip(by_weight));
             for &(a, s) in &score {
                 sums.gradient[a] += s;
                 for &(b, t) in &score {
@@ -221,4 +273,12 @@ impl Mixture {
         }
         members
     }
+}
+
+/// A matrix with its diagonal grown by this share, as by Levenberg and Marquardt, and positive where it is zero.
+fn damped(mut matrix: DMatrix<f64>, damping: f64) -> DMatrix<f64> {
+    for i in 0..matrix.nrows() {
+        matrix[(i, i)] += damping * matrix[(i, i)] + f64::MIN_POSITIVE.sqrt();
+    }
+    matrix
 }

@@ -8,6 +8,7 @@
 mod mixture;
 mod rectangle;
 mod search;
+mod ties;
 
 use surfabet_geom::Progress;
 
@@ -93,19 +94,9 @@ fn together(
     limits: Limits,
     progress: &dyn Progress,
 ) -> Result<Option<Fitted>> {
-    let rectangles: Vec<Rectangle> = group
-        .iter()
-        .filter_map(|&j| {
-            let Patch { moments, whole, .. } = &patches[j as usize];
-            let own: Vec<[f64; 3]> =
-                whole.iter().map(|&i| points.positions[i as usize].map(f64::from)).collect();
-            around(&own, moments, 0..own.len() as u32, limits.deviation)
-                .filter(|r| r.unevenness(own.iter().copied()) <= FIRST_UNEVEN)
-        })
-        .collect();
-    if rectangles.len() < group.len() {
+    let Some(rectangles) = first(points, patches, &group, limits.deviation) else {
         return Ok(None);
-    }
+    };
     let reach = 2.0 * limits.grid_size;
     let mut blocks: Vec<u32> =
         group.iter().flat_map(|&j| patches[j as usize].blocks(points, reach)).collect();
@@ -140,9 +131,35 @@ fn together(
     if !found.rectangles.iter().zip(&members).all(even) {
         return Ok(None);
     }
-    let fitted = found.climb(&some(&set, FITTED_POINTS), LAST_STEPS, LEAST_GAIN, progress)?;
+    let all = some(&set, FITTED_POINTS);
+    let free = found.climb(&all, LAST_STEPS, LEAST_GAIN, progress)?;
+    let fitted = free.tied(&all).climb(&all, LAST_STEPS, LEAST_GAIN, progress)?;
     let rectangles = fitted.rectangles.iter().map(|r| (r.frame, r.half)).collect();
     Ok(Some(Fitted { replaced: group, rectangles }))
+}
+
+/// The rectangles of the patches of a group; `None` where points are not even over them, on average over all points. A sliver
+/// that competes with two walls for the points in their corner is uneven, as a patch across the corner is, and both are what
+/// the search is for: they hold few of the points.
+fn first(
+    points: &Points,
+    patches: &[Patch],
+    group: &[u32],
+    deviation: f64,
+) -> Option<Vec<Rectangle>> {
+    let (mut uneven, mut all) = (0.0, 0.0);
+    let mut rectangles = Vec::new();
+    for &j in group {
+        let Patch { moments, whole, .. } = &patches[j as usize];
+        let own: Vec<[f64; 3]> =
+            whole.iter().map(|&i| points.positions[i as usize].map(f64::from)).collect();
+        let rectangle = around(&own, moments, 0..own.len() as u32, deviation)?;
+        let n = own.len() as f64;
+        uneven += n * rectangle.unevenness(own.into_iter());
+        all += n;
+        rectangles.push(rectangle);
+    }
+    (uneven <= FIRST_UNEVEN * all).then_some(rectangles)
 }
 
 /// The shorter side of a patch, metres.

@@ -126,6 +126,21 @@ impl Rectangle {
         if mean > 0.0 { (variance - mean).max(0.0).sqrt() / mean } else { f64::INFINITY }
     }
 
+    /// The middle of the low (`side` -1) or the high (1) edge along an axis.
+    pub fn edge(&self, axis: usize, side: f64) -> [f64; 3] {
+        let mut at = [0.0; 2];
+        at[axis] = side * self.half[axis];
+        self.frame.at(at)
+    }
+
+    /// True for a place that is this near to the rectangle's plane, and beside it no further away.
+    pub fn is_within(&self, p: [f64; 3], reach: f64) -> bool {
+        let d = minus(p, self.frame.center);
+        dot(d, self.frame.normal).abs() <= reach
+            && dot(d, self.frame.u).abs() <= self.half[0] + reach
+            && dot(d, self.frame.v).abs() <= self.half[1] + reach
+    }
+
     /// True when the spheres around both rectangles overlap.
     pub fn is_near(&self, other: &Self) -> bool {
         let radius = |r: &Self| r.half[0].hypot(r.half[1]);
