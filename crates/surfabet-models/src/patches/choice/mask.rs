@@ -18,6 +18,63 @@ struct PixelCosts {
     unset: [f32; AREA],
 }
 
+/// Contexts of the pixels of a level.
+const CONTEXTS: usize = pixel_context(1, [0; 4]);
+
+/// Pixels from one row of a [`MaskGrid`] to the next.
+const STRIDE: usize = SIDE + 2;
+
+/// A mask with a rim of unknown pixels, and what its pixels cost in bits.
+struct MaskGrid {
+    /// Row by row, from the rim above; below there is none.
+    states: [u8; STRIDE * (SIDE + 1)],
+    bits: [[f32; 2]; CONTEXTS],
+}
+
+impl MaskGrid {
+    fn new(mask: u64, bits: [[f32; 2]; CONTEXTS]) -> Self {
+        let mut grid = Self { states: [UNKNOWN as u8; STRIDE * (SIDE + 1)], bits };
+        (0..AREA).for_each(|pixel| grid.set(pixel, mask >> pixel & 1 != 0));
+        grid
+    }
+
+    /// Where a pixel stands.
+    fn at(pixel: usize) -> usize {
+        (pixel / SIDE + 1) * STRIDE + pixel % SIDE + 1
+    }
+
+    fn set(&mut self, pixel: usize, set: bool) {
+        self.states[Self::at(pixel)] = u8::from(set);
+    }
+
+    /// Bits that a pixel takes in its context.
+    fn bits(&self, pixel: usize) -> f32 {
+        let at = Self::at(pixel);
+        let state = |back: usize| usize::from(self.states[at - back]);
+        let states = [state(1), state(STRIDE), state(STRIDE + 1), state(STRIDE - 1)];
+        self.bits[pixel_context(0, states)][state(0)]
+    }
+
+    /// Bits of a pixel and of the four that it is context of.
+    fn bits_about(&self, pixel: usize) -> f32 {
+        let (column, below) = (pixel % SIDE, pixel + SIDE);
+        let mut bits = self.bits(pixel);
+        if column + 1 < SIDE {
+            bits += self.bits(pixel + 1);
+        }
+        if below < AREA {
+            bits += self.bits(below);
+            if column + 1 < SIDE {
+                bits += self.bits(below + 1);
+            }
+            if column > 0 {
+                bits += self.bits(below - 1);
+            }
+        }
+        bits
+    }
+}
+
 impl Choice<'_> {
     /// Pixels that are worth setting, and the cost J of them and of those that are not. At least one of the set pixels
     /// holds a run.
@@ -36,14 +93,14 @@ impl Choice<'_> {
                 .max_by(|&a, &b| (unset[a] - set[a]).total_cmp(&(unset[b] - set[b])));
             mask |= most.map_or(1, |p| 1_u64 << p);
         }
+        let mut grid = MaskGrid::new(mask, self.mask_bits(at.level));
         for _ in 0..MASK_PASSES {
             for pixel in 0..AREA {
-                mask = self.reconsider(mask, pixel, measured, &costs, at.level);
+                mask = self.reconsider(mask, pixel, measured, &costs, &mut grid);
             }
         }
         let loss: f32 = (0..AREA).map(|p| if mask >> p & 1 != 0 { set[p] } else { unset[p] }).sum();
-        let bits: f32 =
-            full.cost(false) + (0..AREA).map(|p| self.pixel_bits(mask, p, at.level)).sum::<f32>();
+        let bits: f32 = full.cost(false) + (0..AREA).map(|p| grid.bits(p)).sum::<f32>();
         let partial = loss + self.lambda * bits;
         if all <= partial { (u64::MAX, all) } else { (mask, partial) }
     }
@@ -56,39 +113,26 @@ impl Choice<'_> {
         pixel: usize,
         measured: u64,
         costs: &PixelCosts,
-        level: u32,
+        grid: &mut MaskGrid,
     ) -> u64 {
-        let (column, below) = (pixel % SIDE, pixel + SIDE);
-        let touched = [
-            Some(pixel),
-            (column + 1 < SIDE).then_some(pixel + 1),
-            (below < AREA).then_some(below),
-            (column + 1 < SIDE && below + 1 < AREA).then_some(below + 1),
-            (column > 0 && below - 1 < AREA).then_some(below - 1),
-        ];
-        let cost = |mask: u64, loss: f32| {
-            let bits: f32 =
-                touched.iter().flatten().map(|&p| self.pixel_bits(mask, p, level)).sum();
-            loss + self.lambda * bits
-        };
         let (with, without) = (mask | 1 << pixel, mask & !(1 << pixel));
-        let keep = without & measured == 0;
-        if keep || cost(with, costs.set[pixel]) <= cost(without, costs.unset[pixel]) {
-            with
-        } else {
-            without
-        }
+        let mut cost = |set: bool, loss: f32| {
+            grid.set(pixel, set);
+            loss + self.lambda * grid.bits_about(pixel)
+        };
+        let is_set = without & measured == 0
+            || cost(true, costs.set[pixel]) <= cost(false, costs.unset[pixel]);
+        grid.set(pixel, is_set);
+        if is_set { with } else { without }
     }
 
-    /// Bits that a pixel of the mask takes in its context, with unknown pixels beyond the patch.
-    fn pixel_bits(&self, mask: u64, pixel: usize, level: u32) -> f32 {
-        let (column, row) = (pixel % SIDE, pixel / SIDE);
-        let state = |du: isize, dv: isize| {
-            let (x, y) = (column.wrapping_add_signed(du), row.wrapping_add_signed(dv));
-            if x < SIDE && y < SIDE { (mask >> (y * SIDE + x) & 1) as usize } else { UNKNOWN }
-        };
-        let states = [state(-1, 0), state(0, -1), state(-1, -1), state(1, -1)];
-        self.models.mask[pixel_context(level, states)].cost(mask >> pixel & 1 != 0)
+    /// Bits of a pixel of a level by context and value.
+    fn mask_bits(&self, level: u32) -> [[f32; 2]; CONTEXTS] {
+        let first = pixel_context(level, [0; 4]);
+        std::array::from_fn(|context| {
+            let model = &self.models.mask[first + context];
+            [false, true].map(|set| model.cost(set))
+        })
     }
 
     /// What each pixel costs without its bits. Unset, its n samples lie at a mean squared distance of `side^2 / 3` from

@@ -170,15 +170,16 @@ impl Choice<'_> {
         limit: f32,
     ) -> Option<ChosenSquare> {
         let half = self.lattice.patch_width(at.level + 1) as usize;
+        let mut below: [Vec<Run>; 4] = Default::default();
+        for run in runs {
+            let right = usize::from(usize::from(run.u) - at.corner[0] >= half);
+            let lower = usize::from(usize::from(run.v) - at.corner[1] >= half);
+            below[2 * lower + right].push(*run);
+        }
         let mut children: [Square; 4] = Default::default();
-        for (child, square) in children.iter_mut().enumerate() {
+        for (child, (square, runs)) in children.iter_mut().zip(&below).enumerate() {
             let corner = [at.corner[0] + (child & 1) * half, at.corner[1] + (child >> 1) * half];
-            let inside = |r: &&Run| {
-                (corner[0]..corner[0] + half).contains(&usize::from(r.u))
-                    && (corner[1]..corner[1] + half).contains(&usize::from(r.v))
-            };
-            let below: Vec<Run> = runs.iter().filter(inside).copied().collect();
-            let chosen = self.square(pixels, &below, self.tile_square(at.level + 1, corner));
+            let chosen = self.square(pixels, runs, self.tile_square(at.level + 1, corner));
             cost += chosen.cost;
             *square = chosen.square;
             if cost >= limit {
