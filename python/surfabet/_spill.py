@@ -345,7 +345,7 @@ class Spill:
             for low, high in zip(first, last, strict=True):
                 for _, start, count in self.pages[low:high].tolist():
                     file.seek(start * size)
-                    _read_into(file, records[at : at + count * size])
+                    _read_into(file, records[at : at + count * size].data)
                     at += count * size
         corners = self.corners(wanted) - np.array(origin)
         points = _core.cloud_of_records(
@@ -376,9 +376,8 @@ class Spill:
         return PointCloud(points.local_points, extra=extra or None, origin=origin, **given)
 
 
-def _read_into(file: io.FileIO, bytes_: NDArray[np.uint8]) -> None:
-    """Fills an array from where a file stands."""
-    rest = memoryview(bytes_)
+def _read_into(file: io.FileIO, rest: memoryview) -> None:
+    """Fills memory from where a file stands."""
     while rest:
         if not (n := file.readinto(rest)):
             raise OSError(f"{file.name} ends early: remove the folder and start again")

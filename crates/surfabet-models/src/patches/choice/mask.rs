@@ -186,24 +186,33 @@ pub(super) fn fill_holes(runs: &mut Vec<Run>, holes: u64, at: TileSquare, densit
 pub(super) fn distances_to_runs(runs: &[Run], width: usize) -> Vec<f32> {
     const REACH: usize = 4;
     const ACROSS: usize = 2 * REACH + 1;
-    let off = |i: usize| i.abs_diff(REACH);
-    let about: [[f32; ACROSS]; ACROSS] = std::array::from_fn(|row| {
-        std::array::from_fn(|column| (off(row).pow(2) + off(column).pow(2)) as f32)
-    });
-    // With a rim as wide as the reach, so that all around a run lies within.
+    const FAR: f32 = (REACH * REACH) as f32;
+    let steps = || (0..ACROSS).map(|i| (i, i.abs_diff(REACH).pow(2) as f32));
+    // With a rim as wide as the reach, so that all around a pixel lies within.
     let stride = width + 2 * REACH;
-    let mut squared = vec![(REACH * REACH) as f32; stride * stride];
+    let mut at_runs = vec![FAR; width * stride];
     for run in runs {
-        let first = usize::from(run.v) * stride + usize::from(run.u);
-        for (row, of_row) in about.iter().enumerate() {
-            for (d, &of) in squared[first + row * stride..][..ACROSS].iter_mut().zip(of_row) {
-                *d = d.min(of);
-            }
+        at_runs[usize::from(run.v) * stride + usize::from(run.u) + REACH] = 0.0;
+    }
+    // Along rows, then along columns.
+    let mut along = vec![FAR; stride * width];
+    let rows = along[REACH * width..].chunks_exact_mut(width);
+    for (row, of_runs) in rows.zip(at_runs.chunks_exact(stride)) {
+        for (i, off) in steps() {
+            row.iter_mut().zip(&of_runs[i..]).for_each(|(d, run)| *d = d.min(run + off));
+        }
+    }
+    let mut squared = vec![FAR; width * width];
+    for (v, row) in squared.chunks_exact_mut(width).enumerate() {
+        for (i, off) in steps() {
+            let of_row = &along[(v + i) * width..][..width];
+            row.iter_mut().zip(of_row).for_each(|(d, along)| *d = d.min(along + off));
         }
     }
     // Samples of the other pixel lie about its middle, some of them closer.
-    let rows = squared.chunks(stride).skip(REACH).take(width);
-    rows.flat_map(|row| &row[REACH..REACH + width])
-        .map(|&d| if d > 0.0 { (d.sqrt() - NEAREST_SAMPLE).powi(2) } else { 0.0 })
-        .collect()
+    let nearest = |d: &mut f32| {
+        *d = if *d > 0.0 { (d.sqrt() - NEAREST_SAMPLE).powi(2) } else { 0.0 };
+    };
+    squared.iter_mut().for_each(nearest);
+    squared
 }

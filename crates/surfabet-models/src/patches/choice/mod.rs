@@ -11,11 +11,13 @@
 //! | `beside` | price of points beside the patches |
 //! | `mask` | pixels of a patch |
 //! | `shape` | depth of a patch as a sum of shapes, and its thickness |
+//! | `solution` | coefficients of more and more shapes |
 
 mod beside;
 mod mask;
 mod misfit;
 mod shape;
+mod solution;
 
 use crate::patches::coding::{GeometryModels, SET, beside_context, split_context};
 use crate::patches::constants::{DECODED_WEIGHT, MAX_STRAY, SHEET_BITS};
@@ -170,12 +172,15 @@ impl Choice<'_> {
         limit: f32,
     ) -> Option<ChosenSquare> {
         let half = self.lattice.patch_width(at.level + 1) as usize;
-        let mut below: [Vec<Run>; 4] = Default::default();
-        for run in runs {
+        let child_of = |run: &Run| {
             let right = usize::from(usize::from(run.u) - at.corner[0] >= half);
             let lower = usize::from(usize::from(run.v) - at.corner[1] >= half);
-            below[2 * lower + right].push(*run);
-        }
+            2 * lower + right
+        };
+        let mut sizes = [0; 4];
+        runs.iter().for_each(|run| sizes[child_of(run)] += 1);
+        let mut below = sizes.map(Vec::with_capacity);
+        runs.iter().for_each(|run| below[child_of(run)].push(*run));
         let mut children: [Square; 4] = Default::default();
         for (child, (square, runs)) in children.iter_mut().zip(&below).enumerate() {
             let corner = [at.corner[0] + (child & 1) * half, at.corner[1] + (child >> 1) * half];
@@ -193,8 +198,8 @@ impl Choice<'_> {
     /// One patch for all runs of a square: first its mask, then depth and thickness for the runs of set pixels.
     fn patch(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> ChosenSquare {
         let (mask, mut cost) = self.mask(pixels, runs, at);
-        let mut inside: Vec<Run> =
-            runs.iter().filter(|r| mask >> at.pixel_of(r) & 1 != 0).copied().collect();
+        let mut inside: Vec<Run> = Vec::with_capacity(runs.len() + mask.count_ones() as usize);
+        inside.extend(runs.iter().filter(|r| mask >> at.pixel_of(r) & 1 != 0));
         let n_measured = inside.len();
         let measured = inside.iter().fold(0_u64, |measured, r| measured | 1 << at.pixel_of(r));
         fill_holes(&mut inside, mask & !measured, at, pixels.density);
