@@ -22,8 +22,9 @@ impl Scene {
                 let parameters = sample_face(&solid.shape, face, spacing);
                 let found = parallel::gather(parameters.len(), |i, found| {
                     let on = solid.shape.at(face, parameters[i]);
-                    if self.exposed(s, &on) {
-                        found.push((self.to_world(s, &on), self.surface(s, &on)));
+                    let place = self.to_world(s, &on);
+                    if !self.is_covered(s, &place) {
+                        found.push((place, self.surface(s, &on)));
                     }
                 });
                 samples.instances.extend(found.iter().map(|_| solid.instance));

@@ -29,25 +29,33 @@ struct MaskGrid {
     /// Row by row, from the rim above; below there is none.
     states: [u8; STRIDE * (SIDE + 1)],
     bits: [[f32; 2]; CONTEXTS],
+    /// No less than [`Self::bits_about`] any pixel, rounding included.
+    most_about: f32,
 }
 
 impl MaskGrid {
     fn new(mask: u64, bits: [[f32; 2]; CONTEXTS]) -> Self {
-        let mut grid = Self { states: [UNKNOWN as u8; STRIDE * (SIDE + 1)], bits };
+        let most = bits.as_flattened().iter().copied().fold(0.0, f32::max);
+        let most_about = most + most + most + most + most;
+        let states = [UNKNOWN as u8; STRIDE * (SIDE + 1)];
+        let mut grid = Self { states, bits, most_about };
         (0..AREA).for_each(|pixel| grid.set(pixel, mask >> pixel & 1 != 0));
         grid
     }
 
     /// Where a pixel stands.
+    #[inline]
     fn at(pixel: usize) -> usize {
         (pixel / SIDE + 1) * STRIDE + pixel % SIDE + 1
     }
 
+    #[inline]
     fn set(&mut self, pixel: usize, set: bool) {
         self.states[Self::at(pixel)] = u8::from(set);
     }
 
     /// Bits that a pixel takes in its context.
+    #[inline]
     fn bits(&self, pixel: usize) -> f32 {
         let at = Self::at(pixel);
         let state = |back: usize| usize::from(self.states[at - back]);
@@ -56,6 +64,7 @@ impl MaskGrid {
     }
 
     /// Bits of a pixel and of the four that it is context of.
+    #[inline]
     fn bits_about(&self, pixel: usize) -> f32 {
         let (column, below) = (pixel % SIDE, pixel + SIDE);
         let mut bits = self.bits(pixel);
@@ -116,12 +125,20 @@ impl Choice<'_> {
         grid: &mut MaskGrid,
     ) -> u64 {
         let (with, without) = (mask | 1 << pixel, mask & !(1 << pixel));
+        // Mostly bits make no difference.
+        let most_bits = self.lambda * grid.most_about;
         let mut cost = |set: bool, loss: f32| {
             grid.set(pixel, set);
             loss + self.lambda * grid.bits_about(pixel)
         };
-        let is_set = without & measured == 0
-            || cost(true, costs.set[pixel]) <= cost(false, costs.unset[pixel]);
+        let (set, unset) = (costs.set[pixel], costs.unset[pixel]);
+        let is_set = if without & measured == 0 || set + most_bits <= unset {
+            true
+        } else if set > unset + most_bits {
+            false
+        } else {
+            cost(true, set) <= cost(false, unset)
+        };
         grid.set(pixel, is_set);
         if is_set { with } else { without }
     }

@@ -113,6 +113,7 @@ impl Basis {
     }
 
     /// All shapes at half-pixel position `(hu, hv)` from the corner of the patch, 0 to `2 * pixels`.
+    #[inline]
     pub fn at(&self, hu: usize, hv: usize) -> [i32; N_SHAPES] {
         let (x, y) = (&self.values[hu.min(self.halves)][0], &self.values[hv.min(self.halves)][1]);
         // Each factor takes 13 bits and a sign.
