@@ -167,9 +167,8 @@ mod tests {
             let runs: Vec<BrickRun> = wanted.iter().map(run).collect();
             let again = positions_of_records(&records(&found.positions), 16, &runs);
             for (p, &i) in again.iter().zip(&found.order) {
-                for a in 0..3 {
-                    prop_assert!((p[a] - cloud.positions()[i as usize][a]).abs() < 2e-6);
-                }
+                let q = cloud.positions()[i as usize];
+                prop_assert!(p.iter().zip(q).all(|(p, q)| (p - q).abs() < 2e-6));
             }
         }
     }
