@@ -18,6 +18,11 @@ def set_num_threads(n_threads: int | None) -> None: ...
 def get_num_threads() -> int: ...
 
 @final
+class Stop:
+    def __new__(cls) -> Stop: ...
+    def set(self) -> None: ...
+
+@final
 class PointCloud:
     def __new__(
         cls,
@@ -548,7 +553,21 @@ def learn_tile(
     options: Mapping[str, object],
     *,
     progress: ProgressCallback | None,
+    stop: Stop | None,
 ) -> bytes | None: ...
+
+BRICK_HALF: int
+
+def sort_by_bricks(
+    cloud: PointCloud, side: float, base: Sequence[int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint32], NDArray[np.float32]]: ...
+def cloud_of_records(
+    records: NDArray[np.uint8],
+    size: int,
+    counts: Sequence[int],
+    corners: NDArray[np.float64],
+    origin: Sequence[float],
+) -> PointCloud: ...
 
 _Places: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 

@@ -3,6 +3,7 @@ without the others."""
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import shutil
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from surfabet import _core
 from surfabet._core import PointCloud
 from surfabet.errors import InvalidInputError
 
@@ -23,7 +25,7 @@ _POINTS = "points.bin"
 _INDEX = "points.npz"
 _ABOUT = "points.json"
 
-HALF = 1 << 20
+HALF = _core.BRICK_HALF
 """Coordinates of bricks about the first one are less, so that three fit a key of 63 bits."""
 
 # Space that is left to others on the disk, bytes.
@@ -142,6 +144,7 @@ class SpillWriter:
         bounds = first.bounds
         middle = np.zeros(3) if bounds is None else np.mean(bounds, axis=0)
         self.base = np.floor(middle / side).astype(np.int64)
+        self._base = self.base.tolist()
         self.figures: dict[str, Figures] = {}
         self.viewpoints: list[NDArray[np.float64]] = []
         self.n_viewpoints = 0
@@ -177,43 +180,32 @@ class SpillWriter:
         for column in _columns_of(cloud, self.names):
             if column.name not in known:
                 self._lose(column.name)
-        bricks = self._bricks(cloud)
-        near = (np.abs(bricks) < HALF).all(axis=1)
-        if not near.all():
-            self.too_far += int((~near).sum())
-            cloud, bricks = cloud.select(near), bricks[near]
-        shifted = bricks + HALF
-        keys = (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]
-        order = np.argsort(keys, kind="stable")
-        records = self._records(cloud, bricks)[order]
-        keys = keys[order]
-        starts = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]][: len(keys)])
-        counts = np.diff(np.r_[starts, len(keys)])
-        self._pages.append(np.column_stack([keys[starts], self._written + starts, counts]))
-        records.tofile(self._file)
-        self._written += len(records)
-        self.n_points += len(records)
+        keys, counts, order, positions = _core.sort_by_bricks(cloud, self.side, self._base)
+        if len(order) < len(cloud):
+            self.too_far += len(cloud) - len(order)
+            cloud = cloud.select(np.sort(order))
+            keys, counts, order, positions = _core.sort_by_bricks(cloud, self.side, self._base)
+        starts = self._written + np.cumsum(counts) - counts
+        self._pages.append(np.column_stack([keys, starts, counts]))
+        self._records(cloud, order, positions).tofile(self._file)
+        self._written += len(order)
+        self.n_points += len(order)
 
-    def _bricks(self, cloud: PointCloud) -> NDArray[np.int64]:
-        local, origin = cloud.local_points, np.array(cloud.origin)
-        bricks = np.floor((local.astype(np.float64) + origin) / self.side)
-        # Far beyond any key, but still integers.
-        bricks = np.clip(bricks - self.base, -2.0 * HALF, 2.0 * HALF)
-        whole: NDArray[np.int64] = bricks.astype(np.int64)
-        return whole
-
-    def _records(self, cloud: PointCloud, bricks: NDArray[np.int64]) -> NDArray[Any]:
-        records = np.zeros(len(cloud), self.record)
-        corner = (bricks + self.base) * self.side
-        world = cloud.local_points.astype(np.float64) + np.array(cloud.origin)
-        records["position"] = world - corner
+    def _records(
+        self, cloud: PointCloud, order: NDArray[np.uint32], positions: NDArray[np.float32]
+    ) -> NDArray[Any]:
+        """What is written of the points, whose positions are in this order."""
+        if len(self.columns) == 1:
+            return positions
+        records = np.zeros(len(order), self.record)
+        records["position"] = positions
         for column in self.columns[1:]:
             values = self._values(cloud, column)
             if values is None:
                 if not self.absent_is_zero:
                     self._lose(column.name)
                 continue
-            records[column.name] = values
+            records[column.name] = values[order]
             if column.name.startswith("attribute "):
                 self.figures.setdefault(column.name, Figures()).add(values)
         return records
@@ -343,31 +335,29 @@ class Spill:
         wanted = np.sort(np.fromiter(bricks, np.int64))
         if not len(wanted):
             raise InvalidInputError("no bricks to read")
-        record = _record(self.columns)
+        size = _record(self.columns).itemsize
+        n_of_bricks = self.counts[wanted]
+        records = np.empty(int(n_of_bricks.sum()) * size, np.uint8)
         first = np.searchsorted(self.pages[:, 0], self.keys[wanted], side="left")
         last = np.searchsorted(self.pages[:, 0], self.keys[wanted], side="right")
-        parts: list[NDArray[Any]] = []
-        n_of_bricks = []
-        with (self.folder / _POINTS).open("rb") as file:
+        at = 0
+        with (self.folder / _POINTS).open("rb", buffering=0) as file:
             for low, high in zip(first, last, strict=True):
-                n = 0
-                for _, start, count in self.pages[low:high]:
-                    file.seek(int(start) * record.itemsize)
-                    parts.append(np.fromfile(file, record, int(count)))
-                    n += len(parts[-1])
-                n_of_bricks.append(n)
-        records = np.concatenate(parts)
-        del parts
-        if len(records) != int(self.counts[wanted].sum()):
-            raise OSError(f"{self.folder / _POINTS} ends early: remove the folder and start again")
-        shift = self.corners(wanted) - np.array(origin)
-        position = records["position"].astype(np.float64) + np.repeat(shift, n_of_bricks, axis=0)
-        return self._cloud(position.astype(np.float32), records, origin)
+                for _, start, count in self.pages[low:high].tolist():
+                    file.seek(start * size)
+                    _read_into(file, records[at : at + count * size].data)
+                    at += count * size
+        corners = self.corners(wanted) - np.array(origin)
+        points = _core.cloud_of_records(
+            records, size, n_of_bricks.tolist(), corners, [float(c) for c in origin]
+        )
+        return self._with_columns(points, records.view(_record(self.columns)))
 
-    def _cloud(
-        self, position: NDArray[np.float32], records: NDArray[Any], origin: Sequence[float]
-    ) -> PointCloud:
+    def _with_columns(self, points: PointCloud, records: NDArray[Any]) -> PointCloud:
+        """The points of records with all other columns of these."""
         kept = {c.name for c in self.columns} - set(self.lost)
+        if len(kept) == 1:
+            return points
         given: dict[str, Any] = {
             name: np.ascontiguousarray(records[name])
             for name in ("colors", "normals", "ranges")
@@ -382,4 +372,13 @@ class Spill:
         if "viewpoint" in kept:
             used, index = np.unique(records["viewpoint"], return_inverse=True)
             given |= {"viewpoints": self.viewpoints[used], "viewpoint_index": index}
-        return PointCloud(position, extra=extra or None, origin=list(origin), **given)
+        origin = list(points.origin)
+        return PointCloud(points.local_points, extra=extra or None, origin=origin, **given)
+
+
+def _read_into(file: io.FileIO, rest: memoryview) -> None:
+    """Fills memory from where a file stands."""
+    while rest:
+        if not (n := file.readinto(rest)):
+            raise OSError(f"{file.name} ends early: remove the folder and start again")
+        rest = rest[n:]

@@ -10,8 +10,16 @@ import shutil
 import tempfile
 import threading
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,6 +71,9 @@ _STRAY_POINTS = 1000
 _MANIFEST = "manifest.json"
 _WINDOW = 2
 """Tiles that wait for each worker."""
+
+_POLL = 0.1
+"""Seconds between looks for signals."""
 
 
 @dataclass(frozen=True)
@@ -122,24 +133,26 @@ def learn_tile(
     options: Mapping[str, Any],
     *,
     progress: ProgressCallback | None = None,
+    stop: _core.Stop | None = None,
 ) -> bytes | None:
     """The tile in a cube as the bytes of a file of its own, from points among which are all within
     `plan["margin"]` metres of it; None where no point lies in it.
 
     The bytes depend on the arguments alone: on no other tile, and not on the number of threads.
-    `surfabet.merge_tiles` puts tiles together, in any order.
+    `surfabet.merge_tiles` puts tiles together, in any order. On a thread that signals do not reach,
+    `stop` ends the work from another one, with a KeyboardInterrupt.
     """
-    return _core.learn_tile(cloud, cube, dict(plan), options, progress=progress)
+    return _core.learn_tile(cloud, cube, dict(plan), options, progress=progress, stop=stop)
 
 
-def run_job(job: TileJob, progress: ProgressCallback | None = None) -> str:
+def run_job(job: TileJob, stop: _core.Stop | None = None) -> str:
     """Learns a tile and writes it; gives the path of its file. A cube without points has an empty
     one."""
     if job.path.exists():
         # Clusters run a task again when its result was lost with the worker that held it.
         return str(job.path)
     cloud = Spill.open(Path(job.work)).read(job.bricks, job.plan["origin"])
-    data = learn_tile(cloud, job.cube, job.plan, job.options, progress=progress) or b""
+    data = learn_tile(cloud, job.cube, job.plan, job.options, stop=stop) or b""
     job.path.parent.mkdir(exist_ok=True)
     # A thread of an executor that broke may still be at the same tile.
     partial = job.path.with_suffix(f".{os.getpid()}-{threading.get_ident()}.part")
@@ -191,7 +204,8 @@ def learn_patches_tiled(
     executor
         Learns the tiles: any `concurrent.futures.Executor`, such as a `ProcessPoolExecutor`, or
         what `dask.distributed.Client.get_executor(pure=False)` gives. Its workers need to see the
-        folder `work`. By default they are learned here, one after another, on all threads.
+        folder `work`. By default they are learned here on all threads, several at once where the
+        memory is enough for them.
     workers
         Number of workers of the executor, for the share of the memory that each may take.
     work
@@ -266,7 +280,8 @@ def learn_patches_tiled(
         plan, jobs, left_out = _planned(
             spill, work_folder, (tile, details), max_memory // workers, options, tell
         )
-        n_learned = _learn(jobs, executor, workers, tell)
+        here = _Here(spill, max_memory)
+        n_learned = _learn(jobs, executor, workers, here, tell)
         report = _written(path, spill, plan, jobs, note, left_out, n_learned)
     _warn(spill, report)
     return report
@@ -374,33 +389,51 @@ def _written_points(
     named: Sequence[str] | None,
     tell: ProgressCallback,
 ) -> SpillWriter:
-    """All points of the source on disk."""
+    """All points of the source on disk: a chunk is written while the source makes the next one."""
     writer: SpillWriter | None = None
     n_read = 0
     try:
-        for cloud in chunks:
-            if writer is None:
-                if not len(cloud):
-                    continue
-                spacing = survey(cloud).spacing or 0.01
-                names = ("colors", "intensities") if named is None else tuple(named)
-                side = _BRICK_SPACINGS * spacing
-                if tile is not None:
-                    # Tiles that are too small are refused later, by the size of pixels.
-                    side = min(side, max(0.25 * tile, spacing))
-                writer = SpillWriter(folder, side, cloud, names, chunks.absent_is_zero)
-                if chunks.n_points is not None:
-                    check_space(folder, chunks.n_points * writer.record.itemsize)
-            writer.add(cloud)
-            n_read += len(cloud)
-            known = chunks.n_points
-            tell("read points", 0.3 * min(1.0, n_read / known) if known else 0.0)
+        with ThreadPoolExecutor(1) as aside:
+            written: Future[None] | None = None
+            for cloud in chunks:
+                if writer is None:
+                    if not len(cloud):
+                        continue
+                    writer = _writer_of(cloud, chunks, folder, tile, named)
+                if written is not None:
+                    written.result()
+                written = aside.submit(writer.add, cloud)
+                n_read += len(cloud)
+                known = chunks.n_points
+                tell("read points", 0.3 * min(1.0, n_read / known) if known else 0.0)
+            if written is not None:
+                written.result()
         if writer is None:
             raise InvalidInputError("the source has no points; a map needs at least one")
         return writer
     finally:
         if writer is not None:
             writer.close()
+
+
+def _writer_of(
+    first: PointCloud,
+    chunks: Chunks,
+    folder: Path,
+    tile: float | None,
+    named: Sequence[str] | None,
+) -> SpillWriter:
+    """A writer of the points of chunks like the first one with points."""
+    spacing = survey(first).spacing or 0.01
+    names = ("colors", "intensities") if named is None else tuple(named)
+    side = _BRICK_SPACINGS * spacing
+    if tile is not None:
+        # Tiles that are too small are refused later, by the size of pixels.
+        side = min(side, max(0.25 * tile, spacing))
+    writer = SpillWriter(folder, side, first, names, chunks.absent_is_zero)
+    if chunks.n_points is not None:
+        check_space(folder, chunks.n_points * writer.record.itemsize)
+    return writer
 
 
 def _planned(
@@ -561,8 +594,56 @@ def members_of(
     return members
 
 
+class _Here:
+    """Learns tiles on the threads of this process, several at once as far as the memory goes: what
+    one of them does on one thread leaves the others to the next."""
+
+    def __init__(self, spill: Spill, memory: int) -> None:
+        self._counts = spill.counts
+        self._memory = memory
+
+    def _need(self, job: TileJob) -> int:
+        """Memory that a tile is taken to need beside that of all, bytes."""
+        return BYTES_PER_POINT * int(self._counts[list(job.bricks)].sum())
+
+    def learn(self, jobs: Iterable[TileJob], told: Callable[[], None]) -> None:
+        """Learns tiles, the largest first, so that none is left over at the end; `told` is called
+        after each.
+
+        Ctrl-C and errors reach this thread; the others then leave their tiles as they are.
+        """
+        rest = deque(sorted(jobs, key=lambda job: (-self._need(job), job.cube)))
+        begun: dict[Future[str], int] = {}
+        stop = _core.Stop()
+        with ThreadPoolExecutor(_core.get_num_threads()) as threads:
+            try:
+                while rest or begun:
+                    while rest and self._has_room(rest[0], begun):
+                        job = rest.popleft()
+                        begun[threads.submit(run_job, job, stop)] = self._need(job)
+                    # With a limit, since a signal does not end every wait.
+                    finished, _ = wait(begun, timeout=_POLL, return_when=FIRST_COMPLETED)
+                    for future in finished:
+                        del begun[future]
+                        future.result()
+                        told()
+            finally:
+                stop.set()
+
+    def _has_room(self, job: TileJob, begun: Mapping[Future[str], int]) -> bool:
+        """Whether a tile can be learned beside others."""
+        if not begun:
+            return True
+        need = BASE_MEMORY + sum(begun.values()) + self._need(job)
+        return len(begun) < _core.get_num_threads() and need <= self._memory
+
+
 def _learn(
-    jobs: list[TileJob], executor: Executor | None, workers: int, tell: ProgressCallback
+    jobs: list[TileJob],
+    executor: Executor | None,
+    workers: int,
+    here: _Here,
+    tell: ProgressCallback,
 ) -> int:
     """Learns the tiles that are not there yet; gives their number."""
     missing = [job for job in jobs if not job.path.exists()]
@@ -571,23 +652,23 @@ def _learn(
     def told() -> None:
         tell(f"learn tiles ({done} of {len(jobs)})", 0.3 + 0.7 * done / max(1, len(jobs)))
 
+    def one_more() -> None:
+        nonlocal done
+        done += 1
+        told()
+
     told()
     if executor is not None:
         try:
             for _ in _learned_by(missing, executor, workers):
-                done += 1
-                told()
+                one_more()
         except BrokenExecutor:
             warnings.warn(
                 "a worker died and its executor with it; the rest of the tiles is learned here",
                 RuntimeWarning,
                 stacklevel=3,
             )
-    for job in missing:
-        if not job.path.exists():
-            run_job(job)
-            done += 1
-            told()
+    here.learn([job for job in missing if not job.path.exists()], one_more)
     return len(missing)
 
 

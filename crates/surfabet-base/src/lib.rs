@@ -2,7 +2,9 @@
 
 pub mod parallel;
 mod parameter;
+mod partition;
 mod progress;
 
 pub use parameter::InvalidParameter;
+pub use partition::Partition;
 pub use progress::{Cancelled, Meter, Part, Progress, Silent};

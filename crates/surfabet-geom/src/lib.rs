@@ -7,6 +7,7 @@
 mod attribute;
 mod box_tree;
 mod boxes;
+mod bricks;
 pub mod cells;
 mod changes;
 mod cloud;
@@ -31,6 +32,7 @@ mod voxel_grid;
 pub use attribute::{Column, Extra, RESERVED_NAMES};
 pub use box_tree::{BoxTree, Union, arrange, boxes_of};
 pub use boxes::Aabb;
+pub use bricks::{BRICK_HALF, BrickRun, Bricks, InBricks, positions_of_records};
 pub use changes::{Change, Changes, Fate, Other, changes};
 pub use cloud::{CloudParts, DroppedValues, LARGEST_UNSHIFTED, PointCloud, Viewpoints};
 pub use dtype::Dtype;

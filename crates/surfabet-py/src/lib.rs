@@ -7,6 +7,7 @@ mod alphabet;
 mod arguments;
 mod arrays;
 mod bic_alphabet;
+mod bricks;
 mod changes;
 mod cloud;
 mod errors;
@@ -71,5 +72,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     changes::register(module)?;
     survey::register(module)?;
     tiles::register(module)?;
+    bricks::register(module)?;
     Ok(())
 }

@@ -18,8 +18,30 @@ const POLL: Duration = Duration::from_millis(50);
 /// The pool set by [`set_num_threads`]; the global pool of rayon (all cores) when `None`.
 static POOL: RwLock<Option<Arc<ThreadPool>>> = RwLock::new(None);
 
+/// What asks work on another thread to stop: signals reach the main thread alone.
+#[pyclass(name = "Stop", module = "surfabet._core", frozen)]
+#[derive(Default)]
+pub struct PyStop {
+    asked: Arc<AtomicBool>,
+}
+
+#[pymethods]
+impl PyStop {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// From now on.
+    fn set(&self) {
+        self.asked.store(true, Ordering::Relaxed);
+    }
+}
+
 struct Monitor {
     cancelled: AtomicBool,
+    /// Set by others.
+    stop: Option<Arc<AtomicBool>>,
     latest: Mutex<Option<(&'static str, f32)>>,
 }
 
@@ -29,7 +51,8 @@ impl Progress for Monitor {
     }
 
     fn is_cancelled(&self) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
+        let is_set = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
+        is_set(&self.cancelled) || self.stop.as_deref().is_some_and(is_set)
     }
 }
 
@@ -60,13 +83,28 @@ where
     T: Send,
     E: IntoPyErr + Send,
 {
+    run_until(py, callback, None, work)
+}
+
+/// As [`run`]; the work is cancelled too when `stop` is set.
+pub fn run_until<T, E>(
+    py: Python<'_>,
+    callback: Option<Py<PyAny>>,
+    stop: Option<&PyStop>,
+    work: impl FnOnce(&dyn Progress) -> Result<T, E> + Send,
+) -> PyResult<T>
+where
+    T: Send,
+    E: IntoPyErr + Send,
+{
     if let Some(callback) = &callback {
         let callback = callback.bind(py);
         if !callback.is_callable() {
             return Err(wrong_type("progress", callback, "None or a callable"));
         }
     }
-    let monitor = Monitor { cancelled: AtomicBool::new(false), latest: Mutex::new(None) };
+    let stop = stop.map(|stop| Arc::clone(&stop.asked));
+    let monitor = Monitor { cancelled: AtomicBool::new(false), stop, latest: Mutex::new(None) };
     let mut work = Some(work);
     let mut outcome = None;
     watch(py, &monitor, callback.as_ref(), &mut || {
@@ -158,5 +196,6 @@ fn get_num_threads() -> usize {
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(get_num_threads, module)?)?;
+    module.add_class::<PyStop>()?;
     Ok(())
 }

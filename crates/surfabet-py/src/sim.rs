@@ -421,14 +421,14 @@ impl PyScene {
         let spacing = arguments::number("spacing", spacing, "a positive number of metres")?;
         let scene = self.scene.clone();
         let samples = run::run(py, None, move |_| scene.sample_surface(spacing))?;
-        let flat: Vec<f64> = samples.points.iter().flatten().copied().collect();
         let truth = GroundTruth {
             points: samples.points.iter().map(|p| p.map(|c| c as f32)).collect(),
             normals: samples.normals,
             instances: samples.instances,
             surfaces: samples.surfaces,
         };
-        let points = flat.into_pyarray(py).reshape([samples.points.len(), 3])?;
+        let n = samples.points.len();
+        let points = samples.points.into_flattened().into_pyarray(py).reshape([n, 3])?;
         Ok((points, PyGroundTruth { truth }))
     }
 

@@ -23,7 +23,7 @@ use crate::errors::{IntoPyErr, invalid_input};
 use crate::model::{PyModel, region_of};
 use crate::options::options_of;
 use crate::patches::{PySurface, surface};
-use crate::run::run;
+use crate::run::{PyStop, run, run_until};
 
 /// Patches in tiles, or a part of them; immutable.
 #[pyclass(name = "TiledPatchModel", module = "surfabet._core", frozen, extends = PyModel)]
@@ -343,7 +343,7 @@ fn plan_with_side<'py>(
 
 /// The tile in a cube as the bytes of a file of its own; None where no point lies in it.
 #[pyfunction]
-#[pyo3(signature = (cloud, cube, plan, options, *, progress))]
+#[pyo3(signature = (cloud, cube, plan, options, *, progress, stop))]
 fn learn_tile<'py>(
     py: Python<'py>,
     cloud: &Bound<'py, PyAny>,
@@ -351,10 +351,12 @@ fn learn_tile<'py>(
     plan: &Bound<'py, PyDict>,
     options: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
+    stop: Option<Py<PyStop>>,
 ) -> PyResult<Option<Bound<'py, PyBytes>>> {
     let (plan, options) = (plan_of(plan)?, options_of(options)?);
     let cloud = &cloud_of("cloud", cloud)?.get().cloud;
-    let bytes = run(py, progress, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
+    let stop = stop.as_ref().map(Py::get);
+    let bytes = run_until(py, progress, stop, |monitor| -> surfabet::Result<Option<Vec<u8>>> {
         let known = Known::default();
         let task = TileTask { cloud, known, cube, plan: &plan, options: &options };
         let models = learn_details(&task, monitor)?;

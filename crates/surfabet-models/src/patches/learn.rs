@@ -229,8 +229,9 @@ pub(super) fn on_lattice(
         Ok(samples.with_kept(ground.kept.1))
     })?;
     // 3. and 4. Sheets; patches of least cost.
+    let positions = ground.positions(cloud);
     let Surface { geometry, near, bytes, n_sheets, density } =
-        surface(ground, cloud, &samples, options, stages)?;
+        surface(ground, (cloud, &positions[..]), &samples, options, stages)?;
     // 5. Colour and other attributes.
     let add = |geometry: Geometry, instances| -> Result<Described> {
         let (attributes, figures) =
@@ -258,7 +259,6 @@ pub(super) fn on_lattice(
     let n_samples = samples.all.len();
     drop(samples);
     // 7. Points beside the patches.
-    let positions = ground.positions(cloud);
     let wanted = ground.wanted(&positions, &near, options);
     let Whole { model, attribute_cells, attributes } =
         stages.run("checking the bound", |progress| wanted.smaller(coded, recurring, progress))?;
@@ -295,10 +295,10 @@ struct Surface {
     density: f64,
 }
 
-/// Steps 3 and 4: the patches of least cost, without attributes.
+/// Steps 3 and 4: the patches of least cost, without attributes, of a cloud and the positions that these have to be near to.
 fn surface(
     ground: &Ground<'_>,
-    cloud: &PointCloud,
+    (cloud, positions): (&PointCloud, &[[f32; 3]]),
     samples: &SidedSamples<'_>,
     options: &PatchesOptions,
     stages: &mut Stages<'_>,
@@ -314,9 +314,8 @@ fn surface(
         let (sheets, near, bases) = (&sheets[..], &near[..], &Basis::of_levels(options.levels)[..]);
         let kept = ground.kept.0;
         let rounds = Rounds { lattice, sheets, kept, near, bases, density, options, progress };
-        let positions = ground.positions(cloud);
         rounds.choose(ground.point_price(options), |chosen| {
-            ground.is_near_enough(chosen, &positions, options, progress)
+            ground.is_near_enough(chosen, positions, options, progress)
         })
     })?;
     let RoundsOutcome { geometry, near, bytes, .. } = chosen;

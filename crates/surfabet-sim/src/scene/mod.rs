@@ -215,10 +215,13 @@ impl Scene {
         if self.solids[s].hidden & (1 << on.face) != 0 {
             return false;
         }
-        let (point, normal) = self.to_world(s, on);
+        !self.is_covered(s, &self.to_world(s, on))
+    }
+
+    /// True when a point of solid `s` with its normal lies within another one.
+    fn is_covered(&self, s: usize, (point, normal): &(Vec3, Vec3)) -> bool {
         let lifted = point + normal * LIFT;
-        !self
-            .hierarchy
+        self.hierarchy
             .any_at(&lifted, |other| other != s && self.depth_in(other, &lifted) > COVERED)
     }
 

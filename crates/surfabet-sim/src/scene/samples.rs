@@ -1,5 +1,6 @@
 //! Points spread over the exposed surface.
 
+use surfabet_base::parallel;
 use surfabet_geom::{Error, Result};
 
 use super::{Scene, SurfaceSamples, to_array};
@@ -18,17 +19,19 @@ impl Scene {
         let mut samples = SurfaceSamples::default();
         for (s, solid) in self.solids.iter().enumerate() {
             for face in (0..solid.shape.faces()).filter(|f| solid.hidden & (1 << f) == 0) {
-                for parameters in sample_face(&solid.shape, face, spacing) {
-                    let on = solid.shape.at(face, parameters);
-                    if !self.exposed(s, &on) {
-                        continue;
+                let parameters = sample_face(&solid.shape, face, spacing);
+                let found = parallel::gather(parameters.len(), |i, found| {
+                    let on = solid.shape.at(face, parameters[i]);
+                    let place = self.to_world(s, &on);
+                    if !self.is_covered(s, &place) {
+                        found.push((place, self.surface(s, &on)));
                     }
-                    let (point, normal) = self.to_world(s, &on);
-                    samples.points.push(to_array(&point));
-                    samples.normals.push(to_array(&normal).map(|c| c as f32));
-                    samples.instances.push(solid.instance);
-                    samples.surfaces.push(self.surface(s, &on));
-                }
+                });
+                samples.instances.extend(found.iter().map(|_| solid.instance));
+                samples.surfaces.extend(found.iter().map(|(_, surface)| surface));
+                samples.points.extend(found.iter().map(|((point, _), _)| to_array(point)));
+                let normal = |((_, normal), _): &(_, _)| to_array(normal).map(|c| c as f32);
+                samples.normals.extend(found.iter().map(normal));
             }
         }
         Ok(samples)

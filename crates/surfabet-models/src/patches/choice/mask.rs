@@ -18,6 +18,72 @@ struct PixelCosts {
     unset: [f32; AREA],
 }
 
+/// Contexts of the pixels of a level.
+const CONTEXTS: usize = pixel_context(1, [0; 4]);
+
+/// Pixels from one row of a [`MaskGrid`] to the next.
+const STRIDE: usize = SIDE + 2;
+
+/// A mask with a rim of unknown pixels, and what its pixels cost in bits.
+struct MaskGrid {
+    /// Row by row, from the rim above; below there is none.
+    states: [u8; STRIDE * (SIDE + 1)],
+    bits: [[f32; 2]; CONTEXTS],
+    /// No less than [`Self::bits_about`] any pixel, rounding included.
+    most_about: f32,
+}
+
+impl MaskGrid {
+    fn new(mask: u64, bits: [[f32; 2]; CONTEXTS]) -> Self {
+        let most = bits.as_flattened().iter().copied().fold(0.0, f32::max);
+        let most_about = most + most + most + most + most;
+        let states = [UNKNOWN as u8; STRIDE * (SIDE + 1)];
+        let mut grid = Self { states, bits, most_about };
+        (0..AREA).for_each(|pixel| grid.set(pixel, mask >> pixel & 1 != 0));
+        grid
+    }
+
+    /// Where a pixel stands.
+    #[inline]
+    fn at(pixel: usize) -> usize {
+        (pixel / SIDE + 1) * STRIDE + pixel % SIDE + 1
+    }
+
+    #[inline]
+    fn set(&mut self, pixel: usize, set: bool) {
+        self.states[Self::at(pixel)] = u8::from(set);
+    }
+
+    /// Bits that a pixel takes in its context.
+    #[inline]
+    fn bits(&self, pixel: usize) -> f32 {
+        let at = Self::at(pixel);
+        let state = |back: usize| usize::from(self.states[at - back]);
+        let states = [state(1), state(STRIDE), state(STRIDE + 1), state(STRIDE - 1)];
+        self.bits[pixel_context(0, states)][state(0)]
+    }
+
+    /// Bits of a pixel and of the four that it is context of.
+    #[inline]
+    fn bits_about(&self, pixel: usize) -> f32 {
+        let (column, below) = (pixel % SIDE, pixel + SIDE);
+        let mut bits = self.bits(pixel);
+        if column + 1 < SIDE {
+            bits += self.bits(pixel + 1);
+        }
+        if below < AREA {
+            bits += self.bits(below);
+            if column + 1 < SIDE {
+                bits += self.bits(below + 1);
+            }
+            if column > 0 {
+                bits += self.bits(below - 1);
+            }
+        }
+        bits
+    }
+}
+
 impl Choice<'_> {
     /// Pixels that are worth setting, and the cost J of them and of those that are not. At least one of the set pixels
     /// holds a run.
@@ -36,14 +102,14 @@ impl Choice<'_> {
                 .max_by(|&a, &b| (unset[a] - set[a]).total_cmp(&(unset[b] - set[b])));
             mask |= most.map_or(1, |p| 1_u64 << p);
         }
+        let mut grid = MaskGrid::new(mask, self.mask_bits(at.level));
         for _ in 0..MASK_PASSES {
             for pixel in 0..AREA {
-                mask = self.reconsider(mask, pixel, measured, &costs, at.level);
+                mask = self.reconsider(mask, pixel, measured, &costs, &mut grid);
             }
         }
         let loss: f32 = (0..AREA).map(|p| if mask >> p & 1 != 0 { set[p] } else { unset[p] }).sum();
-        let bits: f32 =
-            full.cost(false) + (0..AREA).map(|p| self.pixel_bits(mask, p, at.level)).sum::<f32>();
+        let bits: f32 = full.cost(false) + (0..AREA).map(|p| grid.bits(p)).sum::<f32>();
         let partial = loss + self.lambda * bits;
         if all <= partial { (u64::MAX, all) } else { (mask, partial) }
     }
@@ -56,39 +122,34 @@ impl Choice<'_> {
         pixel: usize,
         measured: u64,
         costs: &PixelCosts,
-        level: u32,
+        grid: &mut MaskGrid,
     ) -> u64 {
-        let (column, below) = (pixel % SIDE, pixel + SIDE);
-        let touched = [
-            Some(pixel),
-            (column + 1 < SIDE).then_some(pixel + 1),
-            (below < AREA).then_some(below),
-            (column + 1 < SIDE && below + 1 < AREA).then_some(below + 1),
-            (column > 0 && below - 1 < AREA).then_some(below - 1),
-        ];
-        let cost = |mask: u64, loss: f32| {
-            let bits: f32 =
-                touched.iter().flatten().map(|&p| self.pixel_bits(mask, p, level)).sum();
-            loss + self.lambda * bits
-        };
         let (with, without) = (mask | 1 << pixel, mask & !(1 << pixel));
-        let keep = without & measured == 0;
-        if keep || cost(with, costs.set[pixel]) <= cost(without, costs.unset[pixel]) {
-            with
+        // Mostly bits make no difference.
+        let most_bits = self.lambda * grid.most_about;
+        let mut cost = |set: bool, loss: f32| {
+            grid.set(pixel, set);
+            loss + self.lambda * grid.bits_about(pixel)
+        };
+        let (set, unset) = (costs.set[pixel], costs.unset[pixel]);
+        let is_set = if without & measured == 0 || set + most_bits <= unset {
+            true
+        } else if set > unset + most_bits {
+            false
         } else {
-            without
-        }
+            cost(true, set) <= cost(false, unset)
+        };
+        grid.set(pixel, is_set);
+        if is_set { with } else { without }
     }
 
-    /// Bits that a pixel of the mask takes in its context, with unknown pixels beyond the patch.
-    fn pixel_bits(&self, mask: u64, pixel: usize, level: u32) -> f32 {
-        let (column, row) = (pixel % SIDE, pixel / SIDE);
-        let state = |du: isize, dv: isize| {
-            let (x, y) = (column.wrapping_add_signed(du), row.wrapping_add_signed(dv));
-            if x < SIDE && y < SIDE { (mask >> (y * SIDE + x) & 1) as usize } else { UNKNOWN }
-        };
-        let states = [state(-1, 0), state(0, -1), state(-1, -1), state(1, -1)];
-        self.models.mask[pixel_context(level, states)].cost(mask >> pixel & 1 != 0)
+    /// Bits of a pixel of a level by context and value.
+    fn mask_bits(&self, level: u32) -> [[f32; 2]; CONTEXTS] {
+        let first = pixel_context(level, [0; 4]);
+        std::array::from_fn(|context| {
+            let model = &self.models.mask[first + context];
+            [false, true].map(|set| model.cost(set))
+        })
     }
 
     /// What each pixel costs without its bits. Unset, its n samples lie at a mean squared distance of `side^2 / 3` from
@@ -142,24 +203,33 @@ pub(super) fn fill_holes(runs: &mut Vec<Run>, holes: u64, at: TileSquare, densit
 pub(super) fn distances_to_runs(runs: &[Run], width: usize) -> Vec<f32> {
     const REACH: usize = 4;
     const ACROSS: usize = 2 * REACH + 1;
-    let off = |i: usize| i.abs_diff(REACH);
-    let about: [[f32; ACROSS]; ACROSS] = std::array::from_fn(|row| {
-        std::array::from_fn(|column| (off(row).pow(2) + off(column).pow(2)) as f32)
-    });
-    // With a rim as wide as the reach, so that all around a run lies within.
+    const FAR: f32 = (REACH * REACH) as f32;
+    let steps = || (0..ACROSS).map(|i| (i, i.abs_diff(REACH).pow(2) as f32));
+    // With a rim as wide as the reach, so that all around a pixel lies within.
     let stride = width + 2 * REACH;
-    let mut squared = vec![(REACH * REACH) as f32; stride * stride];
+    let mut at_runs = vec![FAR; width * stride];
     for run in runs {
-        let first = usize::from(run.v) * stride + usize::from(run.u);
-        for (row, of_row) in about.iter().enumerate() {
-            for (d, &of) in squared[first + row * stride..][..ACROSS].iter_mut().zip(of_row) {
-                *d = d.min(of);
-            }
+        at_runs[usize::from(run.v) * stride + usize::from(run.u) + REACH] = 0.0;
+    }
+    // Along rows, then along columns.
+    let mut along = vec![FAR; stride * width];
+    let rows = along[REACH * width..].chunks_exact_mut(width);
+    for (row, of_runs) in rows.zip(at_runs.chunks_exact(stride)) {
+        for (i, off) in steps() {
+            row.iter_mut().zip(&of_runs[i..]).for_each(|(d, run)| *d = d.min(run + off));
+        }
+    }
+    let mut squared = vec![FAR; width * width];
+    for (v, row) in squared.chunks_exact_mut(width).enumerate() {
+        for (i, off) in steps() {
+            let of_row = &along[(v + i) * width..][..width];
+            row.iter_mut().zip(of_row).for_each(|(d, along)| *d = d.min(along + off));
         }
     }
     // Samples of the other pixel lie about its middle, some of them closer.
-    let rows = squared.chunks(stride).skip(REACH).take(width);
-    rows.flat_map(|row| &row[REACH..REACH + width])
-        .map(|&d| if d > 0.0 { (d.sqrt() - NEAREST_SAMPLE).powi(2) } else { 0.0 })
-        .collect()
+    let nearest = |d: &mut f32| {
+        *d = if *d > 0.0 { (d.sqrt() - NEAREST_SAMPLE).powi(2) } else { 0.0 };
+    };
+    squared.iter_mut().for_each(nearest);
+    squared
 }

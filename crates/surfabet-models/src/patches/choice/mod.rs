@@ -12,12 +12,14 @@
 //! | `mask` | pixels of a patch |
 //! | `shape` | depth of a patch as a sum of shapes, and its thickness |
 //! | `rounds` | all of it again with the prices of the round before, and the price of points beside the patches |
+//! | `solution` | coefficients of more and more shapes |
 
 mod beside;
 mod mask;
 mod misfit;
 mod rounds;
 mod shape;
+mod solution;
 
 use crate::patches::coding::{GeometryModels, SET, beside_context, split_context};
 use crate::patches::constants::{DECODED_WEIGHT, MAX_STRAY, SHEET_BITS};
@@ -173,15 +175,19 @@ impl Choice<'_> {
         limit: f32,
     ) -> Option<ChosenSquare> {
         let half = self.lattice.patch_width(at.level + 1) as usize;
+        let child_of = |run: &Run| {
+            let right = usize::from(usize::from(run.u) - at.corner[0] >= half);
+            let lower = usize::from(usize::from(run.v) - at.corner[1] >= half);
+            2 * lower + right
+        };
+        let mut sizes = [0; 4];
+        runs.iter().for_each(|run| sizes[child_of(run)] += 1);
+        let mut below = sizes.map(Vec::with_capacity);
+        runs.iter().for_each(|run| below[child_of(run)].push(*run));
         let mut children: [Square; 4] = Default::default();
-        for (child, square) in children.iter_mut().enumerate() {
+        for (child, (square, runs)) in children.iter_mut().zip(&below).enumerate() {
             let corner = [at.corner[0] + (child & 1) * half, at.corner[1] + (child >> 1) * half];
-            let inside = |r: &&Run| {
-                (corner[0]..corner[0] + half).contains(&usize::from(r.u))
-                    && (corner[1]..corner[1] + half).contains(&usize::from(r.v))
-            };
-            let below: Vec<Run> = runs.iter().filter(inside).copied().collect();
-            let chosen = self.square(pixels, &below, self.tile_square(at.level + 1, corner));
+            let chosen = self.square(pixels, runs, self.tile_square(at.level + 1, corner));
             cost += chosen.cost;
             *square = chosen.square;
             if cost >= limit {
@@ -195,8 +201,8 @@ impl Choice<'_> {
     /// One patch for all runs of a square: first its mask, then depth and thickness for the runs of set pixels.
     fn patch(&self, pixels: &SheetPixels, runs: &[Run], at: TileSquare) -> ChosenSquare {
         let (mask, mut cost) = self.mask(pixels, runs, at);
-        let mut inside: Vec<Run> =
-            runs.iter().filter(|r| mask >> at.pixel_of(r) & 1 != 0).copied().collect();
+        let mut inside: Vec<Run> = Vec::with_capacity(runs.len() + mask.count_ones() as usize);
+        inside.extend(runs.iter().filter(|r| mask >> at.pixel_of(r) & 1 != 0));
         let n_measured = inside.len();
         let measured = inside.iter().fold(0_u64, |measured, r| measured | 1 << at.pixel_of(r));
         fill_holes(&mut inside, mask & !measured, at, pixels.density);

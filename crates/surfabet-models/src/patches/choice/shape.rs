@@ -1,6 +1,7 @@
 //! Depth of a patch as a sum of shapes, and its thickness.
 
 use super::misfit::{Slab, misfit};
+use super::solution::Solution;
 use super::{Choice, NEIGHBOURS, TileSquare};
 use crate::patches::coding::{depth_context, shape_context};
 use crate::patches::constants::{MAX_SHAPES, SHAPE_PATIENCE, SHAPE_PULL, THINNEST};
@@ -39,6 +40,19 @@ struct Fit {
     level: u32,
 }
 
+/// Numbers of each run, for pricing one patch after another.
+struct Scratch {
+    depths: Vec<f32>,
+    terms: Vec<f32>,
+}
+
+impl Scratch {
+    fn of(fit: &Fit) -> Self {
+        let n_runs = fit.depths.len();
+        Self { depths: vec![0.0; n_runs], terms: vec![0.0; n_runs] }
+    }
+}
+
 /// Normal equations of weighted least squares over all shapes: depths about their mean.
 struct NormalEquations {
     /// Mean depth of the samples.
@@ -57,11 +71,14 @@ impl Choice<'_> {
     pub(super) fn shape(&self, runs: &[Run], n_measured: usize, at: TileSquare) -> PricedPatch {
         let fit = Fit::new(runs, n_measured, &self.bases[at.level as usize], at);
         let equations = NormalEquations::new(&fit);
+        let mut scratch = Scratch::of(&fit);
         let mut chosen = vec![0_usize];
+        let mut solver = Solution::new();
         let mut best: Option<PricedPatch> = None;
         let mut since = 0;
-        while let Some(solution) = equations.solve(&chosen) {
-            let priced = self.priced(self.rounded(&equations, &chosen, &solution), &fit);
+        while let Some(solution) = equations.solve(&chosen, &mut solver) {
+            let rounded = self.rounded(&equations, &chosen, &solution);
+            let priced = self.priced(rounded, &fit, &mut scratch);
             if best.as_ref().is_none_or(|b| priced.cost < b.cost) {
                 best = Some(priced);
                 since = 0;
@@ -75,8 +92,8 @@ impl Choice<'_> {
             chosen.push(next);
         }
         // One coefficient is always solved for: its weight is positive.
-        let best = best.unwrap_or_else(|| self.priced(LatticePatch::default(), &fit));
-        self.shrunk(best, &fit)
+        let best = best.unwrap_or_else(|| self.priced(LatticePatch::default(), &fit, &mut scratch));
+        self.shrunk(best, &fit, &mut scratch)
     }
 
     /// The patch with the solved coefficients in depth steps.
@@ -95,7 +112,7 @@ impl Choice<'_> {
     }
 
     /// The patch with coefficients at zero or a step nearer to it, the last first, where that costs less.
-    fn shrunk(&self, mut best: PricedPatch, fit: &Fit) -> PricedPatch {
+    fn shrunk(&self, mut best: PricedPatch, fit: &Fit, scratch: &mut Scratch) -> PricedPatch {
         for k in (1..N_SHAPES).rev() {
             let c = best.patch.coefficients[k];
             if c == 0 {
@@ -104,7 +121,7 @@ impl Choice<'_> {
             for smaller in [0, c - c.signum()] {
                 let mut patch = best.patch;
                 patch.coefficients[k] = smaller;
-                let priced = self.priced(patch, fit);
+                let priced = self.priced(patch, fit, scratch);
                 if priced.cost < best.cost {
                     best = priced;
                 }
@@ -115,16 +132,17 @@ impl Choice<'_> {
 
     /// A patch with its best thickness, and its cost `J = sum of n misfit + lambda R`, R with the points
     /// for what it does not reach.
-    fn priced(&self, mut patch: LatticePatch, fit: &Fit) -> PricedPatch {
+    fn priced(&self, mut patch: LatticePatch, fit: &Fit, scratch: &mut Scratch) -> PricedPatch {
         let n_runs = fit.depths.len();
-        let mut depths = vec![0.0; n_runs];
+        let Scratch { depths, terms } = scratch;
+        depths.fill(0.0);
         for k in (0..N_SHAPES).filter(|&k| patch.coefficients[k] != 0) {
             let coefficient = patch.coefficients[k] as f32 * self.step;
             for (depth, s) in depths.iter_mut().zip(&fit.by_shape[k * n_runs..]) {
                 *depth += coefficient * s;
             }
         }
-        let (thickness, distortion) = self.best_thickness(fit, &depths);
+        let (thickness, distortion) = self.best_thickness(fit, depths, terms);
         patch.thickness = thickness;
         PricedPatch { patch, cost: distortion + self.lambda * self.patch_bits(&patch, fit.level) }
     }
@@ -149,12 +167,12 @@ impl Choice<'_> {
 
     /// The thickness, in steps, with which decoded `depths` fit the runs best, and the distortion then: from the thickness
     /// of a slab with the samples' variance about the surface, thinner as long as the distortion falls.
-    fn best_thickness(&self, fit: &Fit, depths: &[f32]) -> (u8, f32) {
+    fn best_thickness(&self, fit: &Fit, depths: &[f32], terms: &mut [f32]) -> (u8, f32) {
         let decoded_weight = self.decoded_weight();
-        let mut terms = vec![0.0; depths.len()];
+        let variance = fit.variance(depths, terms);
         let mut distortion = |steps: u8| -> f32 {
             let half = (f32::from(steps) / f32::from(THICKNESS_STEPS)).max(THINNEST);
-            let distance = fit.sum(depths, &mut terms, |run, n, depth| {
+            let distance = fit.sum(depths, terms, |run, n, depth| {
                 n * misfit(run, Slab { depth, half }, decoded_weight)
             });
             let Some(points) = self.points else { return distance };
@@ -164,7 +182,7 @@ impl Choice<'_> {
             });
             distance + self.lambda * bits
         };
-        let guess = ((3.0 * fit.variance(depths)).sqrt() * f32::from(THICKNESS_STEPS)).round();
+        let guess = ((3.0 * variance).sqrt() * f32::from(THICKNESS_STEPS)).round();
         let mut thickness = guess.clamp(0.0, f32::from(MAX_THICKNESS)) as u8;
         let mut least = distortion(thickness);
         while thickness > 0 {
@@ -182,16 +200,19 @@ impl Fit {
     fn new(runs: &[Run], n_measured: usize, basis: &Basis, at: TileSquare) -> Self {
         let scale = 1.0 / (1_u32 << FRACTION) as f32;
         let half_pixel = |x: u8, corner: usize| 2 * (usize::from(x) - corner) + 1;
-        let values_at = |r: &Run| {
+        let mut values: Vec<ShapeValues> = Vec::with_capacity(runs.len());
+        values.extend(runs.iter().map(|r| {
             let (hu, hv) = (half_pixel(r.u, at.corner[0]), half_pixel(r.v, at.corner[1]));
             let mut values = [0.0; N_SHAPES.next_multiple_of(LANES)];
             for (value, s) in values.iter_mut().zip(basis.at(hu, hv)) {
                 *value = s as f32 * scale;
             }
             values
-        };
-        let values: Vec<ShapeValues> = runs.iter().map(values_at).collect();
-        let by_shape = (0..N_SHAPES).flat_map(|k| values.iter().map(move |s| s[k])).collect();
+        }));
+        let mut by_shape = vec![0.0; N_SHAPES * runs.len()];
+        for (k, of_shape) in by_shape.chunks_exact_mut(runs.len().max(1)).enumerate() {
+            of_shape.iter_mut().zip(&values).for_each(|(value, of_run)| *value = of_run[k]);
+        }
         Self {
             n_measured,
             values,
@@ -218,9 +239,8 @@ impl Fit {
     }
 
     /// Mean squared distance of the samples from the `decoded` depths.
-    fn variance(&self, decoded: &[f32]) -> f32 {
-        let mut terms = vec![0.0; decoded.len()];
-        let sum = self.sum(decoded, &mut terms, |run, n, depth| {
+    fn variance(&self, decoded: &[f32], terms: &mut [f32]) -> f32 {
+        let sum = self.sum(decoded, terms, |run, n, depth| {
             let off = run.depth - depth;
             n * (run.half * run.half / 3.0 + off * off)
         });
@@ -255,22 +275,21 @@ impl NormalEquations {
         Self { mean, gram, right }
     }
 
-    /// Coefficients c of the chosen shapes with `G c = r`, by Cholesky's decomposition.
-    fn solve(&self, chosen: &[usize]) -> Option<Vec<f32>> {
-        let n = chosen.len();
-        let entry = |i: usize, j: usize| f64::from(self.gram[chosen[i]][chosen[j]]);
-        let matrix = nalgebra::DMatrix::from_fn(n, n, entry);
-        let vector = nalgebra::DVector::from_fn(n, |i, _| f64::from(self.right[chosen[i]]));
-        let solution = matrix.cholesky()?.solve(&vector);
-        Some(solution.iter().map(|&c| c as f32).collect())
+    /// Coefficients c of the chosen shapes with `G c = r`; `solver` was given those before the last.
+    fn solve(&self, chosen: &[usize], solver: &mut Solution) -> Option<[f32; MAX_SHAPES]> {
+        let last = *chosen.last()?;
+        let entry = |j: usize| f64::from(self.gram[last][chosen[j]]);
+        solver.with(entry, f64::from(self.right[last]))
     }
 
     /// The shape not chosen yet that lowers the squared error most, alone: by `(r_i - sum of G_ik c_k)^2 / G_ii`.
     fn next_shape(&self, chosen: &[usize], solution: &[f32]) -> Option<usize> {
-        let residual: [f32; N_SHAPES] = std::array::from_fn(|i| {
-            let explained = chosen.iter().zip(solution).map(|(&k, c)| self.gram[i][k] * c);
-            self.right[i] - explained.sum::<f32>()
-        });
+        let mut explained: ShapeValues = Default::default();
+        for (&k, c) in chosen.iter().zip(solution) {
+            // The equations are symmetric.
+            explained.iter_mut().zip(&self.gram[k]).for_each(|(sum, entry)| *sum += entry * c);
+        }
+        let residual: [f32; N_SHAPES] = std::array::from_fn(|i| self.right[i] - explained[i]);
         let gain = |i: usize| residual[i] * residual[i] / self.gram[i][i].max(1e-6);
         (0..N_SHAPES)
             .filter(|i| !chosen.contains(i))

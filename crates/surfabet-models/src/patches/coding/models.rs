@@ -87,8 +87,10 @@ pub(in crate::patches) fn split_context(level: u32, neighbours: usize, finer: bo
 }
 
 /// Context of a mask pixel by the states of the pixels left, above, above left and above right.
-pub(in crate::patches) fn pixel_context(level: u32, states: [usize; 4]) -> usize {
-    states.iter().fold(level as usize, |index, state| index * STATES + state)
+pub(in crate::patches) const fn pixel_context(level: u32, states: [usize; 4]) -> usize {
+    let [left, above, above_left, above_right] = states;
+    (((level as usize * STATES + left) * STATES + above) * STATES + above_left) * STATES
+        + above_right
 }
 
 /// Context of a depth by the number of patches beside the square, at most 2.

@@ -1,6 +1,6 @@
 //! Predictions for a square from the patches that were coded before it.
 
-use std::collections::{HashMap, HashSet};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::models::UNKNOWN;
 use crate::patches::model::{Lattice, MAX_DEPTH, PATCH_PIXELS, THICKNESS_STEPS};
@@ -59,9 +59,9 @@ pub(super) struct Surroundings {
     bases: Vec<Basis>,
     patches: Vec<SheetLeaf>,
     /// Patches by side and square of 8 x 8 finest pixels.
-    by_block: HashMap<(u8, i32, i32), Vec<u32>>,
+    by_block: FxHashMap<(u8, i32, i32), Vec<u32>>,
     /// Side and tile of which all sheets are coded.
-    finished: HashSet<(u8, [i32; 2])>,
+    finished: FxHashSet<(u8, [i32; 2])>,
     /// Largest difference of depths on one surface, in steps with fraction.
     reach: i64,
     /// Thickness of the patch before.
@@ -75,8 +75,8 @@ impl Surroundings {
             lattice,
             bases: Basis::of_levels(lattice.levels),
             patches: Vec::new(),
-            by_block: HashMap::new(),
-            finished: HashSet::new(),
+            by_block: FxHashMap::default(),
+            finished: FxHashSet::default(),
             reach: (REACH << (FRACTION + 4)) / i64::from(lattice.depth_step),
             thickness: FIRST_THICKNESS,
         }

@@ -87,9 +87,9 @@ impl<'a> SidedSamples<'a> {
         let resolution = lattice.pixel_size;
         let rows = rows_of(lattice);
         let cell = (SAMPLE_SIZE * resolution) as f32;
-        let rotated: Vec<[f32; 3]> = parallel::map(cloud.positions(), |&p| rotate(&rows, p));
-        progress.check()?;
-        let cells = CellGroups::new(rotated.len(), |i| key(cell_of(rotated[i], cell)));
+        let positions = cloud.positions();
+        let cells =
+            CellGroups::new(cloud.len(), |i| key(cell_of(rotate(&rows, positions[i]), cell)));
         progress.check()?;
         let layer_gap = survey.layer_gap;
         let of_cloud = cloud.normals().filter(|_| survey.has_facings && layer_gap.is_some());
@@ -97,9 +97,8 @@ impl<'a> SidedSamples<'a> {
         let view = |i: usize| normals.map_or_else(|| to_sensor(cloud, i), |n| n[i]);
         let groups = cells.into_groups();
         let samples: Vec<SeenSample> = parallel::map_range(groups.len(), |g| {
-            merge_cell(cloud, &rows, &rotated, weights, &view, groups.of(g))
+            merge_cell(cloud, &rows, weights, &view, groups.of(g))
         });
-        drop(rotated);
         progress.check()?;
         let neighbours = match (layer_gap, normals) {
             (Some(_), Some(_)) => Neighbours::Normals,
@@ -162,7 +161,6 @@ impl<'a> SidedSamples<'a> {
 fn merge_cell(
     cloud: &PointCloud,
     rows: &[[f32; 3]; 3],
-    rotated: &[[f32; 3]],
     weights_of: Weights<'_>,
     view_of: &(impl Fn(usize) -> [f32; 3] + Sync),
     points: &[u32],
@@ -173,7 +171,8 @@ fn merge_cell(
         let i = i as usize;
         let weight = f64::from(weights_of.at(cloud, i));
         weights += weight;
-        (0..3).for_each(|a| position[a] += weight * f64::from(rotated[i][a]));
+        let rotated = rotate(rows, cloud.positions()[i]);
+        (0..3).for_each(|a| position[a] += weight * f64::from(rotated[a]));
         let direction = view_of(i);
         (0..3).for_each(|a| view[a] += weight * f64::from(direction[a]));
     }

@@ -14,8 +14,7 @@
 mod growth;
 mod runs;
 
-use rayon::prelude::*;
-use surfabet_base::parallel;
+use surfabet_base::{Partition, parallel};
 use surfabet_geom::KdTree;
 
 use crate::error::Result;
@@ -82,22 +81,23 @@ pub(in crate::patches) fn sheets(
         let key = pixel_key(side, tile, at.map(|c| c.rem_euclid(tile_pixels)));
         PixelSample { key, depth, weight }
     };
-    let mut all: Vec<PixelSample> = parallel::gather(samples.all.len(), |i, found| {
+    let all: Vec<PixelSample> = parallel::gather(samples.all.len(), |i, found| {
         if !samples.is_kept(i) {
             let sample = &samples.all[i];
             found.push(of_sample((sample.position, sample.weight, samples.sides[i])));
         }
     });
-    all.par_sort_unstable_by(|a, b| {
-        let by_depth = a.depth.total_cmp(&b.depth);
-        a.key.cmp(&b.key).then(by_depth).then(a.weight.total_cmp(&b.weight))
+    let tiles = Partition::of(&parallel::map(&all, |sample| tile_part(sample.key)));
+    let of_tiles: Vec<Vec<Sheet>> = parallel::map(&tiles.parts(), |tile| {
+        let mut samples: Vec<PixelSample> = tile.iter().map(|&i| all[i as usize]).collect();
+        samples.sort_unstable_by(|a, b| {
+            let by_depth = a.depth.total_cmp(&b.depth);
+            a.key.cmp(&b.key).then(by_depth).then(a.weight.total_cmp(&b.weight))
+        });
+        sheets_of_tile(&samples, tile_pixels as usize, reach)
     });
-    let tiles: Vec<&[PixelSample]> =
-        all.chunk_by(|a, b| tile_part(a.key) == tile_part(b.key)).collect();
-    let of_tiles: Vec<Vec<Sheet>> =
-        parallel::map(&tiles, |tile| sheets_of_tile(tile, tile_pixels as usize, reach));
     // Memory that the trees need.
-    drop(all);
+    drop((all, tiles));
     let mut sheets: Vec<Sheet> = of_tiles.into_iter().flatten().collect();
     measure_strays(&mut sheets, tile_pixels)?;
     Ok(sheets)

@@ -79,8 +79,8 @@ pub(in crate::patches) fn value(k: usize, x: f64) -> f64 {
 pub(in crate::patches) struct Basis {
     /// Half pixels per side.
     halves: usize,
-    /// `values[h][k]` with `FRACTION` fractional bits.
-    values: Vec<[i32; ORDER + 1]>,
+    /// Values with `FRACTION` fractional bits: of the factors of all shapes along columns, and along rows.
+    values: Vec<[[i32; N_SHAPES]; 2]>,
 }
 
 impl Basis {
@@ -90,7 +90,11 @@ impl Basis {
         let values = (0..=halves)
             .map(|h| {
                 let x = 2.0 * h as f64 / halves as f64 - 1.0;
-                std::array::from_fn(|k| (value(k, x) * f64::from(1 << FRACTION)).round() as i32)
+                let of_degree: [i32; ORDER + 1] = std::array::from_fn(|k| {
+                    (value(k, x) * f64::from(1 << FRACTION)).round() as i32
+                });
+                [DEGREES.map(|(i, _)| i), DEGREES.map(|(_, j)| j)]
+                    .map(|degrees| degrees.map(|degree| of_degree[usize::from(degree)]))
             })
             .collect();
         Self { halves, values }
@@ -109,12 +113,11 @@ impl Basis {
     }
 
     /// All shapes at half-pixel position `(hu, hv)` from the corner of the patch, 0 to `2 * pixels`.
+    #[inline]
     pub fn at(&self, hu: usize, hv: usize) -> [i32; N_SHAPES] {
-        let (x, y) = (&self.values[hu.min(self.halves)], &self.values[hv.min(self.halves)]);
-        std::array::from_fn(|k| {
-            let (i, j) = DEGREES[k];
-            ((i64::from(x[usize::from(i)]) * i64::from(y[usize::from(j)])) >> FRACTION) as i32
-        })
+        let (x, y) = (&self.values[hu.min(self.halves)][0], &self.values[hv.min(self.halves)][1]);
+        // Each factor takes 13 bits and a sign.
+        std::array::from_fn(|k| (x[k] * y[k]) >> FRACTION)
     }
 }
 

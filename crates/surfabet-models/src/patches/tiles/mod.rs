@@ -22,6 +22,7 @@ mod plan;
 mod recipe;
 mod views;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use surfabet_base::parallel;
@@ -119,13 +120,18 @@ impl Tile {
     /// Numbers of the points within `margin` finest pixels of the tile.
     fn around(self, cloud: &PointCloud, lattice: &Lattice, margin: i32) -> Vec<usize> {
         let pixel = PixelOf::new(lattice);
-        let numbers: Vec<usize> = (0..cloud.len()).collect();
         let positions = cloud.positions();
-        let of_blocks = parallel::map_chunks(&numbers, BLOCK, |numbers| {
-            let is_near = |i: &usize| self.distance(pixel.of(positions[*i])) <= i64::from(margin);
-            numbers.iter().copied().filter(is_near).collect::<Vec<_>>()
-        });
-        of_blocks.concat()
+        parallel::gather(positions.len(), |i, near| {
+            if self.distance(pixel.of(positions[i])) <= i64::from(margin) {
+                near.push(i);
+            }
+        })
+    }
+
+    /// True where any point lies in the tile.
+    fn holds_any(self, cloud: &PointCloud, lattice: &Lattice) -> bool {
+        let pixel = PixelOf::new(lattice);
+        cloud.positions().iter().any(|&p| self.cubes.of(pixel.of(p)) == self.cube)
     }
 }
 
@@ -246,16 +252,19 @@ pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option
         return Err(Error::Inconsistent(what));
     }
     let tile = Tile { cubes: plan.cubes, cube, corrected: plan.corrected };
-    let mut cloud = about(cloud, plan.lattice.origin)?;
+    let mut cloud = match cloud.origin() == plan.lattice.origin {
+        true => Cow::Borrowed(cloud),
+        false => Cow::Owned(about(cloud, plan.lattice.origin)?),
+    };
     let near = tile.around(&cloud, &plan.lattice, plan.margin_pixels());
     let weights: Option<Vec<f32>> = known.weights.map(|all| near.iter().map(|&i| all[i]).collect());
     let n_kept = near.partition_point(|&i| i < known.n_kept);
     if near.len() < cloud.len() {
-        cloud = cloud.select(&near)?;
+        cloud = Cow::Owned(cloud.select(&near)?);
     }
     drop(near);
     progress.check()?;
-    if tile.own(&cloud, &plan.lattice).is_empty() {
+    if !tile.holds_any(&cloud, &plan.lattice) {
         return Ok(None);
     }
     let ground = Ground {
