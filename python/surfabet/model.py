@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Generic, TypeVar
+from pathlib import Path
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,9 @@ from surfabet.learning import AttributeFigures, LearningReport
 from surfabet.locate import Localizer, Locations, locate_options
 
 __all__ = ["MAX_POINTS", "Box", "Model", "corners"]
+
+_MAGIC = b"\x89SFB"
+"""What files of models begin with."""
 
 MAX_POINTS = 500_000_000
 """Most points that `decode` makes unless told otherwise."""
@@ -71,6 +75,32 @@ def decode_options(
         "region": corners(box),
         "max_points": check_integer("max_points", max_points, 0),
     }
+
+
+def path_of_model(path: str | os.PathLike[str]) -> Path:
+    """Where a model is to be written: a new file, or that of another model.
+
+    Raises
+    ------
+    InvalidInputError
+        The file holds something else.
+    """
+    target = path_of("path", path)
+    if target.is_file():
+        with target.open("rb") as file:
+            begin = file.read(len(_MAGIC))
+        if begin and begin != _MAGIC:
+            requirement = "a new file or that of a model: this one holds something else"
+            raise wrong_value("path", str(target), requirement)
+    return target
+
+
+def _from_bytes(data: bytes) -> Any:
+    """The model in a pickle."""
+    # The module of files knows all models, and so needs this one.
+    from surfabet.files import from_bytes
+
+    return from_bytes(data)
 
 
 class Model(Generic[C]):
@@ -212,12 +242,20 @@ class Model(Generic[C]):
     def save(self, path: str | os.PathLike[str], *, note: str | None = None) -> int:
         """Writes the model to a file, usually `.sfb`, and returns its size in bytes.
 
-        An existing file is replaced only when the new one is complete. `note` is a line for people,
+        An existing model is replaced only when the new one is complete, and a file that is none is
+        not replaced. `note` is a line for people,
         at most 1024 bytes of UTF-8, which `surfabet info` and `surfabet.inspect` show; it is not
         part of the model. By default it is the one that the model was read with, and `note=""`
         writes none. A note that ends in `lengths in ft` says that lengths are feet, not metres.
+
+        Raises
+        ------
+        InvalidInputError
+            For the file of something else, such as the scan, and a note that is too long.
+        OSError
+            The file cannot be written.
         """
-        return self._core.save(str(path_of("path", path)), self._note_or(note))
+        return self._core.save(str(path_of_model(path)), self._note_or(note))
 
     def _note_or(self, note: str | None) -> str:
         """The note to write: one that is given, or else that of the model."""
@@ -271,6 +309,21 @@ class Model(Generic[C]):
     def shares_vocabulary(self) -> bool:
         """Whether the file names its dictionary or alphabet by its hash instead of holding it."""
         return self._core.shares_vocabulary
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle: the file with its note; how the model was learned is not kept."""
+        if self.shares_vocabulary:
+            raise TypeError(
+                "a model that names its vocabulary by hash is no pickle of its own: pickle its "
+                "to_bytes(), and read them with from_bytes(data, vocabulary=...)"
+            )
+        return _from_bytes, (self.to_bytes(),)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
 
     def __len__(self) -> int:
         return len(self._core)

@@ -25,8 +25,8 @@ from surfabet.errors import (
     wrong_type,
     wrong_value,
 )
-from surfabet.io._files import is_same_file, path_of
-from surfabet.model import MAX_POINTS, Box, corners, decode_options
+from surfabet.io._files import is_same_file
+from surfabet.model import MAX_POINTS, Box, corners, decode_options, path_of_model
 from surfabet.patches import LatticeModel
 
 __all__ = ["TiledPatchModel", "Tiles", "merge_tiles"]
@@ -222,9 +222,10 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
         Raises
         ------
         InvalidInputError
-            For the file that a part was loaded from, which would lose its other tiles.
+            As `Model.save`, and for the file that a part was loaded from, which would lose its
+            other tiles.
         """
-        target = path_of("path", path)
+        target = path_of_model(path)
         for part in self._read_from:
             part.check(target)
         return self._core.save_tiles(str(target), self._note_or(note))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import gc
+import pickle
 
 import numpy as np
 import pytest
@@ -85,8 +87,8 @@ def test_views_are_read_only_and_keep_their_owner() -> None:
     del cloud
     gc.collect()
     np.zeros((1000, 1000))
-    for view, copy in zip(views, copies, strict=True):
-        np.testing.assert_array_equal(view, copy)
+    for view, kept in zip(views, copies, strict=True):
+        np.testing.assert_array_equal(view, kept)
 
 
 def test_colors_of_any_depth() -> None:
@@ -112,6 +114,39 @@ def test_utm_coordinates_survive() -> None:
     cloud = sb.PointCloud(world)
     np.testing.assert_allclose(cloud.points, world, atol=1e-6)
     assert np.abs(cloud.local_points).max() < 10
+
+
+def test_a_pickled_cloud_is_the_same_to_the_bit() -> None:
+    rng = np.random.default_rng(0)
+    n = 50
+    cloud = sb.PointCloud(
+        # Also coordinates so small that their sum with the origin has no place for all digits.
+        (rng.normal(size=(n, 3)) * 10.0 ** rng.integers(-9, 3, (n, 1))).astype(np.float32),
+        origin=[500_000.123, 5_400_000.7, 210.0],
+        colors=rng.integers(0, 256, (n, 3), np.uint8),
+        intensities=rng.random(n, np.float32),
+        normals=np.tile(np.float32([0, 0, 1]), (n, 1)),
+        ranges=rng.random(n, np.float32),
+        viewpoints=rng.random((2, 3)),
+        viewpoint_index=rng.integers(0, 2, n).astype(np.uint32),
+        extra={"label": rng.integers(0, 9, n).astype(np.int16)},
+        crs="EPSG:25832",
+    )
+    for again in (pickle.loads(pickle.dumps(cloud)), copy.copy(cloud), copy.deepcopy(cloud)):
+        assert again.attributes == cloud.attributes
+        assert (again.origin, again.crs) == (cloud.origin, cloud.crs)
+        for name in ("local_points", "viewpoint_index", *cloud.attributes):
+            if name != "crs":
+                assert again[name].dtype == cloud[name].dtype
+                np.testing.assert_array_equal(again[name], cloud[name])
+    bare = pickle.loads(pickle.dumps(sb.PointCloud(np.zeros((0, 3)))))
+    assert len(bare) == 0
+
+
+def test_columns_go_by_names_and_points_by_select() -> None:
+    cloud = sb.PointCloud(np.zeros((2, 3)))
+    with pytest.raises(TypeError, match=r"name is 0, but must be the name of a column.* select"):
+        cloud[0]  # type: ignore[index]
 
 
 def test_select_and_concat() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import signal
 import threading
@@ -414,9 +415,18 @@ def test_other_threads_run_meanwhile(method: Method) -> None:
     counting.join()
 
 
-def test_models_are_kept_in_files_not_pickled(model: Any) -> None:
-    with pytest.raises(TypeError, match="pickle"):
-        pickle.dumps(model)
+def test_a_pickle_is_the_file_with_its_note(model: Any, tmp_path: Path) -> None:
+    model.save(tmp_path / "a.sfb", note="by hand")
+    noted = sb.load(tmp_path / "a.sfb")
+    for protocol in range(2, pickle.HIGHEST_PROTOCOL + 1):
+        again = pickle.loads(pickle.dumps(noted, protocol))
+        assert type(again) is type(model)
+        assert again == model
+        assert again.to_bytes() == noted.to_bytes()
+        assert again.note == "by hand"
+    # Nothing of a model changes, so that one is as good as a copy.
+    assert copy.copy(model) is model
+    assert copy.deepcopy([model])[0] is model
 
 
 def test_files_of_the_first_release_read_as_ever(name: str, method: Method) -> None:
@@ -436,6 +446,8 @@ def test_a_vocabulary_describes_another_scene(
     other = corner(seed=1)
     described = words.describe(other)
     assert type(described) is method.of
+    with pytest.raises(TypeError, match="names its vocabulary by hash"):
+        pickle.dumps(described)
     assert described.n_points == len(other)
     data = described.to_bytes()
     # A reference, a hash of 16 bytes in a section, stands for the words, of which so small a scene

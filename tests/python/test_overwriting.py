@@ -40,6 +40,22 @@ def test_a_scan_is_not_replaced_by_its_map(scan: Path) -> None:
     assert scan.read_bytes() == before
 
 
+def test_a_model_is_not_saved_over_what_is_none(scan: Path, map_: Path) -> None:
+    before = scan.read_bytes()
+    for model in (sb.learn_patches(strip()), sb.load(map_)):
+        with pytest.raises(
+            InvalidInputError, match=r"path is .*scan\.ply', but must be a new file"
+        ):
+            model.save(scan)
+    assert scan.read_bytes() == before
+    # An empty file, as tempfile makes it, and a model are.
+    target = scan.parent / "new.sfb"
+    target.touch()
+    for _ in range(2):
+        sb.learn_patches(strip()).save(target)
+    assert len(sb.load(target)) > 0
+
+
 def test_a_part_is_not_saved_over_its_map_by_way_of_a_merge(map_: Path) -> None:
     before = map_.read_bytes()
     part = sb.load(map_, box=((0, -1, 0), (0.5, 1, 1)))

@@ -5,7 +5,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::types::{PyDict, PyMapping, PyString, PyTuple};
 use surfabet_geom::{CloudParts, Column, DroppedValues, Extra, PointCloud, Viewpoints};
 
 use crate::arguments;
@@ -298,7 +298,14 @@ impl PyPointCloud {
     }
 
     /// Any column by its name, built-in or extra.
-    fn __getitem__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    fn __getitem__<'py>(
+        slf: &Bound<'py, Self>,
+        name: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let requirement =
+            "the name of a column, such as 'points'; for points by number there is select";
+        let text = name.cast::<PyString>();
+        let name = text.map_err(|_| wrong_type("name", name, requirement))?.to_str()?;
         let cloud = &slf.get().cloud;
         if let Some(i) = cloud.extra().iter().position(|(extra, _)| extra == name) {
             return Ok(extra_view(slf, i));
@@ -310,6 +317,18 @@ impl PyPointCloud {
             let present = [&["points"][..], &cloud.attributes()].concat().join(", ");
             PyKeyError::new_err(format!("the cloud has no {name:?}; it has {present}"))
         })
+    }
+
+    /// Arguments that make the same cloud again, for pickle and copy.
+    fn __getnewargs_ex__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let given = PyDict::new(slf.py());
+        let columns = ["colors", "intensities", "normals", "ranges", "viewpoints"];
+        for name in columns.into_iter().chain(["viewpoint_index", "extra", "crs", "origin"]) {
+            given.set_item(name, slf.getattr(name)?)?;
+        }
+        Ok((PyTuple::new(slf.py(), [slf.getattr("local_points")?])?, given))
     }
 
     /// The cloud with a viewpoint (x, y, z in world coordinates) where it has none, and the ranges to it where it has
