@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from surfabet._core import PointCloud, __version__, get_num_threads, set_num_threads
+import os
+
+from surfabet._core import PointCloud, __version__, get_num_threads, note_fork, set_num_threads
 from surfabet.alphabet import (
     Alphabet,
     AlphabetModel,
@@ -69,6 +71,10 @@ from surfabet.survey import Survey, survey
 from surfabet.tiles import TiledPatchModel, Tiles, merge_tiles
 from surfabet.tiling import TilingReport, learn_patches_tiled
 from surfabet.view import view
+
+if hasattr(os, "register_at_fork"):
+    # A forked process has none of the threads of its parent.
+    os.register_at_fork(after_in_child=note_fork)
 
 __all__ = [
     "Alphabet",

@@ -536,7 +536,8 @@ def _fitting(
                 f"max_memory of {need / 1e9:.2f}e9 bytes for each worker",
                 argument="tile",
                 value=repr(tile),
-                requirement="small enough for max_memory",
+                requirement=f"smaller: with {largest:,} points in it and around it a tile takes "
+                f"{need / 1e9:.2f} GB, more than the {memory / 1e9:.2f} GB that there are for it",
             )
         try:
             smaller = _core.plan_with_side(plan, 0.5 * side)

@@ -362,3 +362,36 @@ def test_lines_are_bridged_and_real_gaps_are_not(
     assert np.diff(heights).max() < 1.01 * pixel
     if rings == 16:
         assert np.radians(30 / (rings - 1)) * -HALL[0, 0] > 2 * pixel
+
+
+def ball(radius: float, n: int = 3000) -> np.ndarray:
+    """Points on a sphere, (n, 3)."""
+    at = np.random.default_rng(1).normal(size=(n, 3))
+    return radius * at / np.linalg.norm(at, axis=1)[:, None]
+
+
+@pytest.mark.parametrize("options", [{}, {"max_error_forward": 0.01}, {"completeness": 1.0}])
+def test_small_things_far_apart_are_learned(options: dict[str, float]) -> None:
+    """The tolerance is no finer than positions in so large a scene."""
+    small = ball(0.01)
+    places = np.array([[0, 0, 0], [100, 0, 0], [0, 1000, 0]])
+    cloud = sb.PointCloud((places[:, None] + small).reshape(-1, 3))
+    model = sb.learn_patches(cloud, **options)
+    distances = cKDTree(model.decode(as_measured=True).points).query(cloud.points)[0]
+    beyond = (distances > model.report.tolerance).mean()
+    assert beyond <= 1 - options.get("completeness", 0.99) + 1e-9
+    # Twice the extent of 500 m over the 2^20 places of a coordinate, and a fifth that is kept.
+    assert 0.001 < model.report.tolerance < 0.0013
+
+
+@pytest.mark.parametrize("n", [1, 5, 2000])
+@pytest.mark.parametrize("options", [{}, {"max_error_forward": 0.01}, {"completeness": 1.0}])
+def test_points_in_one_place_are_not_lost(n: int, options: dict[str, float]) -> None:
+    cloud = sb.PointCloud(np.tile([1.0, 2.0, 3.0], (n, 1)))
+    model = sb.learn_patches(cloud, **options)
+    decoded = model.decode(as_measured=True).points
+    assert len(decoded) > 0
+    away = np.linalg.norm(decoded - [1, 2, 3], axis=1)
+    assert away.min() <= model.report.tolerance
+    assert 0 < model.report.tolerance <= 0.5 * model.levels[-1].pixel_size
+    assert away.max() < options.get("max_error_forward", np.inf)

@@ -13,6 +13,7 @@ use crate::bic_alphabet::PyBicAlphabet;
 use crate::errors::{IntoPyErr, internal, invalid_input};
 use crate::hscsm::PyHscsmDictionary;
 use crate::model::{ModelClass, wrap};
+use crate::run::released;
 
 /// The vocabulary in a Python object.
 fn known<'a>(vocabulary: Option<&'a Bound<'_, PyAny>>) -> PyResult<KnownVocabulary<'a>> {
@@ -60,7 +61,7 @@ fn from_bytes(
     vocabulary: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Py<PyAny>> {
     let (limits, known) = (Limits { max_items, max_bytes }, known(vocabulary)?);
-    let model = py.detach(|| Model::from_bytes_with(data, &limits, known));
+    let model = released(py, || Model::from_bytes_with(data, &limits, known))?;
     wrap_any(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 
@@ -75,7 +76,7 @@ fn load(
     vocabulary: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Py<PyAny>> {
     let (limits, known) = (Limits { max_items, max_bytes }, known(vocabulary)?);
-    let model = py.detach(|| Model::open_with(path, &limits, known));
+    let model = released(py, || Model::open_with(path, &limits, known))?;
     wrap_any(py, model.map_err(IntoPyErr::into_py_err)?)
 }
 

@@ -13,7 +13,7 @@ use crate::cloud::cloud_of;
 use crate::errors::IntoPyErr;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::options_of;
-use crate::run::run;
+use crate::run::{released, run};
 
 /// A cloud as a gas of neurons with a topology; immutable.
 #[pyclass(name = "GasModel", module = "surfabet._core", frozen, extends = PyModel)]
@@ -117,9 +117,9 @@ impl PyGasModel {
     }
 
     /// Triangles, (t, 3).
-    fn mesh<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
-        let mesh = py.detach(|| self.model.mesh());
-        Array2::from_shape_fn((mesh.len(), 3), |(i, corner)| mesh[i][corner]).into_pyarray(py)
+    fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let mesh = released(py, || self.model.mesh())?;
+        Ok(Array2::from_shape_fn((mesh.len(), 3), |(i, corner)| mesh[i][corner]).into_pyarray(py))
     }
 
     /// Component of every neuron, (n,).
@@ -133,7 +133,7 @@ impl PyGasModel {
         py: Python<'py>,
         source: usize,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let distances = py.detach(|| self.model.geodesic_distances(source));
+        let distances = released(py, || self.model.geodesic_distances(source))?;
         Ok(distances.map_err(IntoPyErr::into_py_err)?.into_pyarray(py))
     }
 
@@ -187,7 +187,7 @@ impl PyNavigationGraph {
         start: [f64; 3],
         goal: [f64; 3],
     ) -> PyResult<Option<Bound<'py, PyArray1<u32>>>> {
-        let path = py.detach(|| self.0.path(start, goal)).map_err(IntoPyErr::into_py_err)?;
+        let path = released(py, || self.0.path(start, goal))?.map_err(IntoPyErr::into_py_err)?;
         Ok(path.map(|nodes| nodes.into_pyarray(py)))
     }
 }

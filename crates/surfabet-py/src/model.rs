@@ -12,7 +12,7 @@ use crate::cloud::PyPointCloud;
 use crate::errors::IntoPyErr;
 use crate::locate::PyLocalizer;
 use crate::report::report_dict;
-use crate::run::run;
+use crate::run::{released, run};
 
 /// A model of any method; immutable. The classes of the methods derive from it.
 #[pyclass(name = "Model", module = "surfabet._core", frozen, subclass)]
@@ -111,13 +111,13 @@ impl PyModel {
     /// The bytes of the file, with a note if it is not empty.
     #[pyo3(signature = (note=""))]
     fn to_bytes<'py>(&self, py: Python<'py>, note: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| self.noted(note));
+        let bytes = released(py, || self.noted(note))?;
         Ok(PyBytes::new(py, &bytes.map_err(IntoPyErr::into_py_err)?))
     }
 
     /// Writes the file, with a note if it is not empty, and returns its size in bytes.
     fn save(&self, py: Python<'_>, path: PathBuf, note: &str) -> PyResult<u64> {
-        let written = py.detach(|| surfabet::write(&path, &self.noted(note)?));
+        let written = released(py, || surfabet::write(&path, &self.noted(note)?))?;
         written.map_err(IntoPyErr::into_py_err)
     }
 

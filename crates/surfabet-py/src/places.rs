@@ -14,7 +14,7 @@ use crate::alphabet::PyAlphabetModel;
 use crate::cloud::cloud_of;
 use crate::errors::IntoPyErr;
 use crate::locate::{Columns, columns};
-use crate::run::run;
+use crate::run::{released, run};
 
 /// Many places; documented in `surfabet.places`.
 #[pyclass(name = "PlaceIndex", module = "surfabet._core", frozen)]
@@ -77,11 +77,12 @@ impl PyPlaceIndex {
     }
 
     /// Similarity of every two places, (n, n).
-    fn similarities<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyArray2<f64>> {
+    fn similarities<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let py = slf.py();
         let index = &slf.get().index;
-        let rows = py.detach(|| index.similarities());
-        Array2::from_shape_fn((index.len(), index.len()), |(i, j)| rows[i][j]).into_pyarray(py)
+        let rows = released(py, || index.similarities())?;
+        let of_pairs = Array2::from_shape_fn((index.len(), index.len()), |(i, j)| rows[i][j]);
+        Ok(of_pairs.into_pyarray(py))
     }
 
     fn __len__(&self) -> usize {

@@ -14,7 +14,7 @@ use crate::cloud::{PyPointCloud, cloud_of};
 use crate::errors::invalid_input;
 use crate::model::{PyModel, model_class, wrap};
 use crate::options::options_of;
-use crate::run::run;
+use crate::run::{released, run};
 
 /// A cloud as planar patches with tiles; immutable.
 #[pyclass(name = "PlaneModel", module = "surfabet._core", frozen, extends = PyModel)]
@@ -263,21 +263,22 @@ impl PyPlaneModel {
         let of = |ring: Vec<[f64; 3]>| {
             Array2::from_shape_fn((ring.len(), 3), |(i, a)| ring[i][a]).into_pyarray(py)
         };
-        Ok(py.detach(|| self.model.polygons(patch)).into_iter().map(of).collect())
+        Ok(released(py, || self.model.polygons(patch))?.into_iter().map(of).collect())
     }
 
     /// Corners (m, 3), triangles (t, 3) and the patch of each, (t,).
     fn mesh<'py>(
         &self,
         py: Python<'py>,
-    ) -> (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<u32>>) {
-        let mesh = py.detach(|| self.model.mesh());
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<u32>>)>
+    {
+        let mesh = released(py, || self.model.mesh())?;
         let (vertices, triangles) = (&mesh.vertices, &mesh.triangles);
-        (
+        Ok((
             Array2::from_shape_fn((vertices.len(), 3), |(i, a)| vertices[i][a]).into_pyarray(py),
             Array2::from_shape_fn((triangles.len(), 3), |(i, a)| triangles[i][a]).into_pyarray(py),
             mesh.patches.into_pyarray(py),
-        )
+        ))
     }
 }
 

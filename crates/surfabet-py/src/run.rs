@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock, mpsc};
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use rayon::ThreadPool;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use surfabet_geom::Progress;
 
 use crate::arguments;
@@ -17,6 +17,39 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// The pool set by [`set_num_threads`]; the global pool of rayon (all cores) when `None`.
 static POOL: RwLock<Option<Arc<ThreadPool>>> = RwLock::new(None);
+
+/// Set in a process that was forked: its pools have no threads, and work handed to them would never end.
+static FORKED: AtomicBool = AtomicBool::new(false);
+
+/// The pool that work is to run on; the global pool of rayon when `None`.
+///
+/// # Errors
+/// An internal error where the system gives no threads.
+fn pool() -> PyResult<Option<Arc<ThreadPool>>> {
+    if FORKED.load(Ordering::Acquire) {
+        let mut pool = POOL.write().unwrap_or_else(PoisonError::into_inner);
+        if FORKED.load(Ordering::Acquire) {
+            let n_threads = pool.as_ref().map_or(0, |pool| pool.current_num_threads());
+            let renewed = ThreadPoolBuilder::new().num_threads(n_threads).build();
+            // To end the old pool would be to wait for its threads.
+            std::mem::forget(pool.replace(Arc::new(renewed.map_err(internal)?)));
+            FORKED.store(false, Ordering::Release);
+        }
+    }
+    Ok(POOL.read().unwrap_or_else(PoisonError::into_inner).clone())
+}
+
+/// Runs short work without the interpreter lock on the threads that [`run`] uses.
+///
+/// # Errors
+/// As [`pool`].
+pub fn released<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let pool = pool()?;
+    Ok(py.detach(|| match pool {
+        Some(pool) => pool.install(work),
+        None => work(),
+    }))
+}
 
 /// What asks work on another thread to stop: signals reach the main thread alone.
 #[pyclass(name = "Stop", module = "surfabet._core", frozen)]
@@ -125,7 +158,7 @@ fn watch(
     callback: Option<&Py<PyAny>>,
     work: &mut (dyn FnMut() + Send),
 ) -> PyResult<()> {
-    let pool = POOL.read().unwrap_or_else(PoisonError::into_inner).clone();
+    let pool = pool()?;
     py.detach(|| {
         std::thread::scope(|scope| {
             let (done, is_done) = mpsc::channel();
@@ -175,27 +208,37 @@ fn set_num_threads(n_threads: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
             if !(1..=1024).contains(&n) {
                 return Err(wrong_value("n_threads", given, requirement));
             }
-            let built = rayon::ThreadPoolBuilder::new().num_threads(n).build();
+            let built = ThreadPoolBuilder::new().num_threads(n).build();
             Some(Arc::new(built.map_err(internal)?))
         }
     };
-    *POOL.write().unwrap_or_else(PoisonError::into_inner) = pool;
+    let mut kept = POOL.write().unwrap_or_else(PoisonError::into_inner);
+    if FORKED.load(Ordering::Acquire) && pool.is_some() {
+        std::mem::forget(kept.take());
+        FORKED.store(false, Ordering::Release);
+    }
+    *kept = pool;
     Ok(())
+}
+
+/// To be called in a process that was forked: from now on work runs on threads of its own.
+#[pyfunction]
+fn note_fork() {
+    FORKED.store(true, Ordering::Release);
 }
 
 /// The number of threads that surfabet uses.
 #[pyfunction]
-fn get_num_threads() -> usize {
-    POOL.read()
-        .unwrap_or_else(PoisonError::into_inner)
-        .as_ref()
-        .map_or_else(rayon::current_num_threads, |pool| pool.current_num_threads())
+fn get_num_threads() -> PyResult<usize> {
+    let pool = pool()?;
+    Ok(pool.map_or_else(rayon::current_num_threads, |pool| pool.current_num_threads()))
 }
 
 /// Adds this file's functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(get_num_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(note_fork, module)?)?;
     module.add_class::<PyStop>()?;
     Ok(())
 }

@@ -10,6 +10,7 @@ use surfabet_sparse::{
 
 use crate::errors::{IntoPyErr, cancelled, invalid_input, wrong_value};
 use crate::run;
+use crate::run::released;
 use crate::view::{FrozenOwner, read_only_view};
 use crate::{arguments, arrays};
 
@@ -308,8 +309,7 @@ fn reconstruct<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let dictionary = dictionary_of(dictionary)?;
     let codes = &codes.get().codes;
-    let rows = py
-        .detach(|| surfabet_sparse::reconstruct(&dictionary, codes))
+    let rows = released(py, || surfabet_sparse::reconstruct(&dictionary, codes))?
         .map_err(IntoPyErr::into_py_err)?;
     rows.into_pyarray(py).reshape([codes.len(), dictionary.n_features()])
 }
@@ -325,9 +325,9 @@ fn squared_errors<'py>(
     let dictionary = dictionary_of(dictionary)?;
     let table = Table::new(signals, weights)?;
     let codes = &codes.get().codes;
-    let errors = py
-        .detach(|| surfabet_sparse::squared_errors(&dictionary, &table.signals()?, codes))
-        .map_err(IntoPyErr::into_py_err)?;
+    let errors =
+        released(py, || surfabet_sparse::squared_errors(&dictionary, &table.signals()?, codes))?
+            .map_err(IntoPyErr::into_py_err)?;
     Ok(errors.into_pyarray(py))
 }
 

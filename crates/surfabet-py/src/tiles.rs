@@ -23,7 +23,7 @@ use crate::errors::{IntoPyErr, invalid_input};
 use crate::model::{PyModel, region_of};
 use crate::options::options_of;
 use crate::patches::{PySurface, surface};
-use crate::run::{PyStop, run, run_until};
+use crate::run::{PyStop, released, run, run_until};
 
 /// Patches in tiles, or a part of them; immutable.
 #[pyclass(name = "TiledPatchModel", module = "surfabet._core", frozen, extends = PyModel)]
@@ -126,7 +126,7 @@ impl PyTiledModel {
 
     /// Writes the file, with a note if it is not empty, and returns its size in bytes.
     fn save_tiles(&self, py: Python<'_>, path: PathBuf, note: &str) -> PyResult<u64> {
-        py.detach(|| self.model.save(&path, note)).map_err(IntoPyErr::into_py_err)
+        released(py, || self.model.save(&path, note))?.map_err(IntoPyErr::into_py_err)
     }
 
     /// Tiles that are here, and that the file has, of all levels of detail.
@@ -165,7 +165,7 @@ impl PyTiledModel {
 
     /// The patches of all tiles as arrays, as those of a model in one piece.
     fn surface<'py>(&self, py: Python<'py>) -> PyResult<PySurface<'py>> {
-        let leaves = py.detach(|| self.model.leaves()).map_err(IntoPyErr::into_py_err)?;
+        let leaves = released(py, || self.model.leaves())?.map_err(IntoPyErr::into_py_err)?;
         Ok(surface(py, &leaves, &self.model.patches().lattice))
     }
 
@@ -245,7 +245,7 @@ fn open_tiles(
 ) -> PyResult<Option<Py<PyTiledModel>>> {
     let part = Part { region: region_of(region)?, level };
     let limits = Limits { max_items, max_bytes };
-    let opened = py.detach(|| {
+    let opened = released(py, || {
         let io = |source| surfabet::Error::Io { path: path.clone(), source };
         let mut file = File::open(&path).map_err(io)?;
         TiledModel::open(&mut file, &limits, part).map_err(|error| match error {
@@ -253,7 +253,7 @@ fn open_tiles(
             OpenError::Codec(source) => surfabet::Error::File { path: path.clone(), source },
             OpenError::Model(error) => error.into(),
         })
-    });
+    })?;
     let model = opened.map_err(IntoPyErr::into_py_err)?;
     model.map(|model| PyTiledModel::wrap(py, model)).transpose()
 }

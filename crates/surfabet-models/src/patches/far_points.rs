@@ -133,6 +133,12 @@ pub(super) fn is_reached<'a>(
     Ok(far.len() as f64 <= (1.0 - share - margin) * probes.len() as f64 + 1e-6)
 }
 
+/// The least bound that points reach whose coordinates are up to `extent`, metres; see [`limit`].
+pub(super) fn least_bound(extent: f64) -> f64 {
+    // A little more, for the rounding of the product.
+    1.000_001 * 2.0 * extent / f64::from(LIMIT)
+}
+
 /// The bound less what rounding of coordinates to single precision may add.
 pub(super) fn limit(positions: &[[f32; 3]], bound: f64) -> Result<f64> {
     let extent = largest_coordinate(positions);

@@ -18,7 +18,7 @@ use super::constants::{
     DEPTH_STEP_IN_GAPS, SAMPLE_SIZE, SPACINGS_PER_PIXEL, SPACINGS_PER_PIXEL_IN_ROWS,
     TOLERANCE_SHARE,
 };
-use super::far_points::{Completeness, is_reached};
+use super::far_points::{Completeness, is_reached, least_bound};
 use super::instances::Instances;
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree};
 use super::options::{DEPTH_STEPS, PatchesOptions};
@@ -104,7 +104,7 @@ pub fn learn(
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let resolution = pixel(&mut start, options);
-    let tolerance = start.tolerance(options.resolution);
+    let tolerance = tolerance(&start, options, reach(&start.cloud)?, resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
     let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
     check_size(reach(cloud)?, resolution)?;
@@ -373,6 +373,20 @@ pub(super) fn pixel(start: &mut Start<'_>, options: &PatchesOptions) -> f64 {
         None => OfBound { bound, share: BOUNDS_PER_PIXEL },
     });
     start.pixel(options.resolution, spacings, bound)
+}
+
+/// How far a decoded cloud may be from a point and still show it, metres: as far as the data have it, or half a pixel where all
+/// points are in one place; and no less than points beside the patches resolve in a scene that reaches this far.
+pub(super) fn tolerance(
+    start: &Start<'_>,
+    options: &PatchesOptions,
+    reach: [f64; 3],
+    resolution: f64,
+) -> f64 {
+    let of_data = start.tolerance(options.resolution);
+    let of_data = if of_data > 0.0 { of_data } else { 0.5 * resolution };
+    let extent = reach.into_iter().fold(0.0, f64::max);
+    of_data.max(least_bound(extent) / TOLERANCE_SHARE)
 }
 
 /// Refuses pixels and bounds that a file cannot have.

@@ -10,6 +10,7 @@ use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, AttributeHeader, INTENSITIES, check};
 use crate::patches::learn::{
     check_lengths, check_size, depth_step, lattice_of, pixel, samples_per_pixel, sheets_of,
+    tolerance,
 };
 use crate::patches::model::Lattice;
 use crate::patches::options::PatchesOptions;
@@ -202,9 +203,10 @@ pub fn plan(
     let mut start = Start::of(&sample, quality, Leave::Strays, keep, &mut stages)?;
     start.survey.bounds = Some((low, high));
     let resolution = pixel(&mut start, options);
-    let tolerance = start.tolerance(options.resolution);
+    let reach = std::array::from_fn(|a| 0.5 * (high[a] - low[a]) + 1.0);
+    let tolerance = tolerance(&start, options, reach, resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
-    check_size(std::array::from_fn(|a| 0.5 * (high[a] - low[a]) + 1.0), resolution)?;
+    check_size(reach, resolution)?;
     check_lengths(resolution, options)?;
     let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
     let lattice = stages.run("finding axes", |_| {
