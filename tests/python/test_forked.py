@@ -30,6 +30,12 @@ sb.learn_patches_tiled(cloud, sys.argv[1] + "/here.sfb", tile=1.28, resolution=0
 
 def again(n_threads):
     if n_threads:
+        sb.set_num_threads(None)
+        assert sb.survey(cloud).spacing > 0
+        sb.set_num_threads(n_threads)
+        sb.survey(cloud)
+        sb.set_num_threads(None)
+        assert sb.survey(cloud).spacing > 0
         sb.set_num_threads(n_threads)
     made = sb.PointCloud(cloud.points)
     model = sb.learn_patches(made)

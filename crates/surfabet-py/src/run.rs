@@ -18,25 +18,41 @@ const POLL: Duration = Duration::from_millis(50);
 /// The pool set by [`set_num_threads`]; the global pool of rayon (all cores) when `None`.
 static POOL: RwLock<Option<Arc<ThreadPool>>> = RwLock::new(None);
 
-/// Set in a process that was forked: its pools have no threads, and work handed to them would never end.
-static FORKED: AtomicBool = AtomicBool::new(false);
+/// Set in a process that was forked: rayon's global pool has no threads there, and work handed to it would never end.
+static IS_FORKED: AtomicBool = AtomicBool::new(false);
+
+/// Set there as long as [`POOL`] is that of the parent, which has no threads either.
+static IS_STALE: AtomicBool = AtomicBool::new(false);
+
+/// A pool of so many threads; as many as there are cores for zero.
+fn pool_of(n_threads: usize) -> PyResult<Arc<ThreadPool>> {
+    let built = ThreadPoolBuilder::new().num_threads(n_threads).build();
+    built.map(Arc::new).map_err(internal)
+}
+
+/// Puts a pool in the place of the one that there is.
+fn replace_pool(pool: Option<Arc<ThreadPool>>) {
+    let before =
+        std::mem::replace(&mut *POOL.write().unwrap_or_else(PoisonError::into_inner), pool);
+    if IS_STALE.swap(false, Ordering::AcqRel) {
+        // To end it would be to wake threads that are not there.
+        std::mem::forget(before);
+    }
+}
 
 /// The pool that work is to run on; the global pool of rayon when `None`.
 ///
 /// # Errors
 /// An internal error where the system gives no threads.
 fn pool() -> PyResult<Option<Arc<ThreadPool>>> {
-    if FORKED.load(Ordering::Acquire) {
-        let mut pool = POOL.write().unwrap_or_else(PoisonError::into_inner);
-        if FORKED.load(Ordering::Acquire) {
-            let n_threads = pool.as_ref().map_or(0, |pool| pool.current_num_threads());
-            let renewed = ThreadPoolBuilder::new().num_threads(n_threads).build();
-            // To end the old pool would be to wait for its threads.
-            std::mem::forget(pool.replace(Arc::new(renewed.map_err(internal)?)));
-            FORKED.store(false, Ordering::Release);
-        }
+    let kept = || POOL.read().unwrap_or_else(PoisonError::into_inner).clone();
+    if IS_STALE.load(Ordering::Acquire) {
+        // Not to be ended either, see above.
+        let of_parent = std::mem::ManuallyDrop::new(kept());
+        let n_threads = of_parent.as_ref().map_or(0, |pool| pool.current_num_threads());
+        replace_pool(Some(pool_of(n_threads)?));
     }
-    Ok(POOL.read().unwrap_or_else(PoisonError::into_inner).clone())
+    Ok(kept())
 }
 
 /// Runs short work without the interpreter lock on the threads that [`run`] uses.
@@ -202,29 +218,25 @@ fn watch(
 fn set_num_threads(n_threads: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
     let requirement = "None or an integer from 1 to 1024";
     let pool = match n_threads {
+        None if IS_FORKED.load(Ordering::Acquire) => Some(pool_of(0)?),
         None => None,
         Some(given) => {
             let n: usize = arguments::integer("n_threads", given, requirement)?;
             if !(1..=1024).contains(&n) {
                 return Err(wrong_value("n_threads", given, requirement));
             }
-            let built = ThreadPoolBuilder::new().num_threads(n).build();
-            Some(Arc::new(built.map_err(internal)?))
+            Some(pool_of(n)?)
         }
     };
-    let mut kept = POOL.write().unwrap_or_else(PoisonError::into_inner);
-    if FORKED.load(Ordering::Acquire) && pool.is_some() {
-        std::mem::forget(kept.take());
-        FORKED.store(false, Ordering::Release);
-    }
-    *kept = pool;
+    replace_pool(pool);
     Ok(())
 }
 
 /// To be called in a process that was forked: from now on work runs on threads of its own.
 #[pyfunction]
 fn note_fork() {
-    FORKED.store(true, Ordering::Release);
+    IS_FORKED.store(true, Ordering::Release);
+    IS_STALE.store(true, Ordering::Release);
 }
 
 /// The number of threads that surfabet uses.
