@@ -77,6 +77,14 @@ def decode_options(
     }
 
 
+def is_model(path: Path) -> bool:
+    """Whether a path is a file that begins as models do."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(_MAGIC)) == _MAGIC
+
+
 def path_of_model(path: str | os.PathLike[str]) -> Path:
     """Where a model is to be written: a new file, or that of another model.
 
@@ -86,12 +94,9 @@ def path_of_model(path: str | os.PathLike[str]) -> Path:
         The file holds something else.
     """
     target = path_of("path", path)
-    if target.is_file():
-        with target.open("rb") as file:
-            begin = file.read(len(_MAGIC))
-        if begin and begin != _MAGIC:
-            requirement = "a new file or that of a model: this one holds something else"
-            raise wrong_value("path", str(target), requirement)
+    if target.is_file() and target.stat().st_size and not is_model(target):
+        requirement = "a new file or that of a model: this one holds something else"
+        raise wrong_value("path", str(target), requirement)
     return target
 
 
@@ -243,10 +248,10 @@ class Model(Generic[C]):
         """Writes the model to a file, usually `.sfb`, and returns its size in bytes.
 
         An existing model is replaced only when the new one is complete, and a file that is none is
-        not replaced. `note` is a line for people,
-        at most 1024 bytes of UTF-8, which `surfabet info` and `surfabet.inspect` show; it is not
-        part of the model. By default it is the one that the model was read with, and `note=""`
-        writes none. A note that ends in `lengths in ft` says that lengths are feet, not metres.
+        not replaced. `note` is a line for people, at most 1024 bytes of UTF-8, which
+        `surfabet info` and `surfabet.inspect` show; it is not part of the model. By default it is
+        the one that the model was read with, and `note=""` writes none. A note that ends in
+        `lengths in ft` says that lengths are feet, not metres.
 
         Raises
         ------

@@ -17,9 +17,9 @@ from surfabet.errors import FormatError
 from surfabet.files import AnyModel, Vocabulary
 from surfabet.io import Format, detect, formats, named_format
 from surfabet.io._files import is_same_file
+from surfabet.model import is_model
 
 MODEL_SUFFIX = ".sfb"
-MAGIC = b"\x89SFB"
 HTML_SUFFIXES = frozenset({".html", ".htm"})
 
 
@@ -121,14 +121,6 @@ def load_model(
         f"{path}: made with the dictionary {needed} and does not hold it; name the model that does "
         "with --vocabulary"
     )
-
-
-def is_model(path: Path) -> bool:
-    """True for a file that begins as a model does."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
 
 
 def refuse_cloud(path: Path) -> None:

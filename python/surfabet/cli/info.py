@@ -17,7 +17,6 @@ from surfabet._progress import ProgressCallback
 from surfabet.cli._files import (
     MODEL_SUFFIX,
     check_output,
-    is_model,
     load_model,
     load_vocabulary,
     read_cloud,
@@ -40,6 +39,7 @@ from surfabet.files import AnyModel
 from surfabet.io import detect, list_topics, named_format, read_bag
 from surfabet.io._crs import unit_of
 from surfabet.learning import note_of, unit_in
+from surfabet.model import is_model
 
 MOST_POINTS = 20_000_000
 """The box of a model that decodes to more is left out: showing what a file holds takes seconds."""

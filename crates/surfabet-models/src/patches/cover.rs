@@ -59,7 +59,12 @@ impl Cover {
     /// fewest cells around; where many are around, one cell costs less than the hole that it would leave.
     pub fn of_all(&self) -> Vec<u64> {
         let mut covered: Vec<u8> = parallel::gather(self.keys.len(), |cell, covered| {
-            covered.extend(self.range(cell).map(|p| self.times_covered(cell, p)));
+            let around: Vec<usize> = self.around(cell).collect();
+            let reached = |p: &usize| {
+                let by = |&&other: &&usize| other == cell || self.reaches(other, *p);
+                around.iter().filter(by).count() as u8
+            };
+            covered.extend(self.range(cell).map(|p| reached(&p)));
         });
         let mut around: Vec<u8> =
             parallel::map_range(self.keys.len(), |cell| self.around(cell).count() as u8 - 1);
@@ -135,12 +140,6 @@ impl Cover {
         let in_reach = move |other, &point: &usize| other == cell || self.reaches(cell, point);
         self.around(cell)
             .flat_map(move |other| self.range(other).filter(move |p| in_reach(other, p)))
-    }
-
-    /// How many cells cover a point of a cell.
-    fn times_covered(&self, cell: usize, point: usize) -> u8 {
-        let by = |&other: &usize| other == cell || self.reaches(other, point);
-        self.around(cell).filter(by).count() as u8
     }
 }
 

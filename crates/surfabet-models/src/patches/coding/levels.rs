@@ -73,3 +73,43 @@ impl<'a> Wanted<'a> {
         of_node.iter().fold(0, |children, k| children | 1 << (k >> self.shift & 7))
     }
 }
+
+/// What the tests of both ways to code nodes have in common.
+#[cfg(test)]
+pub(super) mod testing {
+    use surfabet_entropy::{Bit, Coder};
+
+    /// Cells at random, and the bits that they take: n of N places, log2 of N over n, about n (log2 (N / n) + 1.44). Nothing is to be
+    /// learned but the density.
+    pub fn scattered() -> (Vec<u64>, f64) {
+        let mut state = 1_u64;
+        let mut places = std::collections::BTreeSet::new();
+        while places.len() < 20_000 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            places.insert(state >> 43);
+        }
+        let keys: Vec<u64> = places.into_iter().collect();
+        let n = keys.len() as f64;
+        let least = n * (((1_u64 << 21) as f64 / n).log2() + std::f64::consts::LOG2_E);
+        (keys, least)
+    }
+
+    /// A hostile stream: everything is occupied.
+    pub struct Ones;
+
+    impl Coder for Ones {
+        type Error = String;
+
+        fn bit(&mut self, _: &mut Bit, _: bool) -> Result<bool, String> {
+            Ok(true)
+        }
+
+        fn bypass(&mut self, _: u64, _: u32) -> Result<u64, String> {
+            Ok(1)
+        }
+
+        fn corrupt(&self, what: String) -> String {
+            what
+        }
+    }
+}

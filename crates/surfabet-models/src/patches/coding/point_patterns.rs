@@ -228,6 +228,7 @@ mod tests {
 
     use crate::patches::attributes::cells::index;
     use crate::patches::coding::levels::Wanted;
+    use crate::patches::coding::levels::testing::{Ones, scattered};
     use crate::patches::coding::near_points::{NearPointModels, code_near_points};
 
     fn price(keys: &[u64]) -> f64 {
@@ -336,16 +337,7 @@ mod tests {
 
     #[test]
     fn scattered_cells_take_what_their_places_hold() {
-        // n of N places: log2 of N over n, about n (log2 (N / n) + 1.44) bits. Nothing is to be learned but the density.
-        let mut state = 1_u64;
-        let mut places = std::collections::BTreeSet::new();
-        while places.len() < 20_000 {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            places.insert(state >> 43);
-        }
-        let keys: Vec<u64> = places.into_iter().collect();
-        let n = keys.len() as f64;
-        let least = n * (((1_u64 << 21) as f64 / n).log2() + std::f64::consts::LOG2_E);
+        let (keys, least) = scattered();
         let found = price(&keys);
         assert!(found > 0.99 * least && found < 1.2 * least, "{found} {least}");
     }
@@ -354,24 +346,5 @@ mod tests {
     fn more_points_than_allowed_are_an_error_of_the_reader() {
         let models = &mut PatternModels::default();
         assert!(code_point_patterns(&mut Ones, models, &[], 100).is_err());
-    }
-
-    /// A hostile stream: everything is occupied.
-    struct Ones;
-
-    impl Coder for Ones {
-        type Error = String;
-
-        fn bit(&mut self, _: &mut Bit, _: bool) -> Result<bool, String> {
-            Ok(true)
-        }
-
-        fn bypass(&mut self, _: u64, _: u32) -> Result<u64, String> {
-            Ok(1)
-        }
-
-        fn corrupt(&self, what: String) -> String {
-            what
-        }
     }
 }
