@@ -1,7 +1,11 @@
 #!/usr/bin/env bash
 # Installs what the tests need and runs every check; stops at the first that fails and names it.
+#
+#   scripts/test.sh
 
 source "$(dirname "${BASH_SOURCE[0]}")/env.sh"
+
+[[ $# -eq 0 ]] || fail "scripts/test.sh takes no arguments, not $*: it runs every check"
 
 current="start"
 passed=0

@@ -16,6 +16,7 @@ import pytest
 
 import surfabet as sb
 from surfabet.cli import main
+from surfabet.cli._format import unequal_texts
 
 VERBS = ["compress", "decompress", "info", "evaluate", "compare", "verify", "convert"]
 
@@ -498,3 +499,10 @@ def test_missing_files_are_named_in_the_same_words(
     }
     assert main([verb, *others[verb]]) == 1
     assert capsys.readouterr().err == f"surfabet: error: {missing}: No such file or directory\n"
+
+
+def test_lengths_that_differ_are_shown_apart() -> None:
+    assert unequal_texts(0.05, 0.05) == ("50 mm", "50 mm")
+    assert unequal_texts(0.0123, 0.05) == ("12.3 mm", "50 mm")
+    assert unequal_texts(0.0500001, 0.05) == ("50.0001 mm", "50 mm")
+    assert unequal_texts(1.0000000001, 1.0) == ("1.0000000001 m", "1 m")

@@ -217,6 +217,19 @@ def test_files(
     assert (tmp_path / "plan.svg").read_bytes() == before
 
 
+def test_a_floor_without_walls_names_the_heights_that_there_are(
+    model: sb.PlaneModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert plan.floor_plan(model, floor=0.1).rooms
+    with pytest.raises(ValueError, match=r"^floor is 7\.0, but must be .* level surfaces are at"):
+        plan.floor_plan(model, floor=7.0)
+    model.save(tmp_path / "walls.sfb")
+    out = tmp_path / "plan.svg"
+    assert main(["plan", str(tmp_path / "walls.sfb"), str(out), "--floor", "7"]) == 2
+    assert "--floor" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_what_has_no_walls_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(0)
     flat = sb.learn_planes(sb.PointCloud(sheet([0, 0, 0], [3, 0, 0], [0, 3, 0], rng)))

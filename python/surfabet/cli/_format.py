@@ -34,10 +34,21 @@ def points_text(n: int) -> str:
     return f"{n:,} point" if n == 1 else f"{n:,} points"
 
 
-def length_text(length: float, unit: str = "m") -> str:
+def length_text(length: float, unit: str = "m", digits: int = 3) -> str:
     """As `8.31 mm`, metres from one metre on; other units as `0.0273 us-ft`."""
     factor, small = small_lengths(unit)
-    return f"{length:.3g} {unit}" if abs(length) >= 1 else f"{factor * length:.3g} {small}"
+    if abs(length) >= 1:
+        return f"{length:.{digits}g} {unit}"
+    return f"{factor * length:.{digits}g} {small}"
+
+
+def unequal_texts(length: float, limit: float, unit: str = "m") -> tuple[str, str]:
+    """As `length_text`, with as many digits as it takes to tell two lengths apart."""
+    for digits in range(3, 18):
+        texts = length_text(length, unit, digits), length_text(limit, unit, digits)
+        if length == limit or texts[0] != texts[1]:
+            break
+    return texts
 
 
 def peak_memory() -> int | None:

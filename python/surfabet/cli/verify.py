@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import surfabet
 from surfabet.cli._files import load_model, read_cloud
-from surfabet.cli._format import length_text, print_json
+from surfabet.cli._format import print_json, unequal_texts
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -93,8 +93,6 @@ def verify(
         for limit, found, what, where in checks:
             if limit is not None:
                 verdict = "kept" if found <= limit else "NOT kept"
-                print(
-                    f"{file}: {what} {length_text(found, unit)} {where}; "
-                    f"the bound of {length_text(limit, unit)} is {verdict}"
-                )
+                furthest, allowed = unequal_texts(found, limit, unit)
+                print(f"{file}: {what} {furthest} {where}; the bound of {allowed} is {verdict}")
     return 0 if kept else 1

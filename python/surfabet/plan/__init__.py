@@ -67,7 +67,7 @@ def floor_plan(
     Raises
     ------
     InvalidInputError
-        For a model without walls, or an `up` without direction.
+        For a model without walls, a `floor` above which none stands, or an `up` without direction.
     MissingDependencyError
         Without shapely: `pip install 'surfabet[plan]'`.
     """
@@ -94,6 +94,10 @@ def floor_plan(
 
     scene = Scene.of(planes, rings, direction, None if floor is None else floor - base)
     faces = faces_of(scene)
+    if not faces and floor is not None:
+        found = sorted({round(float(height + base), 2) for height in scene.large_heights})
+        where = f": level surfaces are at {', '.join(map(str, found))} m" if found else ""
+        raise wrong_value("floor", floor, "the height of a storey with walls" + where)
     if not faces:
         raise InvalidInputError(
             "the model has no walls: no vertical plane reaches up to the ceiling; if the vertical "

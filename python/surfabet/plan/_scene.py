@@ -48,6 +48,8 @@ class Scene:
     ceiling: float | None
     top: float
     """Height of the ceiling, or of what was seen highest."""
+    large_heights: NDArray[np.float64]
+    """Heights of the large level planes, ascending."""
 
     @classmethod
     def of(
@@ -75,7 +77,8 @@ class Scene:
         above = heights[large][heights[large] > floor + _LOWEST_ROOM]
         ceiling = float(above.min()) if len(above) else None
         top = highest if ceiling is None else ceiling
-        return cls(planes, rings, up, _axes(up), upright, flat, floor, ceiling, top)
+        large_heights = np.sort(heights[large])
+        return cls(planes, rings, up, _axes(up), upright, flat, floor, ceiling, top, large_heights)
 
     def tiles(self, plane: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Middles (k, 3) and sides (k, 2) of the supported tiles of a plane."""
