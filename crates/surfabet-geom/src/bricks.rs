@@ -1,5 +1,6 @@
 //! Points by the cubes of the world ("bricks") that they lie in, for clouds that are kept on disk by place.
 
+use surfabet_base::rounding::floor_f64;
 use surfabet_base::{Partition, parallel};
 
 use crate::cloud::PointCloud;
@@ -57,7 +58,7 @@ impl Bricks {
     fn key(&self, world: [f64; 3]) -> u64 {
         let mut key = 0;
         for (c, base) in world.into_iter().zip(self.base) {
-            let at = floor(c / self.side).saturating_sub(base);
+            let at = floor_f64(c / self.side).saturating_sub(base);
             if !(1 - BRICK_HALF..BRICK_HALF).contains(&at) {
                 return FAR;
             }
@@ -73,12 +74,6 @@ impl Bricks {
             (shifted as i64 - BRICK_HALF + self.base[a]) as f64 * self.side
         })
     }
-}
-
-/// `c.floor() as i64`, which without the instructions that not every processor has is a call.
-fn floor(c: f64) -> i64 {
-    let towards_zero = c as i64;
-    towards_zero.saturating_sub(i64::from(towards_zero as f64 > c))
 }
 
 /// Points of one brick among records.

@@ -113,6 +113,17 @@ struct Entry {
     index: u32,
 }
 
+impl Entry {
+    /// Orders like `total_cmp` of the coordinate on an axis, equal ones by index. One integer is compared without branches.
+    #[inline(always)]
+    fn key(&self, axis: usize) -> i64 {
+        // As signed integers the bits of floats ascend, but below zero those after the sign descend.
+        let bits = self.position[axis].to_bits() as i32;
+        let ascending = bits ^ ((bits >> 31) as u32 >> 1) as i32;
+        i64::from(ascending) << 32 | i64::from(self.index)
+    }
+}
+
 #[derive(Debug, Clone)]
 struct PointBlock {
     position: [[f32; LANES]; 3],
@@ -616,9 +627,7 @@ fn arrange(entries: &mut [Entry], halves: &mut [[Bounds; 2]], bounds: &Bounds) {
     let axis = bounds.longest_axis();
     let middle = middle(0, halves.len());
     // A total order, so that the same points end up left and right whatever the selection does on its way.
-    entries.select_nth_unstable_by(middle * LANES, |a, b| {
-        a.position[axis].total_cmp(&b.position[axis]).then(a.index.cmp(&b.index))
-    });
+    entries.select_nth_unstable_by_key(middle * LANES, |entry| entry.key(axis));
     let (left_entries, right_entries) = entries.split_at_mut(middle * LANES);
     let (left_halves, right_halves) = halves.split_at_mut(middle);
     let left = Bounds::of(left_entries);

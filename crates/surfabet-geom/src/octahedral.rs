@@ -5,6 +5,8 @@
 //! A code is a point of the grid `-half..=half` in both axes, `half = 2^(bits - 1) - 1`, so the six global axes
 //! have codes of their own: floors and walls are exact.
 
+use surfabet_base::rounding::floor_f64;
+
 /// Largest absolute value of a code's coordinates at `bits` bits each; `bits` is 3 to 16.
 pub const fn half(bits: u32) -> i32 {
     (1 << (bits - 1)) - 1
@@ -22,11 +24,12 @@ pub fn max_error(bits: u32) -> f64 {
 /// The point of the octahedron of size `half` that has the code; no coordinate exceeds `half`.
 fn direction([u, v]: [i32; 2], half: i32) -> [i32; 3] {
     let z = half - u.abs() - v.abs();
-    if z >= 0 {
-        return [u, v, z];
-    }
-    let away = |magnitude: i32, side: i32| if side < 0 { -magnitude } else { magnitude };
-    [away(half - v.abs(), u), away(half - u.abs(), v), z]
+    // In both halves without branches, which no processor could predict. `away` gives a magnitude the sign of `side`.
+    let away = |magnitude: i32, side: i32| (magnitude ^ side >> 31) - (side >> 31);
+    let folded = [away(half - v.abs(), u), away(half - u.abs(), v)];
+    let is_below = z >> 31;
+    let either = |above: i32, below: i32| above ^ (above ^ below) & is_below;
+    [either(u, folded[0]), either(v, folded[1]), z]
 }
 
 /// The direction of a code in integers, of absolute sum [`half`]; coordinates beyond the grid are taken to its rim.
@@ -47,17 +50,16 @@ pub fn encode(vector: [f32; 3], bits: u32) -> [i32; 2] {
     let [x, y, z] = [x / norm, y / norm, z / norm];
     let (u, v) =
         if z < 0.0 { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) } else { (x, y) };
-    let corner = |t: f64| ((t * f64::from(half)).floor() as i32).clamp(-half, half - 1);
+    let corner = |t: f64| (floor_f64(t * f64::from(half)) as i32).clamp(-half, half - 1);
     let (u, v) = (corner(u), corner(v));
-    let mut best = (f64::NEG_INFINITY, [u, v]);
-    for code in [[u, v], [u + 1, v], [u, v + 1], [u + 1, v + 1]] {
+    let corners = [[u, v], [u + 1, v], [u, v + 1], [u + 1, v + 1]];
+    let cosines = corners.map(|code| {
         let [a, b, c] = direction(code, half).map(f64::from);
-        let cosine = (a * x + b * y + c * z) / (a * a + b * b + c * c).sqrt();
-        if cosine > best.0 {
-            best = (cosine, code);
-        }
-    }
-    best.1
+        (a * x + b * y + c * z) / (a * a + b * b + c * c).sqrt()
+    });
+    // Of equal ones the first, found without branches: any of the four may be the nearest.
+    let later = |i: usize, j: usize| if cosines[j] > cosines[i] { j } else { i };
+    corners[later(later(0, 1), later(2, 3))]
 }
 
 /// The unit vector of a code; coordinates beyond the grid are taken to its rim.

@@ -1,6 +1,7 @@
 //! Voxel grid: points by the cube of space that they lie in, and one mean point per cube.
 
 use surfabet_base::parallel;
+use surfabet_base::rounding::round_f64;
 
 use crate::attribute::{Column, Scalar, heaviest, with_column};
 use crate::cells::wide_cell_of;
@@ -139,7 +140,9 @@ impl VoxelGrid {
         })?;
         let colors = cloud.colors().map(|colors| {
             // Between 0 and 255 like every value it is a mean of.
-            self.column(progress, |members| mean(colors, members, weight).map(|c| c.round() as u8))
+            self.column(progress, |members| {
+                mean(colors, members, weight).map(|c| round_f64(c) as u8)
+            })
         });
         let intensities = cloud.intensities().map(|intensities| {
             let intensities = intensities.as_chunks::<1>().0;

@@ -1,5 +1,7 @@
 //! Colours as luma and two chromas (YCoCg), which vary more independently than red, green and blue do.
 
+use surfabet_base::rounding::{round_f32, round_f64};
+
 /// Luma, orange and green chroma.
 pub fn to_ycocg([r, g, b]: [f32; 3]) -> [f32; 3] {
     let co = r - b;
@@ -23,7 +25,7 @@ pub(crate) const MAX_COLOR_CODE: i16 = 512;
 pub(crate) fn code([r, g, b]: [f64; 3], step: u32) -> [i16; 3] {
     let limit = f64::from(MAX_COLOR_CODE);
     let ycc = [0.25 * (r + 2.0 * g + b), r - b, g - 0.5 * (r + b)];
-    ycc.map(|c| (c / f64::from(step)).round().clamp(-limit, limit) as i16)
+    ycc.map(|c| round_f64((c / f64::from(step)).clamp(-limit, limit)) as i16)
 }
 
 /// Red, green and blue of a [`code`].
@@ -33,7 +35,7 @@ pub(crate) fn of_code(code: [i16; 3], step: u32) -> [f32; 3] {
 
 /// A colour as three bytes.
 pub(crate) fn rounded(color: [f32; 3]) -> [u8; 3] {
-    color.map(|c| c.round().clamp(0.0, 255.0) as u8)
+    color.map(|c| round_f32(c).clamp(0, 255) as u8)
 }
 
 #[cfg(test)]

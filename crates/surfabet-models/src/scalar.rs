@@ -1,5 +1,7 @@
 //! How the values of a scalar, such as intensity, become numbers of steps.
 
+use surfabet_base::rounding::round_f64;
+
 use crate::error::{Error, Result};
 
 /// Most steps between the ends of a scale: sums of 32 of them stay exact in 32 bits, single ones in single precision.
@@ -89,7 +91,7 @@ impl ScalarScale {
 
     /// A value in whole steps; that of the low end where it is not finite.
     pub(crate) fn code(&self, value: f64) -> i32 {
-        self.in_steps(value).round().clamp(0.0, f64::from(MAX_CODE)) as i32
+        round_f64(self.in_steps(value).clamp(0.0, f64::from(MAX_CODE))) as i32
     }
 
     /// The value of a number of steps.

@@ -8,7 +8,7 @@ use surfabet_geom::{CloudParts, PointCloud, Progress};
 use super::frame::Frame;
 use super::intensity::IntensityLimits;
 use super::model::{Channel, HscsmModel, Level};
-use crate::color::to_rgb;
+use crate::color::{rounded, to_rgb};
 use crate::contract::DecodeOptions;
 use crate::error::{Result, check_points};
 use crate::points::Points;
@@ -221,8 +221,7 @@ impl<'a> LevelDecoder<'a> {
             });
             match self.limits {
                 Some(limits) => points.intensities.push(limits.intensity(rgb)),
-                // A cast from float to u8 saturates at 0 and 255.
-                None => points.colors.push(rgb.map(|c| c.round() as u8)),
+                None => points.colors.push(rounded(rgb)),
             }
         }
         if self.normals {
@@ -247,7 +246,7 @@ impl Corners {
         let n = pixels.n;
         let last = (n - 1) as f32;
         let clamped = at.map(|c| c.clamp(0.0, last));
-        let low = clamped.map(|c| (c.floor() as usize).min(n - 2));
+        let low = clamped.map(|c| (c as usize).min(n - 2));
         let part: [f32; 2] = std::array::from_fn(|a| clamped[a] - low[a] as f32);
         let mut corners = Self { pixels: [0; 4], weights: [0.0; 4], low };
         let mut total = 0.0;

@@ -1,5 +1,6 @@
 //! The lattice model in the integers that a file stores.
 
+use surfabet_base::rounding::floor_f64;
 use surfabet_entropy::Coder;
 
 use super::attributes::borders::{Border, BorderBlocks, FieldCells};
@@ -617,5 +618,5 @@ fn read_instances<C: Coder>(
 
 /// Key of the cell of side `size` that a position lies in.
 pub(super) fn extra_key(p: [f32; 3], size: f64) -> u64 {
-    cell_key(p.map(|c| (f64::from(c) / size).floor() as i32))
+    cell_key(p.map(|c| floor_f64(f64::from(c) / size) as i32))
 }

@@ -1,6 +1,7 @@
 //! The scan as oriented samples, one per voxel, as the search and the refinement use it.
 
 use rustc_hash::{FxBuildHasher, FxHashMap};
+use surfabet_geom::cells::cell_of;
 use surfabet_geom::{PointCloud, vector};
 
 use super::constants::{
@@ -68,7 +69,7 @@ impl ScanSamples {
             if vector::squared_distance(p, viewpoint) < BODY_RADIUS * BODY_RADIUS {
                 continue;
             }
-            let voxel = p.map(|c| (c / side).floor() as i32);
+            let voxel = cell_of(p, side);
             let at = *voxels.entry(voxel).or_insert(sums.len());
             if at == sums.len() {
                 let corner = voxel.map(|c| c as f32 * side);

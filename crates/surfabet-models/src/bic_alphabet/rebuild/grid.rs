@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use surfabet_geom::cells::cell_of;
+
 /// Kept points by cells as wide as the largest distance that is asked for.
 #[derive(Debug, Clone)]
 pub(super) struct KeptGrid {
@@ -37,6 +39,6 @@ impl KeptGrid {
     }
 
     fn cell(&self, position: [f32; 3]) -> [i32; 3] {
-        position.map(|c| (c / self.side).floor() as i32)
+        cell_of(position, self.side)
     }
 }

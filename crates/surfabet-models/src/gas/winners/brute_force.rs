@@ -1,5 +1,7 @@
 //! The distances to all neurons for every signal, vectorised: to compare with.
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::{Best, Winner, Winners};
 
 /// Neurons whose least distance is computed before each is compared: those of most batches need no comparison.
@@ -32,8 +34,25 @@ impl Winners for BruteForce {
     }
 
     fn two_nearest(&self, query: [f32; 3]) -> [Winner; 2] {
+        Arch::new().dispatch(TwoNearest { columns: &self.columns, query })
+    }
+}
+
+/// A search for the two nearest neurons.
+struct TwoNearest<'a> {
+    columns: &'a [Vec<f32>; 3],
+    query: [f32; 3],
+}
+
+impl WithSimd for TwoNearest<'_> {
+    type Output = [Winner; 2];
+
+    // Inlined, so that it is compiled for what the processor has.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        let Self { columns, query } = self;
         let mut best = Best([Winner::NONE; 2]);
-        let [xs, ys, zs] = [0, 1, 2].map(|a| self.columns[a].as_chunks::<BATCH>().0);
+        let [xs, ys, zs] = [0, 1, 2].map(|a| columns[a].as_chunks::<BATCH>().0);
         let mut distances = [0.0_f32; BATCH];
         for (batch, ((x, y), z)) in xs.iter().zip(ys).zip(zs).enumerate() {
             for lane in 0..BATCH {

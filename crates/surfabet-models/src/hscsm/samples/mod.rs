@@ -8,6 +8,7 @@
 pub(in crate::hscsm) mod cells;
 
 use surfabet_base::parallel;
+use surfabet_base::rounding::floor_f64;
 use surfabet_geom::morton::{self, BITS};
 use surfabet_geom::{PointCloud, Progress};
 
@@ -66,7 +67,7 @@ impl CellLattice {
     /// are those of its rim; [`learn`](super::learn) checks a cloud's extent before.
     pub fn coordinates(self, point: [f32; 3]) -> [u64; 3] {
         point.map(|c| {
-            let index = (c / self.cell).floor() as i64 + ((1 << (BITS - 1)) >> self.halvings);
+            let index = floor_f64(f64::from(c / self.cell)) + ((1 << (BITS - 1)) >> self.halvings);
             index.clamp(0, ((1 << BITS) - 1) >> self.halvings) as u64
         })
     }

@@ -1,5 +1,6 @@
 //! The cells that a position takes its attributes from, and their weights.
 
+use surfabet_base::rounding::floor_f32;
 use surfabet_geom::morton::{MortonMap, step};
 
 use super::cells::cell_key;
@@ -77,9 +78,9 @@ impl<'a> Corners<'a> {
     /// there are. None where these hardly count.
     pub fn around(&mut self, position: [f32; 3]) -> Weighted {
         let shifted = position.map(|c| c - 0.5);
-        let low = shifted.map(f32::floor);
-        let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a]);
-        let corners = self.at(cell_key(low.map(|c| c as i32)));
+        let low = shifted.map(floor_f32);
+        let part: [f32; 3] = std::array::from_fn(|a| shifted[a] - low[a] as f32);
+        let corners = self.at(cell_key(low));
         let mut found = Weighted::NONE;
         for (corner, &place) in corners.iter().enumerate() {
             if place != NO_CELL {

@@ -1,5 +1,6 @@
 //! Which attributes of a cloud are kept, and what each is stored as.
 
+use surfabet_base::rounding::round_f32;
 use surfabet_entropy::Price;
 use surfabet_geom::{Column, Dtype, PointCloud};
 
@@ -170,7 +171,7 @@ fn color(
     let mut price = Price::default();
     let Ok(()) = field.write(&mut price, cells);
     let squared = |i: usize, decoded: [f32; 3]| {
-        let difference = |c: usize| f64::from(colors[i][c]) - f64::from(decoded[c].round());
+        let difference = |c: usize| f64::from(colors[i][c]) - f64::from(round_f32(decoded[c]));
         (0..3).map(|c| difference(c).powi(2)).sum::<f64>() / 3.0
     };
     let of_cell = |cell: usize| field.colors[cell].map(f32::from);

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 
 use surfabet_base::parallel;
+use surfabet_base::rounding::floor_f32;
+use surfabet_geom::cells::cell_of;
 use surfabet_geom::morton::{MortonMap, step};
 
 use super::blending::{Corners, Weighted};
@@ -154,7 +156,7 @@ impl<'a> Targets<'a> {
         let mut sums: BTreeMap<u64, ([f32; N], f32)> = BTreeMap::new();
         let of_samples = self.samples.means(value);
         for (sample, mean) in self.samples.all.iter().zip(of_samples) {
-            let cell = sample.position.map(|c| (c / self.size).floor() as i32);
+            let cell = cell_of(sample.position, self.size);
             if let Some(mean) = mean.filter(|_| border.border.is_beside(cell)) {
                 let (sum, n) = sums.entry(cell_key(cell)).or_insert(([0.0; N], 0.0));
                 (0..N).for_each(|c| sum[c] += mean[c]);
@@ -315,12 +317,13 @@ fn owner(
     allowed: impl Fn(u32) -> bool,
 ) -> Option<u32> {
     let scaled = position.map(|c| c / size);
-    let own = cell_key(scaled.map(|c| c.floor() as i32));
+    let cell = scaled.map(floor_f32);
+    let own = cell_key(cell);
     let place = |key: &u64| places.get(key).copied().filter(|&cell| allowed(cell));
     if let Some(i) = place(&own) {
         return Some(i);
     }
-    let part = scaled.map(|c| c - c.floor() - 0.5);
+    let part: [f32; 3] = std::array::from_fn(|a| scaled[a] - cell[a] as f32 - 0.5);
     let mut best: Option<(f32, u32)> = None;
     for neighbour in 0..27_usize {
         let mut key = own;

@@ -1,5 +1,7 @@
 //! Depth of a patch as a sum of shapes, and its thickness.
 
+use surfabet_base::rounding::round_f32;
+
 use super::misfit::{Slab, misfit};
 use super::solution::Solution;
 use super::{Choice, NEIGHBOURS, TileSquare};
@@ -106,7 +108,7 @@ impl Choice<'_> {
         let mut patch = LatticePatch::default();
         for (&k, c) in chosen.iter().zip(solution) {
             let offset = if k == 0 { equations.mean } else { 0.0 };
-            patch.coefficients[k] = ((c + offset) / self.step).round() as i32;
+            patch.coefficients[k] = round_f32((c + offset) / self.step);
         }
         patch
     }

@@ -3,9 +3,11 @@
 use std::sync::OnceLock;
 
 use surfabet_base::parallel;
+use surfabet_base::rounding::floor_f32;
 use surfabet_geom::morton::MortonMap;
 use surfabet_geom::{CloudParts, Column, KdTree, Progress};
 
+use crate::color::rounded;
 use crate::error::Result;
 use crate::patches::attributes::blending::{Corners, Weighted};
 use crate::patches::attributes::cells::{cell_key, cell_of_key, index};
@@ -77,7 +79,7 @@ impl<'a> Sampler<'a> {
             positions.iter().map(|&p| self.around(p, &mut corners)).collect();
         let colors = color.as_ref().map_or(Vec::new(), |field| {
             let color = |cell: usize| field.colors[cell].map(f32::from);
-            around.iter().map(|w| w.mean(color).map(|c| c.round() as u8)).collect()
+            around.iter().map(|w| rounded(w.mean(color))).collect()
         });
         PointAttributes {
             colors,
@@ -99,7 +101,7 @@ impl<'a> Sampler<'a> {
 
     /// The cell that holds a position (pixels).
     fn own(&self, position: [f32; 3]) -> Option<u32> {
-        self.places.get(&cell_key(position.map(|c| c.floor() as i32))).copied()
+        self.places.get(&cell_key(position.map(floor_f32))).copied()
     }
 
     /// The nearest cell of all, for points off every patch.

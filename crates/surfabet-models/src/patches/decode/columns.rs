@@ -5,6 +5,7 @@
 //! thickness the surface lies; where it has none the patch is all that is known.
 
 use surfabet_base::parallel;
+use surfabet_base::rounding::floor_f32;
 use surfabet_geom::PointCloud;
 
 use crate::patches::constants::{SHOWN_MARGIN, SHOWN_REACH};
@@ -43,7 +44,7 @@ impl ScanColumns {
             let [d, u, v] = axes_of(2 * axis as u8);
             let mut entries = parallel::map_range(scan.len(), |i| {
                 let p = rotate(&rows, scan.positions()[i]).map(|c| c / pixel);
-                let column = [p[v].floor() as i32, p[u].floor() as i32];
+                let column = [p[v], p[u]].map(floor_f32);
                 Entry { column, depth: p[d], facing: rotate(&rows, view(i))[d] }
             });
             entries.sort_unstable_by(|a, b| {

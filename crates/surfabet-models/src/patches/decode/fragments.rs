@@ -5,6 +5,7 @@
 //! front of or behind a larger piece.
 
 use surfabet_base::parallel;
+use surfabet_base::rounding::floor_f32;
 use surfabet_geom::KdTree;
 use surfabet_geom::morton::{MortonMap, step};
 
@@ -37,7 +38,7 @@ pub(in crate::patches) fn fragments(lattice: &Lattice, leaves: &[Leaf]) -> Resul
     let mut places: MortonMap<usize> = MortonMap::default();
     for (piece, &i) in small.iter().enumerate() {
         for p in pixels(&leaves[i]) {
-            let key = cell_key(p.map(|c| c.floor() as i32));
+            let key = cell_key(p.map(floor_f32));
             for neighbour in around(key) {
                 if let Some(&other) = places.get(&neighbour) {
                     pieces.join(piece, other);

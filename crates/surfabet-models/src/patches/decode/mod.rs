@@ -10,6 +10,7 @@ use std::borrow::Borrow;
 use std::ops::Range;
 
 use surfabet_base::parallel;
+use surfabet_base::rounding::floor_f32;
 use surfabet_geom::{CloudParts, PointCloud, Progress};
 
 pub(super) use self::attributes::Sampler;
@@ -549,7 +550,7 @@ impl Decoder<'_> {
         let mut position = [0.0; 3];
         position[u] = leaf.corner[0] as f32 + grid.at[sample[0]];
         position[v] = leaf.corner[1] as f32 + grid.at[sample[1]];
-        let column = [u, v].map(|axis| position[axis].floor() as i32);
+        let column = [u, v].map(|axis| floor_f32(position[axis]));
         let shown = self.filling.scan.map(|scan| scan.shown(leaf.side, column, depth, half));
         let before = points.positions.len();
         for layer in 0..layers {

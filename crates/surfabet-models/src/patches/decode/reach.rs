@@ -130,7 +130,7 @@ impl<'a> MeasuredReach<'a> {
         let (layers, half) = (self.decoder.layers(leaf), leaf.patch.half_thickness());
         // The layers lie evenly from -half to half.
         let place = (above / f64::from(half.max(f32::MIN_POSITIVE)) + 1.0) * 0.5 * layers as f64;
-        let layer = (place.floor().max(0.0) as usize).min(layers - 1);
+        let layer = (place.max(0.0) as usize).min(layers - 1);
         let off = [
             at[0] - f64::from(grid.at[sample[0]]),
             at[1] - f64::from(grid.at[sample[1]]),

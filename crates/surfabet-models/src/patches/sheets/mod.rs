@@ -14,6 +14,7 @@
 mod growth;
 mod runs;
 
+use surfabet_base::rounding::floor_f32;
 use surfabet_base::{Partition, parallel};
 use surfabet_geom::KdTree;
 
@@ -76,7 +77,7 @@ pub(in crate::patches) fn sheets(
 ) -> Result<Vec<Sheet>> {
     let of_sample = |(position, weight, side): ([f32; 3], f32, u8)| {
         let [depth, u, v] = axes_of(side).map(|a| position[a] / pixel);
-        let at = [u.floor() as i32, v.floor() as i32];
+        let at = [u, v].map(floor_f32);
         let tile = at.map(|c| c.div_euclid(tile_pixels));
         let key = pixel_key(side, tile, at.map(|c| c.rem_euclid(tile_pixels)));
         PixelSample { key, depth, weight }
