@@ -438,7 +438,7 @@ fn check_start(file: &[u8], limits: &Limits) -> Result<()> {
 
 /// A section as the table has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Entry {
+pub struct SectionEntry {
     /// Its name.
     pub tag: Tag,
     /// Number of its bytes.
@@ -449,22 +449,22 @@ pub struct Entry {
 
 /// What stands before the sections of a file, for readers that take parts of these.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Frame {
+pub struct FileFrame {
     /// Family of the model inside.
     pub family: Family,
     /// Features without which the file cannot be read.
     pub features: Features,
     /// Sections one after another, as the table has them.
-    pub sections: Vec<Entry>,
+    pub sections: Vec<SectionEntry>,
     /// Where the first section begins.
     pub len: u64,
 }
 
-impl Frame {
+impl FileFrame {
     /// Most bytes that a frame takes: with all sections that there may be.
     pub const MOST: usize = 64 + MAX_SECTIONS * (MIN_ENTRY + 9);
 
-    /// Reads the first bytes of a file: [`Frame::MOST`] are always enough.
+    /// Reads the first bytes of a file: [`FileFrame::MOST`] are always enough.
     ///
     /// # Errors
     /// As [`Container::parse`].
@@ -479,7 +479,7 @@ impl Frame {
     ///
     /// # Errors
     /// [`Error::MissingSection`]; [`Error::Corrupt`] for lengths beyond 64 bits.
-    pub fn require(&self, tag: Tag) -> Result<(u64, Entry)> {
+    pub fn require(&self, tag: Tag) -> Result<(u64, SectionEntry)> {
         let mut offset = self.len;
         for entry in &self.sections {
             if entry.tag == tag {
@@ -498,7 +498,7 @@ impl Frame {
     /// # Errors
     /// [`Error::UnknownSection`] for the first of them.
     pub fn expect_only(&self, known: &[Tag]) -> Result<()> {
-        let strange = |e: &&Entry| !known.contains(&e.tag) && !e.tag.is_skippable();
+        let strange = |e: &&SectionEntry| !known.contains(&e.tag) && !e.tag.is_skippable();
         match self.sections.iter().find(strange) {
             Some(entry) => Err(Error::UnknownSection {
                 section: entry.tag,
@@ -514,7 +514,7 @@ struct Header {
     family: Family,
     features: Features,
     needed: Version,
-    table: Vec<Entry>,
+    table: Vec<SectionEntry>,
 }
 
 impl Header {
@@ -549,7 +549,7 @@ impl Header {
 }
 
 /// The number of sections, and an entry for each.
-fn read_table(reader: &mut ByteReader<'_>) -> Result<Vec<Entry>> {
+fn read_table(reader: &mut ByteReader<'_>) -> Result<Vec<SectionEntry>> {
     let count = reader.count("number of sections", MIN_ENTRY)?;
     check_section_count(count as u64)?;
     let mut table = Vec::with_capacity(count);
@@ -561,7 +561,7 @@ fn read_table(reader: &mut ByteReader<'_>) -> Result<Vec<Entry>> {
             let what = format!("section name {:02x?} is not printable", tag);
             return Err(Error::corrupt(Tag::HEADER, offset, what));
         }
-        table.push(Entry { tag: Tag(tag), len: reader.varint()?, checksum: reader.u32()? });
+        table.push(SectionEntry { tag: Tag(tag), len: reader.varint()?, checksum: reader.u32()? });
     }
     Ok(table)
 }
@@ -591,7 +591,7 @@ impl<'a> Container<'a> {
         let Header { family, features, needed, table } = Header::read(&mut reader, file)?;
         let overhead = reader.offset();
         let mut sections = Vec::with_capacity(table.len());
-        for Entry { tag, len, checksum } in table {
+        for SectionEntry { tag, len, checksum } in table {
             let available = reader.remaining() as u64;
             let truncated = Error::Truncated { section: tag, needed: len, available };
             let len = usize::try_from(len).map_err(|_| truncated.clone())?;

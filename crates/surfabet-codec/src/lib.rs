@@ -48,7 +48,8 @@ mod section;
 mod tiles;
 
 pub use container::{
-    Container, ContainerWriter, Entry, Family, Features, Frame, Limits, Section, Tag, Version,
+    Container, ContainerWriter, Family, Features, FileFrame, Limits, Section, SectionEntry, Tag,
+    Version,
 };
 pub use entropy::{Decoder, Encoder};
 pub use error::{Error, Result};

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use surfabet_codec::{
-    ContentHash, Family, Features, Frame, Limits, RECIPE, TILE_INDEX, TILES, Tag, TileEntry,
+    ContentHash, Family, Features, FileFrame, Limits, RECIPE, TILE_INDEX, TILES, Tag, TileEntry,
     TileIndex,
 };
 use surfabet_geom::{CloudParts, PointCloud, Progress};
@@ -84,22 +84,22 @@ pub struct TiledModel {
 /// True when the file that begins so holds tiles.
 ///
 /// # Errors
-/// As [`Frame::read`].
+/// As [`FileFrame::read`].
 pub fn holds_tiles(start: &[u8], limits: &Limits) -> surfabet_codec::Result<bool> {
-    let frame = Frame::read(start, limits)?;
+    let frame = FileFrame::read(start, limits)?;
     Ok(frame.family == Family::Patches && frame.features.contains(Features::TILES))
 }
 
 /// The frame at the start of a file.
-fn frame_of(file: &mut dyn ReadAt, limits: &Limits) -> Result<Frame, OpenError> {
+fn frame_of(file: &mut dyn ReadAt, limits: &Limits) -> Result<FileFrame, OpenError> {
     let size = file.size()?;
     let start = file.read_at(0, size.min(START) as usize)?;
-    match Frame::read(&start, limits) {
+    match FileFrame::read(&start, limits) {
         Err(surfabet_codec::Error::Truncated { .. } | surfabet_codec::Error::TooLarge { .. })
             if size > START =>
         {
-            let all = file.read_at(0, size.min(Frame::MOST as u64) as usize)?;
-            Ok(Frame::read(&all, limits)?)
+            let all = file.read_at(0, size.min(FileFrame::MOST as u64) as usize)?;
+            Ok(FileFrame::read(&all, limits)?)
         }
         other => Ok(other?),
     }
@@ -458,7 +458,7 @@ impl Progress for Quiet<'_> {
 /// The bytes of a section, checked.
 fn section(
     file: &mut dyn ReadAt,
-    frame: &Frame,
+    frame: &FileFrame,
     tag: Tag,
     limits: &Limits,
 ) -> Result<Vec<u8>, OpenError> {

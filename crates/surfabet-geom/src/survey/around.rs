@@ -1,6 +1,6 @@
 //! The neighbours of the sampled points: searched once for all that is measured of them.
 
-use super::sample::Sample;
+use super::sample::SampledCloud;
 use crate::kdtree::Neighbor;
 use crate::moments::{Moments, PrincipalAxes};
 use crate::vector::dot;
@@ -54,7 +54,7 @@ pub(super) struct Around {
 
 impl Around {
     /// What is about a point of the sample.
-    pub fn new(sample: &Sample, point: usize) -> Self {
+    pub fn new(sample: &SampledCloud, point: usize) -> Self {
         let mut near = Vec::new();
         // Of points that face the same way half of those around may face the other one.
         let searched = if sample.facings.is_some() { 2 * MOST } else { MOST };

@@ -1,6 +1,6 @@
 //! Which way surfaces face: towards the sensor, or along normals that somebody oriented.
 
-use super::sample::Sample;
+use super::sample::SampledCloud;
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::kdtree::KdTree;
@@ -24,7 +24,7 @@ pub fn has_facings(cloud: &PointCloud) -> Result<bool> {
     if cloud.viewpoints().is_some() || cloud.normals().is_none() || cloud.is_empty() {
         return Ok(cloud.viewpoints().is_some());
     }
-    Ok(Sample::of(cloud)?.facings.is_some())
+    Ok(SampledCloud::of(cloud)?.facings.is_some())
 }
 
 /// The direction that the surface faces at the `chosen` points, whose `positions` are in `tree`: to where they were seen

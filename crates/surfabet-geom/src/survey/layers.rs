@@ -5,7 +5,7 @@ use surfabet_base::parallel;
 use super::around::Around;
 use super::median;
 use super::noise::Planes;
-use super::sample::Sample;
+use super::sample::SampledCloud;
 use crate::vector::{dot, minus};
 
 /// How far a second surface is looked for, spacings: pixels of three spacings become finer below six, and ten leave room for
@@ -51,7 +51,7 @@ const SAME_DISTANCE: f64 = 1.3;
 /// Median distance from a surface to the one behind it, metres, where enough points have about the same one; of several
 /// such distances the most frequent.
 pub(super) fn layer_gap(
-    sample: &Sample,
+    sample: &SampledCloud,
     surroundings: &[Around],
     planes: &Planes,
     spacing: f64,
@@ -82,7 +82,7 @@ fn most_frequent(mut values: Vec<f64>) -> Vec<f64> {
 }
 
 /// Distance along the normal of the plane about a point from the layer of the point to the nearest other one.
-fn gap_at(sample: &Sample, around: &Around, planes: &Planes, spacing: f64) -> Option<f64> {
+fn gap_at(sample: &SampledCloud, around: &Around, planes: &Planes, spacing: f64) -> Option<f64> {
     normal(around, LINE_NEIGHBORS)?;
     let few = normal(around, planes.size)?;
     let more = normal(around, planes.size.max(MORE_NEIGHBORS))?;
@@ -112,7 +112,7 @@ struct Column {
 
 impl Column {
     /// The column about a point along a normal.
-    fn about(sample: &Sample, spacing: f64, point: usize, normal: [f64; 3]) -> Self {
+    fn about(sample: &SampledCloud, spacing: f64, point: usize, normal: [f64; 3]) -> Self {
         let (about, reach, radius) = (sample.positions[point], REACH * spacing, COLUMN * spacing);
         let limit = (reach as f32) * (reach as f32);
         let facing = |i: usize| {

@@ -4,7 +4,7 @@ use surfabet_base::parallel;
 
 use super::around::Around;
 use super::median;
-use super::sample::Sample;
+use super::sample::SampledCloud;
 use crate::vector::{dot, minus};
 
 /// Cosine of half the angle of the double cone about a line: points outside of it are on another line.
@@ -21,7 +21,11 @@ const LEAST_RATIO: f64 = 3.0;
 
 /// Median distance from a point to the next scan line, metres, where at least half of the points lie on lines that are
 /// far apart for the spacing of the points; lines without another one near count as the furthest.
-pub(super) fn line_spacing(sample: &Sample, surroundings: &[Around], spacing: f64) -> Option<f64> {
+pub(super) fn line_spacing(
+    sample: &SampledCloud,
+    surroundings: &[Around],
+    spacing: f64,
+) -> Option<f64> {
     if spacing <= 0.0 {
         return None;
     }
@@ -57,7 +61,7 @@ struct Line {
 
 impl Line {
     /// The line on which the neighbours of a point lie; `None` where none do.
-    fn through(sample: &Sample, around: &Around) -> Option<Self> {
+    fn through(sample: &SampledCloud, around: &Around) -> Option<Self> {
         around.line.map(|line| Self {
             point: sample.positions[around.point],
             direction: line.direction,
@@ -67,7 +71,7 @@ impl Line {
 
     /// Distance to the nearest point outside of the double cone about the line, metres; `None` where there is none within
     /// `reach`.
-    fn next(&self, sample: &Sample, reach: f64) -> Option<f64> {
+    fn next(&self, sample: &SampledCloud, reach: f64) -> Option<f64> {
         let offset = |i: usize| minus(sample.positions[i], self.point).map(f64::from);
         let is_beside = |i: usize| {
             let offset = offset(i);

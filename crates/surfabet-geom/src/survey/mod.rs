@@ -31,7 +31,7 @@ use lines::line_spacing;
 use noise::Planes;
 use outliers::Outliers;
 use rounding::rounding;
-use sample::Sample;
+use sample::SampledCloud;
 use surfabet_base::Progress;
 
 /// Figures of a cloud.
@@ -80,7 +80,7 @@ impl Survey {
         if cloud.is_empty() {
             return Ok(Self::default());
         }
-        let sample = Sample::of(cloud)?;
+        let sample = SampledCloud::of(cloud)?;
         progress.check()?;
         let surroundings = sample.surroundings();
         let nearest = median(surroundings.iter().filter_map(|around| around.nearest).collect());
@@ -130,7 +130,7 @@ pub fn estimate_noise(positions: &[[f32; 3]]) -> Result<f64> {
     if positions.is_empty() {
         return Ok(0.0);
     }
-    Ok(Planes::about(&Sample::of_positions(positions)?.surroundings()).noise)
+    Ok(Planes::about(&SampledCloud::of_positions(positions)?.surroundings()).noise)
 }
 
 /// The middle of the sorted values, of an even number the upper one; zero of none.

@@ -25,7 +25,7 @@ const PROBES: usize = 4096;
 const BLOCKS: f32 = 24.0;
 
 /// Some points, one per place, in a tree.
-pub(super) struct Sample {
+pub(super) struct SampledCloud {
     pub positions: Vec<[f32; 3]>,
     /// The direction that the surface faces at each point, where that is known; about unit length.
     pub facings: Option<Vec<[f32; 3]>>,
@@ -34,7 +34,7 @@ pub(super) struct Sample {
     step: usize,
 }
 
-impl Sample {
+impl SampledCloud {
     /// The sample of a cloud with at least one point.
     pub fn of(cloud: &PointCloud) -> Result<Self> {
         let (chosen, mut sample) = Self::chosen_of(cloud.positions())?;

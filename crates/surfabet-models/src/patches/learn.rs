@@ -230,7 +230,7 @@ pub(super) fn on_lattice(
     })?;
     // 3. and 4. Sheets; patches of least cost.
     let positions = ground.positions(cloud);
-    let Surface { geometry, near, bytes, n_sheets, density } =
+    let ChosenSurface { geometry, near, bytes, n_sheets, density } =
         surface(ground, (cloud, &positions[..]), &samples, options, stages)?;
     // 5. Colour and other attributes.
     let add = |geometry: Geometry, instances| -> Result<Described> {
@@ -284,7 +284,7 @@ pub(super) fn on_lattice(
 }
 
 /// What steps 3 and 4 give.
-struct Surface {
+struct ChosenSurface {
     geometry: Geometry,
     /// Patches just beyond the tile.
     near: Vec<Leaf>,
@@ -302,7 +302,7 @@ fn surface(
     samples: &SidedSamples<'_>,
     options: &PatchesOptions,
     stages: &mut Stages<'_>,
-) -> Result<Surface> {
+) -> Result<ChosenSurface> {
     let &Ground { lattice, survey, tile, .. } = ground;
     // 3. Sheets.
     let sheets = stages.run("growing sheets", |_| sheets_of(samples, &lattice, survey))?;
@@ -326,7 +326,7 @@ fn surface(
             Some(bound) => with_support(geometry, lattice, cloud, bound, progress),
             None => Ok(geometry),
         })?;
-    Ok(Surface { geometry, near, bytes, n_sheets, density })
+    Ok(ChosenSurface { geometry, near, bytes, n_sheets, density })
 }
 
 /// Samples of all sides as sheets.

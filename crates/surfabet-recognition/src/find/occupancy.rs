@@ -1,7 +1,7 @@
 //! Which coarse cells hold a surface: most motions are tried against these alone.
 
 use crate::constants::{MAX_CELLS, OCCUPANCY_LEVELS};
-use crate::surface::Surface;
+use crate::surface::SurfaceSamples;
 
 /// Which cells hold a steep surface, and which a level one: a bit per cell each.
 pub(super) struct Occupancy {
@@ -15,7 +15,7 @@ pub(super) struct Occupancy {
 impl Occupancy {
     /// Cells of at least `side` metres about the samples that count; cells that share a face with one that holds a
     /// sample are occupied too.
-    pub fn new(surface: &Surface, side: f64, counts: impl Fn(usize) -> bool) -> Self {
+    pub fn new(surface: &SurfaceSamples, side: f64, counts: impl Fn(usize) -> bool) -> Self {
         let bound = |pick: fn(f32, f32) -> f32, from: f32| -> [f32; 3] {
             std::array::from_fn(|a| surface.points.iter().map(|p| p[a]).fold(from, pick))
         };

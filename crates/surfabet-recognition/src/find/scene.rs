@@ -4,11 +4,11 @@ use surfabet_geom::{KdTree, Progress};
 use surfabet_models::Result;
 use surfabet_models::alphabet::AlphabetModel;
 
-use crate::surface::Surface;
+use crate::surface::SurfaceSamples;
 
 /// The samples of a scene, and the smooth pieces that they fall into.
 pub(crate) struct SearchScene {
-    pub surface: Surface,
+    pub surface: SurfaceSamples,
     pub tree: KdTree,
     /// Standard deviation of equal chromas, grey levels; `None` where shape alone counts.
     pub color_tolerance: Option<f64>,
@@ -27,7 +27,7 @@ impl SearchScene {
         color_tolerance: Option<f64>,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let surface = Surface::of(model, spacing, progress)?;
+        let surface = SurfaceSamples::of(model, spacing, progress)?;
         let tree = KdTree::new(&surface.points)?;
         let color_tolerance = color_tolerance.filter(|_| surface.colors.is_some());
         let (pieces, sizes) = match color_tolerance {

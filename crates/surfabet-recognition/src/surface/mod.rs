@@ -19,7 +19,7 @@ use self::sampling::{RawSample, raw_samples};
 use super::constants::LUMA_TOLERANCE;
 
 /// Samples, one per cube whose side is the spacing, and per axis that normals are nearest to.
-pub(super) struct Surface {
+pub(super) struct SurfaceSamples {
     /// Metres from the corner of the lattice.
     pub points: Vec<[f32; 3]>,
     /// Unit normals, towards the sensor where one is known.
@@ -34,7 +34,7 @@ pub(super) struct Surface {
     pub spacing: f64,
 }
 
-impl Surface {
+impl SurfaceSamples {
     /// # Errors
     /// [`surfabet_models::Error::TooManyPoints`], [`surfabet_models::Error::Cancelled`].
     pub fn of(model: &AlphabetModel, spacing: f64, progress: &dyn Progress) -> Result<Self> {

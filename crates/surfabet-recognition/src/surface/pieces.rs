@@ -6,10 +6,10 @@ use surfabet_geom::vector::dot;
 use surfabet_geom::{KdTree, Neighbor, Progress};
 use surfabet_models::Result;
 
-use super::Surface;
+use super::SurfaceSamples;
 use crate::constants::{PIECE_COSINE, PIECE_REACH, PIECE_STEP};
 
-impl Surface {
+impl SurfaceSamples {
     /// The smooth piece that each sample belongs to, by the number of its first sample; and, at that sample, how many
     /// samples the piece has. Two samples are linked when they are near, their normals agree and each lies near the
     /// plane of the other; pieces are what links connect.

@@ -11,24 +11,24 @@ use crate::solid::{Cell, Shape, SurfacePoint};
 const SMALLEST_CELL: f64 = 1e-5;
 
 /// A cell of surface ordered by its distance, the nearest first.
-struct Candidate {
+struct CellCandidate {
     distance: f64,
     cell: Cell,
     nearest: SurfacePoint,
 }
 
-impl PartialEq for Candidate {
+impl PartialEq for CellCandidate {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
-impl Eq for Candidate {}
-impl PartialOrd for Candidate {
+impl Eq for CellCandidate {}
+impl PartialOrd for CellCandidate {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Candidate {
+impl Ord for CellCandidate {
     fn cmp(&self, other: &Self) -> Ordering {
         // Ties by face and parameters, so that the order is total.
         other
@@ -106,14 +106,14 @@ impl Scene {
         let shape = &solid.shape;
         let candidate = |cell: Cell| {
             let nearest = shape.at(cell.face, shape.closest_in_cell(&cell, p));
-            Candidate { distance: (nearest.point - p).norm(), cell, nearest }
+            CellCandidate { distance: (nearest.point - p).norm(), cell, nearest }
         };
-        let mut queue: BinaryHeap<Candidate> = (0..shape.faces())
+        let mut queue: BinaryHeap<CellCandidate> = (0..shape.faces())
             .filter(|face| solid.hidden & (1 << face) == 0)
             .flat_map(|face| shape.cells(face))
             .map(candidate)
             .collect();
-        while let Some(Candidate { distance, cell, nearest }) = queue.pop() {
+        while let Some(CellCandidate { distance, cell, nearest }) = queue.pop() {
             if distance >= limit {
                 return None;
             }

@@ -32,7 +32,7 @@ impl EdgeModels {
 
 /// A neuron that v may be joined to. Orders by distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Candidate {
+struct EdgeCandidate {
     /// Squared distance in position steps.
     squared: i64,
     id: u32,
@@ -60,7 +60,7 @@ fn squared_distance(a: [i32; 3], b: [i32; 3]) -> i64 {
 }
 
 /// Neurons that v may be joined to: known, after it in the order, with a neighbour in common; the nearest first.
-fn candidates(coded: &Coded<'_>, v: usize) -> Vec<Candidate> {
+fn candidates(coded: &Coded<'_>, v: usize) -> Vec<EdgeCandidate> {
     let of_neighbors = coded.known[v].iter().flat_map(|&w| &coded.known[w as usize]);
     let mut found: Vec<u32> = of_neighbors
         .copied()
@@ -69,9 +69,9 @@ fn candidates(coded: &Coded<'_>, v: usize) -> Vec<Candidate> {
         .collect();
     found.sort_unstable();
     let position = |i: usize| coded.neurons[i].position;
-    let mut found: Vec<Candidate> = found
+    let mut found: Vec<EdgeCandidate> = found
         .chunk_by(|a, b| a == b)
-        .map(|run| Candidate {
+        .map(|run| EdgeCandidate {
             squared: squared_distance(position(v), position(run[0] as usize)),
             id: run[0],
             common: run.len(),
@@ -95,7 +95,7 @@ fn code_candidates<C: Coder>(
     let of = |&i: &u32| squared_distance(position, coded.neurons[i as usize].position);
     let sum = coded.known[v].iter().take(MAX_CANDIDATES).map(of).sum::<i64>();
     let mut n_joined = 0;
-    for (rank, &Candidate { squared, id, common }) in candidates.iter().enumerate() {
+    for (rank, &EdgeCandidate { squared, id, common }) in candidates.iter().enumerate() {
         // The squared length against the mean of the known edges', below 1/2, 1 or 2 of it, compared without dividing.
         let length = match squared.saturating_mul(n_before) {
             l if 2 * l < sum => 0,

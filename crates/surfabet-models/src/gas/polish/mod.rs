@@ -26,13 +26,13 @@ use crate::error::Result;
 use relocate::relocate;
 
 /// Points of one weight, and the neurons nearest to them.
-struct Sample<'a> {
+struct SampledSet<'a> {
     points: Cow<'a, [[f32; 3]]>,
     weight: f64,
     winners: Vec<[Winner; 2]>,
 }
 
-impl<'a> Sample<'a> {
+impl<'a> SampledSet<'a> {
     /// Every `step`-th of `points`.
     fn new((points, weight): (&'a Ordered, f64), step: usize) -> Self {
         let points = match step {
@@ -81,12 +81,12 @@ impl Cell {
 
 /// The points of all samples by the neuron that they are nearest to.
 struct Cells<'a> {
-    samples: &'a [Sample<'a>],
+    samples: &'a [SampledSet<'a>],
     groups: Vec<Groups>,
 }
 
 impl<'a> Cells<'a> {
-    fn new(n: usize, samples: &'a [Sample<'a>]) -> Self {
+    fn new(n: usize, samples: &'a [SampledSet<'a>]) -> Self {
         let groups = samples.iter().map(|sample| Groups::new(n, &sample.winners)).collect();
         Self { samples, groups }
     }
@@ -147,7 +147,8 @@ pub(super) fn polish(
 ) -> Result<Polished> {
     let n_points: usize = sets.iter().map(|(points, _)| points.len()).sum();
     let step = (n_points / (POLISH_SAMPLE * positions.len())).max(1);
-    let mut samples: Vec<Sample<'_>> = sets.iter().map(|&set| Sample::new(set, step)).collect();
+    let mut samples: Vec<SampledSet<'_>> =
+        sets.iter().map(|&set| SampledSet::new(set, step)).collect();
     let mut is_of_all = step == 1;
     let mut trace = Vec::new();
     let mut nearby = Nearby::new(&positions, progress)?;
@@ -156,10 +157,10 @@ pub(super) fn polish(
         let done = trace.len() as u32;
         progress.update("polishing", done as f32 / (rounds + 1) as f32);
         if !is_of_all && done + ROUNDS_OF_ALL >= rounds {
-            samples = sets.iter().map(|&set| Sample::new(set, 1)).collect();
+            samples = sets.iter().map(|&set| SampledSet::new(set, 1)).collect();
             is_of_all = true;
         }
-        for Sample { points, winners, .. } in &mut samples {
+        for SampledSet { points, winners, .. } in &mut samples {
             nearby.assign(points, winners, progress)?;
         }
         if done == rounds {
@@ -176,7 +177,7 @@ pub(super) fn polish(
 
 /// Moves every neuron to the mean of its points, and with `and_relocate` some to other places. Gives the mean distance
 /// before.
-fn move_once(positions: &mut [[f32; 3]], samples: &[Sample<'_>], and_relocate: bool) -> f64 {
+fn move_once(positions: &mut [[f32; 3]], samples: &[SampledSet<'_>], and_relocate: bool) -> f64 {
     let points = Cells::new(positions.len(), samples);
     let cells: Vec<Cell> =
         parallel::map_range(positions.len(), |i| points.cell(i, positions[i], and_relocate));

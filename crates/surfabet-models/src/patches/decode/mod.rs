@@ -136,12 +136,12 @@ impl PatchModel {
     /// where these are asked for.
     fn attributes_of(
         &self,
-        surface: &mut Surface<'_>,
+        surface: &mut DecodedSurface<'_>,
         options: DecodeOptions,
         progress: &dyn Progress,
     ) -> Result<CloudParts> {
         let sampler = Sampler::new(self.attributes());
-        let Surface { points, first_beside, placed, .. } = surface;
+        let DecodedSurface { points, first_beside, placed, .. } = surface;
         let has_motions = placed.iter().any(|(_, motion)| motion.is_some());
         let are_beside = points.positions.len() > *first_beside;
         if !are_beside || !(options.normals || has_motions) {
@@ -179,7 +179,7 @@ impl PatchModel {
         options: DecodeOptions,
         (motions, filling): (&'a [Motion], Filling<'_>),
         progress: &dyn Progress,
-    ) -> Result<Surface<'a>> {
+    ) -> Result<DecodedSurface<'a>> {
         options.check()?;
         // What stands off the surface is part of the scan, so it is kept as measured.
         let is_left_out = match filling.left_out {
@@ -229,7 +229,7 @@ impl PatchModel {
             leaves.into_iter().map(move |leaf| (leaf, motion))
         };
         let placed = parts.into_iter().flat_map(of_part).collect();
-        Ok(Surface { points, moved, first_beside, placed })
+        Ok(DecodedSurface { points, moved, first_beside, placed })
     }
 
     /// The patches that are coded, then those of each instance with its motion; without those that are left out.
@@ -248,7 +248,7 @@ impl PatchModel {
 }
 
 /// What the patches give.
-struct Surface<'a> {
+struct DecodedSurface<'a> {
     /// Positions, pixels, where they are coded; normals of those that are on patches.
     points: Points,
     /// Ranges of the points of instances, with the motions to where they stand.
@@ -259,7 +259,7 @@ struct Surface<'a> {
     placed: Vec<(&'a Leaf, Option<&'a Motion>)>,
 }
 
-impl Surface<'_> {
+impl DecodedSurface<'_> {
     /// Moves the points of instances to where they stand.
     fn move_instances(&mut self) {
         for (range, motion) in self.moved.drain(..) {

@@ -7,7 +7,7 @@ use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::seen::Seen;
-use super::surface::Surface;
+use super::surface::SurfacePixels;
 use crate::error::Result;
 use crate::patches::instances::Motion;
 use crate::patches::instances::order::place_in_order;
@@ -34,7 +34,7 @@ const LEAST_SHARE: f32 = 0.1;
 
 /// What is known of the patches that may be left out.
 pub(super) struct Prices<'a> {
-    pub surface: &'a Surface<'a>,
+    pub surface: &'a SurfacePixels<'a>,
     pub seen: &'a Seen<'a>,
     /// Bits of each patch, with its attributes.
     pub bits: Vec<f32>,
@@ -74,7 +74,7 @@ struct Described<'a> {
 
 impl<'a> Prices<'a> {
     pub fn new(
-        surface: &'a Surface<'a>,
+        surface: &'a SurfacePixels<'a>,
         seen: &'a Seen<'a>,
         bits: Vec<f32>,
         [lambda, density, tolerance]: [f32; 3],

@@ -9,7 +9,7 @@ use surfabet_base::parallel;
 use surfabet_geom::cells::{cell_of, key};
 use surfabet_geom::morton::MortonMap;
 
-use super::surface::Surface;
+use super::surface::SurfacePixels;
 
 /// Side of the cells that surface is gathered in, pixels.
 const CELL: f32 = 4.0;
@@ -63,7 +63,7 @@ struct Gathered {
 }
 
 /// The keypoints of a surface in the order of their cells; things turn about `axis`.
-pub(super) fn keypoints(surface: &Surface<'_>, axis: usize) -> Vec<Keypoint> {
+pub(super) fn keypoints(surface: &SurfacePixels<'_>, axis: usize) -> Vec<Keypoint> {
     let cells = gather(surface);
     let keys = {
         let mut keys: Vec<u64> = cells.keys().copied().collect();
@@ -89,7 +89,7 @@ pub(super) fn keypoints(surface: &Surface<'_>, axis: usize) -> Vec<Keypoint> {
 }
 
 /// Pixels and normals by cell.
-fn gather(surface: &Surface<'_>) -> MortonMap<Gathered> {
+fn gather(surface: &SurfacePixels<'_>) -> MortonMap<Gathered> {
     let mut cells: MortonMap<Gathered> = MortonMap::default();
     for leaf in 0..surface.leaves.len() {
         let n = nalgebra::Vector3::from(surface.normal(leaf).map(f64::from));

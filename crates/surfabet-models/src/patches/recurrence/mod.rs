@@ -29,7 +29,7 @@ use self::fit::Prices;
 use self::keypoints::keypoints;
 use self::refine::refined;
 use self::seen::Seen;
-use self::surface::Surface;
+use self::surface::SurfacePixels;
 use self::votes::candidates;
 use super::attributes::chosen::ChosenAttributes;
 use super::coding::{Geometry, GeometryModels, code_geometry};
@@ -68,7 +68,7 @@ pub(super) fn recurring(
     progress: &dyn Progress,
 ) -> Result<Option<(Geometry, Instances)>> {
     let &Learned { lattice, coded: Described { geometry, attributes, .. }, .. } = learned;
-    let Some(surface) = Surface::new(&lattice, &geometry.leaves)? else { return Ok(None) };
+    let Some(surface) = SurfacePixels::new(&lattice, &geometry.leaves)? else { return Ok(None) };
     let axis = vertical_axis(&lattice);
     let keypoints = keypoints(&surface, axis);
     progress.check()?;

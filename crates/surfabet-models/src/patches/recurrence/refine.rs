@@ -5,8 +5,8 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Matrix4, Vector4};
 
 use super::keypoints::Keypoint;
-use super::surface::Surface;
-use super::votes::Candidate;
+use super::surface::SurfacePixels;
+use super::votes::MotionCandidate;
 use crate::patches::instances::{Motion, Place};
 
 /// How far from keypoints the surface is aligned, pixels: what their descriptors cover.
@@ -29,9 +29,9 @@ const LEAST_SHARE: f64 = 0.5;
 
 /// The place of a candidate where surface lies on surface; `None` where it does not.
 pub(super) fn refined(
-    surface: &Surface<'_>,
+    surface: &SurfacePixels<'_>,
     keypoints: &[Keypoint],
-    candidate: &Candidate,
+    candidate: &MotionCandidate,
     axis: usize,
 ) -> Option<Place> {
     let points = points_about(surface, keypoints, &candidate.sources);
@@ -52,7 +52,7 @@ pub(super) fn refined(
 }
 
 /// Some pixels about keypoints, evenly over all of them.
-fn points_about(surface: &Surface<'_>, keypoints: &[Keypoint], of: &[u32]) -> Vec<[f32; 3]> {
+fn points_about(surface: &SurfacePixels<'_>, keypoints: &[Keypoint], of: &[u32]) -> Vec<[f32; 3]> {
     let mut found = Vec::new();
     for &i in of.iter().step_by(of.len().div_ceil(MAX_KEYPOINTS).max(1)) {
         found.extend(surface.pixels_about(keypoints[i as usize].position, REACH));
@@ -66,7 +66,7 @@ fn points_about(surface: &Surface<'_>, keypoints: &[Keypoint], of: &[u32]) -> Ve
 /// The step of least squared distances along normals: shift and angle, the middle that it turns about, and how many points
 /// were paired. `None` where too few are.
 fn step(
-    surface: &Surface<'_>,
+    surface: &SurfacePixels<'_>,
     moved: &[[f32; 3]],
     reach: f32,
     axis: usize,

@@ -3,7 +3,7 @@
 use surfabet_base::parallel;
 use surfabet_geom::{CloudParts, Column, Progress};
 
-use super::surface::Surface;
+use super::surface::SurfacePixels;
 use crate::error::Result;
 use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, INTENSITIES};
@@ -55,7 +55,7 @@ impl<'a> Seen<'a> {
     pub fn new(
         samples: &SidedSamples<'_>,
         lattice: &Lattice,
-        surface: &Surface<'_>,
+        surface: &SurfacePixels<'_>,
         (attributes, chosen): (&'a Attributes, &ChosenAttributes<'_>),
         (options, tolerance): (&PatchesOptions, f32),
         progress: &dyn Progress,

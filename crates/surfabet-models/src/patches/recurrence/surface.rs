@@ -19,7 +19,7 @@ const MAX_DISTANCE: f32 = 4.0;
 const NEAR_CELL: f32 = 4.0;
 
 /// The set finest pixels of all patches. All lengths are in finest pixels, in the frame of the lattice.
-pub(super) struct Surface<'a> {
+pub(super) struct SurfacePixels<'a> {
     pub leaves: &'a [Leaf],
     /// Middles of the pixels, patch by patch.
     pub middles: Vec<[f32; 3]>,
@@ -45,7 +45,7 @@ pub(super) struct Nearest {
     beside: f32,
 }
 
-impl<'a> Surface<'a> {
+impl<'a> SurfacePixels<'a> {
     /// Of patches with at least a pixel each; `None` without patches.
     pub fn new(lattice: &Lattice, leaves: &'a [Leaf]) -> Result<Option<Self>> {
         if leaves.is_empty() {

@@ -33,7 +33,7 @@ const LEAST_VOTES: usize = 4;
 const MAX_CANDIDATES: usize = 40;
 
 /// A motion that some keypoints agree on.
-pub(super) struct Candidate {
+pub(super) struct MotionCandidate {
     /// Mirrored (bit 2) and quarter turns (the lower bits).
     pub turn: usize,
     /// Mean shift of the keypoints, pixels.
@@ -52,7 +52,7 @@ struct Match {
 }
 
 /// The motions that most keypoints vote for, from sources to places after them in the order of sources.
-pub(super) fn candidates(keypoints: &[Keypoint], axis: usize) -> Vec<Candidate> {
+pub(super) fn candidates(keypoints: &[Keypoint], axis: usize) -> Vec<MotionCandidate> {
     let exchanges = exchanges(axis);
     let matches: Vec<Match> = parallel::gather(keypoints.len(), |target, matches| {
         matches.extend(matches_of(keypoints, target, &exchanges, axis));
@@ -70,7 +70,7 @@ pub(super) fn candidates(keypoints: &[Keypoint], axis: usize) -> Vec<Candidate> 
             ((turn, cell), near.flatten().copied().collect())
         })
         .collect();
-    let mut found: Vec<(usize, Candidate)> = Vec::new();
+    let mut found: Vec<(usize, MotionCandidate)> = Vec::new();
     for (&(turn, cell), of_cell) in &votes {
         let is_most = surfabet_geom::cells::around(of_key(cell)).all(|near| {
             let near = (turn, key(near));
@@ -88,7 +88,7 @@ pub(super) fn candidates(keypoints: &[Keypoint], axis: usize) -> Vec<Candidate> 
 }
 
 /// What some matches agree on, with the number of different keypoints among them.
-fn agreed(turn: usize, matches: impl Iterator<Item = Match>) -> Option<(usize, Candidate)> {
+fn agreed(turn: usize, matches: impl Iterator<Item = Match>) -> Option<(usize, MotionCandidate)> {
     let all: Vec<Match> = matches.collect();
     let different = |mut numbers: Vec<u32>| {
         numbers.sort_unstable();
@@ -100,7 +100,7 @@ fn agreed(turn: usize, matches: impl Iterator<Item = Match>) -> Option<(usize, C
     let votes = sources.len().min(targets.len());
     let n = all.len().max(1) as f32;
     let shift = std::array::from_fn(|a| all.iter().map(|of| of.shift[a]).sum::<f32>() / n);
-    (votes >= LEAST_VOTES).then_some((votes, Candidate { turn, shift, sources }))
+    (votes >= LEAST_VOTES).then_some((votes, MotionCandidate { turn, shift, sources }))
 }
 
 /// The earlier keypoints with descriptors like that of `target`.
