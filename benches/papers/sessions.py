@@ -1,11 +1,12 @@
 """Maps that go on from session to session, beside learning all at once.
 
-    python benches/papers/sessions.py [--part building|kitchen|again]
+    python benches/papers/sessions.py [--part building|kitchen|again|same] [--rooms 12]
 
 The building has twelve simulated rooms in a row; session k scans rooms k and k + 1 with noise of
 its own, so that all but the first and the last are scanned twice. The kitchen is the 50 frames of
 `rgbd_room`, every third pixel, in five sessions of ten frames. `again` is a second pass: other
-noise in the same rooms, and the odd frames of the kitchen after the even ones.
+noise in the same rooms, and the odd frames of the kitchen after the even ones. `same` scans all of
+a room four times, sampled every 4 cm.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ ROOMS = 12
 SPACING = 0.025
 
 
-def rooms(numbers: Sequence[int], seed: int) -> sb.PointCloud:
+def rooms(numbers: Sequence[int], seed: int, spacing: float = SPACING) -> sb.PointCloud:
     """Points of simulated rooms in a row, with noise of 3 mm; the noise has the seed."""
     rng = np.random.default_rng(seed)
     parts = []
     for number in numbers:
-        points, _ = datasets.make_room(seed=number).sample_surface(SPACING)
+        points, _ = datasets.make_room(seed=number).sample_surface(spacing)
         shifted = points + np.array([7.0 * number, 0.0, 0.0])
         parts.append(shifted + rng.normal(scale=0.003, size=points.shape))
     return sb.PointCloud(np.concatenate(parts))
@@ -129,12 +130,48 @@ def again(name: str, first: sb.PointCloud, second: sb.PointCloud, tile: float) -
     print_row(name, f"{size(model):,}", f"{size(alone):,}", f"{size(both):,}", share)
 
 
+def same(numbers: Sequence[int]) -> None:
+    """Scans of all of a room one after another, beside learning them at once by the same plan."""
+    print_header(
+        "room",
+        "scans",
+        "bytes",
+        "at once",
+        "rmse, as measured (mm)",
+        "at once",
+        "surface",
+        "at once",
+    )
+    for number in numbers:
+        scans = [rooms((number,), seed=1000 * number + k, spacing=0.04) for k in range(4)]
+        model = learned(scans[0], tile=8.0)
+        for n in range(2, len(scans) + 1):
+            model = model.update(scans[n - 1])
+            cloud = joined(scans[:n])
+            whole = model.update(cloud, alone=True)
+            pair = (model, whole)
+            sizes = [f"{size(m):,}" for m in pair]
+            errors = [rmse(cloud, m, as_measured=True) for m in pair]
+            surfaces = [rmse(cloud, m, as_measured=False) for m in pair]
+            print_row(number, n, *sizes, *errors, *surfaces)
+
+
+def rmse(cloud: sb.PointCloud, model: sb.TiledPatchModel, as_measured: bool) -> str:
+    decoded = model.decode(as_measured=as_measured)
+    return f"{1e3 * sb.evaluate(cloud, decoded, normal_neighbors=None).rmse:.2f}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--part", choices=("building", "kitchen", "again"), default="building")
+    parts = ("building", "kitchen", "again", "same")
+    parser.add_argument("--part", choices=parts, default="building")
+    parser.add_argument("--rooms", nargs="+", type=int, default=[12], help="for same")
     options = parser.parse_args()
     if options.part == "building":
         in_sessions("building", building(), tile=8.0)
+        return
+    if options.part == "same":
+        same(options.rooms)
         return
     check_data()
     if options.part == "kitchen":

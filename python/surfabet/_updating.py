@@ -58,7 +58,7 @@ class ScanOnDisk:
         low = self._spill.corners(self._bricks)
         return low.min(axis=0), low.max(axis=0) + self._spill.side
 
-    def update(self, *, alone: bool, tell: ProgressCallback) -> _core.TiledPatchModel:
+    def update(self, *, alone: bool, report_progress: ProgressCallback) -> _core.TiledPatchModel:
         """The map with the scan; with `alone` what the scan shows by itself.
 
         Raises
@@ -72,7 +72,7 @@ class ScanOnDisk:
             self._check(cube, bricks, alone)
         tiles = []
         for i, (cube, bricks) in enumerate(members):
-            tell(f"learn tiles ({i} of {len(members)})", 0.3 + 0.7 * i / len(members))
+            report_progress(f"learn tiles ({i} of {len(members)})", 0.3 + 0.7 * i / len(members))
             points = self._spill.read(bricks, plan["origin"])
             tile = self._core.updated_tile(
                 points, cube, mean_weight=self._mean_weight, alone=alone, progress=None
@@ -123,7 +123,7 @@ def scan_on_disk(
     source: Any,
     max_memory: int,
     work: str | os.PathLike[str] | None,
-    tell: ProgressCallback,
+    report_progress: ProgressCallback,
 ) -> Iterator[ScanOnDisk]:
     """A scan that any reader gives in chunks, in a new folder within `work` until the context ends.
 
@@ -139,5 +139,5 @@ def scan_on_disk(
     names = (["colors"] if core.has_color else []) + list(core.attribute_names)
     weighed = _Weighed(core, chunks_of(source))
     with tempfile.TemporaryDirectory(prefix="surfabet-", dir=work) as folder:
-        spill = spilled(weighed.chunks(), Path(folder), core.tile_side, names, tell)
+        spill = spilled(weighed.chunks(), Path(folder), core.tile_side, names, report_progress)
         yield ScanOnDisk(core, spill, weighed.weight / weighed.n_points, max_memory)

@@ -200,11 +200,11 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
                 # Imported here: it stands on this module.
                 from surfabet._updating import scan_on_disk
 
-                tell = callback or (lambda stage, fraction: None)
-                with scan_on_disk(self._core, cloud, max_memory, work, tell) as scan:
+                report_progress = callback or (lambda stage, fraction: None)
+                with scan_on_disk(self._core, cloud, max_memory, work, report_progress) as scan:
                     apart, left_out = _distance(self, scan.bounds), scan.left_out
                     with _named_apart(apart, self.tile_side):
-                        core = scan.update(alone=alone, tell=tell)
+                        core = scan.update(alone=alone, report_progress=report_progress)
         if apart > self.tile_side:
             warnings.warn(f"the scan {_lies_apart(apart)}", FrameWarning, stacklevel=2)
         if left_out:

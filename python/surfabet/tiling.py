@@ -275,13 +275,13 @@ def learn_patches_tiled(
         progress_callback(progress) as callback,
         _work_folder(folder, identity, chunks.is_repeatable) as work_folder,
     ):
-        tell: ProgressCallback = callback or (lambda stage, fraction: None)
-        spill = _spilled(chunks, work_folder, tile, options, tell)
+        report_progress: ProgressCallback = callback or (lambda stage, fraction: None)
+        spill = _spilled(chunks, work_folder, tile, options, report_progress)
         plan, jobs, left_out = _planned(
-            spill, work_folder, (tile, details), max_memory // workers, options, tell
+            spill, work_folder, (tile, details), max_memory // workers, options, report_progress
         )
         here = _Here(spill, max_memory)
-        n_learned = _learn(jobs, executor, workers, here, tell)
+        n_learned = _learn(jobs, executor, workers, here, report_progress)
         report = _written(path, spill, plan, jobs, note, left_out, n_learned)
     _warn(spill, report)
     return report
@@ -360,12 +360,12 @@ def _spilled(
     folder: Path,
     tile: float | None,
     options: Mapping[str, Any],
-    tell: ProgressCallback,
+    report_progress: ProgressCallback,
 ) -> Spill:
     """All points on disk: those that are there already, or else from the source."""
     if Spill.is_finished(folder):
         return Spill.open(folder)
-    return spilled(chunks, folder, tile, options.get("attributes"), tell)
+    return spilled(chunks, folder, tile, options.get("attributes"), report_progress)
 
 
 def spilled(
@@ -373,11 +373,11 @@ def spilled(
     folder: Path,
     tile: float | None,
     attributes: Sequence[str] | None,
-    tell: ProgressCallback,
+    report_progress: ProgressCallback,
 ) -> Spill:
     """All points of a source on disk, with the attributes that are to be kept."""
     with counted() as dropped:
-        writer = _written_points(chunks, folder, tile, attributes, tell)
+        writer = _written_points(chunks, folder, tile, attributes, report_progress)
     writer.dropped = dropped.n
     return writer.finish()
 
@@ -387,7 +387,7 @@ def _written_points(
     folder: Path,
     tile: float | None,
     named: Sequence[str] | None,
-    tell: ProgressCallback,
+    report_progress: ProgressCallback,
 ) -> SpillWriter:
     """All points of the source on disk: a chunk is written while the source makes the next one."""
     writer: SpillWriter | None = None
@@ -405,7 +405,7 @@ def _written_points(
                 written = aside.submit(writer.add, cloud)
                 n_read += len(cloud)
                 known = chunks.n_points
-                tell("read points", 0.3 * min(1.0, n_read / known) if known else 0.0)
+                report_progress("read points", 0.3 * min(1.0, n_read / known) if known else 0.0)
             if written is not None:
                 written.result()
         if writer is None:
@@ -442,7 +442,7 @@ def _planned(
     tiles: _Tiles,
     memory: int,
     options: Mapping[str, Any],
-    tell: ProgressCallback,
+    report_progress: ProgressCallback,
 ) -> tuple[dict[str, Any], list[TileJob], int]:
     """What all tiles share, the tiles, and the number of points that are far from all others."""
     if not len(spill.keys):
@@ -458,7 +458,7 @@ def _planned(
         plan["attributes"] = [tuple(attribute) for attribute in plan["attributes"]]
         plan["bounds"] = plan["bounds"] and tuple(plan["bounds"])
     else:
-        tell("plan tiles", 0.3)
+        report_progress("plan tiles", 0.3)
         plan = _plan(spill, bricks, tiles, memory, options)
         _write_json(known, plan)
     jobs = [
@@ -607,9 +607,9 @@ class _Here:
         """Memory that a tile is taken to need beside that of all, bytes."""
         return BYTES_PER_POINT * int(self._counts[list(job.bricks)].sum())
 
-    def learn(self, jobs: Iterable[TileJob], told: Callable[[], None]) -> None:
-        """Learns tiles, the largest first, so that none is left over at the end; `told` is called
-        after each.
+    def learn(self, jobs: Iterable[TileJob], after_each: Callable[[], None]) -> None:
+        """Learns tiles, the largest first, so that none is left over at the end; `after_each` is
+        called after each.
 
         Ctrl-C and errors reach this thread; the others then leave their tiles as they are.
         """
@@ -627,7 +627,7 @@ class _Here:
                     for future in finished:
                         del begun[future]
                         future.result()
-                        told()
+                        after_each()
             finally:
                 stop.set()
 
@@ -644,32 +644,34 @@ def _learn(
     executor: Executor | None,
     workers: int,
     here: _Here,
-    tell: ProgressCallback,
+    report_progress: ProgressCallback,
 ) -> int:
     """Learns the tiles that are not there yet; gives their number."""
     missing = [job for job in jobs if not job.path.exists()]
     done = len(jobs) - len(missing)
 
-    def told() -> None:
-        tell(f"learn tiles ({done} of {len(jobs)})", 0.3 + 0.7 * done / max(1, len(jobs)))
+    def report() -> None:
+        report_progress(
+            f"learn tiles ({done} of {len(jobs)})", 0.3 + 0.7 * done / max(1, len(jobs))
+        )
 
-    def one_more() -> None:
+    def count_one() -> None:
         nonlocal done
         done += 1
-        told()
+        report()
 
-    told()
+    report()
     if executor is not None:
         try:
             for _ in _learned_by(missing, executor, workers):
-                one_more()
+                count_one()
         except BrokenExecutor:
             warnings.warn(
                 "a worker died and its executor with it; the rest of the tiles is learned here",
                 RuntimeWarning,
                 stacklevel=3,
             )
-    here.learn([job for job in missing if not job.path.exists()], one_more)
+    here.learn([job for job in missing if not job.path.exists()], count_one)
     return len(missing)
 
 

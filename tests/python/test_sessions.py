@@ -184,6 +184,24 @@ def test_maps_of_one_plan_are_put_together(west: sb.TiledPatchModel, cloud: sb.P
     assert sb.merge_tiles([merged, west.update(part(cloud, 3.9, 5))]).n_points > 0
 
 
+def test_merged_maps_are_the_same_on_any_number_of_threads(
+    west: sb.TiledPatchModel, cloud: sb.PointCloud
+) -> None:
+    other = west.update(part(room(1), -1, EAST + 0.5), alone=True)
+    before = sb.get_num_threads()
+    made, seen = [], []
+    try:
+        for threads in (1, 2, 3):
+            sb.set_num_threads(threads)
+            merged = sb.merge_tiles([west, other], progress=lambda _, done: seen.append(done))
+            made.append(merged.to_bytes())
+    finally:
+        sb.set_num_threads(before)
+    assert made[0] == made[1] == made[2]
+    assert len(set(seen)) > 1
+    assert max(seen) == 1
+
+
 def test_a_box_of_an_updated_map_is_the_whole_cropped(
     west: sb.TiledPatchModel, cloud: sb.PointCloud, tmp_path: Path
 ) -> None:
