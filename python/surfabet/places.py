@@ -167,7 +167,7 @@ class PlaceKinds:
     labels: NDArray[np.int64]
     """Kind of every place, (n,), numbered from 0 in the order of their first places."""
     similarities: NDArray[np.float64]
-    """Similarity of the words of every two places, (n, n), 0 to 1."""
+    """Similarity of every two places among those given, (n, n), 0 to 1."""
 
     def __len__(self) -> int:
         """Number of kinds."""
@@ -217,10 +217,13 @@ def label_places(
     min_similarity: float = _core.KIND_SIMILARITY,
     progress: Progress = None,
 ) -> PlaceKinds:
-    """Which places are of one kind, by the words that occur in them: offices, corridors, streets.
+    """Which places are of one kind, by what stands in them at which height: offices, corridors.
 
-    Kinds are joined by average linkage over the similarity of words: the two with the largest mean
-    become one, until `n_kinds` are left or, without that, the mean falls below `min_similarity`.
+    Compared is the share of area of level, sloped and steep words in layers above the floor. What
+    all the places have counts little, what tells some of them from others counts most; so kinds are
+    those of the places given, and two or three places say little. Kinds are joined by average
+    linkage: the two with the largest mean similarity become one, until `n_kinds` are left or,
+    without that, the mean falls below `min_similarity`.
 
     Parameters
     ----------

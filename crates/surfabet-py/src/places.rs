@@ -90,7 +90,7 @@ impl PyPlaceIndex {
     }
 }
 
-/// Kinds (n,) and similarities of words (n, n).
+/// Kinds (n,) and similarities (n, n).
 type Kinds<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>);
 
 /// A kind per place; documented in `surfabet.places`.
@@ -109,10 +109,10 @@ fn kinds_of_places<'py>(
         models.iter().map(|m| PlaceSignature::of(m, monitor)).collect::<Result<Vec<_>, _>>()
     })?;
     let all: Vec<&PlaceSignature> = signatures.iter().collect();
-    let labels = label_places(&all, n_kinds, min_similarity).map_err(IntoPyErr::into_py_err)?;
+    let (labels, rows) =
+        label_places(&all, n_kinds, min_similarity).map_err(IntoPyErr::into_py_err)?;
     let labels: Vec<i64> = labels.into_iter().map(i64::from).collect();
-    let similar =
-        Array2::from_shape_fn((all.len(), all.len()), |(i, j)| all[i].word_similarity(all[j]));
+    let similar = Array2::from_shape_fn((all.len(), all.len()), |(i, j)| rows[i][j]);
     Ok((labels.into_pyarray(py), similar.into_pyarray(py)))
 }
 

@@ -2,7 +2,8 @@
 //!
 //! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
 //! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
-//! What other values of 47 of the 71 change is in `docs/benchmarks/constants.md`, with a list of the others.
+//! What other values of 53 of the 79 change is in `docs/benchmarks/constants.md`, with a list of the others. Scores from which on something is
+//! found were chosen by the tables of `docs/benchmarks/recognition.md`.
 
 // Surfaces.
 
@@ -145,8 +146,12 @@ pub(crate) const FINALISTS: usize = 300;
 pub(crate) const LEAST_SCORE: f64 = 0.5;
 
 /// The same of examples of another model by shape alone, where unlike things score up to 0.55. Chairs of rooms 4 to 7, laser: recall and
-/// precision 0.96 and 0.88 with 0.5, 0.92 and 0.96 with this, 0.79 and 1.00 with 0.6.
-pub(crate) const LEAST_SCORE_OF_SHAPES: f64 = 0.55;
+/// precision 0.96 and 0.88 with 0.5, 0.92 and 0.96 with this and with 0.55, 0.79 and 1.00 with 0.6.
+pub(crate) const LEAST_SCORE_OF_SHAPES: f64 = 0.525;
+
+/// The same where colours count: the border lowers scores. Doors of rooms 4 to 7: recall and precision 0.75 and 0.60 with 0.4, 0.67 and 0.80
+/// with this, 0.50 and 1.00 with 0.5.
+pub(crate) const LEAST_SCORE_OF_COLORS: f64 = 0.42;
 
 /// Shifts that are tried one after the other where colours count, as shares of the diagonal.
 pub(crate) const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
@@ -195,6 +200,10 @@ pub(crate) const ON_LARGE: f64 = 4.0;
 
 /// Samples that a thing needs, as a share of a square of the least size that is filled.
 pub(crate) const LEAST_FILLED: f64 = 0.1;
+
+/// Mean squared cosine between the normals of a thing and the direction that they share from which on it is flat: shape does not tell one flat
+/// bit from another. A first value: other ones were not measured.
+pub(crate) const FLAT: f64 = 0.85;
 
 /// How much wider than its samples the box of a thing is on each side, spacings.
 pub(crate) const MARGIN_OF_THINGS: f64 = 1.0;
@@ -250,3 +259,25 @@ pub(crate) const INCLINATION_LIMITS: [f64; 2] = [0.38, 0.92];
 /// |cosine| between the horizontal directions of two normals below which the next class begins: equal, between,
 /// perpendicular. The margin between places hardly depends on them.
 pub(crate) const TURN_LIMITS: [f64; 2] = [0.9, 0.45];
+
+// Kinds of places: chosen on simulated rooms 0 to 7, half and double of each in `docs/benchmarks/constants.md`.
+
+/// Height of a layer, metres.
+pub(crate) const LAYER: f64 = 0.1;
+
+/// Layers above the floor, the first half one: what is higher than 2.4 m, out of reach, is in the last. How high a ceiling is says
+/// little about what a room is for.
+pub(crate) const LAYERS: usize = 25;
+
+/// Share of the area of level words that is below the floor's height: a reflection below it is no floor.
+pub(crate) const FLOOR_SHARE: f64 = 0.05;
+
+/// Share of area that is added to that of a class before its logarithm is taken: less is as good as nothing.
+pub(crate) const NO_SHARE: f64 = 1e-3;
+
+/// Deviation between places of the logarithm of a share that counts as none.
+pub(crate) const SAME_SHARE: f64 = 0.1;
+
+/// What all places have in common, over the deviation of one class between them: with more of it places are alike that differ
+/// little from the mean.
+pub(crate) const COMMON: f64 = 0.6;

@@ -38,7 +38,10 @@ pub(super) use self::motion::Motion;
 pub use self::options::{FindOptions, Region};
 pub(super) use self::scene::SearchScene;
 pub(super) use self::template::Template;
-use super::constants::{FINALISTS, GUESSES, LEAST_SCORE, LEAST_SCORE_OF_SHAPES, SAME_PLACE_OF_ANY};
+use super::constants::{
+    FINALISTS, GUESSES, LEAST_SCORE, LEAST_SCORE_OF_COLORS, LEAST_SCORE_OF_SHAPES,
+    SAME_PLACE_OF_ANY,
+};
 
 /// The stages and their shares of the progress, in per cent.
 pub(super) const FIND_STAGES: &[(&str, f32)] = &[
@@ -174,7 +177,7 @@ fn find_example(
     let sides = [Side::new(model, &from), Side::new(searched, &to)];
     let mut places = places_like(&template, &sides[0], &sides[1], budget, &mut stages)?;
     let by_shape = from.color_tolerance.is_none() || to.color_tolerance.is_none();
-    let least = if by_shape { LEAST_SCORE_OF_SHAPES } else { LEAST_SCORE };
+    let least = if by_shape { LEAST_SCORE_OF_SHAPES } else { LEAST_SCORE_OF_COLORS };
     let least = options.min_score.unwrap_or(least);
     places.retain(|(score, _)| *score >= least);
     let places = template.best_places(places, options.max_found);

@@ -1,6 +1,7 @@
 //! The score of a place: how much of the example is found there, and how much of the place the example explains.
 
 use surfabet_base::parallel;
+use surfabet_geom::vector::minus;
 use surfabet_geom::{Neighbor, Progress};
 use surfabet_models::Result;
 
@@ -50,22 +51,11 @@ impl Template {
 
     /// The share of the scene's samples in the moved region, by weight, that the example explains.
     fn explained(&self, scene: &SearchScene, motion: &Motion, tolerance: f64) -> f64 {
-        let center: [f32; 3] = std::array::from_fn(|a| (self.pivot[a] + motion.shift[a]) as f32);
-        let mut near: Vec<Neighbor> = Vec::new();
-        let reach = self.reach * motion.size[0].max(motion.size[1]);
-        scene.tree.within(center, reach as f32, &mut near);
+        let center = self.moved_pivot(motion);
         // A sample of the scene in the frame of the template.
-        let local = |i: u32| {
-            let p = scene.surface.points[i as usize];
-            let d = std::array::from_fn(|a| p[a] - center[a]);
-            motion.arm_back(d)
-        };
-        let mut inside: Vec<u32> = near.iter().map(|n| n.index() as u32).collect();
-        inside.retain(|&i| {
-            let p = local(i);
-            let is_in_region = self.region.contains(std::array::from_fn(|a| p[a] + self.pivot[a]));
-            is_in_region && self.surroundings.is_none_or(|limit| self.is_beside(p, limit))
-        });
+        let local = |i: u32| motion.arm_back(minus(scene.surface.points[i as usize], center));
+        let mut inside = self.inside(scene, motion);
+        inside.retain(|&i| self.surroundings.is_none_or(|limit| self.is_beside(local(i), limit)));
         let weights = scene.weights(&inside);
         let (mut sum, mut all) = (0.0, 0.0);
         for (&i, weight) in inside.iter().zip(weights) {
@@ -84,17 +74,34 @@ impl Template {
         sum / all.max(f64::MIN_POSITIVE)
     }
 
+    /// Samples of the scene in the region after a motion, up to the farthest sample of the example.
+    pub fn inside(&self, scene: &SearchScene, motion: &Motion) -> Vec<u32> {
+        let center = self.moved_pivot(motion);
+        let mut near: Vec<Neighbor> = Vec::new();
+        let reach = self.reach * motion.size[0].max(motion.size[1]);
+        scene.tree.within(center, reach as f32, &mut near);
+        let is_inside = |&i: &u32| {
+            let arm = motion.arm_back(minus(scene.surface.points[i as usize], center));
+            self.region.contains(std::array::from_fn(|a| arm[a] + self.pivot[a]))
+        };
+        near.iter().map(|n| n.index() as u32).filter(is_inside).collect()
+    }
+
+    /// Where a motion takes the pivot.
+    fn moved_pivot(&self, motion: &Motion) -> [f32; 3] {
+        std::array::from_fn(|a| (self.pivot[a] + motion.shift[a]) as f32)
+    }
+
     /// Samples of the scene that the example covers after a motion: those near its own samples, without what goes on beyond
     /// its region.
     pub fn covered(&self, scene: &SearchScene, motion: &Motion) -> Vec<u32> {
-        let center: [f32; 3] = std::array::from_fn(|a| (self.pivot[a] + motion.shift[a]) as f32);
+        let center = self.moved_pivot(motion);
         let mut near: Vec<Neighbor> = Vec::new();
         let reach = self.reach * motion.size[0].max(motion.size[1]) + self.spacing;
         scene.tree.within(center, reach as f32, &mut near);
         let limit = (COVERED * self.tolerance + self.spacing) as f32;
         let is_covered = |i: u32| {
-            let p = scene.surface.points[i as usize];
-            let arm = motion.arm_back(std::array::from_fn(|a| p[a] - center[a]));
+            let arm = motion.arm_back(minus(scene.surface.points[i as usize], center));
             let Some(n) = self.tree.nearest(arm.map(|c| c as f32)) else { return false };
             n.squared_distance() < limit * limit && self.weights[n.index()] > LEAST_OWN_WEIGHT
         };

@@ -3,7 +3,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `index` | places ranked by similarity of words and of their pairs, the first of them located |
-//! | `kinds` | places of one kind, by average linkage over the similarity of their words |
+//! | `kinds` | places of one kind, by average linkage over what stands at which height |
 
 mod index;
 mod kinds;

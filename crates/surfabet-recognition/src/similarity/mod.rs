@@ -5,7 +5,11 @@
 //! | `word_histogram` | the share of area of each word, radius and inclination |
 //! | `word_similarity` | the words by shape, radius and inclination |
 //! | `pair_histogram` | distance, height and angle of every pair of occurrences |
+//! | `layers` | the share of area by height above the floor and inclination, for kinds of places |
+//! | `inclination` | classes of inclination of both |
 
+mod inclination;
+mod layers;
 mod pair_histogram;
 mod word_histogram;
 mod word_similarity;
@@ -14,16 +18,19 @@ use surfabet_geom::Progress;
 use surfabet_models::Result;
 use surfabet_models::alphabet::AlphabetModel;
 
+use self::layers::layers;
 use self::pair_histogram::{pair_cosine, pair_roots};
 pub use self::word_histogram::{WordShare, word_histogram};
 use self::word_similarity::UsedWords;
 use super::constants::WORDS_WEIGHT;
 
-/// What a place is compared by: its words, and how their occurrences lie to each other. Made once per model, compared often.
+/// What a place is compared by: its words, how their occurrences lie to each other, and at which heights. Made once per model,
+/// compared often.
 #[derive(Debug, Clone)]
 pub struct PlaceSignature {
     words: UsedWords,
     pairs: Vec<f64>,
+    layers: Vec<f64>,
 }
 
 impl PlaceSignature {
@@ -32,7 +39,11 @@ impl PlaceSignature {
     /// # Errors
     /// [`surfabet_models::Error::Cancelled`].
     pub fn of(model: &AlphabetModel, progress: &dyn Progress) -> Result<Self> {
-        Ok(Self { words: UsedWords::of(model), pairs: pair_roots(model, progress)? })
+        Ok(Self {
+            words: UsedWords::of(model),
+            pairs: pair_roots(model, progress)?,
+            layers: layers(model),
+        })
     }
 
     /// Similarity of two places, 0 to 1, as [`place_similarity`].
@@ -45,13 +56,9 @@ impl PlaceSignature {
         (words.powf(WORDS_WEIGHT) * pairs.powf(1.0 - WORDS_WEIGHT)).clamp(0.0, 1.0)
     }
 
-    /// Similarity of two kinds of places, 0 to 1: of the words that occur, by shape, radius and inclination, without how they
-    /// lie to each other. 1 for a model and itself, the same either way.
-    pub fn word_similarity(&self, other: &Self) -> f64 {
-        if self.is_empty() || other.is_empty() {
-            return f64::from(u8::from(self.is_empty() && other.is_empty()));
-        }
-        self.words.cosine(&other.words).clamp(0.0, 1.0)
+    /// Shares of area by height above the floor and inclination, which add up to 1; of a model without occurrences all are 0.
+    pub(crate) fn layers(&self) -> &[f64] {
+        &self.layers
     }
 
     /// Whether the model has no occurrences.

@@ -5,8 +5,9 @@ use surfabet_geom::{Progress, vector};
 use surfabet_models::Result;
 use surfabet_models::alphabet::AlphabetModel;
 
+use super::inclination::{INCLINATIONS, inclination};
 use super::word_histogram::area;
-use crate::constants::{INCLINATION_LIMITS, MAX_COMPARED, NEAREST, RISE_LIMITS, TURN_LIMITS};
+use crate::constants::{MAX_COMPARED, NEAREST, RISE_LIMITS, TURN_LIMITS};
 
 /// Classes of distance: one per half octave, from a quarter of a metre to 45 m and beyond.
 const DISTANCES: usize = 16;
@@ -16,9 +17,6 @@ const ROWS: usize = 64;
 
 /// Classes of height of one occurrence over another, from far below to far above.
 const RISES: usize = 2 * RISE_LIMITS.len() + 1;
-
-/// Classes of inclination: steep, sloped, level.
-const INCLINATIONS: usize = INCLINATION_LIMITS.len() + 1;
 
 /// Classes of the angle between the horizontal directions of two normals.
 const TURNS: usize = TURN_LIMITS.len() + 1;
@@ -87,11 +85,6 @@ fn add(sums: &mut [f64], a: &Member, b: &Member) {
             (((k as usize * RISES + rise) * INCLINATIONS + i) * INCLINATIONS + j) * TURNS + turn;
         sums[class] += share * (a.area * b.area);
     }
-}
-
-/// Class of inclination of a normal with the vertical component `z`.
-fn inclination(z: f64) -> usize {
-    INCLINATION_LIMITS.iter().filter(|&&limit| z.abs() > limit).count()
 }
 
 /// Class of the angle between the horizontal directions of two normals; the first where one is level.
