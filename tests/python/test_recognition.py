@@ -219,19 +219,3 @@ def test_what_recurs_is_a_class(
 
 def test_nothing_else_recurs(model: sb.AlphabetModel) -> None:
     assert len(sb.recurring(model)) == 1
-
-
-def test_flat_bits_are_no_things() -> None:
-    floor = rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))
-
-    def scene(depth: float) -> sb.AlphabetModel:
-        board = rectangle((-0.2, 0, 0.3), (0.4, 0, 0), (0, 0, 0.3))
-        side = rectangle((-0.2, 0, 0.3), (0, depth, 0), (0, 0, 0.3))
-        parts = [board, side] if depth > 0 else [board]
-        boards = [placed(p, b) for p in PLACES for b in parts]
-        return sb.learn_alphabet(
-            sb.PointCloud(np.concatenate([floor, *boards])), sigma_scale=1.0, noise=0.008
-        )
-
-    assert len(sb.recurring(scene(0.0))) == 0
-    assert [len(of_class) for of_class in sb.recurring(scene(0.3))] == [3]

@@ -2,7 +2,7 @@
 //!
 //! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
 //! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
-//! What other values of 53 of the 79 change is in `docs/benchmarks/constants.md`, with a list of the others. Scores from which on something is
+//! What other values of 53 of the 78 change is in `docs/benchmarks/constants.md`, with a list of the others. Scores from which on something is
 //! found were chosen by the tables of `docs/benchmarks/recognition.md`.
 
 // Surfaces.
@@ -200,10 +200,6 @@ pub(crate) const ON_LARGE: f64 = 4.0;
 
 /// Samples that a thing needs, as a share of a square of the least size that is filled.
 pub(crate) const LEAST_FILLED: f64 = 0.1;
-
-/// Mean squared cosine between the normals of a thing and the direction that they share from which on it is flat: shape does not tell one flat
-/// bit from another. A first value: other ones were not measured.
-pub(crate) const FLAT: f64 = 0.85;
 
 /// How much wider than its samples the box of a thing is on each side, spacings.
 pub(crate) const MARGIN_OF_THINGS: f64 = 1.0;

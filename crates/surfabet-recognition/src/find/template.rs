@@ -1,6 +1,5 @@
 //! The example: samples about a pivot, and how well the scene matches them elsewhere, sample by sample.
 
-use nalgebra::{Matrix3, Vector3};
 use surfabet_geom::vector::dot;
 use surfabet_geom::{KdTree, Pose};
 use surfabet_models::Result;
@@ -9,7 +8,7 @@ use super::lengths::Lengths;
 use super::motion::Motion;
 use super::options::Region;
 use super::scene::SearchScene;
-use crate::constants::{FLAT, NORMAL_COSINE, PIECE_SIZE_RATIO};
+use crate::constants::{NORMAL_COSINE, PIECE_SIZE_RATIO};
 use crate::surface::color_similarity;
 
 /// Multiplier of Fibonacci hashing: 2^64 over the golden ratio.
@@ -89,16 +88,6 @@ impl Template {
             surroundings: lengths.surroundings,
             size_tolerance: lengths.size_tolerance,
         }))
-    }
-
-    /// Whether it faces one way only: whether the mean squared cosine, by weight, of normals and the direction that they share is above [`FLAT`].
-    pub fn is_flat(&self) -> bool {
-        let mut sum = Matrix3::zeros();
-        for (normal, &weight) in self.normals.iter().zip(&self.weights) {
-            let normal = Vector3::from(normal.map(f64::from));
-            sum += weight * normal * normal.transpose();
-        }
-        sum.symmetric_eigenvalues().max() > FLAT * sum.trace()
     }
 
     /// Where a motion takes the i-th sample.

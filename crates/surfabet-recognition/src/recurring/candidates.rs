@@ -39,16 +39,9 @@ impl Group {
     }
 }
 
-/// Regions that may be a thing.
-pub(super) struct Candidates {
-    /// Boxes about the origin of the model, those with most samples first.
-    pub regions: Vec<Region>,
-    /// Which samples are of things: not of large smooth surfaces, nor of their edges.
-    pub parts: Vec<bool>,
-}
-
-/// Boxes each around samples that hang together, without smooth surfaces larger than `options.max_size` and without their edges. What hangs
-/// together over more than that is taken apart: the box of each of its smooth pieces, with a margin, is one.
+/// Boxes about the origin of the model, those with most samples first: each around samples that hang together, without smooth
+/// surfaces larger than `options.max_size` and without their edges. What hangs together over more than that is taken apart: the box of each of its
+/// smooth pieces, with a margin, is one.
 ///
 /// # Errors
 /// [`surfabet_models::Error::Cancelled`].
@@ -56,7 +49,7 @@ pub(super) fn candidates(
     scene: &SearchScene,
     options: &RecurringOptions,
     progress: &dyn Progress,
-) -> Result<Candidates> {
+) -> Result<Vec<Region>> {
     let spacing = scene.surface.spacing;
     let points = &scene.surface.points;
     let (pieces, _) = scene.surface.pieces(&scene.tree, progress)?;
@@ -89,7 +82,7 @@ pub(super) fn candidates(
     }
     // The order of samples decides among equal ones.
     found.sort_by_key(|&(n, _)| std::cmp::Reverse(n));
-    Ok(Candidates { regions: found.into_iter().map(|f| f.1).collect(), parts })
+    Ok(found.into_iter().map(|f| f.1).collect())
 }
 
 /// Which of the `small` samples are more than the edge of what is large: beside every large surface near them they stand out of its

@@ -18,7 +18,7 @@ use surfabet_models::alphabet::AlphabetModel;
 use surfabet_models::options::Options;
 use surfabet_models::{Error, Result, Stages};
 
-use self::candidates::{Candidates, candidates};
+use self::candidates::candidates;
 pub use self::options::RecurringOptions;
 use super::constants::{CLAIMED, LEAST_SPACING_OF_THINGS, RECURRING_FINALISTS, RECURRING_GUESSES};
 use super::find::{Budget, FIND_STAGES, Found, Lengths, Motion, Region, SearchScene, Side};
@@ -63,14 +63,13 @@ pub fn recurring(
     let spacing = options.resolution.unwrap_or(sigma.max(LEAST_SPACING_OF_THINGS));
     let part = Part::named(progress, "sampling the surface", 0.0..SAMPLING);
     let scene = SearchScene::new(model, spacing, options.color_tolerance, &part)?;
-    let Candidates { regions, parts } = candidates(&scene, options, progress)?;
+    let regions = candidates(&scene, options, progress)?;
     let mut classes = Classes {
         model,
         scene: &scene,
         side: Side::new(model, &scene),
         tolerance: options.tolerance.unwrap_or(sigma),
         options,
-        parts,
         claimed: vec![false; scene.surface.len()],
         found: Vec::new(),
     };
@@ -88,8 +87,6 @@ struct Classes<'a> {
     side: Side<'a>,
     tolerance: f64,
     options: &'a RecurringOptions,
-    /// Whether a sample is of a thing, and not of a large surface.
-    parts: Vec<bool>,
     /// Whether a sample belongs to a class.
     claimed: Vec<bool>,
     found: Vec<RecurringClass>,
@@ -106,9 +103,7 @@ impl Classes<'_> {
             size_tolerance: self.options.size_tolerance,
         };
         let Some(template) = Template::new(self.scene, region, &lengths)? else { return Ok(()) };
-        // By shape a flat bit looks like any other.
-        let is_flat = self.scene.color_tolerance.is_none() && template.is_flat();
-        if is_flat || self.is_claimed(&template.covered(self.scene, &Motion::NONE)) {
+        if self.is_claimed(&template.covered(self.scene, &Motion::NONE)) {
             return Ok(());
         }
         let budget = Budget { guesses: RECURRING_GUESSES, finalists: RECURRING_FINALISTS };
@@ -126,7 +121,7 @@ impl Classes<'_> {
         if kept.len() < self.options.min_count as usize {
             return Ok(());
         }
-        kept.iter().for_each(|(place, covered)| self.claim(&template, &place.1, covered));
+        kept.iter().flat_map(|(_, covered)| covered).for_each(|&i| self.claimed[i as usize] = true);
         let origin = self.model.header().origin;
         let example = region.about(origin.map(|c| -c));
         let number = self.found.len();
@@ -138,14 +133,6 @@ impl Classes<'_> {
             kept.iter().map(found).collect::<Result<Vec<_>>>()?.into_iter().unzip();
         self.found.push(RecurringClass { example, places, occurrences });
         Ok(())
-    }
-
-    /// What a found thing covers belongs to no other class, nor does what else of a thing is within its box: books in a shelf.
-    fn claim(&mut self, template: &Template, motion: &Motion, covered: &[u32]) {
-        covered.iter().for_each(|&i| self.claimed[i as usize] = true);
-        for i in template.inside(self.scene, motion) {
-            self.claimed[i as usize] |= self.parts[i as usize];
-        }
     }
 
     /// Whether most of some samples belong to a class.
