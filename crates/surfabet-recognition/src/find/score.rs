@@ -75,7 +75,7 @@ impl Template {
     }
 
     /// Samples of the scene in the region after a motion, up to the farthest sample of the example.
-    pub fn inside(&self, scene: &SearchScene, motion: &Motion) -> Vec<u32> {
+    fn inside(&self, scene: &SearchScene, motion: &Motion) -> Vec<u32> {
         let center = self.moved_pivot(motion);
         let mut near: Vec<Neighbor> = Vec::new();
         let reach = self.reach * motion.size[0].max(motion.size[1]);
