@@ -30,7 +30,17 @@ from surfabet import datasets
 Array = NDArray[np.float64]
 Query = tuple[str, Array, Array | None]
 NEAR, TURNED = 0.2, 2.0
-KINDS = ("full", "90 degrees", "half", "mirrored", "elsewhere", "full, with a prior")
+NARROW = "90 degrees"
+KINDS = (
+    "full",
+    NARROW,
+    "half",
+    "mirrored",
+    "90 degrees, mirrored",
+    "elsewhere",
+    "90 degrees, elsewhere",
+    "full, with a prior",
+)
 
 
 def scan(k: int) -> Array:
@@ -81,16 +91,30 @@ def thinned(cloud: sb.PointCloud, side: float) -> sb.PointCloud:
 def hall_queries(
     scans: dict[int, Array], poses: Array, numbers: list[int], seeds: Sequence[int] = (7,)
 ) -> dict[str, list[Query]]:
-    """By kind: as it is, a view of 90 degrees, half of the points, mirrored."""
-    found: dict[str, list[Query]] = {kind: [] for kind in KINDS[:4]}
+    """By kind: as it is, a view of 90 degrees, half of the points, mirrored, both."""
+    found: dict[str, list[Query]] = {kind: [] for kind in KINDS[:5]}
     for random, k in ((random, k) for random in map(np.random.default_rng, seeds) for k in numbers):
         turn = yaw(random.uniform(0, 2 * np.pi))
         points, pose = scans[k] @ turn[:3, :3], poses[k] @ turn
-        ahead = np.abs(np.arctan2(points[:, 1], points[:, 0])) < np.pi / 4
         found["full"].append((str(k), points, pose))
-        found["90 degrees"].append((str(k), points[ahead], pose))
+        found[NARROW].append((str(k), points[is_ahead(points)], pose))
+        found["90 degrees, mirrored"].append((str(k), points[is_ahead(points)] * [1, -1, 1], None))
         found["half"].append((str(k), points[random.random(len(points)) < 0.5], pose))
         found["mirrored"].append((str(k), points * [1, -1, 1], None))
+    return found
+
+
+def is_ahead(points: Array) -> NDArray[np.bool_]:
+    return np.abs(np.arctan2(points[:, 1], points[:, 0])) < np.pi / 4
+
+
+def narrow_elsewhere(seeds: Sequence[int]) -> list[Query]:
+    """A view of 90 degrees of every scan of another place, of each seed."""
+    found: list[Query] = []
+    for random in map(np.random.default_rng, seeds):
+        for name, points, _ in elsewhere():
+            turned = points @ yaw(random.uniform(0, 2 * np.pi))[:3, :3]
+            found.append((name, turned[is_ahead(turned)], None))
     return found
 
 
@@ -118,8 +142,11 @@ def ask(
     queries: list[Query],
     prior: bool = False,
 ) -> list[object]:
-    """Right alone, right among several, wrong, refused, then median error and time."""
-    right = named = wrong = refused = 0
+    """How each was answered, then median error and time.
+
+    `listed` is the right place among those that an ambiguous refusal gives with probabilities.
+    """
+    right = named = missed = listed = ambiguous = wrong = refused = 0
     away, milliseconds = [], []
     for name, points, pose in queries:
         cloud = sb.PointCloud(points)
@@ -128,14 +155,20 @@ def ask(
             near = pose @ yaw(np.deg2rad(5))
             near[:3, 3] += [0.3, -0.3, 0.1]
         start = time.process_time()
-        found = model.locate(cloud, prior=near)
+        found = model.locate(cloud, prior=near, top=32)
         milliseconds.append(1000 * (time.process_time() - start))
         good = [is_right(place.pose, pose) for place in found]
-        if not good:
+        if not good and found.is_ambiguous:
+            likely = [place for place in found.rejected if place.probability > 0]
+            is_listed = any(is_right(place.pose, pose) for place in likely)
+            listed += is_listed
+            ambiguous += not is_listed
+        elif not good:
             refused += 1
         elif not any(good):
-            wrong += 1
-            print(f"<!-- wrong: {name} {found} -->")
+            missed += len(good) > 1
+            wrong += len(good) == 1
+            print(f"<!-- without the right one: {name} {found} -->")
         elif len(good) == 1:
             right += 1
         else:
@@ -151,7 +184,10 @@ def ask(
         len(queries),
         right,
         named,
+        missed,
         wrong,
+        listed,
+        ambiguous,
         refused,
         f"{centre[0]:.1f}",
         f"{centre[1]:.2f}",
@@ -164,7 +200,10 @@ COLUMNS = (
     "queries",
     "right",
     "right, among several",
+    "several, none right",
     "wrong",
+    "ambiguous, right one listed",
+    "ambiguous, not listed",
     "refused",
     "median error cm",
     "degrees",
@@ -193,6 +232,7 @@ def hall(asked_kinds: list[str], seeds: list[int]) -> None:
     for split, (of_map, asked) in splits().items():
         queries = hall_queries(scans, poses, asked, seeds)
         queries |= {"elsewhere": others, "full, with a prior": queries["full"]}
+        queries |= {"90 degrees, elsewhere": narrow_elsewhere(seeds)}
         for method, model in hall_maps(merged(scans, poses, of_map)):
             size = len(model.to_bytes())
             model.localizer()

@@ -572,6 +572,8 @@ def cloud_of_records(
 ) -> PointCloud: ...
 
 _Places: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+_Refused: TypeAlias = tuple[str, str, list[float] | None]
+_Located: TypeAlias = tuple[_Places, _Places, int, _Refused | None]
 
 @final
 class Localizer:
@@ -585,7 +587,7 @@ class Localizer:
         upright: bool | None,
         top: int,
         progress: ProgressCallback | None,
-    ) -> tuple[_Places, _Places, str | None]: ...
+    ) -> _Located: ...
     def __len__(self) -> int: ...
 
 KIND_SIMILARITY: float
@@ -604,7 +606,7 @@ class PlaceIndex:
         verify: int,
         upright: bool | None,
         progress: ProgressCallback | None,
-    ) -> list[tuple[int, float, tuple[_Places, _Places, str | None] | None]]: ...
+    ) -> list[tuple[int, float, _Located | None]]: ...
     def similarities(self) -> NDArray[np.float64]: ...
     def __len__(self) -> int: ...
 

@@ -33,7 +33,8 @@ class Location:
     score: float
     """How well the scan's surfaces lie on those of the map, 0 to 1."""
     probability: float
-    """How likely this is the place, of all that were found, 0 to 1; 0 where it is rejected."""
+    """How likely this is the place, of all that were found, 0 to 1; 0 where it is rejected, unless
+    the scan is ambiguous."""
     covariance: NDArray[np.float64]
     """Covariance of the pose, (6, 6): x, y, z of the sensor in the world in metres, then turns
     about the world's x, y, z in radians."""
@@ -50,21 +51,40 @@ class Locations(Sequence[Location]):
     """The accepted places of a scan, the likeliest first: none where `reason` says why, several
     where places look alike."""
 
-    __slots__ = ("_accepted", "reason", "rejected")
+    __slots__ = ("_accepted", "free_along", "n_places", "reason", "refusal", "rejected")
 
     def __init__(
-        self, accepted: Sequence[Location], rejected: Sequence[Location], reason: str | None
+        self,
+        accepted: Sequence[Location],
+        rejected: Sequence[Location],
+        n_places: int,
+        refusal: str | None,
+        reason: str | None,
+        free_along: Sequence[float] | None,
     ) -> None:
         self._accepted = tuple(accepted)
         self.rejected: tuple[Location, ...] = tuple(rejected)
-        """The best places that are not accepted."""
+        """The best places that are not accepted: where none is since the scan is ambiguous, those
+        that it fits, with their probabilities."""
+        self.n_places: int = n_places
+        """How many places the scan fits, also where `top` gives fewer: those that are accepted, or
+        none of which is since the scan is ambiguous; 0 where it is refused for another reason."""
+        self.refusal: str | None = refusal
+        """Why no place is accepted, for programs: `too few surfaces`, `no place`, `unexplained`,
+        `contradicted`, `alike` (several places, none of them sure) or `loose` (anywhere along a
+        line); None when one is."""
         self.reason: str | None = reason
-        """Why no place is accepted; None when one is."""
+        """The same as a sentence."""
+        self.free_along: NDArray[np.float64] | None = (
+            None if free_along is None else np.array(free_along)
+        )
+        """Where the refusal is `loose`: the direction of that line in the world, (3,)."""
 
     @property
     def is_ambiguous(self) -> bool:
-        """Whether several places are accepted."""
-        return len(self._accepted) > 1
+        """Whether the scan fits in several places, all of which are accepted or none, or anywhere
+        along a line."""
+        return len(self._accepted) > 1 or self.refusal in ("alike", "loose")
 
     @overload
     def __getitem__(self, index: int) -> Location: ...
@@ -119,11 +139,12 @@ class Localizer:
 
     def _located(self, scan: PointCloud, options: dict[str, Any], progress: Progress) -> Locations:
         with progress_callback(progress) as callback:
-            accepted, rejected, reason = self._core.locate(scan, **options, progress=callback)
-        if reason is not None and options["prior"] is not None:
+            located = self._core.locate(scan, **options, progress=callback)
+        found = locations_of(*located)
+        if found.reason is not None and options["prior"] is not None:
             radius, angle = options["radius"], options["angle"]
-            reason += f" (within {radius:g} m and {angle:g} degrees of the prior)"
-        return locations_of(accepted, rejected, reason)
+            found.reason += f" (within {radius:g} m and {angle:g} degrees of the prior)"
+        return found
 
     def __len__(self) -> int:
         """Number of samples of the model's surface."""
@@ -182,9 +203,16 @@ def _pose(prior: ArrayLike) -> list[list[float]]:
 Columns = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
-def locations_of(accepted: Columns, rejected: Columns, reason: str | None) -> Locations:
+def locations_of(
+    accepted: Columns,
+    rejected: Columns,
+    n_places: int,
+    refused: tuple[str, str, list[float] | None] | None,
+) -> Locations:
     """What the core gives as arrays, as locations."""
-    return Locations(_locations(accepted), _locations(rejected), reason)
+    return Locations(
+        _locations(accepted), _locations(rejected), n_places, *(refused or (None, None, None))
+    )
 
 
 def _locations(columns: Columns) -> list[Location]:

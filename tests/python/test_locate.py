@@ -145,6 +145,49 @@ def test_a_scan_from_elsewhere_is_refused(room: sb.PatchModel) -> None:
     assert len(found) == 0
     assert found.reason
     assert all(place.probability == 0 for place in found.rejected)
+    assert found.refusal in ("unexplained", "contradicted", "no place")
+    assert not found.is_ambiguous
+    assert found.n_places == 0
+
+
+def test_a_view_that_fits_in_many_rooms_is_ambiguous(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Seven equal rooms: more than a narrow view may fit."""
+    rooms = [moved(ROOM, (9.0 * i, 0.0, 0.0)) for i in range(7)]
+    model = sb.learn_patches(map_cloud(rooms), resolution=0.08)
+    pose = POSES[2]
+    points = np.asarray(scan(ROOM, pose).points)
+    view = sb.PointCloud(points[np.abs(np.arctan2(points[:, 1], points[:, 0])) < np.pi / 4])
+    found = model.locate(view, top=7)
+    assert len(found) == 0
+    assert found.refusal == "alike"
+    assert found.is_ambiguous
+    assert found.n_places >= 7
+    shares = [place.probability for place in found.rejected]
+    assert len(shares) == 7
+    assert shares == sorted(shares, reverse=True)
+    assert shares[-1] > 0.02
+    assert sum(shares) <= 1 + 1e-9
+    for i in range(7):
+        there = pose.copy()
+        there[0, 3] += 9.0 * i
+        assert min(errors(place, there)[0] for place in found.rejected) < 0.1
+    # As few as are asked for, and still how many there are.
+    few = model.locate(view, top=2)
+    assert len(few.rejected) == 2
+    assert few.n_places == found.n_places
+    model.save(tmp_path / "map.sfb")
+    sb.write(tmp_path / "view.ply", view)
+    files = [str(tmp_path / "map.sfb"), str(tmp_path / "view.ply")]
+    assert main(["locate", *files, "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["refusal"] == "alike"
+    assert answer["is_ambiguous"]
+    assert answer["n_places"] == found.n_places
+    assert answer["free_along"] is None
+    assert main(["locate", *files]) == 1
+    assert "probability" in capsys.readouterr().out
 
 
 def test_a_mirrored_scan_is_refused(room: sb.PatchModel) -> None:
@@ -160,6 +203,12 @@ def test_equal_rooms_are_all_named() -> None:
     pose = POSES[0]
     found = model.locate(scan(ROOM, pose))
     assert found.is_ambiguous
+    assert found.refusal is None
+    assert found.n_places == len(found)
+    # One of them is given, and how many there are.
+    first = model.locate(scan(ROOM, pose), top=1)
+    assert len(first) == 1
+    assert first.n_places == found.n_places
     for shift in (0.0, 9.0):
         there = pose.copy()
         there[0, 3] += shift
@@ -186,6 +235,11 @@ def test_a_corridor_without_ends_is_refused_with_its_direction() -> None:
     found = model.locate(query)
     assert len(found) == 0
     assert "(1.00, 0.00, " in str(found.reason).replace("-", "")
+    assert found.refusal == "loose"
+    assert found.is_ambiguous
+    assert found.free_along is not None
+    assert abs(found.free_along[0]) > 0.99
+    assert found.rejected[0].probability > 0
     # A prior holds what the surfaces do not fix, and the covariance says so.
     held = model.locate(query, prior=pose, radius=0.5)[0]
     away = np.abs(held.pose[:3, 3] - pose[:3, 3])

@@ -3,7 +3,7 @@
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use surfabet::recognition::{Localizer, LocateOptions, Location, Prior};
+use surfabet::recognition::{Localizer, LocateOptions, Located, Location, Prior, Refusal};
 
 use crate::arguments;
 use crate::cloud::cloud_of;
@@ -16,11 +16,11 @@ pub struct PyLocalizer {
 }
 
 /// Poses (k, 4, 4), covariances (k, 6, 6), and score, probability, shares explained, contradicted and in front (k, 5).
-pub type Columns<'py> =
+type Columns<'py> =
     (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// See [`Columns`].
-pub fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
+fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
     let n = all.len();
     let poses = Array3::from_shape_fn((n, 4, 4), |(i, r, c)| match (r, c) {
         (3, 3) => 1.0,
@@ -36,9 +36,27 @@ pub fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
     (poses.into_pyarray(py), covariances.into_pyarray(py), figures.into_pyarray(py))
 }
 
+/// Why no place is accepted: the name of the reason, a sentence, and the line along which the place is free.
+type Refused = (&'static str, String, Option<[f64; 3]>);
+
+/// Accepted and rejected places, how many the scan fits, and why none is accepted.
+pub type Answer<'py> = (Columns<'py>, Columns<'py>, usize, Option<Refused>);
+
+/// See [`Answer`].
+pub fn answer<'py>(py: Python<'py>, found: &Located) -> Answer<'py> {
+    let refused = found.refusal.map(|refusal| {
+        let along = match refusal {
+            Refusal::Loose { along } => Some(along),
+            _ => None,
+        };
+        (refusal.kind(), refusal.to_string(), along)
+    });
+    (columns(py, &found.locations), columns(py, &found.rejected), found.places, refused)
+}
+
 #[pymethods]
 impl PyLocalizer {
-    /// Accepted and rejected places, and why none is accepted.
+    /// See [`Answer`].
     #[pyo3(signature = (scan, *, prior, radius, angle, upright, top, progress))]
     fn locate<'py>(
         slf: &Bound<'py, Self>,
@@ -49,7 +67,7 @@ impl PyLocalizer {
         upright: Option<bool>,
         top: usize,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<(Columns<'py>, Columns<'py>, Option<String>)> {
+    ) -> PyResult<Answer<'py>> {
         let py = slf.py();
         let prior = match prior {
             Some(given) => {
@@ -61,8 +79,7 @@ impl PyLocalizer {
         let options = LocateOptions { prior, upright, top };
         let (map, cloud) = (&slf.get().localizer, &cloud_of("scan", scan)?.get().cloud);
         let found = run(py, progress, |monitor| map.locate(cloud, &options, monitor))?;
-        let reason = found.refusal.map(|refusal| refusal.to_string());
-        Ok((columns(py, &found.locations), columns(py, &found.rejected), reason))
+        Ok(answer(py, &found))
     }
 
     /// Number of samples of the surface.

@@ -13,7 +13,7 @@ use surfabet::{AlphabetModel, Progress};
 use crate::alphabet::PyAlphabetModel;
 use crate::cloud::cloud_of;
 use crate::errors::IntoPyErr;
-use crate::locate::{Columns, columns};
+use crate::locate::{Answer, answer};
 use crate::run::{released, run};
 
 /// Many places; documented in `surfabet.places`.
@@ -22,11 +22,8 @@ pub struct PyPlaceIndex {
     index: PlaceIndex,
 }
 
-/// Accepted and rejected places, and why none is accepted.
-type Located<'py> = (Columns<'py>, Columns<'py>, Option<String>);
-
 /// Number of the place, similarity, and where in it the scan was taken.
-type Match<'py> = (usize, f64, Option<Located<'py>>);
+type Match<'py> = (usize, f64, Option<Answer<'py>>);
 
 #[pymethods]
 impl PyPlaceIndex {
@@ -66,13 +63,8 @@ impl PyPlaceIndex {
         let scan = scan.map(|s| cloud_of("scan", s)).transpose()?.map(|s| &s.get().cloud);
         let found: Vec<PlaceMatch> =
             run(py, progress, |monitor| index.query(model, scan, &options, monitor))?;
-        let matched = |m: PlaceMatch| {
-            let located = m.located.map(|l| {
-                let reason = l.refusal.map(|refusal| refusal.to_string());
-                (columns(py, &l.locations), columns(py, &l.rejected), reason)
-            });
-            (m.place, m.similarity, located)
-        };
+        let matched =
+            |m: PlaceMatch| (m.place, m.similarity, m.located.map(|located| answer(py, &located)));
         Ok(found.into_iter().map(matched).collect())
     }
 

@@ -45,7 +45,8 @@ def locate(
     """Find where in a model a scan was taken, from the model alone.
 
     The scan is in the frame of its sensor, which stands at zero. Several places are given where
-    they look alike, none where none can be defended; the exit code is 1 then.
+    they look alike, none where none can be defended; the exit code is 1 then. Where that is since
+    the scan fits in several places, they are shown, though none is accepted.
 
         surfabet locate map.sfb scan.pcd
         surfabet locate map.sfb scan.pcd --prior 1.2 0.4 0 90 --radius 2 --json
@@ -89,16 +90,21 @@ def locate(
                 "path": str(file),
                 "scan": str(scan),
                 "locations": [_fields(place) for place in found],
+                "is_ambiguous": found.is_ambiguous,
+                "n_places": found.n_places,
+                "refusal": found.refusal,
                 "reason": found.reason,
+                "free_along": None if found.free_along is None else found.free_along.tolist(),
                 "rejected": [_fields(place) for place in found.rejected],
             }
         )
     elif not common.quiet:
-        if found:
-            print("probability  score        x        y        z      yaw  explained  contradicted")
-        else:
+        if not found:
             print(f"no place: {found.reason}")
-        for place in found:
+        shown = [p for p in (*found, *found.rejected) if p.probability > 0]
+        if shown:
+            print("probability  score        x        y        z      yaw  explained  contradicted")
+        for place in shown:
             x, y, z = place.pose[:3, 3]
             yaw = math.degrees(math.atan2(place.pose[1, 0], place.pose[0, 0]))
             print(

@@ -71,6 +71,12 @@ pub(super) const SAME_DIRECTION: f64 = 0.978;
 /// Share of the normals that a direction needs.
 pub(super) const LEAST_DIRECTION_SHARE: f64 = 0.03;
 
+/// Share of all further directions below which the yaw is tried all around.
+pub(super) const LEAST_SECOND_SHARE: f64 = 0.06;
+
+/// The density that every direction has at least, so that clutter of the scan does not exclude a rotation.
+pub(super) const LEAST_DENSITY: f64 = 0.01;
+
 /// Largest difference of the angle between two directions of the scan and of the map, radians: 5 degrees.
 pub(super) const SAME_ANGLE: f64 = 0.087;
 
@@ -145,7 +151,7 @@ pub(super) const SAME_NORMAL: f32 = 0.8;
 /// Weight that holds a pose where no surface fixes it, over the weight of all samples.
 pub(super) const HOLD: f64 = 1e-4;
 
-/// Hypotheses that are refined finely.
+/// Hypotheses that are refined finely. With 16 and 32 of narrow views 42 views of 90 degrees in the hall were answered in the same way.
 pub(super) const FINALISTS: usize = 10;
 
 // The verification.
@@ -201,6 +207,12 @@ pub(super) const NARROW_EXPLAINED: f64 = 0.6;
 
 /// Most places that a narrow view may fit: of more the right one may be missing.
 pub(super) const MOST_ALIKE: usize = 5;
+
+/// Least probability of the only place that is accepted of a narrow view. Below it a place of several needs no more than
+/// [`MOST_AGAINST`] against it, however much it explains. Of 160 mirrored and 208 foreign views of 90 degrees in four maps of the hall 13
+/// were accepted without: at most 0.94 likely, most of them with 0.8 to 0.9 explained and 0.08 to 0.16 against. Of 240 mirrored views
+/// that it was not chosen on 8 are accepted with it.
+pub(super) const SURE: f64 = 0.95;
 
 /// Independent facts that the samples of a scan amount to for a pose, by closeness, and against it.
 pub(super) const FACTS_FOR: f64 = 30.0;

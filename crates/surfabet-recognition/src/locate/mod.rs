@@ -90,7 +90,7 @@ pub struct Location {
     /// How well the scan's surfaces lie on those of the map, 0 to 1: the mean over the scan of `exp(-d^2 / (2 s^2))` of
     /// distances d, with s a third of a cell of the map.
     pub score: f64,
-    /// How likely this is the place, of all that were found, 0 to 1.
+    /// How likely this is the place, of all that were found, 0 to 1. Zero where it is rejected, unless the scan is ambiguous.
     pub probability: f64,
     /// Covariance of the pose: rows and columns x, y, z of the sensor in the world in metres, then turns about the world's x,
     /// y, z in radians.
@@ -110,8 +110,18 @@ pub struct Located {
     pub locations: Vec<Location>,
     /// Why none is accepted.
     pub refusal: Option<Refusal>,
-    /// The best places that are not accepted, with a probability of zero.
+    /// The best places that are not accepted: where the scan is ambiguous those that it fits, with probabilities.
     pub rejected: Vec<Location>,
+    /// How many places the scan fits, beyond [`LocateOptions::top`] too: those that are accepted, or none of which is since the scan is
+    /// ambiguous. Zero where it is refused for another reason.
+    pub places: usize,
+}
+
+impl Located {
+    /// Whether the scan fits in several places, be they accepted or not, or anywhere along a line.
+    pub fn is_ambiguous(&self) -> bool {
+        self.places > 1 || self.refusal.is_some_and(|refusal| refusal.is_ambiguous())
+    }
 }
 
 impl Localizer {

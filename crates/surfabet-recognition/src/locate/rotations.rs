@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use surfabet_geom::vector::{cross, dot, unit};
 
 use super::constants::{
-    LARGEST_TILT, LEAST_DIRECTION_SHARE, ROTATIONS, SAME_ANGLE, SAME_ROTATION, YAWS,
+    LARGEST_TILT, LEAST_DENSITY, LEAST_SECOND_SHARE, ROTATIONS, SAME_ANGLE, SAME_ROTATION, YAWS,
 };
 use super::directions::Directions;
 use super::map::Localizer;
@@ -33,12 +33,6 @@ impl Allowed {
         }
     }
 }
-
-/// Directions flatter than this share hold no rotation: the yaw is tried all around instead.
-const LEAST_SECOND_SHARE: f64 = 2.0 * LEAST_DIRECTION_SHARE;
-
-/// The density that every direction has at least, so that clutter of the scan does not exclude a rotation.
-const LEAST_DENSITY: f64 = 0.01;
 
 /// Rotations that take directions of the scan to those of the map, the likeliest first.
 ///

@@ -13,7 +13,7 @@ use super::constants::{
     AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH,
     FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, LEAST_SAMPLES,
     LOOSE_MARGIN, MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, ROW, ROW_EXPLAINED,
-    SAME_PLACE, SECTORS, TILTED_AGAINST, TILTED_EXPLAINED, UNKNOWN,
+    SAME_PLACE, SECTORS, SURE, TILTED_AGAINST, TILTED_EXPLAINED, UNKNOWN,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -47,6 +47,8 @@ pub(super) struct Demands {
     against: f64,
     /// Most places that may be as likely.
     alike: usize,
+    /// Least probability of the only place.
+    sure: f64,
     /// Whether surfaces must fix the position in every direction.
     fixed: bool,
     /// Whether a place of a row must be explained by more.
@@ -64,6 +66,7 @@ impl Demands {
             explained: LEAST_EXPLAINED.max(narrow).max(tilted),
             against: if is_tilted { TILTED_AGAINST } else { 1.0 },
             alike: if is_narrow { MOST_ALIKE } else { usize::MAX },
+            sure: if is_narrow { SURE } else { 0.0 },
             fixed: !has_prior,
             rows: is_narrow && !has_prior,
         }
@@ -111,7 +114,8 @@ pub enum Refusal {
         /// The largest share that is accepted.
         limit: f64,
     },
-    /// A narrow view fits in too many places for the right one to be among those that are found.
+    /// A narrow view fits in several places, too many for the right one to be surely among those that are found, or none of them well
+    /// enough to be told from the others.
     Alike {
         /// How many were found.
         places: usize,
@@ -121,6 +125,25 @@ pub enum Refusal {
         /// Direction of the line in the world.
         along: [f64; 3],
     },
+}
+
+impl Refusal {
+    /// The name of the reason, for programs.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::TooFewSurfaces { .. } => "too few surfaces",
+            Self::NoPlace => "no place",
+            Self::Unexplained { .. } => "unexplained",
+            Self::Contradicted { .. } => "contradicted",
+            Self::Alike { .. } => "alike",
+            Self::Loose { .. } => "loose",
+        }
+    }
+
+    /// Whether the scan fits, but in more than one place: in several, or anywhere along a line.
+    pub fn is_ambiguous(&self) -> bool {
+        matches!(self, Self::Alike { .. } | Self::Loose { .. })
+    }
 }
 
 impl fmt::Display for Refusal {
@@ -145,12 +168,12 @@ impl fmt::Display for Refusal {
                 100.0 * limit
             ),
             Self::Alike { places } => {
-                write!(f, "a view this narrow fits in at least {places} places alike")
+                write!(f, "ambiguous: a view this narrow fits in at least {places} places alike")
             }
             Self::Loose { along: [x, y, z] } => write!(
                 f,
-                "the map looks the same along the direction ({x:.2}, {y:.2}, {z:.2}), and nothing \
-                 in the scan fixes the position on it"
+                "ambiguous: the map looks the same along the direction ({x:.2}, {y:.2}, {z:.2}), \
+                 and nothing in the scan fixes the position on it"
             ),
         }
     }
@@ -260,6 +283,39 @@ fn refusals(
     refusals
 }
 
+/// Refuses places of a narrow view that cannot be told from others, and gives the reason if there are such: all with much against
+/// them, unless one is sure, and then one that is left alone and not sure. `shares` are probabilities among all candidates.
+fn refuse_doubtful(
+    candidates: &[Candidate],
+    refusals: &mut [Option<Refusal>],
+    demands: &Demands,
+    shares: &[f64],
+) -> Option<Refusal> {
+    let alike = Refusal::Alike { places: likely(shares).max(2) };
+    let is_sure = |share: f64| share >= demands.sure;
+    let before = refusals.iter().filter(|r| r.is_none()).count();
+    if !shares.iter().copied().any(is_sure) {
+        for (c, refusal) in candidates.iter().zip(refusals.iter_mut()) {
+            if c.evidence.against() > MOST_AGAINST {
+                refusal.get_or_insert(alike);
+            }
+        }
+    }
+    let mut left = refusals.iter_mut().zip(shares).filter(|(r, _)| r.is_none());
+    if let (Some((refusal, &share)), None) = (left.next(), left.next())
+        && !is_sure(share)
+    {
+        *refusal = Some(alike);
+    }
+    let after = refusals.iter().filter(|r| r.is_none()).count();
+    (before > 0 && after == 0).then_some(alike)
+}
+
+/// How many of the places are likely.
+fn likely(shares: &[f64]) -> usize {
+    shares.iter().filter(|&&share| share >= LEAST_PROBABILITY).count()
+}
+
 /// The answer from distinct candidates, the best first.
 pub(super) fn decide(
     map: &Localizer,
@@ -287,8 +343,9 @@ pub(super) fn decide(
     // Probabilities among all, also those that are refused: a place that is refused by little still makes another doubtful.
     let ratio = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
     let sum: f64 = candidates.iter().map(ratio).sum();
-    let places = candidates.iter().filter(|c| ratio(c) / sum >= LEAST_PROBABILITY).count();
-    let refusals = refusals(map, samples, candidates, demands, places);
+    let shares: Vec<f64> = candidates.iter().map(|c| ratio(c) / sum).collect();
+    let mut refusals = refusals(map, samples, candidates, demands, likely(&shares));
+    let doubt = refuse_doubtful(candidates, &mut refusals, demands, &shares);
     // What the map contradicts less than the best may be the right one, of which less is mapped.
     let weight = |(c, refusal): (&Candidate, &Option<Refusal>)| {
         let is_doubt = refusal.is_none() && c.evidence.contradicted < best.evidence.contradicted;
@@ -304,8 +361,14 @@ pub(super) fn decide(
             answer.rejected.push(location(c, 0.0)?);
         }
     }
+    answer.places = answer.locations.len();
     if answer.locations.is_empty() {
-        answer.refusal = refusals[0];
+        answer.refusal = doubt.or(refusals[0]);
+    }
+    // The places that an ambiguous scan fits are worth knowing, though none is accepted.
+    if answer.refusal.is_some_and(|r| r.is_ambiguous()) {
+        answer.places = likely(&shares);
+        answer.rejected.iter_mut().zip(&shares).for_each(|(r, &share)| r.probability = share);
     }
     answer.locations.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     answer.locations.truncate(top);
@@ -329,6 +392,38 @@ mod tests {
             evidence: Evidence::default(),
         };
         places.iter().map(of).collect()
+    }
+
+    #[test]
+    fn one_place_of_a_narrow_view_must_be_sure() {
+        let demands = Demands {
+            explained: NARROW_EXPLAINED,
+            against: 1.0,
+            alike: MOST_ALIKE,
+            sure: SURE,
+            fixed: true,
+            rows: true,
+        };
+        let other = Some(Refusal::Unexplained { explained: 0.5, limit: NARROW_EXPLAINED });
+        let of = |shares: [f64; 2], contradicted: f64, before: [Option<Refusal>; 2]| {
+            let mut found = candidates(&[([0.0; 3], 0.0), ([5.0, 0.0, 0.0], 0.0)]);
+            for c in &mut found {
+                c.evidence.explained = 0.9;
+                c.evidence.contradicted = contradicted;
+            }
+            let mut refusals = before;
+            let doubt = refuse_doubtful(&found, &mut refusals, &demands, &shares);
+            (doubt, refusals.map(|r| r.is_none()))
+        };
+        let alike = Some(Refusal::Alike { places: 2 });
+        assert_eq!(of([0.96, 0.04], 0.0, [None, other]), (None, [true, false]));
+        assert_eq!(of([0.94, 0.06], 0.0, [None, other]), (alike, [false, false]));
+        // Two that are named need not be sure, but little may be against them.
+        assert_eq!(of([0.6, 0.4], 0.0, [None, None]), (None, [true, true]));
+        assert_eq!(of([0.6, 0.4], 0.1, [None, None]), (alike, [false, false]));
+        assert_eq!(of([0.96, 0.04], 0.1, [None, None]), (None, [true, true]));
+        // What was refused before keeps its reason.
+        assert_eq!(of([0.6, 0.4], 0.0, [other, other]), (None, [false, false]));
     }
 
     #[test]

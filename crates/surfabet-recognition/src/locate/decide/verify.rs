@@ -19,8 +19,6 @@ pub(in crate::locate) struct Evidence {
     pub in_front: f64,
     /// Mean of `exp(-d^2 / (2 s^2))` over all, of distances d from the surface with s a third of what counts as explained.
     pub closeness: f64,
-    /// Of the samples that are explained the share that is seen from the mapped side.
-    pub same_side: f64,
 }
 
 /// The evidence for a pose.
@@ -45,7 +43,6 @@ pub(in crate::locate) fn evidence(
         if let Some(m) = &met {
             counts.explained += 1.0;
             counts.closeness += f64::from((-0.5 * (m.distance / s).powi(2)).exp());
-            counts.same_side += f64::from(u8::from(dot(m.arm, m.normal) < 0.0));
         }
         let margin = (CROSSING_MARGIN * map.cell) as f32;
         if ray.meets(map, 0.0, range - margin) {
@@ -60,7 +57,6 @@ pub(in crate::locate) fn evidence(
         contradicted: counts.contradicted / n,
         in_front: counts.in_front / n,
         closeness: counts.closeness / n,
-        same_side: counts.same_side / counts.explained.max(1.0),
     }
 }
 
