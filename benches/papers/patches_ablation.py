@@ -103,7 +103,7 @@ def rows(scene: Scene) -> Iterator[Row]:
     yield Row("rate x 4", {"rate": rate * 4})
     yield Row("depth step of 0.25 pixels", {"depth_step": 0.25})
     yield Row("depth step of 1.5 pixels", {"depth_step": 1.5})
-    yield Row("chroma as fine as luma", {"chroma_ratio": 1.0})
+    yield Row("chroma coarser than luma", {"chroma_ratio": 1.5})
     yield Row(
         f"no choice of colour coefficients, step {scene.plain_color_step}",
         {"color_rate": 1e-6, "color_step": scene.plain_color_step},

@@ -230,8 +230,8 @@ def learn_patches(
     depth_step: float | None = None,
     recurrence: bool = False,
     rounds: int = 3,
-    color_step: int = 100,
-    chroma_ratio: float = 1.5,
+    color_step: int = 115,
+    chroma_ratio: float = 1.0,
     color_rate: float = 0.15,
     attributes: Sequence[str] | None = None,
     attribute_step: float = 0.5,
@@ -292,9 +292,9 @@ def learn_patches(
         An integer from 1 to 10; by default 3.
     color_step
         Rounding of luma of a single cell. Means over n cells are rounded about sqrt(n) times finer;
-        larger makes smaller files. An integer from 1 to 1024 grey levels; by default 100.
+        larger makes smaller files. An integer from 1 to 1024 grey levels; by default 115.
     chroma_ratio
-        Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5.
+        Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.
     color_rate
         Squared error that a bit of colour must save. A positive number of squared colour steps; by
         default 0.15.

@@ -54,7 +54,7 @@ class LearnOptions:
     color_step: Annotated[int | None, Parameter(group=SHARED)] = None
     """patches: Rounding of luma of a single cell. alphabet: Rounding of the mean colours of
     occurrences. planes: Rounding of the colours of tiles. gas: Rounding of colours. For patches an
-    integer from 1 to 1024 grey levels; by default 100. For alphabet an integer from 1 to 255 grey
+    integer from 1 to 1024 grey levels; by default 115. For alphabet an integer from 1 to 255 grey
     levels; by default 8. For planes, gas an integer from 1 to 64 grey levels; by default 8."""
 
     attribute_step: Annotated[float | None, Parameter(group=SHARED)] = None
@@ -150,7 +150,7 @@ class LearnOptions:
     surface, if that makes the file smaller. True or False; by default False."""
 
     chroma_ratio: Annotated[float | None, Parameter(group=PATCHES)] = None
-    """Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1.5."""
+    """Rounding of chroma as a multiple of that of luma. A number from 0.25 to 4; by default 1."""
 
     color_rate: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Squared error that a bit of colour must save. A positive number of squared colour steps; by

@@ -225,6 +225,18 @@ pub(super) const BORDER_BLOCK_BITS: u32 = 2;
 /// See [`BORDER_BLOCK_BITS`].
 pub(super) const BORDER_FINENESS: i64 = 64;
 
+// Choice of colours and scalars.
+
+/// Share of the squared error that a bit must save, for the cells themselves, their parents, and so on: what is coded of coarse cells
+/// also predicts finer ones.
+pub(super) const LEVEL_RATES: [f32; 4] = [1.0, 0.8, 0.65, 0.55];
+
+/// Length of the second step of back projection, from what is decoded, and what is added to the samples of a cell for it.
+pub(super) const AGAIN_LENGTH: f32 = 1.7;
+
+/// See [`AGAIN_LENGTH`].
+pub(super) const AGAIN_DAMPING: f32 = 0.3;
+
 // Points beside the patches.
 
 /// The largest tolerance in gaps between surfaces that lie close behind one another: so that one surface does not stand for

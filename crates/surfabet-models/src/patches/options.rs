@@ -45,9 +45,9 @@ options! {
         rounds: u32 = 3, range = Range::from_to(1.0, 10.0);
         /// Rounding of luma of a single cell. Means over n cells are rounded about sqrt(n) times finer; larger makes
         /// smaller files.
-        color_step: u32 = 100, range = Range::from_to(1.0, 1024.0), unit = "grey levels";
+        color_step: u32 = 115, range = Range::from_to(1.0, 1024.0), unit = "grey levels";
         /// Rounding of chroma as a multiple of that of luma.
-        chroma_ratio: f64 = 1.5, range = Range::from_to(0.25, 4.0);
+        chroma_ratio: f64 = 1.0, range = Range::from_to(0.25, 4.0);
         /// Squared error that a bit of colour must save.
         color_rate: f64 = 0.15, range = Range::POSITIVE, unit = "squared colour steps";
         /// Attributes to keep, by name: 'colors', 'intensities', or any that the cloud has beside them. Integers of at most

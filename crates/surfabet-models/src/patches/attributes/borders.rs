@@ -11,6 +11,7 @@ use surfabet_geom::morton::{MortonMap, step};
 
 use super::cells::{cell_of_key, index};
 use super::field::{CellValues, FRACTION, FieldCoding, Steps, choose_field, code_field};
+use super::wanted::Wanted;
 use crate::patches::constants::{BORDER_BLOCK_BITS, BORDER_FINENESS};
 
 /// Cells along the side of a block, and from a face to the first cell that is not corrected.
@@ -85,17 +86,19 @@ pub(in crate::patches) struct Stored {
 }
 
 impl FieldCells<'_> {
-    /// The values of least cost for `targets`, and what is stored of them; `lambda` is the squared error that a bit must save.
-    /// `missed` gives what decoded values miss at the blocks of a border.
+    /// The values of least cost for those that are `wanted`, and what is stored of them; `lambda` is the squared error that a bit
+    /// must save. `missed` gives what decoded values miss at the blocks of a border.
     pub(super) fn choose<const N: usize>(
         self,
         steps: Steps<N>,
-        targets: &[[f32; N]],
+        wanted: &Wanted<'_, N>,
         lambda: f32,
         missed: impl Fn(&BorderBlocks, &[[f32; N]]) -> Vec<[f32; N]>,
     ) -> (Vec<[f32; N]>, Stored) {
-        let CellValues { mut values, coefficients } =
-            choose_field(self.keys, steps, targets, lambda);
+        let choose = |targets: &[[f32; N]]| choose_field(self.keys, steps, targets, lambda);
+        let first = choose(&wanted.at_first());
+        let again = wanted.again(&first.values).map(|targets| choose(&targets));
+        let CellValues { mut values, coefficients } = again.unwrap_or(first);
         let of_blocks = self.border.map(|border| {
             let missed = missed(border, &values);
             border.choose(steps, &missed, lambda, self.keys, &mut values)

@@ -163,8 +163,8 @@ fn color(
         chroma: (f64::from(options.color_step) * options.chroma_ratio).round().max(1.0) as u32,
     };
     let lambda = options.color_rate * f64::from(options.color_step).powi(2);
-    let wanted = targets.wanted(|i| colors[i].map(f64::from));
     let channels = |i: usize| to_channels(colors[i].map(f32::from)).map(f64::from);
+    let wanted = targets.wanted(channels);
     let missed =
         |border: &BorderBlocks, decoded: &[_]| targets.missed_across(border, channels, decoded);
     let field = ColorField::choose(cells, &wanted, steps, lambda as f32, missed);

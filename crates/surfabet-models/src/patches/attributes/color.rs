@@ -4,6 +4,7 @@ use surfabet_entropy::Coder;
 
 use super::borders::{BorderBlocks, FieldCells, Stored};
 use super::field::{FieldCoding, Steps};
+use super::wanted::Wanted;
 use crate::color::rounded;
 
 /// How finely colour is coded.
@@ -38,18 +39,17 @@ pub(in crate::patches) struct ColorField {
 }
 
 impl ColorField {
-    /// The field that costs least: `targets` are the colours that the `cells` should have, red, green and blue,
-    /// 0 to 255; `lambda` the squared grey levels that a bit must save. `missed` gives what decoded values, channels, miss at the
+    /// The field that costs least: `wanted` are the channels that the `cells` should have; `lambda` the squared grey levels that a
+    /// bit must save. `missed` gives what decoded values, channels, miss at the
     /// blocks of a border.
     pub fn choose(
         cells: FieldCells<'_>,
-        targets: &[[f32; 3]],
+        wanted: &Wanted<'_, 3>,
         steps: ColorSteps,
         lambda: f32,
         missed: impl Fn(&BorderBlocks, &[[f32; 3]]) -> Vec<[f32; 3]>,
     ) -> Self {
-        let values: Vec<[f32; 3]> = targets.iter().map(|&color| to_channels(color)).collect();
-        let (values, stored) = cells.choose(steps.of_channels(), &values, lambda, missed);
+        let (values, stored) = cells.choose(steps.of_channels(), wanted, lambda, missed);
         Self::of(steps, FieldCoding::Whole, values, stored)
     }
 

@@ -8,7 +8,8 @@
 //! | `cells` | the cells that carry attributes, from the geometry |
 //! | `blending` | the cells that a position takes its attributes from |
 //! | `borders` | what is coded once more at the borders of a tile |
-//! | `targets` | when learning: the value or label that each should have |
+//! | `targets` | when learning: the samples that each counts for, and the label that it should have |
+//! | `wanted` | when learning: the value that each should have |
 //! | `chosen` | when learning: which attributes of the cloud, and what each is stored as |
 //! | `color` | luma and two chromas, and their steps |
 //! | `scalar` | intensities and other scalars, in steps of a share of their standard deviation |
@@ -24,6 +25,7 @@ mod field;
 pub(in crate::patches) mod labels;
 pub(in crate::patches) mod scalar;
 pub(in crate::patches) mod targets;
+mod wanted;
 
 use surfabet_entropy::Coder;
 use surfabet_geom::Dtype;

@@ -4,6 +4,7 @@ use surfabet_entropy::Coder;
 
 use super::borders::{BorderBlocks, FieldCells, Stored};
 use super::field::{FieldCoding, Steps};
+use super::wanted::Wanted;
 use crate::scalar::ScalarScale;
 
 /// Values are in steps already.
@@ -20,16 +21,16 @@ pub(in crate::patches) struct ScalarField {
 }
 
 impl ScalarField {
-    /// The field that costs least: `targets` are the values that the `cells` should have, in steps; `lambda` the
+    /// The field that costs least: `wanted` are the values that the `cells` should have, in steps; `lambda` the
     /// squared steps that a bit must save. `missed` gives what decoded values miss at the blocks of a border.
     pub fn choose(
         cells: FieldCells<'_>,
-        targets: &[[f32; 1]],
+        wanted: &Wanted<'_, 1>,
         scale: ScalarScale,
         lambda: f32,
         missed: impl Fn(&BorderBlocks, &[[f32; 1]]) -> Vec<[f32; 1]>,
     ) -> Self {
-        let (values, stored) = cells.choose(STEPS, targets, lambda, missed);
+        let (values, stored) = cells.choose(STEPS, wanted, lambda, missed);
         Self::of(scale, FieldCoding::Whole, values, stored)
     }
 

@@ -10,6 +10,7 @@ use surfabet_geom::morton::{MortonMap, step};
 use super::blending::{Corners, Weighted};
 use super::borders::BorderBlocks;
 use super::cells::{cell_key, cell_of_key, index};
+use super::wanted::Wanted;
 use crate::patches::samples::{Sample, SidedSamples};
 
 /// Samples of one task.
@@ -53,33 +54,22 @@ impl<'a> Targets<'a> {
         Self { samples, cells, places, sides, owners, size, unblended }
     }
 
-    /// The values that the cells should have: where decoded values are blended from several cells, so that what is decoded
-    /// at the samples comes near to theirs. `value` gives that of a point; points whose value is not finite are left out.
-    ///
-    /// A mean over each cell, blended with its neighbours, would be smoother than the samples are. So what the blend `A` of
-    /// the means `t` misses of the samples `y` is added to the cells that each was blended from:
-    /// `t + (A' 1)^-1 A' (y - A t)`, with the quotient by cell, one step of back projection. A second step, and one of 1.6 times
-    /// the length, are worth no more (`docs/benchmarks/patches.md`).
+    /// What the cells should have of the values of points that `value` gives; points whose value is not finite are left out.
     pub fn wanted<const N: usize>(
         &self,
         value: impl Fn(usize) -> [f64; N] + Sync,
-    ) -> Vec<[f32; N]> {
-        let of_samples = self.samples.means(value);
-        let mut wanted = self.means(&of_samples);
-        if !self.unblended {
-            let missed = self.missed(&wanted, &of_samples);
-            for (value, (sum, weight)) in wanted.iter_mut().zip(missed) {
-                if weight > 0.0 {
-                    (0..N).for_each(|c| value[c] += sum[c] / weight);
-                }
-            }
-        }
-        wanted
+    ) -> Wanted<'_, N> {
+        Wanted::new(self, self.samples.means(value))
+    }
+
+    /// Whether points take their values from the cell that they lie in alone.
+    pub(super) fn is_unblended(&self) -> bool {
+        self.unblended
     }
 
     /// What blending the values of the cells misses of those of the samples, summed for each cell with the weights of the
     /// blend; and the sum of these.
-    fn missed<const N: usize>(
+    pub(super) fn missed<const N: usize>(
         &self,
         values: &[[f32; N]],
         of_samples: &[Option<[f32; N]>],
@@ -208,7 +198,7 @@ impl<'a> Targets<'a> {
 
     /// Mean over the samples of each cell. Cells without samples take the mean of those around, so that what was filled
     /// between samples has their values.
-    fn means<const N: usize>(&self, of_samples: &[Option<[f32; N]>]) -> Vec<[f32; N]> {
+    pub(super) fn means<const N: usize>(&self, of_samples: &[Option<[f32; N]>]) -> Vec<[f32; N]> {
         let mut sums = vec![([0.0_f32; N], 0.0_f32); self.cells.len()];
         for (owner, mean) in self.owners.iter().zip(of_samples) {
             if let (Some(i), Some(mean)) = (owner, mean) {

@@ -3,13 +3,14 @@
 use super::Steps;
 use super::coefficients::Coefficients;
 use super::models::{CellContext, FieldModels, MAX_COEFFICIENT, Prices};
+use crate::patches::constants::LEVEL_RATES;
 
 /// Coefficients q of a cell that cost least; coefficient `i` of `residuals` is in slot `slots[i]`.
 ///
 /// The transform is orthonormal, so the squared error is that of the transformed residuals r:
 /// `D = sum of (r - q step)^2`, in squares of the unit of the values. One after another each q is zero, the nearest to `r / step`, or
-/// the next nearer to zero, whichever has the least `(r - q step)^2 + lambda bits(q)`; in the end all of them are
-/// compared with none.
+/// the next nearer to zero, whichever has the least `(r - q step)^2 + lambda bits(q)`, with the share of `lambda` that is that of
+/// the level; in the end all of them are compared with none.
 pub(super) fn choose<const N: usize>(
     models: &FieldModels<N>,
     context: &CellContext<N>,
@@ -20,6 +21,7 @@ pub(super) fn choose<const N: usize>(
 ) -> Coefficients<N> {
     let mut coefficients = [[0; 7]; N];
     let steps = steps.of_level(context.level);
+    let lambda = lambda * LEVEL_RATES[context.level.min(LEVEL_RATES.len() - 1)];
     let reach = |c: usize| slots.iter().any(|&s| residuals[c][s].abs() >= 0.5 * steps[c]);
     if !(0..N).any(reach) {
         return coefficients;
