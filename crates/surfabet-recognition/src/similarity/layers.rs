@@ -6,8 +6,11 @@ use super::inclination::{INCLINATIONS, inclination};
 use super::word_histogram::area;
 use crate::constants::{FLOOR_SHARE, LAYER, LAYERS};
 
-/// The share of area of each layer and class of inclination; without occurrences all are 0. An occurrence is divided between the
-/// two layers nearest to it, and what is higher than the highest is in that.
+/// Heights of an occurrence that its area is divided among.
+const HEIGHTS: usize = 8;
+
+/// The share of area of each layer and class of inclination; without occurrences all are 0. An occurrence is spread over the heights
+/// that it reaches, each divided between the two layers nearest to it, and what is higher than the highest is in that.
 ///
 /// Heights are above the floor: where [`FLOOR_SHARE`] of the area of level words, or of all where none is level, is below.
 pub(super) fn layers(model: &AlphabetModel) -> Vec<f64> {
@@ -16,6 +19,8 @@ pub(super) fn layers(model: &AlphabetModel) -> Vec<f64> {
         .occurrences()
         .map(|o| Member {
             height: o.center[2],
+            // Half the height of a disc that leans so much.
+            half: f64::from(o.radius) * (1.0 - f64::from(o.rows[2][2]).powi(2)).max(0.0).sqrt(),
             inclination: inclination(o.rows[2][2]),
             area: area(&words[usize::from(o.word)], o.radius),
         })
@@ -24,11 +29,15 @@ pub(super) fn layers(model: &AlphabetModel) -> Vec<f64> {
     let Some(floor) = floor(&all) else { return shares };
     let total: f64 = all.iter().map(|m| m.area).sum();
     for m in &all {
-        let at = ((m.height - floor) / LAYER).clamp(0.0, (LAYERS - 1) as f64);
-        let first = (at as usize).min(LAYERS - 2);
-        let rest = at - first as f64;
-        for (layer, part) in [(first, 1.0 - rest), (first + 1, rest)] {
-            shares[layer * INCLINATIONS + m.inclination] += part * m.area / total;
+        for k in 0..HEIGHTS {
+            let height = m.height + m.half * ((2 * k + 1) as f64 / HEIGHTS as f64 - 1.0);
+            let at = ((height - floor) / LAYER).clamp(0.0, (LAYERS - 1) as f64);
+            let first = (at as usize).min(LAYERS - 2);
+            let rest = at - first as f64;
+            for (layer, part) in [(first, 1.0 - rest), (first + 1, rest)] {
+                shares[layer * INCLINATIONS + m.inclination] +=
+                    part * m.area / (total * HEIGHTS as f64);
+            }
         }
     }
     shares
@@ -37,6 +46,8 @@ pub(super) fn layers(model: &AlphabetModel) -> Vec<f64> {
 /// An occurrence in its layer.
 struct Member {
     height: f64,
+    /// How far it reaches above and below.
+    half: f64,
     inclination: usize,
     area: f64,
 }

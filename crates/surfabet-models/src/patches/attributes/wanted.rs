@@ -44,3 +44,73 @@ impl<'a, const N: usize> Wanted<'a, N> {
         values
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use surfabet_base::Silent;
+    use surfabet_geom::{PointCloud, Survey};
+
+    use super::*;
+    use crate::patches::attributes::cells::cell_key;
+    use crate::patches::model::Lattice;
+    use crate::patches::samples::{SidedSamples, Weights};
+    use crate::sensor::Sensor;
+
+    /// Position of sample i along a line of cells of one metre, with two samples in each.
+    fn place(i: usize) -> f32 {
+        0.5 * i as f32 + 0.25
+    }
+
+    /// Values that are wanted again where the cells of the line have those of `decoded` and the samples `values`.
+    fn again(values: &[f32], decoded: &[[f32; 1]]) -> Vec<[f32; 1]> {
+        let positions = (0..values.len()).map(|i| [place(i), 0.5, 0.5]).collect();
+        let (cloud, _) = PointCloud::from_positions(positions);
+        let lattice = Lattice { pixel_size: 1.0, levels: 1, ..Lattice::default() };
+        let weights = Weights::of(Sensor::Constant);
+        let samples =
+            SidedSamples::merge(&cloud, &lattice, weights, &Survey::default(), &Silent).unwrap();
+        let first = cloud.positions()[0][0].floor() as i32;
+        let cells: Vec<u64> =
+            (0..decoded.len() as i32).map(|x| cell_key([first + x, 0, 0])).collect();
+        let targets = Targets::new(&samples, &cells, None, 1.0);
+        targets.wanted(|i| [f64::from(values[i])]).again(decoded).unwrap()
+    }
+
+    /// Sum of the squares that values of samples differ by from linear interpolation between the middles of the cells.
+    fn missed(values: &[f32], cells: &[[f32; 1]]) -> f32 {
+        let last = cells.len() as f32 - 1.0;
+        let blend = |x: f32| {
+            let from_first = (x - 0.5).clamp(0.0, last);
+            let (low, high) = (from_first.floor(), from_first.ceil());
+            let [a, b] = [low, high].map(|c| cells[c as usize][0]);
+            a + (from_first - low) * (b - a)
+        };
+        values.iter().enumerate().map(|(i, v)| (v - blend(place(i))).powi(2)).sum()
+    }
+
+    proptest! {
+        /// Of A with rows that sum to one `A' A` is at most the diagonal of `A' 1`, so that steps of less than twice the length
+        /// of one of back projection come nearer.
+        #[test]
+        fn what_is_wanted_again_comes_nearer_to_the_samples(
+            cells in prop::collection::vec((0.0_f32..255.0, 0.0_f32..255.0, 0.0_f32..255.0), 2..12),
+        ) {
+            let values: Vec<f32> = cells.iter().flat_map(|&(a, b, _)| [a, b]).collect();
+            let decoded: Vec<[f32; 1]> = cells.iter().map(|&(.., c)| [c]).collect();
+            let nearer = again(&values, &decoded);
+            let [before, after] = [&decoded, &nearer].map(|cells| missed(&values, cells));
+            prop_assert!(after <= before * 1.0001 + 0.01, "{before} {after}");
+        }
+    }
+
+    #[test]
+    fn cells_that_blend_to_the_samples_stay() {
+        let cells: Vec<[f32; 1]> = [10.0, 30.0, 20.0, 90.0, 90.0].map(|c| [c]).to_vec();
+        let values = [10.0, 15.0, 25.0, 27.5, 22.5, 37.5, 72.5, 90.0, 90.0, 90.0];
+        assert!(missed(&values, &cells) < 1e-6);
+        for (wanted, cell) in again(&values, &cells).iter().zip(&cells) {
+            assert!((wanted[0] - cell[0]).abs() < 1e-4, "{wanted:?} {cell:?}");
+        }
+    }
+}
