@@ -20,7 +20,7 @@ pub(super) fn layers(model: &AlphabetModel) -> Vec<f64> {
         .map(|o| Member {
             height: o.center[2],
             // Half the height of a disc that leans so much.
-            half: f64::from(o.radius) * (1.0 - f64::from(o.rows[2][2]).powi(2)).max(0.0).sqrt(),
+            half: o.radius * (1.0 - o.rows[2][2].powi(2)).max(0.0).sqrt(),
             inclination: inclination(o.rows[2][2]),
             area: area(&words[usize::from(o.word)], o.radius),
         })
