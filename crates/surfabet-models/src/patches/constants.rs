@@ -30,7 +30,8 @@ pub(super) const BOTH_BOUNDS_PER_PIXEL: f64 = 1.0;
 pub(super) const AXES_CELL: f64 = 6.0;
 
 /// The least side of these cells in gaps between surfaces that lie close behind one another: two faces of a wall in one cell
-/// look like a plane along the wall when the cell is this much wider than the gap.
+/// look like a plane along the wall when the cell is this much wider than the gap. Half and double change bytes of three walls by -5 to 18 percent, rmse
+/// by 3.
 pub(super) const AXES_CELL_IN_GAPS: f64 = 8.0;
 
 /// Points that vote for the axes, at most: bounds the time. Half of it costs a depth frame 4 percent of its bytes.
@@ -64,11 +65,12 @@ pub(super) const SAMPLE_SIZE: f64 = 0.5;
 pub(super) const NORMAL_CELL: f32 = 2.0;
 
 /// The least side of these cells in gaps between surfaces that lie close behind one another: with its neighbours a cell is
-/// then three times as wide, and both faces of a wall in it look like a plane along the wall.
+/// then three times as wide, and both faces of a wall in it look like a plane along the wall. Half costs three walls 8 to 84 percent of
+/// their bytes, double saves 1.
 pub(super) const NORMAL_CELL_IN_GAPS: f32 = 2.0;
 
 /// Samples about one with a normal, itself included, whose axes it votes with: as many as the survey of the cloud takes
-/// first (`surfabet_geom::Survey`).
+/// first (`surfabet_geom::Survey`). 4 and 14 give the same files of three walls.
 pub(super) const NEAREST_SAMPLES: usize = 7;
 
 /// How much the axis of a neighbouring cell counts, against 1 for the own normal of a flat cell that is along the axis.
@@ -97,17 +99,19 @@ pub(super) const SIDE_AGREEMENT: f32 = 0.85;
 pub(super) const MAX_GAP: f32 = 2.5;
 
 /// The same where surfaces lie close behind one another: this share of the gap between them, but at least so many pixels,
-/// since a surface may lie at 45 degrees to the column.
+/// since a surface may lie at 45 degrees to the column. With 1 the faces of three walls become one: forward rmse rises by 47 to 64
+/// percent. 0.25 gives the same files.
 pub(super) const SHARE_OF_GAP: f32 = 0.5;
 
-/// See [`SHARE_OF_GAP`].
+/// See [`SHARE_OF_GAP`]; with 2 the faces of three walls become one, too, and 0.5 gives the same files.
 pub(super) const LEAST_GAP: f32 = 1.0;
 
-/// Largest step between depths of pixels that touch, in such gaps: less than from one surface to the other.
+/// Largest step between depths of pixels that touch, in such gaps: less than from one surface to the other. Double, where it
+/// is more, costs three walls 72 to 121 percent of their bytes and 14 to 31 of forward rmse; half changes bytes by 3.
 pub(super) const STEP_SHARE_OF_GAP: f32 = 0.6;
 
 /// Rounding of depths in such gaps, where it is not given and not finer anyway: a surface is then decoded at most a sixteenth
-/// of the gap off its place.
+/// of the gap off its place. Half costs three walls 2 to 16 percent of their bytes for 1 to 3 of backward rmse, double saves 1 to 9 for up to 10.
 pub(super) const DEPTH_STEP_IN_GAPS: f64 = 0.125;
 
 /// Rounding of depths, where it is not given, pixels (docs/benchmarks/patches.md).
@@ -167,7 +171,7 @@ pub(super) const POINT_REACH: f64 = 0.85;
 /// was too little and one that was enough.
 pub(super) const PRICE_STEPS: u32 = 4;
 
-/// A share of the price that is taken to be too little.
+/// A share of the price that is taken to be too little. Half and double give the same files of four scans.
 pub(super) const LEAST_PRICE_SHARE: f64 = 1.0 / 64.0;
 
 /// Most shapes in a patch: bounds the time. Half and double change bytes by at most 0.3 percent.
@@ -240,14 +244,16 @@ pub(super) const AGAIN_DAMPING: f32 = 0.3;
 // Points beside the patches.
 
 /// The largest tolerance in gaps between surfaces that lie close behind one another: so that one surface does not stand for
-/// the other.
+/// the other. Double gives the same files of three walls; half takes 1.7 to 6.6 times the bytes for 1 to 5 percent of backward rmse.
 pub(super) const POINT_TOLERANCE_IN_GAPS: f64 = 0.6;
 
-/// Half the side of the cells of points beside the patches, in such gaps: so that none lies in the middle of the gap.
+/// Half the side of the cells of points beside the patches, in such gaps: so that none lies in the middle of the gap. Of three walls one has such
+/// points: half costs 36 percent of its bytes, double saves 11 for 2 of backward rmse.
 pub(super) const POINT_CELL_IN_GAPS: f64 = 0.24;
 
 /// The share of the tolerance at which points are kept beside the patches: others may measure spacing and noise
-/// otherwise.
+/// otherwise. It trades bytes against backward rmse: 0.6 takes -1 to 41 percent more bytes for 15 to 21 less, 1 takes 0 to 24 percent
+/// fewer for 16 to 22 more.
 pub(super) const TOLERANCE_SHARE: f64 = 0.8;
 
 /// Side of the cells of extra points, as a multiple of the bound on the error. A cube of this side has half a diagonal
@@ -271,11 +277,14 @@ pub(super) const SHOWN_REACH: f32 = 0.5;
 // Fragments, which the thin surface leaves out. In the simulated room they are a sixth of all patches and one percent
 // of the decoded points, with a sixth of the squared error (docs/benchmarks/patches.md).
 
-/// Most finest pixels of a fragment, of all patches that touch one another.
+/// Most finest pixels of a fragment, of all patches that touch one another. Half and double change forward rmse of four scans by 0.2
+/// percent, and backward by -19 to 3.
 pub(super) const LARGEST_FRAGMENT: u32 = 16;
 
-/// Fragments stand off larger pieces by at least this, finest pixels: what is nearer continues them.
+/// Fragments stand off larger pieces by at least this, finest pixels: what is nearer continues them. Half leaves out 1 to 7
+/// percent of the points for 2 to 17 more of backward rmse; double keeps 0.1 to 2 percent more of them.
 pub(super) const FRAGMENT_GAP: f32 = 1.5;
 
-/// From this distance on, finest pixels, a small piece stands for itself.
+/// From this distance on, finest pixels, a small piece stands for itself. Rooms hardly have such pieces; of a hall and a street half takes 37 and 20
+/// percent off the backward rmse for 0.2 and 0.6 more of forward, double adds 38 and 33 to it and takes as little off.
 pub(super) const FRAGMENT_REACH: f32 = 10.0;
