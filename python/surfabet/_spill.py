@@ -7,6 +7,7 @@ import io
 import json
 import os
 import shutil
+import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,9 @@ __all__ = ["HALF", "Column", "Figures", "Spill", "SpillWriter", "check_space"]
 _POINTS = "points.bin"
 _INDEX = "points.npz"
 _ABOUT = "points.json"
+
+_ONE_HEADER = threading.Lock()
+"""Numpy parses headers with `ast`, which fails at random in two threads at once of Python 3.11."""
 
 HALF = _core.BRICK_HALF
 """Coordinates of bricks about the first one are less, so that three fit a key of 63 bits."""
@@ -295,7 +299,7 @@ class Spill:
     def open(folder: Path) -> Spill:
         """The points that a `SpillWriter` finished in a folder."""
         about = json.loads((folder / _ABOUT).read_text())
-        with np.load(folder / _INDEX) as index:
+        with _ONE_HEADER, np.load(folder / _INDEX) as index:
             pages, viewpoints = index["pages"], index["viewpoints"]
         keys, starts = np.unique(pages[:, 0], return_index=True)
         counts = np.add.reduceat(pages[:, 2], starts) if len(starts) else np.empty(0, np.int64)

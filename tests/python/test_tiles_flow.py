@@ -4,6 +4,7 @@ learned at once, and errors and Ctrl-C end all of it."""
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -292,3 +293,18 @@ def test_points_that_end_early_are_told(chunks: list[sb.PointCloud], tmp_path: P
     file.write_bytes(file.read_bytes()[:-1])
     with pytest.raises(OSError, match=r"points\.bin ends early"):
         spill.read(range(len(spill.keys)), [0.0, 0.0, 0.0])
+
+
+def test_threads_open_the_same_points_at_once(chunks: list[sb.PointCloud], tmp_path: Path) -> None:
+    # Switching threads as often as can be: headers of numpy's files failed to parse now and then.
+    before = sys.getswitchinterval()
+    writer = SpillWriter(tmp_path, 0.5, chunks[0], [])
+    writer.add(chunks[0])
+    n_points = writer.finish().n_points
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(8) as threads:
+            opened = list(threads.map(Spill.open, [tmp_path] * 400))
+    finally:
+        sys.setswitchinterval(before)
+    assert [spill.n_points for spill in opened] == [n_points] * 400
