@@ -573,7 +573,7 @@ def cloud_of_records(
 
 _Places: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 _Refused: TypeAlias = tuple[str, str, list[float] | None]
-_Located: TypeAlias = tuple[_Places, _Places, int, _Refused | None]
+_Located: TypeAlias = tuple[_Places, _Places, int, bool, _Refused | None]
 
 @final
 class Localizer:

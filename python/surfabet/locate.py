@@ -51,13 +51,22 @@ class Locations(Sequence[Location]):
     """The accepted places of a scan, the likeliest first: none where `reason` says why, several
     where places look alike."""
 
-    __slots__ = ("_accepted", "free_along", "n_places", "reason", "refusal", "rejected")
+    __slots__ = (
+        "_accepted",
+        "free_along",
+        "is_ambiguous",
+        "n_places",
+        "reason",
+        "refusal",
+        "rejected",
+    )
 
     def __init__(
         self,
         accepted: Sequence[Location],
         rejected: Sequence[Location],
         n_places: int,
+        is_ambiguous: bool,
         refusal: str | None,
         reason: str | None,
         free_along: Sequence[float] | None,
@@ -69,6 +78,9 @@ class Locations(Sequence[Location]):
         self.n_places: int = n_places
         """How many places the scan fits, also where `top` gives fewer: those that are accepted, or
         none of which is since the scan is ambiguous; 0 where it is refused for another reason."""
+        self.is_ambiguous: bool = is_ambiguous
+        """Whether the scan fits in several places, all of which are accepted or none, or anywhere
+        along a line, also where `top` gives one."""
         self.refusal: str | None = refusal
         """Why no place is accepted, for programs: `too few surfaces`, `no place`, `unexplained`,
         `contradicted`, `alike` (several places, none of them sure) or `loose` (anywhere along a
@@ -79,12 +91,6 @@ class Locations(Sequence[Location]):
             None if free_along is None else np.array(free_along)
         )
         """Where the refusal is `loose`: the direction of that line in the world, (3,)."""
-
-    @property
-    def is_ambiguous(self) -> bool:
-        """Whether the scan fits in several places, all of which are accepted or none, or anywhere
-        along a line."""
-        return len(self._accepted) > 1 or self.refusal in ("alike", "loose")
 
     @overload
     def __getitem__(self, index: int) -> Location: ...
@@ -207,12 +213,12 @@ def locations_of(
     accepted: Columns,
     rejected: Columns,
     n_places: int,
+    is_ambiguous: bool,
     refused: tuple[str, str, list[float] | None] | None,
 ) -> Locations:
     """What the core gives as arrays, as locations."""
-    return Locations(
-        _locations(accepted), _locations(rejected), n_places, *(refused or (None, None, None))
-    )
+    why = refused or (None, None, None)
+    return Locations(_locations(accepted), _locations(rejected), n_places, is_ambiguous, *why)
 
 
 def _locations(columns: Columns) -> list[Location]:

@@ -39,8 +39,8 @@ fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
 /// Why no place is accepted: the name of the reason, a sentence, and the line along which the place is free.
 type Refused = (&'static str, String, Option<[f64; 3]>);
 
-/// Accepted and rejected places, how many the scan fits, and why none is accepted.
-pub type Answer<'py> = (Columns<'py>, Columns<'py>, usize, Option<Refused>);
+/// Accepted and rejected places, how many the scan fits, whether it is ambiguous, and why none is accepted.
+pub type Answer<'py> = (Columns<'py>, Columns<'py>, usize, bool, Option<Refused>);
 
 /// See [`Answer`].
 pub fn answer<'py>(py: Python<'py>, found: &Located) -> Answer<'py> {
@@ -51,7 +51,8 @@ pub fn answer<'py>(py: Python<'py>, found: &Located) -> Answer<'py> {
         };
         (refusal.kind(), refusal.to_string(), along)
     });
-    (columns(py, &found.locations), columns(py, &found.rejected), found.places, refused)
+    let [accepted, rejected] = [&found.locations, &found.rejected].map(|all| columns(py, all));
+    (accepted, rejected, found.places, found.is_ambiguous(), refused)
 }
 
 #[pymethods]
