@@ -208,6 +208,7 @@ def test_equal_rooms_are_all_named() -> None:
     # One of them is given, and how many there are.
     first = model.locate(scan(ROOM, pose), top=1)
     assert len(first) == 1
+    assert first.is_ambiguous
     assert first.n_places == found.n_places
     for shift in (0.0, 9.0):
         there = pose.copy()
