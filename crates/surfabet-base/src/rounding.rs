@@ -24,6 +24,18 @@ pub fn floor_f64(c: f64) -> i64 {
     towards_zero.saturating_sub(i64::from(towards_zero as f64 > c))
 }
 
+/// `c.floor() as i32` of a number between -2^31 and 2^31; of any other, and of NaN, some integer.
+///
+/// Without the comparisons by which a conversion keeps to its range. Numbers of this size added to 1.5 * 2^52 have steps of one,
+/// so the sum is rounded to an integer, which its low bits hold.
+#[inline]
+pub fn floor_near_zero(c: f64) -> i32 {
+    const STEPS_OF_ONE: f64 = 1.5 * (1_u64 << 52) as f64;
+    let sum = c + STEPS_OF_ONE;
+    let nearest = sum.to_bits() as i32;
+    nearest.wrapping_sub(i32::from(sum - STEPS_OF_ONE > c))
+}
+
 /// `c.round() as i32`: the nearest integer, of two the one farther from zero.
 #[inline]
 pub fn round_f32(c: f32) -> i32 {
@@ -51,6 +63,10 @@ mod tests {
     fn check_f64(c: f64) {
         assert_eq!(floor_f64(c), c.floor() as i64, "{c:?}");
         assert_eq!(round_f64(c), c.round() as i64, "{c:?}");
+        let nearest = floor_near_zero(c);
+        if c.abs() < 2.0_f64.powi(31) {
+            assert_eq!(nearest, c.floor() as i32, "{c:?}");
+        }
     }
 
     proptest! {
@@ -65,6 +81,8 @@ mod tests {
         fn about_halves(halves: i32, shift in 0_u32..31, wide_halves: i64, wide_shift in 0_u32..63) {
             let c = (halves >> shift) as f32 / 2.0;
             [c.next_down(), c, c.next_up()].into_iter().for_each(check_f32);
+            let c = f64::from(halves >> shift) / 2.0;
+            [c.next_down(), c, c.next_up()].into_iter().for_each(check_f64);
             let c = (wide_halves >> wide_shift) as f64 / 2.0;
             [c.next_down(), c, c.next_up()].into_iter().for_each(check_f64);
         }

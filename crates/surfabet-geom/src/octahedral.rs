@@ -5,7 +5,7 @@
 //! A code is a point of the grid `-half..=half` in both axes, `half = 2^(bits - 1) - 1`, so the six global axes
 //! have codes of their own: floors and walls are exact.
 
-use surfabet_base::rounding::floor_f64;
+use surfabet_base::rounding::floor_near_zero;
 
 /// Largest absolute value of a code's coordinates at `bits` bits each; `bits` is 3 to 16.
 pub const fn half(bits: u32) -> i32 {
@@ -32,6 +32,15 @@ fn direction([u, v]: [i32; 2], half: i32) -> [i32; 3] {
     [either(u, folded[0]), either(v, folded[1]), z]
 }
 
+/// [`direction`] of a code that is not read but sought, in the numbers that it is compared in: half the time of integers, which
+/// for codes that are read would be twice as much.
+fn wanted_direction([u, v]: [f64; 2], half: f64) -> [f64; 3] {
+    let z = half - u.abs() - v.abs();
+    // Below, both coordinates are folded back by the depth.
+    let depth = (-z).max(0.0);
+    [u - depth.copysign(u), v - depth.copysign(v), z]
+}
+
 /// The direction of a code in integers, of absolute sum [`half`]; coordinates beyond the grid are taken to its rim.
 pub fn integer_direction(code: [i32; 2], bits: u32) -> [i32; 3] {
     let half = half(bits);
@@ -50,11 +59,11 @@ pub fn encode(vector: [f32; 3], bits: u32) -> [i32; 2] {
     let [x, y, z] = [x / norm, y / norm, z / norm];
     let (u, v) =
         if z < 0.0 { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) } else { (x, y) };
-    let corner = |t: f64| (floor_f64(t * f64::from(half)) as i32).clamp(-half, half - 1);
+    let corner = |t: f64| floor_near_zero(t * f64::from(half)).clamp(-half, half - 1);
     let (u, v) = (corner(u), corner(v));
     let corners = [[u, v], [u + 1, v], [u, v + 1], [u + 1, v + 1]];
     let cosines = corners.map(|code| {
-        let [a, b, c] = direction(code, half).map(f64::from);
+        let [a, b, c] = wanted_direction(code.map(f64::from), f64::from(half));
         (a * x + b * y + c * z) / (a * a + b * b + c * c).sqrt()
     });
     // Of equal ones the first, found without branches: any of the four may be the nearest.
@@ -94,6 +103,12 @@ mod tests {
             prop_assert!(angle(v, decoded) <= max_error(bits) + 1e-6);
             let norm: f64 = decoded.iter().map(|c| f64::from(*c).powi(2)).sum();
             prop_assert!((norm - 1.0).abs() < 1e-6);
+        }
+
+        #[test]
+        fn both_directions_of_a_code_are_one(code in prop::array::uniform2(-127_i32..=127)) {
+            let wanted = wanted_direction(code.map(f64::from), 127.0);
+            prop_assert_eq!(wanted, direction(code, 127).map(f64::from));
         }
 
         #[test]

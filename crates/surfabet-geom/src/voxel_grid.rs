@@ -49,9 +49,7 @@ impl VoxelGrid {
             return Err(Error::invalid("number of points", cloud.len(), "below 4294967295"));
         }
         progress.update("voxel grid", 0.0);
-        let order = sorted_by_cell(cloud, size, progress)?;
-        progress.check()?;
-        let (cells, starts) = runs(&order, |i| wide_cell_of(cloud.world(i as usize), size));
+        let Sorted { order, cells, starts } = sorted_by_cell(cloud, size, progress)?;
         progress.update("voxel grid", 1.0);
         Ok(Self { size, cells, order, starts })
     }
@@ -209,9 +207,21 @@ impl VoxelGrid {
     }
 }
 
-/// The points of a cloud in the order of their cells, those of a cell in their own order.
-fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Result<Vec<u32>> {
-    let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
+/// Points in the order of their cells.
+struct Sorted {
+    /// Point indices, those of a cell ascending.
+    order: Vec<u32>,
+    /// The cells, each once.
+    cells: Vec<[i64; 3]>,
+    /// Where each cell starts in `order`; at the end the number of points.
+    starts: Vec<u32>,
+}
+
+/// Sorts the points of a cloud by one integer each, its cell above its index.
+fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Result<Sorted> {
+    let Some((low, high)) = cloud.bounds() else {
+        return Ok(Sorted { order: Vec::new(), cells: Vec::new(), starts: vec![0] });
+    };
     let too_small = |requirement| Err(Error::invalid("size", size, requirement));
     if low.iter().chain(&high).any(|c| (c / size).abs() >= LARGEST_CELL) {
         return too_small("at least the largest coordinate divided by 2^53");
@@ -221,61 +231,67 @@ fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Res
     if bits.iter().any(|&b| b > 32) {
         return too_small("at least the extent of the cloud divided by 2^32");
     }
+    // At most 32, like each of `bits`: a cloud has less than 2^32 points.
     let index_bits = 64 - (cloud.len() as u64 - 1).leading_zeros();
     let offset = |i: usize| -> [u64; 3] {
         let cell = wide_cell_of(cloud.world(i), size);
         std::array::from_fn(|a| (cell[a] - first[a]) as u64)
     };
+    let cell_at = |offset: [u64; 3]| std::array::from_fn(|a| first[a] + offset[a] as i64);
     if bits.iter().sum::<u32>() + index_bits <= 64 {
-        let key = |i: usize| {
+        let mut keys: Vec<u64> = parallel::map_range(cloud.len(), |i| {
             let [x, y, z] = offset(i);
-            // At most 64 bits in all; a shift by 64 happens only above an empty field.
-            let xy = x.checked_shl(bits[1]).unwrap_or(0) | y;
-            let xyz = xy.checked_shl(bits[2]).unwrap_or(0) | z;
-            xyz.checked_shl(index_bits).unwrap_or(0) | i as u64
-        };
-        let mut keys: Vec<u64> = parallel::map_range(cloud.len(), key);
+            ((x << bits[1] | y) << bits[2] | z) << index_bits | i as u64
+        });
         progress.check()?;
         parallel::sort_keys(&mut keys);
-        let mask = 1_u64.checked_shl(index_bits).map_or(u64::MAX, |b| b - 1);
-        Ok(parallel::map(&keys, |key| (key & mask) as u32))
+        progress.check()?;
+        let (starts, found) = runs(keys.len(), |j| keys[j] >> index_bits);
+        let low = |key: u64, n_bits: u32| key & ((1 << n_bits) - 1);
+        let cells = parallel::map(&found, |&key| {
+            let xy = key >> bits[2];
+            cell_at([xy >> bits[1], low(xy, bits[1]), low(key, bits[2])])
+        });
+        let order = parallel::map(&keys, |&key| low(key, index_bits) as u32);
+        Ok(Sorted { order, cells, starts })
     } else {
-        let key = |i: usize| {
+        let mut keys: Vec<u128> = parallel::map_range(cloud.len(), |i| {
             let [x, y, z] = offset(i).map(u128::from);
             x << 96 | y << 64 | z << 32 | i as u128
-        };
-        let mut keys: Vec<u128> = parallel::map_range(cloud.len(), key);
+        });
         progress.check()?;
         parallel::sort_wide_keys(&mut keys);
-        Ok(parallel::map(&keys, |&key| key as u32))
+        progress.check()?;
+        let (starts, found) = runs(keys.len(), |j| keys[j] >> 32);
+        let cells = parallel::map(&found, |&key| {
+            cell_at([key >> 64, key >> 32, key].map(|c| u64::from(c as u32)))
+        });
+        let order = parallel::map(&keys, |&key| key as u32);
+        Ok(Sorted { order, cells, starts })
     }
 }
 
-/// The cells of points in the order of their cells, each once, and where each starts; at the end the number of points.
-fn runs(order: &[u32], cell_of: impl Fn(u32) -> [i64; 3] + Sync) -> (Vec<[i64; 3]>, Vec<u32>) {
-    let parts = parallel::map_range(order.len().div_ceil(BATCH), |chunk| {
-        let begin = chunk * BATCH;
-        let points = &order[begin..order.len().min(begin + BATCH)];
-        let mut previous = begin.checked_sub(1).map(|j| cell_of(order[j]));
+/// Where each run of `n` equal values starts, and its value; behind the last start stands `n`.
+fn runs<T: Copy + PartialEq + Send>(
+    n: usize,
+    value: impl Fn(usize) -> T + Sync,
+) -> (Vec<u32>, Vec<T>) {
+    let parts = parallel::map_range(n.div_ceil(BATCH), |batch| {
+        let begin = batch * BATCH;
+        let mut previous = begin.checked_sub(1).map(&value);
         let mut found = Vec::new();
-        for (j, &point) in points.iter().enumerate() {
-            let cell = cell_of(point);
-            if previous != Some(cell) {
-                found.push(((begin + j) as u32, cell));
-                previous = Some(cell);
+        for j in begin..n.min(begin + BATCH) {
+            let value = value(j);
+            if previous != Some(value) {
+                found.push((j as u32, value));
+                previous = Some(value);
             }
         }
         found
     });
-    let voxels = parts.iter().map(Vec::len).sum();
-    let mut cells = Vec::with_capacity(voxels);
-    let mut starts = Vec::with_capacity(voxels + 1);
-    for (start, cell) in parts.into_iter().flatten() {
-        starts.push(start);
-        cells.push(cell);
-    }
-    starts.push(order.len() as u32);
-    (cells, starts)
+    let (mut starts, values): (Vec<u32>, Vec<T>) = parts.into_iter().flatten().unzip();
+    starts.push(n as u32);
+    (starts, values)
 }
 
 /// Direction of the mean of vectors, zero where they cancel.
