@@ -19,11 +19,13 @@ impl PlaneModel {
     pub fn mesh(&self) -> PlaneMesh {
         let mut mesh = PlaneMesh::default();
         for (i, patch) in self.patches().iter().enumerate() {
-            for [[x0, y0], [x1, y1]] in rectangles(&patch.tiles) {
+            let rectangles = rectangles(&patch.tiles);
+            mesh.vertices.reserve(4 * rectangles.len());
+            for [[x0, y0], [x1, y1]] in rectangles {
                 let first = mesh.vertices.len() as u32;
-                let corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]];
-                let corners = corners.map(|c| self.world(patch.frame.at(patch.tiles.corner(c))));
-                mesh.vertices.extend(corners);
+                for corner in [[x0, y0], [x1, y0], [x1, y1], [x0, y1]] {
+                    mesh.vertices.push(self.world(patch.frame.at(patch.tiles.corner(corner))));
+                }
                 mesh.triangles.push([first, first + 1, first + 2]);
                 mesh.triangles.push([first, first + 2, first + 3]);
                 mesh.patches.extend([i as u32; 2]);
