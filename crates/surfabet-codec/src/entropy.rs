@@ -234,7 +234,7 @@ impl<'a> Decoder<'a> {
     /// # Errors
     /// As all verbs: [`Error::Truncated`] behind the end of the stream, [`Error::Corrupt`] for a number that no
     /// encoder writes.
-    #[inline(always)]
+    #[inline]
     pub fn bit(&mut self, model: &mut Bit) -> Result<bool> {
         let value = self.decode(BitSlots { zero: model.zero_width() })?;
         model.update(value);
