@@ -8,7 +8,8 @@ use crate::error::{Error, Result};
 use crate::gas::model::GasModel;
 use crate::vector::{cross, dot, least_axis, length, unit};
 
-/// Points of the surfaces are this part of the robot's radius apart.
+/// Points of the surfaces are this part of the robot's radius apart. With 0.12 a graph takes three times as long and finds more narrow
+/// passages; which ones, changes with the value (docs/benchmarks/constants.md, as of the two below).
 const SPACING: f64 = 0.16;
 
 /// Nodes that are this many such spacings apart, or fewer, lie side by side: those along the diagonals of a square lattice,
