@@ -648,8 +648,11 @@ fn fine_masks_keep_the_gaps_of_a_scan() {
         max_pixel_offset: f64::INFINITY,
         ..coarse.clone()
     });
-    // Half of the plate has points. A mask pixel of a column has its point within its diagonal.
-    assert!((fine / (0.5 * 0.64 * 0.64) - 1.0).abs() < 0.15, "{fine}");
+    // Every pixel of a mask holds a point, so that there are no more of them than points: one in every second pixel of the
+    // plate. There are fewer where two points share a pixel, which only those at the seams of sheets can. A mask pixel
+    // of a column has its point within its diagonal.
+    let of_points = 0.5 * 0.64 * 0.64;
+    assert!(fine <= of_points * (1.0 + 1e-9) && fine > 0.98 * of_points, "{fine}");
     assert!(near <= 2.0_f64.sqrt() * PIXEL, "{near}");
     assert!(filled > 1.8 * fine, "{filled} {fine}");
     assert!(far >= near, "{far} {near}");
