@@ -1,8 +1,8 @@
 //! The tuned constants of localisation.
 //!
 //! Those of acceptance were chosen on the scans of `docs/benchmarks/locate.md`; comments have the counts of right and wrong
-//! places that they separate. The others bound work or follow from the cell, and were not measured one by one
-//! (`docs/benchmarks/constants.md`).
+//! places that they separate. What half and double of the others change, on few queries, is in `docs/benchmarks/constants.md`, which
+//! names those that were not measured.
 
 // The map.
 
