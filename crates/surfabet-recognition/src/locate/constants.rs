@@ -231,8 +231,8 @@ pub(super) const UNKNOWN: f64 = 0.5;
 /// corridor the wrong place may be explained by 0.98 with 0.05 contradicted, the right one by 0.72 with 0.01.
 pub(super) const DOUBT: f64 = 0.1;
 
-/// Share of what fixes a position, over all directions, below which one of them may be free. A first value: it only bounds where the
-/// shift is tried, which decides.
+/// Share of what fixes a position, over all directions, below which one of them may be free. It only bounds where the shift is
+/// tried, which decides: half and double answer 51 queries alike.
 pub(super) const LOOSE: f64 = 0.04;
 
 /// How far a position is shifted along a direction that may be free, metres: more than a door frame is wide.
