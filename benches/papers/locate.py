@@ -3,6 +3,7 @@
     python benches/papers/locate.py --part hall
     python benches/papers/locate.py --part hall --kinds "90 degrees" --seeds 107 108 109
     python benches/papers/locate.py --part building
+    python benches/papers/locate.py --part rooms
     python benches/papers/locate.py --part peers   # pip install kiss-matcher map-closures open3d
 
 The map `half` is of the scans 28, 32, ... of a drive, its queries are 26, 30, ...; `first` maps
@@ -258,6 +259,34 @@ def rooms_and_cloud() -> tuple[list[datasets.Scene], list[Array], sb.PointCloud]
         parts.append(np.asarray(scans.cloud.points) + shift)
     cloud = thinned(sb.PointCloud(np.concatenate(parts)), 0.03)
     return rooms, shifts, cloud
+
+
+def rooms(seeds: range = range(40, 48)) -> None:
+    """Views of 90 degrees in single rooms, a map each: two scans in four directions."""
+    counts = {kind: np.zeros(8, int) for kind in (NARROW, "90 degrees, mirrored")}
+    for seed in seeds:
+        size = (6.0 + 0.4 * (seed % 5), 5.0 + 0.3 * (seed % 4), 2.6)
+        room = datasets.make_room(seed=seed, size=size)
+        step = {"elevation_step": 1, "azimuth_step": 1}
+        cloud = datasets.scan_lidar(room, n_scans=4, random_state=1, **step).cloud
+        model = sb.learn_patches(thinned(cloud, 0.03), resolution=0.06, completeness=0)
+        model.localizer()
+        random = np.random.default_rng(seed)
+        views: list[Query] = []
+        poses = room.default_lidar_poses(7)[4:6]
+        for frame in datasets.scan_lidar(room, poses, random_state=99, **step).frames:
+            for _ in range(4):
+                turn = yaw(random.uniform(0, 2 * np.pi))
+                points = local(frame) @ turn[:3, :3]
+                views.append(
+                    (str(seed), points[is_ahead(points)], np.asarray(frame.true_pose) @ turn)
+                )
+        mirrored: list[Query] = [(name, points * [1, -1, 1], None) for name, points, _ in views]
+        for kind, queries in zip(counts, (views, mirrored), strict=True):
+            counts[kind] += np.array(ask(model, queries)[:8], int)
+    print_header("queries are", *COLUMNS[:8])
+    for kind, row in counts.items():
+        print_row(kind, *row)
 
 
 def building() -> None:
@@ -525,13 +554,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("--part", choices=["hall", "building", "peers"], default="hall")
+    parser.add_argument("--part", choices=["hall", "building", "rooms", "peers"], default="hall")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="hall")
     parser.add_argument("--seeds", type=int, nargs="+", default=[7], help="hall: of the views")
     parser.add_argument("--queries", type=int, default=7, help="of the peers")
     options = parser.parse_args()
     if options.part == "building":
         building()
+        return
+    if options.part == "rooms":
+        rooms()
         return
     check_data()
     if options.part == "hall":

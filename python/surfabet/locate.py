@@ -80,11 +80,11 @@ class Locations(Sequence[Location]):
         none of which is since the scan is ambiguous; 0 where it is refused for another reason."""
         self.is_ambiguous: bool = is_ambiguous
         """Whether the scan fits in several places, all of which are accepted or none, or anywhere
-        along a line, also where `top` gives one."""
+        along a line, also where `top` gives one, or its mirror image fits as well."""
         self.refusal: str | None = refusal
         """Why no place is accepted, for programs: `too few surfaces`, `no place`, `unexplained`,
-        `contradicted`, `alike` (several places, none of them sure) or `loose` (anywhere along a
-        line); None when one is."""
+        `contradicted`, `alike` (several places, none of them sure), `loose` (anywhere along a
+        line) or `mirrored` (its mirror image fits as well); None when one is."""
         self.reason: str | None = reason
         """The same as a sentence."""
         self.free_along: NDArray[np.float64] | None = (

@@ -190,6 +190,30 @@ def test_a_view_that_fits_in_many_rooms_is_ambiguous(
     assert "probability" in capsys.readouterr().out
 
 
+def test_a_narrow_view_must_fit_better_than_its_mirror_image() -> None:
+    """Of a room that is the same in a mirror a view may be of either side, but for a pillar."""
+    shelves = [(np.array([0.0, y, 0.0]), np.array([1.2, y + 1.0, 1.5])) for y in (0.0, 4.0)]
+    window = (np.array([0.0, 2.1, 0.0]), np.array([0.4, 2.9, 0.9]))
+    even = [ROOM[0], *shelves, window]
+    pillar = (np.array([2.0, 0.8, 0.0]), np.array([2.4, 1.2, 3.0]))
+    pose = pose_of(4.0, 2.2, 1.2, np.pi)
+    for boxes, is_told in ((even, False), ([*even, pillar], True)):
+        model = sb.learn_patches(map_cloud([boxes]), resolution=0.06)
+        points = np.asarray(scan(boxes, pose).points)
+        view = points[np.abs(np.arctan2(points[:, 1], points[:, 0])) < np.pi / 4]
+        found = model.locate(sb.PointCloud(view))
+        places = found if is_told else found.rejected
+        assert found.refusal == (None if is_told else "mirrored")
+        assert found.is_ambiguous or is_told
+        away, turned = errors(places[0], pose)
+        assert away < 0.05
+        assert turned < 0.5
+        assert places[0].probability > 0.8
+        assert not model.locate(sb.PointCloud(view * [1, -1, 1]))
+        # A prior says where it was.
+        assert errors(model.locate(sb.PointCloud(view), prior=pose)[0], pose)[0] < 0.05
+
+
 def test_a_mirrored_scan_is_refused(room: sb.PatchModel) -> None:
     points = scan(ROOM, POSES[0]).points * [1, -1, 1]
     found = room.locate(sb.PointCloud(points))

@@ -183,7 +183,9 @@ impl Localizer {
                 if is_clear && !is_tilted && !is_narrow && options.prior.is_none() {
                     query.add_alternatives(&mut candidates, domain);
                 }
-                answer = decide(self, &samples.all, &candidates, &demands, (sensor, options.top))?;
+                let image = || query.image_rank(allowed, domain, share);
+                let asked = (sensor, options.top);
+                answer = decide(self, &samples.all, &candidates, &demands, &image, asked)?;
                 if is_clear && !answer.locations.is_empty() {
                     return Ok(answer);
                 }
@@ -253,6 +255,14 @@ impl Query<'_> {
         let [_, share] = SHARES_OF_BEST;
         candidates.extend(self.candidates(&rotations, domain, share));
         decide::best_first(candidates, FINALISTS);
+    }
+
+    /// The rank of the best place of the scan's mirror image.
+    fn image_rank(&self, allowed: Allowed, domain: [[f32; 3]; 2], share: f64) -> Option<f64> {
+        let image: Vec<Sample> = self.samples.iter().map(Sample::mirrored).collect();
+        let image = Query { map: self.map, samples: &image };
+        let found = image.candidates(&image.rotations(allowed), domain, share);
+        found.first().map(|c| c.evidence.rank())
     }
 
     /// Refined poses with their evidence, the best first, of those that explain at least a share of what the best does.

@@ -28,6 +28,16 @@ impl Sample {
     pub fn is_flat(&self) -> bool {
         self.normal != [0.0; 3]
     }
+
+    /// The same in the mirror of a vertical plane.
+    pub fn mirrored(&self) -> Self {
+        let mirror = |[x, y, z]: [f32; 3]| [x, -y, z];
+        Self {
+            point: mirror(self.point),
+            normal: mirror(self.normal),
+            viewpoint: mirror(self.viewpoint),
+        }
+    }
 }
 
 /// The samples of a scan.

@@ -12,8 +12,8 @@ use surfabet_models::Result;
 use super::constants::{
     AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH,
     FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, LEAST_SAMPLES,
-    LOOSE_MARGIN, MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, ROW, ROW_EXPLAINED,
-    SAME_PLACE, SECTORS, SURE, TILTED_AGAINST, TILTED_EXPLAINED, UNKNOWN,
+    LOOSE_MARGIN, MIRROR_MARGIN, MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, ROW,
+    ROW_EXPLAINED, SAME_PLACE, SECTORS, SURE, TILTED_AGAINST, TILTED_EXPLAINED, UNKNOWN,
 };
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
@@ -53,6 +53,8 @@ pub(super) struct Demands {
     fixed: bool,
     /// Whether a place of a row must be explained by more.
     rows: bool,
+    /// Whether the scan must fit better than its mirror image.
+    handed: bool,
 }
 
 impl Demands {
@@ -69,6 +71,7 @@ impl Demands {
             sure: if is_narrow { SURE } else { 0.0 },
             fixed: !has_prior,
             rows: is_narrow && !has_prior,
+            handed: is_narrow && !has_prior,
         }
     }
 }
@@ -125,6 +128,8 @@ pub enum Refusal {
         /// Direction of the line in the world.
         along: [f64; 3],
     },
+    /// The mirror image of a narrow view fits nearly as well: of what is the same in a mirror the view does not show which side it saw.
+    Mirrored,
 }
 
 impl Refusal {
@@ -137,12 +142,13 @@ impl Refusal {
             Self::Contradicted { .. } => "contradicted",
             Self::Alike { .. } => "alike",
             Self::Loose { .. } => "loose",
+            Self::Mirrored => "mirrored",
         }
     }
 
-    /// Whether the scan fits, but in more than one place: in several, or anywhere along a line.
+    /// Whether the scan fits, but in more than one place, in several or anywhere along a line, or so does its mirror image.
     pub fn is_ambiguous(&self) -> bool {
-        matches!(self, Self::Alike { .. } | Self::Loose { .. })
+        matches!(self, Self::Alike { .. } | Self::Loose { .. } | Self::Mirrored)
     }
 }
 
@@ -174,6 +180,10 @@ impl fmt::Display for Refusal {
                 f,
                 "ambiguous: the map looks the same along the direction ({x:.2}, {y:.2}, {z:.2}), \
                  and nothing in the scan fixes the position on it"
+            ),
+            Self::Mirrored => write!(
+                f,
+                "ambiguous: a view this narrow fits in no place better than its mirror image does"
             ),
         }
     }
@@ -311,17 +321,35 @@ fn refuse_doubtful(
     (before > 0 && after == 0).then_some(alike)
 }
 
+/// Refuses all places of a view whose mirror image has nearly the `best` rank, and gives the reason if there were such: a hall that is
+/// the same in a mirror has both, and the view does not tell which of them it saw. The `image` is looked for where a place is left.
+fn refuse_mirrored(
+    refusals: &mut [Option<Refusal>],
+    best: f64,
+    image: &dyn Fn() -> Option<f64>,
+) -> Option<Refusal> {
+    let is_doubtful = refusals.iter().any(Option::is_none)
+        && image().is_some_and(|rank| rank > best - MIRROR_MARGIN);
+    is_doubtful.then(|| {
+        refusals.iter_mut().for_each(|refusal| {
+            refusal.get_or_insert(Refusal::Mirrored);
+        });
+        Refusal::Mirrored
+    })
+}
+
 /// How many of the places are likely.
 fn likely(shares: &[f64]) -> usize {
     shares.iter().filter(|&&share| share >= LEAST_PROBABILITY).count()
 }
 
-/// The answer from distinct candidates, the best first.
+/// The answer from distinct candidates, the best first. `image` is the rank of the best place of the scan's mirror image.
 pub(super) fn decide(
     map: &Localizer,
     samples: &[Sample],
     candidates: &[Candidate],
     demands: &Demands,
+    image: &dyn Fn() -> Option<f64>,
     (sensor, top): ([f64; 3], usize),
 ) -> Result<Located> {
     let fine = evenly(samples, FINE_SAMPLES);
@@ -345,7 +373,10 @@ pub(super) fn decide(
     let sum: f64 = candidates.iter().map(ratio).sum();
     let shares: Vec<f64> = candidates.iter().map(|c| ratio(c) / sum).collect();
     let mut refusals = refusals(map, samples, candidates, demands, likely(&shares));
-    let doubt = refuse_doubtful(candidates, &mut refusals, demands, &shares);
+    let mut doubt = refuse_doubtful(candidates, &mut refusals, demands, &shares);
+    if demands.handed {
+        doubt = doubt.or(refuse_mirrored(&mut refusals, best.evidence.rank(), image));
+    }
     // What the map contradicts less than the best may be the right one, of which less is mapped.
     let weight = |(c, refusal): (&Candidate, &Option<Refusal>)| {
         let is_doubt = refusal.is_none() && c.evidence.contradicted < best.evidence.contradicted;
@@ -403,6 +434,7 @@ mod tests {
             sure: SURE,
             fixed: true,
             rows: true,
+            handed: true,
         };
         let other = Some(Refusal::Unexplained { explained: 0.5, limit: NARROW_EXPLAINED });
         let of = |shares: [f64; 2], contradicted: f64, before: [Option<Refusal>; 2]| {
@@ -424,6 +456,22 @@ mod tests {
         assert_eq!(of([0.96, 0.04], 0.1, [None, None]), (None, [true, true]));
         // What was refused before keeps its reason.
         assert_eq!(of([0.6, 0.4], 0.0, [other, other]), (None, [false, false]));
+    }
+
+    #[test]
+    fn a_view_must_fit_better_than_its_mirror_image() {
+        let of = |image: Option<f64>| {
+            let mut refusals = [None, Some(Refusal::NoPlace), None];
+            (refuse_mirrored(&mut refusals, 20.0, &|| image), refusals)
+        };
+        let (mirrored, other) = (Some(Refusal::Mirrored), Some(Refusal::NoPlace));
+        assert_eq!(of(None), (None, [None, other, None]));
+        assert_eq!(of(Some(20.0 - MIRROR_MARGIN - 0.01)), (None, [None, other, None]));
+        assert_eq!(of(Some(20.0 - MIRROR_MARGIN + 0.01)), (mirrored, [mirrored, other, mirrored]));
+        assert_eq!(of(Some(25.0)), (mirrored, [mirrored, other, mirrored]));
+        // Where no place is left its mirror image is not looked for.
+        let mut refused = [other];
+        assert_eq!(refuse_mirrored(&mut refused, 20.0, &|| unreachable!()), None);
     }
 
     #[test]
