@@ -180,8 +180,8 @@ pub(crate) const RAREST: f64 = 0.05;
 /// Motions closer than this share of the example's diagonal are one.
 pub(crate) const SAME_PLACE: f64 = 0.25;
 
-/// Places of several examples closer than this are one, metres: middles of things of a kind are farther apart. With half, eight of
-/// twelve chairs are found twice; double changes nothing.
+/// Places of several examples closer than this are one, metres: middles of things of a kind are farther apart. With half, eight
+/// finds beside those of twelve chairs are second ones or wrong; double changes nothing that is found by default.
 pub(crate) const SAME_PLACE_OF_ANY: f64 = 0.3;
 
 /// The same before the fine refinement, for motions of about one direction.
