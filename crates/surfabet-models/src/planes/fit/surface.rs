@@ -1,17 +1,14 @@
 //! Patches that are no surface: through the middle of clutter, across a corner, along something bent, between two surfaces.
 //!
-//! No single figure separates them. A logistic regression weighs six that each help; what it learned from is
-//! in docs/benchmarks/planes.md.
+//! No single figure separates them, and none means the same whatever the others are: a small network weighs nine; what it learned from
+//! is in docs/benchmarks/planes.md.
 
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::removal::Removal;
 use crate::error::Result;
-use crate::planes::constants::{
-    CERTAINTY_WEIGHT, FILL_WEIGHT, GAIN_WEIGHT, KURTOSIS_WEIGHT, LEAST_FIGURE, LENGTH_WEIGHT,
-    NORMAL_KURTOSIS, SPREAD_WEIGHT, SURFACE_OFFSET,
-};
+use crate::planes::constants::{LEAST_FIGURE, NORMAL_KURTOSIS, SURFACE_OFFSET, SURFACE_UNITS};
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 
@@ -30,8 +27,13 @@ struct Evidence {
     fill: f64,
     /// Mean probability of the points that support it.
     certainty: f64,
-    /// Its longer side, in standard deviations of the noise.
+    /// Its longer and its shorter side, in standard deviations of the noise.
     length: f64,
+    width: f64,
+    /// Share of its points in the cubes of supported tiles: of something with a rim of clutter fewer are.
+    near: f64,
+    /// Standard deviation of its points about the means of their tiles, in that of the noise: less than `spread` where it is bent or stepped.
+    within: f64,
 }
 
 impl Evidence {
@@ -53,21 +55,36 @@ impl Evidence {
             fill: patch.tiles.area() / (x * y),
             certainty: removal.mass / n,
             length: x.max(y) / noise,
+            width: x.min(y) / noise,
+            near: patch.support.len() as f64 / n,
+            within: patch.noise / noise,
         }
     }
 
-    /// The probability that a patch with this evidence is one surface: `1 / (1 + exp(-b - sum_k c_k ln x_k))`.
+    /// The logarithms of the figures.
+    fn logarithms(&self) -> [f64; 9] {
+        [
+            self.gain,
+            self.spread,
+            self.kurtosis,
+            self.fill,
+            self.certainty,
+            self.length,
+            self.width,
+            self.near,
+            self.within,
+        ]
+        .map(|x| x.max(LEAST_FIGURE).ln())
+    }
+
+    /// The probability that a patch with this evidence is one surface: `1 / (1 + exp(-b - sum_u v_u tanh(b_u + sum_k c_uk ln x_k)))`.
     fn probability(&self) -> f64 {
-        let weighed = [
-            (GAIN_WEIGHT, self.gain),
-            (SPREAD_WEIGHT, self.spread),
-            (KURTOSIS_WEIGHT, self.kurtosis),
-            (FILL_WEIGHT, self.fill),
-            (CERTAINTY_WEIGHT, self.certainty),
-            (LENGTH_WEIGHT, self.length),
-        ];
-        let sum: f64 = weighed.iter().map(|(c, x)| c * x.max(LEAST_FIGURE).ln()).sum();
-        1.0 / (1.0 + (-SURFACE_OFFSET - sum).exp())
+        let x = self.logarithms();
+        let out = SURFACE_UNITS.iter().map(|unit| {
+            let sum: f64 = unit.weights.iter().zip(&x).map(|(c, x)| c * x).sum();
+            unit.output * (unit.offset + sum).tanh()
+        });
+        1.0 / (1.0 + (-SURFACE_OFFSET - out.sum::<f64>()).exp())
     }
 }
 
@@ -100,6 +117,9 @@ mod tests {
         fill: 0.8,
         certainty: 0.95,
         length: 100.0,
+        width: 60.0,
+        near: 0.88,
+        within: 1.0,
     };
 
     #[test]
@@ -114,11 +134,21 @@ mod tests {
             Evidence { spread: 1.5, ..SURFACE },
             Evidence { kurtosis: 1.8, ..SURFACE },
             Evidence { fill: 0.3, ..SURFACE },
-            Evidence { length: 5.0, ..SURFACE },
+            Evidence { length: 5.0, width: 5.0, ..SURFACE },
+            Evidence { near: 0.6, ..SURFACE },
         ];
         for sign in signs {
             assert!(sign.probability() < SURFACE.probability(), "{sign:?}");
         }
         assert!(Evidence { gain: 0.5, spread: 1.5, kurtosis: 1.8, ..SURFACE }.probability() < 0.1);
+    }
+
+    #[test]
+    fn exact_surfaces_of_any_size_are_surfaces() {
+        for length in [10.0, 30.0, 100.0, 1000.0] {
+            let exact = Evidence { spread: 0.0, within: 0.0, near: 1.0, length, ..SURFACE };
+            let exact = Evidence { width: 0.6 * length, certainty: 1.0, fill: 1.0, ..exact };
+            assert!(exact.probability() > 0.9, "{exact:?}");
+        }
     }
 }
