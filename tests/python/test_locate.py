@@ -369,6 +369,26 @@ def test_a_model_without_surface_is_refused() -> None:
         model.localizer()
 
 
+def test_places_are_within_radius_and_angle_of_the_prior(room: sb.PatchModel) -> None:
+    """Refinement may take a place farther: to what the prior says it is not."""
+    query = scan(ROOM, POSES[0])
+    near = POSES[0].copy()
+    near[:3, 3] += (0.18, 0.24, 0.0)
+    turned = POSES[0] @ pose_of(0.0, 0.0, 0.0, np.deg2rad(10))
+    for prior, limits, is_allowed in (
+        (near, {"radius": 0.35}, True),
+        (near, {"radius": 0.25}, False),
+        (turned, {"angle": 12.0}, True),
+        (turned, {"angle": 8.0}, False),
+    ):
+        found = room.locate(query, prior=prior, **limits)
+        assert bool(found) == is_allowed
+        for place in (*found, *found.rejected):
+            away, angle = errors(place, prior)
+            assert away <= limits.get("radius", 1.0) + 1e-6
+            assert angle <= limits.get("angle", 20.0) + 1e-6
+
+
 def test_a_prior_that_says_little_bounds_the_search_by_the_map(room: sb.PatchModel) -> None:
     """Further from the map than the scan reaches none of it falls on the map."""
     pose = POSES[0]

@@ -140,23 +140,26 @@ impl Localizer {
         options.check()?;
         let samples = ScanSamples::of(scan, self.cell);
         let sensor = samples.sensor();
-        let query = Query { map: self, samples: &samples.all };
+        let near = options.prior.as_ref().map(|prior| {
+            let placement = Placement::of(&prior.pose, self.origin, sensor);
+            Near { placement, radius: prior.radius, angle: prior.angle }
+        });
+        let query = Query { map: self, samples: &samples.all, near };
         if let Some(refusal) = query.refusal() {
             return Ok(Located { refusal: Some(refusal), ..Located::default() });
         }
         let mut domain = self.bounds;
-        let searches: Vec<Allowed> = match (&options.prior, options.upright) {
-            (Some(prior), _) => {
-                let near = Placement::of(&prior.pose, self.origin, sensor);
-                let at = near.translation;
+        let searches: Vec<Allowed> = match (near, options.upright) {
+            (Some(near), _) => {
+                let at = near.placement.translation;
                 // From further away than the scan reaches none of it falls on the map.
                 let reach = samples.reach();
                 let [low, high] = self.bounds;
                 domain = [
-                    std::array::from_fn(|a| ((at[a] - prior.radius) as f32).max(low[a] - reach)),
-                    std::array::from_fn(|a| ((at[a] + prior.radius) as f32).min(high[a] + reach)),
+                    std::array::from_fn(|a| ((at[a] - near.radius) as f32).max(low[a] - reach)),
+                    std::array::from_fn(|a| ((at[a] + near.radius) as f32).min(high[a] + reach)),
                 ];
-                vec![Allowed::About(near.rotation, prior.angle)]
+                vec![Allowed::About(near.placement.rotation, near.angle)]
             }
             (None, None) => vec![Allowed::Upright, Allowed::Tilted],
             (None, Some(true)) => vec![Allowed::Upright],
@@ -222,10 +225,20 @@ impl LocateOptions {
     }
 }
 
+/// About where the sensor is, as a prior says.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    placement: Placement,
+    /// Metres and radians that a place may be from there.
+    radius: f64,
+    angle: f64,
+}
+
 /// A scan and the map that it is looked for in.
 struct Query<'a> {
     map: &'a Localizer,
     samples: &'a [Sample],
+    near: Option<Near>,
 }
 
 impl Query<'_> {
@@ -260,7 +273,7 @@ impl Query<'_> {
     /// The rank of the best place of the scan's mirror image.
     fn image_rank(&self, allowed: Allowed, domain: [[f32; 3]; 2], share: f64) -> Option<f64> {
         let image: Vec<Sample> = self.samples.iter().map(Sample::mirrored).collect();
-        let image = Query { map: self.map, samples: &image };
+        let image = Query { samples: &image, ..*self };
         let found = image.candidates(&image.rotations(allowed), domain, share);
         found.first().map(|c| c.evidence.rank())
     }
@@ -279,6 +292,7 @@ impl Query<'_> {
             let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);
             Candidate { placement, evidence: evidence(self.map, &rough, &placement) }
         });
+        self.keep_near(&mut candidates);
         decide::best_first(&mut candidates, FINALISTS);
         let (fine, verified) =
             (evenly(self.samples, FINE_SAMPLES), evenly(self.samples, VERIFIED_SAMPLES));
@@ -286,7 +300,17 @@ impl Query<'_> {
             let placement = refine(self.map, &fine, c.placement, FINE_REACH, FINE_STEPS);
             Candidate { placement, evidence: evidence(self.map, &verified, &placement) }
         });
+        self.keep_near(&mut candidates);
         decide::best_first(&mut candidates, FINALISTS);
         candidates
+    }
+
+    /// Removes places that refinement took farther away than the prior allows: what looks alike beyond is none of its answers.
+    fn keep_near(&self, candidates: &mut Vec<Candidate>) {
+        let Some(near) = self.near else { return };
+        candidates.retain(|c| {
+            let (away, turned) = c.placement.distance_to(&near.placement);
+            away <= near.radius && turned <= near.angle
+        });
     }
 }

@@ -183,7 +183,8 @@ impl fmt::Display for Refusal {
             ),
             Self::Mirrored => write!(
                 f,
-                "ambiguous: a view this narrow fits in no place better than its mirror image does"
+                "ambiguous: a view this narrow must fit clearly better than its mirror image, and fits \
+                 in no place so"
             ),
         }
     }
