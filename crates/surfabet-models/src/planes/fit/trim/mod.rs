@@ -108,8 +108,9 @@ pub(super) fn trim_to(
     }
     let frame = patch.frame;
     let members = Members::new(points, &frame, set);
-    let mut tiles = Tiles::new(patch.tiles.low(), patch.tiles.size(), grid_size);
-    let counts = count(&tiles, &members.local, grid_size);
+    let bounds = (patch.tiles.low(), patch.tiles.size());
+    let (mut tiles, counts) =
+        tiled(&members.local, bounds, grid_size, points.line_spacing.is_some());
     let supported = supported(&tiles, &counts, false);
     tiles.support(supported);
     supported_patch(points, frame, tiles, set, &members, grid_size)
@@ -167,4 +168,33 @@ pub(in crate::planes) fn mean_square(moments: &Moments, frame: &Frame) -> f64 {
     let c = moments.covariance();
     let off = dot(minus(moments.mean(), frame.center), n);
     (0..3).map(|a| n[a] * dot(c[a], n)).sum::<f64>().max(0.0) + off * off
+}
+
+#[cfg(test)]
+mod tests {
+    use surfabet_geom::PointCloud;
+
+    use super::*;
+
+    #[test]
+    fn a_given_rectangle_is_covered_by_sparse_points() {
+        // 40 x 30 points, 5 cm apart, and tiles from 3 cm on: each second one of those is empty.
+        let lattice = (0..1200).map(|i| [(i % 40) as f32, (i / 40) as f32].map(|c| 0.05 * c));
+        let positions: Vec<[f32; 3]> = lattice.map(|[x, y]| [x, y, 0.0]).collect();
+        let points = Points::new(&PointCloud::from_positions(positions).0, None).unwrap();
+        let center = [0.975, 0.725, 0.0];
+        let middle = std::array::from_fn(|a| center[a] - points.origin[a]);
+        let frame = Frame {
+            u: [1.0, 0.0, 0.0],
+            v: [0.0, 1.0, 0.0],
+            normal: [0.0, 0.0, 1.0],
+            center: middle,
+        };
+        let tiles = Tiles::new([-1.0, -0.75], [2.0, 1.5], 0.03);
+        let all: Vec<u32> = (0..points.len() as u32).collect();
+        let patch = trim_to(&points, &Patch::bare(frame, tiles), &all, 0.03).unwrap();
+        assert_eq!(patch.n_supporting(), 1200);
+        assert!(patch.tiles.area() > 0.9 * 2.0 * 1.5, "{}", patch.tiles.area());
+        assert!(patch.tiles.area() <= 2.0 * 1.5 + 1e-9, "{}", patch.tiles.area());
+    }
 }
