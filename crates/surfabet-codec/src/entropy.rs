@@ -356,7 +356,7 @@ impl EncoderModel<PRECISION> for Slot {
 
 /// A bit whose zero takes `[0, zero)` of `[0, 2^16)`, for the decoder; `0 < zero < 2^16`.
 ///
-/// With a branch, unlike the encoder's [`Bit::slot`]: a value that is foreseen needs not wait for the division that tells it.
+/// With a branch, unlike the encoder's [`Bit::slot`]: a value that is foreseen need not wait for the division that tells it.
 struct BitSlots {
     zero: u32,
 }

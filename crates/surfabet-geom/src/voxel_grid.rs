@@ -42,16 +42,16 @@ impl VoxelGrid {
         if !(size > 0.0 && size.is_finite()) {
             return Err(Error::invalid("size", size, "a positive length in metres"));
         }
-        if cloud.is_empty() {
+        let Some(bounds) = cloud.bounds() else {
             return Ok(Self { size, cells: Vec::new(), order: Vec::new(), starts: vec![0] });
-        }
+        };
         if cloud.len() >= u32::MAX as usize {
             return Err(Error::invalid("number of points", cloud.len(), "below 4294967295"));
         }
         progress.update("voxel grid", 0.0);
-        let Sorted { order, cells, starts } = sorted_by_cell(cloud, size, progress)?;
+        let grid = sorted_by_cell(cloud, bounds, size, progress)?;
         progress.update("voxel grid", 1.0);
-        Ok(Self { size, cells, order, starts })
+        Ok(grid)
     }
 
     /// Number of voxels that hold a point.
@@ -207,21 +207,13 @@ impl VoxelGrid {
     }
 }
 
-/// Points in the order of their cells.
-struct Sorted {
-    /// Point indices, those of a cell ascending.
-    order: Vec<u32>,
-    /// The cells, each once.
-    cells: Vec<[i64; 3]>,
-    /// Where each cell starts in `order`; at the end the number of points.
-    starts: Vec<u32>,
-}
-
-/// Sorts the points of a cloud by one integer each, its cell above its index.
-fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Result<Sorted> {
-    let Some((low, high)) = cloud.bounds() else {
-        return Ok(Sorted { order: Vec::new(), cells: Vec::new(), starts: vec![0] });
-    };
+/// Sorts the points of a cloud with these bounds by one integer each, its cell above its index.
+fn sorted_by_cell(
+    cloud: &PointCloud,
+    (low, high): ([f64; 3], [f64; 3]),
+    size: f64,
+    progress: &dyn Progress,
+) -> Result<VoxelGrid> {
     let too_small = |requirement| Err(Error::invalid("size", size, requirement));
     if low.iter().chain(&high).any(|c| (c / size).abs() >= LARGEST_CELL) {
         return too_small("at least the largest coordinate divided by 2^53");
@@ -253,7 +245,7 @@ fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Res
             cell_at([xy >> bits[1], low(xy, bits[1]), low(key, bits[2])])
         });
         let order = parallel::map(&keys, |&key| low(key, index_bits) as u32);
-        Ok(Sorted { order, cells, starts })
+        Ok(VoxelGrid { size, cells, order, starts })
     } else {
         let mut keys: Vec<u128> = parallel::map_range(cloud.len(), |i| {
             let [x, y, z] = offset(i).map(u128::from);
@@ -267,7 +259,7 @@ fn sorted_by_cell(cloud: &PointCloud, size: f64, progress: &dyn Progress) -> Res
             cell_at([key >> 64, key >> 32, key].map(|c| u64::from(c as u32)))
         });
         let order = parallel::map(&keys, |&key| key as u32);
-        Ok(Sorted { order, cells, starts })
+        Ok(VoxelGrid { size, cells, order, starts })
     }
 }
 

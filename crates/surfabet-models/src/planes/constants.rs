@@ -171,6 +171,8 @@ pub(super) const SURFACE_UNITS: [Unit; 10] = [
     Unit { weights: [1.47, 0.64, -2.29, 2.31, -5.91, -0.26, -0.40, 2.27, 0.24], offset: 6.73, output: -1.42 },
     Unit { weights: [-1.07, -0.58, 1.83, 0.87, -1.75, 0.74, 0.87, 5.64, 0.24], offset: -6.63, output: 1.29 },
 ];
+
+/// What the network adds to the sum over its units.
 pub(super) const SURFACE_OFFSET: f64 = 0.75;
 
 /// What a figure counts as at least, so that its logarithm is finite. Half and double gave the same planes.

@@ -9,7 +9,7 @@ use crate::gas::model::GasModel;
 use crate::vector::{cross, dot, least_axis, length, unit};
 
 /// Points of the surfaces are this part of the robot's radius apart. With 0.12 a graph takes three times as long and finds more narrow
-/// passages; which ones, changes with the value (docs/benchmarks/constants.md, as of the two below).
+/// passages; which ones, changes with the value. This and the two below are varied in docs/benchmarks/constants.md.
 const SPACING: f64 = 0.16;
 
 /// Nodes that are this many such spacings apart, or fewer, lie side by side: those along the diagonals of a square lattice,
