@@ -1,16 +1,16 @@
-//! The entropy coder: a range coder over adaptive bits. The crate `constriction` is named here only.
+//! The entropy coder: a range coder over adaptive bits. The crate `constriction`, which writes, is named here only.
 //!
 //! Range coding (Martin 1979) as in Bamler, "Understanding Entropy Coding With Asymmetric Numeral Systems",
 //! 2022, with 32-bit words, a 64-bit state and probabilities in units of 2^-16. All arithmetic that decides
 //! which symbol is read is on integers.
+//!
+//! Reading is ours: which of two values comes next is a comparison, where a decoder of any alphabet has to divide.
 
 use std::num::NonZeroU32;
 
-use constriction::backends::ReadWords;
-use constriction::stream::model::{DecoderModel, EncoderModel, EntropyModel};
-use constriction::stream::queue::{EncoderSituation, RangeDecoder, RangeEncoder};
-use constriction::stream::{Decode, Encode};
-use constriction::{CoderError, Queue};
+use constriction::stream::Encode;
+use constriction::stream::model::{EncoderModel, EntropyModel};
+use constriction::stream::queue::{EncoderSituation, RangeEncoder};
 
 use surfabet_entropy::{Coder, PRECISION};
 
@@ -20,6 +20,9 @@ use crate::models::{Bit, SInt, Symbols, UInt};
 
 /// Bytes of the coder's word: what it writes and reads at once.
 const WORD_BYTES: usize = 4;
+
+/// Bits of the coder's word.
+const WORD_BITS: u32 = u32::BITS;
 
 /// Words that the decoder's state is ahead of what the encoder had to write, at most: the encoder's last words
 /// are cut to the bytes that distinguish its final interval from others.
@@ -172,17 +175,24 @@ impl Coder for Decoder<'_> {
 #[derive(Debug, Clone)]
 pub struct Decoder<'a> {
     section: Tag,
-    coder: RangeDecoder<u32, u64, WordSource<'a>>,
-    len: usize,
+    bytes: &'a [u8],
+    /// Index of the next word of `bytes`.
+    next: usize,
+    /// The number that stands in the stream, from the lower end of the present interval on.
+    offset: u64,
+    /// Width of the present interval, at least 2^32.
+    range: u64,
 }
 
 impl<'a> Decoder<'a> {
     /// Reads `bytes`, naming `section` in errors. Any bytes will do: whether they are a stream shows as symbols
     /// are read.
     pub fn new(section: Tag, bytes: &'a [u8]) -> Self {
-        let coder = RangeDecoder::with_backend(WordSource { bytes, next: 0 })
-            .expect("the source gives the two words read here for every length, even none");
-        Self { section, coder, len: bytes.len() }
+        let mut first = [0; LOOKAHEAD_WORDS * WORD_BYTES];
+        let len = bytes.len().min(first.len());
+        first[..len].copy_from_slice(&bytes[..len]);
+        let offset = u64::from_be_bytes(first);
+        Self { section, bytes, next: LOOKAHEAD_WORDS, offset, range: u64::MAX }
     }
 
     /// Checks a number of symbols that the header claims for this stream, before anything is allocated for
@@ -191,7 +201,8 @@ impl<'a> Decoder<'a> {
     /// # Errors
     /// [`Error::TooLarge`] when the stream is too short for so many.
     pub fn check_count(&self, what: &'static str, count: u64) -> Result<()> {
-        let bits = (self.len as u64 + (LOOKAHEAD_WORDS * WORD_BYTES) as u64).saturating_mul(8);
+        let bits =
+            (self.bytes.len() as u64 + (LOOKAHEAD_WORDS * WORD_BYTES) as u64).saturating_mul(8);
         let limit = bits.saturating_mul(Bit::MAX_PER_BIT);
         if count <= limit {
             return Ok(());
@@ -204,16 +215,52 @@ impl<'a> Decoder<'a> {
         })
     }
 
+    /// Width of a 2^-16th of the interval.
     #[inline]
-    fn decode<M>(&mut self, model: M) -> Result<M::Symbol>
-    where
-        M: DecoderModel<PRECISION, Probability = u32>,
-    {
-        match self.coder.decode_symbol(model) {
-            Ok(symbol) => Ok(symbol),
-            Err(CoderError::Backend(error)) => Err(past_end(self.section, error)),
-            Err(CoderError::Frontend(_)) => Err(self.no_code()),
+    fn scale(&self) -> Result<u64> {
+        let scale = self.range >> PRECISION;
+        // The interval may be wider than 2^16 of them, by less than one.
+        if self.offset >= scale << PRECISION {
+            return Err(self.no_code());
         }
+        Ok(scale)
+    }
+
+    /// Widens the interval by the next word of the stream where it is narrower than a word.
+    #[inline]
+    fn renormalise(&mut self) -> Result<()> {
+        if self.range >> WORD_BITS == 0 {
+            self.range <<= WORD_BITS;
+            self.offset = self.offset << WORD_BITS | u64::from(self.word()?);
+        }
+        Ok(())
+    }
+
+    /// The next big-endian word; zeros follow the stream's end, but no more than an encoder may have left out.
+    #[inline]
+    fn word(&mut self) -> Result<u32> {
+        // After k renormalisations the encoder has written 4 k bytes and up to 8 more, the decoder has read
+        // k + 2 words. So word k + 2 is asked of at least 4 k bytes, and never any later one.
+        let start = self.next * WORD_BYTES;
+        let word = match self.bytes.get(start..start + WORD_BYTES) {
+            Some(word) => [word[0], word[1], word[2], word[3]],
+            None if self.next >= self.bytes.len() / WORD_BYTES + LOOKAHEAD_WORDS => {
+                return Err(self.past_end());
+            }
+            None => {
+                let mut word = [0; WORD_BYTES];
+                let rest = self.bytes.get(start..).unwrap_or_default();
+                word[..rest.len()].copy_from_slice(rest);
+                word
+            }
+        };
+        self.next += 1;
+        Ok(u32::from_be_bytes(word))
+    }
+
+    #[cold]
+    fn past_end(&self) -> Error {
+        Error::Truncated { section: self.section, needed: WORD_BYTES as u64, available: 0 }
     }
 
     #[cold]
@@ -224,9 +271,8 @@ impl<'a> Decoder<'a> {
     /// [`Error::Corrupt`] at about the byte reached.
     #[cold]
     pub fn corrupt(&self, what: impl Into<String>) -> Error {
-        let (source, _, _) = self.coder.clone().into_raw_parts();
-        let read = source.next.saturating_sub(LOOKAHEAD_WORDS) * WORD_BYTES;
-        Error::corrupt(self.section, read.min(self.len), what)
+        let read = self.next.saturating_sub(LOOKAHEAD_WORDS) * WORD_BYTES;
+        Error::corrupt(self.section, read.min(self.bytes.len()), what)
     }
 
     /// The next bit, adapting `model`.
@@ -236,7 +282,14 @@ impl<'a> Decoder<'a> {
     /// encoder writes.
     #[inline]
     pub fn bit(&mut self, model: &mut Bit) -> Result<bool> {
-        let value = self.decode(BitSlots { zero: model.zero_width() })?;
+        let scale = self.scale()?;
+        let zero = scale * u64::from(model.zero_width());
+        let value = self.offset >= zero;
+        // Without a branch: which value comes next is what a processor cannot foresee.
+        let is_true = u64::from(value).wrapping_neg();
+        self.offset -= zero & is_true;
+        self.range = zero ^ ((zero ^ ((scale << PRECISION) - zero)) & is_true);
+        self.renormalise()?;
         model.update(value);
         Ok(value)
     }
@@ -249,7 +302,13 @@ impl<'a> Decoder<'a> {
         while left > 0 {
             let now = left.min(BYPASS_BITS);
             left -= now;
-            value = (value << now) | u64::from(self.decode(EqualSlots { n_bits: now })?);
+            let width = self.scale()? << (BYPASS_BITS - now);
+            // Below 2^now, see `scale`; the interval is at least 2^32 wide, so that no width is zero.
+            let symbol = self.offset / width;
+            self.offset -= symbol * width;
+            self.range = width;
+            self.renormalise()?;
+            value = (value << now) | symbol;
         }
         Ok(value)
     }
@@ -277,59 +336,10 @@ impl<'a> Decoder<'a> {
     /// # Errors
     /// [`Error::TrailingBytes`] when the stream is longer than the symbols read can have made it.
     pub fn finish(self) -> Result<()> {
-        let (source, _, _) = self.coder.into_raw_parts();
-        match self.len.saturating_sub(source.next * WORD_BYTES) {
+        match self.bytes.len().saturating_sub(self.next * WORD_BYTES) {
             0 => Ok(()),
             count => Err(Error::TrailingBytes { section: self.section, count: count as u64 }),
         }
-    }
-}
-
-/// Read words behind the end of the data.
-#[derive(Debug, Clone, Copy)]
-struct PastEnd {
-    needed: u64,
-}
-
-#[cold]
-fn past_end(section: Tag, PastEnd { needed }: PastEnd) -> Error {
-    Error::Truncated { section, needed, available: 0 }
-}
-
-/// Big-endian words of a byte string; zeros follow its end, but no more than an encoder may have left out.
-#[derive(Debug, Clone)]
-struct WordSource<'a> {
-    bytes: &'a [u8],
-    /// Index of the next word.
-    next: usize,
-}
-
-impl ReadWords<u32, Queue> for WordSource<'_> {
-    type ReadError = PastEnd;
-
-    #[inline]
-    fn read(&mut self) -> Result<Option<u32>, PastEnd> {
-        // After k renormalisations the encoder has written 4 k bytes and up to 8 more, the decoder has read
-        // k + 2 words. So word k + 2 is asked of at least 4 k bytes, and never any later one.
-        let start = self.next * WORD_BYTES;
-        let word = match self.bytes.get(start..start + WORD_BYTES) {
-            Some(word) => u32::from_be_bytes([word[0], word[1], word[2], word[3]]),
-            None if self.next >= self.bytes.len() / WORD_BYTES + LOOKAHEAD_WORDS => {
-                return Err(PastEnd { needed: WORD_BYTES as u64 });
-            }
-            None => {
-                let mut word = [0; WORD_BYTES];
-                let rest = self.bytes.get(start..).unwrap_or_default();
-                word[..rest.len()].copy_from_slice(rest);
-                u32::from_be_bytes(word)
-            }
-        };
-        self.next += 1;
-        Ok(Some(word))
-    }
-
-    fn maybe_exhausted(&self) -> bool {
-        self.next * WORD_BYTES >= self.bytes.len()
     }
 }
 
@@ -351,49 +361,6 @@ impl EncoderModel<PRECISION> for Slot {
         _: impl std::borrow::Borrow<()>,
     ) -> Option<(u32, NonZeroU32)> {
         Some((self.left, NonZeroU32::new(self.width)?))
-    }
-}
-
-/// A bit whose zero takes `[0, zero)` of `[0, 2^16)`, for the decoder; `0 < zero < 2^16`.
-///
-/// With a branch, unlike the encoder's [`Bit::slot`]: a value that is foreseen need not wait for the division that tells it.
-struct BitSlots {
-    zero: u32,
-}
-
-impl EntropyModel<PRECISION> for BitSlots {
-    type Symbol = bool;
-    type Probability = u32;
-}
-
-impl DecoderModel<PRECISION> for BitSlots {
-    #[inline]
-    fn quantile_function(&self, quantile: u32) -> (bool, u32, NonZeroU32) {
-        let value = quantile >= self.zero;
-        let (left, width) =
-            if value { (self.zero, (1 << PRECISION) - self.zero) } else { (0, self.zero) };
-        // Both widths are above zero, see `Bit::zero_width`; the minimum only tells the compiler.
-        (value, left, NonZeroU32::new(width).unwrap_or(NonZeroU32::MIN))
-    }
-}
-
-/// Equiprobable numbers of `n_bits`, 1 to 16, for the decoder.
-struct EqualSlots {
-    n_bits: u32,
-}
-
-impl EntropyModel<PRECISION> for EqualSlots {
-    type Symbol = u32;
-    type Probability = u32;
-}
-
-impl DecoderModel<PRECISION> for EqualSlots {
-    #[inline]
-    fn quantile_function(&self, quantile: u32) -> (u32, u32, NonZeroU32) {
-        let shift = BYPASS_BITS - self.n_bits;
-        let value = quantile >> shift;
-        // A power of two is above zero; the minimum only tells the compiler.
-        (value, value << shift, NonZeroU32::new(1 << shift).unwrap_or(NonZeroU32::MIN))
     }
 }
 
