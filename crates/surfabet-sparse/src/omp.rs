@@ -137,8 +137,7 @@ impl<'a> Coder<'a> {
             squared_norms,
             gram: Vec::new(),
         };
-        let shares_gram = |i| Pursuit::start(signals, i, 0.0, 0).is_some_and(|p| !p.is_weighted());
-        if coder.most_atoms() > 1 && (0..signals.len()).any(shares_gram) {
+        if coder.most_atoms() > 1 && (0..signals.len()).any(|i| signals.is_evenly_weighted(i)) {
             coder.gram = gram(dictionary, &coder.by_feature, progress)?;
         }
         Ok(coder)

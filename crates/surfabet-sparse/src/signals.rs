@@ -76,6 +76,14 @@ impl<'a> Signals<'a> {
         self.weights.map(|w| &w[i * self.n_features..][..self.n_features])
     }
 
+    /// True when something of signal `i` is observed and every value of it counts the same.
+    ///
+    /// # Panics
+    /// If `i` is not below [`Signals::len`].
+    pub fn is_evenly_weighted(&self, i: usize) -> bool {
+        self.weights(i).is_none_or(|w| w[0] > 0.0 && w.iter().all(|&weight| weight == w[0]))
+    }
+
     /// Weighted squared norm of signal `i`, `Σ w s²`.
     ///
     /// # Panics
@@ -131,6 +139,11 @@ mod tests {
         assert_eq!(signals.len(), 2);
         assert_eq!(signals.values(1), [4.0, 5.0, 6.0]);
         assert_eq!(signals.weights(0), Some(&[1.0, 0.0, 0.5][..]));
+        assert!(!signals.is_evenly_weighted(0));
+        let halves = Signals::new(3, &values, Some(&[0.5, 0.5, 0.5, 0.0, 0.0, 0.0])).unwrap();
+        assert!(halves.is_evenly_weighted(0), "as if without weights");
+        assert!(!halves.is_evenly_weighted(1), "nothing is observed");
+        assert!(Signals::new(3, &values, None).unwrap().is_evenly_weighted(1));
         assert!(Signals::new(3, &[], None).unwrap().is_empty());
     }
 

@@ -7,6 +7,12 @@ use super::{Best, Winner, Winners};
 /// Neurons whose least distance is computed before each is compared: those of most batches need no comparison.
 const BATCH: usize = 64;
 
+/// Batches whose least distances bound the second winner's before any neuron is compared.
+const BATCHES: usize = 64;
+
+/// Distances compared at once: a vector of eight single precision numbers.
+const LANES: usize = 8;
+
 /// All distances for every signal, in columns.
 #[derive(Debug, Clone, Default)]
 pub struct BruteForce {
@@ -53,21 +59,33 @@ impl WithSimd for TwoNearest<'_> {
         let Self { columns, query } = self;
         let mut best = Best([Winner::NONE; 2]);
         let [xs, ys, zs] = [0, 1, 2].map(|a| columns[a].as_chunks::<BATCH>().0);
-        let mut distances = [0.0_f32; BATCH];
-        for (batch, ((x, y), z)) in xs.iter().zip(ys).zip(zs).enumerate() {
-            for lane in 0..BATCH {
-                let d = [x[lane] - query[0], y[lane] - query[1], z[lane] - query[2]];
-                distances[lane] = (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2];
-            }
-            let mut least = [f32::INFINITY; 8];
-            for part in distances.as_chunks::<8>().0 {
-                for (l, &d) in least.iter_mut().zip(part) {
-                    *l = if d < *l { d } else { *l };
+        let distance = |batch: usize, lane: usize| {
+            let p = [xs[batch][lane], ys[batch][lane], zs[batch][lane]];
+            let d = [0, 1, 2].map(|a| p[a] - query[a]);
+            (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]
+        };
+        for first in (0..xs.len()).step_by(BATCHES) {
+            let group = first..xs.len().min(first + BATCHES);
+            let mut least = [f32::INFINITY; BATCHES];
+            // The two batches that come nearest hold two neurons at least as near as this bound.
+            let mut bound = Best(best.0);
+            for batch in group.clone() {
+                let mut lanes = [f32::INFINITY; LANES];
+                for lane in (0..BATCH).step_by(LANES) {
+                    for (l, nearest) in lanes.iter_mut().enumerate() {
+                        let d = distance(batch, lane + l);
+                        *nearest = if d < *nearest { d } else { *nearest };
+                    }
                 }
+                least[batch - first] = lanes.into_iter().fold(f32::INFINITY, f32::min);
+                bound.offer(Winner::new(least[batch - first], batch as u32));
             }
-            if least.into_iter().fold(f32::INFINITY, f32::min) <= best.limit() {
-                for (lane, &d) in distances.iter().enumerate() {
-                    best.offer(Winner::new(d, (batch * BATCH + lane) as u32));
+            for batch in group {
+                if least[batch - first] <= bound.limit() {
+                    for lane in 0..BATCH {
+                        let id = (batch * BATCH + lane) as u32;
+                        best.offer(Winner::new(distance(batch, lane), id));
+                    }
                 }
             }
         }
