@@ -281,23 +281,25 @@ def of_copc(file: io.BytesIO, box: Box, spacing: float) -> int:
     return len(CopcReader(file).query(bounds=Bounds(*box), resolution=spacing))
 
 
-MODES = ("stream", "memory", "tiles")
-
-
 def memory(sizes: list[int], modes: list[str]) -> None:
-    """Bytes, seconds and peak memory of whole processes, of a source that makes its points as they
-    are read: only made, learned in memory, and in tiles with 2 GiB."""
+    """Bytes, seconds and peak memory of whole processes: of a source that makes its points as they
+    are read, only made, learned in memory, and in tiles with 2 GiB; of a file, in tiles. Files are
+    written before, and not counted."""
     print_header("points", "learned", "bytes", "per point", "s", "CPU s", "peak (MB)", "tiles")
     for n_points in sizes:
         for mode in modes:
-            began = time.perf_counter()
-            done = subprocess.run(
-                [sys.executable, __file__, "--one", mode, str(n_points)],
-                capture_output=True,
-                text=True,
-                check=True,
-            )
-            seconds = time.perf_counter() - began
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder) / f"points.{mode}"
+                if mode in WRITERS:
+                    WRITERS[mode](file, n_points)
+                began = time.perf_counter()
+                done = subprocess.run(
+                    [sys.executable, __file__, "--one", mode, str(n_points), str(file)],
+                    capture_output=True,
+                    text=True,
+                    check=True,
+                )
+                seconds = time.perf_counter() - began
             n_kept, n_bytes, tiles, cpu, peak = map(int, done.stdout.split())
             per_point = f"{n_bytes / n_kept:.4f}" if n_bytes else ""
             cells = (f"{n_bytes:,}", per_point, f"{seconds:.0f}", cpu, peak, tiles)
@@ -314,7 +316,35 @@ def streamed(n_points: int) -> Iterator[sb.PointCloud]:
         i += 1
 
 
-def one(mode: str, n_points: int) -> None:
+def write_las(file: Path, n_points: int) -> None:
+    """The streamed points as a LAS file of 0.1 mm."""
+    import laspy
+
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, 1e-4)
+    with laspy.open(file, mode="w", header=header) as writer:
+        for cloud in streamed(n_points):
+            record = laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header)
+            record.x, record.y, record.z = cloud.points.T
+            writer.write_points(record)
+
+
+def write_ply(file: Path, n_points: int) -> None:
+    """The streamed points as a binary PLY file of single precision."""
+    with file.open("wb") as out:
+        head = ["ply", "format binary_little_endian 1.0", f"element vertex {n_points}"]
+        out.write(
+            "\n".join([*head, *(f"property float {a}" for a in "xyz"), "end_header\n"]).encode()
+        )
+        for cloud in streamed(n_points):
+            out.write(np.asarray(cloud.points, dtype="<f4").tobytes())
+
+
+WRITERS = {"las": write_las, "ply": write_ply}
+MODES = ("stream", "memory", "tiles", *WRITERS)
+
+
+def one(mode: str, n_points: int, file: Path) -> None:
     """A run in a process of its own."""
     n_bytes = n_tiles = 0
     with tempfile.TemporaryDirectory() as folder:
@@ -326,7 +356,8 @@ def one(mode: str, n_points: int) -> None:
             n_kept = len(cloud)
             n_bytes = sb.learn_patches(cloud).save(path)
         else:
-            report = sb.learn_patches_tiled(streamed(n_points), path, max_memory=2 << 30)
+            source = file if mode in WRITERS else streamed(n_points)
+            report = sb.learn_patches_tiled(source, path, max_memory=2 << 30)
             n_kept, n_bytes, n_tiles = report.n_kept, report.n_bytes, report.n_tiles
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     print(n_kept, n_bytes, n_tiles, round(cpu_seconds()), peak)
@@ -342,11 +373,11 @@ def main() -> None:
     parser.add_argument(
         "--plan-by-all", action="store_true", help="what tiles share follows from all points"
     )
-    parser.add_argument("--learned", nargs="+", choices=MODES, default=list(MODES))
-    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--learned", nargs="+", choices=MODES, default=MODES[:3])
+    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
-        one(options.one[0], int(options.one[1]))
+        one(options.one[0], int(options.one[1]), Path(options.one[2]))
         return
     if options.part == "memory":
         memory([int(n) for n in options.points], options.learned)

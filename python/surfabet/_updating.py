@@ -20,7 +20,6 @@ from surfabet.io._files import path_of
 from surfabet.io.chunks import Chunks, chunks_of
 from surfabet.tiling import (
     BASE_MEMORY,
-    BYTES_PER_POINT,
     checked_memory,
     members_of,
     scene_of,
@@ -88,7 +87,7 @@ class ScanOnDisk:
         # Of the tiles around as much as of this one, by the area within the margin.
         about = (1 + 2 * self._plan["margin"] / side) ** 2
         n_known = 0 if alone else int(about * self._core.remembered_points(cube))
-        need = BASE_MEMORY + BYTES_PER_POINT * (n_new + n_known)
+        need = BASE_MEMORY + self._spill.bytes_per_point * (n_new + n_known)
         if need > self._max_memory:
             raise InvalidInputError(
                 f"max_memory is {self._max_memory / 1e9:.2f}e9 bytes, but a tile of {side:.3g} m "

@@ -10,7 +10,6 @@ import shutil
 import tempfile
 import threading
 import warnings
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -50,10 +49,6 @@ from surfabet.survey import survey
 from surfabet.tiles import merge_tiles, open_tiled
 
 __all__ = ["TileJob", "TilingReport", "learn_patches_tiled", "learn_tile"]
-
-BYTES_PER_POINT = 200
-"""Memory that a tile is taken to need per point of it and around it, bytes: up to 145 for learning
-patches, the rest for reading the points."""
 
 BASE_MEMORY = 200 << 20
 """Memory beside that of the points: the interpreter, its packages, and a chunk of the source."""
@@ -491,7 +486,7 @@ def _plan(
     low = spill.corners(bricks)
     bounds = (low.min(axis=0), low.max(axis=0) + spill.side)
     origin = np.rint((bounds[0] + bounds[1]) / 2)
-    most = min(_SAMPLE_POINTS, (memory - BASE_MEMORY) // BYTES_PER_POINT)
+    most = min(_SAMPLE_POINTS, (memory - BASE_MEMORY) // spill.bytes_per_point)
     # At random: every n-th one would be those of one height in places.
     mixed = np.random.default_rng(0).permutation(bricks)
     n_sampled = int(np.searchsorted(np.cumsum(spill.counts[mixed]), most, side="right"))
@@ -525,7 +520,7 @@ def _fitting(
     while True:
         members = members_of(spill, bricks, plan)
         largest = max(int(spill.counts[of].sum()) for of in members.values())
-        need = BASE_MEMORY + BYTES_PER_POINT * largest
+        need = BASE_MEMORY + spill.bytes_per_point * largest
         side = plan["side"] * plan["pixel_size"]
         if need <= memory:
             return plan
@@ -601,11 +596,12 @@ class _Here:
 
     def __init__(self, spill: Spill, memory: int) -> None:
         self._counts = spill.counts
+        self._bytes_per_point = spill.bytes_per_point
         self._memory = memory
 
     def _need(self, job: TileJob) -> int:
         """Memory that a tile is taken to need beside that of all, bytes."""
-        return BYTES_PER_POINT * int(self._counts[list(job.bricks)].sum())
+        return self._bytes_per_point * int(self._counts[list(job.bricks)].sum())
 
     def learn(self, jobs: Iterable[TileJob], after_each: Callable[[], None]) -> None:
         """Learns tiles, the largest first, so that none is left over at the end; `after_each` is
@@ -613,14 +609,14 @@ class _Here:
 
         Ctrl-C and errors reach this thread; the others then leave their tiles as they are.
         """
-        rest = deque(sorted(jobs, key=lambda job: (-self._need(job), job.cube)))
+        rest = sorted(jobs, key=lambda job: (-self._need(job), job.cube))
         begun: dict[Future[str], int] = {}
         stop = _core.Stop()
         with ThreadPoolExecutor(_core.get_num_threads()) as threads:
             try:
                 while rest or begun:
-                    while rest and self._has_room(rest[0], begun):
-                        job = rest.popleft()
+                    while (job := self._next(rest, begun)) is not None:
+                        rest.remove(job)
                         begun[threads.submit(run_job, job, stop)] = self._need(job)
                     # With a limit, since a signal does not end every wait.
                     finished, _ = wait(begun, timeout=_POLL, return_when=FIRST_COMPLETED)
@@ -631,12 +627,14 @@ class _Here:
             finally:
                 stop.set()
 
-    def _has_room(self, job: TileJob, begun: Mapping[Future[str], int]) -> bool:
-        """Whether a tile can be learned beside others."""
+    def _next(self, rest: list[TileJob], begun: Mapping[Future[str], int]) -> TileJob | None:
+        """The first tile that can be learned beside those that are begun."""
         if not begun:
-            return True
-        need = BASE_MEMORY + sum(begun.values()) + self._need(job)
-        return len(begun) < _core.get_num_threads() and need <= self._memory
+            return next(iter(rest), None)
+        if len(begun) >= _core.get_num_threads():
+            return None
+        room = self._memory - BASE_MEMORY - sum(begun.values())
+        return next((job for job in rest if self._need(job) <= room), None)
 
 
 def _learn(

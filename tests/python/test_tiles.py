@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 import surfabet as sb
 from surfabet import tiling
+from surfabet._spill import Spill
 from surfabet.cli import main
 from surfabet.errors import FormatError, InvalidInputError
 from test_format import Fields, sections
@@ -728,7 +729,8 @@ def test_tiles_are_made_small_enough_for_the_memory(
 ) -> None:
     monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
     monkeypatch.setattr(tiling, "_BRICK_SPACINGS", 20)
-    most = (1 << 20) + tiling.BYTES_PER_POINT * 105_000
+    monkeypatch.setattr(Spill, "bytes_per_point", 200)
+    most = (1 << 20) + 200 * 105_000
     path = tmp_path / "map.sfb"
     report = sb.learn_patches_tiled(cloud, path, max_memory=most, **OPTIONS)
     assert report.tile < 1536 * PIXEL

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import surfabet as sb
-from surfabet import tiling
+from surfabet import _spill, tiling
 from surfabet._spill import Spill, SpillWriter
 from test_tiles import OPTIONS, TILE, room
 
@@ -156,19 +156,56 @@ def test_tiles_are_learned_at_once_as_far_as_the_memory_goes(
         assert most == 2
         assert path.read_bytes() == wanted
     monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
+    monkeypatch.setattr(Spill, "bytes_per_point", _spill.BYTES_PER_POINT)
     # Both sides of what those two tiles take.
-    need = (1 << 20) + tiling.BYTES_PER_POINT * n_points
+    need = (1 << 20) + _spill.BYTES_PER_POINT * n_points
     for memory in (need, need - 1):
         with monkeypatch.context() as patched:
             _, found, _ = at_once(iter(chunks), path, patched, max_memory=memory)
-            assert (1 << 20) + tiling.BYTES_PER_POINT * found <= memory
+            assert (1 << 20) + _spill.BYTES_PER_POINT * found <= memory
             assert path.read_bytes() == wanted
     # As much as the largest one takes.
-    memory = (1 << 20) + tiling.BYTES_PER_POINT * largest
+    memory = (1 << 20) + _spill.BYTES_PER_POINT * largest
     _, found, _ = at_once(iter(chunks), path, monkeypatch, max_memory=memory)
     assert found == largest
 
 
+def test_what_is_kept_beside_coordinates_takes_memory_too(tmp_path: Path) -> None:
+    """Three numbers of a colour, one of an intensity, none of what is not kept."""
+    needs = []
+    for name, given in {
+        "bare": {},
+        "colors": {"colors": np.zeros((1, 3), np.uint8)},
+        "both": {"colors": np.zeros((1, 3), np.uint8), "intensities": np.zeros(1, np.float32)},
+        "other": {"extra": {"label": np.zeros(1, np.uint8)}},
+    }.items():
+        (tmp_path / name).mkdir()
+        cloud = sb.PointCloud(np.zeros((1, 3)), **given)
+        writer = SpillWriter(tmp_path / name, 1.0, cloud, ("colors", "intensities"))
+        writer.add(cloud)
+        needs.append(writer.finish().bytes_per_point - _spill.BYTES_PER_POINT)
+        writer.close()
+    once, each = _spill.BYTES_WITH_VALUES, _spill.BYTES_PER_VALUE
+    assert needs == [0, once + 3 * each, once + 4 * each, 0]
+
+
+@pytest.mark.usefixtures("two_threads")
+def test_a_small_tile_is_learned_beside_a_large_one(
+    chunks: list[sb.PointCloud], wanted: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where two of the largest do not fit, the first that does is next."""
+    _, _, largest = at_once(iter(chunks), tmp_path / "map.sfb", monkeypatch)
+    monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
+    monkeypatch.setattr(Spill, "bytes_per_point", _spill.BYTES_PER_POINT)
+    memory = (1 << 20) + _spill.BYTES_PER_POINT * int(1.3 * largest)
+    path = tmp_path / "again.sfb"
+    most, found, _ = at_once(iter(chunks), path, monkeypatch, max_memory=memory)
+    assert most == 2
+    assert largest < found <= 1.3 * largest
+    assert path.read_bytes() == wanted
+
+
+@pytest.mark.usefixtures("two_threads")
 def test_one_thread_learns_one_tile_at_a_time(
     chunks: list[sb.PointCloud], wanted: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
