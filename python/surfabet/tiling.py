@@ -63,9 +63,6 @@ _SAMPLE_POINTS = 3_000_000
 _STRAY_POINTS = 1000
 """Bricks that stand far off are no part of the scene when they have fewer points."""
 
-_SEVERAL = 4
-"""Tiles of a scene that has several: with fewer, smaller ones cost bytes and gain little time."""
-
 _MANIFEST = "manifest.json"
 _WINDOW = 2
 """Tiles that wait for each worker."""
@@ -519,20 +516,14 @@ def _fitting(
     tile: float | None,
     memory: int,
 ) -> dict[str, Any]:
-    """The plan with tiles that are small enough for the memory; of a scene of several tiles so
-    small that two are learned at once, where they can be and no side was asked for."""
-    fitting = None
-    n_points = int(spill.counts[bricks].sum())
+    """The plan with tiles that are small enough for the memory."""
     while True:
         members = members_of(spill, bricks, plan)
         largest = max(int(spill.counts[of].sum()) for of in members.values())
         need = BASE_MEMORY + spill.bytes_per_point * largest
         side = plan["side"] * plan["pixel_size"]
         if need <= memory:
-            fitting = fitting or plan
-            one_by_one = tile is not None or n_points < _SEVERAL * largest
-            if one_by_one or need + spill.bytes_per_point * largest <= memory:
-                return plan
+            return plan
         if tile is not None:
             raise InvalidInputError(
                 f"tile is {tile:g}, but a tile of {side:.3g} m with {largest:,} points in it and "
@@ -548,8 +539,6 @@ def _fitting(
         except InvalidInputError:
             smaller = plan
         if 2 * smaller["margin"] >= side or smaller is plan or 2 * spill.side > side:
-            if fitting is not None:
-                return fitting
             raise InvalidInputError(
                 f"max_memory leaves {memory / 1e9:.2f} GB for each worker, and the smallest tiles, "
                 f"of {side:.3g} m, take {need / 1e9:.2f} GB; give more, or a coarser resolution",

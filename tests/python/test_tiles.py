@@ -739,28 +739,6 @@ def test_tiles_are_made_small_enough_for_the_memory(
         sb.learn_patches_tiled(cloud, path, tile=30, max_memory=most, **OPTIONS)
 
 
-def test_of_several_tiles_two_are_learned_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Five floors of 4 x 4 m, a tile each: smaller ones where two floors do not fit the memory."""
-    monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
-    monkeypatch.setattr(tiling, "_BRICK_SPACINGS", 20)
-    monkeypatch.setattr(Spill, "bytes_per_point", 200)
-    side = np.arange(0.02, 4, 0.04)
-    floor = np.stack(np.meshgrid(side, side, [0.0]), axis=-1).reshape(-1, 3)
-    apart = 20.0 * np.eye(1, 3)
-    floors = sb.PointCloud(np.concatenate([floor + i * apart for i in range(5)]))
-    sides = {}
-    for name, n_at_once in {"two": 2.5, "one": 1.5}.items():
-        memory = (1 << 20) + int(200 * n_at_once * len(floor))
-        report = sb.learn_patches_tiled(
-            floors, tmp_path / "map.sfb", max_memory=memory, resolution=0.01
-        )
-        assert report.n_kept == len(floors)
-        sides[name] = report.tile
-    assert sides["one"] <= 0.5 * sides["two"]
-
-
 def test_the_command_line_learns_and_reads_parts(
     cloud: sb.PointCloud, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
