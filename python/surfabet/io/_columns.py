@@ -307,20 +307,33 @@ class NoReturnFacts:
     high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
     near: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     """The nearest of the others."""
+    near_squares: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """Squares of their distances from 0 0 0."""
 
     def add(self, points: Column) -> None:
         """Adds some points, (n, 3)."""
         zero = _at_zero(points)
-        self.n_zero += int(zero.sum())
-        others = points[~zero] if zero.any() else points
-        others = others[np.isfinite(others).all(axis=1)].astype(np.float64)
-        if len(others):
-            self.low = np.minimum(self.low, others.min(axis=0))
-            self.high = np.maximum(self.high, others.max(axis=0))
-            self.near = np.concatenate([self.near, others])
-            squares = (self.near**2).sum(axis=1)
-            nearest = np.argpartition(squares, min(_NEAR, len(squares)) - 1)[:_NEAR]
-            self.near = self.near[nearest]
+        self.n_zero += int(np.count_nonzero(zero))
+        # Column by column: of rows of three numbers numpy reduces one at a time.
+        axes = [points[:, axis] for axis in range(3)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = np.add.reduce([axis.astype(np.float64) ** 2 for axis in axes])
+        measured = np.isfinite(squares) & ~zero
+        if not measured.all():
+            axes, squares = [axis[measured] for axis in axes], squares[measured]
+        if not len(squares):
+            return
+        self.low = np.minimum(self.low, [float(axis.min()) for axis in axes])
+        self.high = np.maximum(self.high, [float(axis.max()) for axis in axes])
+        limit = self.near_squares.max() if len(self.near) == _NEAR else np.inf
+        nearer = np.flatnonzero(squares < limit)
+        if len(nearer) > _NEAR:
+            nearer = nearer[np.argpartition(squares[nearer], _NEAR - 1)[:_NEAR]]
+        rows = np.stack([axis[nearer] for axis in axes], axis=1).astype(np.float64)
+        near = np.concatenate([self.near, rows])
+        near_squares = np.concatenate([self.near_squares, squares[nearer]])
+        kept = np.argpartition(near_squares, min(_NEAR, len(near)) - 1)[:_NEAR]
+        self.near, self.near_squares = near[kept], near_squares[kept]
 
     @property
     def are_none(self) -> bool:
@@ -329,7 +342,7 @@ class NoReturnFacts:
             return False
         if self.n_zero == 1:
             extent = float(np.linalg.norm(self.high - self.low))
-            nearest = float(np.sqrt((self.near**2).sum(axis=1).min()))
+            nearest = float(np.sqrt(self.near_squares.min()))
             return nearest > max(LARGEST_UNSHIFTED, extent)
         # Rounded coordinates put several measurements at one place.
         _, counts = np.unique(self.near, axis=0, return_counts=True)
