@@ -277,6 +277,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from surfabet.cli._numbers import WHOLE
+
 __all__ = ["LEARN_OPTIONS", "LearnOptions", "ModelName"]
 
 '''
@@ -357,6 +359,8 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from surfabet.cli._numbers import WHOLE
+
 __all__ = ["{constant}", "{of_class}"]
 
 SEARCH = Group("Options of the search", sort_key=1)
@@ -389,7 +393,8 @@ def group(model: str) -> str:
 def cli_field(name: str, annotation: str, of_group: str) -> str:
     """The declaration of one field, broken as the formatter breaks it."""
     extra = ", consume_multiple=True, negative=()" if annotation.startswith("Sequence") else ""
-    parameter = f"Parameter(group={of_group}{extra})"
+    whole = ", WHOLE" if annotation.startswith("int") else ""
+    parameter = f"Parameter(group={of_group}{extra}){whole}"
     declared = f"    {name}: Annotated[{annotation}, {parameter}]"
     if len(declared) + len(" = None") <= WIDTH:
         return f"{declared} = None\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from surfabet import _interrupt  # noqa: F401 - first: Ctrl-C while the others are imported
 from surfabet._core import PointCloud, __version__, get_num_threads, note_fork, set_num_threads
 from surfabet.alphabet import (
     Alphabet,

@@ -186,12 +186,11 @@ class Alphabet:
             Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180
             degrees; by default estimated from the spacing of the points.
         noise
-            Standard deviation of a measured point about its surface. 0 or a positive number of
-            metres; by default estimated as the median deviation of neighbouring points from their
-            plane.
+            Standard deviation of a measured point about its surface. A number from 0 to 1e9 metres;
+            by default estimated as the median deviation of neighbouring points from their plane.
         min_range
-            Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
-            number of metres; by default 0.
+            Points nearer to the sensor are left out, such as the robot's own body. A number from 0
+            to 1e9 metres; by default 0.
         keep_outliers
             Keeps points that are far from all others. Otherwise those of which a few would make the
             scene many times as large as it is are left out, and counted in the report. True or
@@ -449,8 +448,9 @@ def learn_alphabet(
         Small files or fine detail. Sets `inlier_bits`, unless that is given, to 4, 7 or 24.
         'small', 'balanced' or 'fine'; by default balanced.
     radius
-        Smallest radius of a word (delta). A positive number of metres; by default from the data:
-        three spacings of the points, or one and a half times the median sigma where that is more.
+        Smallest radius of a word (delta). A number from 1e-9 to 1e9 metres; by default from the
+        data: three spacings of the points, or one and a half times the median sigma where that is
+        more.
     scales
         Number of radii, each twice the one before. An integer from 1 to 8; by default 4.
     max_words
@@ -475,11 +475,11 @@ def learn_alphabet(
         Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180 degrees; by
         default estimated from the spacing of the points.
     noise
-        Standard deviation of a measured point about its surface. 0 or a positive number of metres;
-        by default estimated as the median deviation of neighbouring points from their plane.
+        Standard deviation of a measured point about its surface. A number from 0 to 1e9 metres; by
+        default estimated as the median deviation of neighbouring points from their plane.
     min_range
-        Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
-        number of metres; by default 0.
+        Points nearer to the sensor are left out, such as the robot's own body. A number from 0 to
+        1e9 metres; by default 0.
     keep_outliers
         Keeps points that are far from all others. Otherwise those of which a few would make the
         scene many times as large as it is are left out, and counted in the report. True or False;

@@ -102,18 +102,18 @@ class BicAlphabet:
             Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180
             degrees; by default estimated from the spacing of the points.
         noise
-            Standard deviation of a measured point about its surface. The paper has none. 0 or a
-            positive number of metres; by default 0. None: estimated as the median deviation of
+            Standard deviation of a measured point about its surface. The paper has none. A number
+            from 0 to 1e9 metres; by default 0. None: estimated as the median deviation of
             neighbouring points from their plane.
         min_range
-            Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
-            number of metres; by default 0.
+            Points nearer to the sensor are left out, such as the robot's own body. A number from 0
+            to 1e9 metres; by default 0.
         epsilon
             Least distance of decoded points (epsilon, eq. 3). It should be below the sigma of near
-            points. A positive number of metres; by default a fifth of the radius.
+            points. A number from 1e-9 to 1e5 metres; by default a fifth of the radius.
         feature_spacing
-            Largest distance of a point of the scene to a feature. A positive number of metres; by
-            default the radius.
+            Largest distance of a point of the scene to a feature. A number from 1e-9 to 1e9 metres;
+            by default the radius.
         interest_scales
             Scales of the Laplacian of Gaussian that finds interest points in the range image.
             Without scales, or where the cloud has no viewpoints, features are spread uniformly
@@ -263,8 +263,8 @@ def learn_bic_alphabet(
         Small files or fine detail. Sets `radius`, unless that is given: 'small' doubles it, 'fine'
         halves it. 'small', 'balanced' or 'fine'; by default balanced.
     radius
-        Radius of a word (delta, eq. 1). A positive number of metres; by default from the data: four
-        spacings of the points, or a 300th of the scene where that is more.
+        Radius of a word (delta, eq. 1). A number from 1e-6 to 1e5 metres; by default from the data:
+        four spacings of the points, or a 300th of the scene where that is more.
     sigma_scale
         Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is
         this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number; by
@@ -273,17 +273,17 @@ def learn_bic_alphabet(
         Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180 degrees; by
         default estimated from the spacing of the points.
     noise
-        Standard deviation of a measured point about its surface. The paper has none. 0 or a
-        positive number of metres; by default 0. None: estimated as the median deviation of
-        neighbouring points from their plane.
+        Standard deviation of a measured point about its surface. The paper has none. A number from
+        0 to 1e9 metres; by default 0. None: estimated as the median deviation of neighbouring
+        points from their plane.
     min_range
-        Points nearer to the sensor are left out, such as the robot's own body. 0 or a positive
-        number of metres; by default 0.
+        Points nearer to the sensor are left out, such as the robot's own body. A number from 0 to
+        1e9 metres; by default 0.
     epsilon
         Least distance of decoded points (epsilon, eq. 3). It should be below the sigma of near
-        points. A positive number of metres; by default a fifth of the radius.
+        points. A number from 1e-9 to 1e5 metres; by default a fifth of the radius.
     feature_spacing
-        Largest distance of a point of the scene to a feature. A positive number of metres; by
+        Largest distance of a point of the scene to a feature. A number from 1e-9 to 1e9 metres; by
         default the radius.
     interest_scales
         Scales of the Laplacian of Gaussian that finds interest points in the range image. Without

@@ -132,8 +132,8 @@ class GasModel(Model[_core.GasModel]):
             Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50.
         target_error
             Mean distance of signals to their winners at which the network stops growing before it
-            has all its neurons. A positive number of metres; by default it grows until it has all
-            its neurons.
+            has all its neurons. A number from 1e-9 to 1e9 metres; by default it grows until it has
+            all its neurons.
         color_step
             Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
         attribute_step
@@ -369,15 +369,15 @@ def learn_gas(
         Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50.
     target_error
         Mean distance of signals to their winners at which the network stops growing before it has
-        all its neurons. A positive number of metres; by default it grows until it has all its
+        all its neurons. A number from 1e-9 to 1e9 metres; by default it grows until it has all its
         neurons.
     passes
         Number of signals as a multiple of the number of points. Learning ends there, whether or not
-        the network has all its neurons. A number above 0 and at most 1000000; by default `patterns`
+        the network has all its neurons. A number above 0 and at most 1e6; by default `patterns`
         signals per neuron.
     position_step
-        Rounding of positions, taken to the next power of two below. A positive number of metres; by
-        default a sixteenth of the mean edge.
+        Rounding of positions, taken to the next power of two below. A number from 1e-9 to 1e9
+        metres; by default a sixteenth of the mean edge.
     color_step
         Rounding of colours. An integer from 1 to 64 grey levels; by default 8.
     attribute_step

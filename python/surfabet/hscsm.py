@@ -179,9 +179,9 @@ class HscsmDictionary:
             The scan; with colours or intensities only if the dictionary has colour.
         max_depth_deviation
             Largest standard deviation of depth in a pixel (rho_max_depth). What deviates more goes
-            to the level below; the lowest level takes all. A positive number of metres; by default
-            `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the
-            lowest.
+            to the level below; the lowest level takes all. A number from 1e-9 to 1e9 metres; by
+            default `resolution` / sqrt(3), at which every level accepts sheets as thick as those of
+            the lowest.
         max_color_deviation
             Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
             channels. A positive number of grey levels; by default 20.
@@ -201,10 +201,10 @@ class HscsmDictionary:
         depth_tolerance
             Root mean square error at which coding of a patch's depth ends, on the lowest level.
             Each level above has half the tolerance of the one below, since its errors spread over
-            larger patches. A positive number of metres; by default a fifth of `resolution`.
+            larger patches. A number from 1e-9 to 1e9 metres; by default a fifth of `resolution`.
         color_tolerance
             Root mean square error at which coding of a patch's colour ends, on the lowest level. It
-            is halved from level to level likewise. A number above 0 and at most 255 grey levels; by
+            is halved from level to level likewise. A number from 0.001 to 255 grey levels; by
             default 7.
         fine_masks
             Bitmasks of all levels have pixels of the lowest one: coarse patches then have the gaps
@@ -458,8 +458,8 @@ def learn_hscsm(
         paper's sizes where none are given. True or False; by default False.
     resolution
         Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost. A
-        positive number of metres; by default from the data: two and a half spacings of the points,
-        or 1.25 standard deviations of their noise where that is more.
+        number from 1e-9 to 1e9 metres; by default from the data: two and a half spacings of the
+        points, or 1.25 standard deviations of their noise where that is more.
     patch_pixels
         Pixels per side of a patch. The patch size (ps) is this times `resolution`. An integer from
         2 to 32; by default 8.
@@ -468,7 +468,7 @@ def learn_hscsm(
         below it. An integer from 1 to 8; by default 3.
     max_depth_deviation
         Largest standard deviation of depth in a pixel (rho_max_depth). What deviates more goes to
-        the level below; the lowest level takes all. A positive number of metres; by default
+        the level below; the lowest level takes all. A number from 1e-9 to 1e9 metres; by default
         `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the lowest.
     max_color_deviation
         Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
@@ -495,11 +495,10 @@ def learn_hscsm(
     depth_tolerance
         Root mean square error at which coding of a patch's depth ends, on the lowest level. Each
         level above has half the tolerance of the one below, since its errors spread over larger
-        patches. A positive number of metres; by default a fifth of `resolution`.
+        patches. A number from 1e-9 to 1e9 metres; by default a fifth of `resolution`.
     color_tolerance
         Root mean square error at which coding of a patch's colour ends, on the lowest level. It is
-        halved from level to level likewise. A number above 0 and at most 255 grey levels; by
-        default 7.
+        halved from level to level likewise. A number from 0.001 to 255 grey levels; by default 7.
     iterations
         Most iterations of weighted K-SVD per dictionary. An integer from 1 to 1000; by default 8.
     fine_masks

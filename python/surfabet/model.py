@@ -146,7 +146,9 @@ class Model(Generic[C]):
             the scan. Only for models with `keeps_thickness`.
         normals
             Give every point the unit normal of its surface, towards where it was seen from where
-            that is known.
+            that is known; of a gas zero at a neuron without a plane. Normals that the cloud itself
+            had are not kept: planes and gas take the side from them where there are no viewpoints,
+            the other methods nothing.
         box
             Lower and upper corner of a box in world coordinates, metres: gives the points of the
             whole cloud that lie in it, in the same order.

@@ -255,7 +255,7 @@ def learn_patches(
         'fine' halves it. 'small', 'balanced' or 'fine'; by default balanced.
     resolution
         Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method
-        follow it. A positive number of metres; by default from the data: 2.25 spacings of the
+        follow it. A number from 1e-8 to 1e5 metres; by default from the data: 2.25 spacings of the
         points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of their noise
         or half of max_error (with max_error_forward all of it, or of that where it is less),
         whichever is most.
@@ -264,12 +264,12 @@ def learn_patches(
         it, pixels and patches double in size. An integer from 1 to 4; by default 2.
     max_error
         Largest distance of any input point to the cloud that is decoded as measured at the default
-        spacing. Points that would be further away are kept beside the patches. A positive number of
-        metres; by default no bound.
+        spacing. Points that would be further away are kept beside the patches. A number from 1e-8
+        to 1e5 metres; by default no bound.
     max_error_forward
         Largest distance of any decoded point to the input, as measured or as a surface at the
         default spacing: no surface is filled in where nothing was measured. Patches lose what would
-        be further away. A positive number of metres; by default no bound.
+        be further away. A number from 1e-8 to 1e5 metres; by default no bound.
     completeness
         Least share of the points that are within the tolerance of the cloud decoded as measured:
         two spacings, three standard deviations of the noise, or two thirds of a given `resolution`,

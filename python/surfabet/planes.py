@@ -278,8 +278,8 @@ def learn_planes(
         `min_probability`, do not count then. True or False; by default False.
     min_grid_size
         Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat
-        at this size. A positive number of metres; by default the median spacing of the points, or
-        three times their noise where that is more.
+        at this size. A number from 1e-9 to 1e9 metres; by default the median spacing of the points,
+        or three times their noise where that is more.
     weight_at_grid_size
         Weight of a point at distance G before normalisation (W, eq. 2). Points further than G from
         all patches support none. A number above 0 and below 1; by default 0.01.

@@ -115,7 +115,7 @@ def recurring(
     scene
         The scene, upright.
     min_count
-        How often a thing must occur. An integer from 2 to 1000000; by default 3.
+        How often a thing must occur. An integer from 2 to 1e6; by default 3.
     min_size
         Smallest diagonal of a thing. A positive number of metres; by default 0.2.
     max_size

@@ -298,8 +298,10 @@ def _level(level: int | None) -> int | None:
     return None if level is None else check_integer("level", level, 0)
 
 
-def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None) -> TiledPatchModel:
-    """The model of all tiles of some models that share one plan, in any order.
+def merge_tiles(
+    models: Sequence[TiledPatchModel | str | os.PathLike[str]], *, progress: Progress = None
+) -> TiledPatchModel:
+    """The model of all tiles of some models, or files of such, that share one plan, in any order.
 
     A tile that one of them has, or that is the same in all that have it, keeps its bytes. Where
     tiles of several differ, one is learned from what they hold, weighed by their numbers of points:
@@ -310,21 +312,21 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
     ------
     InvalidInputError
         Without models, for others than maps in tiles, and for models of different plans, with what
-        differs. Where tiles of several
-        differ, for models that cannot be learned on, as `TiledPatchModel.update`.
+        differs. Where tiles of several differ, for models that cannot be learned on, as
+        `TiledPatchModel.update`.
+    OSError
+        A file cannot be read, or, as a `FormatError`, is no model.
     """
-    models = check_items("models", models, "maps in tiles")
-    for number, model in enumerate(models):
-        if not isinstance(model, TiledPatchModel):
-            raise wrong_type(f"models[{number}]", model, "a TiledPatchModel")
-    if not models:
-        raise wrong_value("models", models, "one map in tiles or more", shown="empty")
+    given = check_items("models", models, "maps in tiles")
+    maps = [_map_of(f"models[{number}]", model) for number, model in enumerate(given)]
+    if not maps:
+        raise wrong_value("models", given, "one map in tiles or more", shown="empty")
     with progress_callback(progress) as callback:
-        cores = [model._core for model in models]
+        cores = [map_._core for map_ in maps]
         try:
-            read_from = tuple(part for model in models for part in model._read_from)
+            read_from = tuple(part for map_ in maps for part in map_._read_from)
             core = _core.merge_tiles(cores, progress=callback)
-            return TiledPatchModel(core, models[0]._note, read_from)
+            return TiledPatchModel(core, maps[0]._note, read_from)
         except InvalidInputError as error:
             if not (old := [i for i, core in enumerate(cores) if not core.has_plan]):
                 raise
@@ -337,6 +339,22 @@ def merge_tiles(models: Sequence[TiledPatchModel], *, progress: Progress = None)
                 value=f"maps without a plan at {which}",
                 requirement="maps that say how their tiles were learned",
             ) from error
+
+
+def _map_of(name: str, model: object) -> TiledPatchModel:
+    """The map in tiles that an argument is, or that its file holds."""
+    if isinstance(model, TiledPatchModel):
+        return model
+    requirement = "a TiledPatchModel or the path of one"
+    if not isinstance(model, str | os.PathLike):
+        raise wrong_type(name, model, requirement)
+    # The module of files knows all models, and so needs this one.
+    from surfabet.files import load
+
+    read = load(model)
+    if not isinstance(read, TiledPatchModel):
+        raise wrong_value(name, str(model), requirement)
+    return read
 
 
 def open_tiled(

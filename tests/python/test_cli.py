@@ -372,6 +372,49 @@ def test_an_interrupt_while_modules_are_imported_ends_alike() -> None:
     assert (process.returncode, process.stderr) == (130, "surfabet: interrupted\n")
 
 
+@pytest.mark.parametrize("start", ["-m surfabet", "-m surfabet.cli", "script"])
+@pytest.mark.parametrize("on_interrupt", [signal.SIG_DFL, signal.SIG_IGN])
+def test_an_interrupt_while_the_package_is_imported_ends_alike(
+    start: str, on_interrupt: signal.Handlers, tmp_path: Path
+) -> None:
+    # The interpreter imports this before anything else.
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, signal, sys\n"
+        "class Interrupt:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'surfabet.planes': os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupt())\n"
+    )
+    script = tmp_path / "surfabet"
+    script.write_text("import sys; from surfabet.cli import main; sys.exit(main())")
+    words = [str(script)] if start == "script" else start.split()
+    package = str(Path(sb.__file__).parent.parent)
+    process = subprocess.run(
+        [sys.executable, *words, "--version"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), package])},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, on_interrupt),
+    )
+    if on_interrupt is signal.SIG_IGN:
+        assert (process.returncode, process.stderr) == (0, "")
+    else:
+        assert (process.returncode, process.stderr) == (130, "surfabet: interrupted\n")
+
+
+def test_an_interrupt_while_a_program_imports_the_package_is_its_own() -> None:
+    code = "import signal, surfabet; print(signal.getsignal(signal.SIGINT).__name__)"
+    process = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert process.stdout == "default_int_handler\n"
+
+
 def test_an_interrupt_that_the_parent_ignores_is_ignored(ply: Path, tmp_path: Path) -> None:
     output = tmp_path / "out.sfb"
     process = start_compress(ply, output, "0.05", signal.SIG_IGN)

@@ -163,7 +163,7 @@ def test_another_scene_takes_the_options_that_apply(model: str) -> None:
 def test_an_error_names_what_was_given() -> None:
     with pytest.raises(ValueError, match="rate is 0, but must be a positive number of squared pix"):
         sb.learn_patches(CLOUD, rate=0)
-    with pytest.raises(TypeError, match="resolution is 'abc', but must be a positive number of me"):
+    with pytest.raises(TypeError, match="resolution is 'abc', but must be a number from 1"):
         sb.learn_patches(CLOUD, resolution="abc")  # type: ignore[arg-type]
     with pytest.raises(sb.InvalidInputError, match=r"iterations is \d+, but must be an integer"):
         sb.learn_hscsm(CLOUD, iterations=10**100)
@@ -197,6 +197,62 @@ def test_the_command_line_names_options_as_they_were_given(
         else:
             assert told.startswith(f"surfabet: error: {option} is ")
             assert told.endswith(f", but must be {spec['requirement']}\n")
+
+
+@pytest.mark.parametrize(("model", "spec"), ALL)
+def test_half_an_integer_is_none_on_the_command_line_either(
+    model: str, spec: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    if spec["kind"] != "int":
+        return
+    option = "--" + spec["name"].replace("_", "-")
+    for text in ("1.5", "2.0", "many"):
+        assert main(["compress", "none.ply", "none.sfb", "--model", model, option, text]) == 2
+        told = capsys.readouterr().err
+        assert told.startswith(
+            f'surfabet: error: Invalid value for {option}: "{text}" is no integer.'
+        )
+
+
+def refused_option(model: str, cloud: sb.PointCloud, **options: Any) -> str | None:
+    """The option that learning refuses; None where it takes them."""
+    refused = None
+    try:
+        LEARN[model](cloud, **options)
+    except sb.InvalidInputError as error:
+        refused = error
+    if refused is None:
+        return None
+    assert str(refused).startswith(f"{refused.argument} is {refused.value}, but must be ")
+    assert len(str(refused)) < 200
+    return refused.argument
+
+
+LENGTHS = [
+    pytest.param(model, spec, id=f"{model}-{spec['name']}")
+    for model, specs in SPECS.items()
+    for spec in specs
+    if spec["unit"] == "metres"
+]
+
+
+@pytest.mark.parametrize(("model", "spec"), LENGTHS)
+def test_lengths_at_the_ends_of_their_range_work_or_are_refused_by_name(
+    model: str, spec: dict[str, Any]
+) -> None:
+    names = {of["name"] for of in SPECS[model]}
+    for value in (spec["low"][0], spec["high"][0]):
+        assert refused_option(model, CLOUD, **{spec["name"]: value}) in names | {None}
+    for value in (5e-324, 1e300, -1e300):
+        if value < spec["low"][0] or value > spec["high"][0]:
+            assert refused_option(model, CLOUD, **{spec["name"]: value}) == spec["name"]
+
+
+@pytest.mark.parametrize("model", LEARN)
+@pytest.mark.parametrize("scale", [1e-30, 1e-12, 1e-6, 1e6, 1e12, 1e30, 1e37])
+def test_clouds_of_another_unit_work_or_are_refused_by_an_option(model: str, scale: float) -> None:
+    cloud = sb.PointCloud(CLOUD.points * scale)
+    assert refused_option(model, cloud) in {of["name"] for of in SPECS[model]} | {None}
 
 
 def test_help_has_every_option(capsys: pytest.CaptureFixture[str]) -> None:

@@ -217,6 +217,19 @@ def test_files(
     assert (tmp_path / "plan.svg").read_bytes() == before
 
 
+def test_where_no_room_is_large_enough_no_area_is_told(
+    model: sb.PlaneModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model.save(tmp_path / "walls.sfb")
+    words = ["plan", str(tmp_path / "walls.sfb"), str(tmp_path / "plan.svg"), "--min-room-area"]
+    assert main([*words, "13"]) == 0
+    told = capsys.readouterr().out
+    assert ", no rooms, " in told
+    assert "m2" not in told
+    assert main([*words, "10"]) == 0
+    assert ", 1 room of 12.0" in capsys.readouterr().out
+
+
 def test_a_floor_without_walls_names_the_heights_that_there_are(
     model: sb.PlaneModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

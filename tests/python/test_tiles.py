@@ -513,12 +513,25 @@ def test_tiles_are_put_together_in_any_order(
     assert sb.merge_tiles(halves).to_bytes() == model.to_bytes()
     # What is the same in several is there once.
     assert sb.merge_tiles([halves[0], model]) == model
+    # Files are as good as what they hold.
+    paths = [tmp_path / "first.sfb", tmp_path / "second.sfb"]
+    for half, path in zip(halves, paths, strict=True):
+        half.save(path)
+    assert sb.merge_tiles([paths[0], str(paths[1])]).to_bytes() == model.to_bytes()
+    assert sb.merge_tiles([halves[0], paths[1]]) == model
     with pytest.raises(InvalidInputError, match="empty"):
         sb.merge_tiles([])
     other = tmp_path / "other.sfb"
     sb.learn_patches_tiled(cloud, other, tile=2.0, resolution=0.03)
     with pytest.raises(InvalidInputError, match=r"models is .*made with one plan"):
         sb.merge_tiles([halves[0], sb.load(other)])
+    with pytest.raises(FileNotFoundError, match=r"none\.sfb"):
+        sb.merge_tiles([halves[0], tmp_path / "none.sfb"])
+    sb.learn_patches(cloud, resolution=0.1).save(other)
+    with pytest.raises(InvalidInputError, match=r"^models\[1\] is .*other\.sfb', but must be a"):
+        sb.merge_tiles([halves[0], other])
+    with pytest.raises(sb.InvalidTypeError, match=r"^models\[0\] is 3, but must be a TiledPatch"):
+        sb.merge_tiles([3])  # type: ignore[list-item]
 
 
 class Dies(ThreadPoolExecutor):

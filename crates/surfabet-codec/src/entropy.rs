@@ -95,12 +95,6 @@ impl Encoder {
         let Ok(_) = Coder::symbol(self, model, value);
     }
 
-    /// Upper bound of the bytes that [`Encoder::finish`] would return now.
-    pub fn len_bound(&self) -> usize {
-        let words = self.coder.bulk().len() + LOOKAHEAD_WORDS;
-        words * WORD_BYTES
-    }
-
     /// The stream. It does not carry its own length: store that beside it.
     ///
     /// Of the final words only the bytes are kept that distinguish the final interval from its neighbours when zeros

@@ -75,12 +75,6 @@ impl<T: RealField + Copy> Aabb<T> {
         (0..3).all(|a| self.low[a] <= p[a] && p[a] <= self.high[a])
     }
 
-    /// True when the boxes have a point in common.
-    #[inline]
-    pub fn intersects(&self, other: &Self) -> bool {
-        (0..3).all(|a| self.low[a] <= other.high[a] && other.low[a] <= self.high[a])
-    }
-
     /// Squared distance from a point to the box; zero inside.
     ///
     /// Computed as [`squared_distance`](crate::vector::squared_distance) of points is. Every rounding on the way is
@@ -150,18 +144,6 @@ mod tests {
             let nearest = std::array::from_fn(|a| q[a].clamp(b.low[a], b.high[a]));
             prop_assert_eq!(to_box, squared_distance(nearest, q));
             prop_assert_eq!(b.contains(q), to_box == 0.0);
-            prop_assert_eq!(b.intersects(&Aabb::point(q)), b.contains(q));
-        }
-
-        #[test]
-        fn boxes_intersect_where_they_have_a_point_in_common(a in any_points(), b in any_points()) {
-            let [a, b] = [a, b].map(|points| Aabb::of(points).unwrap());
-            let common = Aabb {
-                low: std::array::from_fn(|i| a.low[i].max(b.low[i])),
-                high: std::array::from_fn(|i| a.high[i].min(b.high[i])),
-            };
-            prop_assert_eq!(a.intersects(&b), (0..3).all(|i| common.low[i] <= common.high[i]));
-            prop_assert_eq!(a.intersects(&b), b.intersects(&a));
         }
 
         #[test]
@@ -178,7 +160,7 @@ mod tests {
     fn the_empty_box_is_infinitely_far_from_everything() {
         assert_eq!(Aabb::of(std::iter::empty::<[f32; 3]>()), None);
         assert_eq!(Aabb::EMPTY.squared_distance([0.0; 3]), f32::INFINITY);
-        assert!(!Aabb::EMPTY.contains([0.0; 3]) && !Aabb::EMPTY.intersects(&Aabb::point([0.0; 3])));
+        assert!(!Aabb::EMPTY.contains([0.0; 3]));
         assert_eq!(Aabb::ALL.squared_distance([1e30; 3]), 0.0);
     }
 }

@@ -2,7 +2,6 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use crate::cloud::{CloudParts, PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 
 /// How far a rotation matrix may be from orthonormal: text files keep six digits of it.
@@ -88,34 +87,6 @@ impl Pose {
     pub fn rotate(&self, direction: [f64; 3]) -> [f64; 3] {
         (self.isometry.rotation * Vector3::from(direction)).into()
     }
-
-    /// Moves a cloud with its normals and viewpoints. The origin moves in `f64` and the local positions only turn
-    /// about it, so that large translations cost no precision. Where the cloud comes to lie has no known coordinate
-    /// reference system.
-    pub fn apply_to(&self, cloud: &PointCloud) -> PointCloud {
-        let rotation = self.rotation();
-        let turn = |v: &[f32; 3]| -> [f32; 3] {
-            std::array::from_fn(|r| {
-                rotation[r].iter().zip(v).map(|(m, &c)| m * f64::from(c)).sum::<f64>() as f32
-            })
-        };
-        let parts = CloudParts {
-            origin: self.apply(cloud.origin()),
-            positions: cloud.positions().iter().map(turn).collect(),
-            colors: cloud.colors().map(<[_]>::to_vec),
-            intensities: cloud.intensities().map(<[_]>::to_vec),
-            normals: cloud.normals().map(|normals| normals.iter().map(turn).collect()),
-            ranges: cloud.ranges().map(<[_]>::to_vec),
-            viewpoints: cloud.viewpoints().map(|v| Viewpoints {
-                origins: v.origins.iter().map(|&o| self.apply(o)).collect(),
-                index: v.index.clone(),
-            }),
-            extra: cloud.extra().to_vec(),
-            crs: None,
-        };
-        // Columns of a checked cloud keep their lengths, and finite values only turn.
-        PointCloud::from_parts(parts).map(|(cloud, _)| cloud).unwrap_or_default()
-    }
 }
 
 impl Default for Pose {
@@ -165,29 +136,6 @@ mod tests {
         let rough = [[0.707, -0.707, 0.0], [0.707, 0.707, 0.0], [0.0, 0.0, 1.0]];
         let rotation = Pose::new(rough, [0.0; 3]).unwrap().rotation();
         assert!((rotation[0][0] - 0.5_f64.sqrt()).abs() < 1e-12);
-    }
-
-    #[test]
-    fn moves_a_cloud_with_normals_and_viewpoints() {
-        let (cloud, _) = PointCloud::from_parts(CloudParts {
-            origin: [500_000.0, 5_400_000.0, 0.0],
-            positions: vec![[1.0, 2.0, 3.0]],
-            normals: Some(vec![[1.0, 0.0, 0.0]]),
-            viewpoints: Some(Viewpoints {
-                origins: vec![[500_000.0, 5_400_000.0, 1.0]],
-                index: vec![0],
-            }),
-            ..CloudParts::default()
-        })
-        .unwrap();
-        let pose = Pose::new(QUARTER_TURN, [0.0; 3]).unwrap();
-        let moved = pose.apply_to(&cloud);
-        for (found, expected) in moved.world(0).iter().zip([-5_400_002.0, 500_001.0, 3.0]) {
-            assert!((found - expected).abs() < 1e-6);
-        }
-        assert!((moved.normals().unwrap()[0][1] - 1.0).abs() < 1e-6);
-        let origin = moved.viewpoints().unwrap().origins[0];
-        assert!((origin[0] + 5_400_000.0).abs() < 1e-6);
     }
 
     proptest! {

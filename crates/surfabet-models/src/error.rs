@@ -37,19 +37,6 @@ pub enum Error {
         /// Number of distinct points.
         places: usize,
     },
-    /// The scene is too large for the lattice that positions are stored on.
-    #[error(
-        "the cloud spans {extent} m, more than {limit} m at resolution {resolution} m; use a coarser \
-         resolution or split the cloud"
-    )]
-    TooLarge {
-        /// Largest side of the bounding box, metres.
-        extent: f64,
-        /// Largest side that can be stored, metres.
-        limit: f64,
-        /// The resolution asked for, metres.
-        resolution: f64,
-    },
     /// Decoding would produce more points than the caller allows.
     #[error(
         "decoding at {resolution} m gives up to {points} points, more than the limit of {limit}; use a \

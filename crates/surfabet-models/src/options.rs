@@ -28,6 +28,21 @@ pub trait Options: Default + Clone {
     /// # Errors
     /// [`Error::InvalidParameter`] that names the first of them.
     fn check(&self) -> Result<()>;
+
+    /// Refuses a `value` of the option `name` that was found from the data and is outside its range: a cloud whose
+    /// coordinates are no metres has such.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`].
+    fn check_found(name: &str, value: f64) -> Result<()> {
+        match Self::SPECS.iter().find(|spec| spec.name == name) {
+            Some(spec) if !spec.range.contains(&Value::Float(value)) => {
+                let requirement = format!("{}; is the unit right?", spec.requirement());
+                Err(Error::invalid(spec.name, value, requirement))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// A value of an option, of any type.
@@ -109,6 +124,10 @@ impl Range {
     pub const POSITIVE: Self = Self::new(Bound::Excluded(0.0), Bound::Unbounded);
     /// Finite and not below 0.
     pub const NOT_NEGATIVE: Self = Self::new(Bound::Included(0.0), Bound::Unbounded);
+    /// Metres that a scene, its points or their noise may have: beyond these the unit is another.
+    pub const LENGTH: Self = Self::from_to(1e-9, 1e9);
+    /// Of these, and 0.
+    pub const LENGTH_OR_ZERO: Self = Self::from_to(0.0, 1e9);
     /// All seeds of 64 bits.
     pub const SEED: Self =
         Self::new(Bound::Included(0.0), Bound::Excluded(18_446_744_073_709_551_616.0));
@@ -213,11 +232,13 @@ fn is_number(bound: Bound<f64>) -> bool {
     matches!(bound, Bound::Included(value) | Bound::Excluded(value) if value.is_finite())
 }
 
-/// A bound as text; powers of two from 2^20 on as such.
+/// A bound as text; powers of two from 2^20 on as such, other numbers of many zeros with an exponent.
 fn in_digits(value: f64) -> String {
     let exponent = value.log2();
     if exponent >= 20.0 && exponent.fract() == 0.0 {
         format!("2^{exponent}")
+    } else if value >= 1e5 || (value > 0.0 && value < 1e-4) {
+        format!("{value:e}")
     } else {
         value.to_string()
     }
@@ -304,9 +325,7 @@ impl OptionSpec {
             (Mismatch::Type, value) => {
                 Error::InvalidType { name, value: value.to_string(), requirement }
             }
-            (Mismatch::Range, value) => {
-                InvalidParameter { name, value: value.to_string(), requirement }.into()
-            }
+            (Mismatch::Range, value) => InvalidParameter::new(name, value, requirement).into(),
         }
     }
 }
@@ -697,6 +716,7 @@ mod tests {
         assert_eq!(words(Range::from_below(0.0, 1.0)), "a number from 0 to below 1");
         assert_eq!(words(Range::between(0.0, 180.0)), "a number above 0 and below 180");
         assert_eq!(words(Range::from_to(1.0, 1_048_576.0)), "a number from 1 to 2^20");
+        assert_eq!(words(Range::LENGTH), "a number from 1e-9 to 1e9");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::ops::Bound as End;
 
 use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString};
+use pyo3::types::{PyBytes, PyDict, PyList, PyString};
 use surfabet::options::{Kind, OptionSpec, Options, Value};
 use surfabet::recognition::{FindOptions, RecurringOptions};
 use surfabet::{
@@ -48,6 +48,10 @@ fn value_of(object: &Bound<'_, PyAny>) -> PyResult<Value> {
             return Ok(Value::Int(end));
         }
         Err(_) => {}
+    }
+    // Bytes are no numbers, though a sequence of them.
+    if object.is_instance_of::<PyBytes>() {
+        return Ok(Value::Other(object.repr()?.to_string()));
     }
     // Before single numbers: an array of one number can be taken for that.
     if let Ok(numbers) = object.extract() {

@@ -42,7 +42,7 @@ impl TiledModel {
     /// # Errors
     /// [`Error::InvalidParameter`] for a scan without what the map keeps (attributes, sides of surfaces), and for a map that
     /// does not hold how it was learned, was loaded with one of several levels of detail, or keeps a bound on its error, which
-    /// cannot be kept without the points; [`Error::TooLarge`], [`Error::Cancelled`].
+    /// cannot be kept without the points; [`Error::Cancelled`].
     pub fn update(
         &self,
         cloud: &PointCloud,

@@ -6,9 +6,9 @@ import os
 import sys
 from collections.abc import Sequence
 
-__all__ = ["main"]
+from surfabet import _interrupt
 
-INTERRUPTED = 130
+__all__ = ["main"]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -22,11 +22,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     _open_streams()
     try:
+        _interrupt.restore()
         return _run(argv)
     except KeyboardInterrupt:
-        # Also while modules are imported, which takes a second on a slow machine.
-        print("surfabet: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        # Also while the modules of the command line are imported.
+        print(_interrupt.MESSAGE, file=sys.stderr)
+        return _interrupt.INTERRUPTED
 
 
 def _open_streams() -> None:

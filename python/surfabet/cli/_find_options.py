@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from surfabet.cli._numbers import WHOLE
+
 __all__ = ["FIND_OPTIONS", "FindOptions"]
 
 SEARCH = Group("Options of the search", sort_key=1)
@@ -21,7 +23,7 @@ class FindOptions:
     """Least score of what is found. A number from 0 to 1; by default 0.5; for examples of another
     model 0.525 by shape alone, 0.42 with colours."""
 
-    max_found: Annotated[int | None, Parameter(group=SEARCH)] = None
+    max_found: Annotated[int | None, Parameter(group=SEARCH), WHOLE] = None
     """Most places that are found. 0 or a positive integer; by default 1000."""
 
     resolution: Annotated[float | None, Parameter(group=SEARCH)] = None

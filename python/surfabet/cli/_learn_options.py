@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from surfabet.cli._numbers import WHOLE
+
 __all__ = ["LEARN_OPTIONS", "LearnOptions", "ModelName"]
 
 ModelName = Literal["patches", "hscsm", "alphabet", "bic-alphabet", "planes", "gas"]
@@ -36,22 +38,22 @@ class LearnOptions:
 
     resolution: Annotated[float | None, Parameter(group=SHARED)] = None
     """patches: Side of a pixel of the finest level. hscsm: Side of a pixel of the lowest level (pr,
-    the patch resolution). For patches a positive number of metres; by default from the data: 2.25
-    spacings of the points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of
-    their noise or half of max_error (with max_error_forward all of it, or of that where it is
-    less), whichever is most. For hscsm a positive number of metres; by default from the data: two
-    and a half spacings of the points, or 1.25 standard deviations of their noise where that is
-    more."""
+    the patch resolution). For patches a number from 1e-8 to 1e5 metres; by default from the data:
+    2.25 spacings of the points, 3 on scan lines and of rounded coordinates, 1.25 standard
+    deviations of their noise or half of max_error (with max_error_forward all of it, or of that
+    where it is less), whichever is most. For hscsm a number from 1e-9 to 1e9 metres; by default
+    from the data: two and a half spacings of the points, or 1.25 standard deviations of their noise
+    where that is more."""
 
-    levels: Annotated[int | None, Parameter(group=SHARED)] = None
+    levels: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """patches: Levels of the hierarchy. hscsm: Levels of the hierarchy; one is SCSM. For patches an
     integer from 1 to 4; by default 2. For hscsm an integer from 1 to 8; by default 3."""
 
-    rounds: Annotated[int | None, Parameter(group=SHARED)] = None
+    rounds: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """patches: Rounds of choosing patches. alphabet: Rounds of covering the scene. For patches an
     integer from 1 to 10; by default 3. For alphabet an integer from 1 to 64; by default 4."""
 
-    color_step: Annotated[int | None, Parameter(group=SHARED)] = None
+    color_step: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """patches: Rounding of luma of a single cell. alphabet: Rounding of the mean colours of
     occurrences. planes: Rounding of the colours of tiles. gas: Rounding of colours. For patches an
     integer from 1 to 1024 grey levels; by default 115. For alphabet an integer from 1 to 255 grey
@@ -82,22 +84,22 @@ class LearnOptions:
     what was added to it: 300 `patterns` and a `beta` of 0.005 where they are not given, and no
     `polish`. True or False; by default False."""
 
-    iterations: Annotated[int | None, Parameter(group=SHARED)] = None
+    iterations: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """hscsm: Most iterations of weighted K-SVD per dictionary. bic-alphabet: Most candidate words
     that are tried. For hscsm an integer from 1 to 1000; by default 8. For bic-alphabet an integer
     of at least 1; by default 500."""
 
-    random_state: Annotated[int | None, Parameter(group=SHARED)] = None
+    random_state: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """hscsm: Seed of the first entries of the dictionaries. bic-alphabet: Seed of the order in
     which candidates are tried and features are spread. planes: Seed of the patches that are placed
     at random. gas: Seed of the signals. An integer from 0 to below 2^64; by default 0."""
 
     radius: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet: Smallest radius of a word (delta). bic-alphabet: Radius of a word (delta, eq. 1).
-    For alphabet a positive number of metres; by default from the data: three spacings of the
-    points, or one and a half times the median sigma where that is more. For bic-alphabet a positive
-    number of metres; by default from the data: four spacings of the points, or a 300th of the scene
-    where that is more."""
+    For alphabet a number from 1e-9 to 1e9 metres; by default from the data: three spacings of the
+    points, or one and a half times the median sigma where that is more. For bic-alphabet a number
+    from 1e-6 to 1e5 metres; by default from the data: four spacings of the points, or a 300th of
+    the scene where that is more."""
 
     sigma_scale: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet, bic-alphabet: Factor of the deviation sigma within which a point is explained
@@ -109,26 +111,26 @@ class LearnOptions:
 
     noise: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet, bic-alphabet: Standard deviation of a measured point about its surface. For
-    alphabet 0 or a positive number of metres; by default estimated as the median deviation of
-    neighbouring points from their plane. For bic-alphabet 0 or a positive number of metres; by
-    default 0."""
+    alphabet a number from 0 to 1e9 metres; by default estimated as the median deviation of
+    neighbouring points from their plane. For bic-alphabet a number from 0 to 1e9 metres; by default
+    0."""
 
     min_range: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet, bic-alphabet: Points nearer to the sensor are left out, such as the robot's own
-    body. 0 or a positive number of metres; by default 0."""
+    body. A number from 0 to 1e9 metres; by default 0."""
 
-    min_points: Annotated[int | None, Parameter(group=SHARED)] = None
+    min_points: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """bic-alphabet: Least number of points of a word. planes: Points that a patch needs. For
     bic-alphabet an integer of at least 1; by default 8. For planes an integer of at least 3; by
     default one in 4000 of all points, at least 30."""
 
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
-    spacing. A positive number of metres; by default no bound."""
+    spacing. A number from 1e-8 to 1e5 metres; by default no bound."""
 
     max_error_forward: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any decoded point to the input, as measured or as a surface at the
-    default spacing: no surface is filled in where nothing was measured. A positive number of
+    default spacing: no surface is filled in where nothing was measured. A number from 1e-8 to 1e5
     metres; by default no bound."""
 
     completeness: Annotated[float | None, Parameter(group=PATCHES)] = None
@@ -164,13 +166,13 @@ class LearnOptions:
     """Squared error that a bit of a scalar must save. A positive number of squared steps; by
     default 0.15."""
 
-    patch_pixels: Annotated[int | None, Parameter(group=HSCSM)] = None
+    patch_pixels: Annotated[int | None, Parameter(group=HSCSM), WHOLE] = None
     """Pixels per side of a patch. An integer from 2 to 32; by default 8."""
 
     max_depth_deviation: Annotated[float | None, Parameter(group=HSCSM)] = None
-    """Largest standard deviation of depth in a pixel (rho_max_depth). A positive number of metres;
-    by default `resolution` / sqrt(3), at which every level accepts sheets as thick as those of the
-    lowest."""
+    """Largest standard deviation of depth in a pixel (rho_max_depth). A number from 1e-9 to 1e9
+    metres; by default `resolution` / sqrt(3), at which every level accepts sheets as thick as those
+    of the lowest."""
 
     max_color_deviation: Annotated[float | None, Parameter(group=HSCSM)] = None
     """Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the
@@ -183,29 +185,29 @@ class LearnOptions:
     placement: Annotated[Literal["greedy", "subsampled"] | None, Parameter(group=HSCSM)] = None
     """How places of patches are chosen. 'greedy' or 'subsampled'; by default greedy."""
 
-    depth_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
+    depth_atoms: Annotated[int | None, Parameter(group=HSCSM), WHOLE] = None
     """Most entries of a depth dictionary. An integer from 1 to 65535; by default one for each 80
     patches, 16 to 128; 500 with `published`."""
 
-    color_atoms: Annotated[int | None, Parameter(group=HSCSM)] = None
+    color_atoms: Annotated[int | None, Parameter(group=HSCSM), WHOLE] = None
     """Most entries of a colour dictionary. An integer from 1 to 65535; by default one for each 40
     patches, 32 to 256; 3500 with `published`."""
 
-    depth_sparsity: Annotated[int | None, Parameter(group=HSCSM)] = None
+    depth_sparsity: Annotated[int | None, Parameter(group=HSCSM), WHOLE] = None
     """Most dictionary entries that describe the depth of one patch (k, eq. 1). An integer from 1 to
     64; by default 6."""
 
-    color_sparsity: Annotated[int | None, Parameter(group=HSCSM)] = None
+    color_sparsity: Annotated[int | None, Parameter(group=HSCSM), WHOLE] = None
     """Most dictionary entries that describe the colour of one patch (k, eq. 1). An integer from 1
     to 64; by default 12."""
 
     depth_tolerance: Annotated[float | None, Parameter(group=HSCSM)] = None
-    """Root mean square error at which coding of a patch's depth ends, on the lowest level. A
-    positive number of metres; by default a fifth of `resolution`."""
+    """Root mean square error at which coding of a patch's depth ends, on the lowest level. A number
+    from 1e-9 to 1e9 metres; by default a fifth of `resolution`."""
 
     color_tolerance: Annotated[float | None, Parameter(group=HSCSM)] = None
     """Root mean square error at which coding of a patch's colour ends, on the lowest level. A
-    number above 0 and at most 255 grey levels; by default 7."""
+    number from 0.001 to 255 grey levels; by default 7."""
 
     fine_masks: Annotated[bool | None, Parameter(group=HSCSM)] = None
     """Bitmasks of all levels have pixels of the lowest one: coarse patches then have the gaps and
@@ -233,14 +235,14 @@ class LearnOptions:
     disjoint: Annotated[bool | None, Parameter(group=HSCSM)] = None
     """A sample belongs to one patch. True or False; by default True."""
 
-    max_training_signals: Annotated[int | None, Parameter(group=HSCSM)] = None
+    max_training_signals: Annotated[int | None, Parameter(group=HSCSM), WHOLE] = None
     """Most patches that a dictionary is learned from, those with most energy. An integer of at
     least 1; by default 6000."""
 
-    scales: Annotated[int | None, Parameter(group=ALPHABET)] = None
+    scales: Annotated[int | None, Parameter(group=ALPHABET), WHOLE] = None
     """Number of radii, each twice the one before. An integer from 1 to 8; by default 4."""
 
-    max_words: Annotated[int | None, Parameter(group=ALPHABET)] = None
+    max_words: Annotated[int | None, Parameter(group=ALPHABET), WHOLE] = None
     """Most words beside the plane. An integer from 0 to 4095; by default 24."""
 
     inlier_bits: Annotated[float | None, Parameter(group=ALPHABET)] = None
@@ -254,11 +256,11 @@ class LearnOptions:
     """Distance of decoded points. A number from 0.25 to 4 sigma; by default 1."""
 
     epsilon: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
-    """Least distance of decoded points (epsilon, eq. 3). A positive number of metres; by default a
-    fifth of the radius."""
+    """Least distance of decoded points (epsilon, eq. 3). A number from 1e-9 to 1e5 metres; by
+    default a fifth of the radius."""
 
     feature_spacing: Annotated[float | None, Parameter(group=BIC_ALPHABET)] = None
-    """Largest distance of a point of the scene to a feature. A positive number of metres; by
+    """Largest distance of a point of the scene to a feature. A number from 1e-9 to 1e9 metres; by
     default the radius."""
 
     interest_scales: Annotated[
@@ -271,14 +273,14 @@ class LearnOptions:
     """Least response of an interest point: squared scale times the Laplacian of the logarithm of
     the range. A positive number; by default 0.05."""
 
-    normal_neighbors: Annotated[int | None, Parameter(group=BIC_ALPHABET)] = None
+    normal_neighbors: Annotated[int | None, Parameter(group=BIC_ALPHABET), WHOLE] = None
     """Least number of neighbours that a feature's normal is fitted to, where fewer lie within the
     radius. An integer from 3 to 1000; by default 12."""
 
     upright: Annotated[Literal["x", "z", "view"] | None, Parameter(group=BIC_ALPHABET)] = None
     """What is up where the normal is vertical. 'x', 'z' or 'view'; by default x."""
 
-    descriptor_pixels: Annotated[int | None, Parameter(group=BIC_ALPHABET)] = None
+    descriptor_pixels: Annotated[int | None, Parameter(group=BIC_ALPHABET), WHOLE] = None
     """Pixels per side of a descriptor; those within the inscribed circle count. An integer from 2
     to 32; by default 8."""
 
@@ -290,7 +292,7 @@ class LearnOptions:
     """Distance at which a point without a decoded one nearby counts as having one. A number from 3
     to 40 sigma; by default 3."""
 
-    max_rejections: Annotated[int | None, Parameter(group=BIC_ALPHABET)] = None
+    max_rejections: Annotated[int | None, Parameter(group=BIC_ALPHABET), WHOLE] = None
     """Learning ends after this many candidates in a row that did not lower the BIC. An integer of
     at least 1; by default 100."""
 
@@ -302,14 +304,14 @@ class LearnOptions:
     """How far the logarithm of the likelihood may fall with each occurrence that is removed
     (section III-D). 0 or a positive number of nats; by default 3."""
 
-    initial_patches: Annotated[int | None, Parameter(group=PLANES)] = None
+    initial_patches: Annotated[int | None, Parameter(group=PLANES), WHOLE] = None
     """Number of patches to start from, placed at random. An integer from 0 to 2^20; by default
     0."""
 
     min_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
-    """Grid size (G, section II-E) that the learned one does not fall below. A positive number of
-    metres; by default the median spacing of the points, or three times their noise where that is
-    more."""
+    """Grid size (G, section II-E) that the learned one does not fall below. A number from 1e-9 to
+    1e9 metres; by default the median spacing of the points, or three times their noise where that
+    is more."""
 
     weight_at_grid_size: Annotated[float | None, Parameter(group=PLANES)] = None
     """Weight of a point at distance G before normalisation (W, eq. 2). A number above 0 and below
@@ -323,15 +325,15 @@ class LearnOptions:
     """Factor by which points of either of two patches may be further from their common plane than
     from their own for the two to merge (section II-D). A number of at least 1; by default 1.25."""
 
-    em_steps: Annotated[int | None, Parameter(group=PLANES)] = None
+    em_steps: Annotated[int | None, Parameter(group=PLANES), WHOLE] = None
     """Passes of E-step, M-step and trimming before each split and each merge (EMPF, section II-A).
     An integer from 1 to 10000; by default 2."""
 
-    new_patches_every: Annotated[int | None, Parameter(group=PLANES)] = None
+    new_patches_every: Annotated[int | None, Parameter(group=PLANES), WHOLE] = None
     """Iterations after which patches are added where many points support none (section II-B). An
     integer from 1 to 10000; by default 5."""
 
-    max_iterations: Annotated[int | None, Parameter(group=PLANES)] = None
+    max_iterations: Annotated[int | None, Parameter(group=PLANES), WHOLE] = None
     """Most iterations of EMPF, split, EMPF, merge. An integer from 1 to 10000; by default 30."""
 
     tolerance: Annotated[float | None, Parameter(group=PLANES)] = None
@@ -343,16 +345,16 @@ class LearnOptions:
     its points spread about its plane, how much of its rectangle is filled, and its length. A number
     from 0 to 1; by default 0.6."""
 
-    n_neurons: Annotated[int | None, Parameter(group=GAS)] = None
+    n_neurons: Annotated[int | None, Parameter(group=GAS), WHOLE] = None
     """Number of neurons at which the network stops growing. An integer from 2 to 2^26; by default
     one for each cell that holds points, its side twice the tolerance: two spacings, or three
     standard deviations of the noise."""
 
-    patterns: Annotated[int | None, Parameter(group=GAS)] = None
+    patterns: Annotated[int | None, Parameter(group=GAS), WHOLE] = None
     """Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
     default 20, or 300 where no `polish` follows or growth ends by `target_error`."""
 
-    polish: Annotated[int | None, Parameter(group=GAS)] = None
+    polish: Annotated[int | None, Parameter(group=GAS), WHOLE] = None
     """Rounds of k-means over all points after growth (none of the published steps). An integer from
     0 to 10000; by default 10."""
 
@@ -373,21 +375,21 @@ class LearnOptions:
     0.5; by default 0.5 divided by the number of neurons, the same memory per neuron for any number;
     0.005 in the published method."""
 
-    max_age: Annotated[int | None, Parameter(group=GAS)] = None
+    max_age: Annotated[int | None, Parameter(group=GAS), WHOLE] = None
     """Age above which an edge is removed (a_max). An integer from 1 to 2^30; by default 50."""
 
     target_error: Annotated[float | None, Parameter(group=GAS)] = None
     """Mean distance of signals to their winners at which the network stops growing before it has
-    all its neurons. A positive number of metres; by default it grows until it has all its
+    all its neurons. A number from 1e-9 to 1e9 metres; by default it grows until it has all its
     neurons."""
 
     passes: Annotated[float | None, Parameter(group=GAS)] = None
-    """Number of signals as a multiple of the number of points. A number above 0 and at most
-    1000000; by default `patterns` signals per neuron."""
+    """Number of signals as a multiple of the number of points. A number above 0 and at most 1e6; by
+    default `patterns` signals per neuron."""
 
     position_step: Annotated[float | None, Parameter(group=GAS)] = None
-    """Rounding of positions, taken to the next power of two below. A positive number of metres; by
-    default a sixteenth of the mean edge."""
+    """Rounding of positions, taken to the next power of two below. A number from 1e-9 to 1e9
+    metres; by default a sixteenth of the mean edge."""
 
     search: Annotated[Literal["indexed", "brute-force"] | None, Parameter(group=GAS)] = None
     """How winners are found. 'indexed' or 'brute-force'; by default indexed."""

@@ -15,6 +15,7 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 from surfabet._progress import ProgressCallback, progress_callback
+from surfabet.cli._numbers import WHOLE
 from surfabet.io.rgbd import DEFAULT_DEPTH_LIMITS
 
 GENERAL = Group("General", sort_key=9)
@@ -28,7 +29,9 @@ Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 POSITIVE, NOT_NEGATIVE = Number(gt=0, lt=math.inf), Number(gte=0, lt=math.inf)
 PositiveFloat = Annotated[float | None, Parameter(validator=POSITIVE)]
 Box = tuple[float, float, float, float, float, float]
-Classes = Annotated[list[int] | None, Parameter(negative=(), validator=Number(gte=0, lte=255))]
+Classes = Annotated[
+    list[int] | None, Parameter(negative=(), validator=Number(gte=0, lte=255)), WHOLE
+]
 
 
 class UsageError(Exception):
@@ -43,7 +46,7 @@ class Common:
     quiet: Annotated[Flag, Parameter(name=("--quiet", "-q"))] = False
     """No progress and no result, only warnings and errors."""
 
-    threads: Annotated[int | None, Parameter(validator=Number(gte=1, lte=1024))] = None
+    threads: Annotated[int | None, Parameter(validator=Number(gte=1, lte=1024)), WHOLE] = None
     """Threads to use, by default one per core; the result does not depend on it."""
 
     debug: Flag = False
@@ -92,13 +95,17 @@ class ReadOptions:
     box: Annotated[Box | None, Parameter(negative=())] = None
     """Read only what is in a box, `X0 Y0 Z0 X1 Y1 Z1` in the file's coordinates (COPC)."""
 
-    level: Annotated[int | None, Parameter(validator=Number(gte=0))] = None
+    level: Annotated[int | None, Parameter(validator=Number(gte=0)), WHOLE] = None
     """Read only the levels 0 (the coarsest) to this one (COPC)."""
 
-    frame_stride: Annotated[int | None, Parameter(group=RGBD, validator=Number(gte=1))] = None
+    frame_stride: Annotated[int | None, Parameter(group=RGBD, validator=Number(gte=1)), WHOLE] = (
+        None
+    )
     """Read every n-th frame only."""
 
-    pixel_stride: Annotated[int | None, Parameter(group=RGBD, validator=Number(gte=1))] = None
+    pixel_stride: Annotated[int | None, Parameter(group=RGBD, validator=Number(gte=1)), WHOLE] = (
+        None
+    )
     """Read every n-th row and column of a frame only."""
 
     depth_min: Annotated[float | None, Parameter(group=RGBD, validator=NOT_NEGATIVE)] = None
@@ -123,7 +130,7 @@ class ReadOptions:
     topic: Annotated[str | None, Parameter(group=BAGS)] = None
     """The topic with the clouds, where several have some."""
 
-    message: Annotated[int | None, Parameter(group=BAGS, validator=Number(gte=0))] = None
+    message: Annotated[int | None, Parameter(group=BAGS, validator=Number(gte=0)), WHOLE] = None
     """Read a single message by its number, from 0, in the sensor's own frame."""
 
     poses: Annotated[str | None, Parameter(group=BAGS)] = None

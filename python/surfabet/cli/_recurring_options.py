@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from surfabet.cli._numbers import WHOLE
+
 __all__ = ["RECURRING_OPTIONS", "RecurringOptions"]
 
 SEARCH = Group("Options of the search", sort_key=1)
@@ -17,8 +19,8 @@ SEARCH = Group("Options of the search", sort_key=1)
 class RecurringOptions:
     """Options of the search; None leaves them to it."""
 
-    min_count: Annotated[int | None, Parameter(group=SEARCH)] = None
-    """How often a thing must occur. An integer from 2 to 1000000; by default 3."""
+    min_count: Annotated[int | None, Parameter(group=SEARCH), WHOLE] = None
+    """How often a thing must occur. An integer from 2 to 1e6; by default 3."""
 
     min_size: Annotated[float | None, Parameter(group=SEARCH)] = None
     """Smallest diagonal of a thing. A positive number of metres; by default 0.2."""

@@ -18,6 +18,7 @@ import surfabet
 from surfabet._progress import ProgressCallback
 from surfabet.cli._format import bytes_text, points_text, print_json
 from surfabet.cli._learn_options import LearnOptions
+from surfabet.cli._numbers import WHOLE
 from surfabet.cli._options import READ_OPTIONS, PositiveFloat, ReadOptions, UsageError, spelled
 from surfabet.learning import in_unit
 
@@ -36,7 +37,7 @@ class TileOptions:
     tile: PositiveFloat = None
     """Learn the map in tiles of this side, metres, of which parts can be read alone."""
 
-    details: Annotated[int | None, Parameter(validator=Number(gte=1, lte=3))] = None
+    details: Annotated[int | None, Parameter(validator=Number(gte=1, lte=3)), WHOLE] = None
     """Levels of detail of a map in tiles, of which the coarsest can be read alone; pixels of each
     but the last are four times as large as those of the next. By default 1."""
 
@@ -44,7 +45,7 @@ class TileOptions:
     """Learn in tiles with at most this memory: 2G, 500M. By default all points are in memory at
     once, and with --tile alone 2G."""
 
-    workers: Annotated[int | None, Parameter(validator=Number(gte=1, lte=256))] = None
+    workers: Annotated[int | None, Parameter(validator=Number(gte=1, lte=256)), WHOLE] = None
     """Processes that learn tiles, which share the memory; by default one, on all threads."""
 
     work: Path | None = None

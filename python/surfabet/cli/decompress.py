@@ -20,6 +20,7 @@ from surfabet.cli._files import (
     size_on_disk,
 )
 from surfabet.cli._format import bytes_text, points_text, print_json
+from surfabet.cli._numbers import WHOLE
 from surfabet.cli._options import (
     COMMON,
     VOCABULARY_OPTION,
@@ -41,7 +42,7 @@ def decompress(
     resolution: PositiveFloat = None,
     as_measured: Flag = False,
     box: Annotated[Box | None, Parameter(negative=())] = None,
-    level: Annotated[int | None, Parameter(validator=Number(gte=0))] = None,
+    level: Annotated[int | None, Parameter(validator=Number(gte=0)), WHOLE] = None,
     json: Flag = False,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,
     common: Common = COMMON,

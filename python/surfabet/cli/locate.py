@@ -11,6 +11,7 @@ from cyclopts.validators import Number
 
 from surfabet.cli._files import load_model, load_vocabulary, read_cloud
 from surfabet.cli._format import print_json
+from surfabet.cli._numbers import WHOLE
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -36,7 +37,7 @@ def locate(
     radius: PositiveFloat = None,
     angle: PositiveFloat = None,
     upright: Annotated[bool | None, Parameter(negative="--any-tilt")] = None,
-    top: Annotated[int, Parameter(validator=Number(gte=1))] = 5,
+    top: Annotated[int, Parameter(validator=Number(gte=1)), WHOLE] = 5,
     json: Flag = False,
     options: ReadOptions = READ_OPTIONS,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,

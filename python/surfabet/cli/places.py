@@ -15,6 +15,7 @@ import surfabet
 from surfabet._progress import ProgressCallback
 from surfabet.cli._files import MODEL_SUFFIX, load_model, load_vocabulary, read_cloud
 from surfabet.cli._format import print_json
+from surfabet.cli._numbers import WHOLE
 from surfabet.cli._options import (
     COMMON,
     READ_OPTIONS,
@@ -32,9 +33,9 @@ from surfabet.places import AnyPlace, PlaceMatch
 def places(
     *files: Annotated[Path, Parameter(name="FILE")],
     query: Path | None = None,
-    top: Annotated[int, Parameter(validator=Number(gte=1))] = 5,
-    verify: Annotated[int, Parameter(validator=Number(gte=0))] = 3,
-    kinds: Annotated[int | None, Parameter(validator=Number(gte=1))] = None,
+    top: Annotated[int, Parameter(validator=Number(gte=1)), WHOLE] = 5,
+    verify: Annotated[int, Parameter(validator=Number(gte=0)), WHOLE] = 3,
+    kinds: Annotated[int | None, Parameter(validator=Number(gte=1)), WHOLE] = None,
     json: Flag = False,
     options: ReadOptions = READ_OPTIONS,
     vocabulary: VocabularyOption = VOCABULARY_OPTION,

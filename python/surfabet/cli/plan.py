@@ -71,14 +71,20 @@ def plan(
         )
     elif not common.quiet:
         openings = [opening for wall in drawn.walls for opening in wall.openings]
-        rooms = "room" if len(drawn.rooms) == 1 else "rooms"
         print(
             f"{output}: {len(drawn.walls)} faces of walls, {len(openings)} openings, "
-            f"{len(drawn.rooms)} {rooms} of {drawn.area:.2f} m2, {bytes_text(n_bytes)}, "
-            f"{seconds:.1f} s"
+            f"{_rooms_text(drawn)}, {bytes_text(n_bytes)}, {seconds:.1f} s"
         )
         for number, room in enumerate(drawn.rooms, 1):
             print(f"room {number}: {room.area:.2f} m2")
+
+
+def _rooms_text(drawn: FloorPlan) -> str:
+    """How many rooms there are, and their area."""
+    if not drawn.rooms:
+        return "no rooms"
+    rooms = "room" if len(drawn.rooms) == 1 else "rooms"
+    return f"{len(drawn.rooms)} {rooms} of {drawn.area:.2f} m2"
 
 
 def _as_dict(drawn: FloorPlan) -> dict[str, object]:

@@ -60,8 +60,8 @@ figures! {
 /// The result depends on the points, not on their order, and not on the number of threads.
 ///
 /// # Errors
-/// [`crate::Error::InvalidParameter`] for options outside their domain, [`crate::Error::EmptyCloud`],
-/// [`crate::Error::TooLarge`] when the scene has too many cells, [`crate::Error::Cancelled`].
+/// [`crate::Error::InvalidParameter`] for options outside their domain and a radius too small for the scene,
+/// [`crate::Error::EmptyCloud`], [`crate::Error::Cancelled`].
 pub fn learn(
     cloud: &PointCloud,
     options: &AlphabetOptions,
@@ -195,6 +195,7 @@ impl Prepared {
                 (rounded(of_spacing), format!("{RADIUS_IN_SPACINGS} spacings of {spacing} m"))
             }
         });
+        AlphabetOptions::check_found("radius", radius)?;
         progress.check()?;
         let lattice = LatticeScene::new(&thinned, thinning, radius)?;
         Ok(Self { n_points, scene, thinned, lattice })

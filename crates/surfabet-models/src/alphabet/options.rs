@@ -24,7 +24,7 @@ options! {
         /// Small files or fine detail. Sets `inlier_bits`, unless that is given, to 4, 7 or 24.
         quality: Quality = Quality::Balanced, another_scene = true;
         /// Smallest radius of a word (delta).
-        radius: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        radius: Option<f64> = None, range = Range::LENGTH, unit = "metres",
             none = "from the data: three spacings of the points, or one and a half times the median sigma where that is more";
         /// Number of radii, each twice the one before.
         scales: u32 = 4, range = Range::from_to(1.0, (MAX_SCALE + 1) as f64);
@@ -47,11 +47,11 @@ options! {
         angular_resolution: Option<f64> = None, range = Range::between(0.0, 180.0), unit = "degrees",
             none = "estimated from the spacing of the points", another_scene = true;
         /// Standard deviation of a measured point about its surface.
-        noise: Option<f64> = None, range = Range::NOT_NEGATIVE, unit = "metres",
+        noise: Option<f64> = None, range = Range::LENGTH_OR_ZERO, unit = "metres",
             none = "estimated as the median deviation of neighbouring points from their plane",
             another_scene = true;
         /// Points nearer to the sensor are left out, such as the robot's own body.
-        min_range: f64 = 0.0, range = Range::NOT_NEGATIVE, unit = "metres", another_scene = true;
+        min_range: f64 = 0.0, range = Range::LENGTH_OR_ZERO, unit = "metres", another_scene = true;
         /// Keeps points that are far from all others. Otherwise those of which a few would make the scene many times as
         /// large as it is are left out, and counted in the report.
         keep_outliers: bool = false, another_scene = true;

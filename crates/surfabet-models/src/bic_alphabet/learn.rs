@@ -51,9 +51,8 @@ const DESCRIBE_STAGES: &[(&str, f32)] = &[
 /// Results depend neither on the number of threads nor on the order of the points.
 ///
 /// # Errors
-/// [`Error::InvalidParameter`](crate::Error::InvalidParameter) for options outside their domains,
-/// [`Error::EmptyCloud`](crate::Error::EmptyCloud) when no point is left,
-/// [`Error::TooLarge`](crate::Error::TooLarge) when the scene exceeds what poses can store,
+/// [`Error::InvalidParameter`](crate::Error::InvalidParameter) for options outside their domains and a radius too small
+/// for the scene, [`Error::EmptyCloud`](crate::Error::EmptyCloud) when no point is left,
 /// [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn learn(
     cloud: &PointCloud,
@@ -64,6 +63,7 @@ pub fn learn(
     let mut stages = Stages::new(STAGES, progress);
     let mut start = measured(cloud, options, &mut stages)?;
     let radius = start.choose("radius", options.radius, radius);
+    BicAlphabetOptions::check_found("radius", radius)?;
     let options = &BicAlphabetOptions { radius: Some(radius), ..options.clone() };
     // Scene, features and their descriptors: eq. 13, III-C.
     let scene = PreparedScene::new(&start.cloud, options, &mut stages)?;

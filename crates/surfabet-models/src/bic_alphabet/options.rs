@@ -12,7 +12,7 @@ options! {
         /// Small files or fine detail. Sets `radius`, unless that is given: 'small' doubles it, 'fine' halves it.
         quality: Quality = Quality::Balanced;
         /// Radius of a word (delta, eq. 1).
-        radius: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        radius: Option<f64> = None, range = Range::from_to(1e-6, 1e5), unit = "metres",
             none = "from the data: four spacings of the points, or a 300th of the scene where that is more";
         /// Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is this times
         /// hypot(tan(`angular_resolution` / 2) * range, `noise`).
@@ -21,16 +21,16 @@ options! {
         angular_resolution: Option<f64> = None, range = Range::between(0.0, 180.0), unit = "degrees",
             none = "estimated from the spacing of the points", another_scene = true;
         /// Standard deviation of a measured point about its surface. The paper has none.
-        noise: Option<f64> = Some(0.0), range = Range::NOT_NEGATIVE, unit = "metres",
+        noise: Option<f64> = Some(0.0), range = Range::LENGTH_OR_ZERO, unit = "metres",
             none = "estimated as the median deviation of neighbouring points from their plane",
             another_scene = true;
         /// Points nearer to the sensor are left out, such as the robot's own body.
-        min_range: f64 = 0.0, range = Range::NOT_NEGATIVE, unit = "metres", another_scene = true;
+        min_range: f64 = 0.0, range = Range::LENGTH_OR_ZERO, unit = "metres", another_scene = true;
         /// Least distance of decoded points (epsilon, eq. 3). It should be below the sigma of near points.
-        epsilon: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "a fifth of the radius",
+        epsilon: Option<f64> = None, range = Range::from_to(1e-9, 1e5), unit = "metres", none = "a fifth of the radius",
             another_scene = true;
         /// Largest distance of a point of the scene to a feature.
-        feature_spacing: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "the radius",
+        feature_spacing: Option<f64> = None, range = Range::LENGTH, unit = "metres", none = "the radius",
             another_scene = true;
         /// Scales of the Laplacian of Gaussian that finds interest points in the range image. Without scales, or where
         /// the cloud has no viewpoints, features are spread uniformly only.

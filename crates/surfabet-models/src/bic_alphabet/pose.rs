@@ -5,7 +5,8 @@
 
 use surfabet_geom::{morton, octahedral};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::extent::too_small;
 use crate::scans::{Upright, upright_frame};
 
 /// Bits of each coordinate of a normal's octahedral code: 0.64 degrees at most, 1.1 mm at a radius of 0.1 m.
@@ -78,8 +79,8 @@ impl BicPose {
         let steps = point.map(|c| (f64::from(c) / step).round());
         if steps.iter().any(|c| c.abs() > f64::from(MAX_POSITION)) {
             let extent = point.iter().fold(0.0, |m: f64, c| m.max(f64::from(c.abs())));
-            let limit = f64::from(MAX_POSITION) * step;
-            return Err(Error::TooLarge { extent, limit, resolution: step });
+            let least = radius * extent / (f64::from(MAX_POSITION) * step);
+            return Err(too_small("radius", radius, least, extent));
         }
         // Codes of 8 bits are within ±127.
         let code = octahedral::encode(normal, NORMAL_BITS).map(|c| c as i8);
@@ -186,6 +187,8 @@ mod tests {
     fn a_scene_beyond_the_lattice_is_refused() {
         let far = [1e7, 0.0, 0.0];
         let found = BicPose::quantize(far, [0.0, 0.0, 1.0], [0.0; 3], Upright::WorldX, 0.001);
-        assert!(matches!(found, Err(Error::TooLarge { .. })));
+        assert!(
+            matches!(found, Err(crate::Error::InvalidParameter(error)) if error.name == "radius")
+        );
     }
 }

@@ -12,7 +12,8 @@ use super::ordered::Ordered;
 use super::polish::polish;
 use crate::attribute_error::measured;
 use crate::contract::{DecodeOptions, SurfaceModel};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::extent::too_small;
 use crate::report::{AttributeFigures, Report, figures, lost};
 use crate::scalar::ScalarScale;
 use crate::stages::Stages;
@@ -154,12 +155,10 @@ fn step_exponent(positions: &[[f32; 3]], edges: &[[u32; 2]], options: &GasOption
         }
     }
     if !fits(exponent) {
-        let step = f64::from(exponent).exp2();
-        return Err(Error::TooLarge {
-            extent: f64::from(extent),
-            limit: step * f64::from(MAX_COORDINATE),
-            resolution: step,
-        });
+        let extent = f64::from(extent);
+        // A step is rounded down to a power of two.
+        let least = (extent / (f64::from(MAX_COORDINATE) - 1.0)).log2().ceil().exp2();
+        return Err(too_small("position_step", step, least, extent));
     }
     Ok(exponent)
 }

@@ -34,9 +34,8 @@ pub(super) const KEPT: [&str; 3] = ["colors", "intensities", "normals"];
 /// The result depends on cloud and options alone: neither on the search for winners nor on the number of threads.
 ///
 /// # Errors
-/// [`Error::InvalidParameter`] for options outside their domain, [`Error::EmptyCloud`], [`Error::TooFewPlaces`]
-/// when all points are at one place, [`Error::TooLarge`] when the scene does not
-/// fit the position step, [`Error::Cancelled`] when the caller asks to stop.
+/// [`Error::InvalidParameter`] for options outside their domain and a position step too small for the scene,
+/// [`Error::EmptyCloud`], [`Error::TooFewPlaces`] when all points are at one place, [`Error::Cancelled`] when the caller asks to stop.
 pub fn learn(
     cloud: &PointCloud,
     options: &GasOptions,

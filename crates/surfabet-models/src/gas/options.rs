@@ -64,13 +64,13 @@ options! {
         /// Age above which an edge is removed (a_max).
         max_age: u32 = 50, range = Range::from_to(1.0, 1_073_741_824.0), another_scene = true;
         /// Mean distance of signals to their winners at which the network stops growing before it has all its neurons.
-        target_error: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        target_error: Option<f64> = None, range = Range::LENGTH, unit = "metres",
             none = "it grows until it has all its neurons", another_scene = true;
         /// Number of signals as a multiple of the number of points. Learning ends there, whether or not the network has
         /// all its neurons.
         passes: Option<f64> = None, range = Range::above_to(0.0, 1e6), none = "`patterns` signals per neuron";
         /// Rounding of positions, taken to the next power of two below.
-        position_step: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        position_step: Option<f64> = None, range = Range::LENGTH, unit = "metres",
             none = "a sixteenth of the mean edge";
         /// Rounding of colours.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels", another_scene = true;

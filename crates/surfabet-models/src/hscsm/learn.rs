@@ -42,8 +42,8 @@ const POINTS_PER_PIXEL: f64 = 4.0;
 /// result depends on cloud, options and seed alone, not on the number of threads.
 ///
 /// # Errors
-/// [`Error::InvalidParameter`] for options outside their domain, [`Error::EmptyCloud`], [`Error::TooLarge`] when
-/// the scene does not fit the position lattice, [`Error::Cancelled`] when the caller asks to stop.
+/// [`Error::InvalidParameter`] for options outside their domain and a resolution too small for the scene,
+/// [`Error::EmptyCloud`], [`Error::Cancelled`] when the caller asks to stop.
 pub fn learn(
     cloud: &PointCloud,
     options: &HscsmOptions,
@@ -103,6 +103,7 @@ fn run(
     let (quality, keep) = (options.quality, options.keep_outliers);
     let mut start = Start::of(cloud, quality, Leave::Strays, keep, &mut stages)?;
     let resolution = start.pixel(options.resolution, SPACINGS_PER_PIXEL, None);
+    HscsmOptions::check_found("resolution", resolution)?;
     let tolerance = start.tolerance(options.resolution);
     let options = &HscsmOptions { resolution: Some(resolution), ..options.clone() };
     let cloud: &PointCloud = &start.cloud;

@@ -32,7 +32,7 @@ options! {
         /// `max_training_signals` do not count then, and the dictionaries have the paper's sizes where none are given.
         published: bool = false;
         /// Side of a pixel of the lowest level (pr, the patch resolution). Smaller detail is lost.
-        resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        resolution: Option<f64> = None, range = Range::LENGTH, unit = "metres",
             none = "from the data: two and a half spacings of the points, or 1.25 standard deviations of their noise where that is more";
         /// Pixels per side of a patch. The patch size (ps) is this times `resolution`.
         patch_pixels: u32 = 8, range = Range::from_to(2.0, 32.0);
@@ -40,7 +40,7 @@ options! {
         levels: u32 = 3, range = Range::from_to(1.0, MAX_LEVELS as f64);
         /// Largest standard deviation of depth in a pixel (rho_max_depth). What deviates more goes to the level below;
         /// the lowest level takes all.
-        max_depth_deviation: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        max_depth_deviation: Option<f64> = None, range = Range::LENGTH, unit = "metres",
             none = "`resolution` / sqrt(3), at which every level accepts sheets as thick as those of the lowest",
             another_scene = true;
         /// Largest standard deviation of colour in a pixel (rho_max_rgb), root mean square of the channels.
@@ -60,11 +60,11 @@ options! {
         color_sparsity: u32 = 12, range = Range::from_to(1.0, MAX_SPARSITY as f64), another_scene = true;
         /// Root mean square error at which coding of a patch's depth ends, on the lowest level. Each level above has
         /// half the tolerance of the one below, since its errors spread over larger patches.
-        depth_tolerance: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        depth_tolerance: Option<f64> = None, range = Range::LENGTH, unit = "metres",
             none = "a fifth of `resolution`", another_scene = true;
         /// Root mean square error at which coding of a patch's colour ends, on the lowest level. It is halved from level
         /// to level likewise.
-        color_tolerance: f64 = 7.0, range = Range::above_to(0.0, 255.0), unit = "grey levels", another_scene = true;
+        color_tolerance: f64 = 7.0, range = Range::from_to(0.001, 255.0), unit = "grey levels", another_scene = true;
         /// Most iterations of weighted K-SVD per dictionary.
         iterations: u32 = 8, range = Range::from_to(1.0, 1000.0);
         /// Bitmasks of all levels have pixels of the lowest one: coarse patches then have the gaps and rims of the scan.

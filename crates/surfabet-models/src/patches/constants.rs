@@ -288,3 +288,114 @@ pub(super) const FRAGMENT_GAP: f32 = 1.5;
 /// From this distance on, finest pixels, a small piece stands for itself. Rooms hardly have such pieces; of a hall and a street half takes 37 and 20
 /// percent off the backward rmse for 0.2 and 0.6 more of forward, double adds 38 and 33 to it and takes as little off.
 pub(super) const FRAGMENT_REACH: f32 = 10.0;
+
+// What recurs. Half and double were measured of `ERROR_SHARE` alone: the search is off by default, and what it finds is taken only
+// where the file gets smaller.
+
+/// Side of the cells that surface is gathered in, pixels.
+pub(super) const KEYPOINT_CELL: f32 = 4.0;
+
+/// Cells on either side that normals are gathered from: about as far as a patch is wide.
+pub(super) const NORMALS_AROUND: i32 = 2;
+
+/// Cells on either side of which none is more of a corner: few more keypoints than corners, so that noise takes none away.
+pub(super) const KEYPOINTS_APART: i32 = 1;
+
+/// Least third eigenvalue of the sum of `n n'` over the pixels around a corner.
+pub(super) const LEAST_CORNER: f64 = 4.0;
+
+/// Keypoints, at most: those with most surface of a third direction.
+pub(super) const MOST_KEYPOINTS: usize = 4000;
+
+/// Side of the cells of a descriptor, pixels.
+pub(super) const DESCRIPTOR_CELL: f32 = 8.0;
+
+/// Keypoints whose invariant numbers are nearest, of which all turns are compared.
+pub(super) const COMPARED_KEYPOINTS: usize = 96;
+
+/// Least product of two descriptors, of unit length, that count as similar.
+pub(super) const ALIKE: f32 = 0.75;
+
+/// How much less the product of another turn may be than that of the best, of things that are symmetric.
+pub(super) const SYMMETRY_MARGIN: f32 = 0.03;
+
+/// Matches that are kept of a keypoint: so many that are most similar ...
+pub(super) const BEST_MATCHES: usize = 4;
+
+/// ... and so many of the first in the order of sources, so that all that recurs points to the same sources.
+pub(super) const FIRST_MATCHES: usize = 8;
+
+/// Side of the cells of shifts that votes are counted in, pixels.
+pub(super) const SHIFT_CELL: f32 = 6.0;
+
+/// Keypoints that must agree.
+pub(super) const LEAST_VOTES: usize = 4;
+
+/// Motions that are tried, at most: those with most votes.
+pub(super) const MOST_MOTIONS: usize = 40;
+
+/// How far from keypoints the surface is aligned, pixels: what their descriptors cover.
+pub(super) const ALIGNED_REACH: f32 = 24.0;
+
+/// Keypoints whose surface is aligned, at most.
+pub(super) const ALIGNED_KEYPOINTS: usize = 32;
+
+/// Pixels that are aligned, at most.
+pub(super) const ALIGNED_PIXELS: usize = 500;
+
+/// Distances within which surfaces are paired, pixels, round by round.
+pub(super) const PAIRED: [f32; 8] = [8.0, 6.0, 4.5, 3.5, 3.0, 2.5, 2.0, 2.0];
+
+/// Pull to the angle and shift at hand, pixels that count as staying: along an edge nothing else would hold.
+pub(super) const PULL: f64 = 0.5;
+
+/// Least share of the pixels that must lie on the surface in the end, within the last distance.
+pub(super) const LEAST_ALIGNED: f64 = 0.5;
+
+/// Distances beyond this count as this, pixels: what is not described at all.
+pub(super) const FARTHEST: f32 = 4.0;
+
+/// Side of the coarse cells, pixels: a quick test whether any surface is near.
+pub(super) const NEAR_CELL: f32 = 4.0;
+
+/// Samples of a patch that are compared, at most: of a patch of 8 x 8 pixels nearly one per pixel.
+pub(super) const COMPARED_SAMPLES: usize = 48;
+
+/// What a label that differs costs, bits: about what coding it where no neighbour has it takes.
+pub(super) const LABEL_BITS: f32 = 8.0;
+
+/// Pixels of a patch by which it is decided whether all are compared.
+pub(super) const PROBED_PIXELS: usize = 6;
+
+/// How many of these must have surface near.
+pub(super) const LEAST_PROBED: usize = 4;
+
+/// Samples of a patch by which it is decided whether the others are compared.
+pub(super) const FIRST_SAMPLES: usize = 8;
+
+/// How much a difference in error counts. Whether a patch or what stands for it is a little nearer to the scan is mostly
+/// chance. With 1 a fifth of the patches of an exact copy stay coded for it; with a half six copies of a room decode to 1
+/// percent more error.
+pub(super) const ERROR_SHARE: f32 = 0.5;
+
+/// What a sample further than the tolerance costs, bits: a point beside the patches takes about ten, and stands for several.
+pub(super) const FAR_BITS: f32 = 3.0;
+
+/// Least share of the samples of a patch that a source describes; others are not needed for it.
+pub(super) const LEAST_DESCRIBED: f32 = 0.1;
+
+/// Bits of an instance beside its patches: place and box.
+pub(super) const INSTANCE_BITS: f32 = 110.0;
+
+/// Bits that encode where a run of patches of an instance begins and ends in the order of the file.
+pub(super) const RUN_BITS: f32 = 8.0;
+
+/// A motion that many patches go with is taken where it wins at least this share of the best.
+pub(super) const LEAST_OF_BEST: f32 = 0.8;
+
+/// How often every motion is tried to do without, at most.
+pub(super) const REMOVAL_ROUNDS: usize = 3;
+
+/// Largest share of the bytes of the patches that a model with instances may take to be tried: whether points beside the
+/// patches take up what is won is seen only when all of them are found.
+pub(super) const WORTH: f64 = 0.95;

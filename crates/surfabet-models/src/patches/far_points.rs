@@ -12,7 +12,8 @@ use super::model::{Lattice, PatchModel};
 use super::samples::cells::LIMIT;
 use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::extent::too_small;
 
 /// Points by whose distances it is decided whether enough are near: the share that they give has a standard deviation of 0.00016 where
 /// it is to be 0.99.
@@ -32,7 +33,7 @@ const BATCH: usize = 1 << 12;
 /// input, if that is given.
 ///
 /// # Errors
-/// [`Error::TooLarge`] for a bound that single precision does not resolve, [`Error::Cancelled`].
+/// [`Error::InvalidParameter`] for a bound that single precision does not resolve, [`Error::Cancelled`].
 pub(super) fn with_points_within(
     model: PatchModel,
     positions: &[[f32; 3]],
@@ -145,7 +146,9 @@ pub(super) fn limit(positions: &[[f32; 3]], bound: f64) -> Result<f64> {
     let limit = bound - 4.0 * extent * f64::from(f32::EPSILON);
     let largest = f64::from(LIMIT) * 0.5 * bound;
     if limit < 0.5 * bound || extent > largest {
-        return Err(Error::TooLarge { extent, limit: largest, resolution: bound });
+        let of_rounding = 8.0 * extent * f64::from(f32::EPSILON);
+        let least = of_rounding.max(2.0 * extent / f64::from(LIMIT));
+        return Err(too_small("max_error", bound, least, extent));
     }
     Ok(limit)
 }

@@ -1,7 +1,6 @@
 //! The whole way from a cloud to a model.
 
 use std::borrow::Cow;
-use std::ops::RangeInclusive;
 
 use surfabet_geom::{PointCloud, Progress, Survey};
 
@@ -31,7 +30,7 @@ use super::surface::basis::Basis;
 use super::surface::leaf::Leaf;
 use super::tiles::{Shares, Tile};
 use super::whole::{Described, Wanted, Whole};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
 use crate::report::{AttributeFigures, Named, Report, figures, lost};
@@ -50,10 +49,6 @@ pub(super) const STAGES: &[(&str, f32)] = &[
     ("finding what recurs", 0.1),
     ("checking the bound", 0.1),
 ];
-
-/// Pixels and bounds, metres. What follows from them in a file, the cells of points beside the patches, is at most five times as large and at
-/// least half as large, and is read from 1e-9 m to 1e6 m.
-const LENGTHS: RangeInclusive<f64> = 1e-8..=1e5;
 
 /// Why depths are rounded more finely than usual.
 const GAP_REASON: &str = "surfaces lie close behind one another";
@@ -90,8 +85,8 @@ figures! {
 /// The result depends on cloud and options alone, not on the number of threads.
 ///
 /// # Errors
-/// [`crate::Error::InvalidParameter`] for options outside their domain, [`crate::Error::EmptyCloud`],
-/// [`crate::Error::TooLarge`] when the scene does not fit the lattice, [`crate::Error::Cancelled`] when the caller asks to
+/// [`crate::Error::InvalidParameter`] for options outside their domain and a resolution or bound too small for
+/// the scene, [`crate::Error::EmptyCloud`], [`crate::Error::Cancelled`] when the caller asks to
 /// stop.
 pub fn learn(
     cloud: &PointCloud,
@@ -108,7 +103,7 @@ pub fn learn(
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
     let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
     check_size(reach(cloud)?, resolution)?;
-    check_lengths(resolution, options)?;
+    PatchesOptions::check_found("resolution", resolution)?;
     // 1. Axes of the scene.
     let lattice = stages.run("finding axes", |_| {
         Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))
@@ -387,23 +382,6 @@ pub(super) fn tolerance(
     let of_data = if of_data > 0.0 { of_data } else { 0.5 * resolution };
     let extent = reach.into_iter().fold(0.0, f64::max);
     of_data.max(least_bound(extent) / TOLERANCE_SHARE)
-}
-
-/// Refuses pixels and bounds that a file cannot have.
-pub(super) fn check_lengths(resolution: f64, options: &PatchesOptions) -> Result<()> {
-    let lengths = [
-        ("max_error", options.max_error),
-        ("max_error_forward", options.max_error_forward),
-        ("resolution", Some(resolution)),
-    ];
-    for (name, length) in lengths {
-        if let Some(length) = length.filter(|length| !LENGTHS.contains(length)) {
-            let [low, high] = [LENGTHS.start(), LENGTHS.end()];
-            let requirement = format!("from {low:e} to {high:e} metres; is the unit right?");
-            return Err(Error::invalid(name, length, requirement));
-        }
-    }
-    Ok(())
 }
 
 /// Rounding of depths as the file has it: the one that was given, or the usual one, unless surfaces that lie close behind one

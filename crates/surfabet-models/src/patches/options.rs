@@ -8,23 +8,27 @@ use crate::sensor::Sensor;
 /// Steps of depth per pixel of the finest level: [`PatchesOptions::depth_step`] is a number of them.
 pub(super) const DEPTH_STEPS: f64 = 16.0;
 
+/// Pixels and bounds. What follows from them in a file, the cells of points beside the patches, is at most five times as large
+/// and at least half as large, and is read from 1e-9 m to 1e6 m.
+const LENGTH: Range = Range::from_to(1e-8, 1e5);
+
 options! {
     /// Options of [`learn`](super::learn).
     pub struct PatchesOptions {
         /// Small files or fine detail. Sets `resolution`, unless that is given: 'small' doubles it, 'fine' halves it.
         quality: Quality = Quality::Balanced;
         /// Side of a pixel of the finest level. Smaller detail is lost, and all lengths of the method follow it.
-        resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        resolution: Option<f64> = None, range = LENGTH, unit = "metres",
             none = "from the data: 2.25 spacings of the points, 3 on scan lines and of rounded coordinates, 1.25 standard deviations of their noise or half of max_error (with max_error_forward all of it, or of that where it is less), whichever is most";
         /// Levels of the hierarchy. Patches of the finest are 8 pixels wide; from level to level above it, pixels and
         /// patches double in size.
         levels: u32 = 2, range = Range::from_to(1.0, MAX_LEVELS as f64);
         /// Largest distance of any input point to the cloud that is decoded as measured at the default spacing. Points
         /// that would be further away are kept beside the patches.
-        max_error: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "no bound";
+        max_error: Option<f64> = None, range = LENGTH, unit = "metres", none = "no bound";
         /// Largest distance of any decoded point to the input, as measured or as a surface at the default spacing: no surface
         /// is filled in where nothing was measured. Patches lose what would be further away.
-        max_error_forward: Option<f64> = None, range = Range::POSITIVE, unit = "metres", none = "no bound";
+        max_error_forward: Option<f64> = None, range = LENGTH, unit = "metres", none = "no bound";
         /// Least share of the points that are within the tolerance of the cloud decoded as measured: two spacings, three
         /// standard deviations of the noise, or two thirds of a given `resolution`, whichever is most; twice as much for
         /// 'small'. Points beside the patches make up

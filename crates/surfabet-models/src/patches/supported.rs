@@ -16,7 +16,7 @@ use crate::error::Result;
 /// default spacing.
 ///
 /// # Errors
-/// [`crate::Error::TooLarge`] for a bound that single precision does not resolve, [`crate::Error::Cancelled`].
+/// [`crate::Error::InvalidParameter`] for a bound that single precision does not resolve, [`crate::Error::Cancelled`].
 pub(super) fn with_support(
     geometry: Geometry,
     lattice: Lattice,

@@ -3,6 +3,7 @@
 use surfabet_geom::Progress;
 
 use super::coding::Geometry;
+use super::constants::WORTH;
 use super::far_points::{Completeness, with_points_within, with_share_of_points};
 use super::instances::Instances;
 use super::model::{Attributes, Lattice, PatchModel};
@@ -10,10 +11,6 @@ use super::surface::leaf::Leaf;
 use crate::contract::SurfaceModel;
 use crate::error::Result;
 use crate::report::AttributeFigures;
-
-/// Largest share of the bytes of the patches that a model with instances may take to be tried: whether points beside the
-/// patches take up what is won is seen only when all of them are found.
-const WORTH: f64 = 0.95;
 
 /// Bytes that instances take beside their stream: an entry in the table of sections, their number.
 const SECTION: f64 = 12.0;

@@ -20,7 +20,7 @@ options! {
         /// added to it. Options that it does not know, from `merge_tolerance` to `min_probability`, do not count then.
         published: bool = false;
         /// Grid size (G, section II-E) that the learned one does not fall below. Flat is what is flat at this size.
-        min_grid_size: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
+        min_grid_size: Option<f64> = None, range = Range::LENGTH, unit = "metres",
             none = "the median spacing of the points, or three times their noise where that is more";
         /// Weight of a point at distance G before normalisation (W, eq. 2). Points further than G from all patches
         /// support none.

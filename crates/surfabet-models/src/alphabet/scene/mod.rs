@@ -22,6 +22,7 @@ use self::normals::PointNormals;
 pub(super) use self::thinning::Thinned;
 use super::lattice::{MAX_CELL, SigmaRule, UNITS};
 use crate::error::{Error, Result};
+use crate::extent::too_small;
 use crate::scans::Scene;
 
 /// A scene in units of the lattice, positions from its corner.
@@ -48,7 +49,7 @@ pub(super) struct LatticeScene {
 
 impl LatticeScene {
     /// # Errors
-    /// [`Error::TooLarge`] when the scene does not fit the lattice, [`Error::InvalidParameter`] beyond 65535 sensors.
+    /// [`Error::InvalidParameter`] for a radius too small for the scene to fit the lattice, and beyond 65535 sensors.
     pub fn new(scene: &Scene, thinning: Thinned, radius: f64) -> Result<Self> {
         let unit = radius / UNITS as f64;
         let low: [f32; 3] = std::array::from_fn(|a| {
@@ -60,10 +61,10 @@ impl LatticeScene {
         });
         let extent = points.iter().flatten().fold(0.0, |m: f32, &c| m.max(c));
         let cells = MAX_CELL.min(1 << KEY_BITS) - 4;
-        let limit = f64::from(cells) * radius;
-        if f64::from(extent) * unit > limit {
-            let extent = f64::from(extent) * unit;
-            return Err(Error::TooLarge { extent, limit, resolution: radius });
+        let extent = f64::from(extent) * unit;
+        let least = extent / f64::from(cells);
+        if radius < least {
+            return Err(too_small("radius", radius, least, extent));
         }
         let to_units = |v: [f32; 3]| -> [i64; 3] {
             std::array::from_fn(|a| ((f64::from(v[a]) - f64::from(low[a])) / unit).round() as i64)

@@ -3,18 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::fit::{Fit, Prices};
-
-/// Bits of an instance beside its patches: place and box.
-const INSTANCE_BITS: f32 = 110.0;
-
-/// Bits that encode where a run of patches of an instance begins and ends in the order of the file.
-const RUN_BITS: f32 = 8.0;
-
-/// A motion that many patches go with is taken where it wins at least this share of the best.
-const NEARLY_AS_MUCH: f32 = 0.8;
-
-/// How often every motion is tried to do without, at most.
-const ROUNDS: usize = 3;
+use crate::patches::constants::{INSTANCE_BITS, LEAST_OF_BEST, REMOVAL_ROUNDS, RUN_BITS};
 
 /// Patches that are left out, by motion.
 pub(super) struct Assigned {
@@ -56,7 +45,7 @@ pub(super) fn assign(prices: &Prices<'_>, fits: &[Vec<Fit>]) -> Assigned {
     let mut best = possible.with(&used);
     let mut by_total: Vec<usize> = (0..used.len()).collect();
     by_total.sort_by(|&a, &b| possible.totals[a].total_cmp(&possible.totals[b]).then(b.cmp(&a)));
-    for _ in 0..ROUNDS {
+    for _ in 0..REMOVAL_ROUNDS {
         let before = best.gain;
         for &motion in &by_total {
             if !used[motion] {
@@ -93,7 +82,7 @@ impl Possible<'_> {
                 of_leaf.filter(|(_, fit)| fit.sources.iter().all(is_there))
             };
             let most = possible().map(|(_, fit)| fit.gain).fold(0.0, f32::max);
-            let good = possible().filter(|(_, fit)| fit.gain >= NEARLY_AS_MUCH * most);
+            let good = possible().filter(|(_, fit)| fit.gain >= LEAST_OF_BEST * most);
             let total = |motion: usize| self.totals[motion];
             let best = good.max_by(|a, b| total(a.0).total_cmp(&total(b.0)).then(b.0.cmp(&a.0)));
             if let Some(&(motion, fit)) = best {

@@ -9,28 +9,11 @@ use surfabet_geom::Progress;
 use super::seen::Seen;
 use super::surface::SurfacePixels;
 use crate::error::Result;
+use crate::patches::constants::{
+    ERROR_SHARE, FAR_BITS, FIRST_SAMPLES, LEAST_DESCRIBED, LEAST_PROBED, PROBED_PIXELS,
+};
 use crate::patches::instances::Motion;
 use crate::patches::instances::order::place_in_order;
-
-/// Pixels of a patch by which it is decided whether all are compared.
-const PROBES: usize = 6;
-
-/// Least share of these that must have surface near.
-const LEAST_PROBES: usize = 4;
-
-/// Samples of a patch by which it is decided whether the others are compared.
-const FIRST: usize = 8;
-
-/// How much a difference in error counts. Whether a patch or what stands for it is a little nearer to the scan is mostly
-/// chance. With 1 a fifth of the patches of an exact copy stay coded for it; with a half six copies of a room decode to 1
-/// percent more error.
-const ERROR_SHARE: f32 = 0.5;
-
-/// What a sample further than the tolerance costs, bits: a point beside the patches takes about ten, and stands for several.
-const FAR_BITS: f32 = 3.0;
-
-/// Least share of the samples of a patch that a source describes; others are not needed for it.
-const LEAST_SHARE: f32 = 0.1;
 
 /// What is known of the patches that may be left out.
 pub(super) struct Prices<'a> {
@@ -112,7 +95,7 @@ impl<'a> Prices<'a> {
             of.gain -= ERROR_SHARE * of.each * costs[from..to].iter().sum::<f32>();
             from = to;
             let n = of.sources.values().sum::<u32>() as f32;
-            of.sources.retain(|_, count| *count as f32 >= LEAST_SHARE * n);
+            of.sources.retain(|_, count| *count as f32 >= LEAST_DESCRIBED * n);
             if of.gain > 0.0 && !of.sources.is_empty() {
                 of.sources.iter().for_each(|(&s, n)| *counts.entry(s).or_default() += n);
                 found.push(of);
@@ -137,11 +120,11 @@ impl<'a> Prices<'a> {
     fn described(&self, leaf: u32, motion: &Motion) -> Option<Described<'_>> {
         let Self { surface, seen, .. } = self;
         let pixels = surface.pixels_of(leaf as usize);
-        let step = pixels.len().div_ceil(PROBES).max(1);
+        let step = pixels.len().div_ceil(PROBED_PIXELS).max(1);
         let probes = pixels.clone().step_by(step);
         let n = probes.len();
         let near = probes.filter(|&i| surface.may_be_near(motion.source_of(surface.middles[i])));
-        if near.count() * PROBES < n * LEAST_PROBES {
+        if near.count() * PROBED_PIXELS < n * LEAST_PROBED {
             return None;
         }
         let (samples, each) = &seen.of_leaves[leaf as usize];
@@ -155,7 +138,7 @@ impl<'a> Prices<'a> {
             let point = if is_far { FAR_BITS * self.lambda } else { 0.0 };
             (nearest, surface.cost(nearest) - seen.own_costs[i as usize] + point)
         };
-        let step = samples.len().div_ceil(FIRST);
+        let step = samples.len().div_ceil(FIRST_SAMPLES);
         let first = samples.iter().step_by(step);
         let weight = each * samples.len() as f32 / first.len() as f32;
         if weight * first.map(|&i| more(i).1).sum::<f32>() > 4.0 * bits * self.lambda {

@@ -10,27 +10,12 @@ use surfabet_geom::cells::{cell_of, key};
 use surfabet_geom::morton::MortonMap;
 
 use super::surface::SurfacePixels;
-
-/// Side of the cells that surface is gathered in, pixels.
-const CELL: f32 = 4.0;
-
-/// Cells on either side that normals are gathered from: about as far as a patch is wide.
-const AROUND: i32 = 2;
-
-/// Cells on either side of which none is more of a corner: few more keypoints than corners, so that noise takes none away.
-const APART: i32 = 1;
-
-/// Least third eigenvalue of the sum of `n n'` over the pixels around a corner.
-const LEAST_CORNER: f64 = 4.0;
-
-/// Keypoints, at most: those with most surface of a third direction.
-const MAX_KEYPOINTS: usize = 4000;
+use crate::patches::constants::{
+    DESCRIPTOR_CELL, KEYPOINT_CELL, KEYPOINTS_APART, LEAST_CORNER, MOST_KEYPOINTS, NORMALS_AROUND,
+};
 
 /// Cells along the side of the cube that a descriptor covers.
 const SIDE: usize = 6;
-
-/// Their side, pixels.
-const DESCRIPTOR_CELL: f32 = 8.0;
 
 /// Numbers in a descriptor.
 pub(super) const DESCRIPTOR: usize = SIDE * SIDE * SIDE;
@@ -78,12 +63,12 @@ pub(super) fn keypoints(surface: &SurfacePixels<'_>, axis: usize) -> Vec<Keypoin
         let is_less = |other: u64| {
             by_key.get(&other).is_none_or(|&of| of < strength || of == strength && other >= key)
         };
-        if strength >= LEAST_CORNER && about(key, APART).all(is_less) {
+        if strength >= LEAST_CORNER && about(key, KEYPOINTS_APART).all(is_less) {
             corners.push((strength, key, middle));
         }
     }
     corners.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    corners.truncate(MAX_KEYPOINTS);
+    corners.truncate(MOST_KEYPOINTS);
     corners.sort_by_key(|corner| corner.1);
     parallel::map(&corners, |&(_, _, position)| describe(&cells, position, axis))
 }
@@ -96,7 +81,7 @@ fn gather(surface: &SurfacePixels<'_>) -> MortonMap<Gathered> {
         let normals = n * n.transpose();
         for pixel in surface.pixels_of(leaf) {
             let p = surface.middles[pixel];
-            let cell = cells.entry(key(cell_of(p, CELL))).or_default();
+            let cell = cells.entry(key(cell_of(p, KEYPOINT_CELL))).or_default();
             cell.n += 1.0;
             (0..3).for_each(|a| cell.sum[a] += p[a]);
             cell.normals += normals;
@@ -118,7 +103,7 @@ fn about(of: u64, reach: i32) -> impl Iterator<Item = u64> {
 /// The third eigenvalue of the normals about a cell, and the middle of the surface there.
 fn strength(cells: &MortonMap<Gathered>, key: u64) -> (f64, [f32; 3]) {
     let mut all = Gathered::default();
-    for cell in about(key, AROUND).filter_map(|key| cells.get(&key)) {
+    for cell in about(key, NORMALS_AROUND).filter_map(|key| cells.get(&key)) {
         all.n += cell.n;
         (0..3).for_each(|a| all.sum[a] += cell.sum[a]);
         all.normals += cell.normals;
@@ -129,8 +114,10 @@ fn strength(cells: &MortonMap<Gathered>, key: u64) -> (f64, [f32; 3]) {
 /// The keypoint of a place: shares of the surface in the cells around, their roots as a vector of unit length.
 fn describe(cells: &MortonMap<Gathered>, position: [f32; 3], axis: usize) -> Keypoint {
     let mut descriptor = [0.0_f32; DESCRIPTOR];
-    let reach = (0.5 * SIDE as f32 * DESCRIPTOR_CELL / CELL).ceil() as i32;
-    for cell in about(key(cell_of(position, CELL)), reach).filter_map(|key| cells.get(&key)) {
+    let reach = (0.5 * SIDE as f32 * DESCRIPTOR_CELL / KEYPOINT_CELL).ceil() as i32;
+    for cell in
+        about(key(cell_of(position, KEYPOINT_CELL)), reach).filter_map(|key| cells.get(&key))
+    {
         // From the lowest middle of a cell of the descriptor, in such cells.
         let at: [f32; 3] = std::array::from_fn(|a| {
             let offset = (cell.sum[a] / cell.n - position[a]) / DESCRIPTOR_CELL;

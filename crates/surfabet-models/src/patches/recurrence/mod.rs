@@ -60,7 +60,7 @@ pub(super) struct Learned<'a> {
 /// `max_error_forward` only patches are given again that are near the input there.
 ///
 /// # Errors
-/// [`crate::Error::Cancelled`]; [`crate::Error::TooLarge`] for a bound that single precision does not resolve.
+/// [`crate::Error::Cancelled`]; [`crate::Error::InvalidParameter`] for a bound that single precision does not resolve.
 pub(super) fn recurring(
     learned: &Learned<'_>,
     cloud: &PointCloud,

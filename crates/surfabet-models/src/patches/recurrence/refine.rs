@@ -7,25 +7,10 @@ use nalgebra::{Matrix4, Vector4};
 use super::keypoints::Keypoint;
 use super::surface::SurfacePixels;
 use super::votes::MotionCandidate;
+use crate::patches::constants::{
+    ALIGNED_KEYPOINTS, ALIGNED_PIXELS, ALIGNED_REACH, LEAST_ALIGNED, PAIRED, PULL,
+};
 use crate::patches::instances::{Motion, Place};
-
-/// How far from keypoints the surface is aligned, pixels: what their descriptors cover.
-const REACH: f32 = 24.0;
-
-/// Keypoints whose surface is aligned, at most.
-const MAX_KEYPOINTS: usize = 32;
-
-/// Pixels that are aligned, at most.
-const MAX_POINTS: usize = 500;
-
-/// Distances within which surfaces are paired, pixels, round by round.
-const PAIRED: [f32; 8] = [8.0, 6.0, 4.5, 3.5, 3.0, 2.5, 2.0, 2.0];
-
-/// Pull to the angle and shift at hand, pixels that count as staying: along an edge nothing else would hold.
-const PULL: f64 = 0.5;
-
-/// Least share of the pixels that must lie on the surface in the end, within the last distance.
-const LEAST_SHARE: f64 = 0.5;
 
 /// The place of a candidate where surface lies on surface; `None` where it does not.
 pub(super) fn refined(
@@ -48,18 +33,18 @@ pub(super) fn refined(
         shift = turned_about(shift, middle, step[3], axis);
         (0..3).for_each(|a| shift[a] += step[a]);
     }
-    (share >= LEAST_SHARE).then(|| Place::nearest(mirrored, angle, shift))
+    (share >= LEAST_ALIGNED).then(|| Place::nearest(mirrored, angle, shift))
 }
 
 /// Some pixels about keypoints, evenly over all of them.
 fn points_about(surface: &SurfacePixels<'_>, keypoints: &[Keypoint], of: &[u32]) -> Vec<[f32; 3]> {
     let mut found = Vec::new();
-    for &i in of.iter().step_by(of.len().div_ceil(MAX_KEYPOINTS).max(1)) {
-        found.extend(surface.pixels_about(keypoints[i as usize].position, REACH));
+    for &i in of.iter().step_by(of.len().div_ceil(ALIGNED_KEYPOINTS).max(1)) {
+        found.extend(surface.pixels_about(keypoints[i as usize].position, ALIGNED_REACH));
     }
     found.sort_unstable();
     found.dedup();
-    let step = found.len().div_ceil(MAX_POINTS).max(1);
+    let step = found.len().div_ceil(ALIGNED_PIXELS).max(1);
     found.into_iter().step_by(step).map(|pixel| surface.middles[pixel as usize]).collect()
 }
 

@@ -7,16 +7,11 @@ use super::surface::SurfacePixels;
 use crate::error::Result;
 use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, INTENSITIES};
+use crate::patches::constants::{COMPARED_SAMPLES, LABEL_BITS};
 use crate::patches::decode::Sampler;
 use crate::patches::model::{Attributes, Lattice};
 use crate::patches::options::PatchesOptions;
 use crate::patches::samples::SidedSamples;
-
-/// Samples of a patch that are compared, at most: of a patch of 8 x 8 pixels nearly one per pixel.
-const MAX_SAMPLES: usize = 48;
-
-/// What a label that differs costs, bits: about what coding it where no neighbour has it takes.
-const LABEL_BITS: f32 = 8.0;
 
 /// The samples of a scan with what their own patches make of them.
 pub(super) struct Seen<'a> {
@@ -61,7 +56,7 @@ impl<'a> Seen<'a> {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let pixel = lattice.pixel_size as f32;
-        let step = (samples.all.len() / (MAX_SAMPLES * surface.leaves.len()).max(1)).max(1);
+        let step = (samples.all.len() / (COMPARED_SAMPLES * surface.leaves.len()).max(1)).max(1);
         let measured: Vec<u32> = (0..samples.all.len() as u32).step_by(step).collect();
         let owners = parallel::map(&measured, |&i| {
             let nearest = surface.nearest(samples.all[i as usize].position.map(|c| c / pixel));
@@ -77,7 +72,7 @@ impl<'a> Seen<'a> {
         let mut of_leaves = Vec::with_capacity(all_of_leaves.len());
         for all in all_of_leaves {
             let from = kept.len() as u32;
-            let every = all.len().div_ceil(MAX_SAMPLES).max(1);
+            let every = all.len().div_ceil(COMPARED_SAMPLES).max(1);
             kept.extend(all.iter().step_by(every));
             let numbers: Vec<u32> = (from..kept.len() as u32).collect();
             let each = (step * all.len()) as f32 / numbers.len().max(1) as f32;

@@ -6,17 +6,11 @@ use surfabet_geom::cells::{cell_of, key};
 use surfabet_geom::morton::MortonMap;
 
 use crate::error::Result;
-use crate::patches::constants::{DECODED_WEIGHT, THIN_WEIGHT};
+use crate::patches::constants::{DECODED_WEIGHT, FARTHEST, NEAR_CELL, THIN_WEIGHT};
 use crate::patches::model::Lattice;
 use crate::patches::sheets::axes_of;
 use crate::patches::surface::basis::{Basis, DEGREES, N_SHAPES, derivative, value};
 use crate::patches::surface::leaf::Leaf;
-
-/// Distances beyond this count as this, pixels: what is not described at all.
-const MAX_DISTANCE: f32 = 4.0;
-
-/// Side of the coarse cells, pixels: a quick test whether any surface is near.
-const NEAR_CELL: f32 = 4.0;
 
 /// The set finest pixels of all patches. All lengths are in finest pixels, in the frame of the lattice.
 pub(super) struct SurfacePixels<'a> {
@@ -106,7 +100,7 @@ impl<'a> SurfacePixels<'a> {
             return None;
         }
         let found = self.tree.nearest(p)?;
-        if found.squared_distance() > (MAX_DISTANCE + 1.0).powi(2) {
+        if found.squared_distance() > (FARTHEST + 1.0).powi(2) {
             return None;
         }
         let pixel = found.index();
@@ -157,7 +151,7 @@ impl<'a> SurfacePixels<'a> {
     /// What it costs, squared pixels, that a sample is described by what is nearest to it: the squared distance from the slab
     /// that is decoded, and a share of that from its middle.
     pub fn cost(&self, nearest: Option<Nearest>) -> f32 {
-        let most = (1.0 + THIN_WEIGHT) * MAX_DISTANCE * MAX_DISTANCE;
+        let most = (1.0 + THIN_WEIGHT) * FARTHEST * FARTHEST;
         let Some(Nearest { pixel, off, beside }) = nearest else { return most };
         let excess = (off.abs() - self.half(pixel)).max(0.0);
         (beside + excess * excess + THIN_WEIGHT * off * off).min(most)
@@ -166,7 +160,7 @@ impl<'a> SurfacePixels<'a> {
     /// What it costs, squared pixels, that a slab of half thickness `half` is decoded about a position where what is nearest
     /// was seen: the mean squared distance of its points from the slab there, as often as errors of decoded points count.
     pub fn cost_of_decoded(&self, nearest: Option<Nearest>, half: f32) -> f32 {
-        let most = DECODED_WEIGHT * MAX_DISTANCE * MAX_DISTANCE;
+        let most = DECODED_WEIGHT * FARTHEST * FARTHEST;
         let Some(Nearest { pixel, off, beside }) = nearest else { return most };
         let own = self.half(pixel);
         // Three layers stand for the slab.

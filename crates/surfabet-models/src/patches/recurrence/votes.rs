@@ -6,31 +6,11 @@ use surfabet_base::parallel;
 use surfabet_geom::cells::{cell_of, key, of_key};
 
 use super::keypoints::{DESCRIPTOR, Keypoint, N_TURNS, exchanges};
+use crate::patches::constants::{
+    ALIKE, BEST_MATCHES, COMPARED_KEYPOINTS, FIRST_MATCHES, LEAST_VOTES, MOST_MOTIONS, SHIFT_CELL,
+    SYMMETRY_MARGIN,
+};
 use crate::patches::instances::order::place_in_order;
-
-/// Keypoints whose invariant numbers are nearest, of which all turns are compared.
-const COMPARED: usize = 96;
-
-/// Least product of two descriptors, of unit length, that count as similar.
-const ALIKE: f32 = 0.75;
-
-/// How much less the product of another turn may be than that of the best, of things that are symmetric.
-const NEARLY_AS_MUCH: f32 = 0.03;
-
-/// Matches that are kept of a keypoint: so many that are most similar ...
-const BEST: usize = 4;
-
-/// ... and so many of the first in the order of sources, so that all that recurs points to the same sources.
-const FIRST: usize = 8;
-
-/// Side of the cells of shifts that votes are counted in, pixels.
-const SHIFT_CELL: f32 = 6.0;
-
-/// Keypoints that must agree.
-const LEAST_VOTES: usize = 4;
-
-/// Motions that are tried, at most: those with most votes.
-const MAX_CANDIDATES: usize = 40;
 
 /// A motion that some keypoints agree on.
 pub(super) struct MotionCandidate {
@@ -83,7 +63,7 @@ pub(super) fn candidates(keypoints: &[Keypoint], axis: usize) -> Vec<MotionCandi
         }
     }
     found.sort_by_key(|&(votes, _)| std::cmp::Reverse(votes));
-    found.truncate(MAX_CANDIDATES);
+    found.truncate(MOST_MOTIONS);
     found.into_iter().map(|(_, candidate)| candidate).collect()
 }
 
@@ -120,9 +100,9 @@ fn matches_of(
         }
     }
     let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    if near.len() > COMPARED {
-        near.select_nth_unstable_by(COMPARED, by_distance);
-        near.truncate(COMPARED);
+    if near.len() > COMPARED_KEYPOINTS {
+        near.select_nth_unstable_by(COMPARED_KEYPOINTS, by_distance);
+        near.truncate(COMPARED_KEYPOINTS);
     }
     // The descriptor that the source would have, for each turn that takes it to this.
     let turned_back: [[f32; DESCRIPTOR]; N_TURNS] = std::array::from_fn(|turn| {
@@ -143,14 +123,15 @@ fn matches_of(
         }
     }
     alike.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut kept: Vec<(f32, u32, [f32; N_TURNS])> = alike.iter().take(BEST).copied().collect();
+    let mut kept: Vec<(f32, u32, [f32; N_TURNS])> =
+        alike.iter().take(BEST_MATCHES).copied().collect();
     let order = |j: u32| place_in_order(keypoints[j as usize].position);
     alike.drain(..kept.len());
     alike.sort_by(|a, b| order(a.1).total_cmp(&order(b.1)).then(a.1.cmp(&b.1)));
-    kept.extend(alike.into_iter().take(FIRST));
+    kept.extend(alike.into_iter().take(FIRST_MATCHES));
     let mut matches = Vec::new();
     for (best, source, products) in kept {
-        for turn in (0..N_TURNS).filter(|&turn| products[turn] >= best - NEARLY_AS_MUCH) {
+        for turn in (0..N_TURNS).filter(|&turn| products[turn] >= best - SYMMETRY_MARGIN) {
             let moved = turned(keypoints[source as usize].position, turn, axis);
             let shift = std::array::from_fn(|a| own.position[a] - moved[a]);
             matches.push(Match { source, target: target as u32, turn, shift });

@@ -174,8 +174,8 @@ impl TilePlan {
     /// gives the sides of surfaces and without ranges.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] for a cloud that does not fit the lattice; [`Error::InvalidParameter`] for one that does not know
-    /// the sides of its surfaces where the map does.
+    /// [`Error::InvalidParameter`] for a cloud that does not fit the lattice, and for one that does not know the sides of its
+    /// surfaces where the map does.
     pub fn prepared(&self, cloud: &PointCloud) -> Result<PointCloud> {
         let mut parts = about(cloud, self.lattice.origin)?.into_parts();
         parts.ranges = None;

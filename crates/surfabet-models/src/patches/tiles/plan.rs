@@ -9,8 +9,7 @@ use crate::options::Options;
 use crate::patches::attributes::chosen::ChosenAttributes;
 use crate::patches::attributes::{AttributeContent, AttributeHeader, INTENSITIES, check};
 use crate::patches::learn::{
-    check_lengths, check_size, depth_step, lattice_of, pixel, samples_per_pixel, sheets_of,
-    tolerance,
+    check_size, depth_step, lattice_of, pixel, samples_per_pixel, sheets_of, tolerance,
 };
 use crate::patches::model::Lattice;
 use crate::patches::options::PatchesOptions;
@@ -207,7 +206,7 @@ pub fn plan(
     let tolerance = tolerance(&start, options, reach, resolution);
     let depth_step = depth_step(&mut start, options.depth_step, resolution);
     check_size(reach, resolution)?;
-    check_lengths(resolution, options)?;
+    PatchesOptions::check_found("resolution", resolution)?;
     let (cloud, survey): (&PointCloud, _) = (&start.cloud, &start.survey);
     let lattice = stages.run("finding axes", |_| {
         Ok(lattice_of(cloud, resolution, depth_step, survey.layer_gap, options))

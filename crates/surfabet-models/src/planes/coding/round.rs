@@ -6,6 +6,8 @@ use surfabet_geom::{PointCloud, Progress};
 use super::stored::{MAX_COORDINATE, StoredPatch};
 use crate::color;
 use crate::error::{Error, Result};
+use crate::extent::too_small;
+use crate::options::Options;
 use crate::planes::constants::{LEAST_STEPS_PER_GRID_SIZE, STEPS_PER_GRID_SIZE};
 use crate::planes::fit::NONE;
 use crate::planes::model::{
@@ -15,7 +17,6 @@ use crate::planes::options::PlanesOptions;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
 use crate::scalar::ScalarScale;
-use crate::start;
 
 /// The model of a fit, the patches that most points support first. Colours and intensities are those of `cloud`, by the
 /// patches that its points support after rounding.
@@ -84,14 +85,17 @@ pub(in crate::planes) fn rounded(
 
 /// Position step as a power of two: at most a 32nd of the grid size, and more where the scene is too large for that.
 fn exponent(points: &Points, grid_size: f64) -> Result<i32> {
+    // Points in one place have a grid of any size.
+    if points.extent() > 0.0 {
+        PlanesOptions::check_found("min_grid_size", grid_size)?;
+    }
     // Rectangles reach beyond the points by a tile at most.
     let extent = points.extent() + 2.0 * grid_size;
     let of_extent = (extent / (f64::from(MAX_COORDINATE) - 1.0)).log2().ceil();
     let of_grid_size = (grid_size / STEPS_PER_GRID_SIZE).log2().floor();
     if of_extent > (grid_size / LEAST_STEPS_PER_GRID_SIZE).log2() {
-        let least = start::rounded(LEAST_STEPS_PER_GRID_SIZE * of_extent.exp2());
-        let requirement = format!("at least {least} for a scene of {extent} m; or split the cloud");
-        return Err(Error::invalid("min_grid_size", grid_size, requirement));
+        let least = LEAST_STEPS_PER_GRID_SIZE * of_extent.exp2();
+        return Err(too_small("min_grid_size", grid_size, least, extent));
     }
     let limit = f64::from(MAX_EXPONENT);
     Ok(of_extent.max(of_grid_size).clamp(-limit, limit) as i32)
