@@ -21,6 +21,7 @@ use super::refine::covariance;
 use super::samples::Sample;
 use super::{Located, Location};
 use slide::free_direction;
+pub(super) use slide::held;
 use verify::Evidence;
 pub(super) use verify::evidence;
 
@@ -29,6 +30,8 @@ pub(super) use verify::evidence;
 pub(super) struct Candidate {
     pub placement: Placement,
     pub evidence: Evidence,
+    /// The standard deviation along the line on which the prior alone holds it, if there is one: as a vector, metres.
+    pub free: Option<[f64; 3]>,
 }
 
 impl Candidate {
@@ -356,11 +359,15 @@ pub(super) fn decide(
     let fine = evenly(samples, FINE_SAMPLES);
     let location = |c: &Candidate, probability: f64| -> Result<Location> {
         let per_fact = (fine.len() as f64 / FACTS).max(1.0);
+        let mut covariance = covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact);
+        if let Some(free) = c.free {
+            (0..9).for_each(|k| covariance[k / 3][k % 3] += free[k / 3] * free[k % 3]);
+        }
         Ok(Location {
             pose: c.placement.pose(map.origin, sensor)?,
             score: c.evidence.closeness,
             probability,
-            covariance: covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact),
+            covariance,
             explained: c.evidence.explained,
             contradicted: c.evidence.contradicted,
             in_front: c.evidence.in_front,
@@ -394,8 +401,13 @@ pub(super) fn decide(
         }
     }
     answer.places = answer.locations.len();
+    let accepted = candidates.iter().zip(&refusals).find(|(_, refusal)| refusal.is_none());
+    answer.free_along = accepted.and_then(|(c, _)| c.free).map(vector::unit);
     if answer.locations.is_empty() {
         answer.refusal = doubt.or(refusals[0]);
+        if let Some(Refusal::Loose { along }) = answer.refusal {
+            answer.free_along = Some(along);
+        }
     }
     // The places that an ambiguous scan fits are worth knowing, though none is accepted.
     if answer.refusal.is_some_and(|r| r.is_ambiguous()) {
@@ -422,6 +434,7 @@ mod tests {
                 translation: translation.into(),
             },
             evidence: Evidence::default(),
+            free: None,
         };
         places.iter().map(of).collect()
     }
