@@ -220,9 +220,16 @@ def locations_of(
     free_along: Sequence[float] | None,
 ) -> Locations:
     """What the core gives as arrays, as locations."""
-    why = refused or (None, None)
-    places = (_locations(accepted), _locations(rejected))
-    return Locations(*places, n_places, is_ambiguous, *why, free_along)
+    refusal, reason = refused or (None, None)
+    return Locations(
+        _locations(accepted),
+        _locations(rejected),
+        n_places,
+        is_ambiguous,
+        refusal,
+        reason,
+        free_along,
+    )
 
 
 def _locations(columns: Columns) -> list[Location]:
