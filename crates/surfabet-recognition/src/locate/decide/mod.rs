@@ -39,6 +39,14 @@ impl Candidate {
     pub fn is_clear(&self, demands: &Demands) -> bool {
         self.evidence.explained >= CLEARLY_EXPLAINED && self.evidence.refusal(demands).is_none()
     }
+
+    /// A covariance with the variance along the line on which the prior alone holds the place.
+    fn widened(&self, mut covariance: [[f64; 6]; 6]) -> [[f64; 6]; 6] {
+        if let Some(free) = self.free {
+            (0..9).for_each(|k| covariance[k / 3][k % 3] += free[k / 3] * free[k % 3]);
+        }
+        covariance
+    }
 }
 
 /// What a place must meet to be accepted.
@@ -359,15 +367,12 @@ pub(super) fn decide(
     let fine = evenly(samples, FINE_SAMPLES);
     let location = |c: &Candidate, probability: f64| -> Result<Location> {
         let per_fact = (fine.len() as f64 / FACTS).max(1.0);
-        let mut covariance = covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact);
-        if let Some(free) = c.free {
-            (0..9).for_each(|k| covariance[k / 3][k % 3] += free[k / 3] * free[k % 3]);
-        }
+        let covariance = covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact);
         Ok(Location {
             pose: c.placement.pose(map.origin, sensor)?,
             score: c.evidence.closeness,
             probability,
-            covariance,
+            covariance: c.widened(covariance),
             explained: c.evidence.explained,
             contradicted: c.evidence.contradicted,
             in_front: c.evidence.in_front,
