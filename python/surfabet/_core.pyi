@@ -572,8 +572,8 @@ def cloud_of_records(
 ) -> PointCloud: ...
 
 _Places: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-_Refused: TypeAlias = tuple[str, str, list[float] | None]
-_Located: TypeAlias = tuple[_Places, _Places, int, bool, _Refused | None]
+_Refused: TypeAlias = tuple[str, str]
+_Located: TypeAlias = tuple[_Places, _Places, int, bool, _Refused | None, list[float] | None]
 
 @final
 class Localizer:

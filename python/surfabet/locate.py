@@ -90,7 +90,9 @@ class Locations(Sequence[Location]):
         self.free_along: NDArray[np.float64] | None = (
             None if free_along is None else np.array(free_along)
         )
-        """Where the refusal is `loose`: the direction of that line in the world, (3,)."""
+        """Direction in the world, (3,), of a line along which nothing in the scan fixes the
+        position: where the refusal is `loose`, and of the likeliest place where a prior holds it
+        there."""
 
     @overload
     def __getitem__(self, index: int) -> Location: ...
@@ -214,11 +216,20 @@ def locations_of(
     rejected: Columns,
     n_places: int,
     is_ambiguous: bool,
-    refused: tuple[str, str, list[float] | None] | None,
+    refused: tuple[str, str] | None,
+    free_along: Sequence[float] | None,
 ) -> Locations:
     """What the core gives as arrays, as locations."""
-    why = refused or (None, None, None)
-    return Locations(_locations(accepted), _locations(rejected), n_places, is_ambiguous, *why)
+    refusal, reason = refused or (None, None)
+    return Locations(
+        _locations(accepted),
+        _locations(rejected),
+        n_places,
+        is_ambiguous,
+        refusal,
+        reason,
+        free_along,
+    )
 
 
 def _locations(columns: Columns) -> list[Location]:

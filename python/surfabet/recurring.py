@@ -105,10 +105,12 @@ def recurring(
 ) -> RecurringClasses:
     """Classes of things that occur in a scene again and again, without examples or training.
 
-    Candidates are what hangs together beside large smooth surfaces. The largest is searched for in
-    the scene as by `AlphabetModel.find`; when it is found often enough, it and what was found are a
-    class and belong to no other; then the next. As for `find`, things must stand out of the
-    deviation that the model was learned with: learn with a `sigma_scale` of 1 to 1.5.
+    Candidates are what hangs together beside large smooth surfaces, and smooth pieces of it. The
+    largest is searched for in the scene as by `AlphabetModel.find`, and grown by what stands beside
+    it in the same way at most of its places; when it is found often enough, it and what was found
+    belong to no other; then the next. The largest thing is the first class. As for `find`, things
+    must stand out of the deviation that the model was learned with: learn with a `sigma_scale` of 1
+    to 1.5.
 
     Parameters
     ----------

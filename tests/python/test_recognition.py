@@ -217,5 +217,28 @@ def test_what_recurs_is_a_class(
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(classes)
 
 
+def test_one_of_a_row_is_a_class() -> None:
+    """Three equal shelves side by side hang together over more than `max_size`, one does not."""
+    width, depth, height = 0.8, 0.3, 1.2
+    shelf = np.concatenate(
+        [
+            *(rectangle((0.025, 0, z), (0.75, 0, 0), (0, depth, 0)) for z in (0.1, 0.5, 0.8, 1.2)),
+            *(rectangle((x, 0, 0), (0, depth, 0), (0, 0, height)) for x in (0.01, 0.79)),
+            # What tells left from right.
+            rectangle((0.15, 0.1, 0.5), (0.2, 0, 0), (0, 0, 0.2)),
+            rectangle((0.5, 0.05, 0.8), (0, 0.2, 0), (0, 0, 0.25)),
+        ]
+    )
+    row = [shelf + np.array([k * width, 0, 0]) for k in range(3)]
+    floor = rectangle((-1, -2, 0), (4.4, 0, 0), (0, 4, 0))
+    cloud = sb.PointCloud(np.concatenate([floor, *row]))
+    classes = sb.recurring(sb.learn_alphabet(cloud, sigma_scale=1.0, noise=0.008))
+    low, high = classes[0].box
+    assert np.allclose(high - low, [width, depth, height], atol=0.06)
+    middles = np.array([place.center for place in classes[0].places])
+    middles = middles[np.argsort(middles[:, 0])]
+    assert np.allclose(middles, [[0.4 + k * width, 0.15, 0.6] for k in range(3)], atol=0.05)
+
+
 def test_nothing_else_recurs(model: sb.AlphabetModel) -> None:
     assert len(sb.recurring(model)) == 1

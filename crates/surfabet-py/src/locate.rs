@@ -3,7 +3,7 @@
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use surfabet::recognition::{Localizer, LocateOptions, Located, Location, Prior, Refusal};
+use surfabet::recognition::{Localizer, LocateOptions, Located, Location, Prior};
 
 use crate::arguments;
 use crate::cloud::cloud_of;
@@ -36,23 +36,18 @@ fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
     (poses.into_pyarray(py), covariances.into_pyarray(py), figures.into_pyarray(py))
 }
 
-/// Why no place is accepted: the name of the reason, a sentence, and the line along which the place is free.
-type Refused = (&'static str, String, Option<[f64; 3]>);
+/// Why no place is accepted: the name of the reason, and a sentence.
+type Refused = (&'static str, String);
 
-/// Accepted and rejected places, how many the scan fits, whether it is ambiguous, and why none is accepted.
-pub type Answer<'py> = (Columns<'py>, Columns<'py>, usize, bool, Option<Refused>);
+/// Accepted and rejected places, how many the scan fits, whether it is ambiguous, why none is accepted, and the line along which the
+/// place is free.
+pub type Answer<'py> = (Columns<'py>, Columns<'py>, usize, bool, Option<Refused>, Option<[f64; 3]>);
 
 /// See [`Answer`].
 pub fn answer<'py>(py: Python<'py>, found: &Located) -> Answer<'py> {
-    let refused = found.refusal.map(|refusal| {
-        let along = match refusal {
-            Refusal::Loose { along } => Some(along),
-            _ => None,
-        };
-        (refusal.kind(), refusal.to_string(), along)
-    });
+    let refused = found.refusal.map(|refusal| (refusal.kind(), refusal.to_string()));
     let [accepted, rejected] = [&found.locations, &found.rejected].map(|all| columns(py, all));
-    (accepted, rejected, found.places, found.is_ambiguous(), refused)
+    (accepted, rejected, found.places, found.is_ambiguous(), refused, found.free_along)
 }
 
 #[pymethods]

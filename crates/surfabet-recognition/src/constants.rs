@@ -2,7 +2,7 @@
 //!
 //! Those of the search were chosen on simulated rooms 0 and 1, six laser stations each, by recall and precision over
 //! all chairs and doors, those of place similarity on eleven real scans of three places (`docs/benchmarks/alphabet.md`).
-//! What other values of 71 of the 78 change is in `docs/benchmarks/constants.md`, with a list of the others. Scores from which on something is
+//! What other values of 71 of the 85 change is in `docs/benchmarks/constants.md`, with a list of the others. Scores from which on something is
 //! found were chosen by the tables of `docs/benchmarks/recognition.md`.
 
 // Surfaces.
@@ -233,6 +233,29 @@ pub(crate) const LEAST_OWN_WEIGHT: f64 = 0.5;
 /// Share of a thing's samples from which on it belongs to a class already. Half gives 18 classes in place of 20, double 25, and 0.62 of the
 /// places are of one kind in place of 0.68.
 pub(crate) const CLAIMED: f64 = 0.4;
+
+/// Least score of the places of a piece that a thing is grown from: pieces of copies that were seen from different sides score less than
+/// the copies.
+pub(crate) const GROWN_SCORE: f64 = 0.4;
+
+/// Most places that a thing is grown from: bounds the time.
+pub(crate) const GROWN_PLACES: usize = 24;
+
+/// Samples around a piece by which it is decided which of its places are of one thing.
+pub(crate) const GROWTH_SAMPLES: usize = 1000;
+
+/// Share of the places of a thing, itself among them, that have a sample of it.
+pub(crate) const SUPPORT: f64 = 0.6;
+
+/// Samples of a grown thing up to this many spacings apart hang together.
+pub(crate) const GROWTH_REACH: f64 = 4.0;
+
+/// Least score of a place of a grown thing, over that which is asked of others: details, such as the books of a shelf, lower it, and that
+/// so much agrees at once is seldom chance. Equal shelves of rooms 0 to 2 score 0.47 to 0.57.
+pub(crate) const GROWN_LEAST: f64 = 0.85;
+
+/// How many times as large as its piece a grown thing is at least: what grows by less is taken as it is.
+pub(crate) const LEAST_GROWTH: f64 = 1.25;
 
 // Place similarity.
 

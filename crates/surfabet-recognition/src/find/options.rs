@@ -70,7 +70,7 @@ impl Region {
     }
 
     /// Whether a point is in the region.
-    pub(super) fn contains(&self, p: [f64; 3]) -> bool {
+    pub(crate) fn contains(&self, p: [f64; 3]) -> bool {
         match *self {
             Self::Box { low, high } => (0..3).all(|a| (low[a]..=high[a]).contains(&p[a])),
             Self::Ball { center, radius } => {

@@ -39,6 +39,22 @@ impl Template {
         })
     }
 
+    /// The same of motions that are too few to tell what is rare: `sqrt(found * explained)`, every sample by its weight.
+    pub fn score_plainly(
+        &self,
+        scene: &SearchScene,
+        motions: &[Motion],
+        progress: &dyn Progress,
+    ) -> Result<Vec<(f64, Motion)>> {
+        parallel::try_map(motions, |motion| {
+            progress.check()?;
+            let matches = self.matches(scene, motion, self.tolerance, SCORED_SAMPLES);
+            let found = matched_share(&matches, &self.weights);
+            let explained = self.explained(scene, motion, self.tolerance);
+            Ok(((found * explained).sqrt(), *motion))
+        })
+    }
+
     /// Weight of each sample, times how rare it is: `-ln` of the share of motions that match it, most of which are wrong.
     /// The share is at least [`RAREST`], and short of 1 by half a motion, so that what always matches counts a little.
     fn rarity(&self, matches: &[Vec<f32>]) -> Vec<f64> {

@@ -22,6 +22,11 @@ impl Template {
         })
     }
 
+    /// The best motions, at most `most`, one for each place of the pivot: the places may overlap.
+    pub fn places_apart(&self, motions: Vec<(f64, Motion)>, most: usize) -> Vec<(f64, Motion)> {
+        best_apart(motions, most, |a, b| self.is_near(a, b, SAME_PLACE))
+    }
+
     /// Whether both take the pivot to within a share of the example's diagonal.
     fn is_near(&self, a: &Motion, b: &Motion, share: f64) -> bool {
         let squared: f64 = (0..3).map(|k| (a.shift[k] - b.shift[k]).powi(2)).sum();

@@ -96,6 +96,13 @@ impl Template {
         std::array::from_fn(|a| (arm[a] + self.pivot[a] + motion.shift[a]) as f32)
     }
 
+    /// A motion about this pivot as one about another.
+    pub fn about(&self, motion: &Motion, pivot: [f64; 3]) -> Motion {
+        let arm = motion.arm(std::array::from_fn(|a| (pivot[a] - self.pivot[a]) as f32));
+        let shift = std::array::from_fn(|a| arm[a] + self.pivot[a] + motion.shift[a] - pivot[a]);
+        Motion { shift, ..*motion }
+    }
+
     /// How near a surface comes to a sample that is `d` away from a point of it: `exp(-(h^2 + g^2) / (2 tolerance^2))`
     /// with h the distance along `normal` and g the one across it beyond the spacing of samples; 0 where the normals
     /// differ.

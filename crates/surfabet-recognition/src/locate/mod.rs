@@ -115,6 +115,9 @@ pub struct Located {
     /// How many places the scan fits, beyond [`LocateOptions::top`] too: those that are accepted, or none of which is since the scan is
     /// ambiguous. Zero where it is refused for another reason.
     pub places: usize,
+    /// Direction of the line along which nothing in the scan fixes the position, in the world: of a refusal as [`Refusal::Loose`], or of
+    /// the best accepted place, which a prior holds there.
+    pub free_along: Option<[f64; 3]>,
 }
 
 impl Located {
@@ -290,7 +293,8 @@ impl Query<'_> {
         let rough = evenly(self.samples, ROUGH_SAMPLES);
         let mut candidates = parallel::map(&found, |&(_, start)| {
             let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);
-            Candidate { placement, evidence: evidence(self.map, &rough, &placement) }
+            let evidence = evidence(self.map, &rough, &placement);
+            Candidate { placement, evidence, free: None }
         });
         self.keep_near(&mut candidates);
         decide::best_first(&mut candidates, FINALISTS);
@@ -298,7 +302,14 @@ impl Query<'_> {
             (evenly(self.samples, FINE_SAMPLES), evenly(self.samples, VERIFIED_SAMPLES));
         let mut candidates = parallel::map(&candidates, |c| {
             let placement = refine(self.map, &fine, c.placement, FINE_REACH, FINE_STEPS);
-            Candidate { placement, evidence: evidence(self.map, &verified, &placement) }
+            let evidence = evidence(self.map, &verified, &placement);
+            let found = Candidate { placement, evidence, free: None };
+            match &self.near {
+                Some(near) => {
+                    decide::held(self.map, self.samples, found, &near.placement, near.radius)
+                }
+                None => found,
+            }
         });
         self.keep_near(&mut candidates);
         decide::best_first(&mut candidates, FINALISTS);

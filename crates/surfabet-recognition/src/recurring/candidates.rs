@@ -39,9 +39,10 @@ impl Group {
     }
 }
 
-/// Boxes about the origin of the model, those with most samples first: each around samples that hang together, without smooth
-/// surfaces larger than `options.max_size` and without their edges. What hangs together over more than that is taken apart: the box of each of its
-/// smooth pieces, with a margin, is one.
+/// Boxes about the origin of the model, and which samples may belong to things: those that are no part of smooth surfaces larger than
+/// `options.max_size`, nor of their edges. A box is around samples that hang together; what hangs together over more than `options.max_size`
+/// is taken apart: the box of each of its smooth pieces, with a margin, is one. Those with most samples are first. After them come the boxes of the
+/// smooth pieces of all others, for things that occur once as a whole and whose pieces recur, such as a short row.
 ///
 /// # Errors
 /// [`surfabet_models::Error::Cancelled`].
@@ -49,7 +50,7 @@ pub(super) fn candidates(
     scene: &SearchScene,
     options: &RecurringOptions,
     progress: &dyn Progress,
-) -> Result<Vec<Region>> {
+) -> Result<(Vec<Region>, Vec<bool>)> {
     let spacing = scene.surface.spacing;
     let points = &scene.surface.points;
     let (pieces, _) = scene.surface.pieces(&scene.tree, progress)?;
@@ -65,24 +66,25 @@ pub(super) fn candidates(
         let size = g.diagonal();
         (options.min_size..=options.max_size).contains(&size) && g.n as f64 >= least
     };
-    let mut found: Vec<(usize, Region)> = Vec::new();
+    let (mut found, mut pieces_of_things) = (Vec::new(), Vec::new());
     for thing in things.iter().filter(|g| fits(g)) {
         found.push((thing.n, thing.region(MARGIN_OF_THINGS * spacing)));
     }
     for (k, piece) in boxes.iter().enumerate() {
-        let is_in_larger =
-            piece.n > 0 && parts[k] && things[together[k] as usize].diagonal() > options.max_size;
-        if is_in_larger && fits(piece) {
-            let margin = PART_MARGIN * piece.diagonal();
-            let region = piece.region(margin);
-            if region.diagonal() <= options.max_size {
-                found.push((piece.n, region));
-            }
+        if piece.n == 0 || !parts[k] || !fits(piece) {
+            continue;
+        }
+        let region = piece.region(PART_MARGIN * piece.diagonal());
+        if region.diagonal() <= options.max_size {
+            let is_in_larger = things[together[k] as usize].diagonal() > options.max_size;
+            (if is_in_larger { &mut found } else { &mut pieces_of_things }).push((piece.n, region));
         }
     }
     // The order of samples decides among equal ones.
     found.sort_by_key(|&(n, _)| std::cmp::Reverse(n));
-    Ok(found.into_iter().map(|f| f.1).collect())
+    pieces_of_things.sort_by_key(|&(n, _)| std::cmp::Reverse(n));
+    found.extend(pieces_of_things);
+    Ok((found.into_iter().map(|f| f.1).collect(), parts))
 }
 
 /// Which of the `small` samples are more than the edge of what is large: beside every large surface near them they stand out of its

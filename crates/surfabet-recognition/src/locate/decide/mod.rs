@@ -21,6 +21,7 @@ use super::refine::covariance;
 use super::samples::Sample;
 use super::{Located, Location};
 use slide::free_direction;
+pub(super) use slide::held;
 use verify::Evidence;
 pub(super) use verify::evidence;
 
@@ -29,12 +30,22 @@ pub(super) use verify::evidence;
 pub(super) struct Candidate {
     pub placement: Placement,
     pub evidence: Evidence,
+    /// The standard deviation along the line on which the prior alone holds it, if there is one: as a vector, metres.
+    pub free: Option<[f64; 3]>,
 }
 
 impl Candidate {
     /// Whether it is accepted and explains so much that the search ends.
     pub fn is_clear(&self, demands: &Demands) -> bool {
         self.evidence.explained >= CLEARLY_EXPLAINED && self.evidence.refusal(demands).is_none()
+    }
+
+    /// A covariance with the variance along the line on which the prior alone holds the place.
+    fn widened(&self, mut covariance: [[f64; 6]; 6]) -> [[f64; 6]; 6] {
+        if let Some(free) = self.free {
+            (0..9).for_each(|k| covariance[k / 3][k % 3] += free[k / 3] * free[k % 3]);
+        }
+        covariance
     }
 }
 
@@ -356,11 +367,12 @@ pub(super) fn decide(
     let fine = evenly(samples, FINE_SAMPLES);
     let location = |c: &Candidate, probability: f64| -> Result<Location> {
         let per_fact = (fine.len() as f64 / FACTS).max(1.0);
+        let covariance = covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact);
         Ok(Location {
             pose: c.placement.pose(map.origin, sensor)?,
             score: c.evidence.closeness,
             probability,
-            covariance: covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact),
+            covariance: c.widened(covariance),
             explained: c.evidence.explained,
             contradicted: c.evidence.contradicted,
             in_front: c.evidence.in_front,
@@ -394,8 +406,13 @@ pub(super) fn decide(
         }
     }
     answer.places = answer.locations.len();
+    let accepted = candidates.iter().zip(&refusals).find(|(_, refusal)| refusal.is_none());
+    answer.free_along = accepted.and_then(|(c, _)| c.free).map(vector::unit);
     if answer.locations.is_empty() {
         answer.refusal = doubt.or(refusals[0]);
+        if let Some(Refusal::Loose { along }) = answer.refusal {
+            answer.free_along = Some(along);
+        }
     }
     // The places that an ambiguous scan fits are worth knowing, though none is accepted.
     if answer.refusal.is_some_and(|r| r.is_ambiguous()) {
@@ -422,6 +439,7 @@ mod tests {
                 translation: translation.into(),
             },
             evidence: Evidence::default(),
+            free: None,
         };
         places.iter().map(of).collect()
     }
