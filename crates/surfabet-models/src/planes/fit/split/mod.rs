@@ -92,22 +92,6 @@ mod tests {
         assert_eq!(parts(|_, _| true, |_| 0.0), [8000]);
     }
 
-    /// Of bins as wide as one to eight spacings some hold a row less than others, wherever rows lie.
-    #[test]
-    fn a_regular_grid_is_not_split() {
-        for spacings in [1.0, 1.2, 1.5, 1.9, 1.998, 2.0, 2.7, 3.1, 4.0, 8.0] {
-            let lattice = (0..2400).map(|i| [(i % 60) as f32, (i / 60) as f32]);
-            let positions = lattice.map(|[x, y]| [0.05 * x, 0.05 * y, 0.0]).collect();
-            let points = Points::new(&PointCloud::from_positions(positions).0, None).unwrap();
-            let all: Vec<u32> = (0..points.len() as u32).collect();
-            let frame = plane(&points.moments(0..points.len())).unwrap();
-            let merge = Rule { distance: 0.05 * spacings, ..RULE.merge };
-            let patch = trim(&points, frame, &all, merge.distance).unwrap();
-            let parts = split(&points, patch, &SplitRule { merge, ..RULE });
-            assert_eq!(parts.len(), 1, "{spacings}");
-        }
-    }
-
     #[test]
     fn a_gap_splits() {
         let sizes = parts(|x, _| !(0.9..1.1).contains(&x), |_| 0.0);
