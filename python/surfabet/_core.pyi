@@ -886,6 +886,9 @@ def learn_planes(
     weights: ArrayLike | None,
     progress: ProgressCallback | None,
 ) -> PlaneModel: ...
+def plane_candidates(
+    cloud: PointCloud, options: Mapping[str, object]
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]: ...
 def random_planes(
     cloud: PointCloud, *, n_planes: int, random_state: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...

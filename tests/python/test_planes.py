@@ -632,3 +632,55 @@ def test_command_line(cloud, tmp_path, capsys):
     assert main(["compress", str(scan), str(file), "--min-grid-size", "1"]) == 2
     told = capsys.readouterr().err
     assert "--min-grid-size: not an option of --model patches, but of planes" in told
+
+
+def cube(n: int, noise: float, seed: int) -> sb.PointCloud:
+    rng = np.random.default_rng(seed)
+    points = rng.random((n, 3))
+    face = rng.integers(0, 6, n)
+    points[np.arange(n), face // 2] = face % 2
+    return sb.PointCloud(points + noise * rng.standard_normal((n, 3)))
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.02, 0.03])
+def test_all_faces_of_a_lone_cube_are_kept(noise):
+    for n, seed in ((3000, 0), (6000, 1), (12_000, 2)):
+        assert len(sb.learn_planes(cube(n, noise, seed))) == 6
+
+
+def test_a_small_exact_cube_has_six_faces():
+    for n in (600, 800, 1200):
+        for seed in (0, 1):
+            assert len(sb.learn_planes(cube(n, 0, seed))) == 6
+
+
+@pytest.mark.parametrize("n", [20, 50, 100])
+def test_an_exact_grid_is_one_plane_at_every_turn(n):
+    flat_grid = 0.05 * np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2)
+    for degrees in range(0, 91, 3):
+        a = np.radians(degrees)
+        turned = flat_grid @ [[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]
+        model = sb.learn_planes(sb.PointCloud(np.column_stack([turned, np.zeros(n * n)])))
+        assert (len(model), model.n_outliers) == (1, 0), degrees
+
+
+def ball(n: int, noise: float, seed: int) -> sb.PointCloud:
+    rng = np.random.default_rng(seed)
+    away = rng.standard_normal((n, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    return sb.PointCloud(away * (0.5 + noise * rng.standard_normal((n, 1))))
+
+
+def test_a_sphere_has_no_planes_and_that_is_said(tmp_path, capsys):
+    for n, seed in ((300, 0), (1000, 1), (5000, 2)):
+        with pytest.warns(sb.IncompleteModelWarning, match="min_probability=0"):
+            model = sb.learn_planes(ball(n, 0.01, seed))
+        assert len(model) == 0
+        figures = model.report.figures
+        assert figures["patches left out"] > 0
+        assert 0.2 * n <= figures["points of patches left out"] <= model.n_outliers == n
+    scan = tmp_path / "ball.ply"
+    sb.write(scan, ball(1000, 0.01, 1))
+    arguments = ["compress", str(scan), str(tmp_path / "ball.sfb"), "--model", "planes"]
+    assert main(arguments) != 0
+    assert "--min-probability 0" in capsys.readouterr().err

@@ -47,6 +47,25 @@ fn learn_planes(
     wrap(py, run(py, progress, learn)?)
 }
 
+/// The patch of each point before any is judged, -1 where there is none, and what the judge gets of each patch, (k, f).
+#[pyfunction]
+#[pyo3(signature = (cloud, options))]
+fn plane_candidates<'py>(
+    py: Python<'py>,
+    cloud: &Bound<'py, PyAny>,
+    options: &Bound<'py, PyDict>,
+) -> PyResult<(Bound<'py, PyArray1<i32>>, Bound<'py, PyArray2<f64>>)> {
+    let options = options_of(options)?;
+    let cloud = &cloud_of("cloud", cloud)?.get().cloud;
+    let found = run(py, None, |monitor| planes::candidates(cloud, &options, monitor))?;
+    let patches = &found.patches;
+    let inputs =
+        Array2::from_shape_fn((patches.len(), planes::FIGURES), |(j, k)| patches[j].inputs[k]);
+    // No patch is -1.
+    let labels = found.labels.iter().map(|&label| label as i32).collect::<Array1<i32>>();
+    Ok((labels.into_pyarray(py), inputs.into_pyarray(py)))
+}
+
 /// Centres, normals, labels, standard deviation and log-likelihoods.
 type Fitted<'py> = (
     Bound<'py, PyArray2<f64>>,
@@ -285,6 +304,7 @@ impl PyPlaneModel {
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPlaneModel>()?;
     module.add_function(wrap_pyfunction!(learn_planes, module)?)?;
+    module.add_function(wrap_pyfunction!(plane_candidates, module)?)?;
     module.add_function(wrap_pyfunction!(random_planes, module)?)?;
     module.add_function(wrap_pyfunction!(fit_planes_em, module)?)
 }

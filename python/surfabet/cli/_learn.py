@@ -52,10 +52,13 @@ class Learner:
         """Learns, or describes the cloud with the vocabulary."""
         learn = METHODS[self.model].learn if self.vocabulary is None else self.vocabulary.describe
         with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", surfabet.DroppedPointsWarning)
+            for category in (surfabet.DroppedPointsWarning, surfabet.IncompleteModelWarning):
+                warnings.simplefilter("always", category)
             model = learn(cloud, progress=progress, **self.options)
         for warning in caught:
             message = str(warning.message).replace("keep_outliers=True", spelled("keep_outliers"))
+            for given, option in (("min_probability=0", " 0"), ("min_probability", "")):
+                message = message.replace(given, spelled("min_probability") + option)
             warnings.warn(message, warning.category, stacklevel=2)
         return model
 

@@ -342,8 +342,8 @@ class LearnOptions:
 
     min_probability: Annotated[float | None, Parameter(group=PLANES)] = None
     """Least probability that a patch is one surface, from what the likelihood loses without it, how
-    its points spread about its plane, how much of its rectangle is filled, and its length. A number
-    from 0 to 1; by default 0.6."""
+    its points spread about its plane, whether it is bent, how much of its rectangle is filled, what
+    is beside it, and its size. A number from 0 to 1; by default 0.6."""
 
     n_neurons: Annotated[int | None, Parameter(group=GAS), WHOLE] = None
     """Number of neurons at which the network stops growing. An integer from 2 to 2^26; by default

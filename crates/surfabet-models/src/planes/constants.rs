@@ -34,6 +34,10 @@ pub(super) const FLAT_CELL_SIGMAS: f64 = 1.5;
 pub(super) const STEP_DEVIATIONS: f64 = 3.0;
 pub(super) const LEAST_STEP_NOISE: f64 = 0.5;
 
+/// Where no cells are flat, neighbourhoods of points are, up to so many times the deviation of the flattest quarter of them: the rest reach over
+/// edges. Twice keeps nearly all of 10 points of one noisy plane. Chosen by that alone.
+pub(super) const NEIGHBORHOOD_SPREAD: f64 = 2.0;
+
 /// Variance along the second axis that a cell's points need, as a share of the squared side: a filled square has a
 /// twelfth, a line of points none.
 pub(super) const CELL_SPREAD: f64 = 0.01;
@@ -128,6 +132,9 @@ pub(super) const BIN_STEPS: f64 = 4.0;
 /// Standard deviations of the count by which a bin has to fall below the mean, so that chance does not split.
 pub(super) const GAP_DEVIATIONS: f64 = 3.0;
 
+/// Rows of a regular grid that a bin may hold less than others by where it starts: one, and a tenth for how well rows are known.
+pub(super) const GAP_ROWS: f64 = 1.1;
+
 /// A patch this close to its plane, in sigma, is not tested for folds.
 pub(super) const FOLD_SIGMAS: f64 = 1.1;
 
@@ -148,32 +155,50 @@ pub(super) const LEAST_PATCH_POINTS: usize = 30;
 /// points from taking part in a fit.
 pub(super) const PART_SHARE: f64 = 0.25;
 
+/// Figures by which a patch is judged.
+pub const FIGURES: usize = 14;
+
 /// A unit of the network below: weights of the logarithms of a patch's figures, offset, and weight of what comes out.
 pub(super) struct Unit {
-    pub weights: [f64; 9],
+    pub weights: [f64; FIGURES],
     pub offset: f64,
     pub output: f64,
 }
 
 /// Whether a patch is one surface: a network of one layer of hyperbolic tangents on the logarithms of its figures, in the order of
-/// `fit/surface.rs`. Learned from the 1,515 patches of simulated rooms 0, 2, 4 and 6 at noise of 5 and 20 mm, and 60 drawn at random that
-/// are exact surfaces; rounded. What it keeps beside a logistic regression is in `docs/benchmarks/planes.md`.
+/// `fit/surface.rs`. Learned from patches of simulated rooms and of generated scenes by `benches/papers/planes_judge.py`, which prints it;
+/// how well it does is in `docs/benchmarks/planes.md`.
 #[rustfmt::skip]
-pub(super) const SURFACE_UNITS: [Unit; 10] = [
-    Unit { weights: [1.37, -1.68, 0.10, 2.15, -4.82, -0.46, 1.47, 4.80, -0.33], offset: -3.81, output: 2.10 },
-    Unit { weights: [1.09, -0.48, 0.16, -0.24, 0.13, -0.38, -1.80, 2.12, 1.08], offset: 6.89, output: 2.10 },
-    Unit { weights: [-1.45, 1.76, 0.65, -1.80, -0.01, -1.37, -0.79, -0.24, 0.58], offset: 6.47, output: -1.94 },
-    Unit { weights: [-1.12, 1.31, -1.52, -3.57, 7.18, -0.47, 0.09, -0.80, -0.06], offset: 2.44, output: -1.88 },
-    Unit { weights: [2.88, -0.43, -0.35, -3.76, 1.28, -0.43, 0.42, 2.42, 0.21], offset: -2.07, output: 1.65 },
-    Unit { weights: [0.94, -0.98, -2.01, -1.45, -5.82, -0.60, -0.63, -2.85, -0.33], offset: 6.96, output: 1.56 },
-    Unit { weights: [-1.74, -0.68, -0.38, 0.20, -1.78, -1.12, 0.97, -5.11, -1.51], offset: 3.96, output: -1.52 },
-    Unit { weights: [-1.82, -1.26, -0.32, -1.07, 0.15, -0.85, -1.03, -5.08, -0.19], offset: 7.32, output: 1.48 },
-    Unit { weights: [1.47, 0.64, -2.29, 2.31, -5.91, -0.26, -0.40, 2.27, 0.24], offset: 6.73, output: -1.42 },
-    Unit { weights: [-1.07, -0.58, 1.83, 0.87, -1.75, 0.74, 0.87, 5.64, 0.24], offset: -6.63, output: 1.29 },
+pub(super) const SURFACE_UNITS: [Unit; 16] = [
+    Unit { weights: [-0.47, -0.73, -0.32, 1.06, -1.20, -0.39, 0.87, 1.96, 0.93, 0.26, -0.07, -0.12, 0.12, -0.03], offset: -0.74, output: -3.50 },
+    Unit { weights: [1.13, 0.58, -0.23, 0.45, 1.51, -0.13, 0.30, 2.68, -0.98, 0.12, -0.00, 0.10, -0.47, -0.23], offset: -1.40, output: 3.23 },
+    Unit { weights: [0.89, 0.21, 0.11, -0.24, -0.67, -2.03, 2.29, -2.25, -1.30, 0.58, 0.17, -0.21, -0.17, 0.09], offset: -6.71, output: 2.60 },
+    Unit { weights: [-0.68, -0.70, -0.47, 0.22, -0.74, -0.02, -0.15, 1.25, -0.31, 0.29, 0.89, 0.10, -0.00, -0.08], offset: 1.91, output: 2.55 },
+    Unit { weights: [1.58, 1.81, -0.31, 0.02, -1.81, -0.48, 0.78, 0.23, -1.31, 0.07, -1.29, 0.19, 0.11, 0.18], offset: -2.29, output: 2.45 },
+    Unit { weights: [0.48, 3.63, 0.36, -0.70, -1.86, 0.39, -0.91, 2.38, -1.76, 0.11, 0.45, -0.15, 0.08, 0.02], offset: -0.30, output: 2.38 },
+    Unit { weights: [-1.26, -0.69, 0.44, 1.94, -3.90, -0.03, 1.00, -0.14, 0.26, -0.16, -0.12, 3.86, 0.03, -0.01], offset: -1.13, output: 2.37 },
+    Unit { weights: [1.26, 0.18, -0.10, 2.36, -10.96, 0.29, -0.47, 2.94, 0.16, 0.22, 0.32, 0.07, 0.24, -0.08], offset: -0.31, output: -2.23 },
+    Unit { weights: [-1.02, 0.64, 0.26, -0.85, 2.47, 0.08, -0.14, 0.33, 0.02, 0.12, -0.35, -1.34, 0.29, -0.03], offset: -0.62, output: 2.14 },
+    Unit { weights: [-1.97, 1.11, -0.22, -4.86, 10.14, -0.47, 0.52, -1.61, -1.22, -0.56, 0.04, 0.12, -0.04, 0.02], offset: 3.76, output: -1.92 },
+    Unit { weights: [3.73, 1.34, -0.13, 0.60, 1.70, 0.46, 0.15, 0.08, -0.58, -0.47, -0.36, -0.00, 0.13, -0.18], offset: -2.89, output: 1.85 },
+    Unit { weights: [1.61, 0.35, 3.07, -1.16, -3.19, -0.10, -0.41, 6.21, -0.25, -0.17, -0.21, 0.04, -0.13, 0.12], offset: -0.71, output: 1.72 },
+    Unit { weights: [-0.10, 2.16, 1.05, -1.82, -3.67, -0.13, 0.34, 3.34, -2.24, -0.26, 0.11, 1.54, 0.05, 0.02], offset: 0.07, output: -1.52 },
+    Unit { weights: [-3.12, -0.01, 0.79, -0.10, -3.98, -0.03, 0.78, 3.20, -0.27, -0.01, -0.71, 0.92, -0.18, 0.03], offset: -1.62, output: 1.52 },
+    Unit { weights: [-2.57, -0.46, 0.70, 0.07, -1.33, -0.84, -0.24, -3.48, 0.77, -0.19, 0.21, 0.81, 0.72, -0.75], offset: 6.51, output: 1.52 },
+    Unit { weights: [0.04, -0.18, 0.49, -0.63, 0.66, -0.01, -0.37, -0.67, 0.28, -0.28, 0.09, 0.40, 0.01, -0.94], offset: -0.01, output: -1.48 },
 ];
 
 /// What the network adds to the sum over its units.
-pub(super) const SURFACE_OFFSET: f64 = 0.75;
+pub(super) const SURFACE_OFFSET: f64 = -0.43;
+
+/// Length and width in standard deviations of the noise, and points, beyond which more says nothing: the judge has seen little that is
+/// larger. With none of the three it keeps as much.
+pub(super) const MOST_LENGTH: f64 = 400.0;
+pub(super) const MOST_WIDTH: f64 = 200.0;
+pub(super) const MOST_POINTS: f64 = 4000.0;
+
+/// Half the part of a rectangle, along each side, in which a patch may not be bent, as a share of half the side.
+pub(super) const BEND_INNER: f64 = 0.8;
 
 /// What a figure counts as at least, so that its logarithm is finite. Half and double gave the same planes.
 pub(super) const LEAST_FIGURE: f64 = 0.01;
@@ -185,9 +210,11 @@ pub(super) const NORMAL_KURTOSIS: f64 = 3.0;
 /// against recall as [`OUTLIER_COST`] does: half keeps 35, 20 and 17 planes in place of 53, 20 and 50, double 86, 48 and 109.
 pub(super) const LEAST_NOISE: f64 = 0.25;
 
-/// A patch with this many times the points that it needs is kept, however improbable: no heap of things is that large, and a
-/// floor around furniture or a wall with pictures must not get lost.
-pub(super) const LARGE_PATCH: usize = 80;
+/// The least probability falls, in the logarithm of a patch's points, from `min_probability` at the first many times the points that it
+/// needs to a share of it at the second: no heap of things is that large, and a floor around furniture or a wall with pictures must not
+/// get lost. Real walls are not exactly flat, which the judge doubts.
+pub(super) const LARGE_PATCH: [f64; 2] = [4.0, 16.0];
+pub(super) const LARGE_SHARE: f64 = 1.0 / 3.0;
 
 /// Last passes, in which the regression leaves out points near other patches.
 pub(super) const CLEAR_PASSES: usize = 6;

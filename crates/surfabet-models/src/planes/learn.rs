@@ -3,7 +3,7 @@
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use super::coding::rounded;
-use super::fit::{Fit, Iteration, PublishedFit, Trace};
+use super::fit::{Candidate, Fit, Iteration, PublishedFit, Trace};
 use super::model::PlaneModel;
 use super::options::PlanesOptions;
 use super::patch::Patch;
@@ -50,6 +50,10 @@ figures! {
         pub grid_size: f64 = "grid size",
         /// Points of the cloud that support no patch.
         pub outliers: u64 = "outliers",
+        /// Patches that were found and left out, as they are probably no surface; `None` of the printed method, which keeps all.
+        pub improbable_patches: Option<usize> = "patches left out",
+        /// Outliers that would support one of these.
+        pub improbable_points: Option<usize> = "points of patches left out",
     }
 }
 
@@ -81,12 +85,13 @@ pub fn learn(
     // Distinct points along a space-filling curve, in a tree of boxes.
     let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
     let points = if options.published { points } else { as_known(points, cloud, &start.survey) };
-    let Fitted { patches, grid_size, smallest_grid_size, first_patches, trace } =
+    let Fitted { patches, improbable, grid_size, smallest_grid_size, first_patches, trace } =
         fitted(&points, options, &mut stages)?;
     // The integers of the file; labels of the points, colours and intensities of the tiles (III).
     let model = stages.run("rounding patches", |progress| {
         rounded(cloud, &points, &patches, grid_size, options, progress)
     })?;
+    let improbable_points = improbable.as_ref().map(|sets| outliers_of(&model, &points, sets));
     let model = model.with_points_left_out(&start.left_out, n_given);
     let figures = PlanesFigures {
         points: cloud.len(),
@@ -95,6 +100,8 @@ pub fn learn(
         patches: patches.len(),
         grid_size,
         outliers: model.header().n_outliers,
+        improbable_patches: improbable.map(|sets| sets.len()),
+        improbable_points,
     };
     let attributes = attributes(&model, cloud, &mut stages)?;
     let of = |value: fn(&Iteration) -> f64| trace.iterations.iter().map(value).collect();
@@ -120,6 +127,37 @@ pub fn learn(
     Ok(model.with_report(report))
 }
 
+/// The patches that a fit comes to before any is judged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidates {
+    /// The patches.
+    pub patches: Vec<Candidate>,
+    /// For each point of the cloud the patch that it supports, `u32::MAX` where there is none.
+    pub labels: Vec<u32>,
+}
+
+/// The patches that [`learn`] judges, and what it judges them by: what a judge is trained by.
+///
+/// # Errors
+/// As [`learn`].
+pub fn candidates(
+    cloud: &PointCloud,
+    options: &PlanesOptions,
+    progress: &dyn Progress,
+) -> Result<Candidates> {
+    options.check()?;
+    let mut stages = Stages::new(STAGES, progress);
+    let start = Start::of(cloud, options.quality, Leave::Strays, true, &mut stages)?;
+    let points = as_known(Points::new(cloud, None)?, cloud, &start.survey);
+    let patches = Fit::new(&points, options, progress)?.candidates(progress)?;
+    let mut supports = vec![u32::MAX; points.len()];
+    for (j, patch) in (0..).zip(&patches) {
+        patch.points.iter().for_each(|&i| supports[i as usize] = j);
+    }
+    let labels = points.place.iter().map(|&i| supports[i as usize]).collect();
+    Ok(Candidates { patches, labels })
+}
+
 /// What colours and intensities take, and how far they are off.
 fn attributes(
     model: &PlaneModel,
@@ -131,6 +169,15 @@ fn attributes(
     measured(model, attributes, DecodeOptions::default(), cloud, stages)
 }
 
+/// How many points of the cloud support no patch, and are at places of one of these sets of points.
+fn outliers_of(model: &PlaneModel, points: &Points, sets: &[Vec<u32>]) -> usize {
+    let mut within = vec![false; points.len()];
+    sets.iter().flatten().for_each(|&i| within[i as usize] = true);
+    let labels = model.labels().unwrap_or_default();
+    let is_lost = |(&label, &at): (&u32, &u32)| label == u32::MAX && within[at as usize];
+    labels.iter().zip(&points.place).filter(|&of| is_lost(of)).count()
+}
+
 /// The points with what the survey knows of them: where they were seen from, and scan lines. The paper knows neither.
 fn as_known(points: Points, cloud: &PointCloud, survey: &Survey) -> Points {
     let points = if survey.has_facings { points.facing_as(cloud) } else { points };
@@ -140,6 +187,8 @@ fn as_known(points: Points, cloud: &PointCloud, survey: &Survey) -> Points {
 /// What comes out of a fit.
 struct Fitted {
     patches: Vec<Patch>,
+    /// The points of each patch that was judged to be no surface, where any is judged.
+    improbable: Option<Vec<Vec<u32>>>,
     grid_size: f64,
     /// Where it follows from the data.
     smallest_grid_size: Option<f64>,
@@ -154,7 +203,14 @@ fn fitted(points: &Points, options: &PlanesOptions, stages: &mut Stages<'_>) -> 
         let first_patches = fit.patches.len();
         let trace = stages.run("fitting", |progress| fit.run(progress))?;
         let PublishedFit { patches, grid_size, .. } = fit;
-        return Ok(Fitted { patches, grid_size, smallest_grid_size: None, first_patches, trace });
+        return Ok(Fitted {
+            patches,
+            improbable: None,
+            grid_size,
+            smallest_grid_size: None,
+            first_patches,
+            trace,
+        });
     }
     // Patches where cells are flat, or at random (II-B, III).
     let mut fit = stages.run("first patches", |progress| Fit::new(points, options, progress))?;
@@ -163,8 +219,9 @@ fn fitted(points: &Points, options: &PlanesOptions, stages: &mut Stages<'_>) -> 
     let trace = stages.run("fitting", |progress| fit.run(progress))?;
     let (grid_size, smallest) = (fit.grid_size(), fit.smallest_grid_size());
     let smallest_grid_size = options.min_grid_size.is_none().then_some(smallest);
-    let patches = fit.into_patches();
-    Ok(Fitted { patches, grid_size, smallest_grid_size, first_patches, trace })
+    let (patches, improbable) = fit.into_patches();
+    let improbable = Some(improbable);
+    Ok(Fitted { patches, improbable, grid_size, smallest_grid_size, first_patches, trace })
 }
 
 #[cfg(test)]

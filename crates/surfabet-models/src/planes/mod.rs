@@ -47,9 +47,10 @@ mod tiles;
 
 pub use classical::{PlaneFit, fit_planes, random_planes};
 pub use coding::{DIRECTIONS, MAX_COORDINATE, PARTS, StoredPatch};
+pub use constants::FIGURES;
 pub use decode::PlaneMesh;
-pub use fit::{Fit, Iteration, Regression, Responsibilities, Trace, weight_scale};
-pub use learn::{PlanesFigures, PlanesReport, learn};
+pub use fit::{Candidate, Fit, Iteration, Regression, Responsibilities, Trace, weight_scale};
+pub use learn::{Candidates, PlanesFigures, PlanesReport, candidates, learn};
 pub use model::{MAX_MODEL_TILES, PlaneModel, PlanesHeader};
 pub use options::{MAX_PATCHES, PlanesOptions};
 pub use patch::{Frame, Patch};

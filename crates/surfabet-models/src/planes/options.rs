@@ -43,8 +43,9 @@ options! {
         min_points: Option<usize> = None, range = Range::at_least(3.0),
             none = "one in 4000 of all points, at least 30";
         /// Least probability that a patch is one surface, from what the likelihood loses without it, how its points spread
-        /// about its plane, how much of its rectangle is filled, and its length. Patches in the middle of clutter, across a corner or along
-        /// something bent have less; with 0 all are kept. Patches with 80 times `min_points` are kept whatever it is.
+        /// about its plane, whether it is bent, how much of its rectangle is filled, what is beside it, and its size. Patches in the middle
+        /// of clutter, across a corner or along something bent have less; with 0 all are kept. Of patches with 16 times `min_points` a third
+        /// of it is asked.
         min_probability: f64 = 0.6, range = Range::from_to(0.0, 1.0);
         /// Rounding of the colours of tiles.
         color_step: u32 = 8, range = Range::from_to(1.0, 64.0), unit = "grey levels";

@@ -35,12 +35,13 @@ use self::removal::{removals, superfluous};
 pub use self::responsibilities::Responsibilities;
 pub(super) use self::seed::random;
 use self::split::{SplitRule, split};
-use self::surface::probabilities;
+use self::surface::{Evidence, Judged};
 pub(super) use self::trim::mean_square;
 use self::trim::{facing, outline, trim, trim_to};
 use super::constants::{
-    CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, LARGE_PATCH, LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE,
-    LEAST_PATCH_POINTS, LEAST_SCALE, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
+    CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, FIGURES, LARGE_PATCH, LARGE_SHARE,
+    LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE, LEAST_PATCH_POINTS, LEAST_SCALE, PART_SHARE,
+    POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
 use super::patch::{Frame, Patch};
@@ -65,6 +66,17 @@ pub struct Fit<'a> {
     /// How the noise depends on the angle at which surfaces were seen.
     incidence: Incidence,
     patches: Vec<Patch>,
+    /// The points of each patch that was judged to be no surface.
+    improbable: Vec<Vec<u32>>,
+}
+
+/// A patch before it is judged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// What the judge gets of it: logarithms of figures.
+    pub inputs: [f64; FIGURES],
+    /// The distinct points that support it, ascending.
+    pub points: Vec<u32>,
 }
 
 /// One iteration in numbers.
@@ -117,6 +129,7 @@ impl<'a> Fit<'a> {
             noise: noise.map_or(0.0, |n| n.0),
             incidence: noise.map_or(Incidence::EVEN, |n| n.1),
             patches: Vec::new(),
+            improbable: Vec::new(),
         };
         if options.initial_patches > 0 {
             fit.patches = random(points, options.initial_patches, options.random_state);
@@ -126,6 +139,10 @@ impl<'a> Fit<'a> {
             fit.grid_size = (SIGMAS_PER_GRID_SIZE * noise).max(smallest);
             fit.deviation = noise;
             fit.add_patches(0, progress)?;
+        } else {
+            // So few points that no cells are flat, or nothing is.
+            let (rule, least) = (fit.merge_rule(), fit.part_points());
+            fit.patches = seed::from_neighborhoods(points, &rule, least, progress)?;
         }
         Ok(fit)
     }
@@ -140,9 +157,9 @@ impl<'a> Fit<'a> {
         &self.patches
     }
 
-    /// The patches at the end.
-    pub(super) fn into_patches(self) -> Vec<Patch> {
-        self.patches
+    /// The patches at the end, and the points of each that was judged to be no surface.
+    pub(super) fn into_patches(self) -> (Vec<Patch>, Vec<Vec<u32>>) {
+        (self.patches, self.improbable)
     }
 
     /// The grid size G, metres.
@@ -167,6 +184,13 @@ impl<'a> Fit<'a> {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn run(&mut self, progress: &dyn Progress) -> Result<Trace> {
+        let trace = self.settle(progress)?;
+        self.finish(progress)?;
+        Ok(trace)
+    }
+
+    /// Iterates until the fit is stable and no flat points are left without a patch.
+    fn settle(&mut self, progress: &dyn Progress) -> Result<Trace> {
         let most = self.options.max_iterations;
         let mut iterations: Vec<Iteration> = Vec::new();
         let mut stop_reason = "reached the largest number of iterations";
@@ -189,7 +213,6 @@ impl<'a> Fit<'a> {
                 break;
             }
         }
-        self.finish(progress)?;
         Ok(Trace { iterations, stop_reason })
     }
 
@@ -368,22 +391,54 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
-    /// Removes patches that are probably no surface.
-    fn keep_surfaces(&mut self, progress: &dyn Progress) -> Result<()> {
+    /// The patches that a fit comes to before any is judged.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn candidates(mut self, progress: &dyn Progress) -> Result<Vec<Candidate>> {
+        self.settle(progress)?;
+        self.patches.retain(|p| p.n_supporting() >= self.min_points);
+        let evidence = self.evidence(progress)?;
+        let of = |(patch, evidence): (&Patch, Evidence)| Candidate {
+            inputs: evidence.inputs(),
+            points: patch.whole.clone(),
+        };
+        Ok(self.patches.iter().zip(evidence).map(of).collect())
+    }
+
+    /// What each patch is judged by.
+    fn evidence(&self, progress: &dyn Progress) -> Result<Vec<Evidence>> {
         let last = self.e_step(progress)?;
         let removals = removals(&last, self.patches.len(), progress)?;
-        let noise = self.noise.max(LEAST_NOISE * self.grid_size);
+        // Not of the grid size as it is: where one patch is over something thick, that is thick too.
+        let noise = self.noise.max(LEAST_NOISE * self.smallest_grid_size);
         let noise: Vec<f64> = self.noise_factors().into_iter().map(|f| f * noise).collect();
-        let probabilities = probabilities(self.points, &self.patches, &removals, &noise, progress)?;
-        let large = LARGE_PATCH * self.min_points;
+        let (points, patches, grid_size) = (self.points, &self.patches, self.grid_size);
+        let judged = Judged { points, patches, removals: &removals, noise: &noise, grid_size };
+        judged.evidence(progress)
+    }
+
+    /// Removes patches that are probably no surface.
+    fn keep_surfaces(&mut self, progress: &dyn Progress) -> Result<()> {
+        let evidence = self.evidence(progress)?;
         let kept: Vec<bool> = self
             .patches
             .iter()
-            .zip(probabilities)
-            .map(|(patch, p)| p >= self.options.min_probability || patch.n_supporting() >= large)
+            .zip(evidence)
+            .map(|(patch, evidence)| evidence.probability() >= self.least_probability(patch))
             .collect();
+        let improbable = self.patches.iter().zip(&kept).filter(|&(_, &kept)| !kept);
+        self.improbable = improbable.map(|(patch, _)| patch.whole.clone()).collect();
         self.keep(&kept);
         Ok(())
+    }
+
+    /// The probability that a patch needs, which is less where it has many points.
+    fn least_probability(&self, patch: &Patch) -> f64 {
+        let [from, to] = LARGE_PATCH;
+        let times = patch.n_supporting() as f64 / self.min_points as f64;
+        let large = ((times / from).ln() / (to / from).ln()).clamp(0.0, 1.0);
+        self.options.min_probability * (1.0 - large * (1.0 - LARGE_SHARE))
     }
 
     /// Replaces patches whose sides are short beside the noise by those of the largest likelihood.

@@ -21,8 +21,8 @@ pub(super) struct Removal {
     pub loss: f64,
     /// Expected number of its points, `m_j = sum_i p_ij`.
     pub mass: f64,
-    /// The patches that get its points.
-    neighbors: Vec<u32>,
+    /// The patches that get its points, and how many each.
+    pub neighbors: Vec<(u32, f64)>,
 }
 
 impl Removal {
@@ -79,7 +79,7 @@ pub(super) fn superfluous(removals: &[Removal]) -> Vec<u32> {
         let first = !touched[j as usize];
         if first {
             touched[j as usize] = true;
-            removals[j as usize].neighbors.iter().for_each(|&k| touched[k as usize] = true);
+            removals[j as usize].neighbors.iter().for_each(|n| touched[n.0 as usize] = true);
         }
         first
     });
@@ -120,7 +120,8 @@ fn removal(last: &Responsibilities, mass: &[f64], j: u32) -> Removal {
             gain += alone;
         }
     }
-    Removal { loss: -gain, mass: mass[j as usize], neighbors: shared.into_keys().collect() }
+    let neighbors = shared.into_iter().map(|(k, [moved, _])| (k, moved)).collect();
+    Removal { loss: -gain, mass: mass[j as usize], neighbors }
 }
 
 #[cfg(test)]

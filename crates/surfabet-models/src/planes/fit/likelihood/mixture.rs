@@ -175,6 +175,7 @@ impl Mixture {
             total.gradient += sums.gradient;
             total.information += sums.information;
         }
+        total.information.fill_upper_triangle_with_lower_triangle();
         self.hold(&mut total);
         total
     }
@@ -242,9 +243,10 @@ impl Mixture {
             }
             score.push((at, by_sigma));
             score.extend((at + 1..).zip(by_weight));
-            for &(a, s) in &score {
+            // Parameters ascend: below the diagonal, which the other side mirrors.
+            for (k, &(a, s)) in score.iter().enumerate() {
                 sums.gradient[a] += s;
-                for &(b, t) in &score {
+                for &(b, t) in &score[k..] {
                     sums.information[(b, a)] += s * t;
                 }
             }

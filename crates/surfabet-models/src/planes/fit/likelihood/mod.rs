@@ -122,7 +122,10 @@ fn together(
     let mut found = start.climb(&judged, MOVE_STEPS, 1.0, progress)?;
     if group.iter().any(|&j| shortest(&patches[j as usize]) < MIXED_SIGMAS * limits.deviation) {
         let least = least.max(LEAST_PATCH_POINTS);
-        found = search(&judged, found, limits.noise, least, progress)?;
+        let Some(better) = search(&judged, found, limits.noise, least, progress)? else {
+            return Ok(None);
+        };
+        found = better;
     }
     let members = found.members(&judged);
     let even = |(r, of): (&Rectangle, &Vec<u32>)| {

@@ -6,8 +6,8 @@ use super::mixture::Mixture;
 use super::rectangle::{PARAMETERS, Rectangle};
 use crate::error::Result;
 use crate::planes::constants::{
-    EXCHANGE_SIGMAS, FIRST_STEPS, FLAT_SIGMAS, FOLD_ANGLE, HOPELESS, LEAST_EXCHANGE, MOST_MOVES,
-    MOVE_STEPS, THICK_SIGMAS,
+    EXCHANGE_SIGMAS, FIRST_STEPS, FLAT_SIGMAS, FOLD_ANGLE, HOPELESS, LEAST_EXCHANGE, MOST_FITTED,
+    MOST_MOVES, MOVE_STEPS, THICK_SIGMAS,
 };
 use crate::planes::fit::m_step::plane;
 use crate::planes::patch::Frame;
@@ -21,14 +21,15 @@ const PLACES: usize = 16;
 const FOLDS: usize = 2;
 
 /// The best mixture that merges and folds lead to, one at a time, each the one that gains the most; parts need
-/// `min_points`.
+/// `min_points`. `None` where that is more rectangles than are fitted together: something bent gains by each fold, and no number
+/// of them is right.
 pub(super) fn search(
     points: &[[f64; 3]],
     start: Mixture,
     noise: f64,
     min_points: usize,
     progress: &dyn Progress,
-) -> Result<Mixture> {
+) -> Result<Option<Mixture>> {
     let mut now = start;
     // Half the logarithm of the number of points for each parameter (BIC); a rectangle has its weight beside the others.
     let cost = 0.5 * (PARAMETERS as f64 + 1.0) * (points.len() as f64).ln();
@@ -49,8 +50,11 @@ pub(super) fn search(
         }
         let Some((_, better)) = best else { break };
         now = better;
+        if now.rectangles.len() > MOST_FITTED {
+            return Ok(None);
+        }
     }
-    Ok(now)
+    Ok(Some(now))
 }
 
 /// A mixture to be tried.

@@ -1,6 +1,7 @@
 //! Patches to start from: at random, or where the data are flat (sections II-B and III).
 
 mod flat_cells;
+mod neighborhoods;
 mod noise;
 mod random;
 
@@ -8,6 +9,7 @@ use surfabet_base::parallel;
 use surfabet_geom::{Progress, morton};
 
 use self::flat_cells::{flat_cells, touching};
+use self::neighborhoods::{Neighborhoods, neighborhoods};
 pub(super) use self::noise::noise;
 pub(in crate::planes) use self::random::random;
 use super::m_step::plane;
@@ -41,11 +43,32 @@ pub(in crate::planes::fit) fn from_data(
     let last = level_of(smallest * std::f64::consts::FRAC_1_SQRT_2).min(first);
     let cells = flat_cells(points, ids, [first, last], rule, progress)?;
     let pairs = touching(&cells, 1 << first);
-    let parts = cells.iter().map(|cell| cell.part.clone()).collect();
+    let (members, parts) = cells.into_iter().map(|cell| (cell.members, cell.part)).unzip();
+    joined(points, Neighborhoods { members, parts, pairs }, rule, min_points, progress)
+}
+
+/// Patches where the neighbourhoods of points are flat, joined with those that they touch as by [`from_data`].
+pub(in crate::planes::fit) fn from_neighborhoods(
+    points: &Points,
+    rule: &Rule,
+    min_points: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<Patch>> {
+    joined(points, neighborhoods(points, rule, progress)?, rule, min_points, progress)
+}
+
+/// The patches of flat parts, of which those that touch are joined where they are in one plane.
+fn joined(
+    points: &Points,
+    Neighborhoods { members, parts, pairs }: Neighborhoods,
+    rule: &Rule,
+    min_points: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<Patch>> {
     let into = agglomerate(parts, &pairs, rule, progress)?;
-    let mut groups: Vec<Vec<u32>> = vec![Vec::new(); cells.len()];
-    for (cell, to) in cells.iter().zip(into) {
-        groups[to as usize].extend(&cell.members);
+    let mut groups: Vec<Vec<u32>> = vec![Vec::new(); members.len()];
+    for (set, to) in members.iter().zip(into) {
+        groups[to as usize].extend(set);
     }
     groups.retain(|set| set.len() >= min_points);
     let patches = parallel::map_owned(groups, |mut set| {

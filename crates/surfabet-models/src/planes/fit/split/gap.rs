@@ -5,7 +5,7 @@
 
 use super::SplitRule;
 use super::bins::{Bins, Cut, DIRECTIONS, flat};
-use crate::planes::constants::{BIN_STEPS, FULL_STRIP, GAP_DEVIATIONS};
+use crate::planes::constants::{BIN_STEPS, FULL_STRIP, GAP_DEVIATIONS, GAP_ROWS};
 use crate::planes::fit::trim::trim;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
@@ -44,8 +44,10 @@ fn weights(points: &Points, patch: &Patch, local: &[[f64; 2]]) -> Option<Vec<f64
 ///
 /// ```text
 /// e_b = l_b (sum c / sum l)
-/// min_b c_b / e_b < threshold   and   n_b < e_b - 3 sqrt(e_b)  with e_b of n instead of c
+/// min_b c_b / e_b < threshold   and   n_b < e_b - max(3 sqrt(e_b), 1.1 r_b)  with e_b of n instead of c
 /// ```
+///
+/// and the points `r_b` of a row across the patch: of a regular grid some bins hold one row less than others.
 fn emptiest(
     patch: &Patch,
     local: &[[f64; 2]],
@@ -78,12 +80,26 @@ fn emptiest(
         .iter()
         .map(|&(b, s)| (b, of(weighed, b) / (mean * s), expected * s))
         .min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let chance = of(&counts, first) > expected - GAP_DEVIATIONS * expected.sqrt();
+    // On scan lines bins hold whole tiles.
+    let row = if weights.is_some() { 0.0 } else { expected * spacing(patch) / bins.width };
+    let least = expected - (GAP_ROWS * row).max(GAP_DEVIATIONS * expected.sqrt());
+    let chance = of(&counts, first) > least;
     if ratio.is_nan() || ratio >= threshold || chance {
         return None;
     }
     let at = bins.edge_at(first as f64 / steps + 0.5);
     Some((ratio, Cut { direction, at }))
+}
+
+/// Distance between the rows of points, as if they were a regular grid over the supported tiles, metres.
+///
+/// `n` points at the distance `s` reach `s / 2` over a rectangle of area `A` and half perimeter `P` to all sides:
+/// `n s^2 = A + P s + s^2`.
+fn spacing(patch: &Patch) -> f64 {
+    let [x, y] = patch.tiles.size();
+    let n = (patch.support.len() as f64 - 1.0).max(1.0);
+    let half = 0.5 * (x + y) / n;
+    half + (half * half + patch.tiles.area() / n).sqrt()
 }
 
 /// Sums before each of some values, and of all.

@@ -79,25 +79,26 @@ pub(in crate::planes::fit) fn count(tiles: &Tiles, local: &[[f64; 3]], grid_size
 /// and itself, both of these have to hold:
 ///
 /// ```text
-/// c_k > max(T, 1),  T = mean(c) - 2 std(c)  over the tiles with points
+/// c_k >= T and c_k > 1,  T = mean(c) - 2 std(c)  over the tiles with points
 /// c_k >= 3/4 m_k - sqrt(m_k)
 /// ```
 ///
-/// The paper has the first, without the 1: T is below that unless points are evenly spread, and a single point is no
-/// surface. The second, if `rims`, ends patches where surfaces end: noise carries points over the edge, to tiles at the
+/// The paper has `c_k > T`, which no tile of a regular grid holds whose tiles all have the same number of points; and not the 1:
+/// T is below that unless points are evenly spread, and a single point is no surface. The second, if `rims`, ends patches where surfaces end: noise carries points over the edge, to tiles at the
 /// rim.
 pub(super) fn supported(tiles: &Tiles, counts: &[u32], rims: bool) -> Vec<bool> {
     let filled = || counts.iter().filter(|&&c| c > 0).map(|&c| f64::from(c));
     let n = filled().count() as f64;
     let mean = filled().sum::<f64>() / n;
     let variance = filled().map(|c| (c - mean).powi(2)).sum::<f64>() / n;
-    let threshold = (mean - 2.0 * variance.sqrt()).max(LEAST_THRESHOLD);
+    let threshold = mean - 2.0 * variance.sqrt();
+    let enough = |c: u32| f64::from(c) >= threshold && f64::from(c) > LEAST_THRESHOLD;
     if !rims {
-        return counts.iter().map(|&c| f64::from(c) > threshold).collect();
+        return counts.iter().map(|&c| enough(c)).collect();
     }
     let around = Around::new(tiles.shape(), counts);
     let holds = |(t, &c): (usize, &u32)| {
-        f64::from(c) > threshold && {
+        enough(c) && {
             let mean = around.mean(t);
             f64::from(c) >= RIM_SHARE * mean - f64::sqrt(mean)
         }
@@ -180,6 +181,14 @@ mod tests {
             counts = by_fours(&(tiles, counts), &next);
             assert_eq!(counts, count(&next, &local, 0.02));
             tiles = next;
+        }
+    }
+
+    #[test]
+    fn tiles_with_equally_many_points_are_all_supported() {
+        let tiles = Tiles::new([0.0; 2], [5.0, 4.0], 1.0);
+        for rims in [false, true] {
+            assert!(supported(&tiles, &[16; 20], rims).iter().all(|&s| s));
         }
     }
 
