@@ -151,23 +151,7 @@ impl Localizer {
         if let Some(refusal) = query.refusal() {
             return Ok(Located { refusal: Some(refusal), ..Located::default() });
         }
-        let mut domain = self.bounds;
-        let searches: Vec<Allowed> = match (near, options.upright) {
-            (Some(near), _) => {
-                let at = near.placement.translation;
-                // From further away than the scan reaches none of it falls on the map.
-                let reach = samples.reach();
-                let [low, high] = self.bounds;
-                domain = [
-                    std::array::from_fn(|a| ((at[a] - near.radius) as f32).max(low[a] - reach)),
-                    std::array::from_fn(|a| ((at[a] + near.radius) as f32).min(high[a] + reach)),
-                ];
-                vec![Allowed::About(near.placement.rotation, near.angle)]
-            }
-            (None, None) => vec![Allowed::Upright, Allowed::Tilted],
-            (None, Some(true)) => vec![Allowed::Upright],
-            (None, Some(false)) => vec![Allowed::Any],
-        };
+        let (domain, searches) = self.searches(near, options.upright, samples.reach());
         let mut answer = Located::default();
         for allowed in searches {
             let before = std::mem::take(&mut answer);
@@ -205,6 +189,31 @@ impl Localizer {
             }
         }
         Ok(answer)
+    }
+
+    /// Where sensors are sought, as the lower and upper corner of a box, and the turns that are allowed, one search after the other;
+    /// of a scan that reaches so many metres.
+    fn searches(
+        &self,
+        near: Option<Near>,
+        upright: Option<bool>,
+        reach: f32,
+    ) -> ([[f32; 3]; 2], Vec<Allowed>) {
+        let [low, high] = self.bounds;
+        match (near, upright) {
+            (Some(near), _) => {
+                let at = near.placement.translation;
+                // From further away than the scan reaches none of it falls on the map.
+                let domain = [
+                    std::array::from_fn(|a| ((at[a] - near.radius) as f32).max(low[a] - reach)),
+                    std::array::from_fn(|a| ((at[a] + near.radius) as f32).min(high[a] + reach)),
+                ];
+                (domain, vec![Allowed::About(near.placement.rotation, near.angle)])
+            }
+            (None, None) => (self.bounds, vec![Allowed::Upright, Allowed::Tilted]),
+            (None, Some(true)) => (self.bounds, vec![Allowed::Upright]),
+            (None, Some(false)) => (self.bounds, vec![Allowed::Any]),
+        }
     }
 }
 
