@@ -2,6 +2,7 @@
 
     python benches/papers/planes_judge.py --figures FOLDER [--rooms]
     python benches/papers/planes_judge.py --train FOLDER
+    python benches/papers/planes_judge.py --check SCENES
 
 `--figures` runs the fit up to where patches are judged and writes what the judge gets of every
 patch, and whether it is right: whether its points and those of a true plane overlap by more than
@@ -15,9 +16,12 @@ of a sensor.
 `--train` fits a network of one layer by L-BFGS to both and prints it as `planes/constants.rs` has
 it. All right patches count a second time with half the weight as surfaces of real scans, which
 are nearly flat, not exactly: warped, thinner than the noise that is assumed, with gaps
-(`warped`). The weights of `planes/constants.rs` were made by an earlier form of this script, and
-of figures of a state in which clouds without flat cells had no patches: other numbers than it
-prints now.
+(`warped`). The same figures give the same network, but the weights of `planes/constants.rs` are
+not what it prints: they were made by an earlier form of this script, from figures of a state in
+which clouds without flat cells had no patches. Those figures are not kept.
+
+`--check` counts what `learn_planes` as it is finds in generated scenes that no judge has seen,
+seeds from 100000 on, as `planes_room.py` does. Prints a Markdown table.
 """
 
 from __future__ import annotations
@@ -28,7 +32,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from planes_room import OUTLIER, true_planes
+from paper_bench import print_header, print_row
+from planes_room import OUTLIER, Score, true_planes
 from scipy.optimize import minimize
 
 import surfabet as sb
@@ -38,6 +43,7 @@ ROOMS = (0, 2, 4, 6)
 ROOM_NOISES = (0.002, 0.005, 0.01, 0.02, 0.04)
 ROOM_THINNINGS = (1, 8)
 SCENES = 2400
+UNSEEN = 100_000
 UNITS = 16
 DECAY = 3.0
 STEPS = 250
@@ -483,12 +489,32 @@ def train(folder: Path) -> None:
     print(f"SURFACE_OFFSET: {c:.2f}")
 
 
+def check(scenes: int) -> None:
+    """Prints what is found in unseen scenes, by kind: planes, the right ones, and true planes."""
+    counts = {kind: np.zeros(5, int) for kind in KINDS}
+    for seed in range(UNSEEN, UNSEEN + scenes):
+        kind, points, true, noise, view = generated(seed)
+        labels = sb.learn_planes(cloud_of(points, view)).labels
+        assert labels is not None
+        score = Score(labels, true, points, noise)
+        right, met = score.precision * score.found, score.recall * score.true
+        counts[kind] += [1, score.found, round(right), score.true, round(met)]
+    print_header("kind", "scenes", "planes", "right", "precision", "true", "found", "recall")
+    for kind, row in [*counts.items(), ("all", np.sum(list(counts.values()), axis=0))]:
+        n, planes, right, seen, met = row
+        precision, recall = right / max(planes, 1), met / max(seen, 1)
+        print_row(kind, n, planes, right, f"{precision:.2f}", seen, met, f"{recall:.2f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--figures", type=Path, help="folder to write figures to")
     parser.add_argument("--rooms", action="store_true", help="figures of rooms, not of scenes")
     parser.add_argument("--train", type=Path, help="folder of figures to train by")
+    parser.add_argument("--check", type=int, help="how many unseen scenes to learn planes of")
     options = parser.parse_args()
+    if options.check:
+        check(options.check)
     if options.train:
         train(options.train)
     if options.figures:

@@ -166,8 +166,9 @@ pub(super) struct Unit {
 }
 
 /// Whether a patch is one surface: a network of one layer of hyperbolic tangents on the logarithms of its figures, in the order of
-/// `fit/surface.rs`. Learned from patches of simulated rooms and of generated scenes by `benches/papers/planes_judge.py`, which prints it;
-/// how well it does is in `docs/benchmarks/planes.md`.
+/// `fit/surface.rs`. Learned from patches of simulated rooms and of generated scenes by an earlier form of `benches/papers/planes_judge.py`,
+/// from figures of an earlier state, which are not kept: the script prints other weights now, which did worse. How well these do, and
+/// those, is in `docs/benchmarks/planes.md`.
 #[rustfmt::skip]
 pub(super) const SURFACE_UNITS: [Unit; 16] = [
     Unit { weights: [-0.47, -0.73, -0.32, 1.06, -1.20, -0.39, 0.87, 1.96, 0.93, 0.26, -0.07, -0.12, 0.12, -0.03], offset: -0.74, output: -3.50 },
