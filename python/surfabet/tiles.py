@@ -267,14 +267,19 @@ class TiledPatchModel(LatticeModel[_core.TiledPatchModel]):
 
 @contextmanager
 def _named_apart(apart: float, side: float) -> Iterator[None]:
-    """Names the distance of a scan from its map where it is refused and they are more than a tile
-    apart."""
+    """Names the distance of a scan from its map where no map of these pixels is as large as both,
+    and they are more than a tile apart."""
     try:
         yield
     except InvalidInputError as error:
-        if apart <= side or error.argument is not None:
+        if apart <= side or error.argument != "resolution":
             raise
-        raise InvalidInputError(f"cloud {_lies_apart(apart)}: {error}") from None
+        raise InvalidInputError(
+            f"cloud {_lies_apart(apart)}: one lattice cannot hold both",
+            argument="cloud",
+            value=f"{apart:,.0f} m from the map",
+            requirement="so near to the map that one lattice holds both",
+        ) from None
 
 
 def _distance(model: TiledPatchModel, bounds: tuple[Any, Any] | None) -> float:

@@ -88,8 +88,11 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["compres"], "compress"),
         (["compress", "a.ply"], "OUT"),
         (["compress", "a.ply", "b.sfb", "--model", "cubes"], "planes"),
-        (["compress", "a.ply", "b.sfb", "--resolution", "0"], "--resolution is 0, but must be a p"),
-        (["compress", "a.ply", "b.sfb", "--max-error=-1"], "--max-error is -1, but must be a pos"),
+        (
+            ["compress", "a.ply", "b.sfb", "--resolution", "0"],
+            "--resolution is 0, but must be a num",
+        ),
+        (["compress", "a.ply", "b.sfb", "--max-error=-1"], "--max-error is -1, but must be a num"),
         (["compress", "a.ply", "b.sfb", "--n-neurons", "9"], "not an option of --model patches"),
         (["compress", "a.ply", "b.sfb", "--random-state", "1"], "but of hscsm, bic-alphabet, plan"),
         (["compress", "a.ply", "b.sfb", "--resolution", "fine"], "float"),

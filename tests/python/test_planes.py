@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -669,6 +670,23 @@ def ball(n: int, noise: float, seed: int) -> sb.PointCloud:
     away = rng.standard_normal((n, 3))
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     return sb.PointCloud(away * (0.5 + noise * rng.standard_normal((n, 1))))
+
+
+def test_faces_of_too_few_points_are_told():
+    """Six faces of 16 points each, fewer than the 30 of a patch; all are found with 10."""
+    side = np.linspace(0, 1, 4)
+    u, v = (c.ravel() for c in np.meshgrid(side, side))
+    faces = [
+        np.roll(np.column_stack([u, v, np.full(16, s)]), k, 1)
+        for k in range(3)
+        for s in (-0.5, 1.5)
+    ]
+    cube = sb.PointCloud(np.concatenate(faces))
+    with pytest.warns(sb.IncompleteModelWarning, match="smaller min_points"):
+        assert len(sb.learn_planes(cube)) == 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(sb.learn_planes(cube, min_points=10)) == 6
 
 
 def test_a_sphere_has_no_planes_and_that_is_said(tmp_path, capsys):

@@ -289,7 +289,7 @@ def test_scans_in_another_frame_are_told_by_their_distance(
         west.update(moved(cloud, [300.0, 0, 0]))
     (said,) = (str(one.message) for one in warned if one.category is sb.FrameWarning)
     assert abs(int(said.split()[3]) - apart) < 5
-    with pytest.raises(InvalidInputError, match=r"cloud lies 999,99\d m from the map.*spans"):
+    with pytest.raises(InvalidInputError, match=r"cloud lies 999,99\d m from the map.*hold both"):
         west.update(moved(cloud, [1e6, 0, 0]))
 
 
@@ -417,7 +417,9 @@ def test_what_is_no_map_in_tiles_is_named() -> None:
     with pytest.raises(InvalidInputError, match="models is empty"):
         sb.merge_tiles([])
     with pytest.raises(InvalidTypeError, match=r"models\[0\] is "):
-        sb.merge_tiles(["map.sfb"])  # type: ignore[list-item]
+        sb.merge_tiles([5])  # type: ignore[list-item]
+    with pytest.raises(FileNotFoundError, match=r"no\.sfb"):
+        sb.merge_tiles(["no.sfb"])
 
 
 def test_maps_in_tiles_refuse_recurrence(tmp_path: Path) -> None:

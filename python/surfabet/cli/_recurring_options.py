@@ -30,8 +30,8 @@ class RecurringOptions:
     no part of any. A positive number of metres; by default 2.2."""
 
     min_score: Annotated[float | None, Parameter(group=SEARCH)] = None
-    """Least score of an occurrence against the thing that stands for its class, as of `find`. A
-    number from 0 to 1; by default 0.5."""
+    """Least score of an occurrence against the thing that stands for its class, as of `find`; 0.85
+    of it where the thing grew from a piece. A number from 0 to 1; by default 0.5."""
 
     resolution: Annotated[float | None, Parameter(group=SEARCH)] = None
     """Spacing of the samples that are compared. A positive number of metres; by default the median

@@ -11,7 +11,8 @@ options! {
         min_size: f64 = 0.2, range = Range::POSITIVE, unit = "metres";
         /// Largest diagonal of a thing; smooth surfaces that are larger, such as walls and floors, are no part of any.
         max_size: f64 = 2.2, range = Range::POSITIVE, unit = "metres";
-        /// Least score of an occurrence against the thing that stands for its class, as of `find`.
+        /// Least score of an occurrence against the thing that stands for its class, as of `find`; 0.85 of it where the
+        /// thing grew from a piece.
         min_score: f64 = 0.5, range = Range::from_to(0.0, 1.0);
         /// Spacing of the samples that are compared.
         resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
