@@ -322,7 +322,7 @@ def merge_tiles(
     OSError
         A file cannot be read, or, as a `FormatError`, is no model.
     """
-    given = check_items("models", models, "maps in tiles")
+    given = check_items("models", models, "a list of maps in tiles or of their paths")
     maps = [_map_of(f"models[{number}]", model) for number, model in enumerate(given)]
     if not maps:
         raise wrong_value("models", given, "one map in tiles or more", shown="empty")
