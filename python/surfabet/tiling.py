@@ -609,15 +609,15 @@ class _Here:
 
         Ctrl-C and errors reach this thread; the others then leave their tiles as they are.
         """
-        rest = sorted(jobs, key=lambda job: (-self._need(job), job.cube))
+        rest = sorted(((self._need(job), job) for job in jobs), key=lambda n: (-n[0], n[1].cube))
         begun: dict[Future[str], int] = {}
         stop = _core.Stop()
         with ThreadPoolExecutor(_core.get_num_threads()) as threads:
             try:
                 while rest or begun:
-                    while (job := self._next(rest, begun)) is not None:
-                        rest.remove(job)
-                        begun[threads.submit(run_job, job, stop)] = self._need(job)
+                    while (at := self._next(rest, begun)) is not None:
+                        need, job = rest.pop(at)
+                        begun[threads.submit(run_job, job, stop)] = need
                     # With a limit, since a signal does not end every wait.
                     finished, _ = wait(begun, timeout=_POLL, return_when=FIRST_COMPLETED)
                     for future in finished:
@@ -627,14 +627,12 @@ class _Here:
             finally:
                 stop.set()
 
-    def _next(self, rest: list[TileJob], begun: Mapping[Future[str], int]) -> TileJob | None:
-        """The first tile that can be learned beside those that are begun."""
-        if not begun:
-            return next(iter(rest), None)
+    def _next(self, rest: list[tuple[int, TileJob]], begun: Mapping[Any, int]) -> int | None:
+        """Where in `rest`, needs and tiles, the first is that can be learned beside those begun."""
         if len(begun) >= _core.get_num_threads():
             return None
         room = self._memory - BASE_MEMORY - sum(begun.values())
-        return next((job for job in rest if self._need(job) <= room), None)
+        return next((at for at, (need, _) in enumerate(rest) if not begun or need <= room), None)
 
 
 def _learn(

@@ -14,6 +14,14 @@ from surfabet.cli._learn_options import ModelName
 from surfabet.cli._options import UsageError, spelled
 from surfabet.files import AnyModel, Vocabulary
 
+_NAMED = (
+    ("keep_outliers=True", "keep_outliers", ""),
+    ("min_probability=0", "min_probability", " 0"),
+    ("min_probability", "min_probability", ""),
+    ("min_points", "min_points", ""),
+)
+"""Options as warnings of Python name them, and the name and value that the command line has."""
+
 
 @dataclass(frozen=True)
 class Learner:
@@ -56,9 +64,9 @@ class Learner:
                 warnings.simplefilter("always", category)
             model = learn(cloud, progress=progress, **self.options)
         for warning in caught:
-            message = str(warning.message).replace("keep_outliers=True", spelled("keep_outliers"))
-            for given, option in (("min_probability=0", " 0"), ("min_probability", "")):
-                message = message.replace(given, spelled("min_probability") + option)
+            message = str(warning.message)
+            for given, option, value in _NAMED:
+                message = message.replace(given, spelled(option) + value)
             warnings.warn(message, warning.category, stacklevel=2)
         return model
 
