@@ -123,7 +123,7 @@ pub fn holds<M: Layout>(container: &Container<'_>) -> bool {
 }
 
 /// Where the content of a stream is.
-enum Place {
+enum StreamPlace {
     /// In this section.
     Section(Tag),
     /// In another file; this section holds its hash, which is this.
@@ -136,11 +136,11 @@ enum Place {
 fn places<M: Layout>(
     header: &M::Header,
     named: Option<ContentHash>,
-) -> impl Iterator<Item = Place> {
+) -> impl Iterator<Item = StreamPlace> {
     M::STREAM_SECTIONS.iter().enumerate().map(move |(i, section)| match (section.hash, named) {
-        (Some(tag), Some(hash)) => Place::Elsewhere(tag, hash),
-        _ if M::has_section(header, i) => Place::Section(section.tag),
-        _ => Place::Nowhere,
+        (Some(tag), Some(hash)) => StreamPlace::Elsewhere(tag, hash),
+        _ if M::has_section(header, i) => StreamPlace::Section(section.tag),
+        _ => StreamPlace::Nowhere,
     })
 }
 
@@ -167,9 +167,9 @@ pub fn write<M: Layout>(model: &M) -> Result<Vec<u8>> {
     let mut writer = ContainerWriter::new(M::FAMILY, features).section(META, meta.bytes.finish());
     for (place, stream) in places::<M>(&header, named).zip(streams) {
         writer = match place {
-            Place::Section(tag) => writer.section(tag, stream.finish()),
-            Place::Elsewhere(tag, hash) => writer.section(tag, hash.0.to_vec()),
-            Place::Nowhere => writer,
+            StreamPlace::Section(tag) => writer.section(tag, stream.finish()),
+            StreamPlace::Elsewhere(tag, hash) => writer.section(tag, hash.0.to_vec()),
+            StreamPlace::Nowhere => writer,
         };
     }
     writer.finish()
@@ -203,15 +203,15 @@ pub fn read<M: Layout>(
     let mut streams = Vec::with_capacity(M::STREAMS);
     for (section, place) in M::STREAM_SECTIONS.iter().zip(places::<M>(&header, named)) {
         let bytes = match place {
-            Place::Section(tag) => {
+            StreamPlace::Section(tag) => {
                 expected.push(tag);
                 container.require(tag)?
             }
-            Place::Elsewhere(hash, _) => {
+            StreamPlace::Elsewhere(hash, _) => {
                 expected.push(hash);
                 &[]
             }
-            Place::Nowhere => &[],
+            StreamPlace::Nowhere => &[],
         };
         streams.push(Decoder::new(section.tag, bytes));
     }

@@ -126,7 +126,7 @@ pub fn changes(
     let cell = tolerance as f32;
     let origin = surface.origin();
     let differs = differing(surface, other.measured, cell, progress)?;
-    let cells = Cells::new(surface.positions(), normals, &differs, cell);
+    let cells = ChangeCells::new(surface.positions(), normals, &differs, cell);
     progress.check()?;
     let sight = Sight::new(&other.surface.positions_about(origin), others, cell);
     let viewpoints = other.viewpoints.map(|all| local(all, origin));
@@ -137,7 +137,7 @@ pub fn changes(
         let is_seen = |&i: &usize| match &viewpoints {
             Some(all) => looked_through(&sight, all, (cells.middles[i], cells.normals[i]), cell),
             None => {
-                let around = Around::of(&sight, cells.middles[i]);
+                let around = OppositeHits::of(&sight, cells.middles[i]);
                 around.is_before_surfaces() && around.is_between_surfaces()
             }
         };
@@ -259,12 +259,12 @@ fn looked_through(
             && !is_between_lines(sight, v, place, tolerance)
     });
     let needed = LEAST_LINES.min(viewpoints.len()).max(1);
-    lines.take(needed).count() == needed && Around::of(sight, place).is_before_surfaces()
+    lines.take(needed).count() == needed && OppositeHits::of(sight, place).is_before_surfaces()
 }
 
 /// What opposite rays from a place meet.
 #[derive(Debug, Clone, Copy, Default)]
-struct Around {
+struct OppositeHits {
     /// Rays that meet a front.
     fronts: f32,
     /// Rays that meet a back.
@@ -273,7 +273,7 @@ struct Around {
     between: f32,
 }
 
-impl Around {
+impl OppositeHits {
     fn of(sight: &Sight, place: [f32; 3]) -> Self {
         let mut found = Self::default();
         for i in 0..PAIRS {
@@ -306,7 +306,7 @@ impl Around {
 }
 
 /// Points that differ, by cells.
-struct Cells {
+struct ChangeCells {
     /// Points, cell by cell.
     points: Vec<u32>,
     /// First point of each cell, and the end.
@@ -321,7 +321,7 @@ struct Cells {
     areas: Vec<f64>,
 }
 
-impl Cells {
+impl ChangeCells {
     fn new(positions: &[[f32; 3]], normals: &[[f32; 3]], points: &[u32], cell: f32) -> Self {
         let mut keyed: Vec<(u64, u32)> =
             parallel::map(points, |&i| (key(cell_of(positions[i as usize], cell)), i));

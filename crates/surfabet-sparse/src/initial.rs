@@ -49,7 +49,7 @@ pub fn initial_dictionary(
     let n_atoms = n_atoms.min(informative.len());
     let means = feature_means(signals);
     let mut rng = ChaCha8Rng::seed_from_u64(random_state);
-    let mut rows = Rows::new(signals, &informative);
+    let mut rows = SignalResiduals::new(signals, &informative);
     let mut chosen = vec![false; informative.len()];
     let mut atoms = Vec::with_capacity(n_atoms * n);
     while atoms.len() < n_atoms * n {
@@ -83,7 +83,7 @@ fn filled(signals: &Signals<'_>, i: usize, means: &[f32]) -> Vec<f32> {
 }
 
 /// What the atoms chosen so far leave of the signals.
-struct Rows {
+struct SignalResiduals {
     /// Signal-major.
     residuals: Vec<f32>,
     /// Weighted squared error of every signal.
@@ -92,7 +92,7 @@ struct Rows {
     nothing: Vec<f64>,
 }
 
-impl Rows {
+impl SignalResiduals {
     fn new(signals: &Signals<'_>, informative: &[usize]) -> Self {
         let residuals = informative.iter().flat_map(|&i| signals.values(i)).copied().collect();
         let left: Vec<f64> = informative.iter().map(|&i| signals.energy(i)).collect();

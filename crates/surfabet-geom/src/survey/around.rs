@@ -38,7 +38,7 @@ pub(super) struct LineShape {
 
 /// What is known of the neighbours of a point.
 #[derive(Debug, Clone)]
-pub(super) struct Around {
+pub(super) struct NeighborShapes {
     /// The number of the point in the sample.
     pub point: usize,
     /// Distance of the nearest other point, metres.
@@ -52,7 +52,7 @@ pub(super) struct Around {
     pub line: Option<LineShape>,
 }
 
-impl Around {
+impl NeighborShapes {
     /// What is about a point of the sample.
     pub fn new(sample: &SampledCloud, point: usize) -> Self {
         let mut near = Vec::new();

@@ -2,7 +2,7 @@
 
 use surfabet_base::parallel;
 
-use super::around::Around;
+use super::around::NeighborShapes;
 use super::median;
 use super::noise::Planes;
 use super::sample::SampledCloud;
@@ -52,14 +52,14 @@ const SAME_DISTANCE: f64 = 1.3;
 /// such distances the most frequent.
 pub(super) fn layer_gap(
     sample: &SampledCloud,
-    surroundings: &[Around],
+    surroundings: &[NeighborShapes],
     planes: &Planes,
     spacing: f64,
 ) -> Option<f64> {
     if spacing <= 0.0 {
         return None;
     }
-    let gap = |around: &Around| gap_at(sample, around, planes, spacing);
+    let gap = |around: &NeighborShapes| gap_at(sample, around, planes, spacing);
     let gaps = parallel::map(surroundings, gap).into_iter().flatten().collect();
     let found = most_frequent(gaps);
     let is_enough = found.len() * ONE_OF >= surroundings.len() && found.len() >= LEAST_POINTS;
@@ -82,7 +82,12 @@ fn most_frequent(mut values: Vec<f64>) -> Vec<f64> {
 }
 
 /// Distance along the normal of the plane about a point from the layer of the point to the nearest other one.
-fn gap_at(sample: &SampledCloud, around: &Around, planes: &Planes, spacing: f64) -> Option<f64> {
+fn gap_at(
+    sample: &SampledCloud,
+    around: &NeighborShapes,
+    planes: &Planes,
+    spacing: f64,
+) -> Option<f64> {
     normal(around, LINE_NEIGHBORS)?;
     let few = normal(around, planes.size)?;
     let more = normal(around, planes.size.max(MORE_NEIGHBORS))?;
@@ -98,7 +103,7 @@ fn gap_at(sample: &SampledCloud, around: &Around, planes: &Planes, spacing: f64)
 
 /// Normal of the plane of so many neighbours, by their place in [`NEIGHBORS`](super::around::NEIGHBORS); `None` on a line:
 /// what lies beside a scan line is not behind the surface.
-fn normal(around: &Around, size: usize) -> Option<[f64; 3]> {
+fn normal(around: &NeighborShapes, size: usize) -> Option<[f64; 3]> {
     let shape = around.shapes[size]?;
     let is_line = shape.variances[1] < LEAST_WIDTH.powi(2) * shape.variances[2];
     (!is_line).then_some(shape.normal)

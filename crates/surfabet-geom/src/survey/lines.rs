@@ -2,7 +2,7 @@
 
 use surfabet_base::parallel;
 
-use super::around::Around;
+use super::around::NeighborShapes;
 use super::median;
 use super::sample::SampledCloud;
 use crate::vector::{dot, minus};
@@ -23,7 +23,7 @@ const LEAST_RATIO: f64 = 3.0;
 /// far apart for the spacing of the points; lines without another one near count as the furthest.
 pub(super) fn line_spacing(
     sample: &SampledCloud,
-    surroundings: &[Around],
+    surroundings: &[NeighborShapes],
     spacing: f64,
 ) -> Option<f64> {
     if spacing <= 0.0 {
@@ -61,7 +61,7 @@ struct Line {
 
 impl Line {
     /// The line on which the neighbours of a point lie; `None` where none do.
-    fn through(sample: &SampledCloud, around: &Around) -> Option<Self> {
+    fn through(sample: &SampledCloud, around: &NeighborShapes) -> Option<Self> {
         around.line.map(|line| Self {
             point: sample.positions[around.point],
             direction: line.direction,

@@ -1,6 +1,6 @@
 //! How far neighbouring points deviate from their plane.
 
-use super::around::{Around, NEIGHBORS, Shape};
+use super::around::{NEIGHBORS, NeighborShapes, Shape};
 use super::median;
 use crate::vector::dot;
 
@@ -30,11 +30,11 @@ pub(super) struct Planes {
 impl Planes {
     /// Measures planes of the fewest neighbours that are flat, for half of the points, and along the plane of the most; where
     /// none are along it of the fewest that are flat, and of the most where none are flat.
-    pub fn about(surroundings: &[Around]) -> Self {
+    pub fn about(surroundings: &[NeighborShapes]) -> Self {
         let mut flat = None;
         let mut found = Self { size: 0, noise: 0.0 };
         for size in 0..NEIGHBORS.len() {
-            let of = |around: &Around| deviations(&around.shapes[size]?);
+            let of = |around: &NeighborShapes| deviations(&around.shapes[size]?);
             let deviations: Vec<[f64; 2]> = surroundings.iter().filter_map(of).collect();
             let flatness =
                 median(deviations.iter().map(|[across, along]| across / along).collect());
@@ -52,8 +52,8 @@ impl Planes {
 }
 
 /// Whether for at least half of the points the plane of so many neighbours is along that of the most.
-fn is_along_surface(surroundings: &[Around], size: usize) -> bool {
-    let cosine = |around: &Around| {
+fn is_along_surface(surroundings: &[NeighborShapes], size: usize) -> bool {
+    let cosine = |around: &NeighborShapes| {
         let normal = |size: usize| Some(around.shapes[size]?.normal);
         Some(dot(normal(size)?, normal(NEIGHBORS.len() - 1)?).abs())
     };

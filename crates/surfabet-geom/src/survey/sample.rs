@@ -2,7 +2,7 @@
 
 use surfabet_base::parallel;
 
-use super::around::Around;
+use super::around::NeighborShapes;
 use super::facing::facings;
 use crate::cells;
 use crate::cloud::PointCloud;
@@ -64,8 +64,8 @@ impl SampledCloud {
     }
 
     /// What is about the sampled points, by number.
-    pub fn surroundings(&self) -> Vec<Around> {
-        self.measure(|point| Some(Around::new(self, point)))
+    pub fn surroundings(&self) -> Vec<NeighborShapes> {
+        self.measure(|point| Some(NeighborShapes::new(self, point)))
     }
 }
 

@@ -32,7 +32,7 @@ pub(super) fn with_shared_points(
     if motions.is_empty() || model.header().n_extra == 0 {
         return Ok(model);
     }
-    let points = Points::new(&model, far, WITHIN * limit)?;
+    let points = WeighedPoints::new(&model, far, WITHIN * limit)?;
     let first = points.shared(&motions);
     // Again without the instances that make up for too few.
     let used: Vec<bool> = first.of_instances.iter().map(|of| of.len() >= LEAST).collect();
@@ -53,7 +53,7 @@ pub(super) fn with_shared_points(
 }
 
 /// Points beside the patches with the input that they stand for; all in pixels of the lattice.
-struct Points {
+struct WeighedPoints {
     middles: Vec<[f32; 3]>,
     tree: KdTree,
     /// The input that each stands for.
@@ -70,7 +70,7 @@ struct Shared {
     of_instances: Vec<BTreeSet<u32>>,
 }
 
-impl Points {
+impl WeighedPoints {
     fn new(model: &PatchModel, far: &[[f32; 3]], limit: f64) -> Result<Self> {
         let lattice = model.lattice();
         let pixel = lattice.pixel_size as f32;

@@ -85,7 +85,7 @@ pub fn learn(
     // Distinct points along a space-filling curve, in a tree of boxes.
     let points = stages.run("sorting points", |_| Points::new(cloud, weights))?;
     let points = if options.published { points } else { as_known(points, cloud, &start.survey) };
-    let Fitted { patches, improbable, grid_size, smallest_grid_size, first_patches, trace } =
+    let FitOutcome { patches, improbable, grid_size, smallest_grid_size, first_patches, trace } =
         fitted(&points, options, &mut stages)?;
     // The integers of the file; labels of the points, colours and intensities of the tiles (III).
     let model = stages.run("rounding patches", |progress| {
@@ -185,7 +185,7 @@ fn as_known(points: Points, cloud: &PointCloud, survey: &Survey) -> Points {
 }
 
 /// What comes out of a fit.
-struct Fitted {
+struct FitOutcome {
     patches: Vec<Patch>,
     /// The points of each patch that was judged to be no surface, where any is judged.
     improbable: Option<Vec<Vec<u32>>>,
@@ -197,13 +197,13 @@ struct Fitted {
 }
 
 /// Fits patches to the points, by the method as printed where the options say so.
-fn fitted(points: &Points, options: &PlanesOptions, stages: &mut Stages<'_>) -> Result<Fitted> {
+fn fitted(points: &Points, options: &PlanesOptions, stages: &mut Stages<'_>) -> Result<FitOutcome> {
     if options.published {
         let mut fit = stages.run("first patches", |p| PublishedFit::new(points, options, p))?;
         let first_patches = fit.patches.len();
         let trace = stages.run("fitting", |progress| fit.run(progress))?;
         let PublishedFit { patches, grid_size, .. } = fit;
-        return Ok(Fitted {
+        return Ok(FitOutcome {
             patches,
             improbable: None,
             grid_size,
@@ -221,7 +221,7 @@ fn fitted(points: &Points, options: &PlanesOptions, stages: &mut Stages<'_>) -> 
     let smallest_grid_size = options.min_grid_size.is_none().then_some(smallest);
     let (patches, improbable) = fit.into_patches();
     let improbable = Some(improbable);
-    Ok(Fitted { patches, improbable, grid_size, smallest_grid_size, first_patches, trace })
+    Ok(FitOutcome { patches, improbable, grid_size, smallest_grid_size, first_patches, trace })
 }
 
 #[cfg(test)]

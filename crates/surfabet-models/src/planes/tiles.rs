@@ -5,13 +5,13 @@ pub(super) const MAX_TILES: f64 = (1 << 24) as f64;
 
 /// Summed-area table: sums over any rectangle of tiles at once.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Sums {
+pub(super) struct SummedArea {
     shape: [usize; 2],
     /// Sum of the tiles before each column and row, with a border of zeros.
     before: Vec<u32>,
 }
 
-impl Sums {
+impl SummedArea {
     /// Of the values of tiles, along the first axis first; all together are below 2^32.
     pub fn new([nx, ny]: [usize; 2], value: impl Fn(usize) -> u32) -> Self {
         let mut before = vec![0; (nx + 1) * (ny + 1)];
@@ -55,7 +55,7 @@ pub struct Tiles {
     shape: [usize; 2],
     supported: Vec<bool>,
     /// Of the supported tiles.
-    sums: Sums,
+    sums: SummedArea,
 }
 
 impl Tiles {
@@ -68,14 +68,14 @@ impl Tiles {
     /// As [`Tiles::new`], with the number of tiles along both axes known: a quotient may round up to one more.
     pub(super) fn of_shape(low: [f64; 2], size: [f64; 2], edge: f64, shape: [usize; 2]) -> Self {
         let supported = vec![false; shape[0] * shape[1]];
-        Self { low, size, edge, shape, supported, sums: Sums::default() }
+        Self { low, size, edge, shape, supported, sums: SummedArea::default() }
     }
 
     /// Marks the supported tiles.
     pub(super) fn support(&mut self, supported: Vec<bool>) {
         debug_assert_eq!(supported.len(), self.supported.len());
         self.supported = supported;
-        self.sums = Sums::new(self.shape, |t| u32::from(self.supported[t]));
+        self.sums = SummedArea::new(self.shape, |t| u32::from(self.supported[t]));
     }
 
     /// Corner with the lowest coordinates, metres about the middle of the frame.
@@ -258,7 +258,7 @@ mod tests {
         for _ in 0..100 {
             let [nx, ny] = std::array::from_fn(|_| rng.random_range(1..8_usize));
             let values: Vec<u32> = (0..nx * ny).map(|_| rng.random_range(0..9)).collect();
-            let sums = Sums::new([nx, ny], |t| values[t]);
+            let sums = SummedArea::new([nx, ny], |t| values[t]);
             assert_eq!(sums.total(), values.iter().sum::<u32>() as usize);
             let window = [nx, ny].map(|n| {
                 let first = rng.random_range(0..n);

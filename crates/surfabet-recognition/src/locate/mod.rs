@@ -43,7 +43,7 @@ use self::constants::{
     SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
 };
 pub use self::decide::Refusal;
-use self::decide::{Candidate, Demands, decide, evidence};
+use self::decide::{Demands, RefinedPose, decide, evidence};
 use self::directions::Directions;
 pub use self::map::Localizer;
 use self::map::evenly;
@@ -273,7 +273,7 @@ impl Query<'_> {
 
     /// Adds to a clear answer what is as good after half a turn about the vertical, or elsewhere in the same direction, though
     /// less of it is mapped: a corridor is nearly the same from both ends.
-    fn add_alternatives(&self, candidates: &mut Vec<Candidate>, domain: [[f32; 3]; 2]) {
+    fn add_alternatives(&self, candidates: &mut Vec<RefinedPose>, domain: [[f32; 3]; 2]) {
         let Some(best) = candidates.first() else { return };
         let half = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
         let rotations = [best.placement.rotation, half * best.placement.rotation];
@@ -296,14 +296,14 @@ impl Query<'_> {
         rotations: &[UnitQuaternion<f64>],
         domain: [[f32; 3]; 2],
         share: f64,
-    ) -> Vec<Candidate> {
+    ) -> Vec<RefinedPose> {
         let is_narrow = decide::is_narrow(self.samples);
         let found = Search::new(self.map, self.samples, rotations, domain).run(share, is_narrow);
         let rough = evenly(self.samples, ROUGH_SAMPLES);
         let mut candidates = parallel::map(&found, |&(_, start)| {
             let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);
             let evidence = evidence(self.map, &rough, &placement);
-            Candidate { placement, evidence, free: None }
+            RefinedPose { placement, evidence, free: None }
         });
         self.keep_near(&mut candidates);
         decide::best_first(&mut candidates, FINALISTS);
@@ -312,7 +312,7 @@ impl Query<'_> {
         let mut candidates = parallel::map(&candidates, |c| {
             let placement = refine(self.map, &fine, c.placement, FINE_REACH, FINE_STEPS);
             let evidence = evidence(self.map, &verified, &placement);
-            let found = Candidate { placement, evidence, free: None };
+            let found = RefinedPose { placement, evidence, free: None };
             match &self.near {
                 Some(near) => {
                     decide::held(self.map, self.samples, found, &near.placement, near.radius)
@@ -326,7 +326,7 @@ impl Query<'_> {
     }
 
     /// Removes places that refinement took farther away than the prior allows: what looks alike beyond is none of its answers.
-    fn keep_near(&self, candidates: &mut Vec<Candidate>) {
+    fn keep_near(&self, candidates: &mut Vec<RefinedPose>) {
         let Some(near) = self.near else { return };
         candidates.retain(|c| {
             let (away, turned) = c.placement.distance_to(&near.placement);

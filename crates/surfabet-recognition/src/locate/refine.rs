@@ -9,7 +9,7 @@ use super::placement::Placement;
 use super::samples::Sample;
 
 /// A sample on a surface of the map.
-pub(super) struct Match {
+pub(super) struct SurfaceMatch {
     /// Where the sample comes to lie, about the sensor.
     pub arm: [f32; 3],
     /// Normal of the surface.
@@ -23,9 +23,9 @@ pub(super) struct Match {
 }
 
 /// A rotation as rows in single precision.
-pub(super) struct Rows([[f32; 3]; 3]);
+pub(super) struct RotationRows([[f32; 3]; 3]);
 
-impl Rows {
+impl RotationRows {
     pub fn of(rotation: &UnitQuaternion<f64>) -> Self {
         let matrix = rotation.to_rotation_matrix();
         Self(std::array::from_fn(|r| std::array::from_fn(|c| matrix[(r, c)] as f32)))
@@ -39,10 +39,10 @@ impl Rows {
 /// What a sample meets in the map, if anything is near.
 pub(super) fn matched(
     map: &Localizer,
-    rows: &Rows,
+    rows: &RotationRows,
     at: [f32; 3],
     sample: &Sample,
-) -> Option<Match> {
+) -> Option<SurfaceMatch> {
     let arm = rows.turn(minus(sample.point, sample.viewpoint));
     let p = std::array::from_fn(|a| at[a] + arm[a]);
     let i = map.nearest.at(p)?;
@@ -51,7 +51,7 @@ pub(super) fn matched(
     let distance = dot(away, normal);
     let aside = (dot(away, away) - distance * distance).max(0.0).sqrt();
     let cosine = dot(rows.turn(sample.normal), normal);
-    Some(Match { arm, normal, distance, aside, cosine })
+    Some(SurfaceMatch { arm, normal, distance, aside, cosine })
 }
 
 /// The normal equations of one step.
@@ -122,7 +122,7 @@ pub(super) fn facing(
 
 impl System {
     fn of(map: &Localizer, samples: &[Sample], placement: &Placement, reach: f64) -> Self {
-        let rows = Rows::of(&placement.rotation);
+        let rows = RotationRows::of(&placement.rotation);
         let at: [f32; 3] = std::array::from_fn(|a| placement.translation[a] as f32);
         let mut upper = [[0.0_f64; 6]; 6];
         let (mut vector, mut weight, mut squares) = ([0.0_f64; 6], 0.0, 0.0);

@@ -44,7 +44,7 @@ pub(super) fn rotations(
     scan: &Directions,
     allowed: Allowed,
 ) -> Vec<UnitQuaternion<f64>> {
-    let mut found = Found { map, scan, allowed, ranked: Vec::new() };
+    let mut found = RankedRotations { map, scan, allowed, ranked: Vec::new() };
     found.add_from_pairs();
     let second: f64 = scan.all.iter().skip(1).map(|d| d.1).sum();
     let mut most = ROTATIONS;
@@ -64,14 +64,14 @@ pub(super) fn rotations(
     kept
 }
 
-struct Found<'a> {
+struct RankedRotations<'a> {
     map: &'a Localizer,
     scan: &'a Directions,
     allowed: Allowed,
     ranked: Vec<(f64, UnitQuaternion<f64>)>,
 }
 
-impl Found<'_> {
+impl RankedRotations<'_> {
     /// Adds rotations of pairs of directions to pairs of the map with the same angle.
     fn add_from_pairs(&mut self) {
         let (scan, map) = (&self.scan.all, &self.map.directions.all);

@@ -51,7 +51,7 @@ pub(super) struct ScanSamples {
 
 /// Sums over the points of a voxel, about the voxel's own corner.
 #[derive(Clone, Copy)]
-struct Sums {
+struct VoxelSums {
     corner: [f32; 3],
     n: f32,
     first: [f64; 3],
@@ -73,7 +73,7 @@ impl ScanSamples {
         let capacity = scan.len() / stride / POINTS_PER_VOXEL;
         let mut voxels: FxHashMap<[i32; 3], usize> =
             FxHashMap::with_capacity_and_hasher(capacity, FxBuildHasher);
-        let mut sums: Vec<Sums> = Vec::new();
+        let mut sums: Vec<VoxelSums> = Vec::new();
         for (i, &p) in scan.positions().iter().enumerate().step_by(stride) {
             let viewpoint = scan.local_viewpoint(i).unwrap_or(zero);
             if vector::squared_distance(p, viewpoint) < BODY_RADIUS * BODY_RADIUS {
@@ -83,7 +83,13 @@ impl ScanSamples {
             let at = *voxels.entry(voxel).or_insert(sums.len());
             if at == sums.len() {
                 let corner = voxel.map(|c| c as f32 * side);
-                sums.push(Sums { corner, n: 0.0, first: [0.0; 3], second: [0.0; 6], viewpoint });
+                sums.push(VoxelSums {
+                    corner,
+                    n: 0.0,
+                    first: [0.0; 3],
+                    second: [0.0; 6],
+                    viewpoint,
+                });
             }
             sums[at].add(p);
         }
@@ -103,7 +109,7 @@ impl ScanSamples {
     }
 }
 
-impl Sums {
+impl VoxelSums {
     fn add(&mut self, p: [f32; 3]) {
         let [x, y, z] = vector::minus(p, self.corner).map(f64::from);
         self.n += 1.0;

@@ -16,7 +16,7 @@ use super::samples::Sample;
 
 /// A box of translations under one rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Node {
+struct SearchBox {
     /// What its leaves are likely to explain.
     promise: i32,
     /// Samples that some translation of the box can explain, at most.
@@ -27,7 +27,7 @@ struct Node {
     corner: [i32; 3],
 }
 
-impl Ord for Node {
+impl Ord for SearchBox {
     /// The larger promise first, then the finer level, then the order of rotations and corners.
     fn cmp(&self, other: &Self) -> Ordering {
         let rest = |n: &Self| (n.level, n.rotation, n.corner);
@@ -35,7 +35,7 @@ impl Ord for Node {
     }
 }
 
-impl PartialOrd for Node {
+impl PartialOrd for SearchBox {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
@@ -90,7 +90,7 @@ impl<'a> Search<'a> {
         let n = self.turned.first().map_or(0, |t| t.points.len());
         let mut least = (LEAST_SHARE * n as f64).ceil() as u32;
         let mut heap = self.roots(least);
-        let mut found: Vec<(u32, Node)> = Vec::new();
+        let mut found: Vec<(u32, SearchBox)> = Vec::new();
         let mut opened = 0;
         let mut hopeful: Option<i32> = None;
         while let Some(node) = heap.pop() {
@@ -132,7 +132,7 @@ impl<'a> Search<'a> {
         2.0 * self.map.cell as f32
     }
 
-    fn roots(&self, least: u32) -> BinaryHeap<Node> {
+    fn roots(&self, least: u32) -> BinaryHeap<SearchBox> {
         let level = LEVELS as u8 - 1;
         let step = 1 << level;
         let side = self.leaf() * step as f32;
@@ -163,11 +163,11 @@ impl<'a> Search<'a> {
         (0..3).all(|a| corner[a] as f32 * self.leaf() <= self.extent[a])
     }
 
-    fn node(&self, level: u8, rotation: u16, corner: [i32; 3], least: u32) -> Node {
+    fn node(&self, level: u8, rotation: u16, corner: [i32; 3], least: u32) -> SearchBox {
         let bound = self.bound(level, rotation, corner, least);
         let n = self.turned[rotation as usize].points.len() as f64;
         let slack = f64::from(level) * BOUND_PER_LEVEL * n;
-        Node { promise: bound as i32 - slack as i32, bound, level, rotation, corner }
+        SearchBox { promise: bound as i32 - slack as i32, bound, level, rotation, corner }
     }
 
     /// Samples that meet a surface which faces their axis at some translation of a box; too few, where that cannot be
@@ -193,9 +193,9 @@ impl<'a> Search<'a> {
     }
 
     /// Whether all of a node is near a pose that was found already.
-    fn is_near_found(&self, node: &Node, found: &[(u32, Node)]) -> bool {
+    fn is_near_found(&self, node: &SearchBox, found: &[(u32, SearchBox)]) -> bool {
         // In halves of leaves, from middle to middle.
-        let middle = |n: &Node| n.corner.map(|c| 2 * c + (1 << n.level));
+        let middle = |n: &SearchBox| n.corner.map(|c| 2 * c + (1 << n.level));
         let reach = SAME_TRANSLATION as i32;
         let width = (1 << node.level) - 1;
         found.iter().any(|(_, other)| {
@@ -205,7 +205,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    fn pose(&self, node: &Node) -> Placement {
+    fn pose(&self, node: &SearchBox) -> Placement {
         let corner = self.corner(node.corner);
         let middle = corner.map(|c| f64::from(c + 0.5 * self.leaf()));
         Placement {

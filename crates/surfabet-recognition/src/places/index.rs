@@ -13,11 +13,11 @@ use crate::locate::{Localizer, LocateOptions, Located};
 /// Maps, each with what it is compared by.
 #[derive(Debug, Default)]
 pub struct PlaceIndex {
-    places: Vec<Place>,
+    places: Vec<IndexedPlace>,
 }
 
 #[derive(Debug)]
-struct Place {
+struct IndexedPlace {
     model: Arc<AlphabetModel>,
     signature: PlaceSignature,
     /// Made when a scan is first located there.
@@ -59,7 +59,7 @@ impl PlaceIndex {
     /// [`Error::Cancelled`].
     pub fn add(&mut self, model: Arc<AlphabetModel>, progress: &dyn Progress) -> Result<usize> {
         let signature = PlaceSignature::of(&model, progress)?;
-        self.places.push(Place { model, signature, localizer: OnceLock::new() });
+        self.places.push(IndexedPlace { model, signature, localizer: OnceLock::new() });
         Ok(self.places.len() - 1)
     }
 
@@ -108,8 +108,9 @@ impl PlaceIndex {
 
     /// Similarity of every two places, row by row.
     pub fn similarities(&self) -> Vec<Vec<f64>> {
-        let row =
-            |p: &Place| self.places.iter().map(|q| p.signature.similarity(&q.signature)).collect();
+        let row = |p: &IndexedPlace| {
+            self.places.iter().map(|q| p.signature.similarity(&q.signature)).collect()
+        };
         parallel::map(&self.places, row)
     }
 
@@ -119,7 +120,7 @@ impl PlaceIndex {
     }
 }
 
-impl Place {
+impl IndexedPlace {
     /// Where in this place a scan was taken; `None` where the place has no surface.
     fn located(
         &self,

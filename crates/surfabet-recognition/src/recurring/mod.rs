@@ -89,14 +89,14 @@ pub fn recurring(
 }
 
 /// A place of a thing with its score, and the samples that the thing covers there.
-type Place = ((f64, Motion), Vec<u32>);
+type ScoredPlace = ((f64, Motion), Vec<u32>);
 
 /// A thing that may stand for a class.
 struct Thing {
     region: Region,
     template: Template,
     /// At least one, the best first: the thing itself.
-    places: Vec<Place>,
+    places: Vec<ScoredPlace>,
 }
 
 impl Thing {
@@ -186,7 +186,7 @@ impl Classes<'_> {
         least: f64,
     ) -> Option<Thing> {
         places.retain(|(score, _)| *score >= least);
-        let mut kept: Vec<Place> = Vec::new();
+        let mut kept: Vec<ScoredPlace> = Vec::new();
         for place in template.best_places(places, usize::MAX) {
             let covered = template.covered(self.side.scene, &place.1);
             if !covered.is_empty() {
@@ -217,7 +217,7 @@ impl Classes<'_> {
     fn class(&self, thing: &Thing, number: usize) -> Result<RecurringClass> {
         let origin = self.model.header().origin;
         let example = thing.region.about(origin.map(|c| -c));
-        let found = |(place, covered): &Place| -> Result<(Found, Vec<u32>)> {
+        let found = |(place, covered): &ScoredPlace| -> Result<(Found, Vec<u32>)> {
             let found = thing.template.found(*place, &example, number, [origin; 2])?;
             Ok((found, self.occurrences_of(covered)))
         };

@@ -34,7 +34,7 @@ pub(in crate::alphabet) fn find_planes(
     let plane = [Word::plane()];
     let mut found = parallel::try_map_range_with(
         search.cells.len(),
-        || (Buffers::default(), WordSamples::new(&plane)),
+        || (PlaneBuffers::default(), WordSamples::new(&plane)),
         |(buffers, samples), k| -> Result<Vec<CandidatePlane>> {
             progress.check()?;
             let mut planes = search.planes_of_cell(k, buffers, samples);
@@ -53,12 +53,12 @@ const CHUNK: usize = 16;
 
 /// Buffers for the points about a cell.
 #[derive(Default)]
-struct Buffers {
+struct PlaneBuffers {
     rows: Rows,
     fitted: Vec<u32>,
     touched: Vec<u32>,
     local: Vec<LocalPoint>,
-    around: Around,
+    around: PlanePoints,
     neighbors: Vec<Neighbor>,
 }
 
@@ -80,10 +80,10 @@ impl PlaneSearch<'_> {
     fn planes_of_cell(
         &self,
         k: usize,
-        buffers: &mut Buffers,
+        buffers: &mut PlaneBuffers,
         samples: &mut WordSamples<'_>,
     ) -> Vec<CandidatePlane> {
-        let Buffers { rows, fitted, touched, local, around, neighbors } = buffers;
+        let PlaneBuffers { rows, fitted, touched, local, around, neighbors } = buffers;
         let (cell, inside) = self.cells.get(k);
         let scene = self.scene;
         let middle = cell_center(cell, self.scale);
@@ -163,13 +163,13 @@ impl PlaneSearch<'_> {
 
 /// The points that planes of a cell are fitted to, in columns, from the cell's middle.
 #[derive(Default)]
-struct Around {
+struct PlanePoints {
     offsets: [Vec<f64>; 3],
     sigma: Vec<f64>,
     weights: Vec<f64>,
 }
 
-impl Around {
+impl PlanePoints {
     /// Takes these points of the scene.
     fn fill(&mut self, scene: &LatticeScene, points: &[u32], center: [f64; 3]) {
         self.weights.clear();
@@ -193,7 +193,7 @@ impl Around {
         for round in 0..PLANE_ROUNDS {
             let rows = upright_frame(normal, Upright::WorldX, [0.0; 3]);
             let tolerance = if round == 0 { ON_FIRST_PLANE } else { ON_PLANE };
-            let mut sums = Sums::default();
+            let mut sums = NormalEquations::default();
             Arch::new().dispatch(|| self.add_near(&rows, offset, tolerance, radius, &mut sums));
             let x = sums.solution()?;
             let tilted: [f64; 3] = std::array::from_fn(|a| {
@@ -215,7 +215,7 @@ impl Around {
         offset: f64,
         tolerance: f64,
         radius: f64,
-        sums: &mut Sums,
+        sums: &mut NormalEquations,
     ) {
         let [xs, ys, zs] = &self.offsets;
         let columns = xs.chunks(CHUNK).zip(ys.chunks(CHUNK)).zip(zs.chunks(CHUNK));
@@ -241,12 +241,12 @@ impl Around {
 
 /// The normal equations of a plane.
 #[derive(Default)]
-struct Sums {
+struct NormalEquations {
     matrix: Matrix3<f64>,
     right: Vector3<f64>,
 }
 
-impl Sums {
+impl NormalEquations {
     /// Adds `w x x'` and `w h x`; only the lower half of the matrix.
     #[inline(always)]
     fn add(&mut self, x: [f64; 3], h: f64, w: f64) {

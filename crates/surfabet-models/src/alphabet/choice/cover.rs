@@ -82,9 +82,9 @@ impl CoverCounts {
 /// A candidate with its gain when that was last computed, above 0; ordered by gain, of equal ones the first candidate on
 /// top: positive floats order like their bits.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
-struct Entry(u64);
+struct CandidateGain(u64);
 
-impl Entry {
+impl CandidateGain {
     fn new(gain: f32, candidate: u32) -> Self {
         Self(u64::from(gain.to_bits()) << 32 | u64::from(!candidate))
     }
@@ -139,9 +139,9 @@ pub(in crate::alphabet) fn add_best(
     let points: Vec<&[u32]> = candidates.iter().map(|c| &c.coverage.points[..]).collect();
     let entry = |(k, (c, cost)): (usize, (&&Candidate, &f32))| {
         let gain = prices.inlier * c.coverage.weight as f32 - cost;
-        (gain > 0.0).then(|| Entry::new(gain, k as u32))
+        (gain > 0.0).then(|| CandidateGain::new(gain, k as u32))
     };
-    let mut heap: BinaryHeap<Entry> =
+    let mut heap: BinaryHeap<CandidateGain> =
         candidates.iter().zip(&cost).enumerate().filter_map(entry).collect();
     let mut chosen = Vec::new();
     while let Some(top) = heap.pop() {
@@ -153,7 +153,7 @@ pub(in crate::alphabet) fn add_best(
             continue;
         }
         if heap.peek().is_some_and(|next| now < next.gain()) {
-            heap.push(Entry::new(now, candidate));
+            heap.push(CandidateGain::new(now, candidate));
             continue;
         }
         counts.add(points[k]);

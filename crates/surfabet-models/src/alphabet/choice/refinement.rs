@@ -13,7 +13,7 @@ use crate::error::Result;
 
 /// Buffers for the points about an occurrence.
 #[derive(Default)]
-struct Buffers {
+struct RefinementBuffers {
     rows: Rows,
     around: Vec<u32>,
     local: Vec<LocalPoint>,
@@ -62,7 +62,7 @@ impl Choice<'_> {
         let missing: Vec<usize> = (0..chosen.len()).filter(|&k| known[k].is_none()).collect();
         let made = parallel::try_map_range_with(
             missing.len(),
-            || (Buffers::default(), WordSamples::new(&self.words)),
+            || (RefinementBuffers::default(), WordSamples::new(&self.words)),
             |(buffers, samples), k| -> Result<_> {
                 progress.check()?;
                 Ok(self.variants(&chosen[missing[k]], &descriptors, buffers, samples))
@@ -79,10 +79,10 @@ impl Choice<'_> {
         &self,
         c: &Candidate,
         descriptors: &[Descriptor],
-        buffers: &mut Buffers,
+        buffers: &mut RefinementBuffers,
         samples: &mut WordSamples<'_>,
     ) -> Vec<Candidate> {
-        let Buffers { rows, around, local } = buffers;
+        let RefinementBuffers { rows, around, local } = buffers;
         let p = c.placement;
         let mut variants = Vec::new();
         for step in [-1, 1] {

@@ -20,7 +20,7 @@ pub(in crate::gas) struct Link {
 
 /// The links of a neuron.
 #[derive(Debug, Clone, Copy, Default)]
-struct Run {
+struct LinkRange {
     /// First of them in [`Edges::links`].
     start: u32,
     len: u32,
@@ -33,7 +33,7 @@ struct Run {
 /// All edges.
 #[derive(Debug, Clone, Default)]
 pub(in crate::gas) struct Edges {
-    runs: Vec<Run>,
+    runs: Vec<LinkRange>,
     links: Vec<Link>,
     /// Starts of released runs, by class.
     free: Vec<Vec<u32>>,
@@ -89,7 +89,7 @@ impl Edges {
     fn push(&mut self, id: u32, link: Link) {
         let at = id as usize;
         if at >= self.runs.len() {
-            self.runs.resize(at + 1, Run::default());
+            self.runs.resize(at + 1, LinkRange::default());
         }
         let run = self.runs[at];
         let room = if run.is_allocated { SMALLEST << run.class } else { 0 };
@@ -99,7 +99,7 @@ impl Edges {
             let (from, to) = (run.start as usize, start as usize);
             self.links.copy_within(from..from + run.len as usize, to);
             self.release(run);
-            self.runs[at] = Run { start, len: run.len, class, is_allocated: true };
+            self.runs[at] = LinkRange { start, len: run.len, class, is_allocated: true };
         }
         let run = &mut self.runs[at];
         self.links[run.start as usize + run.len as usize] = link;
@@ -131,7 +131,7 @@ impl Edges {
     }
 
     /// Makes a run available again.
-    fn release(&mut self, run: Run) {
+    fn release(&mut self, run: LinkRange) {
         if !run.is_allocated {
             return;
         }

@@ -10,7 +10,7 @@ use surfabet_base::parallel;
 
 use super::super::constants::NEURONS_PER_TASK;
 use super::super::winners::Nearby;
-use super::Cells;
+use super::NeuronCells;
 
 /// An edge of a neuron to one with a larger number, and the weight of the points that join both.
 #[derive(Clone, Copy)]
@@ -23,7 +23,7 @@ struct Link {
 /// made; one without points gets one to the neuron nearest to it.
 pub(super) fn edges(
     positions: &[[f32; 3]],
-    cells: &Cells<'_>,
+    cells: &NeuronCells<'_>,
     nearby: &Nearby,
     max_age: u32,
 ) -> Vec<[u32; 2]> {
@@ -73,7 +73,7 @@ pub(super) fn edges(
 }
 
 /// Adds the edges of neuron `i` to the second nearest of its points; gives the weight of these points.
-fn add_links(cells: &Cells<'_>, i: usize, links: &mut Vec<Link>) -> f64 {
+fn add_links(cells: &NeuronCells<'_>, i: usize, links: &mut Vec<Link>) -> f64 {
     let mut seconds: Vec<(u32, f64)> =
         cells.points(i).map(|(_, weight, winners)| (winners[1].id(), weight)).collect();
     // Stable, so that the weights of each are added in a fixed order.

@@ -46,7 +46,7 @@ impl<'a> SampledSet<'a> {
 
 /// What a neuron is to the points nearest to it.
 #[derive(Debug, Clone, Copy, Default)]
-struct Cell {
+struct NeuronCell {
     /// Sum of the weights of the points.
     weight: f64,
     /// Mean of the points less the neuron's position, metres.
@@ -59,7 +59,7 @@ struct Cell {
     utility: f64,
 }
 
-impl Cell {
+impl NeuronCell {
     /// Adds a point of the neuron at `position`; `offset` is the sum until all are added.
     #[inline(always)]
     fn add(&mut self, p: [f32; 3], distance: f64, weight: f64, position: [f32; 3]) {
@@ -80,12 +80,12 @@ impl Cell {
 }
 
 /// The points of all samples by the neuron that they are nearest to.
-struct Cells<'a> {
+struct NeuronCells<'a> {
     samples: &'a [SampledSet<'a>],
     groups: Vec<Groups>,
 }
 
-impl<'a> Cells<'a> {
+impl<'a> NeuronCells<'a> {
     fn new(n: usize, samples: &'a [SampledSet<'a>]) -> Self {
         let groups = samples.iter().map(|sample| Groups::new(n, &sample.winners)).collect();
         Self { samples, groups }
@@ -99,8 +99,8 @@ impl<'a> Cells<'a> {
     }
 
     /// The cell of neuron `i` at `position`; error and utility only if `with_errors`.
-    fn cell(&self, i: usize, position: [f32; 3], with_errors: bool) -> Cell {
-        let mut cell = Cell::default();
+    fn cell(&self, i: usize, position: [f32; 3], with_errors: bool) -> NeuronCell {
+        let mut cell = NeuronCell::default();
         for (sample, groups) in self.samples.iter().zip(&self.groups) {
             let weight = sample.weight;
             for run in groups.runs_of(i) {
@@ -169,7 +169,7 @@ pub(super) fn polish(
         trace.push(move_once(&mut positions, &samples, done < rounds / 2));
         nearby.renew(&positions, progress)?;
     }
-    let cells = Cells::new(positions.len(), &samples);
+    let cells = NeuronCells::new(positions.len(), &samples);
     let edges = hebbian::edges(&positions, &cells, &nearby, max_age);
     let winners = samples.into_iter().map(|sample| sample.winners).collect();
     Ok(Polished { graph: Graph { positions, edges }, trace, nearby, winners })
@@ -178,8 +178,8 @@ pub(super) fn polish(
 /// Moves every neuron to the mean of its points, and with `and_relocate` some to other places. Gives the mean distance
 /// before.
 fn move_once(positions: &mut [[f32; 3]], samples: &[SampledSet<'_>], and_relocate: bool) -> f64 {
-    let points = Cells::new(positions.len(), samples);
-    let cells: Vec<Cell> =
+    let points = NeuronCells::new(positions.len(), samples);
+    let cells: Vec<NeuronCell> =
         parallel::map_range(positions.len(), |i| points.cell(i, positions[i], and_relocate));
     for (position, cell) in positions.iter_mut().zip(&cells) {
         *position = std::array::from_fn(|a| (f64::from(position[a]) + cell.offset[a]) as f32);
@@ -187,7 +187,7 @@ fn move_once(positions: &mut [[f32; 3]], samples: &[SampledSet<'_>], and_relocat
     if and_relocate {
         relocate(positions, &cells, &points);
     }
-    let total = |part: fn(&Cell) -> f64| cells.iter().map(part).sum::<f64>();
+    let total = |part: fn(&NeuronCell) -> f64| cells.iter().map(part).sum::<f64>();
     total(|cell| cell.distance) / total(|cell| cell.weight)
 }
 

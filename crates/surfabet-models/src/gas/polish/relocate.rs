@@ -7,7 +7,7 @@
 
 use surfabet_geom::Moments;
 
-use super::{Cell, Cells};
+use super::{NeuronCell, NeuronCells};
 
 /// Share of its error that a neuron on a surface loses to a second one: cells of half the area have distances smaller by
 /// `sqrt(2)`, that is `1 - 2^(-1.5 / 2)` = 0.41. Of this three quarters, so that what is expected comes true. Half
@@ -30,8 +30,8 @@ pub(super) fn error(d: f64) -> f64 {
 /// to the means of the halves of the latter's points.
 ///
 /// No neuron is touched twice, nor are those that a moved one leaves its points to.
-pub(super) fn relocate(positions: &mut [[f32; 3]], cells: &[Cell], points: &Cells<'_>) {
-    let sorted = |key: fn(&Cell) -> f64| {
+pub(super) fn relocate(positions: &mut [[f32; 3]], cells: &[NeuronCell], points: &NeuronCells<'_>) {
+    let sorted = |key: fn(&NeuronCell) -> f64| {
         let mut ids: Vec<u32> = (0..cells.len() as u32).collect();
         let of = |id: &u32| key(&cells[*id as usize]);
         ids.sort_by(|a, b| of(a).total_cmp(&of(b)));
@@ -68,7 +68,7 @@ pub(super) fn relocate(positions: &mut [[f32; 3]], cells: &[Cell], points: &Cell
 
 /// Places for two neurons instead of one: the means of the halves of its points along their longest axis, if these were evenly
 /// spread. `None` where all points are at one place.
-fn halves(points: &Cells<'_>, id: usize) -> Option<[[f32; 3]; 2]> {
+fn halves(points: &NeuronCells<'_>, id: usize) -> Option<[[f32; 3]; 2]> {
     let mut moments = Moments::default();
     for (p, weight, _) in points.points(id) {
         moments.add(p.map(f64::from), weight);

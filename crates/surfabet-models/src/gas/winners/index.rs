@@ -67,14 +67,14 @@ impl NeuronBlock {
         (0..3).fold(true, |inside, a| inside & (low[a] <= p[a]) & (p[a] < high[a]))
     }
 
-    fn entry(&self, slot: usize) -> Entry {
-        Entry { position: std::array::from_fn(|a| self.position[a][slot]), id: self.id[slot] }
+    fn entry(&self, slot: usize) -> TreeNeuron {
+        TreeNeuron { position: std::array::from_fn(|a| self.position[a][slot]), id: self.id[slot] }
     }
 }
 
 /// A neuron of the tree.
 #[derive(Debug, Clone, Copy)]
-struct Entry {
+struct TreeNeuron {
     position: [f32; 3],
     id: u32,
 }
@@ -141,7 +141,7 @@ impl Index {
     }
 
     /// Adds a neuron to a block with room.
-    fn put(&mut self, block: usize, entry: Entry) {
+    fn put(&mut self, block: usize, entry: TreeNeuron) {
         let b = &mut self.blocks[block];
         let slot = b.len as usize;
         (0..3).for_each(|a| b.position[a][slot] = entry.position[a]);
@@ -163,7 +163,7 @@ impl Index {
     }
 
     /// Inserts a neuron from the root, and splits its leaf where that is full.
-    fn place(&mut self, entry: Entry) {
+    fn place(&mut self, entry: TreeNeuron) {
         loop {
             let (leaf, depth) = self.leaf_of(entry.position);
             let first = self.nodes[leaf].first;
@@ -180,7 +180,7 @@ impl Index {
 
     /// Splits a full leaf at the median of its neurons and a new one; where all are at one place the leaf gets another
     /// block.
-    fn split_leaf(&mut self, leaf: usize, first: u32, entry: Entry) {
+    fn split_leaf(&mut self, leaf: usize, first: u32, entry: TreeNeuron) {
         let mut entries = vec![entry];
         let mut at = first;
         while at != NONE {
@@ -204,7 +204,7 @@ impl Index {
     }
 
     /// Puts entries into new blocks of a leaf; more than one only where no plane parts them.
-    fn fill(&mut self, leaf: usize, entries: &[Entry], region: Aabb) {
+    fn fill(&mut self, leaf: usize, entries: &[TreeNeuron], region: Aabb) {
         let first = self.blocks.len();
         self.nodes[leaf].first = first as u32;
         let n_blocks = entries.len().div_ceil(LANES).max(1);
@@ -220,7 +220,7 @@ impl Index {
 
     /// Builds the tree anew over the neurons that it holds.
     fn rebuild(&mut self) {
-        let mut entries: Vec<Entry> = self
+        let mut entries: Vec<TreeNeuron> = self
             .places
             .iter()
             .filter(|&&place| place != NONE)
@@ -234,7 +234,7 @@ impl Index {
     }
 
     /// Builds the subtree of node `at` over `entries`.
-    fn build(&mut self, at: usize, entries: &mut [Entry], region: Aabb) {
+    fn build(&mut self, at: usize, entries: &mut [TreeNeuron], region: Aabb) {
         if entries.len() > FILL
             && let Some((axis, split, half)) = median_plane(entries)
         {
@@ -254,7 +254,7 @@ impl Index {
 
 /// A plane across the longest side of the bounding box of at least two entries, near the median: axis, place, and
 /// how many are below, which then come first. `None` when all are at one place.
-fn median_plane(entries: &mut [Entry]) -> Option<(usize, f32, usize)> {
+fn median_plane(entries: &mut [TreeNeuron]) -> Option<(usize, f32, usize)> {
     let bounds = Aabb::of(entries.iter().map(|e| e.position))?;
     let axis = bounds.longest_axis();
     if bounds.sides()[axis] <= 0.0 {
@@ -280,7 +280,7 @@ impl Winners for Index {
         if self.places.len() <= id as usize {
             self.places.resize(id as usize + 1, NONE);
         }
-        self.place(Entry { position, id });
+        self.place(TreeNeuron { position, id });
         self.len += 1;
         if self.len > 2 * self.built_len.max(LANES) {
             self.rebuild();
@@ -315,7 +315,7 @@ impl Winners for Index {
             (0..3).for_each(|a| block.position[a][slot] = position[a]);
         } else {
             self.remove(id);
-            self.place(Entry { position, id });
+            self.place(TreeNeuron { position, id });
             self.len += 1;
         }
     }

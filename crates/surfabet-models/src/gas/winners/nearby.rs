@@ -286,14 +286,14 @@ impl WithSimd for Assign<'_> {
 pub(in crate::gas) struct Groups {
     /// Where the runs of each neuron start, and the end.
     starts: Vec<u32>,
-    runs: Vec<Run>,
+    runs: Vec<PointRange>,
     /// The points of each part of all points, by neuron.
     parts: Vec<Vec<u32>>,
 }
 
 /// Points of a neuron in one part.
 #[derive(Debug, Clone, Copy, Default)]
-struct Run {
+struct PointRange {
     part: u32,
     start: u32,
     end: u32,
@@ -319,12 +319,12 @@ impl Groups {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut runs = vec![Run::default(); starts[n] as usize];
+        let mut runs = vec![PointRange::default(); starts[n] as usize];
         for (part, (_, ends)) in (0..).zip(&sorted) {
             let mut start = 0;
             for &(id, end) in ends {
                 let place = &mut next[id as usize];
-                runs[*place as usize] = Run { part, start, end };
+                runs[*place as usize] = PointRange { part, start, end };
                 *place += 1;
                 start = end;
             }

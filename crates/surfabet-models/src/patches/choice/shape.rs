@@ -24,7 +24,7 @@ pub(super) struct PricedPatch {
 }
 
 /// The runs that a patch is fitted to.
-struct Fit {
+struct ShapeFit {
     /// Of the runs, those that hold samples come first; the others are of pixels without.
     n_measured: usize,
     /// Values of the shapes at each run.
@@ -49,7 +49,7 @@ struct Scratch {
 }
 
 impl Scratch {
-    fn of(fit: &Fit) -> Self {
+    fn of(fit: &ShapeFit) -> Self {
         let n_runs = fit.depths.len();
         Self { depths: vec![0.0; n_runs], terms: vec![0.0; n_runs] }
     }
@@ -71,7 +71,7 @@ impl Choice<'_> {
     /// Matching pursuit: the shape that explains most of the residual joins, all coefficients are solved for again, and
     /// the patch with the least cost on the way is kept. Then each coefficient is tried at zero and a step nearer to it.
     pub(super) fn shape(&self, runs: &[Run], n_measured: usize, at: TileSquare) -> PricedPatch {
-        let fit = Fit::new(runs, n_measured, &self.bases[at.level as usize], at);
+        let fit = ShapeFit::new(runs, n_measured, &self.bases[at.level as usize], at);
         let equations = NormalEquations::new(&fit);
         let mut scratch = Scratch::of(&fit);
         let mut chosen = vec![0_usize];
@@ -114,7 +114,7 @@ impl Choice<'_> {
     }
 
     /// The patch with coefficients at zero or a step nearer to it, the last first, where that costs less.
-    fn shrunk(&self, mut best: PricedPatch, fit: &Fit, scratch: &mut Scratch) -> PricedPatch {
+    fn shrunk(&self, mut best: PricedPatch, fit: &ShapeFit, scratch: &mut Scratch) -> PricedPatch {
         for k in (1..N_SHAPES).rev() {
             let c = best.patch.coefficients[k];
             if c == 0 {
@@ -134,7 +134,12 @@ impl Choice<'_> {
 
     /// A patch with its best thickness, and its cost `J = sum of n misfit + lambda R`, R with the points
     /// for what it does not reach.
-    fn priced(&self, mut patch: LatticePatch, fit: &Fit, scratch: &mut Scratch) -> PricedPatch {
+    fn priced(
+        &self,
+        mut patch: LatticePatch,
+        fit: &ShapeFit,
+        scratch: &mut Scratch,
+    ) -> PricedPatch {
         let n_runs = fit.depths.len();
         let Scratch { depths, terms } = scratch;
         depths.fill(0.0);
@@ -169,7 +174,7 @@ impl Choice<'_> {
 
     /// The thickness, in steps, with which decoded `depths` fit the runs best, and the distortion then: from the thickness
     /// of a slab with the samples' variance about the surface, thinner as long as the distortion falls.
-    fn best_thickness(&self, fit: &Fit, depths: &[f32], terms: &mut [f32]) -> (u8, f32) {
+    fn best_thickness(&self, fit: &ShapeFit, depths: &[f32], terms: &mut [f32]) -> (u8, f32) {
         let decoded_weight = self.decoded_weight();
         let variance = fit.variance(depths, terms);
         let mut distortion = |steps: u8| -> f32 {
@@ -198,7 +203,7 @@ impl Choice<'_> {
     }
 }
 
-impl Fit {
+impl ShapeFit {
     fn new(runs: &[Run], n_measured: usize, basis: &Basis, at: TileSquare) -> Self {
         let scale = 1.0 / (1_u32 << FRACTION) as f32;
         let half_pixel = |x: u8, corner: usize| 2 * (usize::from(x) - corner) + 1;
@@ -251,7 +256,7 @@ impl Fit {
 }
 
 impl NormalEquations {
-    fn new(fit: &Fit) -> Self {
+    fn new(fit: &ShapeFit) -> Self {
         let runs = || fit.weights.iter().zip(&fit.depths).zip(&fit.values);
         let mean = runs().map(|((n, depth), _)| n * depth).sum::<f32>() / fit.total;
         let mut gram = [[0.0; N_SHAPES.next_multiple_of(LANES)]; N_SHAPES];

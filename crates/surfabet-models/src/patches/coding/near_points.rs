@@ -32,7 +32,7 @@ impl Default for NearPointModels {
 }
 
 /// What is known around a node before its children are coded.
-struct Around<'a> {
+struct NodeContext<'a> {
     /// Which children the nodes one down along each axis have.
     below: [u8; 3],
     /// Which children the nodes one down along the two axes after each have.
@@ -46,7 +46,7 @@ struct Around<'a> {
     height: usize,
 }
 
-impl<'a> Around<'a> {
+impl<'a> NodeContext<'a> {
     /// Of the node of a key; `places` are the numbers of all nodes of its level, `children` what is known of theirs.
     fn new(
         key: u64,
@@ -147,7 +147,7 @@ pub(in crate::patches) fn code_near_points<C: Coder>(
     max_points: usize,
 ) -> Result<Vec<u64>, C::Error> {
     code_levels(coder, keys, max_points, |coder, level, number, wanted| {
-        Around::new(level.nodes[number], &level.places, &level.children, models, level.height)
+        NodeContext::new(level.nodes[number], &level.places, &level.children, models, level.height)
             .children(coder, wanted)
     })
 }
@@ -205,7 +205,7 @@ mod tests {
         let children: Vec<u8> = nodes.iter().map(|&node| wanted.children_of(node)).collect();
         for (&node, &wanted) in nodes.iter().zip(&children) {
             let models = &mut NearPointModels::default();
-            let around = Around::new(node, &places, &children, models, 1);
+            let around = NodeContext::new(node, &places, &children, models, 1);
             let corner = morton::decode(node).map(|c| 2 * c as i64);
             for child in 0..8_usize {
                 let at: [i64; 3] = std::array::from_fn(|a| corner[a] + (child >> a & 1) as i64);

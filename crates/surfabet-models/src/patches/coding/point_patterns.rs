@@ -115,7 +115,7 @@ impl Block {
 }
 
 /// What is known around a node, more with each child that is coded.
-struct Around<'a> {
+struct PatternContext<'a> {
     /// Cells that are occupied, as far as it is known.
     occupied: Block,
     /// Cells of which it is not known.
@@ -129,7 +129,7 @@ struct Around<'a> {
     height: usize,
 }
 
-impl<'a> Around<'a> {
+impl<'a> PatternContext<'a> {
     /// Of a node of a level, by its number.
     fn new(level: &Level, number: usize, models: &'a mut PatternModels) -> Self {
         let key = level.nodes[number];
@@ -215,7 +215,7 @@ pub(in crate::patches) fn code_point_patterns<C: Coder>(
     max_points: usize,
 ) -> Result<Vec<u64>, C::Error> {
     code_levels(coder, keys, max_points, |coder, level, number, wanted| {
-        Around::new(level, number, models).children(coder, wanted)
+        PatternContext::new(level, number, models).children(coder, wanted)
     })
 }
 
@@ -275,7 +275,7 @@ mod tests {
         let mut level = Level { height: 1, places: index(&nodes), nodes, children };
         for (number, &of_node) in wanted.iter().enumerate() {
             let models = &mut PatternModels::default();
-            let mut around = Around::new(&level, number, models);
+            let mut around = PatternContext::new(&level, number, models);
             for child in 0..8 {
                 check_child(&around, &level, number, child, &keys);
                 around.take(child, of_node >> child & 1 != 0);
@@ -285,7 +285,13 @@ mod tests {
     }
 
     /// Compares what is known around a child with all cells that there are.
-    fn check_child(around: &Around<'_>, level: &Level, number: usize, child: usize, keys: &[u64]) {
+    fn check_child(
+        around: &PatternContext<'_>,
+        level: &Level,
+        number: usize,
+        child: usize,
+        keys: &[u64],
+    ) {
         let own = level.nodes[number] << 3 | child as u64;
         let at = morton::decode(own).map(|c| c as i64);
         let key = |step: [i32; 3]| {

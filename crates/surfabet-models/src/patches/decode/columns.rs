@@ -16,7 +16,7 @@ use crate::sensor::to_sensor;
 
 /// A point in the column of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Entry {
+struct ColumnPoint {
     /// Row and column, finest pixels.
     column: [i32; 2],
     /// Along the axis, finest pixels.
@@ -28,7 +28,7 @@ struct Entry {
 /// Points of a scan in the columns of finest pixels, along each axis of the lattice.
 pub struct ScanColumns {
     /// By column and depth.
-    of_axes: [Vec<Entry>; 3],
+    of_axes: [Vec<ColumnPoint>; 3],
 }
 
 impl ScanColumns {
@@ -45,7 +45,7 @@ impl ScanColumns {
             let mut entries = parallel::map_range(scan.len(), |i| {
                 let p = rotate(&rows, scan.positions()[i]).map(|c| c / pixel);
                 let column = [p[v], p[u]].map(floor_f32);
-                Entry { column, depth: p[d], facing: rotate(&rows, view(i))[d] }
+                ColumnPoint { column, depth: p[d], facing: rotate(&rows, view(i))[d] }
             });
             entries.sort_unstable_by(|a, b| {
                 let by_depth = a.depth.total_cmp(&b.depth);
@@ -59,7 +59,7 @@ impl ScanColumns {
     /// What the scan shows of a patch of a side in the column of a pixel: of the surface at `depth` with this half thickness.
     pub(super) fn shown(&self, side: u8, [u, v]: [i32; 2], depth: f32, half: f32) -> Shown<'_> {
         let all = &self.of_axes[usize::from(side / 2)];
-        let is_before = |entry: &Entry, to: f32| {
+        let is_before = |entry: &ColumnPoint, to: f32| {
             entry.column.cmp(&[v, u]).then(entry.depth.total_cmp(&to)).is_lt()
         };
         let from = all.partition_point(|entry| is_before(entry, depth - half - SHOWN_MARGIN));
@@ -72,7 +72,7 @@ impl ScanColumns {
 
 /// The points of a scan that lie in the thickness of a patch, in one column.
 pub(super) struct Shown<'a> {
-    entries: &'a [Entry],
+    entries: &'a [ColumnPoint],
     /// 1 for a patch that faces up its axis, -1 for one that faces down.
     up: f32,
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::fit::{Fit, Prices};
+use super::fit::{Prices, RepeatedPatch};
 use crate::patches::constants::{INSTANCE_BITS, LEAST_OF_BEST, REMOVAL_ROUNDS, RUN_BITS};
 
 /// Patches that are left out, by motion.
@@ -19,7 +19,7 @@ pub(super) struct Assigned {
 struct Possible<'a> {
     prices: &'a Prices<'a>,
     /// Patches in the order of sources, each with the motions that may stand for it.
-    of_leaves: Vec<(u32, Vec<(usize, &'a Fit)>)>,
+    of_leaves: Vec<(u32, Vec<(usize, &'a RepeatedPatch)>)>,
     /// Bits that each motion wins alone.
     totals: Vec<f32>,
 }
@@ -28,8 +28,8 @@ struct Possible<'a> {
 /// comes before it, and stays.
 ///
 /// A motion may win little and take away what a larger one needs. So each is tried to do without, those that win least first.
-pub(super) fn assign(prices: &Prices<'_>, fits: &[Vec<Fit>]) -> Assigned {
-    let mut of_leaves: BTreeMap<u32, Vec<(usize, &Fit)>> = BTreeMap::new();
+pub(super) fn assign(prices: &Prices<'_>, fits: &[Vec<RepeatedPatch>]) -> Assigned {
+    let mut of_leaves: BTreeMap<u32, Vec<(usize, &RepeatedPatch)>> = BTreeMap::new();
     for (motion, of_motion) in fits.iter().enumerate() {
         for fit in of_motion {
             of_leaves.entry(fit.leaf).or_default().push((motion, fit));
@@ -38,7 +38,7 @@ pub(super) fn assign(prices: &Prices<'_>, fits: &[Vec<Fit>]) -> Assigned {
     let mut of_leaves: Vec<_> = of_leaves.into_iter().collect();
     let order = |leaf: u32| prices.order[leaf as usize];
     of_leaves.sort_by(|a, b| order(a.0).total_cmp(&order(b.0)).then(a.0.cmp(&b.0)));
-    let total = |of_motion: &Vec<Fit>| of_motion.iter().map(|fit| fit.gain).sum();
+    let total = |of_motion: &Vec<RepeatedPatch>| of_motion.iter().map(|fit| fit.gain).sum();
     let totals: Vec<f32> = fits.iter().map(total).collect();
     let mut used: Vec<bool> = totals.iter().map(|&total| total > INSTANCE_BITS).collect();
     let possible = Possible { prices, of_leaves, totals };

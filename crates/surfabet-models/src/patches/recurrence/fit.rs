@@ -33,7 +33,7 @@ pub(super) struct Prices<'a> {
 
 /// A patch that need not be coded where some others are given again.
 #[derive(Debug, Clone)]
-pub(super) struct Fit {
+pub(super) struct RepeatedPatch {
     pub leaf: u32,
     /// Bits that are won.
     pub gain: f32,
@@ -76,7 +76,7 @@ impl<'a> Prices<'a> {
         motion: &Motion,
         allowed: impl Fn(u32) -> bool + Sync,
         progress: &dyn Progress,
-    ) -> Result<Vec<Fit>> {
+    ) -> Result<Vec<RepeatedPatch>> {
         progress.check()?;
         let described: Vec<Described<'_>> =
             parallel::gather(self.surface.leaves.len(), |leaf, all| {
@@ -111,7 +111,7 @@ impl<'a> Prices<'a> {
             let shared = of.sources.iter().map(|(source, &n)| costs[source] * n as f32);
             let gain = of.gain - shared.sum::<f32>() + self.cost_of_own(of.leaf as usize, motion);
             let sources = of.sources.into_keys().collect();
-            (gain > 0.0).then_some(Fit { leaf: of.leaf, gain, sources })
+            (gain > 0.0).then_some(RepeatedPatch { leaf: of.leaf, gain, sources })
         });
         Ok(fits.into_iter().flatten().collect())
     }

@@ -24,7 +24,7 @@ pub(super) struct MotionCandidate {
 
 /// A keypoint whose descriptor is like that of an earlier one.
 #[derive(Clone, Copy)]
-struct Match {
+struct DescriptorMatch {
     source: u32,
     target: u32,
     turn: usize,
@@ -34,7 +34,7 @@ struct Match {
 /// The motions that most keypoints vote for, from sources to places after them in the order of sources.
 pub(super) fn candidates(keypoints: &[Keypoint], axis: usize) -> Vec<MotionCandidate> {
     let exchanges = exchanges(axis);
-    let matches: Vec<Match> = parallel::gather(keypoints.len(), |target, matches| {
+    let matches: Vec<DescriptorMatch> = parallel::gather(keypoints.len(), |target, matches| {
         matches.extend(matches_of(keypoints, target, &exchanges, axis));
     });
     let mut cells: BTreeMap<(usize, u64), Vec<usize>> = BTreeMap::new();
@@ -68,8 +68,11 @@ pub(super) fn candidates(keypoints: &[Keypoint], axis: usize) -> Vec<MotionCandi
 }
 
 /// What some matches agree on, with the number of different keypoints among them.
-fn agreed(turn: usize, matches: impl Iterator<Item = Match>) -> Option<(usize, MotionCandidate)> {
-    let all: Vec<Match> = matches.collect();
+fn agreed(
+    turn: usize,
+    matches: impl Iterator<Item = DescriptorMatch>,
+) -> Option<(usize, MotionCandidate)> {
+    let all: Vec<DescriptorMatch> = matches.collect();
     let different = |mut numbers: Vec<u32>| {
         numbers.sort_unstable();
         numbers.dedup();
@@ -89,7 +92,7 @@ fn matches_of(
     target: usize,
     exchanges: &[[u16; DESCRIPTOR]; N_TURNS],
     axis: usize,
-) -> Vec<Match> {
+) -> Vec<DescriptorMatch> {
     let own = &keypoints[target];
     let at = place_in_order(own.position);
     let mut near: Vec<(f32, u32)> = Vec::new();
@@ -134,7 +137,7 @@ fn matches_of(
         for turn in (0..N_TURNS).filter(|&turn| products[turn] >= best - SYMMETRY_MARGIN) {
             let moved = turned(keypoints[source as usize].position, turn, axis);
             let shift = std::array::from_fn(|a| own.position[a] - moved[a]);
-            matches.push(Match { source, target: target as u32, turn, shift });
+            matches.push(DescriptorMatch { source, target: target as u32, turn, shift });
         }
     }
     matches

@@ -29,7 +29,7 @@ use self::likelihood::{Limits, refine};
 pub use self::m_step::Regression;
 pub(super) use self::m_step::plane;
 use self::m_step::{clear_m_step, m_step};
-use self::merge::{Part, Rule, close_pairs, merge};
+use self::merge::{PlanarSet, Rule, close_pairs, merge};
 pub(super) use self::published::PublishedFit;
 use self::removal::{removals, superfluous};
 pub use self::responsibilities::Responsibilities;
@@ -269,7 +269,7 @@ impl<'a> Fit<'a> {
 
     /// By how much the noise of each patch is above the median, for the angle at which it was seen.
     fn noise_factors(&self) -> Vec<f64> {
-        let of = |patch: &Patch| Part::of(patch).noise_factor(&patch.frame, self.incidence);
+        let of = |patch: &Patch| PlanarSet::of(patch).noise_factor(&patch.frame, self.incidence);
         self.patches.iter().map(of).collect()
     }
 

@@ -90,10 +90,10 @@ impl Responsibilities {
 
     /// The probabilities and supports of the chunks of all points, sorted by patch, of `n`.
     pub(super) fn new(n: usize, chunks: Vec<Chunk>) -> Self {
-        let parts: Vec<Part> = parallel::map_range_with(
+        let parts: Vec<ChunkSupports> = parallel::map_range_with(
             chunks.len(),
             || vec![[0; 2]; n],
-            |counts, c| Part::new(&chunks[c], c * CHUNK_POINTS, counts),
+            |counts, c| ChunkSupports::new(&chunks[c], c * CHUNK_POINTS, counts),
         );
         let all = || {
             (0..)
@@ -115,22 +115,22 @@ impl Responsibilities {
 }
 
 /// Probabilities and supports of a chunk, sorted by patch.
-struct Part {
+struct ChunkSupports {
     /// The patches of which it has entries, ascending.
-    runs: Vec<Run>,
+    runs: Vec<PatchRange>,
     entries: Vec<(u32, f32)>,
     members: Vec<u32>,
 }
 
 /// Where in a part the entries and the supporting points of a patch start and end.
 #[derive(Debug, Clone, Copy, Default)]
-struct Run {
+struct PatchRange {
     patch: u32,
     starts: [u32; 2],
     ends: [u32; 2],
 }
 
-impl Run {
+impl PatchRange {
     fn entries(&self) -> Range<usize> {
         self.starts[0] as usize..self.ends[0] as usize
     }
@@ -140,7 +140,7 @@ impl Run {
     }
 }
 
-impl Part {
+impl ChunkSupports {
     /// Counting sort of a chunk of the points from `first` on. `places` is zero for all patches, before and after.
     fn new(chunk: &Chunk, first: usize, places: &mut [[u32; 2]]) -> Self {
         let patches = counted(chunk, places);
@@ -150,7 +150,7 @@ impl Part {
             let starts = next;
             let counts = std::mem::replace(&mut places[patch as usize], starts);
             next = std::array::from_fn(|k| starts[k] + counts[k]);
-            runs.push(Run { patch, starts, ends: next });
+            runs.push(PatchRange { patch, starts, ends: next });
         }
         let mut entries = vec![(0, 0.0); next[0] as usize];
         let mut members = vec![0; next[1] as usize];

@@ -27,14 +27,14 @@ pub(super) use verify::evidence;
 
 /// A refined pose.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Candidate {
+pub(super) struct RefinedPose {
     pub placement: Placement,
     pub evidence: Evidence,
     /// The standard deviation along the line on which the prior alone holds it, if there is one: as a vector, metres.
     pub free: Option<[f64; 3]>,
 }
 
-impl Candidate {
+impl RefinedPose {
     /// Whether it is accepted and explains so much that the search ends.
     pub fn is_clear(&self, demands: &Demands) -> bool {
         self.evidence.explained >= CLEARLY_EXPLAINED && self.evidence.refusal(demands).is_none()
@@ -236,12 +236,12 @@ impl Evidence {
 }
 
 /// Sorts candidates and drops those that are at the place of a better one or much less likely than the best; at most `most` stay.
-pub(super) fn best_first(candidates: &mut Vec<Candidate>, most: usize) {
+pub(super) fn best_first(candidates: &mut Vec<RefinedPose>, most: usize) {
     candidates.sort_by(|a, b| b.evidence.rank().total_cmp(&a.evidence.rank()));
     let best = candidates.first().map_or(0.0, |c| c.evidence.rank());
-    let mut kept: Vec<Candidate> = Vec::new();
+    let mut kept: Vec<RefinedPose> = Vec::new();
     for c in candidates.iter().take_while(|c| c.evidence.rank() >= best - HOPELESS) {
-        let is_same = |other: &Candidate| {
+        let is_same = |other: &RefinedPose| {
             let (away, turned) = c.placement.distance_to(&other.placement);
             away < SAME_PLACE.0 && turned < SAME_PLACE.1
         };
@@ -253,8 +253,8 @@ pub(super) fn best_first(candidates: &mut Vec<Candidate>, most: usize) {
 }
 
 /// The direction of the row that a candidate is of: [`ROW`] others are turned as it is and lie on one line with it.
-fn row_of(c: &Candidate, candidates: &[Candidate]) -> Option<[f64; 3]> {
-    let turned_alike = |other: &&Candidate| {
+fn row_of(c: &RefinedPose, candidates: &[RefinedPose]) -> Option<[f64; 3]> {
+    let turned_alike = |other: &&RefinedPose| {
         let (away, turned) = c.placement.distance_to(&other.placement);
         away > 0.0 && turned < SAME_PLACE.1
     };
@@ -277,11 +277,11 @@ fn row_of(c: &Candidate, candidates: &[Candidate]) -> Option<[f64; 3]> {
 fn refusals(
     map: &Localizer,
     samples: &[Sample],
-    candidates: &[Candidate],
+    candidates: &[RefinedPose],
     demands: &Demands,
     places: usize,
 ) -> Vec<Option<Refusal>> {
-    let of = |c: &Candidate| -> Option<Refusal> {
+    let of = |c: &RefinedPose| -> Option<Refusal> {
         let too_many = || (places > demands.alike).then_some(Refusal::Alike { places });
         let loose = || {
             let along = demands.fixed.then(|| free_direction(map, samples, c)).flatten();
@@ -308,7 +308,7 @@ fn refusals(
 /// Refuses places of a narrow view that cannot be told from others, and gives the reason if there are such: all with much against
 /// them, unless one is sure, and then one that is left alone and not sure. `shares` are probabilities among all candidates.
 fn refuse_doubtful(
-    candidates: &[Candidate],
+    candidates: &[RefinedPose],
     refusals: &mut [Option<Refusal>],
     demands: &Demands,
     shares: &[f64],
@@ -359,13 +359,13 @@ fn likely(shares: &[f64]) -> usize {
 pub(super) fn decide(
     map: &Localizer,
     samples: &[Sample],
-    candidates: &[Candidate],
+    candidates: &[RefinedPose],
     demands: &Demands,
     image: &dyn Fn() -> Option<f64>,
     (sensor, top): ([f64; 3], usize),
 ) -> Result<Located> {
     let fine = evenly(samples, FINE_SAMPLES);
-    let location = |c: &Candidate, probability: f64| -> Result<Location> {
+    let location = |c: &RefinedPose, probability: f64| -> Result<Location> {
         let per_fact = (fine.len() as f64 / FACTS).max(1.0);
         let covariance = covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact);
         Ok(Location {
@@ -382,7 +382,7 @@ pub(super) fn decide(
         return Ok(Located { refusal: Some(Refusal::NoPlace), ..Located::default() });
     };
     // Probabilities among all, also those that are refused: a place that is refused by little still makes another doubtful.
-    let ratio = |c: &Candidate| (c.evidence.rank() - best.evidence.rank()).exp();
+    let ratio = |c: &RefinedPose| (c.evidence.rank() - best.evidence.rank()).exp();
     let sum: f64 = candidates.iter().map(ratio).sum();
     let shares: Vec<f64> = candidates.iter().map(|c| ratio(c) / sum).collect();
     let mut refusals = refusals(map, samples, candidates, demands, likely(&shares));
@@ -391,7 +391,7 @@ pub(super) fn decide(
         doubt = doubt.or(refuse_mirrored(&mut refusals, best.evidence.rank(), image));
     }
     // What the map contradicts less than the best may be the right one, of which less is mapped.
-    let weight = |(c, refusal): (&Candidate, &Option<Refusal>)| {
+    let weight = |(c, refusal): (&RefinedPose, &Option<Refusal>)| {
         let is_doubt = refusal.is_none() && c.evidence.contradicted < best.evidence.contradicted;
         ratio(c).max(if is_doubt { DOUBT } else { 0.0 })
     };
@@ -432,8 +432,8 @@ mod tests {
     use super::*;
 
     /// Candidates at these places, turned about the vertical.
-    fn candidates(places: &[([f64; 3], f64)]) -> Vec<Candidate> {
-        let of = |&(translation, yaw): &([f64; 3], f64)| Candidate {
+    fn candidates(places: &[([f64; 3], f64)]) -> Vec<RefinedPose> {
+        let of = |&(translation, yaw): &([f64; 3], f64)| RefinedPose {
             placement: Placement {
                 rotation: UnitQuaternion::from_euler_angles(0.0, 0.0, yaw),
                 translation: translation.into(),

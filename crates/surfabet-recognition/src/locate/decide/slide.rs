@@ -2,7 +2,7 @@
 
 use nalgebra::{SymmetricEigen, Vector3};
 
-use super::Candidate;
+use super::RefinedPose;
 use super::verify::evidence;
 use crate::locate::constants::{FINE_REACH, FREE, LOOSE, SLIDE, VERIFIED_SAMPLES};
 use crate::locate::map::{Localizer, evenly};
@@ -15,7 +15,7 @@ use crate::locate::samples::Sample;
 pub(in crate::locate) fn free_direction(
     map: &Localizer,
     samples: &[Sample],
-    candidate: &Candidate,
+    candidate: &RefinedPose,
 ) -> Option<[f64; 3]> {
     let (along, ways) = free_ways(map, samples, candidate)?;
     ways.contains(&true).then(|| along.into())
@@ -26,7 +26,7 @@ pub(in crate::locate) fn free_direction(
 fn free_ways(
     map: &Localizer,
     samples: &[Sample],
-    candidate: &Candidate,
+    candidate: &RefinedPose,
 ) -> Option<(Vector3<f64>, [bool; 2])> {
     let verified = evenly(samples, VERIFIED_SAMPLES);
     let eigen = SymmetricEigen::new(facing(map, &verified, &candidate.placement, FINE_REACH[1])?);
@@ -49,10 +49,10 @@ fn free_ways(
 pub(in crate::locate) fn held(
     map: &Localizer,
     samples: &[Sample],
-    candidate: Candidate,
+    candidate: RefinedPose,
     prior: &Placement,
     radius: f64,
-) -> Candidate {
+) -> RefinedPose {
     let Some((along, [true, true])) = free_ways(map, samples, &candidate) else {
         return candidate;
     };
@@ -63,5 +63,5 @@ pub(in crate::locate) fn held(
         return candidate;
     }
     let free = Some((along * (radius / 3.0_f64.sqrt())).into());
-    Candidate { placement, evidence, free }
+    RefinedPose { placement, evidence, free }
 }

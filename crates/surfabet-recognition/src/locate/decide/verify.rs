@@ -5,7 +5,7 @@ use surfabet_geom::vector::{dot, length, minus};
 use crate::locate::constants::{CROSSING_MARGIN, EXPLAINED, HIDDEN, LEAST_INCIDENCE, SAME_NORMAL};
 use crate::locate::map::Localizer;
 use crate::locate::placement::Placement;
-use crate::locate::refine::{Rows, matched};
+use crate::locate::refine::{RotationRows, matched};
 use crate::locate::samples::Sample;
 
 /// Shares of a scan's samples.
@@ -27,7 +27,7 @@ pub(in crate::locate) fn evidence(
     samples: &[Sample],
     placement: &Placement,
 ) -> Evidence {
-    let rows = Rows::of(&placement.rotation);
+    let rows = RotationRows::of(&placement.rotation);
     let at: [f32; 3] = std::array::from_fn(|a| placement.translation[a] as f32);
     let tolerance = (EXPLAINED * map.cell) as f32;
     let s = tolerance / 3.0;

@@ -59,7 +59,7 @@ pub(super) struct Mixture {
 }
 
 /// Sums over points.
-struct Sums {
+struct PointSums {
     log_likelihood: f64,
     /// Sum of the probabilities that points are anywhere.
     rest: f64,
@@ -139,7 +139,7 @@ impl Mixture {
     }
 
     /// The mixture after a damped step, with this share of points that are anywhere; `None` where there is none.
-    fn stepped(&self, sums: &Sums, damping: f64, rest: f64) -> Option<Self> {
+    fn stepped(&self, sums: &PointSums, damping: f64, rest: f64) -> Option<Self> {
         let step = damped(sums.information.clone(), damping).cholesky()?.solve(&sums.gradient);
         if !step.iter().all(|c| c.is_finite()) {
             return None;
@@ -166,8 +166,9 @@ impl Mixture {
         Some(Self { rectangles, weights, rest, sigma, ..self.clone() })
     }
 
-    fn sums(&self, points: &[[f64; 3]]) -> Sums {
-        let chunks: Vec<Sums> = parallel::map_chunks(points, CHUNK, |chunk| self.sums_of(chunk));
+    fn sums(&self, points: &[[f64; 3]]) -> PointSums {
+        let chunks: Vec<PointSums> =
+            parallel::map_chunks(points, CHUNK, |chunk| self.sums_of(chunk));
         let mut total = self.no_sums();
         for sums in chunks {
             total.log_likelihood += sums.log_likelihood;
@@ -181,7 +182,7 @@ impl Mixture {
     }
 
     /// Adds what holds the ties.
-    fn hold(&self, sums: &mut Sums) {
+    fn hold(&self, sums: &mut PointSums) {
         let precision = (TIE_STIFFNESS * self.sigma).powi(-2);
         for tie in &self.ties {
             let Residual { distance, by } = tie.residual(&self.rectangles);
@@ -195,9 +196,9 @@ impl Mixture {
         }
     }
 
-    fn no_sums(&self) -> Sums {
+    fn no_sums(&self) -> PointSums {
         let n = self.n_parameters();
-        Sums {
+        PointSums {
             log_likelihood: 0.0,
             rest: 0.0,
             gradient: DVector::zeros(n),
@@ -205,7 +206,7 @@ impl Mixture {
         }
     }
 
-    fn sums_of(&self, points: &[[f64; 3]]) -> Sums {
+    fn sums_of(&self, points: &[[f64; 3]]) -> PointSums {
         let mut sums = self.no_sums();
         let at = self.at_sigma();
         let n_weights = self.n_parameters() - at - 1;

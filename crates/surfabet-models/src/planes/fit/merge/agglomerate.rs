@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
-use super::rule::{Part, Rule};
+use super::rule::{PlanarSet, Rule};
 use crate::error::Result;
 use surfabet_geom::disjoint::root;
 
@@ -32,7 +32,7 @@ impl PartialOrd for Cost {
 }
 
 /// A pair of parts to join: its cost, the parts, and how often each had been joined when the cost was computed.
-type Candidate = Reverse<(Cost, [u32; 2], [u32; 2])>;
+type Join = Reverse<(Cost, [u32; 2], [u32; 2])>;
 
 /// Joins neighbouring parts, those first whose union is flattest, until no pair is left that `rule` allows. Gives
 /// the part that each has become, numbered by its first member.
@@ -40,7 +40,7 @@ type Candidate = Reverse<(Cost, [u32; 2], [u32; 2])>;
 /// The cost of a pair of which one part has grown since is computed again when its turn comes, not after every join: a wall
 /// of thousands of cells has hundreds of neighbours. Pairs that the rule did not allow get another turn at the end.
 pub(in crate::planes::fit) fn agglomerate(
-    parts: Vec<Part>,
+    parts: Vec<PlanarSet>,
     pairs: &[[u32; 2]],
     rule: &Rule,
     progress: &dyn Progress,
@@ -73,7 +73,7 @@ pub(in crate::planes::fit) fn agglomerate(
 struct Clusters<'a> {
     rule: &'a Rule,
     /// The union of all members, for the part that stands for them.
-    parts: Vec<Part>,
+    parts: Vec<PlanarSet>,
     /// The part that each was joined to, itself while it stands for its members.
     into: Vec<u32>,
     /// How often each part has grown.
@@ -81,7 +81,7 @@ struct Clusters<'a> {
 }
 
 impl<'a> Clusters<'a> {
-    fn new(parts: Vec<Part>, rule: &'a Rule) -> Self {
+    fn new(parts: Vec<PlanarSet>, rule: &'a Rule) -> Self {
         let n = parts.len();
         Self { rule, parts, into: (0..n as u32).collect(), version: vec![0; n] }
     }
@@ -97,7 +97,7 @@ impl<'a> Clusters<'a> {
     }
 
     /// A pair of parts that stand for their members with its cost, if it may be joined.
-    fn candidate(&self, [a, b]: [u32; 2]) -> Option<Candidate> {
+    fn candidate(&self, [a, b]: [u32; 2]) -> Option<Join> {
         if a == b {
             return None;
         }
@@ -106,12 +106,12 @@ impl<'a> Clusters<'a> {
     }
 
     /// All pairs that may be joined.
-    fn queue(&mut self, pairs: &[[u32; 2]]) -> BinaryHeap<Candidate> {
+    fn queue(&mut self, pairs: &[[u32; 2]]) -> BinaryHeap<Join> {
         let mut now: Vec<[u32; 2]> = pairs.iter().map(|&pair| self.now(pair)).collect();
         now.sort_unstable();
         now.dedup();
         let clusters = &*self;
-        let candidates: Vec<Candidate> =
+        let candidates: Vec<Join> =
             parallel::gather(now.len(), |i, found| found.extend(clusters.candidate(now[i])));
         candidates.into()
     }

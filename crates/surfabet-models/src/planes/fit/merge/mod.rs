@@ -8,7 +8,7 @@ use surfabet_geom::{Moments, Progress};
 
 pub(super) use self::agglomerate::agglomerate;
 pub(super) use self::close_pairs::{close_pairs, expanded};
-pub(super) use self::rule::{Part, Rule};
+pub(super) use self::rule::{PlanarSet, Rule};
 use super::largest_first::largest_first;
 use super::m_step::plane;
 use super::trim::trim;
@@ -26,7 +26,7 @@ pub(super) fn merge(
     let grid_size = rule.distance;
     // Between scan lines there is nothing.
     let pairs = close_pairs(&patches, grid_size, points.line_spacing.is_some());
-    let parts = patches.iter().map(Part::of).collect();
+    let parts = patches.iter().map(PlanarSet::of).collect();
     let into = agglomerate(parts, &pairs, rule, progress)?;
     let mut groups: Vec<Vec<Patch>> = patches.iter().map(|_| Vec::new()).collect();
     for (patch, &to) in patches.into_iter().zip(&into) {

@@ -11,7 +11,7 @@ use crate::vector::dot;
 
 /// A set of points and its plane, as merging sees them.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::planes::fit) struct Part {
+pub(in crate::planes::fit) struct PlanarSet {
     /// Number of points.
     pub n: usize,
     pub moments: Moments,
@@ -35,7 +35,7 @@ pub(in crate::planes::fit) struct Rule {
     pub tolerance: f64,
 }
 
-impl Part {
+impl PlanarSet {
     /// The whole support of a patch.
     pub fn of(patch: &Patch) -> Self {
         Self {

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::planes::constants::{
     CELL_POINTS, CELL_SPREAD, FLAT_CELL_SIGMAS, LEAST_STEP_NOISE, STEP_DEVIATIONS,
 };
-use crate::planes::fit::merge::{Part, Rule};
+use crate::planes::fit::merge::{PlanarSet, Rule};
 use crate::planes::fit::trim::facing;
 use crate::planes::patch::Frame;
 use crate::planes::points::Points;
@@ -21,11 +21,11 @@ pub(super) struct FlatCell {
     low: [u64; 3],
     side: u64,
     /// Its points and their plane.
-    pub part: Part,
+    pub part: PlanarSet,
 }
 
 impl FlatCell {
-    fn new(points: &Points, members: Vec<u32>, level: u32, part: Part) -> Self {
+    fn new(points: &Points, members: Vec<u32>, level: u32, part: PlanarSet) -> Self {
         let cell = morton::decode(points.codes[members[0] as usize] >> (3 * level));
         Self { members, low: cell.map(|c| c << level), side: 1 << level, part }
     }
@@ -122,9 +122,9 @@ fn flat_cell(
     level: u32,
     &Spanned { moments, frame, deviation }: &Spanned,
     rule: &Rule,
-) -> Option<Part> {
+) -> Option<PlanarSet> {
     let facing = facing(points, members).unwrap_or_default();
-    let part = Part { n: members.len(), moments, frame, facing, noise: deviation * deviation };
+    let part = PlanarSet { n: members.len(), moments, frame, facing, noise: deviation * deviation };
     let noise = rule.deviation * part.noise_factor(&frame, rule.incidence);
     let flat =
         deviation <= FLAT_CELL_SIGMAS * noise && !stepped(points, members, level, &frame, noise);

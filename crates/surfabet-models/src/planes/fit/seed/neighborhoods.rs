@@ -8,7 +8,7 @@ use surfabet_geom::{KdTree, Moments, Progress};
 use super::flat_cells::{moments_of, spanned};
 use crate::error::Result;
 use crate::planes::constants::{CELL_POINTS, FLAT_CELL_SIGMAS, NEIGHBORHOOD_SPREAD};
-use crate::planes::fit::merge::{Part, Rule};
+use crate::planes::fit::merge::{PlanarSet, Rule};
 use crate::planes::fit::trim::facing;
 use crate::planes::points::Points;
 
@@ -17,7 +17,7 @@ use crate::planes::points::Points;
 pub(super) struct Neighborhoods {
     /// The points of each, ascending.
     pub members: Vec<Vec<u32>>,
-    pub parts: Vec<Part>,
+    pub parts: Vec<PlanarSet>,
     pub pairs: Vec<[u32; 2]>,
 }
 
@@ -65,7 +65,13 @@ pub(super) fn neighborhoods(
         let Some((frame, _)) = spanned(&moments, 0.0) else { continue };
         set.iter().for_each(|&k| of[k as usize] = Some(parts.len() as u32));
         let facing = facing(points, set).unwrap_or_default();
-        parts.push(Part { n: set.len(), moments, frame, facing, noise: deviation * deviation });
+        parts.push(PlanarSet {
+            n: set.len(),
+            moments,
+            frame,
+            facing,
+            noise: deviation * deviation,
+        });
         members.push(set.clone());
     }
     let mut pairs: Vec<[u32; 2]> = Vec::new();

@@ -6,7 +6,7 @@ use super::SplitRule;
 use super::bins::{Bins, Cut, DIRECTIONS, flat};
 use crate::planes::constants::{CLEAR_FOLD, FOLD_SIGMAS};
 use crate::planes::fit::m_step::plane;
-use crate::planes::fit::merge::Part;
+use crate::planes::fit::merge::PlanarSet;
 use crate::planes::fit::trim::{mean_square, trim};
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
@@ -17,7 +17,7 @@ use crate::planes::points::Points;
 /// part about the part's own plane.
 pub(super) fn at_fold(points: &Points, patch: &Patch, rule: &SplitRule) -> Option<[Patch; 2]> {
     let own = mean_square(&patch.moments, &patch.frame);
-    let factor = Part::of(patch).noise_factor(&patch.frame, rule.merge.incidence);
+    let factor = PlanarSet::of(patch).noise_factor(&patch.frame, rule.merge.incidence);
     if own <= (FOLD_SIGMAS * rule.noise * factor).powi(2) {
         return None;
     }
@@ -31,7 +31,7 @@ pub(super) fn at_fold(points: &Points, patch: &Patch, rule: &SplitRule) -> Optio
         trim(points, frame, &set, rule.merge.distance)
     });
     let (left, right) = (left?, right?);
-    let apart = clear || Part::of(&left).joined(&Part::of(&right), &rule.merge).is_none();
+    let apart = clear || PlanarSet::of(&left).joined(&PlanarSet::of(&right), &rule.merge).is_none();
     apart.then_some([left, right])
 }
 

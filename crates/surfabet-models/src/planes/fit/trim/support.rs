@@ -4,7 +4,7 @@ use super::rectangle::Bounds;
 use crate::planes::constants::{
     LEAST_THRESHOLD, LINE_COVER, RIM_SHARE, RIM_TILES, TILE_DOUBLINGS, TILE_POINTS,
 };
-use crate::planes::tiles::{MAX_TILES, Sums, Tiles};
+use crate::planes::tiles::{MAX_TILES, SummedArea, Tiles};
 
 /// The bounding rectangle of points cut into tiles, and the points in the cube of each. Tiles have the side `grid_size` or a power
 /// of two more, where the rectangle is too large or points are too sparse for tiles of that side. Points are also too
@@ -96,7 +96,7 @@ pub(super) fn supported(tiles: &Tiles, counts: &[u32], rims: bool) -> Vec<bool> 
     if !rims {
         return counts.iter().map(|&c| enough(c)).collect();
     }
-    let around = Around::new(tiles.shape(), counts);
+    let around = NeighborCounts::new(tiles.shape(), counts);
     let holds = |(t, &c): (usize, &u32)| {
         enough(c) && {
             let mean = around.mean(t);
@@ -107,15 +107,18 @@ pub(super) fn supported(tiles: &Tiles, counts: &[u32], rims: bool) -> Vec<bool> 
 }
 
 /// Points of the tiles around a tile.
-struct Around {
-    points: Sums,
-    filled: Sums,
+struct NeighborCounts {
+    points: SummedArea,
+    filled: SummedArea,
 }
 
-impl Around {
+impl NeighborCounts {
     fn new(shape: [usize; 2], counts: &[u32]) -> Self {
         let filled = |t: usize| u32::from(counts[t] > 0);
-        Self { points: Sums::new(shape, |t| counts[t]), filled: Sums::new(shape, filled) }
+        Self {
+            points: SummedArea::new(shape, |t| counts[t]),
+            filled: SummedArea::new(shape, filled),
+        }
     }
 
     /// Mean number of points of the tiles with points around tile `t`, itself included.
