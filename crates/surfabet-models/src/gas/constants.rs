@@ -86,3 +86,38 @@ pub(super) const COSINE_STEPS: f64 = 1e6;
 
 /// Least vertical component of a normal that points up or down; a normal below it is horizontal but for rounding.
 pub(super) const LEAST_UP: f64 = 1e-3;
+
+/// Memory of errors by default, in signals per neuron: the published decay of 0.005 is for networks of 100 neurons.
+pub(super) const BETA_PER_NEURON: f64 = 0.5;
+
+/// The published decay (Fritzke 1995).
+pub(super) const PUBLISHED_BETA: f64 = 0.005;
+
+/// Signals per inserted neuron by default where nothing follows growth: within the paper's 250 to 500.
+pub(super) const PATTERNS: u32 = 300;
+
+/// The same where the polish follows, which moves neurons to their places anyhow.
+pub(super) const PATTERNS_BEFORE_POLISH: u32 = 20;
+
+/// Share of its error that a neuron on a surface loses to a second one: cells of half the area have distances smaller by
+/// `sqrt(2)`, that is `1 - 2^(-1.5 / 2)` = 0.41. Of this three quarters, so that what is expected comes true. Half
+/// raises mean errors by 0.5 to 1.1 percent; double lowers them by 0.6 to 1.2, over points that were learned from
+/// (`docs/benchmarks/constants.md`).
+pub(super) const RELOCATION_GAIN: f64 = 0.3;
+
+/// Lists after which a search that started too far away goes to the tree.
+pub(super) const MOST_LISTS: usize = 6;
+
+/// Points of the surfaces are this part of the robot's radius apart. With 0.12 a graph takes three times as long and finds more narrow
+/// passages; which ones, changes with the value. This and the two below are varied in `docs/benchmarks/constants.md`.
+pub(super) const CLEARANCE_SPACING: f64 = 0.16;
+
+/// Nodes that are this many such spacings apart, or fewer, lie side by side: those along the diagonals of a square lattice,
+/// which are 1.42 apart, and some more, since each disc has a lattice of its own.
+pub(super) const CLEARANCE_STRIDE: f64 = 1.6;
+
+/// The widest gap in the ground that the robot crosses, as a part of its radius.
+pub(super) const CROSSED_GAP: f64 = 0.5;
+
+/// Nodes beside a node, itself included, that make it one inside of the ground: of a square lattice there are nine.
+pub(super) const LEAST_INSIDE: usize = 7;

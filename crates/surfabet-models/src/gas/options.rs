@@ -1,5 +1,6 @@
 //! What to learn.
 
+use super::constants::{BETA_PER_NEURON, PATTERNS, PATTERNS_BEFORE_POLISH, PUBLISHED_BETA};
 use crate::options::{Range, choices, options};
 use crate::quality::Quality;
 
@@ -16,18 +17,6 @@ pub enum Search {
     BruteForce,
 }
 choices!(Search { Indexed = "indexed", BruteForce = "brute-force" });
-
-/// Memory of errors by default, in signals per neuron: the published decay of 0.005 is for networks of 100 neurons.
-const BETA_PER_NEURON: f64 = 0.5;
-
-/// The published decay (Fritzke 1995).
-const PUBLISHED_BETA: f64 = 0.005;
-
-/// Signals per inserted neuron by default where nothing follows growth: within the paper's 250 to 500.
-const PATTERNS: u32 = 300;
-
-/// The same where the polish follows, which moves neurons to their places anyhow.
-const PATTERNS_BEFORE_POLISH: u32 = 20;
 
 options! {
     /// Options of [`learn`](super::learn), with the paper's symbols; defaults are those of Fritzke (1995).

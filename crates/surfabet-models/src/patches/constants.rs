@@ -399,3 +399,22 @@ pub(super) const REMOVAL_ROUNDS: usize = 3;
 /// Largest share of the bytes of the patches that a model with instances may take to be tried: whether points beside the
 /// patches take up what is won is seen only when all of them are found.
 pub(super) const WORTH: f64 = 0.95;
+
+// Tiles.
+
+/// Side of a tile where it is not given, finest pixels: 15 m at 1 cm. Small tiles take more bytes, since all adaptive models
+/// start afresh in each: 24 percent more with 64 pixels (`docs/benchmarks/tiles.md`).
+pub(super) const TILE_SIDE: i32 = 1536;
+
+/// Least side of a tile in squares of the coarsest level: with less the margin is larger than the tile.
+pub(super) const LEAST_TILE_SQUARES: i32 = 4;
+
+/// Finest pixels on either side of a border in which surfaces along it count: so far apart squares of the coarsest level are.
+pub(super) const BESIDE_BORDER: i32 = 16;
+
+/// The margin of a tile in squares of the coarsest level: a sheet covers one of them, and its depth rises by no more than
+/// 1.25 pixels per pixel where it is thin.
+pub(super) const MARGIN_SQUARES: i32 = 2;
+
+/// The rest of the margin, finest pixels: normals, and the votes for sides, reach as far.
+pub(super) const MARGIN_PIXELS: i32 = 16;

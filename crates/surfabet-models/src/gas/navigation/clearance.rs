@@ -1,5 +1,6 @@
 //! Whether anything is in the way of a robot.
 
+use crate::gas::constants::{CLEARANCE_SPACING, CLEARANCE_STRIDE, CROSSED_GAP};
 use surfabet_geom::{KdTree, Progress};
 
 use super::robot::Robot;
@@ -7,17 +8,6 @@ use crate::contract::DecodeOptions;
 use crate::error::{Error, Result};
 use crate::gas::model::GasModel;
 use crate::vector::{cross, dot, least_axis, length, unit};
-
-/// Points of the surfaces are this part of the robot's radius apart. With 0.12 a graph takes three times as long and finds more narrow
-/// passages; which ones, changes with the value. This and the two below are varied in docs/benchmarks/constants.md.
-const SPACING: f64 = 0.16;
-
-/// Nodes that are this many such spacings apart, or fewer, lie side by side: those along the diagonals of a square lattice,
-/// which are 1.42 apart, and some more, since each disc has a lattice of its own.
-const STRIDE: f64 = 1.6;
-
-/// The widest gap in the ground that the robot crosses, as a part of its radius.
-const GAP: f64 = 0.5;
 
 /// A point of a surface.
 pub(super) struct SurfacePoint {
@@ -53,7 +43,7 @@ impl Clearance {
         }
         let up = up.map(|c| c / size);
         let level = unit(cross(up, least_axis(up)));
-        let spacing = SPACING * robot.radius;
+        let spacing = CLEARANCE_SPACING * robot.radius;
         let options =
             DecodeOptions { resolution: Some(spacing), normals: true, ..DecodeOptions::default() };
         let decoded = model.decode(options, progress)?;
@@ -75,19 +65,19 @@ impl Clearance {
 
     /// Distance between nodes that lie side by side, at most, metres.
     pub fn stride(&self) -> f64 {
-        STRIDE * self.spacing
+        CLEARANCE_STRIDE * self.spacing
     }
 
     /// The longest way across a gap in the ground, with the step or the slope that the robot climbs there, metres.
     pub fn across_gap(&self) -> f64 {
-        let gap = GAP * self.robot.radius;
+        let gap = CROSSED_GAP * self.robot.radius;
         gap.hypot(self.climb(gap))
     }
 
     /// Whether the robot crosses a gap between two pieces of ground as wide as that between two points.
     pub fn is_narrow(&self, from: [f32; 3], to: [f32; 3]) -> bool {
         let way = self.turned(std::array::from_fn(|a| f64::from(to[a]) - f64::from(from[a])));
-        way[0].hypot(way[1]) <= GAP * self.robot.radius
+        way[0].hypot(way[1]) <= CROSSED_GAP * self.robot.radius
     }
 
     /// What the robot climbs on a level distance: a step, and the slope.

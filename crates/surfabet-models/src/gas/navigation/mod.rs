@@ -14,6 +14,7 @@
 mod clearance;
 mod robot;
 
+use crate::gas::constants::LEAST_INSIDE;
 use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Neighbor, Progress};
 
@@ -24,9 +25,6 @@ use super::model::GasModel;
 use super::surface::topology::{ShortestPaths, components};
 use crate::error::{Error, Result};
 use crate::vector::distance;
-
-/// Nodes beside a node, itself included, that make it one inside of the ground: of a square lattice there are nine.
-const LEAST_INSIDE: usize = 7;
 
 /// Nodes that one task joins.
 const NODES_PER_TASK: usize = 64;

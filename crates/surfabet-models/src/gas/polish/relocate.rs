@@ -5,15 +5,10 @@
 //! utility, the growth of the error without them; here this is a step over all points. The error of a point is [`error`] of
 //! its distance.
 
+use crate::gas::constants::RELOCATION_GAIN;
 use surfabet_geom::Moments;
 
 use super::{NeuronCell, NeuronCells};
-
-/// Share of its error that a neuron on a surface loses to a second one: cells of half the area have distances smaller by
-/// `sqrt(2)`, that is `1 - 2^(-1.5 / 2)` = 0.41. Of this three quarters, so that what is expected comes true. Half
-/// raises mean errors by 0.5 to 1.1 percent; double lowers them by 0.6 to 1.2, over points that were learned from
-/// (`docs/benchmarks/constants.md`).
-const GAIN: f64 = 0.3;
 
 /// Distance of the means of both halves of a row of evenly spread points from its middle, in standard deviations: `sqrt(3) / 2`.
 const HALVES: f64 = 0.866_025_403_784_438_6;
@@ -45,7 +40,8 @@ pub(super) fn relocate(positions: &mut [[f32; 3]], cells: &[NeuronCell], points:
         }
         let halves = loop {
             let Some(split) = worst.next_if(|&id| {
-                is_touched[id] || cells[moved].utility < GAIN * cells[id].error && id != moved
+                is_touched[id]
+                    || cells[moved].utility < RELOCATION_GAIN * cells[id].error && id != moved
             }) else {
                 return;
             };

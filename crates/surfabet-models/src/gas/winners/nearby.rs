@@ -7,6 +7,7 @@
 //! shows this, else both rings do, and elsewhere a k-d tree is asked. So the result is exact, ties included, wherever the
 //! search starts.
 
+use crate::gas::constants::MOST_LISTS;
 use pulp::{Arch, Simd, WithSimd};
 use surfabet_base::parallel;
 use surfabet_geom::{KdTree, Neighbor, Progress};
@@ -20,9 +21,6 @@ const LANES: usize = 8;
 
 /// Neurons of a list.
 const LISTED: usize = 2 * LANES;
-
-/// Lists after which a search that started too far away goes to the tree.
-const MOST_STEPS: usize = 6;
 
 /// Share of the reach that is relied upon: the rest is far more than the rounding of three distances.
 const SAFE: f32 = 1.0 - 1e-5;
@@ -172,7 +170,7 @@ impl Nearby {
     #[inline(always)]
     pub fn two_nearest(&self, query: [f32; 3], near: u32) -> [Winner; 2] {
         let mut at = near;
-        'lists: for _ in 0..MOST_STEPS {
+        'lists: for _ in 0..MOST_LISTS {
             let list = &self.lists[at as usize];
             let mut best = Best([Winner::NONE; 2]);
             for (ring, reach) in list.rings.iter().zip(list.reaches) {

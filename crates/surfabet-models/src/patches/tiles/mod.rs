@@ -22,6 +22,7 @@ mod plan;
 mod recipe;
 mod views;
 
+use crate::patches::constants::{MARGIN_PIXELS, MARGIN_SQUARES};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -47,13 +48,6 @@ pub use views::Views;
 
 /// Points that one task sorts by cubes.
 const BLOCK: usize = 1 << 14;
-
-/// The margin of a tile in squares of the coarsest level: a sheet covers one of them, and its depth rises by no more than
-/// 1.25 pixels per pixel where it is thin.
-const MARGIN_SQUARES: i32 = 2;
-
-/// The rest of the margin, finest pixels: normals, and the votes for sides, reach as far.
-const MARGIN_PIXELS: i32 = 16;
 
 /// Cubes of a lattice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,5 +1,6 @@
 //! What all tiles of a scene share.
 
+use crate::patches::constants::{BESIDE_BORDER, LEAST_TILE_SQUARES, TILE_SIDE};
 use surfabet_geom::{Dtype, PointCloud, Progress, Survey};
 
 use super::details::coarsest_pixel;
@@ -18,18 +19,8 @@ use crate::scalar::ScalarScale;
 use crate::stages::Stages;
 use crate::start::{ChosenOption, Leave, Start};
 
-/// Side of a tile where it is not given, finest pixels: 15 m at 1 cm. Small tiles take more bytes, since all adaptive models
-/// start afresh in each: 24 percent more with 64 pixels (`docs/benchmarks/tiles.md`).
-const SIDE: i32 = 1536;
-
-/// Least side of a tile in squares of the coarsest level: with less the margin is larger than the tile.
-const LEAST_SQUARES: i32 = 4;
-
 /// Most finest pixels along the side of a tile.
 const MOST_PIXELS: i32 = 1 << 20;
-
-/// Finest pixels on either side of a border in which surfaces along it count: so far apart squares of the coarsest level are.
-const BESIDE_BORDER: i32 = 16;
 
 /// The stages of planning, with their shares of the progress.
 const STAGES: &[(&str, f32)] = &[
@@ -156,8 +147,8 @@ impl TilePlan {
 
 /// Side of a tile in finest pixels: the nearest multiple of `square` to `side` metres.
 fn side_of(lattice: &Lattice, square: i32, side: Option<f64>) -> Result<i32> {
-    let Some(side) = side else { return Ok(((SIDE + square / 2) / square).max(1) * square) };
-    let least_pixels = square.max(LEAST_SQUARES * lattice.tile_pixels());
+    let Some(side) = side else { return Ok(((TILE_SIDE + square / 2) / square).max(1) * square) };
+    let least_pixels = square.max(LEAST_TILE_SQUARES * lattice.tile_pixels());
     let least = f64::from(least_pixels) * lattice.pixel_size;
     let most = f64::from(MOST_PIXELS - square) * lattice.pixel_size;
     if !(least * (1.0 - 1e-9)..=most).contains(&side) {
