@@ -1,4 +1,4 @@
-//! The whole way from a cloud to a model.
+//! The whole way from a cloud to a model: steps 1 to 4 of `docs/hscsm.md`. Step 5, the bytes, is `coding`.
 
 use surfabet_geom::{KdTree, PointCloud, Progress};
 
@@ -110,13 +110,13 @@ fn run(
     let extent = reach(cloud)?.into_iter().fold(0.0, f64::max);
     check_extent(extent, resolution, POSITION_STEP * f64::from(MAX_POSITION))?;
 
-    // The sub-sampled cloud P' (III-A).
+    // 1. Samples: the sub-sampled cloud P' (III-A).
     let limits = IntensityLimits::in_place_of_colors(cloud);
     let samples = stages.run("merging points", |progress| {
         let shades = Shades::of(cloud, limits);
         Samples::merge(cloud, &shades, options, progress)
     })?;
-    // The hierarchy H, coarsest level first: each describes what it can of the samples that are left.
+    // 2. and 3. The hierarchy H, coarsest level first: each describes what it can of the samples that are left.
     let mut owned = vec![false; samples.len()];
     // Grey of intensities has one plane, unless it is to be coded in dictionaries of colours.
     let area = (options.patch_pixels * options.patch_pixels) as usize;
@@ -128,7 +128,7 @@ fn run(
         let task = level_task(options, j, planes, frozen);
         placed.push(place_level(&samples, &mut owned, task, &mut stages)?);
     }
-    // Dictionaries and sparse codes c of both channels (III-B), of all levels together or one by one.
+    // 4. Dictionaries and sparse codes c of both channels (III-B), of all levels together or one by one.
     let one_dictionary =
         frozen.map_or(options.levels > 1 && options.one_dictionary, HscsmDictionary::is_one);
     let levels = if one_dictionary {
@@ -222,7 +222,7 @@ fn place_level<'a>(
         n: options.patch_pixels as usize,
         position_step: (POSITION_STEP * pixel_size) as f32,
     };
-    // Poses T, and which patch owns which samples (III-A).
+    // 2. Placement: poses T, and which patch owns which samples (III-A).
     let (patches, distance) = stages.run_round("placing patches", n_levels, |progress| {
         let (doublings, rules) = (options.doublings(j), rules(options, j));
         let patches = place(samples, owned, doublings, grid, rules, options, progress)?;
@@ -230,7 +230,7 @@ fn place_level<'a>(
         let distance = neighbour_distance(&patches, grid, progress)?;
         Ok((patches, distance))
     })?;
-    // Depth and colour images, bitmasks b (III, figure 2).
+    // 3. Images: depth and colour, bitmasks b (III, figure 2).
     let mask_scale = options.mask_scale(j);
     let images = stages.run_round("projecting patches", n_levels, |_| {
         Ok(project(samples, &patches, grid, mask_scale, task.planes))
