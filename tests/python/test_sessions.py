@@ -496,6 +496,48 @@ def test_a_scan_on_disk_weighs_points_by_all_of_its_ranges(tmp_path: Path) -> No
         assert heights[1] == pytest.approx(heights[0], abs=2e-4)
 
 
+def wall_of_greys(seed: int, greys: Any, ranges: Any) -> sb.PointCloud:
+    """A wall of 2 m with 40,000 points, with ranges by their places and greys by their ranges."""
+    rng = np.random.default_rng(seed)
+    n = 40_000
+    points = np.column_stack(
+        [rng.uniform(0, 2, n), rng.uniform(0, 1.5, n), rng.normal(0, 0.002, n)]
+    )
+    of_points = ranges(points)
+    grey = np.broadcast_to(greys(of_points), n).astype(np.uint8)
+    return sb.PointCloud(points, colors=np.stack([grey] * 3, axis=1), ranges=of_points)
+
+
+def test_colours_are_means_of_points_whatever_their_ranges() -> None:
+    def ranges(points: Any) -> Any:
+        return np.where(np.arange(len(points)) % 2 == 0, 1.0, 4.0)
+
+    # Half of the points are 60, seen from 1 m, half 180, from 4 m: near ones do not count for more.
+    wall = wall_of_greys(0, lambda r: np.where(r > 2, 180, 60), ranges)
+    decoded = sb.learn_patches(wall, resolution=0.02, color_step=4).decode()
+    assert decoded.colors is not None
+    assert decoded.colors.mean() == pytest.approx(120, abs=2)
+
+
+def test_a_scan_changes_colours_alike_near_and_far(tmp_path: Path) -> None:
+    def ranges(points: Any) -> Any:
+        return 1 + 1.5 * points[:, 0]
+
+    first, second = (
+        wall_of_greys(seed, lambda _, g=grey: g, ranges) for seed, grey in ((1, 60), (2, 180))
+    )
+    path = tmp_path / "wall.sfb"
+    sb.learn_patches_tiled(first, path, resolution=0.02, color_step=4, note=" ")
+    model = sb.load(path)
+    assert isinstance(model, sb.TiledPatchModel)
+    decoded = model.update(second).decode()
+    assert decoded.colors is not None
+    quarters = np.floor(decoded.points[:, 0] / 0.5).clip(0, 3)
+    means = [decoded.colors[quarters == q].mean() for q in range(4)]
+    assert means == pytest.approx([120] * 4, abs=6)
+    assert np.ptp(means) < 3
+
+
 def test_what_a_scan_on_disk_needs(whole: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:
     with pytest.raises(InvalidInputError, match="max_memory is 1000"):
         whole.update(cloud, max_memory=1000)

@@ -399,13 +399,19 @@ impl Learner<'_> {
 
     /// A tile at all levels of detail; none where no point lies in it.
     fn tile(&self, cube: [i32; 3], n_new: u64, progress: &dyn Progress) -> Result<Vec<Tile>> {
-        let Input { cloud, weights, n_known, sheets, n_kept } = self.points(cube, progress)?;
+        let Input { cloud, weights, n_measured, n_known, sheets, n_kept } =
+            self.points(cube, progress)?;
         let Rules { plan, options } = self.rules;
         let own = plan.cubes_of(&cloud).get(&cube).copied().unwrap_or_default();
         let n_again = own.saturating_sub(n_new + n_kept as u64);
         let completeness = completeness(options.completeness, [n_new, n_again], own);
         let options = &PatchesOptions { completeness, ..options.clone() };
-        let known = Known { weights: Some(&weights), sheets: &sheets, n_kept };
+        let known = Known {
+            weights: Some(&weights),
+            n_measured: Some(&n_measured),
+            sheets: &sheets,
+            n_kept,
+        };
         let task = patches::TileTask { cloud: &cloud, known, cube, plan, options };
         let models = patches::learn_details(&task, progress)?;
         if models.is_empty() {
@@ -434,7 +440,8 @@ impl Learner<'_> {
                 let (entry, bytes) = &tile;
                 let model = map.read_tile(entry, bytes)?;
                 let share = entry.n_points.max(1) as f64 / model.n_measured().max(1.0);
-                let weight = (of_scan * share) as f32;
+                let weight =
+                    Weight { of_point: (of_scan * share) as f32, n_measured: share as f32 };
                 let is_own = entry.cube == cube;
                 if is_own {
                     input.n_known += entry.n_points;
@@ -462,10 +469,12 @@ impl Learner<'_> {
         if let Some(scan) = self.scan {
             let inside = region.numbers_in(&scan.cloud);
             kept.weights.extend(inside.iter().map(|&i| scan.weights[i]));
+            kept.n_measured.resize(kept.weights.len(), 1.0);
             kept.clouds.push(scan.cloud.select(&inside)?);
         }
         input.cloud = PointCloud::concat(&kept.clouds).0;
         input.weights = kept.weights;
+        input.n_measured = kept.n_measured;
         Ok(input)
     }
 
@@ -497,6 +506,8 @@ struct Near {
 struct Input {
     cloud: PointCloud,
     weights: Vec<f32>,
+    /// How many measured points each stands for.
+    n_measured: Vec<f32>,
     /// Points that the maps' tiles there were learned from.
     n_known: u64,
     /// Sheets that stay as they are.
@@ -510,17 +521,29 @@ struct Input {
 struct Weighed {
     clouds: Vec<PointCloud>,
     weights: Vec<f32>,
+    n_measured: Vec<f32>,
+}
+
+/// How much a point counts.
+#[derive(Clone, Copy)]
+struct Weight {
+    of_point: f32,
+    /// How many measured points it stands for.
+    n_measured: f32,
 }
 
 impl Weighed {
     /// Adds a cloud whose points all have one weight.
-    fn add(&mut self, cloud: PointCloud, weight: f32) {
-        self.weights.resize(self.weights.len() + cloud.len(), weight);
+    fn add(&mut self, cloud: PointCloud, weight: Weight) {
+        let n = self.weights.len() + cloud.len();
+        self.weights.resize(n, weight.of_point);
+        self.n_measured.resize(n, weight.n_measured);
         self.clouds.push(cloud);
     }
 
     fn append(&mut self, other: Self) {
         self.weights.extend(other.weights);
+        self.n_measured.extend(other.n_measured);
         self.clouds.extend(other.clouds);
     }
 }

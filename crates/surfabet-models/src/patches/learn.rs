@@ -116,6 +116,7 @@ pub fn learn(
         attributes: &[],
         tile: None,
         weights: None,
+        n_measured: None,
         kept: (&[], 0),
     };
     let (model, mut report) = on_lattice(&ground, cloud, options, &mut stages)?;
@@ -138,6 +139,8 @@ pub(super) struct Ground<'a> {
     pub tile: Option<Tile>,
     /// Weights of the points, beside what their ranges give; all are 1 without.
     pub weights: Option<&'a [f32]>,
+    /// How many measured points each of the points stands for; all are 1 without.
+    pub n_measured: Option<&'a [f32]>,
     /// Sheets that stay as they were, and the number of the first points, which are of them.
     pub kept: (&'a [SheetTree], usize),
 }
@@ -219,7 +222,11 @@ pub(super) fn on_lattice(
     let chosen = ChosenAttributes::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
-        let weights = Weights { sensor: options.sensor, of_points: ground.weights };
+        let weights = Weights {
+            sensor: options.sensor,
+            of_points: ground.weights,
+            n_measured: ground.n_measured,
+        };
         let samples = SidedSamples::merge(cloud, &lattice, weights, ground.survey, progress)?;
         Ok(samples.with_kept(ground.kept.1))
     })?;

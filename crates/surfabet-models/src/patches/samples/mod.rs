@@ -35,8 +35,8 @@ pub(in crate::patches) struct SidedSamples<'a> {
     pub all: Vec<Sample>,
     /// Twice the axis that the surface is closest to being orthogonal to, plus one where it faces down that axis.
     pub sides: Vec<u8>,
-    cloud: &'a PointCloud,
-    weights: Weights<'a>,
+    /// How many measured points each point stands for; 1 without.
+    n_measured: Option<&'a [f32]>,
     /// Points of each sample.
     groups: Groups,
     /// So many of the first points lie on surface that is kept as it was.
@@ -49,12 +49,14 @@ pub(in crate::patches) struct Weights<'a> {
     pub sensor: Sensor,
     /// What they count beside what their ranges give; 1 without.
     pub of_points: Option<&'a [f32]>,
+    /// How many measured points each stands for; 1 without.
+    pub n_measured: Option<&'a [f32]>,
 }
 
 impl Weights<'_> {
     /// What the ranges give alone.
     pub fn of(sensor: Sensor) -> Self {
-        Self { sensor, of_points: None }
+        Self { sensor, of_points: None, n_measured: None }
     }
 
     /// Weight of point `i` of `cloud`.
@@ -78,7 +80,7 @@ pub(in crate::patches) fn rotate(rows: &[[f32; 3]; 3], p: [f32; 3]) -> [f32; 3] 
 impl<'a> SidedSamples<'a> {
     /// Merges the points of `cloud`, of which the survey is known.
     pub fn merge(
-        cloud: &'a PointCloud,
+        cloud: &PointCloud,
         lattice: &Lattice,
         weights: Weights<'a>,
         survey: &Survey,
@@ -112,7 +114,7 @@ impl<'a> SidedSamples<'a> {
         progress.check()?;
         // Into memory of its own: that of the views is to be free.
         let all = samples.iter().map(|seen| seen.sample).collect();
-        Ok(Self { all, sides, cloud, weights, groups, n_kept: 0 })
+        Ok(Self { all, sides, n_measured: weights.n_measured, groups, n_kept: 0 })
     }
 
     /// With so many of the first points on surface that is kept as it was, and is not to be found again.
@@ -135,8 +137,8 @@ impl<'a> SidedSamples<'a> {
         self.groups.of(sample)
     }
 
-    /// Weighted mean of `value` over the points of each sample; points without finite values are left out, samples without
-    /// any other have none.
+    /// Mean of `value` over the points that were measured in each sample; points without finite values are left out, samples without
+    /// any other have none. Ranges do not count: a colour that is seen from afar is no less certain, and all points are to be met alike.
     pub fn means<const N: usize>(
         &self,
         value: impl Fn(usize) -> [f64; N] + Sync,
@@ -146,7 +148,7 @@ impl<'a> SidedSamples<'a> {
             for i in self.groups.of(sample).iter().map(|&i| i as usize) {
                 let value = value(i);
                 if value.iter().all(|c| c.is_finite()) {
-                    let weight = f64::from(self.weights.at(self.cloud, i));
+                    let weight = self.n_measured.map_or(1.0, |all| f64::from(all[i]));
                     weights += weight;
                     (0..N).for_each(|c| sum[c] += weight * value[c]);
                 }

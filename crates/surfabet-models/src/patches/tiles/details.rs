@@ -66,7 +66,7 @@ pub fn learn_details(
         let known = if level + 1 == task.plan.details {
             task.known
         } else {
-            Known { weights: task.known.weights, ..Known::default() }
+            Known { sheets: &[], n_kept: 0, ..task.known }
         };
         learn_tile(&TileTask { plan: &plan, options: &options, known, ..*task }, progress)
     });

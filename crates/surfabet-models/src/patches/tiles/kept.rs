@@ -15,6 +15,8 @@ use crate::patches::samples::{rotate, rows_of};
 pub struct Known<'a> {
     /// Weights of the points, beside what their ranges give; all are 1 without.
     pub weights: Option<&'a [f32]>,
+    /// How many measured points each of the points stands for; all are 1 without.
+    pub n_measured: Option<&'a [f32]>,
     /// Sheets that stay as they are.
     pub sheets: &'a [SheetTree],
     /// So many of the first points are what these decode to.

@@ -241,9 +241,11 @@ pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option
     let TileTask { cloud, known, cube, plan, options } = *task;
     options.check()?;
     plan.check()?;
-    if let Some(weights) = known.weights.filter(|weights| weights.len() != cloud.len()) {
-        let what = format!("{} weights of {} points", weights.len(), cloud.len());
-        return Err(Error::Inconsistent(what));
+    for weights in [known.weights, known.n_measured].into_iter().flatten() {
+        if weights.len() != cloud.len() {
+            let what = format!("{} weights of {} points", weights.len(), cloud.len());
+            return Err(Error::Inconsistent(what));
+        }
     }
     let tile = Tile { cubes: plan.cubes, cube, corrected: plan.corrected };
     let mut cloud = match cloud.origin() == plan.lattice.origin {
@@ -251,7 +253,8 @@ pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option
         false => Cow::Owned(about(cloud, plan.lattice.origin)?),
     };
     let near = tile.around(&cloud, &plan.lattice, plan.margin_pixels());
-    let weights: Option<Vec<f32>> = known.weights.map(|all| near.iter().map(|&i| all[i]).collect());
+    let of_near = |all: &[f32]| near.iter().map(|&i| all[i]).collect::<Vec<f32>>();
+    let (weights, n_measured) = (known.weights.map(of_near), known.n_measured.map(of_near));
     let n_kept = near.partition_point(|&i| i < known.n_kept);
     if near.len() < cloud.len() {
         cloud = Cow::Owned(cloud.select(&near)?);
@@ -269,6 +272,7 @@ pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option
         attributes: &plan.attributes,
         tile: Some(tile),
         weights: weights.as_deref(),
+        n_measured: n_measured.as_deref(),
         kept: (known.sheets, n_kept),
     };
     let mut stages = Stages::new(STAGES, progress);
