@@ -50,8 +50,12 @@ from surfabet.tiles import merge_tiles, open_tiled
 
 __all__ = ["TileJob", "TilingReport", "learn_patches_tiled", "learn_tile"]
 
-BASE_MEMORY = 200 << 20
-"""Memory beside that of the points: the interpreter, its packages, and a chunk of the source."""
+BASE_MEMORY = 224 << 20
+"""Memory beside that of the points of tiles: interpreter, packages, and what reading leaves."""
+
+LEAST_MEMORY = 288 << 20
+"""Least memory that may be asked for, bytes: a chunk of coloured points takes 261 MiB in all while
+it is read and sorted."""
 
 _BRICK_SPACINGS = 150
 """Side of a brick in spacings of the points: a thirtieth of a tile with the default pixels. Whole
@@ -291,8 +295,8 @@ def _check_recurrence(options: Mapping[str, Any]) -> None:
 
 
 def checked_memory(max_memory: int) -> int:
-    if (found := check_integer("max_memory", max_memory, 0)) < BASE_MEMORY:
-        raise wrong_value("max_memory", max_memory, f"a number of bytes, {BASE_MEMORY} or more")
+    if (found := check_integer("max_memory", max_memory, 0)) < LEAST_MEMORY:
+        raise wrong_value("max_memory", max_memory, f"a number of bytes, {LEAST_MEMORY} or more")
     return found
 
 

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import surfabet as sb
+from surfabet import _updating
 from surfabet.cli import main
 from surfabet.errors import DroppedPointsWarning, InvalidInputError, InvalidTypeError
 from test_format import Fields, sections
@@ -538,11 +539,15 @@ def test_a_scan_changes_colours_alike_near_and_far(tmp_path: Path) -> None:
     assert np.ptp(means) < 3
 
 
-def test_what_a_scan_on_disk_needs(whole: sb.TiledPatchModel, cloud: sb.PointCloud) -> None:
+def test_what_a_scan_on_disk_needs(
+    whole: sb.TiledPatchModel, cloud: sb.PointCloud, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(InvalidInputError, match="max_memory is 1000"):
         whole.update(cloud, max_memory=1000)
-    with pytest.raises(InvalidInputError, match=r"max_memory is 0\.21e9 bytes, but a tile of"):
-        whole.update(cloud, max_memory=201 << 20)
+    with monkeypatch.context() as patch:
+        patch.setattr(_updating, "BASE_MEMORY", 287 << 20)
+        with pytest.raises(InvalidInputError, match=r"max_memory is 0\.30e9 bytes, but a tile of"):
+            whole.update(cloud, max_memory=288 << 20)
     with pytest.raises(InvalidInputError, match="the source has no points"):
         whole.update([cloud.select(np.zeros(0, int))], max_memory=300 << 20)
     with pytest.raises(InvalidInputError, match="cloud is one without colors"):

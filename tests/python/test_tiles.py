@@ -741,6 +741,7 @@ def test_tiles_are_made_small_enough_for_the_memory(
     cloud: sb.PointCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
+    monkeypatch.setattr(tiling, "LEAST_MEMORY", 1 << 20)
     monkeypatch.setattr(tiling, "_BRICK_SPACINGS", 20)
     monkeypatch.setattr(Spill, "bytes_per_point", 200)
     most = (1 << 20) + 200 * 105_000

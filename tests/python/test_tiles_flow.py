@@ -156,6 +156,7 @@ def test_tiles_are_learned_at_once_as_far_as_the_memory_goes(
         assert most == 2
         assert path.read_bytes() == wanted
     monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
+    monkeypatch.setattr(tiling, "LEAST_MEMORY", 1 << 20)
     monkeypatch.setattr(Spill, "bytes_per_point", _spill.BYTES_PER_POINT)
     # Both sides of what those two tiles take.
     need = (1 << 20) + _spill.BYTES_PER_POINT * n_points
@@ -196,6 +197,7 @@ def test_a_small_tile_is_learned_beside_a_large_one(
     """Where two of the largest do not fit, the first that does is next."""
     _, _, largest = at_once(iter(chunks), tmp_path / "map.sfb", monkeypatch)
     monkeypatch.setattr(tiling, "BASE_MEMORY", 1 << 20)
+    monkeypatch.setattr(tiling, "LEAST_MEMORY", 1 << 20)
     monkeypatch.setattr(Spill, "bytes_per_point", _spill.BYTES_PER_POINT)
     memory = (1 << 20) + _spill.BYTES_PER_POINT * int(1.3 * largest)
     path = tmp_path / "again.sfb"
