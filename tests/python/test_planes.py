@@ -332,6 +332,93 @@ def test_the_printed_method_keeps_reduced_support_sets(cloud):
     assert again.to_bytes() == model.to_bytes()
 
 
+def rectangles(of: list, n: int, noise: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Noisy points of rectangles (a corner, two sides) by their areas, and which each is on."""
+    rng = np.random.default_rng(seed)
+    corners, u, v = (np.array([r[k] for r in of], float) for k in range(3))
+    areas = np.linalg.norm(np.cross(u, v), axis=1)
+    on = rng.choice(len(of), n, p=areas / areas.sum())
+    points = corners[on] + rng.random((n, 1)) * u[on] + rng.random((n, 1)) * v[on]
+    return points + noise * rng.standard_normal((n, 3)), on
+
+
+def found_of(points: np.ndarray, on: np.ndarray, **options: object) -> tuple[int, int]:
+    """Planes found, and true ones that one of them overlaps by more than half."""
+    labels = sb.learn_planes(sb.PointCloud(points), **options).labels
+    found = labels.max() + 1
+    joint = np.zeros((found, on.max() + 1))
+    np.add.at(joint, (labels[labels >= 0], on[labels >= 0]), 1)
+    union = np.bincount(labels[labels >= 0], minlength=found)[:, None] + np.bincount(on) - joint
+    return found, int((joint > 0.5 * union).any(axis=0).sum())
+
+
+STAIRS = [
+    face
+    for k in range(10)
+    for face in (
+        ([0.28 * k, 0, 0.17 * k], [0, 0, 0.17], [0, 1, 0]),
+        ([0.28 * k, 0, 0.17 * (k + 1)], [0.28, 0, 0], [0, 1, 0]),
+    )
+]
+LOUVRES = [([0, 0, 0.12 * k], [1, 0, 0], [0, 0.07, 0.07]) for k in range(12)]
+BOARDS = [([0, 0, z + d], [1, 0, 0], [0, 0.35, 0]) for z in (0, 0.3, 0.6) for d in (0, 0.02)]
+
+
+@pytest.mark.parametrize(
+    ("faces", "n", "noise"),
+    [
+        (STAIRS, 40_000, 0.005),
+        (STAIRS, 40_000, 0.012),
+        (STAIRS, 200_000, 0.016),
+        (LOUVRES, 100_000, 0.015),
+        (BOARDS, 60_000, 0.002),
+        ([([0, y, 0], [4, 0, 0], [0, 0, 2.5]) for y in (0, 0.1)], 40_000, 0.015),
+    ],
+)
+def test_steps_and_layers_are_planes_where_noise_lets_them_be_told(faces, n, noise):
+    points, on = rectangles(faces, n, noise)
+    assert found_of(points, on) == (len(faces), len(faces))
+
+
+def test_layers_within_the_noise_are_one_plane():
+    points, on = rectangles([([0, y, 0], [4, 0, 0], [0, 0, 2.5]) for y in (0, 0.03)], 40_000, 0.03)
+    assert found_of(points, on)[0] == 1
+
+
+def test_a_warped_wall_is_one_plane():
+    points, on = rectangles([([0, 0, 0], [2, 0, 0], [0, 0, 1.6])], 100_000, 0.002)
+    points[:, 1] += 0.003 * np.sin(np.pi * points[:, 0]) * np.cos(np.pi * points[:, 2])
+    assert found_of(points, on) == (1, 1)
+
+
+def exact(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Points without noise, and the plane of each."""
+    square = ([0, 0, 0], [1, 0, 0], [0, 1, 0])
+    if kind == "grid":
+        at = np.arange(1600)
+        return np.column_stack([at % 40, at // 40, 0 * at]) / 40, 0 * at
+    if kind == "cube":
+        e = np.eye(3)
+        faces = [(s * e[a], e[a - 1], e[a - 2]) for a in range(3) for s in (0, 1)]
+        return rectangles(faces, 600, 0.0)
+    of = {"square": [square], "two": [square, ([0, 0, 0.5], [1, 0, 0], [0, 1, 0])]}[kind]
+    return rectangles(of, 2000, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["square", "grid", "two", "cube"])
+def test_the_printed_method_ends_on_exact_planes(kind):
+    """Tiles far below the spacing of the points made it split without end."""
+    points, on = exact(kind)
+    n = on.max() + 1
+    assert found_of(points, on, published=True) == (n, n)
+
+
+@pytest.mark.filterwarnings("ignore::surfabet.IncompleteModelWarning")
+def test_the_printed_method_ends_on_a_line():
+    points = np.column_stack([np.linspace(0, 1, 500), np.zeros((500, 2))])
+    assert len(sb.learn_planes(sb.PointCloud(points), published=True)) == 0
+
+
 def read_ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     data = path.read_bytes()
     header, body = data.split(b"end_header\n", 1)

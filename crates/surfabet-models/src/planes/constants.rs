@@ -45,6 +45,24 @@ pub(super) const CELL_SPREAD: f64 = 0.01;
 /// The noise is estimated where cells are flat to this share of their side; in smaller cells noise is all there is.
 pub(super) const NOISE_FLATNESS: f64 = 0.1;
 
+/// Places at which the noise of small discs is measured, points that a disc needs, and blocks of points that stand for those of a large one.
+/// Discs of 16 to 24 points gave the same noise up to a tenth (`docs/benchmarks/planes.md`, section "Steps and layers").
+pub(super) const DISCS: usize = 256;
+pub(super) const DISC_POINTS: usize = 20;
+pub(super) const DISC_BLOCKS: usize = 64;
+
+/// Radius of a disc in standard deviations across it, at least: points that fill a ball have 2.2. With 3.5 or 4 discs reach over
+/// the steps of stairs at a noise of 30 mm. Then the part of the radius over which the deviation is taken.
+pub(super) const DISC_DEVIATIONS: f64 = 3.0;
+pub(super) const DISC_WIDTH: f64 = 0.8;
+
+/// The share of the discs, the flattest, whose largest deviation is the noise: of stairs fewer than half lie on one surface.
+pub(super) const DISC_SHARE: f64 = 1.0 / 3.0;
+
+/// Factor by which the noise of flat cells may be above that of discs: beyond it the cells reach over steps and edges. In simulated rooms 0
+/// and 4 it is 1.05 to 1.12 above at 2 to 20 mm; 1.4 melts shelves of 2 cm at 6 mm.
+pub(super) const MOST_OF_DISCS: f64 = 1.25;
+
 /// Levels by which cells are larger where patches are added to those of the first: surfaces seen at a small angle have points four
 /// times as far apart as most. 1 and 4 gave the same planes: the first cells had found them.
 pub(super) const COARSER_LEVELS: u32 = 2;
@@ -72,6 +90,11 @@ pub(super) const SIGMAS_PER_GRID_SIZE: f64 = 3.0;
 /// Smallest grid size by default, in sigma as estimated beforehand. Half gave the same planes; double finds 44 planes of the room
 /// with 20 mm of noise in place of 20, with more precision and recall: a coarse scan of much noise profits from larger tiles.
 pub(super) const LEAST_GRID_SIZE_SIGMAS: f64 = 3.0;
+
+/// What the deviation of patches that start from the data counts as at most, in sigma as estimated beforehand, unless the smallest grid size
+/// is more. Without it louvres melt at a noise of 15 mm; with 1 walls that are warped by more than the noise are cut
+/// (`docs/benchmarks/planes.md`, section "Steps and layers"). Rooms are the same with 1.2, 1.5 and without.
+pub(super) const MOST_DEVIATION: f64 = 1.35;
 
 /// Smallest scale of the weights as a share of the grid size: points that fit exactly would divide by zero. Of noisy points half and
 /// double gave the same planes.
@@ -293,7 +316,7 @@ pub(super) const HOPELESS: f64 = 0.01;
 pub(super) const PUBLISHED_PATCHES: usize = 10;
 
 /// Share of the points in no reduced support set from which patches are added. Half changes nothing of experiment I; double finds its walls
-/// in 19 of 20 seeds in place of 12 at a noise of 2.
+/// in 19 of 20 seeds in place of 12 at a noise of 2, before the grid size had the spacing of the points as its least.
 pub(super) const UNSUPPORTED_SHARE: f64 = 0.1;
 
 // Rounding.

@@ -326,7 +326,7 @@ mod tests {
         }
     }
 
-    /// It depends on the random patches: of 20 starts at noise 2 twelve find the walls (docs/benchmarks/planes.md).
+    /// It depends on the random patches: of 20 starts at noise 2 nineteen find the walls (docs/benchmarks/planes.md).
     #[test]
     fn the_printed_method_finds_the_walls_from_some_starts() {
         let good = (0..6).filter(|&seed| {

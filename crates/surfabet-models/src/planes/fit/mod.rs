@@ -40,8 +40,8 @@ pub(super) use self::trim::mean_square;
 use self::trim::{facing, outline, trim, trim_to};
 use super::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, FIGURES, LARGE_PATCH, LARGE_SHARE,
-    LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE, LEAST_PATCH_POINTS, LEAST_SCALE, PART_SHARE,
-    POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
+    LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE, LEAST_PATCH_POINTS, LEAST_SCALE, MOST_DEVIATION,
+    PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
 use super::patch::{Frame, Patch};
@@ -63,6 +63,8 @@ pub struct Fit<'a> {
     deviation: f64,
     /// Standard deviation of the points across their surfaces, before any patch is known, metres; zero where it is not.
     noise: f64,
+    /// What the deviation counts as at most, metres: patches of several surfaces must not make G so large that these merge.
+    most_deviation: f64,
     /// How the noise depends on the angle at which surfaces were seen.
     incidence: Incidence,
     patches: Vec<Patch>,
@@ -127,6 +129,7 @@ impl<'a> Fit<'a> {
             grid_size: smallest,
             deviation: 0.0,
             noise: noise.map_or(0.0, |n| n.0),
+            most_deviation: f64::INFINITY,
             incidence: noise.map_or(Incidence::EVEN, |n| n.1),
             patches: Vec::new(),
             improbable: Vec::new(),
@@ -138,6 +141,7 @@ impl<'a> Fit<'a> {
         } else if let Some((noise, _)) = noise {
             fit.grid_size = (SIGMAS_PER_GRID_SIZE * noise).max(smallest);
             fit.deviation = noise;
+            fit.most_deviation = (MOST_DEVIATION * noise).max(smallest / SIGMAS_PER_GRID_SIZE);
             fit.add_patches(0, progress)?;
         } else {
             // So few points that no cells are flat, or nothing is.
@@ -291,7 +295,7 @@ impl<'a> Fit<'a> {
         responsibilities: &Responsibilities,
     ) {
         let sets = responsibilities.support_sets();
-        self.deviation = deviation(planes);
+        self.deviation = deviation(planes).min(self.most_deviation);
         self.grid_size = (SIGMAS_PER_GRID_SIZE * self.deviation).max(self.smallest_grid_size);
         let (points, size) = (self.points, self.grid_size);
         let trimmed = largest_first(

@@ -67,6 +67,35 @@ struct PointSums {
     information: DMatrix<f64>,
 }
 
+impl PointSums {
+    /// Adds the scores of a point: runs of eight from these parameters on, ascending, and `last` from parameter `at` on.
+    fn add(&mut self, runs: &[(usize, [f64; PARAMETERS])], at: usize, last: &[f64]) {
+        let n = self.gradient.len();
+        let (gradient, columns) = (self.gradient.as_mut_slice(), self.information.as_mut_slice());
+        // Below the diagonal, which the other side mirrors: what a run adds above it there does not count.
+        for (k, (first, scores)) in runs.iter().enumerate() {
+            for (a, s) in (*first..).zip(scores) {
+                gradient[a] += s;
+                let column = &mut columns[a * n..(a + 1) * n];
+                for (below, others) in &runs[k..] {
+                    add_times(&mut column[*below..below + PARAMETERS], *s, others);
+                }
+                add_times(&mut column[at..], *s, last);
+            }
+        }
+        for (a, s) in (at..).zip(last) {
+            gradient[a] += s;
+            add_times(&mut columns[a * n + at..(a + 1) * n], *s, last);
+        }
+    }
+}
+
+/// Adds values, each times `factor`.
+#[inline]
+fn add_times(to: &mut [f64], factor: f64, values: &[f64]) {
+    to.iter_mut().zip(values).for_each(|(to, value)| *to += factor * value);
+}
+
 impl Mixture {
     /// The rectangles with equal densities, before any climbing.
     pub fn new(rectangles: Vec<Rectangle>, sigma: f64, anywhere: f64) -> Self {
@@ -209,11 +238,13 @@ impl Mixture {
     fn sums_of(&self, points: &[[f64; 3]]) -> PointSums {
         let mut sums = self.no_sums();
         let at = self.at_sigma();
-        let n_weights = self.n_parameters() - at - 1;
+        let mut near = Vec::new();
+        // The scores of a point by the parameters of rectangles near it, and by the noise and the weights.
+        let mut score: Vec<(usize, [f64; PARAMETERS])> = Vec::new();
+        let mut last = vec![0.0; self.n_parameters() - at];
         let all: f64 = self.weights.iter().sum();
-        let mut score: Vec<(usize, f64)> = Vec::new();
         for &p in points {
-            let mut near = Vec::new();
+            near.clear();
             let mut density = self.rest * self.anywhere;
             for (j, rectangle) in self.rectangles.iter().enumerate() {
                 if let Some(scores) = rectangle.scores(p, self.sigma) {
@@ -226,31 +257,24 @@ impl Mixture {
             let rest = self.rest * self.anywhere / density;
             sums.rest += rest;
             score.clear();
-            let mut by_sigma = 0.0;
+            let [by_sigma, by_weight @ ..] = &mut last[..] else { continue };
+            *by_sigma = 0.0;
             // With w_j ~ exp(e_j) the derivative by e_j is p_j - w_j, of the points that are not anywhere.
-            let mut by_weight: Vec<f64> =
-                self.weights[..n_weights].iter().map(|w| -w / all * (1.0 - rest)).collect();
-            for (j, of, scores) in near {
+            for (by, w) in by_weight.iter_mut().zip(&self.weights) {
+                *by = -w / all * (1.0 - rest);
+            }
+            for (j, of, scores) in &near {
                 let share = of / density;
-                if let Some(by) = by_weight.get_mut(j) {
+                if let Some(by) = by_weight.get_mut(*j) {
                     *by += share;
                 }
                 if share > LEAST_SHARE {
-                    let by = scores.by.iter().enumerate();
-                    score.extend(by.map(|(i, s)| (PARAMETERS * j + i, share * s)));
+                    score.push((PARAMETERS * j, scores.by.map(|s| share * s)));
                     // By its logarithm, so that it stays positive.
-                    by_sigma += share * scores.by_sigma * self.sigma;
+                    *by_sigma += share * scores.by_sigma * self.sigma;
                 }
             }
-            score.push((at, by_sigma));
-            score.extend((at + 1..).zip(by_weight));
-            // Parameters ascend: below the diagonal, which the other side mirrors.
-            for (k, &(a, s)) in score.iter().enumerate() {
-                sums.gradient[a] += s;
-                for &(b, t) in &score[k..] {
-                    sums.information[(b, a)] += s * t;
-                }
-            }
+            sums.add(&score, at, &last);
         }
         sums
     }

@@ -19,9 +19,7 @@ use super::responsibilities::Responsibilities;
 use super::seed::random;
 use super::{Iteration, Trace, stable};
 use crate::error::Result;
-use crate::planes::constants::{
-    LEAST_SCALE, PUBLISHED_PATCHES, SIGMAS_PER_GRID_SIZE, UNSUPPORTED_SHARE,
-};
+use crate::planes::constants::{PUBLISHED_PATCHES, SIGMAS_PER_GRID_SIZE, UNSUPPORTED_SHARE};
 use crate::planes::options::PlanesOptions;
 use crate::planes::patch::Patch;
 use crate::planes::points::Points;
@@ -127,8 +125,8 @@ impl<'a> PublishedFit<'a> {
     fn of_distances(&self, distances: impl Iterator<Item = f64>) -> f64 {
         let (n, squares) = distances.fold((0.0, 0.0), |(n, sum), d| (n + 1.0, sum + d * d));
         let of_data = SIGMAS_PER_GRID_SIZE * (squares / f64::max(n, 1.0)).sqrt();
-        // Of an exact fit G would be zero.
-        let least = self.options.min_grid_size.unwrap_or(LEAST_SCALE * self.points.spacing());
+        // Of an exact fit G would be zero, and tiles and bins far below the spacing of the points are empty whatever these lie on.
+        let least = self.options.min_grid_size.unwrap_or(self.points.spacing());
         of_data.max(least)
     }
 

@@ -1,5 +1,6 @@
 //! Patches to start from: at random, or where the data are flat (sections II-B and III).
 
+mod discs;
 mod flat_cells;
 mod neighborhoods;
 mod noise;
