@@ -38,8 +38,8 @@ const OF_TWO: i32 = 32_768;
 const OF_THREE: i32 = 26_214;
 const OF_FIVE: i32 = 19_661;
 
-/// The same beside an estimate, and that of the estimate: 0.2, 0.1 and 0.8. Of 0.5 and 0.3 with 0.5, of 0.3 and 0.15 with 0.7, and of these, the
-/// last was best on the scenes that chose the weights of the estimates.
+/// The same beside an estimate, and that of the estimate: 0.2, 0.1 and 0.8. Of given coefficients of two simulated rooms and half of a
+/// kitchen 0.3, 0.15 and 0.7 took 0.03 percent more bits, 0.5, 0.3 and 0.5 took 0.4 more.
 const OF_TWO_BESIDE: i32 = 13_107;
 const OF_FIVE_BESIDE: i32 = 6_554;
 const OF_ESTIMATE: i32 = 52_429;
