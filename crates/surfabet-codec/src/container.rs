@@ -129,8 +129,11 @@ impl Features {
     /// Points beside patches are coded given the pattern of those around.
     pub const POINT_PATTERNS: Self = Self(8192);
 
+    /// Colours and scalars of patches are coded with estimates of small networks beside the models.
+    pub const ESTIMATES: Self = Self(16_384);
+
     /// Every feature known here, its name, and the release that introduced it.
-    const KNOWN: [(Self, &'static str, Version); 14] = [
+    const KNOWN: [(Self, &'static str, Version); 15] = [
         (Self::SHARED_DICTIONARY, "shared dictionary", Version { major: 0, minor: 1 }),
         (Self::LATTICE, "patches on a lattice", Version { major: 0, minor: 1 }),
         (Self::BIC_ALPHABET, "alphabet by BIC", Version { major: 0, minor: 1 }),
@@ -145,6 +148,7 @@ impl Features {
         (Self::WHOLE_FIELDS, "attributes in whole numbers", Version { major: 0, minor: 1 }),
         (Self::BORDERS, "attributes corrected at borders", Version { major: 0, minor: 1 }),
         (Self::POINT_PATTERNS, "points given the pattern around", Version { major: 0, minor: 1 }),
+        (Self::ESTIMATES, "attributes with estimates", Version { major: 0, minor: 1 }),
     ];
 
     /// The bits.

@@ -59,6 +59,7 @@ impl Layout for PatchModel {
         .with(Features::UNBLENDED)
         .with(Features::BESIDE)
         .with(Features::WHOLE_FIELDS)
+        .with(Features::ESTIMATES)
         .with(Features::BORDERS)
         .with(Features::FORWARD_BOUND)
         .with(Features::NEAR_POINTS)
@@ -99,6 +100,7 @@ impl Layout for PatchModel {
             .with(of(header.unblended, Features::UNBLENDED))
             .with(of(header.coding == FieldCoding::Beside, Features::BESIDE))
             .with(of(header.coding == FieldCoding::Whole, Features::WHOLE_FIELDS))
+            .with(of(header.coding == FieldCoding::Estimated, Features::ESTIMATES))
             .with(of(header.border.is_some(), Features::BORDERS))
             .with(of(header.max_error_forward.is_some(), Features::FORWARD_BOUND))
             .with(of(header.n_instances > 0, Features::INSTANCES))
@@ -111,14 +113,13 @@ impl Layout for PatchModel {
         features: Features,
     ) -> Result<()> {
         header.unblended = features.contains(Features::UNBLENDED);
-        let is_whole = features.contains(Features::WHOLE_FIELDS);
-        header.coding = match features.contains(Features::BESIDE) {
-            true if is_whole => {
-                return Err(fields.corrupt("two ways to code attributes at once".into()));
-            }
-            true => FieldCoding::Beside,
-            false if is_whole => FieldCoding::Whole,
-            false => FieldCoding::Parents,
+        let ways = [Features::BESIDE, Features::WHOLE_FIELDS, Features::ESTIMATES];
+        header.coding = match ways.map(|way| features.contains(way)) {
+            [false, false, false] => FieldCoding::Parents,
+            [true, false, false] => FieldCoding::Beside,
+            [false, true, false] => FieldCoding::Whole,
+            [false, false, true] => FieldCoding::Estimated,
+            _ => return Err(fields.corrupt("two ways to code attributes at once".into())),
         };
         header.border =
             features.contains(Features::BORDERS).then(|| header.border.unwrap_or_default());

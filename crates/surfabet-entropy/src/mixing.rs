@@ -107,6 +107,8 @@ fn probability(odds: i64) -> u32 {
 pub struct Mixer<const M: usize> {
     /// In units of 2^-16.
     weights: [i32; M],
+    /// That of log-odds that are given beside those of the models.
+    of_given: i32,
 }
 
 impl<const M: usize> Mixer<M> {
@@ -116,13 +118,13 @@ impl<const M: usize> Mixer<M> {
     /// All models with this weight at first, in units of 2^-16. A sum of one is right for models that all know the
     /// same, a larger one for models that each know something else.
     pub const fn new(weight: i32) -> Self {
-        Self { weights: [weight; M] }
+        Self { weights: [weight; M], of_given: 0 }
     }
 
-    /// Probability of true, in units of 2^-16, of models with these log-odds.
-    fn one(&self, odds: [i64; M]) -> u32 {
+    /// Probability of true, in units of 2^-16, of models with these log-odds, and of those that are given.
+    fn one(&self, odds: [i64; M], given: i64) -> u32 {
         let sum: i64 = self.weights.iter().zip(odds).map(|(&w, odds)| i64::from(w) * odds).sum();
-        probability(sum >> WEIGHT_BITS)
+        probability((sum + i64::from(self.of_given) * given) >> WEIGHT_BITS)
     }
 
     /// A decision with the probability that all models give together; they and the weights adapt.
@@ -135,11 +137,23 @@ impl<const M: usize> Mixer<M> {
         models: [&mut Bit; M],
         value: bool,
     ) -> Result<bool, C::Error> {
+        self.bit_given(coder, models, 0, value)
+    }
+
+    /// The same with log-odds that are `given` beside the models, in units of 2^-11 bits and within 12 of zero.
+    fn bit_given<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        models: [&mut Bit; M],
+        given: i64,
+        value: bool,
+    ) -> Result<bool, C::Error> {
         let odds = models.each_ref().map(|model| log_odds(model));
-        let one = self.one(odds);
+        let one = self.one(odds, given);
         let value = coder.bit(&mut Bit::with_probability(one), value)?;
         let error = (i64::from(value) << PRECISION) - i64::from(one);
-        for (weight, odds) in self.weights.iter_mut().zip(odds) {
+        let weights = self.weights.iter_mut().chain([&mut self.of_given]);
+        for (weight, odds) in weights.zip(odds.into_iter().chain([given])) {
             let step = (error * odds + (1 << (RATE_SHIFT - 1))) >> RATE_SHIFT;
             let moved = i64::from(*weight) + step;
             *weight = moved.clamp(-Self::MAX_WEIGHT, Self::MAX_WEIGHT) as i32;
@@ -150,7 +164,11 @@ impl<const M: usize> Mixer<M> {
 
     /// Bits that coding `value` takes now.
     pub fn cost(&self, models: [&Bit; M], value: bool) -> f32 {
-        Bit::with_probability(self.one(models.map(log_odds))).cost(value)
+        self.cost_given(models, 0, value)
+    }
+
+    fn cost_given(&self, models: [&Bit; M], given: i64, value: bool) -> f32 {
+        Bit::with_probability(self.one(models.map(log_odds), given)).cost(value)
     }
 }
 
@@ -181,6 +199,13 @@ impl<const M: usize> MixedBits<M> {
         }
     }
 
+    /// With log-odds that are given beside the models ([`MixedBits::bit_given`]), whose weights start at `weight`.
+    #[must_use]
+    pub fn with_given(mut self, weight: i32) -> Self {
+        self.mixers.iter_mut().for_each(|mixer| mixer.of_given = weight);
+        self
+    }
+
     /// A decision in these contexts, see [`Mixer::bit`].
     ///
     /// # Errors
@@ -191,16 +216,36 @@ impl<const M: usize> MixedBits<M> {
         at: MixedContext<M>,
         value: bool,
     ) -> Result<bool, C::Error> {
+        self.bit_given(coder, at, 0, value)
+    }
+
+    /// A decision in these contexts and with log-odds that are `given` beside the models, in units of 2^-11 bits and within
+    /// 12 bits of zero; 0 counts for nothing.
+    ///
+    /// # Errors
+    /// Whatever the coder finds wrong with what it reads.
+    pub fn bit_given<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        at: MixedContext<M>,
+        given: i64,
+        value: bool,
+    ) -> Result<bool, C::Error> {
         let mut contexts = at.models.into_iter();
         // As many contexts as models.
         let models = self.models.each_mut().map(|of| &mut of[contexts.next().unwrap_or_default()]);
-        self.mixers[at.mixer].bit(coder, models, value)
+        self.mixers[at.mixer].bit_given(coder, models, given, value)
     }
 
     /// Bits that coding `value` in these contexts takes now.
     pub fn cost(&self, at: MixedContext<M>, value: bool) -> f32 {
+        self.cost_given(at, 0, value)
+    }
+
+    /// Bits that coding `value` with log-odds that are `given` takes now.
+    pub fn cost_given(&self, at: MixedContext<M>, given: i64, value: bool) -> f32 {
         let models = std::array::from_fn(|m| &self.models[m][at.models[m]]);
-        self.mixers[at.mixer].cost(models, value)
+        self.mixers[at.mixer].cost_given(models, given, value)
     }
 }
 
@@ -271,6 +316,30 @@ mod tests {
         assert!((price.bits - costs).abs() < 1e-3 * costs, "{} {costs}", price.bits);
         // The sampling error of the entropy is about 0.7 percent of it.
         assert!(price.bits < 1.03 * least && price.bits > 0.97 * least, "{} {least}", price.bits);
+    }
+
+    /// Given log-odds that are right take over from a model that knows nothing, and those of no weight count for nothing.
+    #[test]
+    fn given_log_odds_count_as_one_more_model() {
+        let new = || MixedBits::new([1], Bit::DEFAULT_MEMORY, 1, 1 << 15);
+        let (mut with, mut without) = (new().with_given(1 << 15), new());
+        let (mut given, mut alone, mut least, mut state) =
+            (Price::default(), Price::default(), 0.0, 1_u32);
+        let at = MixedContext { mixer: 0, models: [0] };
+        for _ in 0..20_000 {
+            let mut next = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f64::from(state) / f64::from(u32::MAX)
+            };
+            let odds = 6.0 * next() - 3.0;
+            let p = 1.0 / (1.0 + (-odds).exp2());
+            let value = next() < p;
+            least -= p * p.log2() + (1.0 - p) * (1.0 - p).log2();
+            let Ok(_) = with.bit_given(&mut given, at, (2048.0 * odds) as i64, value);
+            let Ok(_) = without.bit_given(&mut alone, at, 0, value);
+        }
+        assert!(given.bits < 1.03 * least && given.bits > 0.97 * least, "{} {least}", given.bits);
+        assert!(alone.bits > 19_900.0, "{}", alone.bits);
     }
 
     #[test]

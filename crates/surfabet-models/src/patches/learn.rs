@@ -447,7 +447,7 @@ fn attributes(
     let of = FieldCells { keys: &cells, border: border.as_deref() };
     let Fields { color, others, figures } =
         chosen.fields(of, &targets, options, ground.attributes)?;
-    let coding = FieldCoding::Whole;
+    let coding = FieldCoding::Estimated;
     Ok((Attributes { cells, color, others, unblended, coding, border }, figures))
 }
 

@@ -26,11 +26,13 @@ export const INSTANCES = 1024;
 export const WHOLE_FIELDS = 2048;
 export const BORDERS = 4096;
 export const POINT_PATTERNS = 8192;
+export const ESTIMATES = 16384;
 
 /** All features that this decoder knows. A new one is refused by name of the release until it is added here. */
 const KNOWN =
   SHARED_DICTIONARY | LATTICE | BIC_ALPHABET | ATTRIBUTES | UNBLENDED | HIERARCHY | BESIDE | TILES |
-  FORWARD_BOUND | NEAR_POINTS | INSTANCES | WHOLE_FIELDS | BORDERS | POINT_PATTERNS;
+  FORWARD_BOUND | NEAR_POINTS | INSTANCES | WHOLE_FIELDS | BORDERS | POINT_PATTERNS |
+  ESTIMATES;
 
 function newer(what, [major, minor]) {
   return new SfbError(

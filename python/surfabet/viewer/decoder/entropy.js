@@ -86,11 +86,12 @@ function probability(sum) {
   return sum < 0 ? TWO_16 - P : P;
 }
 
-/** `count` sets of weights of some adaptive bits (2.8), each at first `weight`. */
+/** `count` sets of weights of some adaptive bits (2.8), each at first `weight`, and of log-odds that are given beside them. */
 export class Mixers {
-  constructor(count, bits = 2, weight = 32768) {
+  constructor(count, bits = 2, weight = 32768, given = 0) {
     this.bits = bits;
     this.weights = new Float64Array(bits * count).fill(weight);
+    this.given = new Float64Array(count).fill(given);
     this.odds = new Float64Array(bits);
     this.mixed = new Bits(1);
   }
@@ -173,10 +174,10 @@ export class Stream {
     return bit;
   }
 
-  /** Bits number `at[k]` of `models[k]` at once, with the weights of `mixers` number `m` (2.8). */
-  mixedBit(mixers, m, models, at) {
+  /** Bits number `at[k]` of `models[k]` at once, with the weights of `mixers` number `m`, and log-odds that are given (2.8). */
+  mixedBit(mixers, m, models, at, given = 0) {
     const { weights, odds, mixed, bits } = mixers;
-    let sum = 0;
+    let sum = mixers.given[m] * given;
     for (let k = 0; k < bits; k++) {
       odds[k] = logOdds(models[k], at[k]);
       sum += weights[bits * m + k] * odds[k];
@@ -185,9 +186,11 @@ export class Stream {
     mixed.one[0] = P * TWO_16;
     const bit = this.bit(mixed, 0);
     const error = bit * TWO_16 - P;
+    const moved = (weight, odds) =>
+      Math.min(Math.max(weight + Math.floor((error * odds + 131072) / 262144), -524288), 524288);
+    mixers.given[m] = moved(mixers.given[m], given);
     for (let k = 0; k < bits; k++) {
-      const moved = weights[bits * m + k] + Math.floor((error * odds[k] + 131072) / 262144);
-      weights[bits * m + k] = Math.min(Math.max(moved, -524288), 524288);
+      weights[bits * m + k] = moved(weights[bits * m + k], odds[k]);
       adapt(models[k], at[k], bit);
     }
     return bit;

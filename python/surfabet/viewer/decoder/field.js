@@ -1,7 +1,7 @@
 // Section 5.4 of docs/format.md: the cells that the surface passes through, and what they carry: colours, scalars, labels.
 
 import { checkCount, fail } from "./bytes.js";
-import { BESIDE, WHOLE_FIELDS } from "./container.js";
+import { BESIDE, ESTIMATES, WHOLE_FIELDS } from "./container.js";
 import { Bits, Symbols } from "./entropy.js";
 import { BorderBlocks } from "./borders.js";
 import { CellIndex, byte } from "./geometry.js";
@@ -103,11 +103,13 @@ function uniqueCells(words, count) {
 
 /** Means of cells, channel after channel within each, from a whole stream; `coding` is a feature or 0, `border` the cube of a tile. */
 function readField(stream, { cells, border }, steps, coding) {
-  const whole = (of) => new WholeFieldReader(stream, of, steps).read();
-  const means = coding === WHOLE_FIELDS ? whole(cells) : new OlderFieldReader(stream, cells, steps, coding === BESIDE).read();
+  const whole = (of, estimated) => new WholeFieldReader(stream, of, steps, estimated).read();
+  const means = coding === WHOLE_FIELDS || coding === ESTIMATES
+    ? whole(cells, coding === ESTIMATES)
+    : new OlderFieldReader(stream, cells, steps, coding === BESIDE).read();
   if (border) {
     const corrected = new BorderBlocks(border, cells);
-    if (corrected.blocks.n > 0) corrected.add(whole(corrected.blocks), means, steps.length);
+    if (corrected.blocks.n > 0) corrected.add(whole(corrected.blocks, false), means, steps.length);
   }
   stream.end();
   return means;

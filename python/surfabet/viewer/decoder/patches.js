@@ -3,7 +3,7 @@
 
 import { Fields, checkCount, fail, mostBits, readScale } from "./bytes.js";
 import {
-  ATTRIBUTES, BESIDE, FORWARD_BOUND, INSTANCES, LATTICE, NEAR_POINTS, POINT_PATTERNS, UNBLENDED, WHOLE_FIELDS, expectFeatures,
+  ATTRIBUTES, BESIDE, ESTIMATES, FORWARD_BOUND, INSTANCES, LATTICE, NEAR_POINTS, POINT_PATTERNS, UNBLENDED, WHOLE_FIELDS, expectFeatures,
   expectSections,
 } from "./container.js";
 import { Bits, Signed, Stream, Symbols, Unsigned, readOctree } from "./entropy.js";
@@ -331,7 +331,7 @@ function readExtraPoints(bytes, meta, features) {
 /** All features of patches. */
 export const FEATURES =
   LATTICE | ATTRIBUTES | UNBLENDED | BESIDE | FORWARD_BOUND | NEAR_POINTS | INSTANCES | WHOLE_FIELDS |
-  POINT_PATTERNS;
+  POINT_PATTERNS | ESTIMATES;
 
 /** Reads a model of `learn_patches`. */
 export function readPatches({ features, sections }) {
@@ -370,9 +370,9 @@ export function readStreams(meta, features, streams) {
     cells: null, colors: null, attributes: [],
   };
   if (meta.lumaStep > 0 || meta.attributes.length > 0) {
-    const both = BESIDE | WHOLE_FIELDS;
-    if ((features & both) === both) fail("META", "two ways to code attributes at once");
-    model.complete = () => readAttributes(model, streams, attributeTags(meta), features & both);
+    const ways = [BESIDE, WHOLE_FIELDS, ESTIMATES].filter((way) => features & way);
+    if (ways.length > 1) fail("META", "two ways to code attributes at once");
+    model.complete = () => readAttributes(model, streams, attributeTags(meta), ways[0] ?? 0);
   }
   return model;
 }

@@ -1,8 +1,10 @@
-// Section 5.4 of docs/format.md: colours and scalars in whole numbers (feature bit 11).
+// Section 5.4 of docs/format.md: colours and scalars in whole numbers (feature bits 11 and 14).
 //
 // All numbers are whole and below 2^53, so that doubles hold them.
 
 import { Bits, Mixers, Signed } from "./entropy.js";
+import { ANY, EXPONENT, NONZERO } from "./estimate_weights.js";
+import { digits, estimate } from "./estimates.js";
 import { SlotPairs, interpolated, pyramid } from "./pyramid.js";
 
 const MAX_VALUE = 2 ** 30 - 1;
@@ -32,6 +34,11 @@ class Along {
     this.signs[this.channels * axis + c] += Math.sign(value);
   }
 
+  /** Sum of the sizes of a channel. */
+  sum(c) {
+    return this.sizes[c] + this.sizes[this.channels + c] + this.sizes[2 * this.channels + c];
+  }
+
   size(axis, c, most) {
     return Math.min(this.sizes[this.channels * axis + c], most);
   }
@@ -49,6 +56,7 @@ class WholePairs extends SlotPairs {
     this.share = new Float64Array(7);
     this.F = new Float64Array(7);
     this.G = new Float64Array(7);
+    this.weights = new Uint8Array(7);
   }
 
   meet(a, b, axis) {
@@ -60,6 +68,7 @@ class WholePairs extends SlotPairs {
     this.share[n] = Math.floor(share(w) / 1024);
     this.F[n] = factor(w, v);
     this.G[n] = factor(v, w);
+    this.weights[n] = digits(Math.floor((v * w) / (v + w)));
   }
 
   /** Size class of a difference of two values in pair i, with its sign; `step` in 32nds. */
@@ -72,23 +81,26 @@ class WholePairs extends SlotPairs {
   }
 }
 
-/** Reads means of cells, channel after channel within each cell; `steps[channel]` are whole steps. */
+/** Reads means of cells, channel after channel within each cell; `steps[channel]` are whole steps. With estimates or without. */
 export class WholeFieldReader {
-  constructor(stream, cells, steps) {
+  constructor(stream, cells, steps, estimated) {
     const C = steps.length;
     this.stream = stream;
     this.levels = pyramid(cells);
     this.steps = steps;
     this.channels = C;
+    this.estimated = estimated;
+    const given = estimated ? 52429 : 0;
+    const [two, five] = estimated ? [13107, 6554] : [32768, 19661];
     const bits = (sizes) => sizes.map((size) => new Bits(size, MEMORY));
     this.any = bits([12 * 49, 12 * 49]);
-    this.anyMixers = new Mixers(12, 2, 32768);
+    this.anyMixers = new Mixers(12, 2, two, given);
     this.nonzero = bits([C * 36, C * 105, C * 180, C * 60, C * 168]);
-    this.nonzeroMixers = new Mixers(C * 3, 5, 19661);
+    this.nonzeroMixers = new Mixers(C * 3, 5, five, given);
     this.negative = bits([C * 13, C * 9, C * 25]);
     this.negativeMixers = new Mixers(C, 3, 26214);
     this.exponent = bits([C * 432, C * 336]);
-    this.exponentMixers = new Mixers(C * 12, 2, 32768);
+    this.exponentMixers = new Mixers(C * 12, 2, two, given);
     this.mantissa = new Bits(25 * 3, MEMORY);
     // Of one parent: predictions of its children and their mean, how these change, its coefficients, its pairs.
     this.changed = new Float64Array(8 * C);
@@ -97,6 +109,12 @@ export class WholeFieldReader {
     this.coefficients = new Float64Array(7 * C);
     this.pairs = new WholePairs();
     this.value = new Float64Array(8);
+    // What estimates depend on beside: of all, of whether there is any coefficient, of a coefficient; what was missed beside.
+    this.common = new Float64Array(9);
+    this.ofAny = new Float64Array(18);
+    this.ofCoefficient = new Float64Array(29);
+    this.missed = new Float64Array(C);
+    this.sizes = new Float64Array(C);
     this.before = new Along(C);
     this.beside = new Along(C);
   }
@@ -143,7 +161,7 @@ export class WholeFieldReader {
       } else {
         for (let i = from; i < to; i++) this.change(level, i, predicted, missed, i - from);
         this.pairsOf(j, p);
-        this.readCell(j, p, activity, now, coded);
+        this.readCell(j, p, activity, now, coded, missed);
         this.transform(j, p, parentMeans, means);
       }
       for (let i = C * from; i < C * to; i++) missed[i] = means[i] - predicted[i];
@@ -199,12 +217,14 @@ export class WholeFieldReader {
   }
 
   /** Coefficients of a parent into `this.coefficients`. */
-  readCell(j, p, activity, now, coded) {
+  readCell(j, p, activity, now, coded, missed) {
     const { stream, channels: C, coefficients, before, beside } = this;
     const { x, y, z, index } = this.levels[j + 1];
     let up = 0;
     let down = 0;
+    let behind = 0;
     beside.clear();
+    this.missed.fill(0);
     for (let a = 0; a < 3; a++) {
       const [dx, dy, dz] = [a === 0 ? 1 : 0, a === 1 ? 1 : 0, a === 2 ? 1 : 0];
       const higher = index.find(x[p] + dx, y[p] + dy, z[p] + dz);
@@ -212,6 +232,8 @@ export class WholeFieldReader {
       const lower = index.find(x[p] - dx, y[p] - dy, z[p] - dz);
       if (lower < 0) continue;
       down += now[lower];
+      behind++;
+      this.addMissed(j, lower, missed);
       for (let k = 0; k < 3 * C; k++) {
         if (Math.floor(k / C) === a) continue;
         beside.sizes[k] += coded[6 * C * lower + k];
@@ -224,8 +246,11 @@ export class WholeFieldReader {
     before.clear();
     const [luma, chroma] = this.largestChanges();
     const at = [(7 * level + parent) * 7 + Math.min(6, down), (7 * level + luma) * 7 + chroma];
-    if (!stream.mixedBit(this.anyMixers, level, this.any, at)) return;
+    if (this.estimated) this.setCommon(j, p, activity[p], up, down);
+    const given = this.estimated ? this.anyEstimate(behind) : 0;
+    if (!stream.mixedBit(this.anyMixers, level, this.any, at, given)) return;
     this.size = 0;
+    this.sizes.fill(0);
     let sum = 0;
     for (let i = 0; i < this.pairs.n; i++) {
       for (let c = 0; c < C; c++) {
@@ -233,12 +258,75 @@ export class WholeFieldReader {
         coefficients[C * i + c] = value;
         before.add(this.pairs.axis[i], c, value);
         this.size += Math.min(Math.abs(value), 2);
+        this.sizes[c] += Math.abs(value);
         sum += Math.min(Math.abs(value), 4);
       }
     }
     now[p] = Math.min(4, sum);
     coded.set(before.sizes, 6 * C * p);
     coded.set(before.signs, 6 * C * p + 3 * C);
+  }
+
+  /** Adds what was missed at the children of a parent beside. */
+  addMissed(j, parent, missed) {
+    const { channels: C } = this;
+    const { first } = this.levels[j + 1];
+    for (let i = C * first[parent]; i < C * first[parent + 1]; i++) this.missed[i % C] += Math.abs(missed[i]);
+  }
+
+  /** What all estimates of a parent depend on; and what was missed beside it as eighths of steps. */
+  setCommon(j, p, activity, up, down) {
+    const { common, missed } = this;
+    for (let l = 0; l < 4; l++) common[l] = Math.min(j, 3) === l ? 1 : 0;
+    common.set([activity, up, down, this.pairs.n, digits(this.levels[j + 1].weight[p])], 4);
+    for (let c = 0; c < this.channels; c++) {
+      missed[c] = Math.floor((missed[c] * 2 ** (Math.min(j, 11) + 2)) / this.step(c, j));
+    }
+  }
+
+  /** Class of what was missed in the channels from `c` to before `end`. */
+  missedClass(c, end) {
+    let sum = 0;
+    for (let k = c; k < end; k++) sum += this.missed[k];
+    return Math.min(digits(sum), 12);
+  }
+
+  /** Largest size of change in the channels from `c` to before `end`, and the sum of all. */
+  changesOf(c, end) {
+    let [largest, sum] = [0, 0];
+    for (let i = 0; i < this.pairs.n; i++) {
+      for (let k = c; k < end; k++) {
+        const size = Math.abs(this.changes[this.channels * i + k]);
+        largest = Math.max(largest, size);
+        sum += size;
+      }
+    }
+    return [largest, sum];
+  }
+
+  anyEstimate(behind) {
+    const { channels: C, ofAny, beside } = this;
+    let chroma = 0;
+    for (let c = 1; c < C; c++) chroma += beside.sum(c);
+    ofAny.set(this.common);
+    ofAny.set([
+      behind, ...this.changesOf(0, 1), ...this.changesOf(1, C), this.missedClass(0, 1), this.missedClass(1, C),
+      Math.min(beside.sum(0), 12), Math.min(chroma, 12),
+    ], 9);
+    return estimate(ANY, ofAny);
+  }
+
+  /** What the estimates of coefficient i of a channel depend on. */
+  setInputs(i, c, axis, [u, v]) {
+    const { beside, before, pairs, changes, channels: C } = this;
+    this.ofCoefficient.set(this.common);
+    this.ofCoefficient.set([
+      axis === 1 ? 1 : 0, axis === 2 ? 1 : 0, c === 1 ? 1 : 0, c === 2 ? 1 : 0, i, pairs.weights[i],
+      Math.abs(changes[C * i + c]), Math.abs(changes[C * i]), this.changesOf(c, c + 1)[1],
+      beside.size(axis, c, 8), Math.min(beside.sum(c), 12), Math.min(this.size, 8), digits(this.sizes[c]),
+      before.size(axis, c, 8), Math.min(Math.abs(u), 3), Math.min(Math.abs(v), 3),
+      this.missedClass(c, c + 1), this.missedClass(0, 1), 0, this.size === 0 && i + 1 === pairs.n ? 1 : 0,
+    ], 9);
   }
 
   largestChanges() {
@@ -270,7 +358,9 @@ export class WholeFieldReader {
       ((3 * c + axis) * 5 + beside.size(axis, c, 4)) * 4 + before.size(axis, c, 3),
       ((7 * c + pairs.n - 1 - i) * 8 + pairs.n) * 3 + size,
     ];
-    if (!stream.mixedBit(this.nonzeroMixers, 3 * c + size, this.nonzero, nonzero)) return 0;
+    if (this.estimated) this.setInputs(i, c, axis, [other(0), other(1)]);
+    const given = this.estimated ? estimate(NONZERO, this.ofCoefficient) : 0;
+    if (!stream.mixedBit(this.nonzeroMixers, 3 * c + size, this.nonzero, nonzero, given)) return 0;
     const negative = [
       13 * c + change + 6,
       (3 * c + Math.sign(other(0)) + 1) * 3 + Math.sign(other(1)) + 1,
@@ -284,7 +374,9 @@ export class WholeFieldReader {
         ((12 * c + level) * 3 + size) * 12 + k,
         ((4 * c + Math.min(level, 3)) * 7 + steep) * 12 + k,
       ];
-      if (!stream.mixedBit(this.exponentMixers, 12 * c + k, this.exponent, exponent)) break;
+      this.ofCoefficient[27] = k;
+      const above = this.estimated ? estimate(EXPONENT, this.ofCoefficient) : 0;
+      if (!stream.mixedBit(this.exponentMixers, 12 * c + k, this.exponent, exponent, above)) break;
       e++;
     }
     let value = 1;

@@ -95,7 +95,7 @@ impl FieldCells<'_> {
         lambda: f32,
         missed: impl Fn(&BorderBlocks, &[[f32; N]]) -> Vec<[f32; N]>,
     ) -> (Vec<[f32; N]>, Stored) {
-        let choose = |targets: &[[f32; N]]| choose_field(self.keys, steps, targets, lambda);
+        let choose = |targets: &[[f32; N]]| choose_field(self.keys, steps, true, targets, lambda);
         let first = choose(&wanted.at_first());
         let again = wanted.again(&first.values).map(|targets| choose(&targets));
         let CellValues { mut values, coefficients } = again.unwrap_or(first);
@@ -171,7 +171,7 @@ impl BorderBlocks {
         let scale = BORDER_FINENESS as f32 / share;
         let targets: Vec<[f32; N]> = missed.iter().map(|value| value.map(|c| scale * c)).collect();
         let CellValues { values: chosen, coefficients } =
-            choose_field(&self.keys, steps, &targets, lambda);
+            choose_field(&self.keys, steps, false, &targets, lambda);
         self.correct(&chosen, cells, values);
         coefficients
     }

@@ -50,7 +50,7 @@ impl ColorField {
         missed: impl Fn(&BorderBlocks, &[[f32; 3]]) -> Vec<[f32; 3]>,
     ) -> Self {
         let (values, stored) = cells.choose(steps.of_channels(), wanted, lambda, missed);
-        Self::of(steps, FieldCoding::Whole, values, stored)
+        Self::of(steps, FieldCoding::Estimated, values, stored)
     }
 
     fn of(steps: ColorSteps, coding: FieldCoding, values: Vec<[f32; 3]>, stored: Stored) -> Self {

@@ -31,7 +31,7 @@ impl ScalarField {
         missed: impl Fn(&BorderBlocks, &[[f32; 1]]) -> Vec<[f32; 1]>,
     ) -> Self {
         let (values, stored) = cells.choose(STEPS, wanted, lambda, missed);
-        Self::of(scale, FieldCoding::Whole, values, stored)
+        Self::of(scale, FieldCoding::Estimated, values, stored)
     }
 
     fn of(scale: ScalarScale, coding: FieldCoding, values: Vec<[f32; 1]>, stored: Stored) -> Self {

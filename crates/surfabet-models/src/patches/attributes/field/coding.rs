@@ -11,4 +11,6 @@ pub enum FieldCoding {
     Beside,
     /// As [`FieldCoding::Beside`], in whole numbers, so that the models of coefficients may depend on the prediction.
     Whole,
+    /// As [`FieldCoding::Whole`], with estimates of small networks beside the models.
+    Estimated,
 }

@@ -16,6 +16,7 @@
 //! | `whole_butterflies` | the transform of a cell's children, in whole numbers |
 //! | `butterflies` | the same in single precision |
 //! | `coefficients` | all coefficients of a field, in their order |
+//! | `estimates`, `estimate_weights` | what small networks expect of a coefficient |
 //! | `models` | models of the coefficients, and what they depend on |
 //! | `choice` | when learning: coefficients of least cost |
 //! | `older`, `older_models` | fields of older files |
@@ -24,6 +25,8 @@ mod butterflies;
 mod choice;
 mod coding;
 mod coefficients;
+mod estimate_weights;
+mod estimates;
 mod models;
 mod older;
 mod older_models;
@@ -41,7 +44,7 @@ use butterflies::Butterflies;
 use choice::choose;
 pub use coding::FieldCoding;
 use coefficients::Coded;
-use models::{Beside, CellContext, FieldModels};
+use models::{Around, Beside, CellContext, FieldModels};
 use older::OlderField;
 use pyramid::{PyramidLevel, descend, from_parents, pyramid};
 pub(super) use whole_butterflies::FRACTION;
@@ -84,15 +87,18 @@ pub(super) struct CellValues<const N: usize> {
     pub coefficients: Vec<i32>,
 }
 
-/// The values of least cost for `targets`, on sorted `cells`; `lambda` is the squared error that a bit must save.
+/// The values of least cost for `targets`, on sorted `cells`, with estimates or without; `lambda` is the squared error that a bit
+/// must save.
 pub(super) fn choose_field<const N: usize>(
     cells: &[u64],
     steps: Steps<N>,
+    with_estimates: bool,
     targets: &[[f32; N]],
     lambda: f32,
 ) -> CellValues<N> {
     let source = FieldSource::Targets { values: targets, lambda };
-    let Ok(chosen) = code_whole(&mut surfabet_entropy::Price::default(), cells, steps, source);
+    let price = &mut surfabet_entropy::Price::default();
+    let Ok(chosen) = code_whole(price, cells, steps, with_estimates, source);
     chosen
 }
 
@@ -110,9 +116,9 @@ pub(super) fn code_field<C: Coder, const N: usize>(
     let older =
         |coder: &mut C, coding| older::code_field(coder, cells, steps.0, coding, coefficients);
     match coding {
-        FieldCoding::Whole => {
+        FieldCoding::Whole | FieldCoding::Estimated => {
             let source = coefficients.map_or(FieldSource::Stream, FieldSource::Model);
-            code_whole(coder, cells, steps, source)
+            code_whole(coder, cells, steps, coding == FieldCoding::Estimated, source)
         }
         FieldCoding::Beside => older(coder, OlderField::BESIDE),
         FieldCoding::Parents => older(coder, OlderField::PARENTS),
@@ -127,6 +133,7 @@ fn code_whole<C: Coder, const N: usize>(
     coder: &mut C,
     cells: &[u64],
     steps: Steps<N>,
+    with_estimates: bool,
     source: FieldSource<'_, N>,
 ) -> Result<CellValues<N>, C::Error> {
     if cells.is_empty() {
@@ -137,7 +144,7 @@ fn code_whole<C: Coder, const N: usize>(
         _ => None,
     };
     let levels = pyramid(cells, targets);
-    let (models, coded) = (FieldModels::default(), Coded::with_capacity(cells.len()));
+    let (models, coded) = (FieldModels::new(with_estimates), Coded::with_capacity(cells.len()));
     let mut walk = Walk { coder, models, steps, source, coded };
     let top = walk.mean(&levels[levels.len() - 1])?;
     let means = descend(&levels, top, |l, [parents, children], means, activity| {
@@ -234,11 +241,16 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
                 let above = (0..3).filter_map(|axis| at(axis, true));
                 let families = below.map(|q| q.map(|q| parents.children_of(q)));
                 add_missed(&families, children, &range, &missed, decoded);
-                let ahead: usize = above.map(|i| usize::from(activity[i])).sum();
-                let around = below.iter().flatten().map(|&i| usize::from(active[i])).sum();
-                let parent = usize::from(activity[p]) + ahead.div_ceil(2);
+                let all = Around {
+                    activity: activity[p],
+                    ahead: above.map(|i| usize::from(activity[i])).sum(),
+                    behind: below.iter().flatten().map(|&i| usize::from(active[i])).sum(),
+                    n_behind: below.iter().flatten().count(),
+                    weight: parents.weights[p],
+                    missed: self.missed_beside(l, &families, &missed),
+                };
                 let beside = Beside::along(below.map(|q| q.map(|q| &coded[q])));
-                let context = CellContext::new(l, parent, around, beside);
+                let context = CellContext::new(l, all, beside);
                 let cell = Children::new(children, range.clone(), means[p]);
                 (active[p], coded[p]) = self.cell(context, &cell, &mut decoded[range.clone()])?;
             }
@@ -249,6 +261,22 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
             }
         }
         Ok(active)
+    }
+
+    /// Sum of what was missed at the children of the cells beside that are coded, in eighths of a step of cells as wide as the
+    /// level's in a surface.
+    fn missed_beside(
+        &self,
+        l: usize,
+        below: &[Option<Range<usize>>; 3],
+        missed: &[[i32; N]],
+    ) -> [u64; N] {
+        std::array::from_fn(|c| {
+            let all = below.iter().flatten().flat_map(Clone::clone);
+            // 24 values below 2^31: the product stays below 2^49.
+            let sum: u64 = all.map(|j| u64::from(missed[j][c].unsigned_abs())).sum();
+            (sum << (l.min(11) + 2)) / self.steps.of(c, l) as u64
+        })
     }
 
     /// Adds the coefficients of a cell to the prediction of its children; gives its activity, and what cells beside it
@@ -271,7 +299,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
             });
         }
         for (i, butterfly) in butterflies.all().iter().enumerate() {
-            context.set_axis(i, butterfly.axis, n);
+            context.set_axis(i, butterfly.axis, butterfly.weights, n);
         }
         let mut coefficients = match self.source {
             FieldSource::Stream => [[0; 7]; N],
@@ -368,7 +396,7 @@ mod tests {
             let keys: Vec<u64> = cells.keys().copied().collect();
             let targets: Vec<[f32; 2]> = cells.values().copied().collect();
             let steps = Steps([1, 2]);
-            let coded = choose_field(&keys, steps, &targets, 1e-6);
+            let coded = choose_field(&keys, steps, true, &targets, 1e-6);
             prop_assert_eq!(coded.coefficients.len(), 2 * keys.len());
             // Rounding to a step of s leaves an error of s / 2 in each of the orthonormal coefficients, of which a
             // value has 7 per level and its share of the top's; rounding of values adds some 64ths.
@@ -377,12 +405,14 @@ mod tests {
                     prop_assert!((value[c] - wanted[c]).abs() <= 4.2 * (c + 1) as f32, "{value:?} {wanted:?}");
                 }
             }
-            // The chosen coefficients give the same values again, by all three codings.
-            for coding in [FieldCoding::Whole, FieldCoding::Beside, FieldCoding::Parents] {
+            // The chosen coefficients give the same values again, by all codings.
+            let [estimated, whole] = [FieldCoding::Estimated, FieldCoding::Whole];
+            for coding in [estimated, whole, FieldCoding::Beside, FieldCoding::Parents] {
                 let given = Some(coded.coefficients.as_slice());
                 let Ok(again) = code_field(&mut Price::default(), &keys, steps, coding, given);
                 prop_assert_eq!(&again.coefficients, &coded.coefficients);
-                prop_assert!(coding != FieldCoding::Whole || again.values == coded.values);
+                let is_whole = [estimated, whole].contains(&coding);
+                prop_assert!(!is_whole || again.values == coded.values);
             }
         }
 
@@ -395,7 +425,8 @@ mod tests {
             let keys: Vec<u64> = cells.iter().copied().collect();
             let given = Some(&coefficients[..2 * keys.len()]);
             let steps = Steps([4096, 1]);
-            let Ok(coded) = code_field(&mut Price::default(), &keys, steps, FieldCoding::Whole, given);
+            let coding = FieldCoding::Estimated;
+            let Ok(coded) = code_field(&mut Price::default(), &keys, steps, coding, given);
             prop_assert!(coded.values.iter().flatten().all(|v| v.abs() <= (1 << 24) as f32));
         }
     }
@@ -404,10 +435,11 @@ mod tests {
     fn one_value_everywhere_takes_hardly_a_bit_per_thousand_cells() {
         let cells: Vec<u64> = (0..4096).collect();
         let targets = vec![[200.0, 100.0, 50.0]; cells.len()];
-        let coded = choose_field(&cells, Steps([64; 3]), &targets, 100.0);
+        let coded = choose_field(&cells, Steps([64; 3]), true, &targets, 100.0);
         let mut price = Price::default();
         let given = Some(coded.coefficients.as_slice());
-        let Ok(_) = code_field(&mut price, &cells, Steps([64; 3]), FieldCoding::Whole, given);
+        let coding = FieldCoding::Estimated;
+        let Ok(_) = code_field(&mut price, &cells, Steps([64; 3]), coding, given);
         assert!(price.bits < 120.0, "{}", price.bits);
         assert!(coded.values.iter().all(|v| *v == [200.0, 100.0, 50.0]));
     }

@@ -5,6 +5,8 @@
 //! `f = sqrt(w / ((v + w) v))` and `g = sqrt(v / ((v + w) w))`. All numbers that are computed here stay below 2^53, so that
 //! double precision holds them too.
 
+use super::estimates::length;
+
 /// Fractional bits of a value.
 pub(in crate::patches::attributes) const FRACTION: u32 = 6;
 
@@ -43,6 +45,8 @@ pub(super) struct WholeButterfly {
     share: i64,
     /// f and g, in units of 2^-20.
     factors: [i64; 2],
+    /// Class of the weights: binary digits of `v w / (v + w)`.
+    pub weights: u8,
 }
 
 impl WholeButterfly {
@@ -56,6 +60,7 @@ impl WholeButterfly {
             axis,
             share: (share(w) >> 10) as i64,
             factors: [factor(w, v), factor(v, w)],
+            weights: length(v * w / (v + w)),
         }
     }
 

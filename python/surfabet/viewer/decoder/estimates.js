@@ -1,0 +1,19 @@
+// Section 5.4 of docs/format.md: estimates of coefficients by small networks (feature bit 14).
+
+/** Number of binary digits of a whole number below 2^53; 0 of 0. */
+export function digits(number) {
+  const high = Math.floor(number / 2 ** 32);
+  return high > 0 ? 64 - Math.clz32(high) : 32 - Math.clz32(number);
+}
+
+/** The log-odds that a network gives of some inputs, in units of 2^-11. */
+export function estimate({ units, bias }, inputs) {
+  const n = inputs.length;
+  let sum = bias;
+  for (const unit of units) {
+    let value = unit[n];
+    for (let i = 0; i < n; i++) value += unit[i] * inputs[i];
+    if (value > 0) sum += unit[n + 1] * value;
+  }
+  return Math.min(Math.max(Math.floor(sum / 8192), -24576), 24576);
+}
