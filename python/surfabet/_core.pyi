@@ -573,7 +573,8 @@ def cloud_of_records(
 
 _Places: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 _Refused: TypeAlias = tuple[str, str]
-_Located: TypeAlias = tuple[_Places, _Places, int, bool, _Refused | None, list[float] | None]
+_Free: TypeAlias = list[list[list[float]]]
+_Located: TypeAlias = tuple[_Places, _Places, int, bool, _Refused | None, _Free]
 
 @final
 class Localizer:

@@ -323,7 +323,7 @@ class AlphabetModel(Model[_core.AlphabetModel]):
             Least score of what is found. Things of one kind seen from different sides score 0.5 to
             0.85 against each other; unlike things score up to 0.55 by shape alone, less with
             colours. A number from 0 to 1; by default 0.5; for examples of another model 0.525 by
-            shape alone, 0.42 with colours.
+            shape alone, 0.48 with colours.
         max_found
             Most places that are found. 0 or a positive integer; by default 1000.
         resolution

@@ -53,6 +53,7 @@ class Locations(Sequence[Location]):
 
     __slots__ = (
         "_accepted",
+        "free_about",
         "free_along",
         "is_ambiguous",
         "n_places",
@@ -69,7 +70,7 @@ class Locations(Sequence[Location]):
         is_ambiguous: bool,
         refusal: str | None,
         reason: str | None,
-        free_along: Sequence[float] | None,
+        free: Sequence[Sequence[Sequence[float]]],
     ) -> None:
         self._accepted = tuple(accepted)
         self.rejected: tuple[Location, ...] = tuple(rejected)
@@ -87,12 +88,13 @@ class Locations(Sequence[Location]):
         line) or `mirrored` (its mirror image fits as well); None when one is."""
         self.reason: str | None = reason
         """The same as a sentence."""
-        self.free_along: NDArray[np.float64] | None = (
-            None if free_along is None else np.array(free_along)
-        )
-        """Direction in the world, (3,), of a line along which nothing in the scan fixes the
-        position: where the refusal is `loose`, and of the likeliest place where a prior holds it
-        there."""
+        self.free_along: NDArray[np.float64] = _rows(free[0])
+        """Directions in the world, (k, 3), along which nothing in the scan fixes the position: one
+        in a corridor, two over a floor. Where the refusal is `loose`, and of the likeliest place
+        where a prior holds it there; else none, (0, 3)."""
+        self.free_about: NDArray[np.float64] = _rows(free[1])
+        """Axes in the world, (k, 3), about which nothing fixes how the scan is turned, such as the
+        normal of a floor; given where `free_along` is, and where a prior alone holds the turn."""
 
     @overload
     def __getitem__(self, index: int) -> Location: ...
@@ -196,15 +198,15 @@ def _pose(prior: ArrayLike) -> list[list[float]]:
     array = real_array(prior)
     if array is None:
         raise wrong_type("prior", prior, "a (4, 4) pose or x, y, z and yaw")
+    if array.shape not in ((4,), (4, 4)):
+        shown = f"of the shape {array.shape}"
+        raise wrong_value("prior", prior, "a (4, 4) pose or x, y, z and yaw", shown=shown)
+    if not np.isfinite(array).all():
+        raise wrong_value("prior", array.tolist(), "finite numbers")
     if array.shape == (4,):
         x, y, z, yaw = array
         cosine, sine = np.cos(np.deg2rad(yaw)), np.sin(np.deg2rad(yaw))
         array = np.array([[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
-    if array.shape != (4, 4):
-        shown = f"of the shape {array.shape}"
-        raise wrong_value("prior", prior, "a (4, 4) pose or x, y, z and yaw", shown=shown)
-    if not np.isfinite(array).all():
-        raise wrong_value("prior", np.asarray(prior).tolist(), "finite numbers")
     return [[float(value) for value in row] for row in array]
 
 
@@ -217,7 +219,7 @@ def locations_of(
     n_places: int,
     is_ambiguous: bool,
     refused: tuple[str, str] | None,
-    free_along: Sequence[float] | None,
+    free: Sequence[Sequence[Sequence[float]]],
 ) -> Locations:
     """What the core gives as arrays, as locations."""
     refusal, reason = refused or (None, None)
@@ -228,8 +230,12 @@ def locations_of(
         is_ambiguous,
         refusal,
         reason,
-        free_along,
+        free,
     )
+
+
+def _rows(directions: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    return np.array(directions, dtype=np.float64).reshape(-1, 3)
 
 
 def _locations(columns: Columns) -> list[Location]:

@@ -212,10 +212,11 @@ class Model(Generic[C]):
             What is known of the pose: scan to world (4, 4), or x, y, z in metres and yaw in
             degrees.
         radius
-            How far the sensor may be from the prior, metres; by default 1. Only with `prior`.
+            How far the sensor may be from the prior, metres; by default 1. At least a quarter of a
+            cell of the map: 0.05, more for very large maps. Only with `prior`.
         angle
-            How far the scan may be turned from the prior, degrees; by default 20. Only with
-            `prior`.
+            How far the scan may be turned from the prior, degrees; by default 20, at least 1. Only
+            with `prior`.
         upright
             True: the vertical of the scan is that of the map within 45 degrees. False: it may be
             any. None: upright poses first, then all others when none of them is accepted.

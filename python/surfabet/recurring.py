@@ -128,7 +128,7 @@ def recurring(
         of it where the thing grew from a piece. A number from 0 to 1; by default 0.5.
     resolution
         Spacing of the samples that are compared. A positive number of metres; by default the median
-        sigma of all occurrences, at least 0.015 m.
+        sigma of all occurrences, at least 0.015 m, and no closer than 4 million samples allow.
     tolerance
         Standard deviation of equal surfaces. A positive number of metres; by default the median
         sigma of all occurrences.

@@ -136,6 +136,34 @@ def test_doors_in_a_wall_are_found_by_their_colour() -> None:
         model.find(box=box, color_tolerance=0.0)
 
 
+def test_a_door_flush_with_its_wall_is_found_by_an_example_of_another_scene() -> None:
+    """Words across its edges mix both colours; a part of a wall of its paint is no door."""
+    size, paint, plaster = (0.8, 1.6), (170, 150, 110), (204, 200, 196)
+    doors = [0.7, 2.9, 4.6]
+    wall = rectangle((0, 0, 0), (6, 0, 0), (0, 0, 2))
+    x, z = wall[:, 0], wall[:, 2]
+    on_door = np.any([(x > d) & (x < d + size[0]) & (z < size[1]) for d in doors], axis=0)
+    colors = np.where(on_door[:, None], paint, plaster).astype(np.uint8)
+
+    def learned(points: NDArray[np.float64], colors: NDArray[np.uint8]) -> sb.AlphabetModel:
+        cloud = sb.PointCloud(points, colors=colors)
+        return sb.learn_alphabet(cloud, sigma_scale=1.0, noise=0.004, scales=2)
+
+    scene = learned(wall, colors)
+    leaf = rectangle((9, 9, 1), (0, size[0], 0), (0, 0, size[1]))
+    door, plain = (
+        learned(leaf, np.tile(np.uint8(paint), (len(leaf), 1))) for paint in (paint, plaster)
+    )
+    found = scene.find([door], color_tolerance=5)
+    middles = sorted((f.pose @ [9, 9 + size[0] / 2, 1 + size[1] / 2, 1])[0] for f in found)
+    assert middles == pytest.approx([d + size[0] / 2 for d in doors], abs=0.1)
+    assert all(abs(size - 1) <= 0.1 for f in found for size in f.sizes)
+    # Between the doors the wall is as wide as one, and goes on above.
+    assert scene.find([plain], color_tolerance=5) == []
+    bare = learned(wall, np.tile(np.uint8(paint), (len(wall), 1)))
+    assert bare.find([door], color_tolerance=5) == []
+
+
 def test_a_box_and_a_ball_are_refused_together(model: sb.AlphabetModel) -> None:
     with pytest.raises(sb.InvalidInputError, match=r"box is .* left out beside point and radius"):
         model.find(point=(0, 0, 0), radius=1.0, box=((0, 0, 0), (1, 1, 1)))
@@ -238,6 +266,50 @@ def test_one_of_a_row_is_a_class() -> None:
     middles = np.array([place.center for place in classes[0].places])
     middles = middles[np.argsort(middles[:, 0])]
     assert np.allclose(middles, [[0.4 + k * width, 0.15, 0.6] for k in range(3)], atol=0.05)
+
+
+def boxes_in_a_room() -> tuple[sb.PointCloud, NDArray[np.bool_]]:
+    """Six boxes by two lasers, which see floor and walls in pieces; which points are of boxes."""
+    low = [(-1.2, -0.8), (0.0, -0.9), (1.1, -0.7)]
+    tall = [(-1.3, 0.8), (-0.2, 1.0), (1.2, 0.9)]
+    boxes = [((x - 0.3, y - 0.2, 0), (x + 0.3, y + 0.2, 0.4)) for x, y in low]
+    boxes += [((x - 0.15, y - 0.15, 0), (x + 0.15, y + 0.15, 0.9)) for x, y in tall]
+    room = np.array([[-2.5, -2, 0], [2.5, 2, 2.5]])
+    azimuth, elevation = np.meshgrid(np.arange(0.01, 360, 0.5), np.arange(-74.99, 60, 0.5))
+    a, e = np.deg2rad(azimuth.ravel()), np.deg2rad(elevation.ravel())
+    rays = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    rng = np.random.default_rng(0)
+    points, is_box = [], []
+    for origin in np.array([[-2, 0, 1.2], [2, 0.1, 1.3]]):
+        distance = np.maximum(*((corner - origin) / rays for corner in room)).min(axis=1)
+        hit = np.zeros(len(rays), bool)
+        for box in boxes:
+            at = [(np.array(corner) - origin) / rays for corner in box]
+            near, far = np.minimum(*at).max(axis=1), np.maximum(*at).min(axis=1)
+            closer = (near < far) & (near > 0) & (near < distance)
+            distance, hit = np.where(closer, near, distance), hit | closer
+        points.append(origin + rays * (distance + rng.normal(0, 0.004, len(rays)))[:, None])
+        is_box.append(hit)
+    return sb.PointCloud(np.concatenate(points)), np.concatenate(is_box)
+
+
+def test_bare_pieces_of_walls_and_floors_are_no_class() -> None:
+    cloud, is_box = boxes_in_a_room()
+    points = np.asarray(cloud.points)
+    classes = sb.recurring(sb.learn_alphabet(cloud, radius=0.1, sigma_scale=1.5))
+    assert len(classes[0]) >= 3
+    for of_class in classes:
+        for place in of_class.places:
+            assert is_box[place.mask(points, margin=0.0)].mean() > 0.5
+        # Boxes are around what stands on the floor, without it.
+        low, high = of_class.box
+        assert low[2] > 0
+        assert np.linalg.norm(high - low) < 1.1
+
+
+def test_samples_too_close_are_refused_before_they_are_taken(model: sb.AlphabetModel) -> None:
+    with pytest.raises(sb.InvalidInputError, match=r"resolution is 0\.0002, .*at least 0\.00\d m"):
+        sb.recurring(model, resolution=2e-4)
 
 
 def test_nothing_else_recurs(model: sb.AlphabetModel) -> None:

@@ -39,15 +39,18 @@ fn columns<'py>(py: Python<'py>, all: &[Location]) -> Columns<'py> {
 /// Why no place is accepted: the name of the reason, and a sentence.
 type Refused = (&'static str, String);
 
-/// Accepted and rejected places, how many the scan fits, whether it is ambiguous, why none is accepted, and the line along which the
-/// place is free.
-pub type Answer<'py> = (Columns<'py>, Columns<'py>, usize, bool, Option<Refused>, Option<[f64; 3]>);
+/// Directions along which the position is free, and axes about which the scan is.
+type Free = [Vec<[f64; 3]>; 2];
+
+/// Accepted and rejected places, how many the scan fits, whether it is ambiguous, why none is accepted, and what is free.
+pub type Answer<'py> = (Columns<'py>, Columns<'py>, usize, bool, Option<Refused>, Free);
 
 /// See [`Answer`].
 pub fn answer<'py>(py: Python<'py>, found: &Located) -> Answer<'py> {
     let refused = found.refusal.map(|refusal| (refusal.kind(), refusal.to_string()));
     let [accepted, rejected] = [&found.locations, &found.rejected].map(|all| columns(py, all));
-    (accepted, rejected, found.places, found.is_ambiguous(), refused, found.free_along)
+    let free = [&found.free_along, &found.free_about].map(Clone::clone);
+    (accepted, rejected, found.places, found.is_ambiguous(), refused, free)
 }
 
 #[pymethods]

@@ -151,25 +151,33 @@ pub(crate) const LEAST_SCORE: f64 = 0.5;
 /// precision 0.96 and 0.88 with 0.5, 0.92 and 0.96 with this and with 0.55, 0.79 and 1.00 with 0.6.
 pub(crate) const LEAST_SCORE_OF_SHAPES: f64 = 0.525;
 
-/// The same where colours count: the border lowers scores. Doors of rooms 4 to 7: recall and precision 0.75 and 0.60 with 0.4, 0.67 and 0.80
-/// with this, 0.50 and 1.00 with 0.5.
-pub(crate) const LEAST_SCORE_OF_COLORS: f64 = 0.42;
+/// The same where colours count. Doors of rooms 4 to 7: recall and precision 0.92 and 1.00 with this and with all between 0.47 and 0.51; the next
+/// right one scores 0.45, the best wrong one 0.46.
+pub(crate) const LEAST_SCORE_OF_COLORS: f64 = 0.48;
 
 /// Shifts that are tried one after the other where colours count, as shares of the diagonal.
 pub(crate) const SLIDES: [f64; 6] = [0.04, 0.04, 0.02, 0.02, 0.01, 0.005];
 
 // Scoring and suppressing.
 
-/// How far beyond the border of an example it is asked whether the place goes on, spacings: two are within what samples of a border
-/// miss it by. Half takes 0.03 from scores of right doors, double adds 0.01.
+/// How far from a sample of an example no other is where the example ends, spacings: two are within what samples of a border miss it by. While the place
+/// was looked at there, half took 0.03 from scores of right doors, double added 0.01.
 pub(crate) const BORDER_STEP: f64 = 3.0;
 
 /// A position is beyond the border when the nearest sample is farther than this share of the step. 0.5 takes 0.02 from scores of right
 /// doors, 0.9 adds nothing; from 1 on there is no border, for the sample itself is a step away.
 pub(crate) const BEYOND_BORDER: f64 = 0.75;
 
+/// How far on both sides of the border colours of a scene are compared, radii of its words, which mix them. Within half a word's radius of the edge of
+/// a door flush with its wall its colour, unlike that of the frame, is like that of the example by 0.02 to 0.36, beyond one radius by 0.75 to 0.9.
+pub(crate) const BORDER_REACH: f64 = 1.0;
+
 /// Directions in which the border is looked for about a sample. Half and double change scores of right doors by at most 0.005.
 pub(crate) const BORDER_DIRECTIONS: u32 = 8;
+
+/// Share of the samples of a border that a side needs to count. The side that ends least decides: with the mean of all sides the best wrong place of
+/// rooms 4 to 7, a wall as wide as a door, scores 0.52 in place of 0.46, and two right doors less than it.
+pub(crate) const LEAST_SIDE: f64 = 0.05;
 
 /// Samples of the example that places are scored with.
 pub(crate) const SCORED_SAMPLES: usize = 4096;
@@ -204,6 +212,13 @@ pub(crate) const LINK_REACH: f64 = 2.1;
 /// its edges look alike. Half and double give three classes of 20 more and one less.
 pub(crate) const ON_LARGE: f64 = 4.0;
 
+/// Side of the cells in which large surfaces are compared with pieces, as a share of the largest size of a thing: 0.55 m, within which a wall or a
+/// floor is flat.
+pub(crate) const LARGE_CELL: f64 = 0.25;
+
+/// Least |cosine| between the normals of a large surface and of a piece in its plane: 6 degrees, by which words of a small piece are off.
+pub(crate) const IN_PLANE: f64 = 0.995;
+
 /// Samples that a thing needs, as a share of a square of the least size that is filled: 18 at a spacing of 1.5 cm, without which
 /// classes of room 8 are the same. It leaves out lines of a sample's width where a closer spacing is given.
 pub(crate) const LEAST_FILLED: f64 = 0.1;
@@ -221,6 +236,13 @@ pub(crate) const PART_MARGIN: f64 = 0.2;
 pub(crate) const RECURRING_GUESSES: usize = 600;
 /// The same finely. With half, the adjusted Rand index is 0.05 in place of 0.08.
 pub(crate) const RECURRING_FINALISTS: usize = 100;
+
+/// Share of a candidate that matches at a promising place after the rough refinement, by twice the tolerance: half of what a place scores that a thing is
+/// grown from. A candidate with fewer such places than a class needs is left out.
+pub(crate) const PROMISING: f64 = 0.2;
+
+/// Most raw samples of a scene: a room of 25 square metres has about a million at a spacing of 2 cm, and time grows with them.
+pub(crate) const MAX_SAMPLES_OF_THINGS: u64 = 4_000_000;
 
 /// A sample is covered by a thing up to this many tolerances, and a spacing, from its samples. Half gives 132 places in place of 125,
 /// double 121, of as many kinds.

@@ -21,7 +21,7 @@ class FindOptions:
 
     min_score: Annotated[float | None, Parameter(group=SEARCH)] = None
     """Least score of what is found. A number from 0 to 1; by default 0.5; for examples of another
-    model 0.525 by shape alone, 0.42 with colours."""
+    model 0.525 by shape alone, 0.48 with colours."""
 
     max_found: Annotated[int | None, Parameter(group=SEARCH), WHOLE] = None
     """Most places that are found. 0 or a positive integer; by default 1000."""

@@ -35,7 +35,7 @@ class RecurringOptions:
 
     resolution: Annotated[float | None, Parameter(group=SEARCH)] = None
     """Spacing of the samples that are compared. A positive number of metres; by default the median
-    sigma of all occurrences, at least 0.015 m."""
+    sigma of all occurrences, at least 0.015 m, and no closer than 4 million samples allow."""
 
     tolerance: Annotated[float | None, Parameter(group=SEARCH)] = None
     """Standard deviation of equal surfaces. A positive number of metres; by default the median

@@ -95,7 +95,8 @@ def locate(
                 "n_places": found.n_places,
                 "refusal": found.refusal,
                 "reason": found.reason,
-                "free_along": None if found.free_along is None else found.free_along.tolist(),
+                "free_along": found.free_along.tolist(),
+                "free_about": found.free_about.tolist(),
                 "rejected": [_fields(place) for place in found.rejected],
             }
         )

@@ -89,6 +89,15 @@ impl Region {
         }
     }
 
+    /// What two boxes have in common, which overlap.
+    pub(crate) fn shared_with(&self, other: &Self) -> Self {
+        let ([low, high], [other_low, other_high]) = (self.corners(), other.corners());
+        Self::Box {
+            low: std::array::from_fn(|a| low[a].max(other_low[a])),
+            high: std::array::from_fn(|a| high[a].min(other_high[a])),
+        }
+    }
+
     /// Middle of the region.
     pub(super) fn center(&self) -> [f64; 3] {
         match *self {
@@ -121,7 +130,7 @@ options! {
         /// Least score of what is found. Things of one kind seen from different sides score 0.5 to 0.85 against each
         /// other; unlike things score up to 0.55 by shape alone, less with colours.
         min_score: Option<f64> = None, range = Range::from_to(0.0, 1.0),
-            none = "0.5; for examples of another model 0.525 by shape alone, 0.42 with colours";
+            none = "0.5; for examples of another model 0.525 by shape alone, 0.48 with colours";
         /// Most places that are found.
         max_found: usize = 1000, range = Range::NOT_NEGATIVE;
         /// Spacing of the samples that are compared.

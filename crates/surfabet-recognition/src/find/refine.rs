@@ -144,13 +144,19 @@ impl Template {
         Some(matrix.cholesky()?.solve(&vector))
     }
 
-    /// A motion shifted to where more of the example matches: surfaces do not fix a motion along themselves, colours do.
+    /// A motion shifted to where more of the example matches: surfaces do not fix a motion along themselves, nor how far they go, colours do.
+    /// Sizes are those of the example where more of it matches so.
     fn slid(&self, scene: &SearchScene, start: Motion) -> Motion {
         let matched = |motion: &Motion| {
             let matches = self.matches(scene, motion, self.tolerance, FINE_SAMPLES);
             matched_share(&matches, &self.weights)
         };
+        let as_large = Motion { size: [1.0; 2], ..start };
         let mut best = (matched(&start), start);
+        let of_large = matched(&as_large);
+        if of_large > best.0 {
+            best = (of_large, as_large);
+        }
         for step in SLIDES.map(|share| share * self.diagonal) {
             for axis in 0..3 {
                 for by in [-step, step] {

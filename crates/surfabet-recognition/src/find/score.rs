@@ -26,7 +26,7 @@ impl Template {
             Ok(self.matches(scene, motion, self.tolerance, SCORED_SAMPLES))
         })?;
         let rarity = self.rarity(&matches);
-        let has_border = self.surroundings.is_some() && scene.color_tolerance.is_some();
+        let has_border = !self.depths.is_empty() && scene.color_tolerance.is_some();
         let border = has_border.then(|| Border::of(self));
         parallel::try_map_range(motions.len(), |k| {
             progress.check()?;

@@ -4,6 +4,7 @@ use surfabet_geom::vector::dot;
 use surfabet_geom::{KdTree, Pose};
 use surfabet_models::Result;
 
+use super::border;
 use super::lengths::Lengths;
 use super::motion::Motion;
 use super::options::Region;
@@ -42,6 +43,8 @@ pub(crate) struct Template {
     pub surroundings: Option<f64>,
     /// Largest change of a size, as a share; 0 for congruent things.
     pub size_tolerance: f64,
+    /// How far each sample is from where an example with colours ends that is a whole model, metres; else nothing.
+    pub depths: Vec<f32>,
 }
 
 impl Template {
@@ -69,7 +72,7 @@ impl Template {
             })
             .collect();
         let reach = points.iter().map(|&p| f64::from(dot(p, p))).fold(0.0, f64::max).sqrt();
-        Ok(Some(Self {
+        let mut template = Self {
             region: *region,
             pivot,
             normals: samples.iter().map(|&i| surface.normals[i as usize]).collect(),
@@ -87,7 +90,12 @@ impl Template {
             reach,
             surroundings: lengths.surroundings,
             size_tolerance: lengths.size_tolerance,
-        }))
+            depths: Vec::new(),
+        };
+        if template.surroundings.is_some() && scene.color_tolerance.is_some() {
+            template.depths = border::depths(&template)?;
+        }
+        Ok(Some(template))
     }
 
     /// Where a motion takes the i-th sample.
@@ -122,11 +130,21 @@ impl Template {
             * self.color_similarity(scene, i, j)
     }
 
-    /// Similarity of their colours alone; 1 where shape alone counts.
-    pub fn color_similarity(&self, scene: &SearchScene, i: usize, j: usize) -> f64 {
-        match (scene.color_tolerance, &self.colors, &scene.surface.colors) {
-            (Some(tolerance), Some(a), Some(b)) => color_similarity(a[i], b[j], tolerance),
-            _ => 1.0,
+    /// Similarity of their colours alone; 1 where shape alone counts. Near the border of the example less counts, for words of the
+    /// scene mix its colours with those beside it: their root of the order `(radius / depth)^2`.
+    fn color_similarity(&self, scene: &SearchScene, i: usize, j: usize) -> f64 {
+        let (Some(tolerance), Some(a), Some(b)) =
+            (scene.color_tolerance, &self.colors, &scene.surface.colors)
+        else {
+            return 1.0;
+        };
+        let similarity = color_similarity(a[i], b[j], tolerance);
+        match self.depths.get(i) {
+            Some(depth) => {
+                let share = f64::from(depth / scene.surface.color_radii[j]).min(1.0);
+                similarity.powf(share * share)
+            }
+            None => similarity,
         }
     }
 

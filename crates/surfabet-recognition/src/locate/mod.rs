@@ -11,10 +11,12 @@
 //! | `directions` | the directions that surfaces face |
 //! | `rotations` | rotations that take the scan's directions to the map's, or turns about the vertical |
 //! | `search` | translations by branch and bound on the pyramid |
-//! | `refine` | point to plane on the map's surfaces, and the covariance |
+//! | `refine` | point to plane on the map's surfaces |
+//! | `free` | motions that no surface fixes |
+//! | `covariance` | how uncertain a pose is |
 //! | `decide/` | which poses are accepted, with what probability; why none is |
 //! | `decide/verify` | surfaces explained and rays through mapped surfaces |
-//! | `decide/slide` | whether the position is fixed in every direction |
+//! | `decide/slide` | whether a pose is fixed in every direction, and where a prior holds it |
 //! | `placement` | a pose in the map's own frame |
 //! | `constants` | tuned constants of all steps |
 //!
@@ -24,8 +26,10 @@
 //! Correspondences for 3-D Mapping, T-RO 2010.
 
 mod constants;
+mod covariance;
 mod decide;
 mod directions;
+mod free;
 mod map;
 mod placement;
 mod refine;
@@ -39,12 +43,13 @@ use surfabet_geom::{PointCloud, Pose, Progress};
 use surfabet_models::{Error, Result};
 
 use self::constants::{
-    FINALISTS, FINE_REACH, FINE_SAMPLES, FINE_STEPS, ROUGH_REACH, ROUGH_SAMPLES, ROUGH_STEPS,
-    SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
+    FINALISTS, FINE_REACH, FINE_SAMPLES, FINE_STEPS, LEAST_ANGLE, LEAST_RADIUS, ROUGH_REACH,
+    ROUGH_SAMPLES, ROUGH_STEPS, SCAN_DIRECTIONS, SHARES_OF_BEST, VERIFIED_SAMPLES,
 };
 pub use self::decide::Refusal;
 use self::decide::{Demands, RefinedPose, decide, evidence};
 use self::directions::Directions;
+use self::free::FreeMotion;
 pub use self::map::Localizer;
 use self::map::evenly;
 use self::placement::Placement;
@@ -115,15 +120,24 @@ pub struct Located {
     /// How many places the scan fits, beyond [`LocateOptions::top`] too: those that are accepted, or none of which is since the scan is
     /// ambiguous. Zero where it is refused for another reason.
     pub places: usize,
-    /// Direction of the line along which nothing in the scan fixes the position, in the world: of a refusal as [`Refusal::Loose`], or of
-    /// the best accepted place, which a prior holds there.
-    pub free_along: Option<[f64; 3]>,
+    /// Directions along which nothing in the scan fixes the position, unit vectors in the world: one in a corridor, two over a floor. Of a
+    /// refusal as [`Refusal::Loose`], or of the best accepted place, which a prior holds there.
+    pub free_along: Vec<[f64; 3]>,
+    /// Axes about which nothing fixes how the scan is turned, unit vectors in the world: of a floor its normal, of a tunnel its axis.
+    pub free_about: Vec<[f64; 3]>,
 }
 
 impl Located {
     /// Whether the scan fits in several places, be they accepted or not, or anywhere along a line.
     pub fn is_ambiguous(&self) -> bool {
         self.places > 1 || self.refusal.is_some_and(|refusal| refusal.is_ambiguous())
+    }
+
+    fn set_free(&mut self, motions: &[FreeMotion]) {
+        let (shifts, turns): (Vec<&FreeMotion>, Vec<&FreeMotion>) =
+            motions.iter().partition(|m| m.is_shift());
+        self.free_along = shifts.iter().map(|m| m.shift.into()).collect();
+        self.free_about = turns.iter().map(|m| m.turn.into()).collect();
     }
 }
 
@@ -140,7 +154,7 @@ impl Localizer {
         options: &LocateOptions,
         progress: &dyn Progress,
     ) -> Result<Located> {
-        options.check()?;
+        options.check(self.cell)?;
         let samples = ScanSamples::of(scan, self.cell);
         let sensor = samples.sensor();
         let near = options.prior.as_ref().map(|prior| {
@@ -174,7 +188,7 @@ impl Localizer {
                     query.add_alternatives(&mut candidates, domain);
                 }
                 let image = || query.image_rank(allowed, domain, share);
-                let asked = (sensor, options.top);
+                let asked = (sensor, options.top, query.near.as_ref());
                 answer = decide(self, &samples.all, &candidates, &demands, &image, asked)?;
                 if is_clear && !answer.locations.is_empty() {
                     return Ok(answer);
@@ -218,22 +232,26 @@ impl Localizer {
 }
 
 impl LocateOptions {
-    fn check(&self) -> Result<()> {
-        let positive = |name, value: f64, requirement| -> Result<()> {
-            if value > 0.0 && value.is_finite() {
-                return Ok(());
+    /// For a map with cells of this side.
+    fn check(&self, cell: f64) -> Result<()> {
+        if let Some(Prior { radius, angle, .. }) = self.prior {
+            let least = LEAST_RADIUS * cell;
+            if !(radius >= least && radius.is_finite()) {
+                let requirement = format!(
+                    "at least {least:.2} m: in cells of {cell:.2} m a place is not told from others that are nearer"
+                );
+                return Err(Error::invalid("radius", radius, requirement));
             }
-            Err(Error::InvalidParameter(surfabet_geom::InvalidParameter::new(
-                name,
-                value,
-                requirement,
-            )))
-        };
-        if let Some(prior) = &self.prior {
-            positive("radius", prior.radius, "a positive number of metres")?;
-            positive("angle", prior.angle, "a positive number of radians")?;
+            if !(angle >= LEAST_ANGLE && angle.is_finite()) {
+                let degrees = angle.to_degrees();
+                let requirement = format!("at least {} degrees", LEAST_ANGLE.to_degrees().round());
+                return Err(Error::invalid("angle", format!("{degrees:.3} degrees"), requirement));
+            }
         }
-        positive("top", self.top as f64, "at least 1")
+        if self.top == 0 {
+            return Err(Error::invalid("top", 0, "at least 1"));
+        }
+        Ok(())
     }
 }
 
@@ -299,11 +317,14 @@ impl Query<'_> {
     ) -> Vec<RefinedPose> {
         let is_narrow = decide::is_narrow(self.samples);
         let found = Search::new(self.map, self.samples, rotations, domain).run(share, is_narrow);
+        let mut starts: Vec<Placement> = found.into_iter().map(|f| f.1).collect();
+        // Where nothing is fixed the prior's own place is as good as any that the search comes upon.
+        starts.extend(self.near.map(|near| near.placement));
         let rough = evenly(self.samples, ROUGH_SAMPLES);
-        let mut candidates = parallel::map(&found, |&(_, start)| {
+        let mut candidates = parallel::map(&starts, |&start| {
             let placement = refine(self.map, &rough, start, ROUGH_REACH, ROUGH_STEPS);
             let evidence = evidence(self.map, &rough, &placement);
-            RefinedPose { placement, evidence, free: None }
+            RefinedPose { placement, evidence, free: Vec::new() }
         });
         self.keep_near(&mut candidates);
         decide::best_first(&mut candidates, FINALISTS);
@@ -312,16 +333,15 @@ impl Query<'_> {
         let mut candidates = parallel::map(&candidates, |c| {
             let placement = refine(self.map, &fine, c.placement, FINE_REACH, FINE_STEPS);
             let evidence = evidence(self.map, &verified, &placement);
-            let found = RefinedPose { placement, evidence, free: None };
+            let found = RefinedPose { placement, evidence, free: Vec::new() };
             match &self.near {
-                Some(near) => {
-                    decide::held(self.map, self.samples, found, &near.placement, near.radius)
-                }
+                Some(near) => decide::held(self.map, self.samples, &fine, found, near),
                 None => found,
             }
         });
         self.keep_near(&mut candidates);
         decide::best_first(&mut candidates, FINALISTS);
+        decide::keep_held(self.map, self.samples, &mut candidates);
         candidates
     }
 

@@ -1,6 +1,6 @@
 //! Where a scan stands in a map, in the map's own frame.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use surfabet_geom::Pose;
 use surfabet_models::Result;
 
@@ -33,6 +33,27 @@ impl Placement {
         }
     }
 
+    /// The placement after a turn about x, y, z of the world and a shift along them.
+    pub fn stepped(&self, change: &Vector6<f64>) -> Self {
+        let [turn, shift] = [0, 3].map(|k| Vector3::new(change[k], change[k + 1], change[k + 2]));
+        Self {
+            rotation: UnitQuaternion::from_scaled_axis(turn) * self.rotation,
+            translation: self.translation + shift,
+        }
+    }
+
+    /// The turn about x, y, z of the world and the shift along them that lead to another placement.
+    pub fn twist_to(&self, other: &Self) -> Vector6<f64> {
+        let turn = (other.rotation * self.rotation.inverse()).scaled_axis();
+        let shift = other.translation - self.translation;
+        Vector6::new(turn[0], turn[1], turn[2], shift[0], shift[1], shift[2])
+    }
+
+    /// The placement a share of the way to another.
+    pub fn between(&self, other: &Self, share: f64) -> Self {
+        self.stepped(&(self.twist_to(other) * share))
+    }
+
     /// Metres and radians to another placement.
     pub fn distance_to(&self, other: &Self) -> (f64, f64) {
         let away = (self.translation - other.translation).norm();
@@ -55,5 +76,20 @@ mod tests {
         assert!(away < 1e-8 && turned < 1e-7);
         let at = pose.apply(sensor);
         assert!((at[0] - 500_003.0).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_twist_leads_from_one_placement_to_another() {
+        let of = |roll, yaw, x| Placement {
+            rotation: UnitQuaternion::from_euler_angles(roll, -0.2, yaw),
+            translation: Vector3::new(x, 2.0, 1.0),
+        };
+        let (from, to) = (of(0.1, 2.5, 3.0), of(-0.3, -2.9, 8.0));
+        let is_at = |a: Placement, b: &Placement| {
+            let (away, turned) = a.distance_to(b);
+            away < 1e-9 && turned < 1e-7
+        };
+        assert!(is_at(from.stepped(&from.twist_to(&to)), &to));
+        assert!(is_at(from.between(&to, 1.0), &to) && is_at(from.between(&to, 0.0), &from));
     }
 }

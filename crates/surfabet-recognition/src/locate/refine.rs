@@ -1,6 +1,6 @@
 //! A pose refined on the surfaces of the map: point to plane, robustly, by Gauss-Newton.
 
-use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, UnitQuaternion, Vector6};
 use surfabet_geom::vector::{cross, dot, minus};
 
 use super::constants::{HOLD, SAME_NORMAL};
@@ -54,12 +54,13 @@ pub(super) fn matched(
     Some(SurfaceMatch { arm, normal, distance, aside, cosine })
 }
 
-/// The normal equations of one step.
-struct System {
-    matrix: Matrix6<f64>,
-    vector: Vector6<f64>,
-    weight: f64,
-    squares: f64,
+/// The normal equations of one step, of turns about x, y, z of the world and shifts along them.
+pub(super) struct System {
+    pub matrix: Matrix6<f64>,
+    pub vector: Vector6<f64>,
+    /// Sum of all weights, and of the weighted squares of distances.
+    pub weight: f64,
+    pub squares: f64,
 }
 
 /// The least-squares pose of samples on their nearest surfaces, with weights `1 / (1 + (d / reach)^2)^2` of distances d
@@ -73,51 +74,30 @@ pub(super) fn refine(
 ) -> Placement {
     let mut placement = start;
     for step in 0..steps {
-        let t = step as f64 / (steps - 1).max(1) as f64;
-        let reach = map.cell * reach[0] * (reach[1] / reach[0]).powf(t);
-        let system = System::of(map, samples, &placement, reach);
+        let system = matched_system(map, samples, &placement, reach_of(reach, step, steps));
         let Some(change) = system.solve() else { break };
-        let turn = Vector3::new(change[0], change[1], change[2]);
-        placement.rotation = UnitQuaternion::from_scaled_axis(turn) * placement.rotation;
-        placement.translation += Vector3::new(change[3], change[4], change[5]);
-        if step + 1 < steps && change.norm() < 1e-5 && t > 0.5 {
+        placement = placement.stepped(&change);
+        if step + 1 < steps && change.norm() < 1e-5 && 2 * step > steps - 1 {
             break;
         }
     }
     placement
 }
 
-/// Covariance of a refined pose: rows and columns x, y, z in metres, then turns about x, y, z of the world in radians.
-///
-/// The inverse of the normal matrix, times the variance of the distances, times `samples_per_fact`: neighbouring samples
-/// share the errors of one surface of the map and are not independent.
-pub(super) fn covariance(
-    map: &Localizer,
-    samples: &[Sample],
-    placement: &Placement,
-    reach: f64,
-    samples_per_fact: f64,
-) -> [[f64; 6]; 6] {
-    let system = System::of(map, samples, placement, map.cell * reach);
-    let variance = system.squares / system.weight.max(1e-12);
-    let inverse = system.held().try_inverse().unwrap_or_else(Matrix6::zeros);
-    let scaled = inverse * (variance * samples_per_fact);
-    // Translations first.
-    let of = |i: usize| (i + 3) % 6;
-    std::array::from_fn(|r| std::array::from_fn(|c| scaled[(of(r), of(c))]))
+/// The reach of a step in cells: it falls geometrically from the first to the last.
+pub(super) fn reach_of([first, last]: [f64; 2], step: usize, steps: usize) -> f64 {
+    let t = step as f64 / (steps - 1).max(1) as f64;
+    first * (last / first).powf(t)
 }
 
-/// Mean over what the samples meet of n n^T, with the weights of the refinement and normals n of the map: how much of it fixes
-/// the position along each direction, 1 in all. `None` where they meet nothing.
-pub(super) fn facing(
+/// The normal equations of samples on their nearest surfaces, with a reach in cells.
+pub(super) fn matched_system(
     map: &Localizer,
     samples: &[Sample],
     placement: &Placement,
     reach: f64,
-) -> Option<Matrix3<f64>> {
-    let system = System::of(map, samples, placement, map.cell * reach);
-    let shifts = system.matrix.fixed_view::<3, 3>(3, 3).into_owned();
-    (shifts.trace() > 0.0).then(|| shifts / shifts.trace())
+) -> System {
+    System::of(map, samples, placement, map.cell * reach)
 }
 
 impl System {
@@ -152,7 +132,7 @@ impl System {
     }
 
     /// The matrix with a little weight on every direction, so that what no surface fixes stays.
-    fn held(&self) -> Matrix6<f64> {
+    pub fn held(&self) -> Matrix6<f64> {
         let part = |from: usize| (from..from + 3).map(|i| self.matrix[(i, i)]).sum::<f64>() / 3.0;
         let mut held = self.matrix;
         for i in 0..6 {

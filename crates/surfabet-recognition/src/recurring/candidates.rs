@@ -1,13 +1,17 @@
 //! Regions that may be a thing.
 
+use std::collections::BTreeMap;
+
 use surfabet_base::parallel;
 use surfabet_geom::disjoint::root;
-use surfabet_geom::vector::{dot, minus};
+use surfabet_geom::vector::{dot, minus, unit};
 use surfabet_geom::{Neighbor, Progress};
 use surfabet_models::Result;
 
 use super::options::RecurringOptions;
-use crate::constants::{LEAST_FILLED, LINK_REACH, MARGIN_OF_THINGS, ON_LARGE, PART_MARGIN};
+use crate::constants::{
+    IN_PLANE, LARGE_CELL, LEAST_FILLED, LINK_REACH, MARGIN_OF_THINGS, ON_LARGE, PART_MARGIN,
+};
 use crate::find::{Region, SearchScene};
 
 /// A set of samples with the box around it.
@@ -57,7 +61,9 @@ pub(super) fn candidates(
     let boxes = groups(points, |i| Some(pieces[i]));
     let is_small = |i: usize| boxes[pieces[i] as usize].diagonal() <= options.max_size;
     let small: Vec<bool> = (0..points.len()).map(is_small).collect();
-    let parts = beside_large(scene, &small, progress)?;
+    let mut parts = beside_large(scene, &small, progress)?;
+    let bare = bare_pieces(scene, &pieces, &small, options.max_size);
+    parts.iter_mut().zip(&pieces).for_each(|(part, &piece)| *part &= !bare[piece as usize]);
     let together = linked(scene, &parts, (LINK_REACH * spacing) as f32, progress)?;
     let things = groups(points, |i| parts[i].then_some(together[i]));
     // A square of the least size, filled in part.
@@ -106,6 +112,60 @@ fn beside_large(scene: &SearchScene, small: &[bool], progress: &dyn Progress) ->
         };
         Ok(!near.iter().any(|n| is_on(n.index())))
     })
+}
+
+/// Which pieces, at the number of their first sample, are bare parts of a large surface that what stands before it cuts off: they lie in its
+/// plane, not farther from it than twice `size`.
+fn bare_pieces(scene: &SearchScene, pieces: &[u32], small: &[bool], size: f64) -> Vec<bool> {
+    let surface = &scene.surface;
+    let (cell, reach) = (LARGE_CELL * size, 2.0 * size);
+    let limit = 0.5 * ON_LARGE * surface.spacing;
+    // Large surfaces by cells: a few hundred of a room.
+    let mut large: BTreeMap<([i32; 3], u32), Patch> = BTreeMap::new();
+    let mut pieces_of: BTreeMap<u32, Patch> = BTreeMap::new();
+    for i in 0..surface.len() {
+        let (p, n) = (surface.points[i].map(f64::from), surface.normals[i].map(f64::from));
+        if small[i] {
+            pieces_of.entry(pieces[i]).or_default().add(p, n);
+        } else {
+            let key = p.map(|c| (c / cell).floor() as i32);
+            large.entry((key, pieces[i])).or_default().add(p, n);
+        }
+    }
+    let large: Vec<([f64; 3], [f64; 3])> = large.values().map(Patch::plane).collect();
+    let mut bare = vec![false; surface.len()];
+    for (piece, patch) in pieces_of {
+        let (middle, normal) = patch.plane();
+        bare[piece as usize] = large.iter().any(|&(at, of)| {
+            // The normal of what is larger: that of a piece is off by more.
+            let d = minus(middle, at);
+            let is_in_plane = dot(normal, of).abs() > IN_PLANE && dot(d, of).abs() < limit;
+            is_in_plane && dot(d, d) < reach * reach
+        });
+    }
+    bare
+}
+
+/// Sums of positions and normals of a smooth surface, the normals turned to the side of the first.
+#[derive(Default)]
+struct Patch {
+    n: f64,
+    points: [f64; 3],
+    normals: [f64; 3],
+}
+
+impl Patch {
+    fn add(&mut self, p: [f64; 3], normal: [f64; 3]) {
+        let side = if dot(self.normals, normal) < 0.0 { -1.0 } else { 1.0 };
+        self.n += 1.0;
+        (0..3).for_each(|a| self.points[a] += p[a]);
+        (0..3).for_each(|a| self.normals[a] += side * normal[a]);
+    }
+
+    /// Middle and normal.
+    fn plane(&self) -> ([f64; 3], [f64; 3]) {
+        (self.points.map(|c| c / self.n), unit(self.normals))
+    }
 }
 
 /// The boxes of groups of samples, each at the number of its first sample.

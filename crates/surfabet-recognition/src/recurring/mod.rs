@@ -26,10 +26,11 @@ use self::growth::Growth;
 pub use self::options::RecurringOptions;
 use super::constants::{
     CLAIMED, GROWN_LEAST, GROWN_PLACES, GROWN_SCORE, LEAST_GROWTH, LEAST_SPACING_OF_THINGS,
-    RECURRING_FINALISTS, RECURRING_GUESSES,
+    MAX_SAMPLES_OF_THINGS, RECURRING_FINALISTS, RECURRING_GUESSES,
 };
 use super::find::{Budget, FIND_STAGES, Found, Lengths, Motion, Region, SearchScene, Side};
 use super::find::{Template, median_sigma, places_like};
+use super::surface::spacing_for;
 
 /// A class of things that recur.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +69,7 @@ pub fn recurring(
         return Err(Error::invalid("min_size", value, "less than max_size"));
     }
     let Some(sigma) = median_sigma(model, |_| true) else { return Ok(Vec::new()) };
-    let spacing = options.resolution.unwrap_or(sigma.max(LEAST_SPACING_OF_THINGS));
+    let spacing = spacing_of(model, options, sigma)?;
     let part = Part::named(progress, "sampling the surface", 0.0..SAMPLING);
     let scene = SearchScene::new(model, spacing, options.color_tolerance, &part)?;
     let (regions, parts) = candidates(&scene, options, progress)?;
@@ -86,6 +87,35 @@ pub fn recurring(
         classes.try_candidate(region, &Part::new(progress, at(k)..at(k + 1)))?;
     }
     classes.chosen()
+}
+
+/// The spacing of samples: that of the options, or one that is no closer than the model, and than it has [`MAX_SAMPLES_OF_THINGS`] for.
+///
+/// # Errors
+/// [`Error::InvalidParameter`] for a `resolution` with more samples.
+fn spacing_of(model: &AlphabetModel, options: &RecurringOptions, sigma: f64) -> Result<f64> {
+    let wished = options.resolution.unwrap_or(sigma.max(LEAST_SPACING_OF_THINGS));
+    let least = spacing_for(model, wished, MAX_SAMPLES_OF_THINGS);
+    if !least.is_finite() {
+        let requirement = format!("a scene of at most {MAX_SAMPLES_OF_THINGS} words");
+        return Err(Error::invalid(
+            "scene",
+            format!("a model of {} words", model.len()),
+            requirement,
+        ));
+    }
+    match options.resolution {
+        Some(given) if least > given => {
+            // Rounded up, so that it may be given.
+            let least = (1000.0 * least).ceil() / 1000.0;
+            let requirement = format!(
+                "at least {least} m: closer, the scene has more than {} million samples, each of which is compared with others",
+                MAX_SAMPLES_OF_THINGS / 1_000_000
+            );
+            Err(Error::invalid("resolution", given, requirement))
+        }
+        _ => Ok(least),
+    }
 }
 
 /// A place of a thing with its score, and the samples that the thing covers there.
@@ -126,7 +156,11 @@ impl Classes<'_> {
         if self.is_claimed(&template.covered(self.side.scene, &Motion::NONE)) {
             return Ok(());
         }
-        let budget = Budget { guesses: RECURRING_GUESSES, finalists: RECURRING_FINALISTS };
+        let budget = Budget {
+            guesses: RECURRING_GUESSES,
+            finalists: RECURRING_FINALISTS,
+            places: self.options.min_count as usize,
+        };
         let mut stages = Stages::new(FIND_STAGES, progress);
         let mut places = places_like(&template, &self.side, &self.side, budget, &mut stages)?;
         places.push((1.0, Motion::NONE));
@@ -177,7 +211,7 @@ impl Classes<'_> {
         Template::new(self.side.scene, region, &lengths)
     }
 
-    /// A region with those of its places that score at least `least`; `None` when they are too few.
+    /// A region with those of its places that score at least `least`, and of which most may belong to a thing; `None` when they are too few.
     fn thing(
         &self,
         region: &Region,
@@ -189,7 +223,8 @@ impl Classes<'_> {
         let mut kept: Vec<ScoredPlace> = Vec::new();
         for place in template.best_places(places, usize::MAX) {
             let covered = template.covered(self.side.scene, &place.1);
-            if !covered.is_empty() {
+            // What looks like a side of a box may be a bare piece of a wall.
+            if 2 * self.own(&covered).len() > covered.len() {
                 kept.push((place, covered));
             }
         }
@@ -216,10 +251,15 @@ impl Classes<'_> {
 
     fn class(&self, thing: &Thing, number: usize) -> Result<RecurringClass> {
         let origin = self.model.header().origin;
-        let example = thing.region.about(origin.map(|c| -c));
+        // Around its own samples: the region of a piece is wider, and reaches into the floor below it.
+        let own = thing.places.iter().find(|(place, _)| place.1 == Motion::NONE);
+        let own: Vec<u32> = own.map_or_else(Vec::new, |(_, covered)| self.own(covered));
+        let around = self.growth.region(&own).unwrap_or(thing.region);
+        let region = thing.region.shared_with(&around);
+        let example = region.about(origin.map(|c| -c));
         let found = |(place, covered): &ScoredPlace| -> Result<(Found, Vec<u32>)> {
             let found = thing.template.found(*place, &example, number, [origin; 2])?;
-            Ok((found, self.occurrences_of(covered)))
+            Ok((found, self.occurrences_of(&self.own(covered))))
         };
         let (places, occurrences) =
             thing.places.iter().map(found).collect::<Result<Vec<_>>>()?.into_iter().unzip();
@@ -235,6 +275,11 @@ impl Classes<'_> {
     fn is_claimed(&self, samples: &[u32]) -> bool {
         let claimed = samples.iter().filter(|&&i| self.claimed[i as usize]).count();
         claimed as f64 > CLAIMED * samples.len() as f64
+    }
+
+    /// Those of some samples that may belong to a thing.
+    fn own(&self, samples: &[u32]) -> Vec<u32> {
+        samples.iter().copied().filter(|&i| self.growth.parts[i as usize]).collect()
     }
 
     /// Occurrences with samples among these.

@@ -16,7 +16,7 @@ options! {
         min_score: f64 = 0.5, range = Range::from_to(0.0, 1.0);
         /// Spacing of the samples that are compared.
         resolution: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
-            none = "the median sigma of all occurrences, at least 0.015 m";
+            none = "the median sigma of all occurrences, at least 0.015 m, and no closer than 4 million samples allow";
         /// Standard deviation of equal surfaces.
         tolerance: Option<f64> = None, range = Range::POSITIVE, unit = "metres",
             none = "the median sigma of all occurrences";

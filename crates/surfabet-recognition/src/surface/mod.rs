@@ -15,7 +15,7 @@ use surfabet_geom::vector::{self, minus};
 use surfabet_models::alphabet::{AlphabetModel, Occurrence};
 use surfabet_models::{Result, to_ycocg};
 
-use self::sampling::{RawSample, raw_samples};
+use self::sampling::{RawSample, most_samples, raw_samples};
 use super::constants::LUMA_TOLERANCE;
 
 /// Samples, one per cube whose side is the spacing, and per axis that normals are nearest to.
@@ -30,6 +30,8 @@ pub(super) struct SurfaceSamples {
     pub colors: Option<Vec<[f32; 3]>>,
     /// The same of all occurrences.
     pub hues: Option<Vec<[f32; 3]>>,
+    /// Radius of the words that each colour is the mean of, metres; nothing without colours.
+    pub color_radii: Vec<f32>,
     /// Metres.
     pub spacing: f64,
 }
@@ -55,6 +57,7 @@ impl SurfaceSamples {
             occurrences: Vec::new(),
             colors: hues.as_ref().map(|_| Vec::new()),
             hues,
+            color_radii: Vec::new(),
             spacing,
         };
         for same in raw.chunk_by(|a, b| a.cube == b.cube) {
@@ -63,7 +66,9 @@ impl SurfaceSamples {
             surface.normals.push(normal);
             surface.occurrences.push(same[0].occurrence);
             if let (Some(hues), Some(colors)) = (&surface.hues, &mut surface.colors) {
-                colors.push(mean_color(same, hues, &occurrences));
+                let (color, radius) = mean_color(same, hues, &occurrences);
+                colors.push(color);
+                surface.color_radii.push(radius);
             }
         }
         Ok(surface)
@@ -72,6 +77,24 @@ impl SurfaceSamples {
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.points.len()
+    }
+}
+
+/// The closest spacing, at least `spacing`, at which a model has no more than `most` raw samples; infinite where it has more words.
+pub(super) fn spacing_for(model: &AlphabetModel, spacing: f64, most: u64) -> f64 {
+    let occurrences: Vec<Occurrence> = model.occurrences().collect();
+    let most = most as f64;
+    if occurrences.len() as f64 > most {
+        return f64::INFINITY;
+    }
+    let mut spacing = spacing;
+    loop {
+        let n = most_samples(&occurrences, spacing);
+        if n <= most {
+            return spacing;
+        }
+        // A little more than their area asks for, since whole samples are counted.
+        spacing *= (n / most).sqrt().max(1.01);
     }
 }
 
@@ -97,15 +120,20 @@ fn mean_sample(same: &[RawSample]) -> ([f32; 3], [f32; 3]) {
     (point.map(|c| (c / same.len() as f64) as f32), normal.map(|c| (c / length) as f32))
 }
 
-/// Mean colour of the samples of a cube, weighted by `1 / radius^2`: the colour of a small word is that of a smaller
+/// Mean colour and radius of the words of a cube, weighted by `1 / radius^2`: the colour of a small word is that of a smaller
 /// place.
-fn mean_color(same: &[RawSample], hues: &[[f32; 3]], occurrences: &[Occurrence]) -> [f32; 3] {
-    let (mut sum, mut all) = ([0.0; 3], 0.0);
+fn mean_color(
+    same: &[RawSample],
+    hues: &[[f32; 3]],
+    occurrences: &[Occurrence],
+) -> ([f32; 3], f32) {
+    let (mut sum, mut radii, mut all) = ([0.0; 3], 0.0, 0.0);
     for r in same {
         let k = r.occurrence as usize;
         let weight = occurrences[k].radius.powi(-2) as f32;
         (0..3).for_each(|c| sum[c] += weight * hues[k][c]);
+        radii += weight * occurrences[k].radius as f32;
         all += weight;
     }
-    sum.map(|c| c / all)
+    (sum.map(|c| c / all), radii / all)
 }

@@ -27,6 +27,15 @@ impl RawSample {
     }
 }
 
+/// How many raw samples occurrences have at most, before any is taken.
+pub(super) fn most_samples(occurrences: &[Occurrence], spacing: f64) -> f64 {
+    occurrences.iter().map(|o| per_side(o.radius, spacing).powi(2)).sum()
+}
+
+fn per_side(radius: f64, spacing: f64) -> f64 {
+    (2.0 * radius / (RAW_SPACING * spacing)).ceil().max(1.0)
+}
+
 /// Samples of all occurrences on grids a little finer than `spacing`.
 ///
 /// # Errors
@@ -37,8 +46,7 @@ pub(super) fn raw_samples(
     spacing: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<RawSample>> {
-    let per_side = |radius: f64| (2.0 * radius / (RAW_SPACING * spacing)).ceil().max(1.0);
-    let most: f64 = occurrences.iter().map(|o| per_side(o.radius).powi(2)).sum();
+    let most = most_samples(occurrences, spacing);
     if most > MAX_SAMPLES as f64 {
         let (points, limit) = (most as u64, MAX_SAMPLES);
         return Err(Error::TooManyPoints { resolution: spacing, points, limit });
@@ -48,7 +56,7 @@ pub(super) fn raw_samples(
         let o = &occurrences[k];
         progress.check()?;
         let word = &model.alphabet().words()[usize::from(o.word)];
-        let n = per_side(o.radius) as u64;
+        let n = per_side(o.radius, spacing) as u64;
         let at = |i: u64| (2 * i + 1) as f64 / n as f64 - 1.0;
         // Component `a` in the world of a vector in the frame of the word.
         let along = |v: [f64; 3], a: usize| (0..3).map(|k| o.rows[k][a] * v[k]).sum::<f64>();

@@ -10,42 +10,35 @@ use surfabet_geom::vector;
 use surfabet_models::Result;
 
 use super::constants::{
-    AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS, FACTS_AGAINST, FACTS_FOR, FINE_REACH,
-    FINE_SAMPLES, FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, LEAST_SAMPLES,
-    LOOSE_MARGIN, MIRROR_MARGIN, MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, ROW,
-    ROW_EXPLAINED, SAME_PLACE, SECTORS, SURE, TILTED_AGAINST, TILTED_EXPLAINED, UNKNOWN,
+    AGAINST_PER_EXPLAINED, CLEARLY_EXPLAINED, DOUBT, FACTS_AGAINST, FACTS_FOR, FINE_SAMPLES,
+    FULLY_INSIDE, HOPELESS, LEAST_EXPLAINED, LEAST_PROBABILITY, LEAST_SAMPLES, LOOSE_MARGIN,
+    MIRROR_MARGIN, MOST_AGAINST, MOST_ALIKE, NARROW, NARROW_EXPLAINED, ROW, ROW_EXPLAINED,
+    SAME_PLACE, SECTORS, SURE, TILTED_AGAINST, TILTED_EXPLAINED, UNKNOWN,
 };
+use super::covariance::covariance;
+use super::free::FreeMotion;
 use super::map::{Localizer, evenly};
 use super::placement::Placement;
-use super::refine::covariance;
 use super::samples::Sample;
-use super::{Located, Location};
-use slide::free_direction;
-pub(super) use slide::held;
+use super::{Located, Location, Near};
+use slide::free_motions;
+pub(super) use slide::{held, keep_held};
 use verify::Evidence;
 pub(super) use verify::evidence;
 
 /// A refined pose.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct RefinedPose {
     pub placement: Placement,
     pub evidence: Evidence,
-    /// The standard deviation along the line on which the prior alone holds it, if there is one: as a vector, metres.
-    pub free: Option<[f64; 3]>,
+    /// Motions along which the prior alone holds it.
+    pub free: Vec<FreeMotion>,
 }
 
 impl RefinedPose {
     /// Whether it is accepted and explains so much that the search ends.
     pub fn is_clear(&self, demands: &Demands) -> bool {
         self.evidence.explained >= CLEARLY_EXPLAINED && self.evidence.refusal(demands).is_none()
-    }
-
-    /// A covariance with the variance along the line on which the prior alone holds the place.
-    fn widened(&self, mut covariance: [[f64; 6]; 6]) -> [[f64; 6]; 6] {
-        if let Some(free) = self.free {
-            (0..9).for_each(|k| covariance[k / 3][k % 3] += free[k / 3] * free[k % 3]);
-        }
-        covariance
     }
 }
 
@@ -246,7 +239,7 @@ pub(super) fn best_first(candidates: &mut Vec<RefinedPose>, most: usize) {
             away < SAME_PLACE.0 && turned < SAME_PLACE.1
         };
         if kept.len() < most && !kept.iter().any(is_same) {
-            kept.push(*c);
+            kept.push(c.clone());
         }
     }
     *candidates = kept;
@@ -284,8 +277,9 @@ fn refusals(
     let of = |c: &RefinedPose| -> Option<Refusal> {
         let too_many = || (places > demands.alike).then_some(Refusal::Alike { places });
         let loose = || {
-            let along = demands.fixed.then(|| free_direction(map, samples, c)).flatten();
-            along.map(|along| Refusal::Loose { along })
+            let free = if demands.fixed { free_motions(map, samples, c) } else { Vec::new() };
+            let along = free.iter().find(|m| m.is_shift())?;
+            Some(Refusal::Loose { along: along.shift.into() })
         };
         c.evidence.refusal(demands).or_else(too_many).or_else(loose)
     };
@@ -362,17 +356,15 @@ pub(super) fn decide(
     candidates: &[RefinedPose],
     demands: &Demands,
     image: &dyn Fn() -> Option<f64>,
-    (sensor, top): ([f64; 3], usize),
+    (sensor, top, near): ([f64; 3], usize, Option<&Near>),
 ) -> Result<Located> {
     let fine = evenly(samples, FINE_SAMPLES);
     let location = |c: &RefinedPose, probability: f64| -> Result<Location> {
-        let per_fact = (fine.len() as f64 / FACTS).max(1.0);
-        let covariance = covariance(map, &fine, &c.placement, FINE_REACH[1], per_fact);
         Ok(Location {
             pose: c.placement.pose(map.origin, sensor)?,
             score: c.evidence.closeness,
             probability,
-            covariance: c.widened(covariance),
+            covariance: covariance(map, &fine, &c.placement, &c.free, near),
             explained: c.evidence.explained,
             contradicted: c.evidence.contradicted,
             in_front: c.evidence.in_front,
@@ -407,11 +399,13 @@ pub(super) fn decide(
     }
     answer.places = answer.locations.len();
     let accepted = candidates.iter().zip(&refusals).find(|(_, refusal)| refusal.is_none());
-    answer.free_along = accepted.and_then(|(c, _)| c.free).map(vector::unit);
+    answer.set_free(accepted.map_or(&[], |(c, _)| &c.free));
     if answer.locations.is_empty() {
         answer.refusal = doubt.or(refusals[0]);
         if let Some(Refusal::Loose { along }) = answer.refusal {
-            answer.free_along = Some(along);
+            let free = candidates.iter().map(|c| free_motions(map, samples, c));
+            let of_one = free.into_iter().find(|free| free.iter().any(FreeMotion::is_shift));
+            answer.set_free(&of_one.unwrap_or_else(|| vec![FreeMotion::along(along)]));
         }
     }
     // The places that an ambiguous scan fits are worth knowing, though none is accepted.
@@ -439,7 +433,7 @@ mod tests {
                 translation: translation.into(),
             },
             evidence: Evidence::default(),
-            free: None,
+            free: Vec::new(),
         };
         places.iter().map(of).collect()
     }

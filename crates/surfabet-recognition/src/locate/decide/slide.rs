@@ -1,67 +1,100 @@
-//! Whether surfaces fix a position in every direction: a corridor looks the same along its length.
+//! Whether surfaces fix a pose: a corridor looks the same along its length, a floor all over and all around.
 
-use nalgebra::{SymmetricEigen, Vector3};
+use crate::locate::Near;
+use crate::locate::constants::{FINE_REACH, FREE, SAME_PLACE, SLIDE, SLIDE_TURN, VERIFIED_SAMPLES};
+use crate::locate::free::{FreeMotion, FreeSpace, loose_motions, refine_beside};
+use crate::locate::map::{Localizer, evenly};
+use crate::locate::placement::Placement;
+use crate::locate::refine::matched_system;
+use crate::locate::samples::Sample;
 
 use super::RefinedPose;
 use super::verify::evidence;
-use crate::locate::constants::{FINE_REACH, FREE, LOOSE, SLIDE, VERIFIED_SAMPLES};
-use crate::locate::map::{Localizer, evenly};
-use crate::locate::placement::Placement;
-use crate::locate::refine::facing;
-use crate::locate::samples::Sample;
 
-/// The direction along which a place is free: surfaces that face it hold the position little, and [`SLIDE`] metres farther along it
+/// Shares of the way from a place to that of the prior that are tried, where the prior's own does not fit.
+const WAYS: [f64; 4] = [0.75, 0.5, 0.25, 0.0];
+
+/// Motions along which a place is free: surfaces hold it little, and [`SLIDE`] metres or [`SLIDE_TURN`] radians farther one way at least
 /// the evidence is as good.
-pub(in crate::locate) fn free_direction(
+pub(in crate::locate) fn free_motions(
     map: &Localizer,
     samples: &[Sample],
     candidate: &RefinedPose,
-) -> Option<[f64; 3]> {
-    let (along, ways) = free_ways(map, samples, candidate)?;
-    ways.contains(&true).then(|| along.into())
-}
-
-/// The direction that surfaces hold least, if they hold it little, and whether [`SLIDE`] metres back and forth along it the evidence is as
-/// good.
-fn free_ways(
-    map: &Localizer,
-    samples: &[Sample],
-    candidate: &RefinedPose,
-) -> Option<(Vector3<f64>, [bool; 2])> {
+) -> Vec<FreeMotion> {
     let verified = evenly(samples, VERIFIED_SAMPLES);
-    let eigen = SymmetricEigen::new(facing(map, &verified, &candidate.placement, FINE_REACH[1])?);
-    let least = eigen.eigenvalues.imin();
-    if eigen.eigenvalues[least] > LOOSE {
-        return None;
-    }
-    let along = eigen.eigenvectors.column(least).into_owned();
-    let is_as_likely = |step: f64| {
-        let mut moved = candidate.placement;
-        moved.translation += along * step;
-        evidence(map, &verified, &moved).rank() > candidate.evidence.rank() - FREE
-    };
-    Some((along, [-SLIDE, SLIDE].map(is_as_likely)))
+    let mut motions =
+        loose_motions(&matched_system(map, &verified, &candidate.placement, FINE_REACH[1]));
+    let least = candidate.evidence.rank() - FREE;
+    motions.retain(|m| ways(map, &verified, &candidate.placement, m, least).contains(&true));
+    motions
 }
 
-/// A candidate whose place is free both ways along a line, at the place of the prior on it: what the surfaces say of the position there is
-/// chance. It may be anywhere up to `radius` metres from the prior, evenly, so that its standard deviation is `radius / sqrt(3)`. The
-/// place of the prior must be as likely; other candidates stay.
+/// Whether the evidence is at least `least` after a motion back and forth.
+fn ways(
+    map: &Localizer,
+    verified: &[Sample],
+    placement: &Placement,
+    motion: &FreeMotion,
+    least: f64,
+) -> [bool; 2] {
+    let by = if motion.is_shift() { SLIDE } else { SLIDE_TURN };
+    [-by, by].map(|by| evidence(map, verified, &motion.applied(placement, by)).rank() > least)
+}
+
+/// A candidate whose place is free both ways along some motions, as near to the prior on these as it fits: what the surfaces say of the
+/// position there is chance, and with the prior's the covariance says so. Other candidates stay.
 pub(in crate::locate) fn held(
     map: &Localizer,
     samples: &[Sample],
+    fine: &[Sample],
     candidate: RefinedPose,
-    prior: &Placement,
-    radius: f64,
+    near: &Near,
 ) -> RefinedPose {
-    let Some((along, [true, true])) = free_ways(map, samples, &candidate) else {
-        return candidate;
-    };
-    let mut placement = candidate.placement;
-    placement.translation += along * (prior.translation - placement.translation).dot(&along);
-    let evidence = evidence(map, &evenly(samples, VERIFIED_SAMPLES), &placement);
-    if evidence.rank() < candidate.evidence.rank() - FREE {
-        return candidate;
+    let verified = evenly(samples, VERIFIED_SAMPLES);
+    let mut motions =
+        loose_motions(&matched_system(map, &verified, &candidate.placement, FINE_REACH[1]));
+    let mut ways_left = WAYS.iter();
+    let mut target = near.placement;
+    while !motions.is_empty() {
+        let placement = refine_beside(map, fine, &candidate.placement, &target, &motions);
+        let evidence = evidence(map, &verified, &placement);
+        let before = motions.len();
+        if evidence.rank() > candidate.evidence.rank() - FREE {
+            let least = evidence.rank() - FREE;
+            motions.retain(|m| ways(map, &verified, &placement, m, least) == [true; 2]);
+            if motions.len() == before {
+                return RefinedPose { placement, evidence, free: motions };
+            }
+        } else {
+            let Some(&share) = ways_left.next() else { break };
+            target = candidate.placement.between(&near.placement, share);
+        }
     }
-    let free = Some((along * (radius / 3.0_f64.sqrt())).into());
-    RefinedPose { placement, evidence, free }
+    candidate
+}
+
+/// Removes candidates that are one that is held by the prior, moved along what is free, unless they are clearly likelier: they are that
+/// place.
+pub(in crate::locate) fn keep_held(
+    map: &Localizer,
+    samples: &[Sample],
+    candidates: &mut Vec<RefinedPose>,
+) {
+    let verified = evenly(samples, VERIFIED_SAMPLES);
+    let mut next = 0;
+    while next < candidates.len() {
+        let other = candidates[next].clone();
+        next += 1;
+        if other.free.is_empty() {
+            continue;
+        }
+        let system = matched_system(map, &verified, &other.placement, FINE_REACH[1]);
+        let space = FreeSpace::new(&system, &other.free);
+        candidates.retain(|c| {
+            *c == other
+                || space.distance(&other.placement, &c.placement) > SAME_PLACE.0
+                || c.evidence.rank() > other.evidence.rank() + FREE
+        });
+        next = 1 + candidates.iter().position(|c| *c == other).unwrap_or(next);
+    }
 }
