@@ -237,10 +237,6 @@ pub(crate) const RECURRING_GUESSES: usize = 600;
 /// The same finely. With half, the adjusted Rand index is 0.05 in place of 0.08.
 pub(crate) const RECURRING_FINALISTS: usize = 100;
 
-/// Share of a candidate that matches at a promising place after the rough refinement, by twice the tolerance: half of what a place scores that a thing is
-/// grown from. A candidate with fewer such places than a class needs is left out.
-pub(crate) const PROMISING: f64 = 0.2;
-
 /// Most raw samples of a scene: a room of 25 square metres has about a million at a spacing of 2 cm, and time grows with them.
 pub(crate) const MAX_SAMPLES_OF_THINGS: u64 = 4_000_000;
 

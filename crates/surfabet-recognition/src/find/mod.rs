@@ -39,7 +39,7 @@ pub use self::options::{FindOptions, Region};
 pub(super) use self::scene::SearchScene;
 pub(super) use self::template::Template;
 use super::constants::{
-    FINALISTS, GUESSES, LEAST_SCORE, LEAST_SCORE_OF_COLORS, LEAST_SCORE_OF_SHAPES, PROMISING,
+    FINALISTS, GUESSES, LEAST_SCORE, LEAST_SCORE_OF_COLORS, LEAST_SCORE_OF_SHAPES,
     SAME_PLACE_OF_ANY,
 };
 
@@ -108,7 +108,7 @@ pub fn find(
         return Err(example.invalid("a region with a surface"));
     };
     let side = Side::new(model, &scene);
-    let budget = Budget { guesses: GUESSES, finalists: FINALISTS, places: 0 };
+    let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
     let mut places = places_like(&template, &side, &side, budget, &mut stages)?;
     places.push((1.0, Motion::NONE));
     let least = options.min_score.unwrap_or(LEAST_SCORE);
@@ -173,7 +173,7 @@ fn find_example(
     let Some(template) = Template::new(&from, &region.about(origins[0]), &lengths)? else {
         return Err(region.invalid("a region with a surface"));
     };
-    let budget = Budget { guesses: GUESSES, finalists: FINALISTS, places: 0 };
+    let budget = Budget { guesses: GUESSES, finalists: FINALISTS };
     let sides = [Side::new(model, &from), Side::new(searched, &to)];
     let mut places = places_like(&template, &sides[0], &sides[1], budget, &mut stages)?;
     let by_shape = from.color_tolerance.is_none() || to.color_tolerance.is_none();
@@ -191,8 +191,6 @@ pub(super) struct Budget {
     pub guesses: usize,
     /// Guesses that are refined finely.
     pub finalists: usize,
-    /// Places that must be promising after the rough refinement for any to be refined finely.
-    pub places: usize,
 }
 
 /// Places like the template with their scores: guessed from pairs of occurrences, the most promising refined roughly, the best of
@@ -210,11 +208,7 @@ pub(super) fn places_like(
     })?;
     let motions = stages.run("refining motions", |progress| {
         let motions = template.refine_roughly(scene, &guesses, progress)?;
-        // All of them are refined finely, since the others say what of the example is rare.
-        let promising = motions.iter().copied().filter(|m| m.0 >= PROMISING).collect();
-        let is_enough = template.places_apart(promising, budget.places).len() >= budget.places;
-        let finalists = if is_enough { budget.finalists } else { 0 };
-        Ok(template.best_guesses(motions, finalists))
+        Ok(template.best_guesses(motions, budget.finalists))
     })?;
     stages.run("scoring places", |progress| {
         let motions = template.refine_finely(scene, &motions, progress)?;

@@ -156,11 +156,7 @@ impl Classes<'_> {
         if self.is_claimed(&template.covered(self.side.scene, &Motion::NONE)) {
             return Ok(());
         }
-        let budget = Budget {
-            guesses: RECURRING_GUESSES,
-            finalists: RECURRING_FINALISTS,
-            places: self.options.min_count as usize,
-        };
+        let budget = Budget { guesses: RECURRING_GUESSES, finalists: RECURRING_FINALISTS };
         let mut stages = Stages::new(FIND_STAGES, progress);
         let mut places = places_like(&template, &self.side, &self.side, budget, &mut stages)?;
         places.push((1.0, Motion::NONE));
