@@ -122,8 +122,7 @@ class LearnOptions:
     min_points: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """bic-alphabet: Least number of points of a word. planes: Points that a patch needs. For
     bic-alphabet an integer of at least 1; by default 8. For planes an integer of at least 3; by
-    default one in 4000 of all points, at least 30; one in 15, at least 20, of fewer than 450
-    points."""
+    default one in 4000 of all points, at least 30."""
 
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
