@@ -174,11 +174,6 @@ pub(super) const SPLIT_DEPTH: u32 = 12;
 pub(super) const POINTS_PER_PATCH_POINT: usize = 4000;
 pub(super) const LEAST_PATCH_POINTS: usize = 30;
 
-/// Where that is more than one point in so many, this share of a small cloud is enough, and at least this number. Of boxes of 300 exact points,
-/// ten seeds, 50 of 60 faces are found (20 with 30 points for a patch), and no false one.
-pub(super) const SMALL_POINTS_PER_PATCH_POINT: usize = 15;
-pub(super) const LEAST_SMALL_PATCH_POINTS: usize = 20;
-
 /// Share of these that a patch needs before the end of the fit. Half and double gave the same planes: it keeps patches of a few
 /// points from taking part in a fit.
 pub(super) const PART_SHARE: f64 = 0.25;

@@ -40,9 +40,8 @@ pub(super) use self::trim::mean_square;
 use self::trim::{facing, outline, trim, trim_to};
 use super::constants::{
     CLEAR_PASSES, CLEAR_SIGMAS, COARSER_LEVELS, FIGURES, LARGE_PATCH, LARGE_SHARE,
-    LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE, LEAST_PATCH_POINTS, LEAST_SCALE, LEAST_SMALL_PATCH_POINTS,
-    MOST_DEVIATION, PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
-    SMALL_POINTS_PER_PATCH_POINT,
+    LEAST_GRID_SIZE_SIGMAS, LEAST_NOISE, LEAST_PATCH_POINTS, LEAST_SCALE, MOST_DEVIATION,
+    PART_SHARE, POINTS_PER_PATCH_POINT, SIGMAS_PER_GRID_SIZE,
 };
 use super::options::PlanesOptions;
 use super::patch::{Frame, Patch};
@@ -121,9 +120,7 @@ impl<'a> Fit<'a> {
         let known = noise.map_or(0.0, |n| LEAST_GRID_SIZE_SIGMAS * n.0);
         let by_data = options.quality.scale() * points.spacing().max(known);
         let smallest = options.min_grid_size.unwrap_or(by_data);
-        let least = (points.len() / SMALL_POINTS_PER_PATCH_POINT)
-            .clamp(LEAST_SMALL_PATCH_POINTS, LEAST_PATCH_POINTS);
-        let by_default = (points.len() / POINTS_PER_PATCH_POINT).max(least);
+        let by_default = (points.len() / POINTS_PER_PATCH_POINT).max(LEAST_PATCH_POINTS);
         let mut fit = Self {
             points,
             options: options.clone(),
