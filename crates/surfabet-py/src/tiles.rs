@@ -416,6 +416,7 @@ fn state<'py>(py: Python<'py>, plan: &TilePlan) -> PyResult<Bound<'py, PyDict>> 
     dict.set_item("views", VIEWS.iter().position(|views| *views == plan.views))?;
     dict.set_item("attributes", plan.attributes.iter().map(attribute).collect::<Vec<_>>())?;
     dict.set_item("corrected", plan.corrected)?;
+    dict.set_item("estimated", plan.estimated)?;
     dict.set_item("details", plan.details)?;
     let chosen = plan.chosen.iter().map(|c| (c.option, c.value, c.reason.clone()));
     dict.set_item("chosen", chosen.collect::<Vec<_>>())?;
@@ -460,6 +461,7 @@ fn plan_of(state: &Bound<'_, PyDict>) -> PyResult<TilePlan> {
         views: views_of(item("views")?.extract()?)?,
         attributes: attributes.into_iter().map(attribute).collect::<PyResult<_>>()?,
         corrected: item("corrected")?.extract()?,
+        estimated: item("estimated")?.extract()?,
         details: item("details")?.extract()?,
         chosen: Vec::new(),
     };

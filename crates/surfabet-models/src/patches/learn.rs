@@ -444,10 +444,13 @@ fn attributes(
     let targets = Targets::new(samples, &cells, sides, lattice.pixel_size as f32);
     let border = ground.tile.and_then(Tile::border);
     let border = border.map(|border| Box::new(BorderBlocks::new(border, &cells)));
-    let of = FieldCells { keys: &cells, border: border.as_deref() };
+    let coding = match ground.tile.is_none_or(|tile| tile.estimated) {
+        true => FieldCoding::Estimated,
+        false => FieldCoding::Whole,
+    };
+    let of = FieldCells { keys: &cells, border: border.as_deref(), coding };
     let Fields { color, others, figures } =
         chosen.fields(of, &targets, options, ground.attributes)?;
-    let coding = FieldCoding::Estimated;
     Ok((Attributes { cells, color, others, unblended, coding, border }, figures))
 }
 

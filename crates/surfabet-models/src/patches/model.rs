@@ -542,7 +542,7 @@ impl PatchModel {
 impl Attributes {
     /// The cells as fields are coded on them.
     fn cells(&self) -> FieldCells<'_> {
-        FieldCells { keys: &self.cells, border: self.border.as_deref() }
+        FieldCells { keys: &self.cells, border: self.border.as_deref(), coding: self.coding }
     }
 
     /// Reads the attributes of these cells; what `header` has of those beside colour was checked.
@@ -554,13 +554,13 @@ impl Attributes {
     ) -> Result<Self, C::Error> {
         let coding = header.coding;
         let border = header.border.map(|border| Box::new(BorderBlocks::new(border, &cells)));
-        let of = FieldCells { keys: &cells, border: border.as_deref() };
+        let of = FieldCells { keys: &cells, border: border.as_deref(), coding };
         let color = match header.color {
-            Some(steps) => Some(ColorField::read(color, of, steps, coding)?),
+            Some(steps) => Some(ColorField::read(color, of, steps)?),
             None => None,
         };
         let fields = header.attributes.iter().zip(others);
-        let others = fields.map(|(header, coder)| AttributeField::read(coder, of, header, coding));
+        let others = fields.map(|(header, coder)| AttributeField::read(coder, of, header));
         let others = others.collect::<Result<_, _>>()?;
         Ok(Self { cells, color, others, unblended: header.unblended, coding, border })
     }

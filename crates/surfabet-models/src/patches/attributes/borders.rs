@@ -64,6 +64,8 @@ pub(in crate::patches) struct FieldCells<'a> {
     pub keys: &'a [u64],
     /// The blocks at the borders of a tile, where values are corrected there.
     pub border: Option<&'a BorderBlocks>,
+    /// How their values are coded.
+    pub coding: FieldCoding,
 }
 
 /// The blocks of cells at the borders of a tile.
@@ -95,7 +97,9 @@ impl FieldCells<'_> {
         lambda: f32,
         missed: impl Fn(&BorderBlocks, &[[f32; N]]) -> Vec<[f32; N]>,
     ) -> (Vec<[f32; N]>, Stored) {
-        let choose = |targets: &[[f32; N]]| choose_field(self.keys, steps, true, targets, lambda);
+        let is_estimated = self.coding == FieldCoding::Estimated;
+        let choose =
+            |targets: &[[f32; N]]| choose_field(self.keys, steps, is_estimated, targets, lambda);
         let first = choose(&wanted.at_first());
         let again = wanted.again(&first.values).map(|targets| choose(&targets));
         let CellValues { mut values, coefficients } = again.unwrap_or(first);
@@ -114,12 +118,11 @@ impl FieldCells<'_> {
         self,
         coder: &mut C,
         steps: Steps<N>,
-        coding: FieldCoding,
         given: Option<&Stored>,
     ) -> Result<(Vec<[f32; N]>, Stored), C::Error> {
         let of_cells = given.map(|stored| stored.of_cells.as_slice());
         let CellValues { mut values, coefficients } =
-            code_field(coder, self.keys, steps, coding, of_cells)?;
+            code_field(coder, self.keys, steps, self.coding, of_cells)?;
         let of_blocks = match self.border {
             Some(border) => {
                 let given = given.and_then(|stored| stored.of_blocks.as_deref());

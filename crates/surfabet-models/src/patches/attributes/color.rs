@@ -3,7 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::borders::{BorderBlocks, FieldCells, Stored};
-use super::field::{FieldCoding, Steps};
+use super::field::Steps;
 use super::wanted::Wanted;
 use crate::color::rounded;
 
@@ -32,7 +32,6 @@ impl ColorSteps {
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::patches) struct ColorField {
     pub steps: ColorSteps,
-    coding: FieldCoding,
     stored: Stored,
     /// Red, green and blue of each cell.
     pub colors: Vec<[u8; 3]>,
@@ -50,12 +49,12 @@ impl ColorField {
         missed: impl Fn(&BorderBlocks, &[[f32; 3]]) -> Vec<[f32; 3]>,
     ) -> Self {
         let (values, stored) = cells.choose(steps.of_channels(), wanted, lambda, missed);
-        Self::of(steps, FieldCoding::Estimated, values, stored)
+        Self::of(steps, values, stored)
     }
 
-    fn of(steps: ColorSteps, coding: FieldCoding, values: Vec<[f32; 3]>, stored: Stored) -> Self {
+    fn of(steps: ColorSteps, values: Vec<[f32; 3]>, stored: Stored) -> Self {
         let colors = values.into_iter().map(|value| rounded(to_rgb(value))).collect();
-        Self { steps, coding, stored, colors }
+        Self { steps, stored, colors }
     }
 
     /// Writes or prices the field.
@@ -64,7 +63,7 @@ impl ColorField {
     /// Those of the coder.
     pub fn write<C: Coder>(&self, coder: &mut C, cells: FieldCells<'_>) -> Result<(), C::Error> {
         let steps = self.steps.of_channels();
-        cells.code(coder, steps, self.coding, Some(&self.stored)).map(|_| ())
+        cells.code(coder, steps, Some(&self.stored)).map(|_| ())
     }
 
     /// Reads the field that [`ColorField::write`] wrote.
@@ -75,13 +74,12 @@ impl ColorField {
         coder: &mut C,
         cells: FieldCells<'_>,
         steps: ColorSteps,
-        coding: FieldCoding,
     ) -> Result<Self, C::Error> {
         if !steps.is_valid() {
             return Err(coder.corrupt(format!("{steps:?} are not 1 to 4096")));
         }
-        let (values, stored) = cells.code(coder, steps.of_channels(), coding, None)?;
-        Ok(Self::of(steps, coding, values, stored))
+        let (values, stored) = cells.code(coder, steps.of_channels(), None)?;
+        Ok(Self::of(steps, values, stored))
     }
 }
 

@@ -165,11 +165,10 @@ impl AttributeField {
         coder: &mut C,
         cells: FieldCells<'_>,
         header: &AttributeHeader,
-        coding: FieldCoding,
     ) -> Result<Self, C::Error> {
         let values = match &header.content {
             AttributeContent::Scalar(scale) => {
-                Values::Scalar(ScalarField::read(coder, cells, *scale, coding)?)
+                Values::Scalar(ScalarField::read(coder, cells, *scale)?)
             }
             AttributeContent::Labels(values) => {
                 Values::Labels(LabelField::read(coder, cells.keys, values.clone())?)

@@ -3,7 +3,7 @@
 use surfabet_entropy::Coder;
 
 use super::borders::{BorderBlocks, FieldCells, Stored};
-use super::field::{FieldCoding, Steps};
+use super::field::Steps;
 use super::wanted::Wanted;
 use crate::scalar::ScalarScale;
 
@@ -14,7 +14,6 @@ const STEPS: Steps<1> = Steps([1]);
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::patches) struct ScalarField {
     pub scale: ScalarScale,
-    coding: FieldCoding,
     stored: Stored,
     /// Value of each cell, in steps from the low end of the scale.
     pub values: Vec<f32>,
@@ -31,12 +30,12 @@ impl ScalarField {
         missed: impl Fn(&BorderBlocks, &[[f32; 1]]) -> Vec<[f32; 1]>,
     ) -> Self {
         let (values, stored) = cells.choose(STEPS, wanted, lambda, missed);
-        Self::of(scale, FieldCoding::Estimated, values, stored)
+        Self::of(scale, values, stored)
     }
 
-    fn of(scale: ScalarScale, coding: FieldCoding, values: Vec<[f32; 1]>, stored: Stored) -> Self {
+    fn of(scale: ScalarScale, values: Vec<[f32; 1]>, stored: Stored) -> Self {
         let values = values.into_iter().map(|[value]| value).collect();
-        Self { scale, coding, stored, values }
+        Self { scale, stored, values }
     }
 
     /// Writes or prices the field.
@@ -44,7 +43,7 @@ impl ScalarField {
     /// # Errors
     /// Those of the coder.
     pub fn write<C: Coder>(&self, coder: &mut C, cells: FieldCells<'_>) -> Result<(), C::Error> {
-        cells.code(coder, STEPS, self.coding, Some(&self.stored)).map(|_| ())
+        cells.code(coder, STEPS, Some(&self.stored)).map(|_| ())
     }
 
     /// Reads the field that [`ScalarField::write`] wrote.
@@ -55,9 +54,8 @@ impl ScalarField {
         coder: &mut C,
         cells: FieldCells<'_>,
         scale: ScalarScale,
-        coding: FieldCoding,
     ) -> Result<Self, C::Error> {
-        let (values, stored) = cells.code(coder, STEPS, coding, None)?;
-        Ok(Self::of(scale, coding, values, stored))
+        let (values, stored) = cells.code(coder, STEPS, None)?;
+        Ok(Self::of(scale, values, stored))
     }
 }

@@ -83,6 +83,8 @@ pub(super) struct Tile {
     pub cube: [i32; 3],
     /// Whether colours and scalars are corrected at its borders.
     pub corrected: bool,
+    /// Whether they are coded with estimates.
+    pub estimated: bool,
 }
 
 impl Tile {
@@ -247,7 +249,8 @@ pub fn learn_tile(task: &TileTask<'_>, progress: &dyn Progress) -> Result<Option
             return Err(Error::Inconsistent(what));
         }
     }
-    let tile = Tile { cubes: plan.cubes, cube, corrected: plan.corrected };
+    let (corrected, estimated) = (plan.corrected, plan.estimated);
+    let tile = Tile { cubes: plan.cubes, cube, corrected, estimated };
     let mut cloud = match cloud.origin() == plan.lattice.origin {
         true => Cow::Borrowed(cloud),
         false => Cow::Owned(about(cloud, plan.lattice.origin)?),

@@ -79,6 +79,8 @@ pub struct TilePlan {
     pub attributes: Vec<AttributeHeader>,
     /// Whether colours and scalars are corrected at the borders of tiles; those of maps of older versions are not.
     pub corrected: bool,
+    /// Whether colours and scalars are coded with estimates; those of maps of older versions are not.
+    pub estimated: bool,
     /// Number of levels of detail.
     pub details: u32,
     /// Options that were not given, and what the sample made of them.
@@ -221,6 +223,7 @@ pub fn plan(
         views: Views::of(cloud, survey),
         attributes: attributes.collect::<Result<_>>()?,
         corrected: true,
+        estimated: true,
         details,
         chosen: start.into_chosen(),
     })

@@ -5,6 +5,7 @@ use surfabet_geom::Survey;
 use super::{Cubes, TilePlan, Views};
 use crate::error::{Error, Result, positive};
 use crate::options::Options;
+use crate::patches::attributes::FieldCoding;
 use crate::patches::model::PatchesHeader;
 use crate::patches::options::{DEPTH_STEPS, PatchesOptions};
 use crate::sensor::Sensor;
@@ -103,6 +104,7 @@ impl Recipe {
             views: self.views,
             attributes: header.attributes.clone(),
             corrected: header.border.is_some(),
+            estimated: header.coding == FieldCoding::Estimated,
             details,
             chosen: Vec::new(),
         };
