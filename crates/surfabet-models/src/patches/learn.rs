@@ -34,6 +34,7 @@ use crate::error::Result;
 use crate::extent::{check_extent, reach};
 use crate::options::Options;
 use crate::report::{AttributeFigures, Named, Report, figures, lost};
+use crate::sensor::Sensor;
 use crate::stages::Stages;
 use crate::start::{Leave, OfBound, Start};
 
@@ -146,6 +147,11 @@ pub(super) struct Ground<'a> {
 }
 
 impl Ground<'_> {
+    /// How much the points count.
+    fn weights(&self, sensor: Sensor) -> Weights<'_> {
+        Weights { sensor, of_points: self.weights, n_measured: self.n_measured }
+    }
+
     /// The points that the model has to be near to: those of the tile.
     fn positions<'a>(&self, cloud: &'a PointCloud) -> Cow<'a, [[f32; 3]]> {
         match self.tile {
@@ -222,11 +228,7 @@ pub(super) fn on_lattice(
     let chosen = ChosenAttributes::of(cloud, options.attributes.as_deref())?;
     // 2. Samples and sides.
     let samples = stages.run("merging points", |progress| {
-        let weights = Weights {
-            sensor: options.sensor,
-            of_points: ground.weights,
-            n_measured: ground.n_measured,
-        };
+        let weights = ground.weights(options.sensor);
         let samples = SidedSamples::merge(cloud, &lattice, weights, ground.survey, progress)?;
         Ok(samples.with_kept(ground.kept.1))
     })?;
