@@ -92,11 +92,16 @@ pub(super) const ROTATIONS: usize = 24;
 /// Yaws that are tried where directions give none, all around.
 pub(super) const YAWS: usize = 90;
 
-/// Least radius of a prior, cells, and least angle, radians: 5 cm of cells of 0.2 m, and a degree. Median errors of right places are up to 9 cm
-/// and 0.3 degrees on a small map, so that less would refuse most of them.
+/// Least radius of a prior, cells: 5 cm of cells of 0.2 m. Median errors of right places are up to 9 cm on a small map, so that less would
+/// refuse most of them.
 pub(super) const LEAST_RADIUS: f64 = 0.25;
-/// The angle.
+
+/// Least angle of a prior, radians: a degree. Median errors are up to 0.3 degrees.
 pub(super) const LEAST_ANGLE: f64 = 0.0174;
+
+/// Least variance of the distances of a refined pose where there is a prior, square metres: distances that are all zero are known to a tenth of
+/// a millimetre.
+pub(super) const LEAST_VARIANCE: f64 = 1e-8;
 
 // The search.
 

@@ -3,7 +3,7 @@
 use nalgebra::Matrix6;
 
 use super::Near;
-use super::constants::{FACTS, FINE_REACH};
+use super::constants::{FACTS, FINE_REACH, LEAST_VARIANCE};
 use super::free::{FreeMotion, FreeSpace};
 use super::map::Localizer;
 use super::placement::Placement;
@@ -38,9 +38,6 @@ pub(super) fn covariance(
     let of = |i: usize| (i + 3) % 6;
     std::array::from_fn(|r| std::array::from_fn(|c| matrix[(of(r), of(c))]))
 }
-
-/// Square metres: distances that are all zero are known to a tenth of a millimetre.
-const LEAST_VARIANCE: f64 = 1e-8;
 
 impl Near {
     /// The inverse of its covariance, turns first. A radius beyond the size of the map says no more than that.

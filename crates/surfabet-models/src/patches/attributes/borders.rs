@@ -57,6 +57,9 @@ impl Border {
     }
 }
 
+/// How the corrections of blocks are coded.
+const OF_BLOCKS: FieldCoding = FieldCoding::Whole;
+
 /// The cells of a field.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::patches) struct FieldCells<'a> {
@@ -97,9 +100,8 @@ impl FieldCells<'_> {
         lambda: f32,
         missed: impl Fn(&BorderBlocks, &[[f32; N]]) -> Vec<[f32; N]>,
     ) -> (Vec<[f32; N]>, Stored) {
-        let is_estimated = self.coding == FieldCoding::Estimated;
         let choose =
-            |targets: &[[f32; N]]| choose_field(self.keys, steps, is_estimated, targets, lambda);
+            |targets: &[[f32; N]]| choose_field(self.keys, steps, self.coding, targets, lambda);
         let first = choose(&wanted.at_first());
         let again = wanted.again(&first.values).map(|targets| choose(&targets));
         let CellValues { mut values, coefficients } = again.unwrap_or(first);
@@ -174,7 +176,7 @@ impl BorderBlocks {
         let scale = BORDER_FINENESS as f32 / share;
         let targets: Vec<[f32; N]> = missed.iter().map(|value| value.map(|c| scale * c)).collect();
         let CellValues { values: chosen, coefficients } =
-            choose_field(&self.keys, steps, false, &targets, lambda);
+            choose_field(&self.keys, steps, OF_BLOCKS, &targets, lambda);
         self.correct(&chosen, cells, values);
         coefficients
     }
@@ -191,7 +193,7 @@ impl BorderBlocks {
         cells: &[u64],
         values: &mut [[f32; N]],
     ) -> Result<Vec<i32>, C::Error> {
-        let coded = code_field(coder, &self.keys, steps, FieldCoding::Whole, given)?;
+        let coded = code_field(coder, &self.keys, steps, OF_BLOCKS, given)?;
         self.correct(&coded.values, cells, values);
         Ok(coded.coefficients)
     }

@@ -87,15 +87,16 @@ pub(super) struct CellValues<const N: usize> {
     pub coefficients: Vec<i32>,
 }
 
-/// The values of least cost for `targets`, on sorted `cells`, with estimates or without; `lambda` is the squared error that a bit
-/// must save.
+/// The values of least cost for `targets`, on sorted `cells`, in whole numbers with estimates or without; `lambda` is the squared error
+/// that a bit must save.
 pub(super) fn choose_field<const N: usize>(
     cells: &[u64],
     steps: Steps<N>,
-    with_estimates: bool,
+    coding: FieldCoding,
     targets: &[[f32; N]],
     lambda: f32,
 ) -> CellValues<N> {
+    let with_estimates = coding == FieldCoding::Estimated;
     let source = FieldSource::Targets { values: targets, lambda };
     let price = &mut surfabet_entropy::Price::default();
     let Ok(chosen) = code_whole(price, cells, steps, with_estimates, source);
@@ -396,7 +397,7 @@ mod tests {
             let keys: Vec<u64> = cells.keys().copied().collect();
             let targets: Vec<[f32; 2]> = cells.values().copied().collect();
             let steps = Steps([1, 2]);
-            let coded = choose_field(&keys, steps, true, &targets, 1e-6);
+            let coded = choose_field(&keys, steps, FieldCoding::Estimated, &targets, 1e-6);
             prop_assert_eq!(coded.coefficients.len(), 2 * keys.len());
             // Rounding to a step of s leaves an error of s / 2 in each of the orthonormal coefficients, of which a
             // value has 7 per level and its share of the top's; rounding of values adds some 64ths.
@@ -435,7 +436,7 @@ mod tests {
     fn one_value_everywhere_takes_hardly_a_bit_per_thousand_cells() {
         let cells: Vec<u64> = (0..4096).collect();
         let targets = vec![[200.0, 100.0, 50.0]; cells.len()];
-        let coded = choose_field(&cells, Steps([64; 3]), true, &targets, 100.0);
+        let coded = choose_field(&cells, Steps([64; 3]), FieldCoding::Estimated, &targets, 100.0);
         let mut price = Price::default();
         let given = Some(coded.coefficients.as_slice());
         let coding = FieldCoding::Estimated;
