@@ -310,6 +310,32 @@ pub(super) const MOVE_STEPS: usize = 12;
 pub(super) const FIRST_STEPS: usize = 4;
 pub(super) const HOPELESS: f64 = 0.01;
 
+/// Directions in a rectangle along which folds are searched, places along each, and folds that are tried for each rectangle.
+pub(super) const FOLD_DIRECTIONS: usize = 4;
+pub(super) const FOLD_PLACES: usize = 16;
+pub(super) const FOLDS: usize = 2;
+
+/// How far from a rectangle its density counts, in sigma: beyond it is below 1e-8 of the largest.
+pub(super) const DENSITY_SIGMAS: f64 = 6.0;
+
+/// Least side of a rectangle, in sigma: a narrower one is a line, and its sides have no meaning.
+pub(super) const LEAST_SIDE_SIGMAS: f64 = 0.5;
+
+/// Probabilities below this do not count, and the least share of the points that are anywhere: so small that only rounding sees it.
+pub(super) const LEAST_MIXTURE_SHARE: f64 = 1e-6;
+pub(super) const LEAST_REST: f64 = 1e-9;
+
+/// First damping of a climb as a share of the diagonal, its factors after good and bad steps, and where climbing ends. They decide how
+/// many steps a climb takes, not where its top is.
+pub(super) const DAMPING: f64 = 1e-2;
+pub(super) const LESS_DAMPING: f64 = 0.2;
+pub(super) const MORE_DAMPING: f64 = 8.0;
+pub(super) const MOST_DAMPING: f64 = 1e6;
+
+/// Most that a step turns a rectangle, radians, and changes the logarithm of a weight: where the scores are no longer straight.
+pub(super) const MOST_TURN: f64 = 0.3;
+pub(super) const MOST_GROWTH: f64 = 1.0;
+
 // The method as printed.
 
 /// Random patches that it starts from where their number is not given (experiment II), and that it adds at most.

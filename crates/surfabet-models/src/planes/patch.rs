@@ -117,9 +117,20 @@ impl Patch {
     /// As [`Patch::distance`].
     #[inline]
     pub(super) fn distance_within(&self, p: [f32; 3], reach: &Reach) -> Option<f64> {
+        self.distance_where(p, reach, |_| true)
+    }
+
+    /// As [`Patch::distance_within`], where the squared height above the plane is also wanted.
+    #[inline]
+    pub(super) fn distance_where(
+        &self,
+        p: [f32; 3],
+        reach: &Reach,
+        is_wanted: impl Fn(f64) -> bool,
+    ) -> Option<f64> {
         let d = minus(p.map(f64::from), self.frame.center);
         let z = dot(d, self.frame.normal);
-        if z.abs() > reach.height {
+        if z.abs() > reach.height || !is_wanted(z * z) {
             return None;
         }
         let at = [dot(d, self.frame.u), dot(d, self.frame.v)];

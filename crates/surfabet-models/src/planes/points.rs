@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
 use surfabet_base::parallel;
 use surfabet_geom::{Aabb, BoxTree, Moments, PointCloud, boxes_of, morton};
 
@@ -69,11 +68,14 @@ impl Points {
                 (((f64::from(p[a]) + origin[a] - low[a]) / cell).max(0.0)) as u64
             }))
         };
-        let mut order: Vec<(u64, [u32; 3], u32)> = parallel::map_range(input.len(), |i| {
-            // Zero is one place, whatever its sign.
-            (code(&input[i]), input[i].map(|c| (c + 0.0).to_bits()), i as u32)
-        });
-        order.par_sort_unstable();
+        // Zero is one place, whatever its sign.
+        let bits = |i: u32| input[i as usize].map(|c| (c + 0.0).to_bits());
+        let mut order = vec![(0_u64, 0_u32); input.len()];
+        parallel::for_each_mut(&mut order, |i, at| *at = (code(&input[i]), i as u32));
+        parallel::sort_keyed(&mut order);
+        for cell in order.chunk_by_mut(|a, b| a.0 == b.0).filter(|cell| cell.len() > 1) {
+            cell.sort_unstable_by_key(|&(_, i)| (bits(i), i));
+        }
         let mut points = Self {
             origin,
             positions: Vec::with_capacity(order.len()),
@@ -87,8 +89,9 @@ impl Points {
             boxes: BoxTree::new(Vec::new()),
         };
         let mut last = None;
-        for (code, bits, i) in order {
+        for (code, i) in order {
             let weight = weights.map_or(1.0, |w| w[i as usize]);
+            let bits = bits(i);
             if last != Some(bits) {
                 last = Some(bits);
                 points.positions.push(bits.map(f32::from_bits));

@@ -21,14 +21,15 @@ impl PlaneModel {
         for (i, patch) in self.patches().iter().enumerate() {
             let rectangles = rectangles(&patch.tiles);
             mesh.vertices.reserve(4 * rectangles.len());
-            for [[x0, y0], [x1, y1]] in rectangles {
+            mesh.triangles.reserve(2 * rectangles.len());
+            mesh.patches.resize(mesh.patches.len() + 2 * rectangles.len(), i as u32);
+            for [low, high] in rectangles {
                 let first = mesh.vertices.len() as u32;
-                for corner in [[x0, y0], [x1, y0], [x1, y1], [x0, y1]] {
-                    mesh.vertices.push(self.world(patch.frame.at(patch.tiles.corner(corner))));
-                }
-                mesh.triangles.push([first, first + 1, first + 2]);
-                mesh.triangles.push([first, first + 2, first + 3]);
-                mesh.patches.extend([i as u32; 2]);
+                let [[x0, y0], [x1, y1]] = [low, high].map(|corner| patch.tiles.corner(corner));
+                let corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]];
+                mesh.vertices.extend(corners.map(|corner| self.world(patch.frame.at(corner))));
+                mesh.triangles
+                    .extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
             }
         }
         mesh
@@ -39,24 +40,31 @@ impl PlaneModel {
 /// the next rows.
 fn rectangles(tiles: &Tiles) -> Vec<[[usize; 2]; 2]> {
     let [nx, _] = tiles.shape();
-    let mut done = Vec::new();
-    let mut open: Vec<[[usize; 2]; 2]> = Vec::new();
+    let mut done: Vec<[[usize; 2]; 2]> = Vec::new();
+    // Rectangles that the last row belongs to, by column, as numbers in `done`; and those of the row at hand.
+    let (mut above, mut at_hand): (Vec<usize>, Vec<usize>) = Default::default();
     for (y, row) in tiles.supported().chunks(nx).enumerate() {
-        let mut next = Vec::new();
-        let mut x = 0;
-        for run in row.chunk_by(|a, b| a == b) {
-            if run[0] {
-                let span = [x, x + run.len()];
-                let above = open.iter().position(|r| [r[0][0], r[1][0]] == span);
-                let start = above.map_or(y, |k| open.swap_remove(k)[0][1]);
-                next.push([[span[0], start], [span[1], y + 1]]);
-            }
-            x += run.len();
+        let mut next_above = above.iter().copied().peekable();
+        let mut end = 0;
+        while let Some(start) = position(&row[end..], true).map(|n| end + n) {
+            end = position(&row[start..], false).map_or(nx, |n| start + n);
+            while next_above.next_if(|&r| done[r][0][0] < start).is_some() {}
+            let same = next_above.next_if(|&r| [done[r][0][0], done[r][1][0]] == [start, end]);
+            let rectangle = same.unwrap_or_else(|| {
+                done.push([[start, y], [end, y]]);
+                done.len() - 1
+            });
+            done[rectangle][1][1] = y + 1;
+            at_hand.push(rectangle);
         }
-        done.append(&mut open);
-        open = next;
+        std::mem::swap(&mut above, &mut at_hand);
+        at_hand.clear();
     }
-    done.append(&mut open);
     done.sort_unstable();
     done
+}
+
+/// The first tile of a row that is supported, or the first that is not.
+fn position(row: &[bool], supported: bool) -> Option<usize> {
+    row.iter().position(|&tile| tile == supported)
 }

@@ -18,7 +18,7 @@ use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::grouped::Grouped;
-use super::responsibilities::{Chunk, Responsibilities, in_chunks};
+use super::responsibilities::{CHUNK, Chunk, Responsibilities, in_chunks};
 use crate::error::Result;
 use crate::planes::patch::{Patch, Reach};
 use crate::planes::points::Points;
@@ -45,7 +45,11 @@ pub fn e_step(
     factors: Option<&[f64]>,
     progress: &dyn Progress,
 ) -> Result<Responsibilities> {
-    let chunks = weighed(points, patches, grid_size, s, factors, progress)?;
+    let mixture = Mixture::new(patches, grid_size, s, factors);
+    let near = mixture.candidates(points);
+    let chunks = in_chunks(points, progress, |b, costs, chunk| {
+        points.block(b).for_each(|i| mixture.weigh(points, i, near.of(b), costs, chunk));
+    })?;
     Ok(Responsibilities::new(patches.len(), chunks))
 }
 
@@ -58,7 +62,17 @@ pub(in crate::planes) fn supports(
     factors: Option<&[f64]>,
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
-    Ok(joined(&weighed(points, patches, grid_size, s, factors, progress)?))
+    let mixture = Mixture::new(patches, grid_size, s, factors);
+    let near = mixture.candidates(points);
+    let n_blocks = points.n_blocks();
+    let of_chunks = parallel::try_map_range(n_blocks.div_ceil(CHUNK), |c| -> Result<Vec<u32>> {
+        progress.check()?;
+        let blocks = c * CHUNK..((c + 1) * CHUNK).min(n_blocks);
+        let of_block = |b| points.block(b).map(move |i| (b, i));
+        let all = blocks.flat_map(of_block);
+        Ok(all.map(|(b, i)| mixture.support(points, i, near.of(b))).collect())
+    })?;
+    Ok(of_chunks.concat())
 }
 
 /// As [`supports`], by [`e_step_everywhere`].
@@ -68,29 +82,9 @@ pub(in crate::planes) fn supports_everywhere(
     s: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<u32>> {
-    Ok(joined(&weighed_everywhere(points, patches, s, progress)?))
-}
-
-/// The patches that points support, of all chunks.
-fn joined(chunks: &[Chunk]) -> Vec<u32> {
+    let chunks = weighed_everywhere(points, patches, s, progress)?;
     let supports: Vec<&[u32]> = chunks.iter().map(|chunk| &chunk.supports[..]).collect();
-    supports.concat()
-}
-
-/// [`e_step`] by point.
-fn weighed(
-    points: &Points,
-    patches: &[Patch],
-    grid_size: f64,
-    s: f64,
-    factors: Option<&[f64]>,
-    progress: &dyn Progress,
-) -> Result<Vec<Chunk>> {
-    let mixture = Mixture::new(patches, grid_size, s, factors);
-    let near = mixture.candidates(points);
-    in_chunks(points, progress, |b, costs, chunk| {
-        points.block(b).for_each(|i| mixture.weigh(points, i, near.of(b), costs, chunk));
-    })
+    Ok(supports.concat())
 }
 
 /// Probabilities of all points for all patches, however far, and no mixing weights: eq. 1 as printed; `s` is S. Those that
@@ -148,6 +142,9 @@ fn weigh_all(p: [f32; 3], patches: &[Patch], s: f64, costs: &mut Costs, to: &mut
     let distance = if closest.1 == NONE { 0.0 } else { closest.0.sqrt() };
     to.end_point(closest.1, distance);
 }
+
+/// What a square loses at most when its root is squared again.
+const BELOW_ROUNDING: f64 = 1.0 - 1e-12;
 
 /// The right side of eq. 1.
 struct Mixture<'a> {
@@ -212,6 +209,25 @@ impl<'a> Mixture<'a> {
             to.entries.extend(costs.iter().map(|&(j, weight)| (j, (weight / sum) as f32)));
         }
         to.end_point(closest.1, closest.2);
+    }
+
+    /// The patch with the largest p_ij of point `i`, as [`Mixture::weigh`] finds it. Tiles of a patch are looked at only where its
+    /// plane is near enough for a larger one than those before it.
+    fn support(&self, points: &Points, i: usize, near: &[u32]) -> u32 {
+        let mut closest = (f64::INFINITY, NONE);
+        let position = points.positions[i];
+        for &j in near {
+            let Term { patch, reach, exponent, prior } = &self.terms[j as usize];
+            let cost = |squared: f64| exponent * squared - prior;
+            let is_near = |squared: f64| cost(BELOW_ROUNDING * squared) < closest.0;
+            let Some(d) = patch.distance_where(position, reach, is_near) else { continue };
+            let is_seen = || !points.facing.as_ref().is_some_and(|f| patch.turned_away(f[i]));
+            // Of several the first.
+            if cost(d * d) < closest.0 && is_seen() {
+                closest = (cost(d * d), j);
+            }
+        }
+        closest.1
     }
 
     /// For each block the patches of which a supported tile may be within reach of a point.

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::planes::points::{BLOCK, Points};
 
 /// Blocks of points per unit of parallel work, and their points.
-const CHUNK: usize = 64;
+pub(super) const CHUNK: usize = 64;
 const CHUNK_POINTS: usize = CHUNK * BLOCK;
 
 /// The probabilities p_ij that are not zero, by patch, and the patch that each point supports.

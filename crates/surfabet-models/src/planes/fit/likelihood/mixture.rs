@@ -17,28 +17,13 @@ use surfabet_geom::Progress;
 use super::rectangle::{PARAMETERS, Rectangle};
 use super::ties::{Residual, Tie};
 use crate::error::Result;
-use crate::planes::constants::TIE_STIFFNESS;
+use crate::planes::constants::{
+    DAMPING, LEAST_MIXTURE_SHARE, LEAST_REST, LESS_DAMPING, MORE_DAMPING, MOST_DAMPING,
+    MOST_GROWTH, MOST_TURN, TIE_STIFFNESS,
+};
 
 /// Points per unit of parallel work; sums over units are added in order.
 const CHUNK: usize = 512;
-
-/// Probabilities below this do not count.
-const LEAST_SHARE: f64 = 1e-6;
-
-/// Least share of the points that are anywhere.
-const LEAST_REST: f64 = 1e-9;
-
-/// First damping as a share of the diagonal, its factors after good and bad steps, and where climbing ends.
-const DAMPING: f64 = 1e-2;
-const LESS: f64 = 0.2;
-const MORE: f64 = 8.0;
-const MOST_DAMPING: f64 = 1e6;
-
-/// Most that a step turns a rectangle, radians.
-const MOST_TURN: f64 = 0.3;
-
-/// Most that a step changes the logarithm of a weight.
-const MOST_GROWTH: f64 = 1.0;
 
 /// A mixture and its fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -152,10 +137,10 @@ impl Mixture {
                     moved.log_likelihood = tried.log_likelihood;
                     self = moved;
                     sums = tried;
-                    damping *= LESS;
+                    damping *= LESS_DAMPING;
                     break;
                 }
-                damping *= MORE;
+                damping *= MORE_DAMPING;
                 if damping > MOST_DAMPING {
                     return Ok(self);
                 }
@@ -268,7 +253,7 @@ impl Mixture {
                 if let Some(by) = by_weight.get_mut(*j) {
                     *by += share;
                 }
-                if share > LEAST_SHARE {
+                if share > LEAST_MIXTURE_SHARE {
                     score.push((PARAMETERS * j, scores.by.map(|s| share * s)));
                     // By its logarithm, so that it stays positive.
                     *by_sigma += share * scores.by_sigma * self.sigma;

@@ -1,5 +1,6 @@
 //! The density of points about a rectangle: even over it, blurred by noise along all axes.
 
+use crate::planes::constants::{DENSITY_SIGMAS, LEAST_SIDE_SIGMAS};
 use crate::planes::patch::Frame;
 use crate::vector::{cross, distance, dot, length, minus};
 
@@ -8,12 +9,6 @@ pub(super) const PARAMETERS: usize = 8;
 
 /// Parts along each side in which points are counted.
 const PARTS: usize = 4;
-
-/// How far from a rectangle its density counts, in sigma.
-const REACH: f64 = 6.0;
-
-/// Least side of a rectangle, in sigma: a narrower one is a line, and its sides have no meaning.
-const LEAST_SIDE: f64 = 0.5;
 
 /// A rectangle in a plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,7 +51,7 @@ impl Rectangle {
         let frame = &self.frame;
         let d: [f64; 3] = std::array::from_fn(|a| p[a] - frame.center[a]);
         let along = |axis: [f64; 3]| d[0] * axis[0] + d[1] * axis[1] + d[2] * axis[2];
-        let reach = REACH * sigma;
+        let reach = DENSITY_SIGMAS * sigma;
         let z = along(frame.normal);
         if z.abs() > reach {
             return None;
@@ -96,7 +91,7 @@ impl Rectangle {
             let low = -self.half[k] + step[4 + 2 * k];
             let high = self.half[k] + step[5 + 2 * k];
             let middle = 0.5 * (low + high);
-            [middle, (0.5 * (high - low)).max(0.5 * LEAST_SIDE * sigma)]
+            [middle, (0.5 * (high - low)).max(0.5 * LEAST_SIDE_SIGMAS * sigma)]
         });
         let center = std::array::from_fn(|k| {
             center[k] + step[3] * normal[k] + sides[0][0] * u[k] + sides[1][0] * v[k]

@@ -6,19 +6,12 @@ use super::mixture::Mixture;
 use super::rectangle::{PARAMETERS, Rectangle};
 use crate::error::Result;
 use crate::planes::constants::{
-    EXCHANGE_SIGMAS, FIRST_STEPS, FLAT_SIGMAS, FOLD_ANGLE, HOPELESS, LEAST_EXCHANGE, MOST_FITTED,
-    MOST_MOVES, MOVE_STEPS, THICK_SIGMAS,
+    EXCHANGE_SIGMAS, FIRST_STEPS, FLAT_SIGMAS, FOLD_ANGLE, FOLD_DIRECTIONS, FOLD_PLACES, FOLDS,
+    HOPELESS, LEAST_EXCHANGE, MOST_FITTED, MOST_MOVES, MOVE_STEPS, THICK_SIGMAS,
 };
 use crate::planes::fit::m_step::plane;
 use crate::planes::patch::Frame;
 use crate::vector::{dot, minus};
-
-/// Directions in a rectangle along which folds are searched, and places along each.
-const DIRECTIONS: usize = 4;
-const PLACES: usize = 16;
-
-/// Folds that are tried for each rectangle.
-const FOLDS: usize = 2;
 
 /// The best mixture that merges and folds lead to, one at a time, each the one that gains the most; parts need
 /// `min_points`. `None` where that is more rectangles than are fitted together: something bent gains by each fold, and no number
@@ -125,8 +118,8 @@ fn folds(
     min_points: usize,
 ) -> Vec<[Rectangle; 2]> {
     let mut found: Vec<(f64, [Rectangle; 2])> = Vec::new();
-    for k in 0..DIRECTIONS {
-        let angle = k as f64 * std::f64::consts::PI / DIRECTIONS as f64;
+    for k in 0..FOLD_DIRECTIONS {
+        let angle = k as f64 * std::f64::consts::PI / FOLD_DIRECTIONS as f64;
         let [c, s] = [angle.cos(), angle.sin()];
         let reach = rectangle.half[0] * c.abs() + rectangle.half[1] * s.abs();
         let along = |i: &u32| {
@@ -134,12 +127,12 @@ fn folds(
             c * dot(d, rectangle.frame.u) + s * dot(d, rectangle.frame.v)
         };
         let mut best: Option<(f64, f64)> = None;
-        let mut bins = vec![Moments::new(); PLACES];
+        let mut bins = vec![Moments::new(); FOLD_PLACES];
         for i in members {
-            let bin = (along(i) / reach + 1.0) * 0.5 * PLACES as f64;
-            bins[(bin.max(0.0) as usize).min(PLACES - 1)].add(points[*i as usize], 1.0);
+            let bin = (along(i) / reach + 1.0) * 0.5 * FOLD_PLACES as f64;
+            bins[(bin.max(0.0) as usize).min(FOLD_PLACES - 1)].add(points[*i as usize], 1.0);
         }
-        for place in 1..PLACES {
+        for place in 1..FOLD_PLACES {
             let sum = |bins: &[Moments]| {
                 bins.iter().fold(Moments::new(), |mut sum, bin| {
                     sum.merge(bin);
@@ -153,7 +146,7 @@ fn folds(
             let residual = |m: &Moments| Some(m.principal_axes()?.variances[0] * m.weight());
             let (Some(a), Some(b)) = (residual(&sides[0]), residual(&sides[1])) else { continue };
             if best.is_none_or(|x| a + b < x.0) {
-                best = Some((a + b, (2.0 * place as f64 / PLACES as f64 - 1.0) * reach));
+                best = Some((a + b, (2.0 * place as f64 / FOLD_PLACES as f64 - 1.0) * reach));
             }
         }
         let Some((cost, at)) = best else { continue };
