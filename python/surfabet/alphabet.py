@@ -180,8 +180,8 @@ class Alphabet:
             before. An integer from 1 to 64; by default 4.
         sigma_scale
             Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma
-            is this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number;
-            by default 3.
+            is this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A number above 0
+            and at most 1e6; by default 3.
         angular_resolution
             Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180
             degrees; by default estimated from the spacing of the points.
@@ -469,8 +469,8 @@ def learn_alphabet(
         before. An integer from 1 to 64; by default 4.
     sigma_scale
         Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is
-        this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number; by
-        default 3.
+        this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A number above 0 and at
+        most 1e6; by default 3.
     angular_resolution
         Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180 degrees; by
         default estimated from the spacing of the points.

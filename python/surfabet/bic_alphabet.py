@@ -96,8 +96,8 @@ class BicAlphabet:
             The scan.
         sigma_scale
             Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma
-            is this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number;
-            by default 3.
+            is this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A number above 0
+            and at most 1e6; by default 3.
         angular_resolution
             Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180
             degrees; by default estimated from the spacing of the points.
@@ -267,8 +267,8 @@ def learn_bic_alphabet(
         four spacings of the points, or a 300th of the scene where that is more.
     sigma_scale
         Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is
-        this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A positive number; by
-        default 3.
+        this times hypot(tan(`angular_resolution` / 2) * range, `noise`). A number above 0 and at
+        most 1e6; by default 3.
     angular_resolution
         Angle between neighbouring beams (alpha, eq. 13). A number above 0 and below 180 degrees; by
         default estimated from the spacing of the points.
@@ -308,12 +308,12 @@ def learn_bic_alphabet(
         Distance at which a point without a decoded one nearby counts as having one. Its likelihood
         would be zero otherwise; the paper has no floor. A number from 3 to 40 sigma; by default 3.
     min_points
-        Least number of points of a word. An integer of at least 1; by default 8.
+        Least number of points of a word. An integer from 1 to below 2^32; by default 8.
     iterations
-        Most candidate words that are tried. An integer of at least 1; by default 500.
+        Most candidate words that are tried. An integer from 1 to below 2^32; by default 500.
     max_rejections
-        Learning ends after this many candidates in a row that did not lower the BIC. An integer of
-        at least 1; by default 100.
+        Learning ends after this many candidates in a row that did not lower the BIC. An integer
+        from 1 to below 2^32; by default 100.
     reduce
         Removes occurrences without which the likelihood does not fall (section III-D). True or
         False; by default True.

@@ -106,8 +106,8 @@ class GasModel(Model[_core.GasModel]):
             The method as printed, without what was added to it: 300 `patterns` and a `beta` of
             0.005 where they are not given, and no `polish`. True or False; by default False.
         patterns
-            Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
-            default 20, or 300 where no `polish` follows or growth ends by `target_error`.
+            Signals per inserted neuron (lambda, the paper's patterns). An integer from 1 to below
+            2^32; by default 20, or 300 where no `polish` follows or growth ends by `target_error`.
         polish
             Rounds of k-means over all points after growth (none of the published steps). Each moves
             every neuron to the mean of its points, those of the first half also neurons that are
@@ -343,8 +343,8 @@ def learn_gas(
         The method as printed, without what was added to it: 300 `patterns` and a `beta` of 0.005
         where they are not given, and no `polish`. True or False; by default False.
     patterns
-        Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
-        default 20, or 300 where no `polish` follows or growth ends by `target_error`.
+        Signals per inserted neuron (lambda, the paper's patterns). An integer from 1 to below 2^32;
+        by default 20, or 300 where no `polish` follows or growth ends by `target_error`.
     polish
         Rounds of k-means over all points after growth (none of the published steps). Each moves
         every neuron to the mean of its points, those of the first half also neurons that are hardly

@@ -527,8 +527,8 @@ def learn_hscsm(
         A sample belongs to one patch. Otherwise a patch shows all samples in its cube that its
         level has to describe, and patches overlap, as printed. True or False; by default True.
     max_training_signals
-        Most patches that a dictionary is learned from, those with most energy. An integer of at
-        least 1; by default 6000.
+        Most patches that a dictionary is learned from, those with most energy. An integer from 1 to
+        below 2^32; by default 6000.
     sensor
         How the error of a range measurement grows with the range. 'structured-light' is with its
         square, as for Kinects. Ranges are those of the cloud, or distances to its viewpoints;

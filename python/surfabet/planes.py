@@ -304,8 +304,8 @@ def learn_planes(
         Learning ends when the mean distance of points to their patches and the share of points that
         support one change by less than this share. A positive number; by default 0.01.
     min_points
-        Points that a patch needs. An integer of at least 3; by default one in 4000 of all points,
-        at least 30.
+        Points that a patch needs. An integer from 3 to below 2^32; by default one in 4000 of all
+        points, at least 30.
     min_probability
         Least probability that a patch is one surface, from what the likelihood loses without it,
         how its points spread about its plane, whether it is bent, how much of its rectangle is

@@ -204,3 +204,14 @@ def test_files_with_attributes_in_single_precision_stay_readable():
     np.testing.assert_allclose(decoded.colors, listed[:, 3:6], atol=1)
     np.testing.assert_allclose(decoded.intensities, listed[:, 6], rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(decoded.extra["height"], listed[:, 7], rtol=1e-4, atol=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.4, 0.5])
+def test_points_beside_a_floor_are_within_a_pixel_of_it(share: float) -> None:
+    """Pixels finer than the spacing: what no patch shows stands within a pixel of the floor."""
+    spacing = 0.1
+    places = spacing * np.stack(np.meshgrid(np.arange(50), np.arange(40)), axis=-1).reshape(-1, 2)
+    floor = np.column_stack([places, np.zeros(len(places))])
+    model = sb.learn_patches(sb.PointCloud(floor), resolution=share * spacing)
+    assert model.report.figures["extra points"] > 0
+    assert np.abs(model.decode().points[:, 2]).max() <= share * spacing

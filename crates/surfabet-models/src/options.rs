@@ -141,6 +141,11 @@ impl Range {
         Self::new(Bound::Included(low), Bound::Included(f64::INFINITY))
     }
 
+    /// `low` and above, of what is counted in 32 bits.
+    pub const fn count_from(low: f64) -> Self {
+        Self::from_below(low, 4_294_967_296.0)
+    }
+
     /// Both ends included.
     pub const fn from_to(low: f64, high: f64) -> Self {
         Self::new(Bound::Included(low), Bound::Included(high))

@@ -87,7 +87,7 @@ class LearnOptions:
     iterations: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """hscsm: Most iterations of weighted K-SVD per dictionary. bic-alphabet: Most candidate words
     that are tried. For hscsm an integer from 1 to 1000; by default 8. For bic-alphabet an integer
-    of at least 1; by default 500."""
+    from 1 to below 2^32; by default 500."""
 
     random_state: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """hscsm: Seed of the first entries of the dictionaries. bic-alphabet: Seed of the order in
@@ -103,7 +103,7 @@ class LearnOptions:
 
     sigma_scale: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet, bic-alphabet: Factor of the deviation sigma within which a point is explained
-    (lambda, eq. 13). A positive number; by default 3."""
+    (lambda, eq. 13). A number above 0 and at most 1e6; by default 3."""
 
     angular_resolution: Annotated[float | None, Parameter(group=SHARED)] = None
     """alphabet, bic-alphabet: Angle between neighbouring beams (alpha, eq. 13). A number above 0
@@ -121,8 +121,8 @@ class LearnOptions:
 
     min_points: Annotated[int | None, Parameter(group=SHARED), WHOLE] = None
     """bic-alphabet: Least number of points of a word. planes: Points that a patch needs. For
-    bic-alphabet an integer of at least 1; by default 8. For planes an integer of at least 3; by
-    default one in 4000 of all points, at least 30."""
+    bic-alphabet an integer from 1 to below 2^32; by default 8. For planes an integer from 3 to
+    below 2^32; by default one in 4000 of all points, at least 30."""
 
     max_error: Annotated[float | None, Parameter(group=PATCHES)] = None
     """Largest distance of any input point to the cloud that is decoded as measured at the default
@@ -236,8 +236,8 @@ class LearnOptions:
     """A sample belongs to one patch. True or False; by default True."""
 
     max_training_signals: Annotated[int | None, Parameter(group=HSCSM), WHOLE] = None
-    """Most patches that a dictionary is learned from, those with most energy. An integer of at
-    least 1; by default 6000."""
+    """Most patches that a dictionary is learned from, those with most energy. An integer from 1 to
+    below 2^32; by default 6000."""
 
     scales: Annotated[int | None, Parameter(group=ALPHABET), WHOLE] = None
     """Number of radii, each twice the one before. An integer from 1 to 8; by default 4."""
@@ -293,8 +293,8 @@ class LearnOptions:
     to 40 sigma; by default 3."""
 
     max_rejections: Annotated[int | None, Parameter(group=BIC_ALPHABET), WHOLE] = None
-    """Learning ends after this many candidates in a row that did not lower the BIC. An integer of
-    at least 1; by default 100."""
+    """Learning ends after this many candidates in a row that did not lower the BIC. An integer from
+    1 to below 2^32; by default 100."""
 
     reduce: Annotated[bool | None, Parameter(group=BIC_ALPHABET)] = None
     """Removes occurrences without which the likelihood does not fall (section III-D). True or
@@ -351,8 +351,8 @@ class LearnOptions:
     standard deviations of the noise."""
 
     patterns: Annotated[int | None, Parameter(group=GAS), WHOLE] = None
-    """Signals per inserted neuron (lambda, the paper's patterns). An integer of at least 1; by
-    default 20, or 300 where no `polish` follows or growth ends by `target_error`."""
+    """Signals per inserted neuron (lambda, the paper's patterns). An integer from 1 to below 2^32;
+    by default 20, or 300 where no `polish` follows or growth ends by `target_error`."""
 
     polish: Annotated[int | None, Parameter(group=GAS), WHOLE] = None
     """Rounds of k-means over all points after growth (none of the published steps). An integer from

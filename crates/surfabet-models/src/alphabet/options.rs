@@ -42,7 +42,7 @@ options! {
         rounds: u32 = 4, range = Range::from_to(1.0, 64.0), another_scene = true;
         /// Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is this times
         /// hypot(tan(`angular_resolution` / 2) * range, `noise`).
-        sigma_scale: f64 = 3.0, range = Range::POSITIVE, another_scene = true;
+        sigma_scale: f64 = 3.0, range = Range::above_to(0.0, 1e6), another_scene = true;
         /// Angle between neighbouring beams (alpha, eq. 13).
         angular_resolution: Option<f64> = None, range = Range::between(0.0, 180.0), unit = "degrees",
             none = "estimated from the spacing of the points", another_scene = true;

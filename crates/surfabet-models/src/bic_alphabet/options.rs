@@ -16,7 +16,7 @@ options! {
             none = "from the data: four spacings of the points, or a 300th of the scene where that is more";
         /// Factor of the deviation sigma within which a point is explained (lambda, eq. 13). Sigma is this times
         /// hypot(tan(`angular_resolution` / 2) * range, `noise`).
-        sigma_scale: f64 = 3.0, range = Range::POSITIVE, another_scene = true;
+        sigma_scale: f64 = 3.0, range = Range::above_to(0.0, 1e6), another_scene = true;
         /// Angle between neighbouring beams (alpha, eq. 13).
         angular_resolution: Option<f64> = None, range = Range::between(0.0, 180.0), unit = "degrees",
             none = "estimated from the spacing of the points", another_scene = true;
@@ -51,11 +51,11 @@ options! {
         /// otherwise; the paper has no floor.
         floor: f64 = 3.0, range = Range::from_to(3.0, 40.0), unit = "sigma", another_scene = true;
         /// Least number of points of a word.
-        min_points: u32 = 8, range = Range::at_least(1.0);
+        min_points: u32 = 8, range = Range::count_from(1.0);
         /// Most candidate words that are tried.
-        iterations: u32 = 500, range = Range::at_least(1.0);
+        iterations: u32 = 500, range = Range::count_from(1.0);
         /// Learning ends after this many candidates in a row that did not lower the BIC.
-        max_rejections: u32 = 100, range = Range::at_least(1.0);
+        max_rejections: u32 = 100, range = Range::count_from(1.0);
         /// Removes occurrences without which the likelihood does not fall (section III-D).
         reduce: bool = true, another_scene = true;
         /// How far the logarithm of the likelihood may fall with each occurrence that is removed (section III-D). The

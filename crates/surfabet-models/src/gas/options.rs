@@ -31,7 +31,7 @@ options! {
         /// given, and no `polish`.
         published: bool = false, another_scene = true;
         /// Signals per inserted neuron (lambda, the paper's patterns).
-        patterns: Option<u32> = None, range = Range::at_least(1.0),
+        patterns: Option<u32> = None, range = Range::count_from(1.0),
             none = "20, or 300 where no `polish` follows or growth ends by `target_error`", another_scene = true;
         /// Rounds of k-means over all points after growth (none of the published steps). Each moves every neuron to the mean
         /// of its points, those of the first half also neurons that are hardly needed to where errors are large; then

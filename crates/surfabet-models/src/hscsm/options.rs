@@ -88,7 +88,7 @@ options! {
         /// and patches overlap, as printed.
         disjoint: bool = true, another_scene = true;
         /// Most patches that a dictionary is learned from, those with most energy.
-        max_training_signals: usize = 6000, range = Range::at_least(1.0);
+        max_training_signals: usize = 6000, range = Range::count_from(1.0);
         /// How the error of a range measurement grows with the range. 'structured-light' is with its square, as for
         /// Kinects. Ranges are those of the cloud, or distances to its viewpoints; without both all points weigh the same.
         sensor: Sensor = Sensor::StructuredLight, another_scene = true;

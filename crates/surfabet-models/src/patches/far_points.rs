@@ -4,7 +4,9 @@ use surfabet_base::parallel;
 use surfabet_geom::Progress;
 
 use super::axes::to_axes;
-use super::constants::{POINT_CELL_IN_GAPS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE};
+use super::constants::{
+    POINT_CELL_IN_GAPS, POINT_CELL_IN_PIXELS, POINT_TOLERANCE_IN_GAPS, TOLERANCE_SHARE,
+};
 use super::cover::Cover;
 use super::decode::{LastFound, MeasuredReach, PlacedPatch};
 use super::instances::Motion;
@@ -104,7 +106,8 @@ pub(super) fn with_share_of_points(
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
     let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
-    let of_cells = near.min(wanted.in_gaps(POINT_CELL_IN_GAPS)).min(forward);
+    let of_pixels = POINT_CELL_IN_PIXELS * lattice.pixel_size;
+    let of_cells = near.min(wanted.in_gaps(POINT_CELL_IN_GAPS)).min(of_pixels).min(forward);
     let cover = cover_of(&model, &far, of_cells);
     let keys = cover.of_most(allowed);
     if keys.is_empty() {

@@ -40,7 +40,7 @@ options! {
         /// change by less than this share.
         tolerance: f64 = 0.01, range = Range::POSITIVE;
         /// Points that a patch needs.
-        min_points: Option<usize> = None, range = Range::at_least(3.0),
+        min_points: Option<usize> = None, range = Range::count_from(3.0),
             none = "one in 4000 of all points, at least 30";
         /// Least probability that a patch is one surface, from what the likelihood loses without it, how its points spread
         /// about its plane, whether it is bent, how much of its rectangle is filled, what is beside it, and its size. Patches in the middle
