@@ -64,6 +64,11 @@ pub(super) const SAMPLE_SIZE: f64 = 0.5;
 /// percent of rmse.
 pub(super) const NORMAL_CELL: f32 = 2.0;
 
+/// The same in spacings of the points, at least: in cells with fewer points each one is a surface of its own, which faces anywhere. Floors of points
+/// at random places in pixels of a tenth of their spacing take 37 percent fewer bytes than without, and nearly none decode to upright pixels. It
+/// decides below three quarters of a spacing alone, which is no default.
+pub(super) const NORMAL_CELL_IN_SPACINGS: f32 = 1.5;
+
 /// The least side of these cells in gaps between surfaces that lie close behind one another: with its neighbours a cell is
 /// then three times as wide, and both faces of a wall in it look like a plane along the wall. Half costs three walls 8 to 84 percent of
 /// their bytes, double saves 1.

@@ -8,7 +8,9 @@ use surfabet_geom::{PointCloud, Progress, Survey};
 
 use crate::error::Result;
 use crate::groups::Groups;
-use crate::patches::constants::{NORMAL_CELL, NORMAL_CELL_IN_GAPS, SAMPLE_SIZE};
+use crate::patches::constants::{
+    NORMAL_CELL, NORMAL_CELL_IN_GAPS, NORMAL_CELL_IN_SPACINGS, SAMPLE_SIZE,
+};
 use crate::patches::model::Lattice;
 use crate::sensor::{Sensor, to_sensor};
 use cells::{CellGroups, cell_of, key};
@@ -106,7 +108,8 @@ impl<'a> SidedSamples<'a> {
             (Some(_), Some(_)) => Neighbours::Normals,
             (gap, _) => {
                 let of_gap = NORMAL_CELL_IN_GAPS * gap.unwrap_or(0.0) as f32;
-                Neighbours::Cells((NORMAL_CELL * resolution as f32).max(of_gap))
+                let of_spacing = NORMAL_CELL_IN_SPACINGS * survey.spacing as f32;
+                Neighbours::Cells((NORMAL_CELL * resolution as f32).max(of_gap).max(of_spacing))
             }
         };
         let has_views = cloud.viewpoints().is_some() || normals.is_some();
