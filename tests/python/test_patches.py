@@ -194,12 +194,13 @@ def test_points_beside_patches_of_all_kinds_stay_readable(name: str):
     np.testing.assert_allclose(decoded.points, listed, atol=2e-5)
 
 
-def test_files_with_attributes_in_single_precision_stay_readable():
-    """Its listing is of the version that wrote it: positions, colours, intensities, heights."""
-    model = sb.load(GOLDEN / "patches_beside.sfb")
-    assert model.to_bytes() == (GOLDEN / "patches_beside.sfb").read_bytes()
+@pytest.mark.parametrize("name", ["patches_beside", "patches_estimates"])
+def test_files_with_attributes_of_all_kinds_stay_readable(name: str):
+    """Listings of the versions that wrote them: positions, colours, intensities, heights."""
+    model = sb.load(GOLDEN / f"{name}.sfb")
+    assert model.to_bytes() == (GOLDEN / f"{name}.sfb").read_bytes()
     decoded = model.decode(0.2)
-    listed = np.loadtxt(GOLDEN / "patches_beside.txt")
+    listed = np.loadtxt(GOLDEN / f"{name}.txt")
     np.testing.assert_allclose(decoded.points - model.origin, listed[:, :3], atol=2e-5)
     np.testing.assert_allclose(decoded.colors, listed[:, 3:6], atol=1)
     np.testing.assert_allclose(decoded.intensities, listed[:, 6], rtol=1e-4, atol=1e-3)

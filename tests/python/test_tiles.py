@@ -22,7 +22,7 @@ from surfabet.cli import main
 from surfabet.errors import FormatError, InvalidInputError
 from test_format import Fields, sections
 
-TILED = 1 << 1 | 1 << 3 | 1 << 7 | 1 << 12 | 1 << 13 | 1 << 14
+TILED = 1 << 1 | 1 << 3 | 1 << 7 | 1 << 12 | 1 << 13 | 1 << 15
 """Features of the page: lattice, attributes, tiles, whole numbers, borders, points by patterns."""
 GOLDEN = Path(__file__).parents[1] / "golden"
 
@@ -374,7 +374,7 @@ def test_maps_from_before_corrections_at_borders_stay_as_they_were(tmp_path: Pat
     # that are coded as theirs, without estimates.
     assert sb.merge_tiles([model, model]) == model
     updated = model.update(model.decode(as_measured=True))
-    assert sections(updated.to_bytes(), TILED & ~(1 << 12 | 1 << 14) | 1 << 11)
+    assert sections(updated.to_bytes(), TILED & ~(1 << 12 | 1 << 15) | 1 << 11)
     assert len(updated.decode()) > 0.9 * len(model.decode())
     both = sb.merge_tiles([model, updated])
     assert both.n_points >= model.n_points

@@ -130,7 +130,10 @@ impl Features {
     pub const POINT_PATTERNS: Self = Self(8192);
 
     /// Colours and scalars of patches are coded with estimates of small networks beside the models.
-    pub const ESTIMATES: Self = Self(16_384);
+    pub const ESTIMATES: Self = Self(32_768);
+
+    /// Set by development states before the first release, whose networks were others; no longer read.
+    const RETIRED: Self = Self(16_384);
 
     /// Every feature known here, its name, and the release that introduced it.
     const KNOWN: [(Self, &'static str, Version); 15] = [
@@ -541,6 +544,9 @@ impl Header {
         if crc32c::crc32c(&file[..table_end]) != reader.u32()? {
             return Err(Error::ChecksumMismatch { section: Tag::HEADER });
         }
+        if features.0 & Features::RETIRED.0 != 0 {
+            return Err(Error::RetiredFeature { bits: Features::RETIRED.0 });
+        }
         if features.unknown_bits() != 0 {
             return Err(Error::UnknownFeature { bits: features.unknown_bits(), needed });
         }
@@ -584,7 +590,7 @@ impl<'a> Container<'a> {
     /// Takes the bytes of a whole file apart.
     ///
     /// # Errors
-    /// [`Error::NotSfb`], [`Error::UnsupportedVersion`], [`Error::UnknownFeature`], [`Error::UnknownFamily`] for
+    /// [`Error::NotSfb`], [`Error::UnsupportedVersion`], [`Error::UnknownFeature`], [`Error::RetiredFeature`], [`Error::UnknownFamily`] for
     /// files that this program does not read; [`Error::TooLarge`] above `limits`; [`Error::Truncated`],
     /// [`Error::ChecksumMismatch`], [`Error::TrailingBytes`], [`Error::DuplicateSection`], [`Error::Corrupt`]
     /// for damaged ones. A version or feature is only believed after the header's checksum was, except that
@@ -780,6 +786,19 @@ mod tests {
         let mut writer = writer();
         change(&mut writer);
         writer.finish().unwrap()
+    }
+
+    #[test]
+    fn retired_features_say_who_wrote_them() {
+        let file = changed(|writer| writer.features = Features(16_384 | Features::LATTICE.0));
+        let error = parse(&file).unwrap_err();
+        assert_eq!(error, Error::RetiredFeature { bits: 16_384 });
+        let message = error.to_string();
+        assert!(message.contains("before surfabet 0.1") && message.contains("encode"), "{message}");
+        // The bits beside it are read.
+        for bits in [8192, 32_768] {
+            assert!(parse(&changed(|writer| writer.features = Features(bits))).is_ok());
+        }
     }
 
     #[test]

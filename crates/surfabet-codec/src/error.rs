@@ -47,6 +47,15 @@ pub enum Error {
         /// Oldest surfabet that reads the file.
         needed: Version,
     },
+    /// The file needs features that only development states before the first release had.
+    #[error(
+        "the file was written by a development state before surfabet 0.1, with estimates of colours \
+         (feature bits {bits:#x}) that no release reads; encode its cloud again"
+    )]
+    RetiredFeature {
+        /// The required-feature bits.
+        bits: u64,
+    },
     /// The file holds a model family that this program does not have.
     #[error(
         "the file holds model family {found}, unknown to surfabet {current}; \

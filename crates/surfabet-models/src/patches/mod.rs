@@ -52,6 +52,9 @@ mod whole;
 
 pub use attributes::borders::Border;
 pub use attributes::color::ColorSteps;
+#[cfg(feature = "trace")]
+#[doc(hidden)]
+pub use attributes::field_decisions;
 pub use attributes::{
     AttributeContent, AttributeHeader, FieldCoding, INTENSITIES, MAX_ATTRIBUTES, MAX_LABELS,
     MAX_NAME,

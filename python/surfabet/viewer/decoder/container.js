@@ -26,7 +26,10 @@ export const INSTANCES = 1024;
 export const WHOLE_FIELDS = 2048;
 export const BORDERS = 4096;
 export const POINT_PATTERNS = 8192;
-export const ESTIMATES = 16384;
+export const ESTIMATES = 32768;
+
+/** Set by development states before the first release, whose estimates were others. */
+const RETIRED = 16384n;
 
 /** All features that this decoder knows. A new one is refused by name of the release until it is added here. */
 const KNOWN =
@@ -66,6 +69,12 @@ export function openHeader(bytes) {
   const end = fields.at;
   if (crc32c(bytes.subarray(0, end)) !== fields.u32()) {
     fail("HEAD", "its checksum does not match");
+  }
+  if (features & RETIRED) {
+    throw new SfbError(
+      "the file was made by a development state before surfabet 0.1, with estimates that no release reads: " +
+        "encode its cloud again",
+    );
   }
   const unknown = features & ~BigInt(KNOWN);
   if (unknown !== 0n) throw newer(`features unknown here (bits ${unknown.toString(2)})`, needed);

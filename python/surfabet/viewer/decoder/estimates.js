@@ -1,4 +1,4 @@
-// Section 5.4 of docs/format.md: estimates of coefficients by small networks (feature bit 14).
+// Section 5.4 of docs/format.md: estimates of coefficients by small networks (feature bit 15).
 
 /** Number of binary digits of a whole number below 2^53; 0 of 0. */
 export function digits(number) {
@@ -16,4 +16,18 @@ export function estimate({ units, bias }, inputs) {
     if (value > 0) sum += unit[n + 1] * value;
   }
   return Math.min(Math.max(Math.floor(sum / 8192), -24576), 24576);
+}
+
+/** The log-odds of a sign: they turn with all inputs from `first` on. */
+export function oddEstimate({ units }, inputs, first) {
+  const n = inputs.length;
+  let sum = 0;
+  for (const unit of units) {
+    let even = unit[n];
+    let odd = 0;
+    for (let i = 0; i < first; i++) even += unit[i] * inputs[i];
+    for (let i = first; i < n; i++) odd += unit[i] * inputs[i];
+    sum += unit[n + 1] * (Math.max(even + odd, 0) - Math.max(even - odd, 0));
+  }
+  return Math.sign(sum) * Math.min(Math.floor(Math.abs(sum) / 8192), 24576);
 }

@@ -1,10 +1,10 @@
-// Section 5.4 of docs/format.md: colours and scalars in whole numbers (feature bits 11 and 14).
+// Section 5.4 of docs/format.md: colours and scalars in whole numbers (feature bits 11 and 15).
 //
 // All numbers are whole and below 2^53, so that doubles hold them.
 
 import { Bits, Mixers, Signed } from "./entropy.js";
-import { ANY, EXPONENT, NONZERO } from "./estimate_weights.js";
-import { digits, estimate } from "./estimates.js";
+import { ANY, EXPONENT, NEGATIVE, NONZERO } from "./estimate_weights.js";
+import { digits, estimate, oddEstimate } from "./estimates.js";
 import { SlotPairs, interpolated, pyramid } from "./pyramid.js";
 
 const MAX_VALUE = 2 ** 30 - 1;
@@ -22,14 +22,21 @@ class Along {
     this.channels = channels;
     this.sizes = new Int16Array(3 * channels);
     this.signs = new Int16Array(3 * channels);
+    // With channels 0 and 1: entry `channels * k + channel`.
+    this.agreements = new Int16Array(2 * channels);
   }
 
   clear() {
     this.sizes.fill(0);
     this.signs.fill(0);
+    this.agreements.fill(0);
   }
 
-  add(axis, c, value) {
+  /** Adds a coefficient; `others` are those of the same pair in channels 0 and 1. */
+  add(axis, c, value, others) {
+    for (let k = 0; k < Math.min(c, 2); k++) {
+      this.agreements[this.channels * k + c] += Math.sign(others[k]) * Math.sign(value);
+    }
     this.sizes[this.channels * axis + c] += Math.min(Math.abs(value), 2);
     this.signs[this.channels * axis + c] += Math.sign(value);
   }
@@ -91,14 +98,14 @@ export class WholeFieldReader {
     this.channels = C;
     this.estimated = estimated;
     const given = estimated ? 52429 : 0;
-    const [two, five] = estimated ? [13107, 6554] : [32768, 19661];
+    const [two, three, five] = estimated ? [13107, 13107, 6554] : [32768, 26214, 19661];
     const bits = (sizes) => sizes.map((size) => new Bits(size, MEMORY));
     this.any = bits([12 * 49, 12 * 49]);
     this.anyMixers = new Mixers(12, 2, two, given);
     this.nonzero = bits([C * 36, C * 105, C * 180, C * 60, C * 168]);
     this.nonzeroMixers = new Mixers(C * 3, 5, five, given);
     this.negative = bits([C * 13, C * 9, C * 25]);
-    this.negativeMixers = new Mixers(C, 3, 26214);
+    this.negativeMixers = new Mixers(C, 3, three, given);
     this.exponent = bits([C * 432, C * 336]);
     this.exponentMixers = new Mixers(C * 12, 2, two, given);
     this.mantissa = new Bits(25 * 3, MEMORY);
@@ -112,7 +119,11 @@ export class WholeFieldReader {
     // What estimates depend on beside: of all, of whether there is any coefficient, of a coefficient; what was missed beside.
     this.common = new Float64Array(9);
     this.ofAny = new Float64Array(18);
-    this.ofCoefficient = new Float64Array(29);
+    this.ofCoefficient = new Float64Array(32);
+    this.ofSign = new Float64Array(24);
+    // What was missed beside each child, and how it differs in each pair.
+    this.besideChild = new Float64Array(8 * C);
+    this.pulls = new Int8Array(7 * C);
     this.missed = new Float64Array(C);
     this.sizes = new Float64Array(C);
     this.before = new Along(C);
@@ -150,8 +161,8 @@ export class WholeFieldReader {
     const predicted = this.predictions(j, parentMeans);
     const means = new Float64Array(C * level.n);
     const missed = new Float64Array(C * level.n);
-    // Sizes, then signs, of what each parent has along each axis.
-    const coded = new Int8Array(6 * C * above.n);
+    // Sizes, then signs, of what each parent has along each axis; then agreements.
+    const coded = new Int8Array(8 * C * above.n);
     for (let p = 0; p < above.n; p++) {
       const from = above.first[p];
       const to = above.first[p + 1];
@@ -181,6 +192,7 @@ export class WholeFieldReader {
       for (let c = 0; c < C; c++) sum[c] += missed[C * q + c];
     }
     for (let c = 0; c < C; c++) {
+      this.besideChild[C * at + c] = bounded(sum[c]);
       this.changed[C * at + c] = bounded(predicted[C * i + c] + Math.floor((77 * sum[c] + 128) / 256));
     }
   }
@@ -208,6 +220,20 @@ export class WholeFieldReader {
         value[a] += Math.floor((difference * pairs.share[i] + 32768) / 65536);
       }
       this.mean[c] = value[pairs.first[pairs.n - 1]];
+      if (this.estimated) this.pull(j, c);
+    }
+  }
+
+  /** How what was missed beside the children differs in each pair. */
+  pull(j, c) {
+    const { pairs, value, besideChild, channels: C } = this;
+    this.octants.forEach((o, at) => { value[o] = besideChild[C * at + c]; });
+    for (let i = 0; i < pairs.n; i++) {
+      const [a, b] = [pairs.first[i], pairs.second[i]];
+      const d = value[b] - value[a];
+      const size = Math.floor((Math.abs(d) * 2 ** (Math.min(j, 11) + 2)) / this.step(c, j));
+      this.pulls[C * i + c] = Math.sign(d) * Math.min(digits(size), 12);
+      value[a] += Math.floor((d * pairs.share[i] + 32768) / 65536);
     }
   }
 
@@ -236,9 +262,10 @@ export class WholeFieldReader {
       this.addMissed(j, lower, missed);
       for (let k = 0; k < 3 * C; k++) {
         if (Math.floor(k / C) === a) continue;
-        beside.sizes[k] += coded[6 * C * lower + k];
-        beside.signs[k] += coded[6 * C * lower + 3 * C + k];
+        beside.sizes[k] += coded[8 * C * lower + k];
+        beside.signs[k] += coded[8 * C * lower + 3 * C + k];
       }
+      for (let k = 0; k < 2 * C; k++) beside.agreements[k] += coded[8 * C * lower + 6 * C + k];
     }
     const level = Math.min(j, 11);
     const parent = Math.min(6, activity[p] + Math.ceil(up / 2));
@@ -256,15 +283,16 @@ export class WholeFieldReader {
       for (let c = 0; c < C; c++) {
         const value = this.readCoefficient(level, i, c);
         coefficients[C * i + c] = value;
-        before.add(this.pairs.axis[i], c, value);
+        before.add(this.pairs.axis[i], c, value, [coefficients[C * i], coefficients[C * i + 1]]);
         this.size += Math.min(Math.abs(value), 2);
         this.sizes[c] += Math.abs(value);
         sum += Math.min(Math.abs(value), 4);
       }
     }
     now[p] = Math.min(4, sum);
-    coded.set(before.sizes, 6 * C * p);
-    coded.set(before.signs, 6 * C * p + 3 * C);
+    coded.set(before.sizes, 8 * C * p);
+    coded.set(before.signs, 8 * C * p + 3 * C);
+    coded.set(before.agreements, 8 * C * p + 6 * C);
   }
 
   /** Adds what was missed at the children of a parent beside. */
@@ -319,14 +347,32 @@ export class WholeFieldReader {
   /** What the estimates of coefficient i of a channel depend on. */
   setInputs(i, c, axis, [u, v]) {
     const { beside, before, pairs, changes, channels: C } = this;
+    let largest = 0;
+    for (let k = 0; k < C; k++) largest = Math.max(largest, Math.abs(changes[C * i + k]));
     this.ofCoefficient.set(this.common);
     this.ofCoefficient.set([
-      axis === 1 ? 1 : 0, axis === 2 ? 1 : 0, c === 1 ? 1 : 0, c === 2 ? 1 : 0, i, pairs.weights[i],
-      Math.abs(changes[C * i + c]), Math.abs(changes[C * i]), this.changesOf(c, c + 1)[1],
-      beside.size(axis, c, 8), Math.min(beside.sum(c), 12), Math.min(this.size, 8), digits(this.sizes[c]),
-      before.size(axis, c, 8), Math.min(Math.abs(u), 3), Math.min(Math.abs(v), 3),
-      this.missedClass(c, c + 1), this.missedClass(0, 1), 0, this.size === 0 && i + 1 === pairs.n ? 1 : 0,
+      this.missedClass(0, 1), c === 1 ? 1 : 0, c === 2 ? 1 : 0, this.changesOf(c, c + 1)[1], Math.min(beside.sum(c), 12),
+      this.missedClass(c, c + 1), C === 1 ? 1 : 0,
+      axis === 1 ? 1 : 0, axis === 2 ? 1 : 0, i, pairs.weights[i],
+      Math.abs(changes[C * i + c]), Math.abs(changes[C * i]), largest,
+      beside.size(axis, c, 8), Math.min(this.size, 8), digits(this.sizes[c]), digits(this.sizes[0]), before.size(axis, c, 8),
+      Math.min(Math.abs(u), 3), Math.min(Math.abs(v), 3), this.size === 0 && i + 1 === pairs.n ? 1 : 0, 0,
     ], 9);
+  }
+
+  /** The estimate of the sign of coefficient i of a channel. */
+  signEstimate(i, c, axis, others) {
+    const { beside, before, pairs, changes, common, ofSign, channels: C } = this;
+    const [u, v] = others.map((q) => Math.min(Math.max(q, -4), 4));
+    const agreement = (k) => Math.min(Math.max(beside.agreements[C * k + c], -8), 8);
+    for (let l = 0; l < 4; l++) ofSign[l] = common[l];
+    ofSign.set([
+      axis === 1 ? 1 : 0, axis === 2 ? 1 : 0, c === 1 ? 1 : 0, c === 2 ? 1 : 0, C === 1 ? 1 : 0, pairs.weights[i],
+      Math.abs(u), Math.abs(v), Math.abs(changes[C * i + c]), i, pairs.n,
+      changes[C * i + c], changes[C * i], u, v, beside.signs[C * axis + c], before.signs[C * axis + c],
+      this.pulls[C * i + c], Math.sign(u) * agreement(0), Math.sign(v) * agreement(1),
+    ], 4);
+    return oddEstimate(NEGATIVE, ofSign, 15);
   }
 
   largestChanges() {
@@ -366,7 +412,8 @@ export class WholeFieldReader {
       (3 * c + Math.sign(other(0)) + 1) * 3 + Math.sign(other(1)) + 1,
       (5 * c + beside.sign(axis, c)) * 5 + before.sign(axis, c),
     ];
-    const sign = stream.mixedBit(this.negativeMixers, c, this.negative, negative) ? -1 : 1;
+    const ofSign = this.estimated ? this.signEstimate(i, c, axis, [other(0), other(1)]) : 0;
+    const sign = stream.mixedBit(this.negativeMixers, c, this.negative, negative, ofSign) ? -1 : 1;
     let e = 0;
     while (e < 24) {
       const k = Math.min(e, 11);
@@ -374,7 +421,7 @@ export class WholeFieldReader {
         ((12 * c + level) * 3 + size) * 12 + k,
         ((4 * c + Math.min(level, 3)) * 7 + steep) * 12 + k,
       ];
-      this.ofCoefficient[27] = k;
+      this.ofCoefficient[31] = k;
       const above = this.estimated ? estimate(EXPONENT, this.ofCoefficient) : 0;
       if (!stream.mixedBit(this.exponentMixers, 12 * c + k, this.exponent, exponent, above)) break;
       e++;

@@ -33,6 +33,8 @@ use surfabet_geom::Dtype;
 use crate::scalar::ScalarScale;
 use borders::FieldCells;
 pub use field::FieldCoding;
+#[cfg(feature = "trace")]
+pub use field::decisions as field_decisions;
 use labels::LabelField;
 pub use labels::MAX_LABELS;
 use scalar::ScalarField;

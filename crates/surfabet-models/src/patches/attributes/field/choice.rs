@@ -2,7 +2,8 @@
 
 use super::Steps;
 use super::coefficients::Coefficients;
-use super::models::{CellContext, FieldModels, MAX_COEFFICIENT, Prices};
+use super::contexts::CellContext;
+use super::models::{FieldModels, MAX_COEFFICIENT, Prices};
 use crate::patches::constants::LEVEL_RATES;
 
 /// Coefficients q of a cell that cost least; coefficient `i` of `residuals` is in slot `slots[i]`.
@@ -49,7 +50,7 @@ pub(super) fn choose<const N: usize>(
             cost += best.1;
             distortion_of_none += residual * residual;
             drop(bits);
-            prices.add((i, channel), best.0);
+            prices.add((i, channel), best.0, others);
         }
     }
     if distortion_of_none + lambda * prices.any(false) <= cost {

@@ -16,8 +16,10 @@
 //! | `whole_butterflies` | the transform of a cell's children, in whole numbers |
 //! | `butterflies` | the same in single precision |
 //! | `coefficients` | all coefficients of a field, in their order |
-//! | `estimates`, `estimate_weights` | what small networks expect of a coefficient |
-//! | `models` | models of the coefficients, and what they depend on |
+//! | `contexts` | what the models of coefficients depend on |
+//! | `models` | models of the coefficients |
+//! | `estimates`, `estimate_inputs`, `estimate_weights` | what small networks expect of a coefficient, and of what |
+//! | `trace` | decisions for the training of the networks |
 //! | `choice` | when learning: coefficients of least cost |
 //! | `older`, `older_models` | fields of older files |
 
@@ -25,12 +27,15 @@ mod butterflies;
 mod choice;
 mod coding;
 mod coefficients;
+mod contexts;
+mod estimate_inputs;
 mod estimate_weights;
 mod estimates;
 mod models;
 mod older;
 mod older_models;
 mod pyramid;
+mod trace;
 mod whole_butterflies;
 
 use std::ops::Range;
@@ -44,11 +49,16 @@ use butterflies::Butterflies;
 use choice::choose;
 pub use coding::FieldCoding;
 use coefficients::Coded;
-use models::{Around, Beside, CellContext, FieldModels};
+use contexts::{Around, Beside, CellContext};
+use estimates::length;
+use models::FieldModels;
 use older::OlderField;
 use pyramid::{PyramidLevel, descend, from_parents, pyramid};
 pub(super) use whole_butterflies::FRACTION;
 use whole_butterflies::{WholeButterflies, bounded};
+
+#[cfg(feature = "trace")]
+pub use trace::decisions;
 
 /// Rounding of the coefficients of each channel, for values times the root of the number of cells; 1 to 4096.
 #[derive(Debug, Clone, Copy)]
@@ -241,7 +251,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
                 let below: [Option<usize>; 3] = std::array::from_fn(|axis| at(axis, false));
                 let above = (0..3).filter_map(|axis| at(axis, true));
                 let families = below.map(|q| q.map(|q| parents.children_of(q)));
-                add_missed(&families, children, &range, &missed, decoded);
+                let pulls = add_missed(&families, children, &range, &missed, decoded);
                 let all = Around {
                     activity: activity[p],
                     ahead: above.map(|i| usize::from(activity[i])).sum(),
@@ -253,7 +263,8 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
                 let beside = Beside::along(below.map(|q| q.map(|q| &coded[q])));
                 let context = CellContext::new(l, all, beside);
                 let cell = Children::new(children, range.clone(), means[p]);
-                (active[p], coded[p]) = self.cell(context, &cell, &mut decoded[range.clone()])?;
+                (active[p], coded[p]) =
+                    self.cell(context, &cell, &pulls, &mut decoded[range.clone()])?;
             }
             // Until here what was predicted from the parents, now what that missed.
             for i in range {
@@ -286,6 +297,7 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
         &mut self,
         mut context: CellContext<N>,
         cell: &Children<'_, N>,
+        pulls: &[[i32; 8]; N],
         decoded: &mut [[i32; N]],
     ) -> Result<(u8, Beside<N>), C::Error> {
         let butterflies = WholeButterflies::new(&cell.octants, cell.weights);
@@ -297,6 +309,13 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
             cell.octants.iter().zip(&*decoded).for_each(|(&o, value)| slots[o] = value[c]);
             means[c] = butterflies.forward(&mut slots, |i, butterfly, change| {
                 context.set_change(i, c, butterfly.change_class(change, steps[c]));
+            });
+        }
+        for (c, of_channel) in pulls.iter().enumerate().filter(|(_, of)| **of != [0; 8]) {
+            butterflies.forward(&mut of_channel.clone(), |i, _, pull| {
+                let shift = context.level.min(11) + 2;
+                let size = (pull.unsigned_abs() << shift) / steps[c] as u64;
+                context.pulls[i][c] = length(size).min(12) as i8 * pull.signum() as i8;
             });
         }
         for (i, butterfly) in butterflies.all().iter().enumerate() {
@@ -326,14 +345,15 @@ impl<C: Coder, const N: usize> Walk<'_, C, N> {
 
 /// Adds its share of what was missed beside them to the predictions of the children `range` of a cell. Of the cells that share a
 /// face with a child those of smaller coordinates in other parents are coded: those parents' keys are smaller. `below` are
-/// the children of the cell one down along each axis.
+/// the children of the cell one down along each axis. Gives the sum of what was missed beside each, by channel and octant.
 fn add_missed<const N: usize>(
     below: &[Option<Range<usize>>; 3],
     children: &PyramidLevel<'_, N>,
     range: &Range<usize>,
     missed: &[[i32; N]],
     predicted: &mut [[i32; N]],
-) {
+) -> [[i32; 8]; N] {
+    let mut pulls = [[0; 8]; N];
     for i in range.clone() {
         let mut sum = [0_i64; N];
         for (axis, family) in below.iter().enumerate() {
@@ -348,8 +368,10 @@ fn add_missed<const N: usize>(
         for c in 0..N {
             let share = (MISSED_SHARE * sum[c] + 128) >> 8;
             predicted[i][c] = bounded(i64::from(predicted[i][c]) + share);
+            pulls[c][(children.keys[i] & 7) as usize] = bounded(sum[c]);
         }
     }
+    pulls
 }
 
 impl<'a, const N: usize> Children<'a, N> {
