@@ -334,6 +334,12 @@ pub(super) const LEAST_VOTES: usize = 4;
 /// Motions that are tried, at most: those with most votes.
 pub(super) const MOST_MOTIONS: usize = 40;
 
+/// Patches by which it is decided which motions all patches are tried with, about.
+pub(super) const PROBED_PATCHES: usize = 1000;
+
+/// Motions that all patches are tried with, at most: with which most is won. Of a building with rooms of five kinds it is hardly more.
+pub(super) const TRIED_MOTIONS: usize = 16;
+
 /// How far from keypoints the surface is aligned, pixels: what their descriptors cover.
 pub(super) const ALIGNED_REACH: f32 = 24.0;
 
@@ -377,6 +383,38 @@ pub(super) const FIRST_SAMPLES: usize = 8;
 /// chance. With 1 a fifth of the patches of an exact copy stay coded for it; with a half six copies of a room decode to 1
 /// percent more error.
 pub(super) const ERROR_SHARE: f32 = 0.5;
+
+/// Side of the regions in which patches are left out together, pixels.
+pub(super) const REGION: f32 = 24.0;
+
+/// Share of its bits by which more must be won of a patch whose surroundings do not recur.
+pub(super) const OWN_MARGIN: f32 = 0.5;
+
+/// Share of the bits around a patch that must go with one motion for the patch to go with it too.
+pub(super) const SPREAD_SHARE: f32 = 0.6;
+
+/// Samples by which it is measured how well copies are described by the first.
+pub(super) const MISFIT_SAMPLES: usize = 100_000;
+
+/// Errors of a surface with copies count as this power of how many times as much copies miss the first as themselves, and at most once
+/// for each. Of rooms scanned ten times it gives the error of the model without instances, within 0.2 percent (13.34 and 13.32 mm;
+/// 13.80 with power 0), of six scans of a room 2.6 percent more (12.47 and 12.15 mm; 13.01 with 0 for 15 percent fewer bytes).
+pub(super) const MISFIT_POWER: i32 = 4;
+
+/// How near a sample must come to one that stays, pixels, to be taken there: it or a neighbour in cells of this side.
+pub(super) const FOLD_CELL: f32 = 1.5;
+
+/// Side of the cells in which it is asked which copies are there, pixels.
+pub(super) const COPIES_CELL: f32 = 4.0;
+
+/// Side of the cells of each of which one of the copies is learned of, pixels.
+pub(super) const CHOSEN_CELL: f32 = 1.0;
+
+/// What it is worth, bits, that a patch of a region goes with the others.
+pub(super) const FLAG_BITS: f32 = 4.0;
+
+/// How far from the surface samples still go where it goes, pixels.
+pub(super) const FOLD_REACH: f32 = 16.0;
 
 /// What a sample further than the tolerance costs, bits: a point beside the patches takes about ten, and stands for several.
 pub(super) const FAR_BITS: f32 = 3.0;

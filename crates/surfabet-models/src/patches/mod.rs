@@ -43,7 +43,6 @@ mod model;
 mod options;
 mod recurrence;
 mod samples;
-mod shared_points;
 mod sheets;
 mod supported;
 mod surface;
