@@ -57,7 +57,7 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// The model of what was described, or that of what recurs where it takes fewer bytes.
+    /// The model of what was described, or that of what recurs where that takes so many fewer bytes that a little more error is paid for.
     ///
     /// # Errors
     /// As [`with_points_within`].
@@ -75,11 +75,11 @@ impl Wanted<'_> {
         }
         let recurring = self.complete(recurring, &fold, progress)?;
         // Points beside the patches only add to what these take.
-        if recurring.bytes() <= coded.bytes() {
+        if recurring.bytes() <= WORTH * coded.bytes() {
             return Ok(recurring);
         }
         let coded = self.complete(coded, &[], progress)?;
-        Ok(if recurring.bytes() < coded.bytes() { recurring } else { coded })
+        Ok(if recurring.bytes() <= WORTH * coded.bytes() { recurring } else { coded })
     }
 
     /// Without points beside the patches.
