@@ -31,6 +31,8 @@ pub(in crate::patches) struct Fold {
     of_points: Vec<u16>,
     /// The same of samples.
     of_samples: Vec<u16>,
+    /// The sides that the samples face where they are moved to.
+    sides: Vec<u8>,
     /// Whether patches are learned of each sample.
     kept: Vec<bool>,
     /// Which copies lie in each coarse cell and those around it, a bit each: there are at most 40 motions.
@@ -57,19 +59,28 @@ impl Fold {
             let owner = surface.owner(p, FOLD_REACH);
             (owner.map_or(0, |owner| of_leaves[owner as usize]), p)
         });
-        let mut staying: MortonMap<()> = MortonMap::default();
-        staying.extend(
-            asked.iter().filter(|of| of.0 == 0).map(|of| (key(cell_of(of.1, FOLD_CELL)), ())),
-        );
-        let of_samples: Vec<(u16, [f32; 3])> = parallel::map(&asked, |&(to, p)| {
+        // The sides of the samples that stay, a bit each.
+        let mut staying: MortonMap<u8> = MortonMap::default();
+        for (&(_, p), side) in asked.iter().zip(&learned.samples.sides).filter(|(of, _)| of.0 == 0)
+        {
+            *staying.entry(key(cell_of(p, FOLD_CELL))).or_default() |= 1 << side;
+        }
+        let numbers: Vec<usize> = (0..asked.len()).collect();
+        let found = parallel::map(&numbers, |&i| {
+            let ((to, p), side) = (asked[i], learned.samples.sides[i]);
             if to == 0 {
-                return (0, p);
+                return ((0, p), side);
             }
-            let source = motions[usize::from(to) - 1].source_of(p);
-            let mut around = surfabet_geom::cells::around(cell_of(source, FOLD_CELL));
-            let is_there = around.any(|cell| staying.contains_key(&key(cell)));
-            (if is_there { to } else { 0 }, p)
+            let motion = &motions[usize::from(to) - 1];
+            let around = surfabet_geom::cells::around(cell_of(motion.source_of(p), FOLD_CELL));
+            let there =
+                around.filter_map(|cell| staying.get(&key(cell))).fold(0, |all, of| all | of);
+            match there {
+                0 => ((0, p), side),
+                there => ((to, p), side_among(side_of_source(side, motion), there)),
+            }
         });
+        let (of_samples, sides): (Vec<(u16, [f32; 3])>, Vec<u8>) = found.into_iter().unzip();
         let mut of_points = vec![0; learned.n_points];
         for (of, points) in of_samples.iter().zip(learned.samples.points()) {
             points.iter().for_each(|&i| of_points[i as usize] = of.0);
@@ -78,7 +89,18 @@ impl Fold {
         let misfit = misfit(surface, &of_samples, &motions);
         let of_samples = of_samples.into_iter().map(|of| of.0).collect();
         let places = places.to_vec();
-        Self { lattice, axis, places, misfit, of_points, of_samples, kept, copies, of_leaves }
+        Self {
+            lattice,
+            axis,
+            places,
+            misfit,
+            of_points,
+            of_samples,
+            sides,
+            kept,
+            copies,
+            of_leaves,
+        }
     }
 
     fn motions(&self) -> Vec<Motion> {
@@ -99,11 +121,7 @@ impl Fold {
                 sample.position = source.map(|c| c * pixel);
             }
         });
-        parallel::for_each_mut(&mut samples.sides, |i, side| {
-            if let Some(motion) = motion(i) {
-                *side = side_of_source(*side, motion);
-            }
-        });
+        samples.sides.clone_from(&self.sides);
         samples
     }
 
@@ -295,6 +313,12 @@ fn side_of_source(side: u8, motion: &Motion) -> u8 {
     let most = |&a: &usize, &b: &usize| row[a].abs().total_cmp(&row[b].abs()).then(b.cmp(&a));
     let axis = (0..3).max_by(most).unwrap_or(0);
     2 * axis as u8 + u8::from(facing * row[axis] < 0.0)
+}
+
+/// A side, or the other one where surface faces that alone: without viewpoints sides follow the axes, not what is turned.
+fn side_among(side: u8, there: u8) -> u8 {
+    let is_there = |side: u8| there >> side & 1 != 0;
+    if !is_there(side) && is_there(side ^ 1) { side ^ 1 } else { side }
 }
 
 /// How many times as much the samples that are moved miss the surface where they are moved to, at least as much.
