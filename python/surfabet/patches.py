@@ -285,8 +285,8 @@ def learn_patches(
         one another and that is less.
     recurrence
         Looks for what recurs in the scene: patches are left out where others, moved, give the same
-        surface, if that makes the file smaller. Takes up to twice as long; for buildings with equal
-        rooms, or many equal things. True or False; by default False.
+        surface, if that makes the file smaller. Takes two to three times as long; for buildings
+        with equal rooms, or many equal things. True or False; by default False.
     rounds
         Rounds of choosing patches. Each uses the prices that the coder learned in the round before.
         An integer from 1 to 10; by default 3.

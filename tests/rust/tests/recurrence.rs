@@ -213,6 +213,36 @@ fn both_bounds_hold_with_instances() {
 }
 
 #[test]
+fn exact_copies_take_little_more_than_one_at_no_more_error() {
+    let places: [(bool, u8, Point); 6] =
+        std::array::from_fn(|i| (false, 0, [1.1137 * i as f32, 0.0531 * i as f32, 0.0]));
+    let one = size(&learn(&chests(&places[..1], false), &options()));
+    let cloud = chests(&places, false);
+    let plain = learn(&cloud, &PatchesOptions { recurrence: false, ..options() });
+    let model = learn(&cloud, &options());
+    assert!(10 * size(&model) < 16 * one, "{} bytes, one takes {one}", size(&model));
+    let decoded = [&model, &plain].map(|model| decode(model, true));
+    let [with, without] = decoded.map(|decoded| [rms(&decoded, &cloud), rms(&cloud, &decoded)]);
+    for (with, without) in with.into_iter().zip(without) {
+        assert!(with < 1.05 * without, "{with} and {without} m");
+    }
+}
+
+#[test]
+fn enough_of_the_input_is_near_with_instances() {
+    let cloud = chests(&PLACES, true);
+    let wanted = PatchesOptions { completeness: 0.999, ..options() };
+    let model = learn(&cloud, &wanted);
+    assert!(!model.instances().all.is_empty());
+    let measured = decode(&model, true);
+    let tree = KdTree::new(measured.positions()).unwrap();
+    // Two spacings.
+    let is_near = |p: &&Point| tree.nearest(**p).unwrap().squared_distance() <= 0.008 * 0.008;
+    let near = cloud.positions().iter().filter(is_near).count();
+    assert!(near as f64 >= 0.999 * cloud.len() as f64, "{near} of {}", cloud.len());
+}
+
+#[test]
 fn exact_copies_share_points_beside_the_patches() {
     let cloud = chests(&PLACES[..2], false);
     let model = learn(&cloud, &PatchesOptions { max_error: Some(0.005), ..options() });
@@ -244,7 +274,7 @@ fn a_file_gives_instances_back_and_threads_change_nothing() {
     assert_eq!(again.to_bytes().unwrap(), file);
     assert_eq!(decode(&again, true), decode(four(), true));
     let cloud = chests(&PLACES, true);
-    for threads in [1, 3] {
+    for threads in [1, 2, 8] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| learn(&cloud, &options())).to_bytes().unwrap(), file);
     }
@@ -276,7 +306,10 @@ proptest! {
         x in 0.9_f32..3.0, y in -2.0_f32..2.0, quarters in 0_u8..4, mirrored: bool,
     ) {
         let places = [PLACES[0], (mirrored, quarters, [x + 0.7, y, 0.0])];
-        let model = learn(&chests(&places, true), &options());
+        let cloud = chests(&places, true);
+        let model = learn(&cloud, &options());
+        let plain = learn(&cloud, &PatchesOptions { recurrence: false, ..options() });
+        prop_assert!(size(&model) <= size(&plain));
         let again = model.instances().n_patches() as f64;
         let share = again / (again + model.len() as f64);
         prop_assert!(share > 0.35, "{share} at {x} {y} {quarters} {mirrored}");

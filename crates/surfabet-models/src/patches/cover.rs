@@ -25,6 +25,8 @@ pub(super) struct Cover {
     starts: Vec<u32>,
     /// By cell.
     points: Vec<[f32; 3]>,
+    /// Their numbers as they were given.
+    numbers: Vec<u32>,
     places: MortonMap<u32>,
     /// Side of a cell, metres.
     size: f64,
@@ -35,7 +37,7 @@ pub(super) struct Cover {
 impl Cover {
     /// Of points in the axes of the lattice, each to be within `limit` metres of the middle of a cell.
     pub fn new(points: &[[f32; 3]], limit: f64) -> Self {
-        let size = EXTRA_CELL * limit;
+        let size = Self::size_of(limit);
         let mut keyed: Vec<(u64, u32)> =
             parallel::map_range(points.len(), |i| (extra_key(points[i], size), i as u32));
         parallel::sort_keyed(&mut keyed);
@@ -46,8 +48,20 @@ impl Cover {
             starts.push(starts[starts.len() - 1] + run.len() as u32);
         }
         let points = parallel::map(&keyed, |&(_, i)| points[i as usize]);
+        let numbers = keyed.iter().map(|of| of.1).collect();
         let limit = (WITHIN * limit).powi(2) as f32;
-        Self { places: index(&keys), keys, starts, points, size, limit }
+        Self { places: index(&keys), keys, starts, points, numbers, size, limit }
+    }
+
+    /// Side of a cell for a limit, metres.
+    pub fn size_of(limit: f64) -> f64 {
+        EXTRA_CELL * limit
+    }
+
+    /// Numbers of the points that the middle of a cell covers, as they were given.
+    pub fn input_of(&self, key: u64) -> impl Iterator<Item = u32> {
+        let cell = self.places.get(&key).map(|&i| i as usize);
+        cell.into_iter().flat_map(|cell| self.by(cell)).map(|p| self.numbers[p])
     }
 
     /// Side of a cell, metres.
@@ -166,7 +180,7 @@ mod tests {
     #[test]
     fn a_point_stands_for_what_lies_in_the_next_cell() {
         let limit = 0.1;
-        let size = EXTRA_CELL * limit;
+        let size = Self::size_of(limit);
         let at = |x: f64| [(x * size) as f32, (0.5 * size) as f32, (0.5 * size) as f32];
         // 0.55 sides are 0.63 of the bound, 0.9 sides 1.04 of it.
         assert_eq!(Cover::new(&[at(0.95), at(1.05)], limit).of_all().len(), 1);
@@ -178,7 +192,7 @@ mod tests {
     fn no_hole_is_made_in_a_wall() {
         // A wall of 16 x 16 cells through their middles, nine points in each, within 0.2 sides: all are covered by the cells beside, too.
         let limit = 0.1;
-        let size = EXTRA_CELL * limit;
+        let size = Self::size_of(limit);
         let at = |i: usize| (i / 3) as f64 + 0.2 * (i % 3) as f64 + 0.3;
         let points: Vec<[f32; 3]> = (0..48 * 48)
             .map(|i| [at(i % 48), at(i / 48), 0.5].map(|c| (c * size) as f32))

@@ -2,6 +2,7 @@
 
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
+use surfabet_geom::morton::MortonMap;
 
 use super::axes::to_axes;
 use super::constants::{
@@ -10,9 +11,8 @@ use super::constants::{
 use super::cover::Cover;
 use super::decode::{LastFound, MeasuredReach, PlacedPatch};
 use super::instances::Motion;
-use super::model::{Lattice, PatchModel};
+use super::model::{Lattice, PatchModel, extra_key};
 use super::samples::cells::LIMIT;
-use super::shared_points::with_shared_points;
 use super::surface::leaf::Leaf;
 use crate::error::Result;
 use crate::extent::too_small;
@@ -38,19 +38,81 @@ const BATCH: usize = 1 << 12;
 /// [`Error::InvalidParameter`] for a bound that single precision does not resolve, [`Error::Cancelled`].
 pub(super) fn with_points_within(
     model: PatchModel,
-    positions: &[[f32; 3]],
+    input: FoldedInput<'_>,
     bound: f64,
     forward: Option<f64>,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
+    let positions = input.positions;
     let near = limit(positions, bound)?;
     let motions = model.instances().motions();
     let patches = patches_of(&model, &motions, &[]);
     let far = far_points(model.lattice(), patches, positions, near, progress)?;
-    let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
-    let cover = cover_of(&model, &far, near.min(forward));
-    let model = model.with_extra(cover.of_all(), cover.size(), Some(bound));
-    with_shared_points(model, &far, near.min(forward))
+    let of_forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
+    let (cover, of_points) = input.cover(&model, &far, near.min(of_forward), forward);
+    let keys = cover.of_all();
+    let shared = shared(&cover, &keys, &of_points, motions.len());
+    Ok(model.with_extra(keys.clone(), cover.size(), Some(bound)).with_shared_extra(keys, shared))
+}
+
+/// Input with the instance that stands for each point, and one more; 0 where none does. All stay where no numbers are given.
+#[derive(Clone, Copy)]
+pub(super) struct FoldedInput<'a> {
+    pub positions: &'a [[f32; 3]],
+    pub fold: &'a [u16],
+}
+
+impl FoldedInput<'_> {
+    /// Points to be covered, those of instances where their sources are if others are in the same cell there, and the instance of each, as
+    /// of the input.
+    fn cover(
+        &self,
+        model: &PatchModel,
+        far: &[u32],
+        limit: f64,
+        forward: Option<f64>,
+    ) -> (Cover, Vec<u16>) {
+        let lattice = model.lattice();
+        let rows = lattice.orientation.rotation();
+        let motions = model.instances().motions();
+        let pixel = lattice.pixel_size;
+        let size = Cover::size_of(limit);
+        let in_axes: Vec<[f32; 3]> =
+            parallel::map(far, |&i| to_axes(&rows, self.positions[i as usize]).map(|c| c as f32));
+        let of = |i: u32| self.fold.get(i as usize).copied().unwrap_or(0);
+        let staying = far.iter().zip(&in_axes).filter(|(i, _)| of(**i) == 0);
+        let staying: MortonMap<()> = staying.map(|(_, &p)| (extra_key(p, size), ())).collect();
+        let numbers: Vec<usize> = (0..far.len()).collect();
+        let placed: Vec<([f32; 3], u16)> = parallel::map(&numbers, |&k| {
+            let (p, m) = (in_axes[k], of(far[k]));
+            if m == 0 {
+                return (p, 0);
+            }
+            let pixels = p.map(|c| f64::from(c) / pixel);
+            let source = motions[usize::from(m) - 1].exact_source_of(pixels);
+            let source = source.map(|c| (c * pixel) as f32);
+            match forward.is_none() || staying.contains_key(&extra_key(source, size)) {
+                true => (source, m),
+                false => (p, 0),
+            }
+        });
+        let (points, of): (Vec<[f32; 3]>, Vec<u16>) = placed.into_iter().unzip();
+        (Cover::new(&points, limit), of)
+    }
+}
+
+/// The numbers of the points of each of `n` instances: those that cover input which it stands for.
+fn shared(cover: &Cover, keys: &[u64], of_points: &[u16], n: usize) -> Vec<Vec<u32>> {
+    let mut of_instances = vec![Vec::new(); n];
+    for (number, &key) in (0..).zip(keys) {
+        for input in cover.input_of(key) {
+            let m = usize::from(of_points[input as usize]);
+            if m > 0 && of_instances[m - 1].last() != Some(&number) {
+                of_instances[m - 1].push(number);
+            }
+        }
+    }
+    of_instances
 }
 
 /// What [`with_share_of_points`] reaches.
@@ -86,13 +148,14 @@ impl Completeness {
 /// As [`with_points_within`].
 pub(super) fn with_share_of_points(
     model: PatchModel,
-    positions: &[[f32; 3]],
+    input: FoldedInput<'_>,
     beside: &[Leaf],
     wanted: Completeness,
     progress: &dyn Progress,
 ) -> Result<PatchModel> {
     let Some(bound) = wanted.bound() else { return Ok(model) };
     let Completeness { share, forward, .. } = wanted;
+    let positions = input.positions;
     let near = limit(positions, bound)?;
     let motions = model.instances().motions();
     let patches = || patches_of(&model, &motions, beside);
@@ -105,15 +168,16 @@ pub(super) fn with_share_of_points(
     let far = far_points(lattice, patches(), positions, near, progress)?;
     // The part of a point that exact arithmetic would not have is no reason for one point more.
     let allowed = ((1.0 - share) * positions.len() as f64 + 1e-6).floor() as usize;
-    let forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
+    let of_forward = forward.map_or(Ok(near), |forward| limit(positions, forward))?;
     let of_pixels = POINT_CELL_IN_PIXELS * lattice.pixel_size;
-    let of_cells = near.min(wanted.in_gaps(POINT_CELL_IN_GAPS)).min(of_pixels).min(forward);
-    let cover = cover_of(&model, &far, of_cells);
+    let of_cells = near.min(wanted.in_gaps(POINT_CELL_IN_GAPS)).min(of_pixels).min(of_forward);
+    let (cover, of_points) = input.cover(&model, &far, of_cells, forward);
     let keys = cover.of_most(allowed);
     if keys.is_empty() {
         return Ok(model);
     }
-    with_shared_points(model.with_extra(keys, cover.size(), None), &far, of_cells)
+    let shared = shared(&cover, &keys, &of_points, motions.len());
+    Ok(model.with_extra(keys.clone(), cover.size(), None).with_shared_extra(keys, shared))
 }
 
 /// True when at least the `share` of the positions is within `bound` of what patches decode to as measured. Of many positions some
@@ -169,21 +233,23 @@ fn patches_of<'a>(
     coded.chain(of_instances)
 }
 
-/// The `positions` that are further than `limit` from all that patches decode to as measured.
+/// Numbers of the `positions` that are further than `limit` from all that patches decode to as measured.
 fn far_points<'a>(
     lattice: Lattice,
     patches: impl Iterator<Item = PlacedPatch<'a>>,
     positions: &[[f32; 3]],
     limit: f64,
     progress: &dyn Progress,
-) -> Result<Vec<[f32; 3]>> {
+) -> Result<Vec<u32>> {
     let rounding = DECODE_ROUNDINGS * largest_coordinate(positions) * f64::from(f32::EPSILON);
     let near = (limit - rounding).max(0.0);
     let reach = MeasuredReach::new(lattice, patches, near)?;
-    let far = parallel::try_map_chunks(positions, BATCH, |positions| -> Result<Vec<[f32; 3]>> {
+    let starts: Vec<usize> = (0..positions.len()).step_by(BATCH).collect();
+    let far = parallel::try_map(&starts, |&start| -> Result<Vec<u32>> {
         progress.check()?;
         let mut last = LastFound::default();
-        Ok(positions.iter().copied().filter(|&p| !reach.is_near(p, &mut last)).collect())
+        let all = start..positions.len().min(start + BATCH);
+        Ok(all.filter(|&i| !reach.is_near(positions[i], &mut last)).map(|i| i as u32).collect())
     })?;
     Ok(far.concat())
 }
@@ -191,10 +257,4 @@ fn far_points<'a>(
 /// Largest coordinate of some positions, either sign, metres about the origin.
 fn largest_coordinate(positions: &[[f32; 3]]) -> f64 {
     positions.iter().flat_map(|p| p.map(|c| f64::from(c.abs()))).fold(0.0, f64::max)
-}
-
-/// Points to be covered, in the axes of a model's lattice.
-fn cover_of(model: &PatchModel, points: &[[f32; 3]], limit: f64) -> Cover {
-    let rows = model.lattice().orientation.rotation();
-    Cover::new(&parallel::map(points, |&p| to_axes(&rows, p).map(|c| c as f32)), limit)
 }

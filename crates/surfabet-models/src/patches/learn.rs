@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use surfabet_base::parallel;
 use surfabet_geom::{PointCloud, Progress, Survey};
 
 use super::attributes::borders::{BorderBlocks, FieldCells};
@@ -18,10 +19,10 @@ use super::constants::{
     TOLERANCE_SHARE,
 };
 use super::far_points::{Completeness, is_reached, least_bound};
-use super::instances::Instances;
+use super::instances::{Instances, Motion};
 use super::model::{Attributes, Lattice, LevelSize, PatchModel, SheetTree};
 use super::options::{DEPTH_STEPS, PatchesOptions};
-use super::recurrence::{Learned, recurring};
+use super::recurrence::{Fold, Learned, recurring, support};
 use super::samples::cells::LIMIT;
 use super::samples::{SidedSamples, Weights};
 use super::sheets::{Reach, Sheet, sheets};
@@ -235,16 +236,16 @@ pub(super) fn on_lattice(
     // 3. and 4. Sheets; patches of least cost.
     let positions = ground.positions(cloud);
     let ChosenSurface { geometry, near, bytes, n_sheets, density } =
-        surface(ground, (cloud, &positions[..]), &samples, options, stages)?;
+        surface(ground, (cloud, &positions[..]), (&samples, None), options, stages)?;
     // 5. Colour and other attributes.
-    let add = |geometry: Geometry, instances| -> Result<Described> {
+    let coded = stages.run("adding attributes", |_| {
         let (attributes, figures) =
             attributes(&chosen, &samples, &geometry.leaves, ground, options)?;
-        Ok(Described { geometry, attributes, figures, instances })
-    };
-    let coded = stages.run("adding attributes", |_| add(geometry, Instances::default()))?;
+        Ok(Described { geometry, attributes, figures, instances: Instances::default() })
+    })?;
     // 6. What recurs.
-    let recurring = stages.run("finding what recurs", |progress| {
+    let n_samples = samples.all.len();
+    let fold = stages.run("finding what recurs", |progress| {
         if tile.is_some() || !options.recurrence {
             return Ok(None);
         }
@@ -253,15 +254,24 @@ pub(super) fn on_lattice(
             coded: &coded,
             samples: &samples,
             chosen: &chosen,
+            n_points: cloud.len(),
             geometry_bytes: bytes.last().copied().unwrap_or_default(),
             density,
             tolerance: options.max_error.unwrap_or(TOLERANCE_SHARE * ground.tolerance),
         };
-        let found = recurring(&learned, cloud, options, progress)?;
-        found.map(|(geometry, instances)| add(geometry, instances)).transpose()
+        recurring(&learned, cloud, options, progress)
     })?;
-    let n_samples = samples.all.len();
-    drop(samples);
+    let recurring = match &fold {
+        Some(fold) => Some(refolded(
+            &Ground { density: Some(density), ..*ground },
+            fold,
+            (cloud, &coded.geometry.leaves),
+            (samples, &chosen),
+            options,
+            stages,
+        )?),
+        None => None,
+    };
     // 7. Points beside the patches.
     let wanted = ground.wanted(&positions, &near, options);
     let Whole { model, attribute_cells, attributes } =
@@ -287,6 +297,33 @@ pub(super) fn on_lattice(
     Ok((model, report))
 }
 
+/// What is described of a scene whose copies are moved onto the first; `before` are the patches that it had without.
+fn refolded(
+    ground: &Ground<'_>,
+    fold: &Fold,
+    (cloud, before): (&PointCloud, &[Leaf]),
+    (samples, chosen): (SidedSamples<'_>, &ChosenAttributes<'_>),
+    options: &PatchesOptions,
+    stages: &mut Stages<'_>,
+) -> Result<(Described, Vec<u16>)> {
+    let &Ground { lattice, .. } = ground;
+    let samples = fold.moved(samples);
+    let of_one = fold.as_of_one(&samples);
+    let positions = fold.positions_of_one(&samples, cloud);
+    let ChosenSurface { geometry, density, .. } =
+        surface(ground, (cloud, &positions), (&of_one, Some(fold)), options, stages)?;
+    drop((of_one, positions));
+    let support = support(lattice, &geometry.leaves, cloud, options)?;
+    let allowed = |leaf: &Leaf, motion: &Motion| {
+        support.as_ref().is_none_or(|support| support.holds(leaf, motion))
+    };
+    let prices = [density, options.rate * density];
+    let instances = fold.instances((&samples, &geometry), before, prices, allowed)?;
+    let (attributes, figures) = attributes(chosen, &samples, &geometry.leaves, ground, options)?;
+    let of_points = fold.of_points(&instances);
+    Ok((Described { geometry, attributes, figures, instances }, of_points))
+}
+
 /// What steps 3 and 4 give.
 struct ChosenSurface {
     geometry: Geometry,
@@ -303,13 +340,16 @@ struct ChosenSurface {
 fn surface(
     ground: &Ground<'_>,
     (cloud, positions): (&PointCloud, &[[f32; 3]]),
-    samples: &SidedSamples<'_>,
+    (samples, fold): (&SidedSamples<'_>, Option<&Fold>),
     options: &PatchesOptions,
     stages: &mut Stages<'_>,
 ) -> Result<ChosenSurface> {
     let &Ground { lattice, survey, tile, .. } = ground;
     // 3. Sheets.
-    let sheets = stages.run("growing sheets", |_| sheets_of(samples, &lattice, survey))?;
+    let mut sheets = stages.run("growing sheets", |_| sheets_of(samples, &lattice, survey))?;
+    if let Some(fold) = fold {
+        parallel::for_each_mut(&mut sheets, |_, sheet| sheet.copies = fold.copies_of(sheet));
+    }
     let Shares { own: sheets, near } = Shares::of(sheets, tile, &lattice);
     // 4. Patches of least cost: masks, depths, thickness, levels.
     let density = ground.density.unwrap_or_else(|| samples_per_pixel(&sheets));

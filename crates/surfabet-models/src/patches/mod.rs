@@ -20,7 +20,7 @@
 //! | `attributes` | colour, scalars and labels on the cells around the surface | 7 |
 //! | `instances` | parts of the model once more, moved to where the scene shows the same again | 11 |
 //! | `recurrence` | what recurs in the scene: patches that are left out where others, moved, give the same surface | 11 |
-//! | `far_points`, `cover`, `shared_points` | points beside the patches, for what these leave out | 8 |
+//! | `far_points`, `cover` | points beside the patches, for what these leave out | 8 |
 //! | `whole` | the model with the points beside its patches, with instances or without | 11 |
 //! | `model`, `contract` | the result | |
 //! | `decode` | back to a cloud, as a surface or as measured, whole or within a box | 9 |
@@ -43,7 +43,6 @@ mod model;
 mod options;
 mod recurrence;
 mod samples;
-mod shared_points;
 mod sheets;
 mod supported;
 mod surface;

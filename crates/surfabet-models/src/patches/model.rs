@@ -474,11 +474,6 @@ impl PatchModel {
         &self.instances
     }
 
-    /// Keys of the cells of the points that no patch holds, and their side, metres.
-    pub(super) fn extra(&self) -> (&[u64], f64) {
-        (&self.extra, self.extra_size)
-    }
-
     /// Points that no patch holds, in the frame of the lattice, metres.
     pub fn points(&self) -> Vec<[f32; 3]> {
         let size = self.extra_size;

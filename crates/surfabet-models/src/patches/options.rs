@@ -43,7 +43,7 @@ options! {
             unit = "pixels",
             none = "0.75, or an eighth of the gap where surfaces lie close behind one another and that is less";
         /// Looks for what recurs in the scene: patches are left out where others, moved, give the same surface, if that makes the file
-        /// smaller. Takes up to twice as long; for buildings with equal rooms, or many equal things.
+        /// smaller. Takes two to three times as long; for buildings with equal rooms, or many equal things.
         recurrence: bool = false;
         /// Rounds of choosing patches. Each uses the prices that the coder learned in the round before.
         rounds: u32 = 3, range = Range::from_to(1.0, 10.0);

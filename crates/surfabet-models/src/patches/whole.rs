@@ -4,7 +4,7 @@ use surfabet_geom::Progress;
 
 use super::coding::Geometry;
 use super::constants::WORTH;
-use super::far_points::{Completeness, with_points_within, with_share_of_points};
+use super::far_points::{Completeness, FoldedInput, with_points_within, with_share_of_points};
 use super::instances::Instances;
 use super::model::{Attributes, Lattice, PatchModel};
 use super::surface::leaf::Leaf;
@@ -57,29 +57,29 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// The model of what was described, or that of what recurs where it takes fewer bytes.
+    /// The model of what was described, or that of what recurs where that takes so many fewer bytes that a little more error is paid for.
     ///
     /// # Errors
     /// As [`with_points_within`].
     pub fn smaller(
         &self,
         coded: Described,
-        recurring: Option<Described>,
+        recurring: Option<(Described, Vec<u16>)>,
         progress: &dyn Progress,
     ) -> Result<Whole> {
         let coded = self.bare(coded)?;
-        let Some(recurring) = recurring else { return self.complete(coded, progress) };
+        let Some((recurring, fold)) = recurring else { return self.complete(coded, &[], progress) };
         let recurring = self.bare(recurring)?;
         if recurring.bytes() > WORTH * coded.bytes() {
-            return self.complete(coded, progress);
+            return self.complete(coded, &[], progress);
         }
-        let recurring = self.complete(recurring, progress)?;
+        let recurring = self.complete(recurring, &fold, progress)?;
         // Points beside the patches only add to what these take.
-        if recurring.bytes() <= coded.bytes() {
+        if recurring.bytes() <= WORTH * coded.bytes() {
             return Ok(recurring);
         }
-        let coded = self.complete(coded, progress)?;
-        Ok(if recurring.bytes() < coded.bytes() { recurring } else { coded })
+        let coded = self.complete(coded, &[], progress)?;
+        Ok(if recurring.bytes() <= WORTH * coded.bytes() { recurring } else { coded })
     }
 
     /// Without points beside the patches.
@@ -94,15 +94,14 @@ impl Wanted<'_> {
     }
 
     /// With the points beside the patches that the bound or the completeness asks for.
-    fn complete(&self, whole: Whole, progress: &dyn Progress) -> Result<Whole> {
+    fn complete(&self, whole: Whole, fold: &[u16], progress: &dyn Progress) -> Result<Whole> {
         let Self { positions, near, max_error, completeness, .. } = *self;
+        let of = FoldedInput { positions, fold };
         let Whole { model, .. } = whole;
         let model = match max_error {
             // The tile next to this one may choose other patches than `near`: they bound nothing.
-            Some(bound) => {
-                with_points_within(model, positions, bound, completeness.forward, progress)
-            }
-            None => with_share_of_points(model, positions, near, completeness, progress),
+            Some(bound) => with_points_within(model, of, bound, completeness.forward, progress),
+            None => with_share_of_points(model, of, near, completeness, progress),
         };
         Ok(Whole { model: model?, ..whole })
     }

@@ -87,8 +87,12 @@ struct ChosenSquare {
 }
 
 impl Choice<'_> {
-    /// The best hierarchy for a sheet.
+    /// The best hierarchy for a sheet. Errors count once in each of its copies, its bits but once.
     pub fn sheet(&self, sheet: &Sheet) -> Square {
+        Choice { lambda: self.lambda / sheet.copies, ..*self }.own_sheet(sheet)
+    }
+
+    fn own_sheet(&self, sheet: &Sheet) -> Square {
         let width = self.lattice.tile_pixels() as usize;
         let runs = &sheet.runs;
         let n: f32 = runs.iter().map(|r| r.n).sum();

@@ -7,8 +7,8 @@ use crate::patches::constants::{INSTANCE_BITS, LEAST_OF_BEST, REMOVAL_ROUNDS, RU
 
 /// Patches that are left out, by motion.
 pub(super) struct Assigned {
-    /// Whether each patch is left out.
-    pub left_out: Vec<bool>,
+    /// The motion that stands for each patch, and one more; 0 where it stays.
+    pub of_leaves: Vec<u16>,
     /// The patches that each motion gives again, growing; empty where a motion is not used.
     pub sources: Vec<Vec<u32>>,
     /// Bits that are won in all.
@@ -70,13 +70,13 @@ pub(super) fn assign(prices: &Prices<'_>, fits: &[Vec<RepeatedPatch>]) -> Assign
 impl Possible<'_> {
     /// What is left out with these motions.
     fn with(&self, used: &[bool]) -> Assigned {
-        let mut left_out = vec![false; self.prices.bits.len()];
+        let mut of_leaves = vec![0_u16; self.prices.bits.len()];
         let mut sources = vec![Vec::new(); used.len()];
         let mut gain = 0.0;
         for (leaf, fits) in &self.of_leaves {
             let before = self.prices.order[*leaf as usize];
             let is_there =
-                |&s: &u32| !left_out[s as usize] && self.prices.order[s as usize] < before;
+                |&s: &u32| of_leaves[s as usize] == 0 && self.prices.order[s as usize] < before;
             let possible = || {
                 let of_leaf = fits.iter().filter(|(motion, _)| used[*motion]);
                 of_leaf.filter(|(_, fit)| fit.sources.iter().all(is_there))
@@ -88,7 +88,7 @@ impl Possible<'_> {
             if let Some(&(motion, fit)) = best {
                 gain += fit.gain;
                 sources[motion].extend(&fit.sources);
-                left_out[*leaf as usize] = true;
+                of_leaves[*leaf as usize] = motion as u16 + 1;
             }
         }
         for of_motion in &mut sources {
@@ -96,7 +96,7 @@ impl Possible<'_> {
             of_motion.dedup();
             gain -= bits_of_instance(of_motion);
         }
-        Assigned { left_out, sources, gain }
+        Assigned { of_leaves, sources, gain }
     }
 }
 

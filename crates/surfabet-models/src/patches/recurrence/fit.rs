@@ -5,12 +5,15 @@ use std::collections::BTreeMap;
 
 use surfabet_base::parallel;
 use surfabet_geom::Progress;
+use surfabet_geom::cells::{cell_of, key, of_key};
+use surfabet_geom::morton::MortonMap;
 
 use super::seen::Seen;
 use super::surface::SurfacePixels;
 use crate::error::Result;
 use crate::patches::constants::{
-    ERROR_SHARE, FAR_BITS, FIRST_SAMPLES, LEAST_DESCRIBED, LEAST_PROBED, PROBED_PIXELS,
+    ERROR_SHARE, FAR_BITS, FIRST_SAMPLES, LEAST_DESCRIBED, LEAST_PROBED, OWN_MARGIN,
+    PROBED_PATCHES, PROBED_PIXELS, REGION, SPREAD_SHARE,
 };
 use crate::patches::instances::Motion;
 use crate::patches::instances::order::place_in_order;
@@ -23,6 +26,8 @@ pub(super) struct Prices<'a> {
     pub bits: Vec<f32>,
     /// Place of each patch in the order of sources.
     pub order: Vec<f32>,
+    /// The region of each patch.
+    regions: Vec<u64>,
     /// Squared pixels of a sample that a bit is worth.
     pub lambda: f32,
     /// Samples of a pixel.
@@ -67,7 +72,20 @@ impl<'a> Prices<'a> {
             surface.middles[(pixels.start + pixels.end) / 2]
         };
         let order = (0..surface.leaves.len()).map(|leaf| place_in_order(middle(leaf)));
-        Self { surface, seen, bits, order: order.collect(), lambda, density, tolerance }
+        let order = order.collect();
+        let region = |leaf| key(cell_of(middle(leaf), REGION));
+        let regions = (0..surface.leaves.len()).map(region).collect();
+        Self { surface, seen, bits, order, regions, lambda, density, tolerance }
+    }
+
+    /// Bits that are won of the geometry with a motion, by some of the patches.
+    pub fn worth(&self, motion: &Motion) -> f32 {
+        let step = self.bits.len().div_ceil(PROBED_PATCHES).max(1);
+        let gains = parallel::map_range(self.bits.len().div_ceil(step), |i| {
+            let described = self.described((i * step) as u32, motion);
+            described.map_or(0.0, |of| of.gain.clamp(0.0, self.bits[i * step]))
+        });
+        gains.into_iter().sum()
     }
 
     /// The patches that need not be coded with a motion, by growing numbers. Only sources that are `allowed` are given again.
@@ -96,10 +114,8 @@ impl<'a> Prices<'a> {
             from = to;
             let n = of.sources.values().sum::<u32>() as f32;
             of.sources.retain(|_, count| *count as f32 >= LEAST_DESCRIBED * n);
-            if of.gain > 0.0 && !of.sources.is_empty() {
-                of.sources.iter().for_each(|(&s, n)| *counts.entry(s).or_default() += n);
-                found.push(of);
-            }
+            of.sources.iter().for_each(|(&s, n)| *counts.entry(s).or_default() += n);
+            found.push(of);
         }
         let sources: Vec<(u32, u32)> = counts.into_iter().collect();
         let costs = parallel::map(&sources, |&(source, n)| match allowed(source) {
@@ -111,9 +127,62 @@ impl<'a> Prices<'a> {
             let shared = of.sources.iter().map(|(source, &n)| costs[source] * n as f32);
             let gain = of.gain - shared.sum::<f32>() + self.cost_of_own(of.leaf as usize, motion);
             let sources = of.sources.into_keys().collect();
-            (gain > 0.0).then_some(RepeatedPatch { leaf: of.leaf, gain, sources })
+            RepeatedPatch { leaf: of.leaf, gain, sources }
         });
-        Ok(fits.into_iter().flatten().collect())
+        Ok(self.agreed(fits))
+    }
+
+    /// The patches about which most of the others around are won too.
+    fn agreed(&self, fits: Vec<RepeatedPatch>) -> Vec<RepeatedPatch> {
+        let mut votes: Vec<f32> = self.bits.iter().map(|bits| -bits).collect();
+        for of in &fits {
+            let bits = self.bits[of.leaf as usize];
+            votes[of.leaf as usize] = of.gain.clamp(-bits, bits);
+        }
+        let mut sums: MortonMap<[f32; 2]> = MortonMap::default();
+        for ((&place, &vote), &bits) in self.regions.iter().zip(&votes).zip(&self.bits) {
+            let of_region = sums.entry(place).or_default();
+            of_region[0] += vote;
+            of_region[1] += bits;
+        }
+        let share = |place: u64| {
+            let around = surfabet_geom::cells::around(of_key(place));
+            let [votes, bits] = around
+                .filter_map(|cell| sums.get(&key(cell)))
+                .fold([0.0, 0.0], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+            votes / bits.max(f32::MIN_POSITIVE)
+        };
+        let shares: MortonMap<f32> = sums.keys().map(|&place| (place, share(place))).collect();
+        let agreed = fits.into_iter().filter_map(|of| {
+            let bits = self.bits[of.leaf as usize];
+            let own = votes[of.leaf as usize] / bits - OWN_MARGIN;
+            let share = shares[&self.regions[of.leaf as usize]].max(own);
+            (share > 0.0).then_some(RepeatedPatch { gain: share * bits, ..of })
+        });
+        agreed.collect()
+    }
+
+    /// Lets patches go with a motion that most of the surface around them goes with: by chance one is described that is not there in
+    /// the copy before, but its samples are.
+    pub fn spread(&self, of_leaves: &mut [u16]) {
+        let mut sums: MortonMap<BTreeMap<u16, f32>> = MortonMap::default();
+        for ((&place, &of), &bits) in self.regions.iter().zip(&*of_leaves).zip(&self.bits) {
+            *sums.entry(place).or_default().entry(of).or_default() += bits;
+        }
+        let most = |place: u64| {
+            let mut around: BTreeMap<u16, f32> = BTreeMap::new();
+            let near = surfabet_geom::cells::around(of_key(place));
+            for (&of, bits) in near.filter_map(|cell| sums.get(&key(cell))).flatten() {
+                *around.entry(of).or_default() += bits;
+            }
+            let all: f32 = around.values().sum();
+            let most = around.into_iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+            most.filter(|(_, bits)| *bits >= SPREAD_SHARE * all).map_or(0, |(of, _)| of)
+        };
+        let most: MortonMap<u16> = sums.keys().map(|&place| (place, most(place))).collect();
+        for (of, place) in of_leaves.iter_mut().zip(&self.regions).filter(|(of, _)| **of == 0) {
+            *of = most[place];
+        }
     }
 
     /// What other patches make of the samples of one, moved by a motion; `None` where this is hopeless.
@@ -156,7 +225,7 @@ impl<'a> Prices<'a> {
         let gain = bits - ERROR_SHARE * each * sum / self.lambda;
         let source = |&i: &u32| motion.source_of(seen.positions[i as usize]);
         let positions = samples.iter().map(source).collect();
-        (gain > 0.0).then_some(Described { leaf, samples, each: *each, positions, gain, sources })
+        Some(Described { leaf, samples, each: *each, positions, gain, sources })
     }
 
     /// The same of a patch that no sample is nearest to: its own surface is to be described.
@@ -172,9 +241,7 @@ impl<'a> Prices<'a> {
             }
         }
         let gain = self.bits[leaf as usize] - ERROR_SHARE * self.density * sum / self.lambda;
-        let none =
-            Described { leaf, samples: &[], each: 0.0, positions: Vec::new(), gain, sources };
-        (gain > 0.0).then_some(none)
+        Some(Described { leaf, samples: &[], each: 0.0, positions: Vec::new(), gain, sources })
     }
 
     /// What it costs, bits, that a patch is decoded once more where a motion takes it.

@@ -1,4 +1,4 @@
-//! What recurs in a scene: patches that are left out where others, moved, give the same surface.
+//! What recurs in a scene: copies are moved onto the first of them, of all of which the model is learned then.
 //!
 //! | file | step |
 //! |---|---|
@@ -9,32 +9,32 @@
 //! | `seen` | what the scan shows at each patch |
 //! | `fit` | what is won with a motion at each patch |
 //! | `assign` | which patches are left out |
+//! | `fold` | the scene with the samples of these moved onto what they are copies of |
 
 mod assign;
 mod fit;
+mod fold;
 mod keypoints;
 mod refine;
 mod seen;
 mod surface;
 mod votes;
 
-use std::collections::BTreeMap;
-
 use surfabet_base::parallel;
-use surfabet_entropy::Price;
 use surfabet_geom::{PointCloud, Progress};
 
-use self::assign::{Assigned, assign};
+use self::assign::assign;
 use self::fit::Prices;
+pub(super) use self::fold::Fold;
 use self::keypoints::keypoints;
 use self::refine::refined;
 use self::seen::Seen;
 use self::surface::SurfacePixels;
 use self::votes::candidates;
 use super::attributes::chosen::ChosenAttributes;
-use super::coding::{Geometry, GeometryModels, code_geometry};
-use super::instances::{Instance, Instances, Motion, Place};
-use super::model::{Lattice, SheetTree, Square};
+use super::constants::TRIED_MOTIONS;
+use super::instances::{Motion, Place};
+use super::model::Lattice;
 use super::options::PatchesOptions;
 use super::samples::SidedSamples;
 use super::supported::Support;
@@ -48,6 +48,8 @@ pub(super) struct Learned<'a> {
     pub coded: &'a Described,
     pub samples: &'a SidedSamples<'a>,
     pub chosen: &'a ChosenAttributes<'a>,
+    /// How many points there are.
+    pub n_points: usize,
     /// Bytes of the geometry.
     pub geometry_bytes: f64,
     /// Samples of a pixel.
@@ -56,8 +58,8 @@ pub(super) struct Learned<'a> {
     pub tolerance: f64,
 }
 
-/// The patches that are still coded where others are given again, and what is; `None` where nothing is won. With
-/// `max_error_forward` only patches are given again that are near the input there.
+/// Which parts of the scene are moved onto which others; `None` where nothing is won. With `max_error_forward` only patches are given
+/// again that are near the input there.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`]; [`crate::Error::InvalidParameter`] for a bound that single precision does not resolve.
@@ -66,38 +68,23 @@ pub(super) fn recurring(
     cloud: &PointCloud,
     options: &PatchesOptions,
     progress: &dyn Progress,
-) -> Result<Option<(Geometry, Instances)>> {
+) -> Result<Option<Fold>> {
     let &Learned { lattice, coded: Described { geometry, attributes, .. }, .. } = learned;
     let Some(surface) = SurfacePixels::new(&lattice, &geometry.leaves)? else { return Ok(None) };
     let axis = vertical_axis(&lattice);
-    let keypoints = keypoints(&surface, axis);
-    progress.check()?;
-    let candidates = candidates(&keypoints, axis);
-    progress.check()?;
-    let refined = parallel::map(&candidates, |of| refined(&surface, &keypoints, of, axis));
-    let places =
-        different(refined.into_iter().flatten().filter(|&place| place != Place::default()));
+    let places = places(&surface, axis, progress)?;
     if places.is_empty() {
         return Ok(None);
     }
     let attributes = (attributes, learned.chosen);
     let tolerance = (learned.tolerance / lattice.pixel_size) as f32;
-    let options_and_tolerance = (options, tolerance);
-    let seen = Seen::new(
-        learned.samples,
-        &lattice,
-        &surface,
-        attributes,
-        options_and_tolerance,
-        progress,
-    )?;
+    let asked = (options, tolerance);
+    let seen = Seen::new(learned.samples, &lattice, &surface, attributes, asked, progress)?;
     let lambda = (options.rate * learned.density) as f32;
     let bits = bits_of(learned);
     let prices = Prices::new(&surface, &seen, bits, [lambda, learned.density as f32, tolerance]);
-    let support = match options.max_error_forward {
-        Some(bound) => Some(Support::new(lattice, &geometry.leaves, cloud, bound)?),
-        None => None,
-    };
+    let places = most_worth(&prices, places, axis as u8);
+    let support = support(lattice, &geometry.leaves, cloud, options)?;
     let mut fits = Vec::with_capacity(places.len());
     for (i, &place) in places.iter().enumerate() {
         progress.update("finding what recurs", i as f32 / places.len() as f32);
@@ -108,11 +95,46 @@ pub(super) fn recurring(
         };
         fits.push(prices.fits(&motion, allowed, progress)?);
     }
-    let assigned = assign(&prices, &fits);
+    let mut assigned = assign(&prices, &fits);
     if assigned.gain <= 0.0 {
         return Ok(None);
     }
-    Ok(Some(without(lattice, geometry, &assigned, &places, axis as u8)))
+    prices.spread(&mut assigned.of_leaves);
+    Ok(Some(Fold::new(learned, &surface, assigned.of_leaves, &places, axis as u8)))
+}
+
+/// Places that parts of a surface may recur at.
+fn places(surface: &SurfacePixels<'_>, axis: usize, progress: &dyn Progress) -> Result<Vec<Place>> {
+    let keypoints = keypoints(surface, axis);
+    progress.check()?;
+    let candidates = candidates(&keypoints, axis);
+    progress.check()?;
+    let refined = parallel::map(&candidates, |of| refined(surface, &keypoints, of, axis));
+    Ok(different(refined.into_iter().flatten().filter(|&place| place != Place::default())))
+}
+
+/// The places with which most is won, by some of the patches, in their order: looking at all patches takes most of the time.
+fn most_worth(prices: &Prices<'_>, places: Vec<Place>, axis: u8) -> Vec<Place> {
+    let worth = |place: &Place| prices.worth(&Motion::new(*place, axis));
+    let mut by_worth: Vec<(f32, usize)> = places.iter().map(worth).zip(0..).collect();
+    by_worth.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    by_worth.truncate(TRIED_MOTIONS);
+    by_worth.sort_by_key(|of| of.1);
+    by_worth.into_iter().map(|(_, i)| places[i]).collect()
+}
+
+/// What patches that are given again must be near to; `None` where any may be.
+///
+/// # Errors
+/// [`crate::Error::InvalidParameter`] for a bound that single precision does not resolve.
+pub(super) fn support(
+    lattice: Lattice,
+    leaves: &[Leaf],
+    cloud: &PointCloud,
+    options: &PatchesOptions,
+) -> Result<Option<Support>> {
+    let of_bound = |bound| Support::new(lattice, leaves, cloud, bound);
+    options.max_error_forward.map(of_bound).transpose()
 }
 
 /// The axis of the lattice that is nearest to the world's third.
@@ -156,55 +178,4 @@ fn bits_of(learned: &Learned<'_>) -> Vec<f32> {
     let total = |k: usize| parts.iter().map(|p| p[k]).sum::<f64>().max(1.0);
     let per = [8.0 * geometry_bytes / total(0), coded.attribute_bits() / total(1)];
     parts.iter().map(|p| (p[0] * per[0] + p[1] * per[1]) as f32).collect()
-}
-
-/// The geometry without the patches that are left out, and the instances that stand for them.
-fn without(
-    lattice: Lattice,
-    geometry: &Geometry,
-    assigned: &Assigned,
-    places: &[Place],
-    axis: u8,
-) -> (Geometry, Instances) {
-    let mut left_out = assigned.left_out.iter().copied();
-    let mut next = || left_out.next().unwrap_or(false);
-    let kept = geometry.sheets.iter().filter_map(|sheet| {
-        let root = kept(&sheet.root, &mut next);
-        (root != Square::Empty).then_some(SheetTree { root, ..*sheet })
-    });
-    let kept: Vec<SheetTree> = kept.collect();
-    let models = &mut GeometryModels::default();
-    let Ok(coded) = code_geometry(&mut Price::default(), models, lattice, &kept, usize::MAX);
-    // The order of tiles follows from the first of them, which may be another one now.
-    let key = |leaf: &Leaf| {
-        let Leaf { side, level, corner, patch } = *leaf;
-        (side, level, corner, patch.mask, patch.coefficients, patch.thickness)
-    };
-    let numbers: BTreeMap<_, u32> =
-        (0..).zip(&coded.leaves).map(|(i, leaf)| (key(leaf), i)).collect();
-    let number = |&source: &u32| numbers.get(&key(&geometry.leaves[source as usize])).copied();
-    let of_motion = |(&place, sources): (&Place, &Vec<u32>)| {
-        let mut patches: Vec<u32> = sources.iter().filter_map(number).collect();
-        patches.sort_unstable();
-        patches.dedup();
-        (!patches.is_empty()).then_some(Instance { place, patches, points: Vec::new() })
-    };
-    let all = places.iter().zip(&assigned.sources).filter_map(of_motion).collect();
-    (coded, Instances { axis, all })
-}
-
-/// What is left of a square without the patches of `is_left_out`, one after another in the order of the file.
-fn kept(square: &Square, is_left_out: &mut impl FnMut() -> bool) -> Square {
-    match square {
-        Square::Empty => Square::Empty,
-        Square::Patch(_) if is_left_out() => Square::Empty,
-        Square::Patch(patch) => Square::Patch(patch.clone()),
-        Square::Split(children) => {
-            let left: [Square; 4] = std::array::from_fn(|i| kept(&children[i], is_left_out));
-            match left.iter().all(|child| *child == Square::Empty) {
-                true => Square::Empty,
-                false => Square::Split(Box::new(left)),
-            }
-        }
-    }
 }

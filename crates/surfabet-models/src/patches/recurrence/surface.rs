@@ -115,6 +115,12 @@ impl<'a> SurfacePixels<'a> {
         Some(Nearest { pixel, off, beside: beyond(from[u]) + beyond(from[v]) })
     }
 
+    /// The patch of the pixel nearest to a position, unless none is within `reach`.
+    pub fn owner(&self, p: [f32; 3], reach: f32) -> Option<u32> {
+        let found = self.tree.nearest(p)?;
+        (found.squared_distance() <= reach * reach).then(|| self.owners[found.index()])
+    }
+
     /// Numbers of the pixels within `reach` of a position, growing.
     pub fn pixels_about(&self, p: [f32; 3], reach: f32) -> Vec<u32> {
         let mut found = Vec::new();

@@ -125,6 +125,15 @@ impl<'a> SidedSamples<'a> {
         Self { n_kept, ..self }
     }
 
+    /// Those that are kept, without their points.
+    pub fn only(&self, kept: &[bool]) -> Self {
+        let of = |i: &usize| kept[*i];
+        let all = (0..kept.len()).filter(of).map(|i| self.all[i]).collect();
+        let sides = (0..kept.len()).filter(of).map(|i| self.sides[i]).collect();
+        let groups = Groups::with_capacity(0, 0);
+        Self { all, sides, n_measured: self.n_measured, groups, n_kept: 0 }
+    }
+
     /// True for a sample of such points alone.
     pub fn is_kept(&self, sample: usize) -> bool {
         self.n_kept > 0 && self.groups.of(sample).iter().all(|&i| (i as usize) < self.n_kept)

@@ -35,6 +35,22 @@ pub(in crate::patches) struct Sheet {
     pub runs: Vec<Run>,
     /// Whether it may be left out.
     pub small: bool,
+    /// How many copies of the surface the scene has, this one counted.
+    pub copies: f32,
+}
+
+impl Sheet {
+    /// Middles of the pixels of its runs, at their depths, finest pixels.
+    pub fn positions(&self, tile_pixels: i32) -> impl Iterator<Item = [f32; 3]> {
+        let [d, u, v] = axes_of(self.side);
+        self.runs.iter().map(move |run| {
+            let mut p = [0.0; 3];
+            p[d] = run.depth;
+            p[u] = (self.tile[0] * tile_pixels + i32::from(run.u)) as f32 + 0.5;
+            p[v] = (self.tile[1] * tile_pixels + i32::from(run.v)) as f32 + 0.5;
+            p
+        })
+    }
 }
 
 /// Depth axis and the axes of columns and rows of a side.
@@ -114,7 +130,7 @@ fn sheets_of_tile(samples: &[PixelSample], tile_pixels: usize, reach: Reach) -> 
             members.sort_unstable();
             let runs: Vec<Run> = members.iter().map(|&i| runs.runs[i]).collect();
             let small = runs.iter().map(|r| r.n).sum::<f32>() < SMALL_SHEET;
-            Sheet { side, tile, runs, small }
+            Sheet { side, tile, runs, small, copies: 1.0 }
         })
         .collect();
     // No tile of a scan holds so many, but noise may: the smallest go.
@@ -129,25 +145,14 @@ fn sheets_of_tile(samples: &[PixelSample], tile_pixels: usize, reach: Reach) -> 
 
 /// Measures how far the runs of small sheets are from the nearest run of a large one.
 fn measure_strays(sheets: &mut [Sheet], tile_pixels: i32) -> Result<()> {
-    let position = |sheet: &Sheet, run: &Run| {
-        let [d, u, v] = axes_of(sheet.side);
-        let mut p = [0.0; 3];
-        p[d] = run.depth;
-        p[u] = (sheet.tile[0] * tile_pixels + i32::from(run.u)) as f32 + 0.5;
-        p[v] = (sheet.tile[1] * tile_pixels + i32::from(run.v)) as f32 + 0.5;
-        p
-    };
-    let large: Vec<[f32; 3]> = sheets
-        .iter()
-        .filter(|s| !s.small)
-        .flat_map(|s| s.runs.iter().map(|r| position(s, r)))
-        .collect();
+    let large: Vec<[f32; 3]> =
+        sheets.iter().filter(|s| !s.small).flat_map(|s| s.positions(tile_pixels)).collect();
     let tree = if large.is_empty() { None } else { Some(KdTree::new(&large)?) };
     parallel::for_each_mut(sheets, |_, sheet| {
         if !sheet.small {
             return;
         }
-        let positions: Vec<[f32; 3]> = sheet.runs.iter().map(|r| position(sheet, r)).collect();
+        let positions: Vec<[f32; 3]> = sheet.positions(tile_pixels).collect();
         for (run, p) in sheet.runs.iter_mut().zip(positions) {
             let nearest = tree.as_ref().and_then(|t| t.nearest(p));
             run.stray = nearest.map_or(f32::MAX.sqrt(), |n| n.squared_distance().sqrt());
