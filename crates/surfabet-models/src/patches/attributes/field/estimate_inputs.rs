@@ -92,11 +92,11 @@ impl<const N: usize> CellEstimates<N> {
     /// Estimates of coefficient `i` of a channel; `others` are those of the same butterfly.
     pub fn of<'a>(
         &'a self,
-        cell: &CellContext<N>,
-        before: &Before<N>,
+        cell: &'a CellContext<N>,
+        before: &'a Before<N>,
         (i, channel): (usize, usize),
         others: [i32; N],
-    ) -> Estimates<'a> {
+    ) -> Estimates<'a, N> {
         let axis = cell.axes[i];
         let of_channel = &self.of_channel[channel];
         let other = |c: usize| if c < channel { others[c] } else { 0 };
@@ -121,27 +121,36 @@ impl<const N: usize> CellEstimates<N> {
             0,
         ];
         let nonzero = NONZERO.log_odds(&of_channel.nonzero, &inputs);
-        let sign = SignInputs::new(cell, before, (i, channel), [other(0), other(1)], of_channel);
-        Estimates { of_channel, inputs, nonzero, sign }
+        let others = [other(0), other(1)];
+        Estimates { of_channel, inputs, nonzero, cell, before, at: (i, channel), others }
     }
 }
 
-/// What the estimate of a sign depends on.
-struct SignInputs {
-    even: [i16; OF_EVEN],
-    odd: [i16; OF_ODD],
+/// The estimates of a coefficient.
+pub(super) struct Estimates<'a, const N: usize> {
+    of_channel: &'a ChannelEstimates,
+    inputs: [i16; OF_COEFFICIENT],
+    /// Is it not zero?
+    pub nonzero: i64,
+    // What the sign depends on beside, which few coefficients have.
+    cell: &'a CellContext<N>,
+    before: &'a Before<N>,
+    at: (usize, usize),
+    others: [i32; 2],
 }
 
-impl SignInputs {
-    fn new<const N: usize>(
-        cell: &CellContext<N>,
-        before: &Before<N>,
-        (i, channel): (usize, usize),
-        others: [i32; 2],
-        of_channel: &ChannelEstimates,
-    ) -> Self {
+impl<const N: usize> Estimates<'_, N> {
+    /// Is it negative?
+    pub fn negative(&self) -> i64 {
+        let (even, odd) = self.of_sign();
+        NEGATIVE.odd_log_odds(&even, &odd)
+    }
+
+    /// What the estimate of the sign depends on: what stays when all turns round, and what turns.
+    fn of_sign(&self) -> ([i16; OF_EVEN], [i16; OF_ODD]) {
+        let Self { of_channel, cell, before, at: (i, channel), .. } = *self;
         let axis = cell.axes[i];
-        let [first, second] = others.map(|q| q.clamp(-4, 4) as i16);
+        let [first, second] = self.others.map(|q| q.clamp(-4, 4) as i16);
         let mut even = [0; OF_EVEN];
         even[..4].copy_from_slice(&of_channel.inputs[..4]);
         even[4..].copy_from_slice(&[
@@ -169,23 +178,7 @@ impl SignInputs {
             first.signum() * agreement(0),
             second.signum() * agreement(1),
         ];
-        Self { even, odd }
-    }
-}
-
-/// The estimates of a coefficient.
-pub(super) struct Estimates<'a> {
-    of_channel: &'a ChannelEstimates,
-    inputs: [i16; OF_COEFFICIENT],
-    /// Is it not zero?
-    pub nonzero: i64,
-    sign: SignInputs,
-}
-
-impl Estimates<'_> {
-    /// Is it negative?
-    pub fn negative(&self) -> i64 {
-        NEGATIVE.odd_log_odds(&self.sign.even, &self.sign.odd)
+        (even, odd)
     }
 
     /// Is its exponent above `e`?
@@ -204,8 +197,8 @@ impl Estimates<'_> {
         let of_cell = &self.of_channel.inputs;
         trace::record(trace::NONZERO, &[of_cell, &self.inputs], coefficient != 0);
         if coefficient != 0 {
-            let SignInputs { even, odd } = &self.sign;
-            trace::record(trace::NEGATIVE, &[even, odd], coefficient < 0);
+            let (even, odd) = self.of_sign();
+            trace::record(trace::NEGATIVE, &[&even, &odd], coefficient < 0);
             let exponent = coefficient.unsigned_abs().ilog2();
             for e in 0..=exponent.min(super::models::MAX_EXPONENT - 1) {
                 trace::record(trace::EXPONENT, &[of_cell, &self.at_exponent(e)], e < exponent);

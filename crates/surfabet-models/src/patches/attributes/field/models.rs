@@ -24,8 +24,9 @@ const OF_TWO: i32 = 32_768;
 const OF_THREE: i32 = 26_214;
 const OF_FIVE: i32 = 19_661;
 
-/// The same beside an estimate, and that of the estimate: 0.2, 0.2, 0.1 and 0.8. Of given coefficients of two simulated rooms (three networks) and half of a
-/// kitchen 0.3, 0.15 and 0.7 took 0.03 percent more bits, 0.5, 0.3 and 0.5 took 0.4 more.
+/// The same beside an estimate, and that of the estimate: 0.2, 0.2, 0.1 and 0.8. Of given coefficients of two simulated rooms and half of
+/// a kitchen, without estimates of signs, 0.3, 0.15 and 0.7 in place of 0.2, 0.1 and 0.8 took 0.03 percent more bits, 0.5, 0.3 and 0.5
+/// took 0.4 more.
 const OF_TWO_BESIDE: i32 = 13_107;
 const OF_THREE_BESIDE: i32 = 13_107;
 const OF_FIVE_BESIDE: i32 = 6_554;
@@ -134,7 +135,7 @@ impl<const N: usize> FieldModels<N> {
         &mut self,
         coder: &mut C,
         context: &CoefficientContext,
-        estimates: Option<&Estimates<'_>>,
+        estimates: Option<&Estimates<'_, N>>,
         wanted: i32,
     ) -> Result<i32, C::Error> {
         let given = estimates.map_or(0, |of| of.nonzero);
@@ -164,7 +165,7 @@ impl<const N: usize> FieldModels<N> {
     fn cost(
         &self,
         context: &CoefficientContext,
-        estimates: Option<&Estimates<'_>>,
+        estimates: Option<&Estimates<'_, N>>,
         coefficient: i32,
     ) -> f32 {
         let given = estimates.map_or(0, |of| of.nonzero);
