@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn a_point_stands_for_what_lies_in_the_next_cell() {
         let limit = 0.1;
-        let size = Self::size_of(limit);
+        let size = Cover::size_of(limit);
         let at = |x: f64| [(x * size) as f32, (0.5 * size) as f32, (0.5 * size) as f32];
         // 0.55 sides are 0.63 of the bound, 0.9 sides 1.04 of it.
         assert_eq!(Cover::new(&[at(0.95), at(1.05)], limit).of_all().len(), 1);
@@ -192,7 +192,7 @@ mod tests {
     fn no_hole_is_made_in_a_wall() {
         // A wall of 16 x 16 cells through their middles, nine points in each, within 0.2 sides: all are covered by the cells beside, too.
         let limit = 0.1;
-        let size = Self::size_of(limit);
+        let size = Cover::size_of(limit);
         let at = |i: usize| (i / 3) as f64 + 0.2 * (i % 3) as f64 + 0.3;
         let points: Vec<[f32; 3]> = (0..48 * 48)
             .map(|i| [at(i % 48), at(i / 48), 0.5].map(|c| (c * size) as f32))

@@ -83,7 +83,7 @@ pub(super) fn recurring(
     let lambda = (options.rate * learned.density) as f32;
     let bits = bits_of(learned);
     let prices = Prices::new(&surface, &seen, bits, [lambda, learned.density as f32, tolerance]);
-    let places = most_worth(&prices, places, axis as u8);
+    let places = most_worth(&prices, &places, axis as u8);
     let support = support(lattice, &geometry.leaves, cloud, options)?;
     let mut fits = Vec::with_capacity(places.len());
     for (i, &place) in places.iter().enumerate() {
@@ -114,7 +114,7 @@ fn places(surface: &SurfacePixels<'_>, axis: usize, progress: &dyn Progress) -> 
 }
 
 /// The places with which most is won, by some of the patches, in their order: looking at all patches takes most of the time.
-fn most_worth(prices: &Prices<'_>, places: Vec<Place>, axis: u8) -> Vec<Place> {
+fn most_worth(prices: &Prices<'_>, places: &[Place], axis: u8) -> Vec<Place> {
     let worth = |place: &Place| prices.worth(&Motion::new(*place, axis));
     let mut by_worth: Vec<(f32, usize)> = places.iter().map(worth).zip(0..).collect();
     by_worth.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
