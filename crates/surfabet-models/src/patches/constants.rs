@@ -345,12 +345,6 @@ pub(super) const LEAST_VOTES: usize = 4;
 /// Motions that are tried, at most: those with most votes.
 pub(super) const MOST_MOTIONS: usize = 40;
 
-/// Patches by which it is decided which motions all patches are tried with, about.
-pub(super) const PROBED_PATCHES: usize = 1000;
-
-/// Motions that all patches are tried with, at most: with which most is won. Of a building with rooms of five kinds it is hardly more.
-pub(super) const TRIED_MOTIONS: usize = 16;
-
 /// How far from keypoints the surface is aligned, pixels: what their descriptors cover.
 pub(super) const ALIGNED_REACH: f32 = 24.0;
 

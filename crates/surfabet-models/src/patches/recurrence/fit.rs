@@ -12,8 +12,8 @@ use super::seen::Seen;
 use super::surface::SurfacePixels;
 use crate::error::Result;
 use crate::patches::constants::{
-    ERROR_SHARE, FAR_BITS, FIRST_SAMPLES, LEAST_DESCRIBED, LEAST_PROBED, OWN_MARGIN,
-    PROBED_PATCHES, PROBED_PIXELS, REGION, SPREAD_SHARE,
+    ERROR_SHARE, FAR_BITS, FIRST_SAMPLES, LEAST_DESCRIBED, LEAST_PROBED, OWN_MARGIN, PROBED_PIXELS,
+    REGION, SPREAD_SHARE,
 };
 use crate::patches::instances::Motion;
 use crate::patches::instances::order::place_in_order;
@@ -76,16 +76,6 @@ impl<'a> Prices<'a> {
         let region = |leaf| key(cell_of(middle(leaf), REGION));
         let regions = (0..surface.leaves.len()).map(region).collect();
         Self { surface, seen, bits, order, regions, lambda, density, tolerance }
-    }
-
-    /// Bits that are won of the geometry with a motion, by some of the patches.
-    pub fn worth(&self, motion: &Motion) -> f32 {
-        let step = self.bits.len().div_ceil(PROBED_PATCHES).max(1);
-        let gains = parallel::map_range(self.bits.len().div_ceil(step), |i| {
-            let described = self.described((i * step) as u32, motion);
-            described.map_or(0.0, |of| of.gain.clamp(0.0, self.bits[i * step]))
-        });
-        gains.into_iter().sum()
     }
 
     /// The patches that need not be coded with a motion, by growing numbers. Only sources that are `allowed` are given again.

@@ -32,7 +32,6 @@ use self::seen::Seen;
 use self::surface::SurfacePixels;
 use self::votes::candidates;
 use super::attributes::chosen::ChosenAttributes;
-use super::constants::TRIED_MOTIONS;
 use super::instances::{Motion, Place};
 use super::model::Lattice;
 use super::options::PatchesOptions;
@@ -83,7 +82,6 @@ pub(super) fn recurring(
     let lambda = (options.rate * learned.density) as f32;
     let bits = bits_of(learned);
     let prices = Prices::new(&surface, &seen, bits, [lambda, learned.density as f32, tolerance]);
-    let places = most_worth(&prices, &places, axis as u8);
     let support = support(lattice, &geometry.leaves, cloud, options)?;
     let mut fits = Vec::with_capacity(places.len());
     for (i, &place) in places.iter().enumerate() {
@@ -111,16 +109,6 @@ fn places(surface: &SurfacePixels<'_>, axis: usize, progress: &dyn Progress) -> 
     progress.check()?;
     let refined = parallel::map(&candidates, |of| refined(surface, &keypoints, of, axis));
     Ok(different(refined.into_iter().flatten().filter(|&place| place != Place::default())))
-}
-
-/// The places with which most is won, by some of the patches, in their order: looking at all patches takes most of the time.
-fn most_worth(prices: &Prices<'_>, places: &[Place], axis: u8) -> Vec<Place> {
-    let worth = |place: &Place| prices.worth(&Motion::new(*place, axis));
-    let mut by_worth: Vec<(f32, usize)> = places.iter().map(worth).zip(0..).collect();
-    by_worth.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    by_worth.truncate(TRIED_MOTIONS);
-    by_worth.sort_by_key(|of| of.1);
-    by_worth.into_iter().map(|(_, i)| places[i]).collect()
 }
 
 /// What patches that are given again must be near to; `None` where any may be.
