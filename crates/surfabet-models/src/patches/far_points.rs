@@ -82,8 +82,7 @@ impl FoldedInput<'_> {
         let of = |i: u32| self.fold.get(i as usize).copied().unwrap_or(0);
         let staying = far.iter().zip(&in_axes).filter(|(i, _)| of(**i) == 0);
         let staying: MortonMap<()> = staying.map(|(_, &p)| (extra_key(p, size), ())).collect();
-        let numbers: Vec<usize> = (0..far.len()).collect();
-        let placed: Vec<([f32; 3], u16)> = parallel::map(&numbers, |&k| {
+        let placed: Vec<([f32; 3], u16)> = parallel::map_range(far.len(), |k| {
             let (p, m) = (in_axes[k], of(far[k]));
             if m == 0 {
                 return (p, 0);
@@ -244,8 +243,8 @@ fn far_points<'a>(
     let rounding = DECODE_ROUNDINGS * largest_coordinate(positions) * f64::from(f32::EPSILON);
     let near = (limit - rounding).max(0.0);
     let reach = MeasuredReach::new(lattice, patches, near)?;
-    let starts: Vec<usize> = (0..positions.len()).step_by(BATCH).collect();
-    let far = parallel::try_map(&starts, |&start| -> Result<Vec<u32>> {
+    let far = parallel::try_map_range(positions.len().div_ceil(BATCH), |b| -> Result<Vec<u32>> {
+        let start = b * BATCH;
         progress.check()?;
         let mut last = LastFound::default();
         let all = start..positions.len().min(start + BATCH);

@@ -65,8 +65,7 @@ impl Fold {
         {
             *staying.entry(key(cell_of(p, FOLD_CELL))).or_default() |= 1 << side;
         }
-        let numbers: Vec<usize> = (0..asked.len()).collect();
-        let found = parallel::map(&numbers, |&i| {
+        let found = parallel::map_range(asked.len(), |i| {
             let ((to, p), side) = (asked[i], learned.samples.sides[i]);
             if to == 0 {
                 return ((0, p), side);
@@ -289,8 +288,7 @@ fn kept(samples: &[(u16, [f32; 3])], motions: &[Motion]) -> (MortonMap<u64>, Vec
         near.filter_map(|cell| copies.get(&key(cell))).fold(0, |all, of| all | of)
     };
     let copies: MortonMap<u64> = copies.keys().map(|place| (*place, around(place))).collect();
-    let numbers: Vec<usize> = (0..samples.len()).collect();
-    let kept = parallel::map(&numbers, |&i| {
+    let kept = parallel::map_range(samples.len(), |i| {
         let Some(&of_cell) = copies.get(&key(cell_of(placed[i], COPIES_CELL))) else {
             return true;
         };
